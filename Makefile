@@ -5,13 +5,13 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 FIT    := import sys; assert (3, 11) <= sys.version_info[:2] <= (3, 13)
 
-# Two workers, a file of tests each: more would disturb each other's planners, which use every core.
-# tests/conftest.py puts the slow files first, so that both workers end at about the same time.
-PYTEST := $(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
-# The markers that tests/conftest.py sets.
-QUICK  := not (browser or process or flight or long)
+# Two workers that plan on one thread each. One that has nothing left takes tests from the other.
+PYTEST := $(BIN)/pytest -n 2 --dist worksteal
+# Plain Python and NumPy: tests/fence.py fails a test that does more without its mark.
+QUICK  := not (compiled or process or socket or browser or firmware or docs or page or regression)
 
-.PHONY: race web bench quick test fuzz regression lint fix docs docs-figures docs-version notebooks clean
+.PHONY: race web bench quick test firmware page docs-check regression fuzz coverage lint fix docs docs-figures \
+	docs-version notebooks clean
 
 race: $(VENV)/.app
 	$(BIN)/race fly
@@ -23,14 +23,28 @@ web: $(VENV)/.app
 bench: $(VENV)/.app
 	$(BIN)/race bench
 
-# The tests without browser, without other processes and without long flights: under a minute.
+# The tests that compile nothing and start no process: under a minute.
 quick: $(VENV)/.dev
 	$(PYTEST) -m "$(QUICK)" --durations=5 --durations-min=1
 
+# Some minutes. What needs the firmware or a browser is skipped, with the reason, where there is none.
 # The browser draws in software, on both cores: its tests have the machine to themselves.
 test: $(VENV)/.dev
 	$(PYTEST) --ignore tests/web/browser
 	$(PYTEST) -n 0 tests/web/browser
+
+# All tests of the page in a browser (Debian's chromium): some minutes.
+page: $(VENV)/.dev
+	$(BIN)/pytest -m "browser or page" tests/web/browser
+
+# Build Betaflight, which takes a minute or two and needs gcc, and fly the tests behind it.
+firmware: $(VENV)/.dev
+	$(BIN)/race firmware build
+	$(PYTEST) -m firmware
+
+# Do the documents tell the truth: commands, outputs, recipes, examples, notebooks, docstrings? Some minutes of flights.
+docs-check: $(VENV)/.dev
+	$(PYTEST) -m docs
 
 # 1500 damaged inputs, disks and environments: some minutes. Other ones: make fuzz SEED=1
 SEED ?= 0
@@ -42,7 +56,11 @@ fuzz: $(VENV)/.dev
 # `race regress FILE --regen` stores new values.
 regression: $(VENV)/.dev
 	$(BIN)/race regress tests/lap_times/*.yaml
-	$(BIN)/pytest -m long tests/courses_nasty tests/test_notebooks.py
+	$(PYTEST) -m regression
+
+# Lines of the product that make test runs; what runs in compiled loops and child processes is not counted.
+coverage: $(VENV)/.dev
+	$(PYTEST) --ignore tests/web/browser --cov=quadsim --cov=controllers --cov=web --cov-report=term:skip-covered
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
@@ -68,6 +86,7 @@ docs-figures: $(VENV)/.dev
 	rm -rf $(FIGURES)
 	$(BIN)/race fly --runs-dir $(FIGURES)
 	$(BIN)/race plot last --runs-dir $(FIGURES) --out docs/race.png
+	$(BIN)/race render last --runs-dir $(FIGURES) --film docs/race.webp --frames 107
 	$(BIN)/race compare split_s_swift --randomize 1 --attempts 30 --variants gaussian,colored --out $(FIGURES)/swift
 	cp $(FIGURES)/swift/*.png docs/campaign_split_s_swift.png
 	$(BIN)/race compare paper_flat --preset paper --variants gaussian,colored --attempts 100 --randomize 1 --out $(FIGURES)/flat

@@ -2,7 +2,7 @@
 
 .venv/bin/python docs/betaflight_figures.py
 
-It needs the firmware (race firmware build) and orangebox (pip install '.[betaflight]').
+It needs the firmware (race firmware build) and orangebox (pip install --editable '.[betaflight]').
 """
 
 from __future__ import annotations

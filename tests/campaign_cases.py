@@ -1,5 +1,4 @@
-"""Campaigns that the tests share: flights of a tenth of a second, and the command that flies
-them."""
+"""Campaigns that tests share: flights of a tenth of a second, and the command that flies them."""
 
 import os
 import signal
@@ -13,11 +12,12 @@ from pathlib import Path
 
 from quadsim.campaign.store import Row
 from quadsim.campaign.variants import Variant, resolve
+from tests.small import SMALL, flags
 
 COURSE = "paper_flat"
-SETTINGS = {"preset": "paper", "samples": 128, "horizon": 20, "iterations": 1, "timeout": 0.1}
+SETTINGS = {**SMALL, "first_iterations": 1, "timeout": 0.1}
 # The same as words of a command line.
-FLIGHT = [COURSE, *(word for name, value in SETTINGS.items() for word in (f"--{name}", str(value)))]
+FLIGHT = [COURSE, *flags(SETTINGS)]
 RACE = [sys.executable, "-c", "from quadsim.cli.cli import main; main()"]
 
 
@@ -31,13 +31,17 @@ def specs(number):
     return variant("gaussian").attempts(number)
 
 
+def after_a_moment(job):
+    """Return the job, as a worker that takes some time for it."""
+    time.sleep(0.02)
+    return job
+
+
 def start(campaign, *argv, attempts=6, **kwargs) -> subprocess.Popen:
     """Start `race compare` in a process group of its own."""
-    flags = ["--attempts", str(attempts), "--campaign", str(campaign), *argv]
+    words = [*FLIGHT, "--attempts", str(attempts), "--campaign", str(campaign), *argv]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    return subprocess.Popen(
-        [*RACE, "compare", *FLIGHT, *flags], start_new_session=True, **pipes, **kwargs
-    )
+    return subprocess.Popen([*RACE, "compare", *words], start_new_session=True, **pipes, **kwargs)
 
 
 def seeds_flown(campaign: Path) -> list[tuple]:

@@ -13,7 +13,7 @@ from controllers.mppi import MPPI
 from controllers.samplers import SAMPLERS
 from quadsim.dynamics import System
 
-T = 20
+T = 40  # as in tests.small, so that one transform of colored sampling is compiled
 START = np.array([1.0, -0.5, 0.2, 0.0])
 REST = np.array([0.0, 0.5])
 SAMPLING = {"sigma": (0.8, 0.5), "gamma": (1.0, 0.5)}  # of every sampler that has them

@@ -1,37 +1,27 @@
-"""The notebooks of examples/ run, and are stored with what their cells print."""
+"""The notebooks of examples/ are stored with what their cells print.
+
+`make docs-check` runs them as they stand; tests/test_examples.py runs them on a short course.
+"""
 
 import contextlib
 import io
 import json
 import re
-from functools import partial
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import pytest
 
-import quadsim
 from tests.docs.test_pages import missing
 
 FOLDER = Path(__file__).parents[1] / "examples" / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
-# The test asks whether the cells run, not how fast they fly.
-SAMPLES = 256
 # [bytes] A stored notebook is part of every checkout.
 MOST = 300_000
 # Paths of a machine, and addresses of objects.
 OF_A_MACHINE = re.compile(r"/(?:home|root|tmp|Users|work)/| at 0x")
 
 by_notebook = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-
-
-def shortened(function, *args, **settings):
-    """Call quadsim.fly or quadsim.compare with few samples and one attempt."""
-    if "samples" in settings:
-        settings["samples"] = SAMPLES
-    if "attempts" in settings:
-        settings["attempts"] = 1
-    return function(*args, **settings)
 
 
 def cells(path: Path) -> list[dict]:
@@ -64,15 +54,7 @@ def test_there_are_notebooks():
     assert len(NOTEBOOKS) >= 3
 
 
-@pytest.mark.flight
-@by_notebook
-def test_a_notebook_runs_with_few_samples_and_one_attempt(path, tmp_path, monkeypatch):
-    for function in ("fly", "compare"):
-        monkeypatch.setattr(quadsim, function, partial(shortened, getattr(quadsim, function)))
-    assert any(run(path, tmp_path, monkeypatch))
-
-
-@pytest.mark.long
+@pytest.mark.docs
 @by_notebook
 def test_a_notebook_prints_what_is_stored_in_it(path, tmp_path, monkeypatch):
     for cell, printed in zip(cells(path), run(path, tmp_path, monkeypatch), strict=True):

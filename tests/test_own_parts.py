@@ -14,14 +14,27 @@ import quadsim
 from controllers.costs import Term
 from controllers.lanes.planner_loops import module_source
 from controllers.plan import PlanStats
-from quadsim.cli.cli import race
+from controllers.samplers import build_lanes
+from quadsim.campaign.variants import make_variants, parse_variants
+from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import State, quadrotor
-from quadsim.physics.plant import PlantState
+from quadsim.physics.plant import NamedPlant, PlantState
 from quadsim.racing.events import Event
+from quadsim.racing.flight import PlainController
+from quadsim.racing.own_parts import (
+    check_counts,
+    check_step,
+    checked_control,
+    checked_events,
+    checked_plan,
+)
 from quadsim.spec.build import cost_on, planner_of, start_of, system_of
+from quadsim.spec.parts import made
+from tests.small import SHORT, flags
 
-SMALL = {"samples": 256, "horizon": 50, "iterations": 1, "laps": 1, "timeout": 0.3}
-FLAGS = [word for name, number in SMALL.items() for word in (f"--{name}", str(number))]
+FLIGHT = {**SHORT, "first_iterations": 10}
+SPEC = quadsim.Spec.of("figure8", **FLIGHT)
+HOVER = (0.0, 0.0, 0.0, 9.81)
 SIGMA = (0.8, 0.8, 0.5, 4.0)
 
 
@@ -88,6 +101,13 @@ class Hover:
         return self.rest, PlanStats(cost=0.0, ess=1.0, temperature=1.0)
 
 
+class Climb:
+    """A controller that is a plain law of the state."""
+
+    def control(self, x):
+        return [0.0, 0.0, 0.0, 9.81 + 4.0 * (2.0 - x[2]) - 3.0 * x[5]]
+
+
 OWN = {  # role -> the part, what a run says of it
     "sampler": (Held(steps=5), "Held", {"sigma": list(SIGMA), "steps": 5}),
     "cost": (dearer, "dearer", {}),
@@ -103,13 +123,14 @@ OWN = {  # role -> the part, what a run says of it
 
 @pytest.fixture(scope="module")
 def default():
-    return quadsim.fly("figure8", **SMALL)
+    return quadsim.fly(SPEC)
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("role", OWN)
 def test_a_part_of_ones_own_flies_is_recorded_and_kept(role, default, tmp_path):
     part, name, parameters = OWN[role]
-    run = quadsim.fly("figure8", **SMALL, **{role: part})
+    run = quadsim.fly("figure8", **FLIGHT, **{role: part})
     own = run.spec["own"]
     assert list(own) == [role]
     assert own[role]["class"].endswith(f".{name}")
@@ -134,19 +155,11 @@ class FreeByName(Free):
         return self.state
 
 
-class Short(Free):
-    """A plant that forgets what its rotors deliver."""
-
-    def step(self, u):
-        after = super().step(u)
-        return PlantState(after.t, tuple(after.x)[:13], ())
-
-
 @pytest.mark.parametrize("sensing", ["perfect", "vio"])
 def test_a_plant_of_ones_own_may_give_its_states_as_plain_tuples(sensing):
     """Sensors and records read states by name, whichever of both a plant gives."""
     plain, named = (
-        quadsim.fly("figure8", **SMALL, sensing=sensing, plant=plant)
+        quadsim.fly("figure8", **FLIGHT, sensing=sensing, plant=plant, controller=Climb())
         for plant in (Free, FreeByName)
     )
     assert len(plain.telemetry["t"]) > 20
@@ -156,18 +169,25 @@ def test_a_plant_of_ones_own_may_give_its_states_as_plain_tuples(sensing):
         )
 
 
-def test_a_plant_whose_state_has_too_few_numbers_ends_in_one_line():
-    with pytest.raises(ValueError, match=r"plant: Short\.step: .* 17 finite numbers, got 13"):
-        quadsim.fly("figure8", **SMALL, plant=Short)
+def one_line(role, act, *arguments):
+    """Return the text of the one line with which a part of one's own is refused."""
+    with pytest.raises(quadsim.SettingError) as error:
+        act(*arguments)
+    assert error.value.name == role
+    assert "\n" not in str(error.value)
+    return str(error.value)
 
 
 def refused(role, **parts):
     """Return the text of the one line with which a flight refuses a part of one's own."""
-    with pytest.raises(quadsim.SettingError) as error:
-        quadsim.fly("figure8", **SMALL | parts)
-    assert error.value.name == role
-    assert "\n" not in str(error.value)
-    return str(error.value)
+    return one_line(role, lambda: quadsim.fly("figure8", **FLIGHT | parts))
+
+
+def stepped(plant):
+    """Step a plant of one's own once, as a flight does."""
+    checked = NamedPlant(plant)
+    before = checked.state.t
+    check_step(checked, before, checked.step(HOVER).t, checked.dt)
 
 
 NAN = float("nan")
@@ -188,8 +208,7 @@ BROKEN_STATES = {
 
 
 @pytest.mark.parametrize("fault", BROKEN_STATES)
-def test_a_plant_with_a_broken_state_is_named_and_no_flight_hangs(fault):
-    """A plant whose time did not go on kept a flight going for ever."""
+def test_a_plant_with_a_broken_state_is_named(fault):
     broken, problem = BROKEN_STATES[fault]
 
     class Mine(Free):
@@ -197,7 +216,18 @@ def test_a_plant_with_a_broken_state_is_named_and_no_flight_hangs(fault):
             self.state = broken(super().step(u))
             return self.state
 
-    assert f"plant: Mine.step: expected {problem}" in refused("plant", plant=Mine)
+    assert f"plant: Mine.step: expected {problem}" in one_line("plant", stepped, Mine(SPEC))
+
+
+def test_a_plant_whose_time_does_not_go_on_ends_its_flight():
+    """It kept the flight going for ever."""
+
+    class Mine(Free):
+        def step(self, u):
+            return replace(super().step(u), t=0.0)
+
+    text = refused("plant", plant=Mine, controller=Hover(10.5))
+    assert "plant: Mine.step: expected a state 0.0025 s after t = 0, got t = 0.0" in text
 
 
 @pytest.mark.parametrize("contact", ["gate 99", "gate x", "obstacle 1"])
@@ -206,69 +236,76 @@ def test_a_plant_touches_only_what_the_course_has(contact):
         def step(self, u):
             return replace(super().step(u), contacts=(contact,))
 
-    assert f"got '{contact}'" in refused("plant", plant=Mine)
+    assert f"got '{contact}'" in refused("plant", plant=Mine, controller=Hover(10.5))
 
 
-@pytest.mark.parametrize("dt", [0, -1, NAN, None, "x", 1e-9, 10, True, 10**400])
-def test_a_plants_step_has_a_range(dt):
-    class Mine(Free):
-        def __init__(self, spec):
-            super().__init__(spec)
-            self.dt = dt
-
-    assert "plant: Mine.dt: expected a number [s] >= 1e-06 and <= 1" in refused("plant", plant=Mine)
+def test_a_plants_step_has_a_range():
+    plant = Free(SPEC)
+    for dt in (0, -1, NAN, None, "x", 1e-9, 10, True, 10**400):
+        plant.dt = dt
+        text = one_line("plant", NamedPlant, plant)
+        assert "plant: Free.dt: expected a number [s] >= 1e-06 and <= 1" in text, dt
 
 
-@pytest.mark.parametrize("member", ["dt", "state", "close"])
+@pytest.mark.parametrize("member", ["dt", "state", "step", "close"])
 def test_a_plant_without_a_member_is_refused(member):
     class Mine:
-        step = Free.step
-
-        def __init__(self, spec):
-            Free.__init__(self, spec)
-            members = {"dt": self.dt, "state": self.state, "close": print}
-            vars(self).clear()
+        def __init__(self):
+            members = {"dt": 0.0025, "state": Free(SPEC).state, "step": print, "close": print}
             vars(self).update({name: x for name, x in members.items() if name != member})
 
-    assert f"plant: Mine: expected a member '{member}'" in refused("plant", plant=Mine)
+    assert f"plant: Mine: expected a member '{member}'" in one_line("plant", NamedPlant, Mine())
 
 
 NO_CONTROLS = (None, np.zeros(3), np.zeros(5), np.zeros((4, 1)), "abcd", [NAN] * 4, [[1, 2], [3]])
 NO_CONTROLS = (*NO_CONTROLS, np.ones(4) * 1j, [True] * 4, 3, {}, np.full(4, 1e300))
 
 
-@pytest.mark.parametrize("answer", NO_CONTROLS, ids=str)
-def test_a_controller_that_returns_no_control_is_named(answer):
-    class Law:
-        def control(self, x):
-            return answer
+class Law:
+    """A plain law, which answers the same to any state."""
 
+    def __init__(self, answer):
+        self.answer = answer
+
+    def control(self, x):
+        return self.answer
+
+
+def test_a_controller_that_returns_no_control_is_named():
+    stats = PlanStats(cost=0.0, ess=1.0, temperature=1.0)
+    for answer in NO_CONTROLS:
+        law = PlainController(Law(answer), HOVER)
+        text = one_line("controller", law.control, Estimate(0.0, np.zeros(17)))
+        assert "controller: Law.control: expected a control of 4 numbers" in text, answer
+        text = one_line("controller", checked_plan, Hover(10.0), (answer, stats), 4)
+        assert "controller: Hover.control: expected a control of 4 numbers" in text, answer
+
+
+def test_a_flight_checks_what_its_controller_returns():
     class Mine(Hover):
         def control(self, estimate):
-            return answer, PlanStats(cost=0.0, ess=1.0, temperature=1.0)
+            return np.zeros(3), PlanStats(cost=0.0, ess=1.0, temperature=1.0)
 
-    for controller in (Law(), Mine(10.0)):
+    for controller in (Law(np.zeros(3)), Mine(10.0)):
         name = type(controller).__name__
-        problem = f"controller: {name}.control: expected a control of 4 numbers"
-        assert problem in refused("controller", controller=controller)
+        text = refused("controller", controller=controller)
+        assert f"controller: {name}.control: expected a control of 4 numbers" in text
 
 
-@pytest.mark.parametrize("stats", [None, 3, PlanStats(None, None, None)], ids=str)
-def test_a_controller_returns_its_statistics(stats):
-    class Mine(Hover):
-        def control(self, estimate):
-            return self.rest, stats
-
-    text = refused("controller", controller=Mine(10.0))
-    assert "controller: Mine.control: expected a control and its PlanStats" in text
+def test_a_controller_returns_its_statistics():
+    for stats in (None, 3, PlanStats(None, None, None)):
+        text = one_line("controller", checked_plan, Hover(10.0), (np.array(HOVER), stats), 4)
+        assert "controller: Hover.control: expected a control and its PlanStats" in text, stats
 
 
-@pytest.mark.parametrize("rest", [None, np.zeros(3), np.full(4, NAN), "abcd", 3], ids=str)
-def test_a_controllers_rest_is_a_control(rest):
+def test_a_controllers_rest_is_a_control():
     controller = Hover(10.0)
-    controller.rest = rest
-    text = refused("controller", controller=controller)
-    assert "controller: Hover.rest: expected a control of 4 numbers" in text
+    problem = "controller: Hover.rest: expected a control of 4 numbers"
+    for rest in (None, np.zeros(3), np.full(4, NAN), "abcd", 3):
+        text = one_line("controller", checked_control, controller, rest, 4, "rest")
+        assert problem in text, rest
+    controller.rest = np.zeros(3)
+    assert problem in refused("controller", controller=controller)
 
 
 NO_SAMPLES = {
@@ -285,46 +322,50 @@ NO_SAMPLES = {
 
 @pytest.mark.parametrize("fault", NO_SAMPLES)
 @pytest.mark.filterwarnings("error")
-def test_a_sampler_that_returns_no_samples_is_named(fault):
+def test_a_sampler_that_returns_no_samples_is_named(fault, key):
     class Mine:
         def sample(self, rng, samples, horizon, controls):
             return NO_SAMPLES[fault]((samples, horizon, controls))
 
-    text = refused("sampler", sampler=Mine())
-    assert "sampler: Mine.sample: expected finite numbers of shape (256, 50, 4)" in text
+    text = one_line("sampler", build_lanes(Mine(), 4, 128, 40, key, 0.01).sample, 1)
+    assert "sampler: Mine.sample: expected finite numbers of shape (128, 40, 4)" in text
 
 
-@pytest.mark.parametrize("answer", [None, (), [1], 3, Event(0, "pass", 1, 1, (0, 0), 0, (0, 0, 0))])
-def test_a_referee_returns_a_list_of_events(answer):
-    class Mine(Timed):
-        def observe(self, *arguments):
-            return answer
-
-    text = refused("referee", referee=Mine(0.1))
-    assert "referee: Mine.observe: expected a list of events, got" in text
-
-
-@pytest.mark.parametrize("outcome", ["won", "", 3, True])
-def test_a_referee_gives_a_known_outcome(outcome):
+def test_a_referee_returns_a_list_of_events():
+    for answer in (None, (), [1], 3, Event(0, "pass", 1, 1, (0, 0), 0, (0, 0, 0))):
+        text = one_line("referee", checked_events, Timed(0.1), answer)
+        assert "referee: Timed.observe: expected a list of events, got" in text, answer
     referee = Timed(0.1)
-    referee.observe = lambda *arguments: setattr(referee, "outcome", outcome) or []
-    assert "Timed.outcome: expected None or one of finished" in refused("referee", referee=referee)
+    referee.observe = lambda *arguments: None
+    text = refused("referee", controller=Hover(10.5), referee=referee)
+    assert "referee: Timed.observe: expected a list of events, got None" in text
+
+
+def test_a_referee_gives_a_known_outcome():
+    referee = Timed(0.1)
+    problem = "Timed.outcome: expected None or one of finished"
+    for outcome in ("won", "", 3, True):
+        referee.outcome = outcome
+        assert problem in one_line("referee", check_counts, referee), outcome
+    referee = Timed(0.1)
+    referee.observe = lambda *arguments: setattr(referee, "outcome", "won") or []
+    assert problem in refused("referee", controller=Hover(10.5), referee=referee)
 
 
 @pytest.mark.parametrize("count", ["passed", "lap", "next_gate"])
-@pytest.mark.parametrize("number", [None, -1, 1.5, "1"])
-def test_a_referee_counts_gates_and_laps(count, number):
-    referee = Timed(0.1)
-    setattr(referee, count, number)
-    text = refused("referee", referee=referee)
-    assert f"referee: Timed.{count}: expected a whole number" in text
+def test_a_referee_counts_gates_and_laps(count):
+    for number in (None, -1, 1.5, "1"):
+        referee = Timed(0.1)
+        setattr(referee, count, number)
+        text = one_line("referee", check_counts, referee)
+        assert f"referee: Timed.{count}: expected a whole number" in text, number
 
 
 def test_a_referee_that_never_ends_a_flight_has_the_time_limit_of_the_flight():
     referee = Timed(1e9)
-    run = quadsim.fly("figure8", **SMALL, controller=Hover(10.5), referee=referee)
+    run = quadsim.fly("figure8", **FLIGHT, controller=Hover(10.5), referee=referee)
     assert run.outcome == "timeout"
-    assert run.telemetry["t"][-1] == pytest.approx(SMALL["timeout"])
+    assert run.telemetry["t"][-1] == pytest.approx(FLIGHT["timeout"])
 
 
 class Maker:
@@ -342,30 +383,30 @@ class Maker:
 
 @pytest.mark.parametrize("role", ["plant", "controller", "referee"])
 def test_whatever_can_be_called_and_is_no_part_makes_one(role):
-    make = {
-        "plant": Free,
-        "controller": lambda spec: Hover(10.5),
-        "referee": lambda spec: Timed(0.1),
-    }[role]
-    flown = {
-        quadsim.fly("figure8", **SMALL, **{role: part}).telemetry["px"].tobytes()
-        for part in (make, partial(make), Maker(make), Maker(make).bound)
-    }
-    assert len(flown) == 1
+    kind = {"plant": Free, "controller": Hover, "referee": Timed}[role]
+    make = kind if role == "plant" else lambda spec: kind(10.5)
+    for part in (make, partial(make), Maker(make), Maker(make).bound):
+        found = made(role, getattr(quadsim.Spec.of("figure8", **{role: part}), role), SPEC)
+        assert isinstance(found, kind), part
 
 
 @pytest.mark.parametrize("role", ["plant", "controller", "referee"])
-@pytest.mark.parametrize("found", [None, 3, Hover, np])
-def test_a_maker_that_makes_no_part_is_refused(role, found):
-    text = refused(role, **{role: lambda spec: found})
-    assert f"{role}: expected " in text
-    assert "to return an object with" in text
+def test_a_maker_that_makes_no_part_is_refused(role):
+    for found in (None, 3, Hover, np):
+        text = one_line(role, made, role, lambda spec, found=found: found, SPEC)
+        assert f"{role}: expected " in text, found
+        assert "to return an object with" in text, found
+
+
+def beside(role):
+    """Return the other parts of a flight without a planner, which would be compiled."""
+    return {"controller": Hover(10.5)} if role in ("plant", "referee") else {}
 
 
 @pytest.mark.parametrize("role", ["plant", "controller", "referee", "cost"])
 def test_a_maker_takes_one_argument(role):
     for function in (lambda: None, lambda spec, more: None, len):
-        text = refused(role, **{role: function})
+        text = refused(role, **beside(role), **{role: function})
         assert f"{role}: expected a function of the " in text
 
 
@@ -375,13 +416,14 @@ def test_an_error_in_ones_own_lines_is_that_error(role):
         raise TypeError("mine")
 
     with pytest.raises(TypeError, match="mine") as error:
-        quadsim.fly("figure8", **SMALL, **{role: fails})
+        quadsim.fly("figure8", **FLIGHT, **beside(role), **{role: fails})
     assert type(error.value) is TypeError
 
 
-@pytest.mark.parametrize("part", [Held, lambda *arguments: 0, partial(Held), 3, np])
-def test_a_sampler_is_an_object(part):
-    assert "sampler: expected a sampler: an object with sample(" in refused("sampler", sampler=part)
+def test_a_sampler_is_an_object():
+    for part in (Held, lambda *arguments: 0, partial(Held), 3, np):
+        text = one_line("sampler", lambda part=part: quadsim.Spec.of("figure8", sampler=part))
+        assert "sampler: expected a sampler: an object with sample(" in text
 
 
 def calm(x, x_next, u, gate, p):
@@ -417,7 +459,7 @@ BROKEN_COSTS = {
     ),
     "a weight": (
         lambda cost: replace(cost, terms=(*cost.terms, Term(calm, np.ones(7)))),
-        "weight_calm: expected one number or one for each of 50 steps, got shape (7,)",
+        "weight_calm: expected one number or one for each of 40 steps, got shape (7,)",
     ),
 }
 
@@ -428,29 +470,36 @@ def test_a_cost_function_that_returns_no_whole_cost_is_refused(fault):
     assert problem in refused("cost", cost=change)
 
 
-@pytest.mark.parametrize(
-    "terms",
-    [
-        {"a": 1},
-        calm,
-        [calm],
-        [None],
-        [(calm, NAN)],
-        [(calm, "1")],
-        [(calm, True)],
-        [(calm, 1.0, 2.0)],
-        [(calm, np.ones(7))],
-        [(calm, np.ones((50, 2)))],
-        [(calm, 1.0), (calm, 2.0)],
-        [(Hover, 1.0)],
-        [(max, 1.0)],
-        [(lambda x, x_next, u, gate, p: None, 1.0)],
-        [(lambda x, x_next, u, gate, p: NAN, 1.0)],
-        [(lambda x, u: 1.0, 1.0)],
-    ],
-)
-def test_terms_that_are_none_are_refused(terms):
-    assert refused("terms", terms=terms)
+NO_TERMS = [
+    {"a": 1},
+    calm,
+    [calm],
+    [None],
+    [(calm, NAN)],
+    [(calm, "1")],
+    [(calm, True)],
+    [(calm, 1.0, 2.0)],
+    [(calm, np.ones(7))],
+    [(calm, np.ones((40, 2)))],
+    [(calm, 1.0), (calm, 2.0)],
+    [(Hover, 1.0)],
+    [(max, 1.0)],
+    [(lambda x, x_next, u, gate, p: None, 1.0)],
+    [(lambda x, x_next, u, gate, p: NAN, 1.0)],
+    [(lambda x, u: 1.0, 1.0)],
+]
+
+
+def test_terms_that_are_none_are_refused():
+    for terms in NO_TERMS:
+        assert refused("terms", terms=terms), terms
+
+
+def test_a_term_of_ones_own_follows_those_of_the_planners_cost():
+    spec = quadsim.Spec.of("figure8", **FLIGHT, overshoot=0.0, terms=[(calm, 0.5)])
+    *race, own = planner_of(spec).cost.terms
+    assert [term.name for term in race] == [term.name for term in cost_on(SPEC, SPEC.course).terms]
+    assert (own.function, own.weight) == (calm, 0.5)
 
 
 class Weighted:
@@ -497,60 +546,74 @@ def test_whatever_can_be_called_is_a_term_and_its_numbers_count(name):
     assert one["function"].startswith(f"{__name__}.")
 
 
+@pytest.mark.compiled
 def test_a_deadline_is_refused_beside_a_controller_that_cannot_keep_it():
     text = refused("deadline_ms", controller=Hover(10.5), deadline_ms=5.0)
     assert "expected none for Hover, as only MPPI keeps it by its samples, got 5" in text
-    run = quadsim.fly("figure8", **SMALL, controller=planner_of, deadline_ms=50.0)
+    run = quadsim.fly("figure8", **FLIGHT, controller=planner_of, deadline_ms=50.0)
     assert run.outcome == "timeout"
 
 
 def test_ones_own_controller_and_referee_have_the_say():
-    run = quadsim.fly("figure8", **SMALL, controller=Hover(10.5), referee=lambda spec: Timed(0.1))
+    run = quadsim.fly("figure8", **FLIGHT, controller=Hover(10.5), referee=lambda spec: Timed(0.1))
     assert (run.telemetry["a_cmd"] == 10.5).all()
     assert run.telemetry["t"][-1] == pytest.approx(0.1)
     assert run.outcome == "finished"
 
 
-def test_a_sampler_of_ones_own_on_the_command_line_lies_in_the_current_folder(tmp_path, capsys):
+@pytest.mark.process
+def test_a_sampler_of_ones_own_on_the_command_line_lies_in_the_current_folder(tmp_path):
+    """One that breaks in its flight ends the command in one line; it was a traceback."""
     (tmp_path / "mine.py").write_text(
-        "class Still:\n    def sample(self, rng, samples, horizon, controls):\n"
-        "        return rng.standard_normal((samples, horizon, controls))\n"
+        "class Broken:\n    def sample(self, rng, samples, horizon, controls):\n"
+        "        return None\n"
     )
     # -P: Python itself does not look for modules in the current folder, as for an installed `race`
     code = "from quadsim.cli.cli import main; main()"
-    command = [
-        sys.executable,
-        "-P",
-        "-c",
-        code,
-        "fly",
-        "figure8",
-        *FLAGS,
-        "--sampler",
-        "mine:Still",
-        "--json",
-    ]
+    words = ["fly", "figure8", *flags(FLIGHT), "--sampler", "mine:Broken"]
     root = os.path.dirname(os.path.dirname(quadsim.__file__))
     done = subprocess.run(
-        command, cwd=tmp_path, env=os.environ | {"PYTHONPATH": root}, capture_output=True, text=True
+        [sys.executable, "-P", "-c", code, *words],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": root},
+        capture_output=True,
+        text=True,
     )
-    assert done.returncode == 1, done.stderr
-    run = quadsim.load_run("last", str(tmp_path / "runs"))
-    assert run.spec["sampler"] == "Still"
-    own = run.spec["own"]["sampler"]
-    assert (own["class"], own["parameters"]) == ("mine.Still", {})
-    assert len(own["sha256"]) == 64
-    monkeypatched = "mine" in sys.modules or "" in sys.path
+    assert done.returncode == 2, done.stderr
+    assert "sampler: Broken.sample: expected finite numbers of shape (128, 40, 4)" in done.stderr
+    assert "got None" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_the_library_looks_for_a_sampler_where_python_does(tmp_path, monkeypatch):
+    (tmp_path / "elsewhere.py").write_text("class Still:\n    def sample(self, *shape): ...\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [place for place in sys.path if place not in ("", ".")])
     with pytest.raises(
-        quadsim.SettingError, match=r"sampler: expected package.module:Class .* got 'mine:Still'"
+        quadsim.SettingError,
+        match=r"sampler: expected package.module:Class .* got 'elsewhere:Still'",
     ):
-        quadsim.fly("figure8", sampler="mine:Still")
-    assert not monkeypatched, "the library itself looks where Python does"
+        quadsim.Spec.of("figure8", sampler="elsewhere:Still")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert quadsim.Spec.of("figure8", sampler="elsewhere:Still").sampler == "Still"
 
 
+def test_samplers_of_ones_own_are_variants_of_the_command_line(tmp_path, monkeypatch):
+    """A class is made without arguments; an object of the module may have any."""
+    (tmp_path / "own_samplers.py").write_text(
+        "from tests.test_own_parts import Held\n\nslow = Held(steps=20)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    text = "colored,held=race+sampler=own_samplers:Held,slow=race+sampler=own_samplers:slow"
+    colored, held, slow = make_variants(["figure8"], parse_variants(text), FLIGHT)
+    assert [variant.name for variant in (colored, held, slow)] == ["colored", "held", "slow"]
+    assert [variant.spec.planner.sampling.steps for variant in (held, slow)] == [10, 20]
+
+
+@pytest.mark.compiled
 def test_compare_with_a_sampler_of_ones_own_gives_pairs_tables_and_a_picture(tmp_path):
     variants = {"gaussian": {}, "held": {"sampler": Held()}}
-    comparison = quadsim.compare("figure8", variants, attempts=2, **SMALL)
+    comparison = quadsim.compare("figure8", variants, attempts=2, **FLIGHT)
     (pair,) = comparison.pairs
     assert ({pair.a, pair.b}, pair.seeds) == ({"gaussian", "held"}, 2)
     assert [(v.name, v.attempts) for v in comparison.variants] == [("gaussian", 2), ("held", 2)]
@@ -563,39 +626,6 @@ def test_compare_with_a_sampler_of_ones_own_gives_pairs_tables_and_a_picture(tmp
     assert {"gaussian", "held"} <= set(labels)
 
 
-def test_samplers_of_ones_own_are_variants_of_the_command_line(tmp_path, monkeypatch, capsys):
-    """A class is made without arguments; an object of the module may have any."""
-    (tmp_path / "own_samplers.py").write_text(
-        "from tests.test_own_parts import Held\n\nslow = Held(steps=20)\n"
-    )
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(tmp_path)
-    variants = "colored,held=race+sampler=own_samplers:Held,slow=race+sampler=own_samplers:slow"
-    race(["compare", "figure8", *FLAGS, "--attempts", "1", "--variants", variants, "--json"])
-    output, progress = capsys.readouterr()
-    found = json.loads(output)
-    assert [variant["name"] for variant in found["variants"]] == ["colored", "held", "slow"]
-    # An attempt that is equal to another one is flown once
-    assert "3/3 figure8" in progress
-
-
-def test_a_sampler_that_breaks_in_a_flight_of_the_command_line_is_one_line(
-    tmp_path, monkeypatch, capsys
-):
-    """It was a traceback."""
-    (tmp_path / "broken_sampler.py").write_text(
-        "class Broken:\n    def sample(self, rng, samples, horizon, controls):\n"
-        "        return None\n"
-    )
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(tmp_path)
-    assert race(["fly", "figure8", *FLAGS, "--sampler", "broken_sampler:Broken"]) == 2
-    err = capsys.readouterr().err
-    assert "sampler: Broken.sample: expected finite numbers of shape (256, 50, 4)" in err
-    assert "got None" in err
-    assert err.count("\n") == 1
-
-
 def test_a_part_with_numbers_that_json_does_not_know_is_recorded():
     class Bounded(Hover):
         def __init__(self):
@@ -603,7 +633,7 @@ def test_a_part_with_numbers_that_json_does_not_know_is_recorded():
             self.bounds = np.array([-np.inf, np.nan])
             self.most = float("inf")
 
-    run = quadsim.fly("figure8", **SMALL, controller=Bounded())
+    run = quadsim.fly("figure8", **FLIGHT, controller=Bounded())
     parameters = run.spec["own"]["controller"]["parameters"]
     assert parameters["bounds"] == ["-inf", "nan"]
     assert parameters["most"] == "inf"

@@ -204,14 +204,19 @@ def test_a_spec_has_the_streams_of_its_seed_anew_at_each_access():
     assert spec.streams.sensors.n_children_spawned == 0
 
 
+DERIVE = ("SeedSequence", "spawn")
+
+
 def derivations(text):
     """Return the lines that derive a stream, by SeedSequence(...) or spawn(...)."""
     found = []
+    if not any(name in text for name in DERIVE):
+        return found  # Most files need not be parsed.
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Call):
             called = node.func
             name = called.attr if isinstance(called, ast.Attribute) else getattr(called, "id", "")
-            if name in ("SeedSequence", "spawn"):
+            if name in DERIVE:
                 found.append(node.lineno)
     return found
 

@@ -5,6 +5,8 @@ import sys
 import zipfile
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("quadsim", "courses", "controllers", "web")
 KINDS = (".py", ".yaml", ".typed", ".js", ".css", ".npz", ".txt", ".c")
@@ -16,6 +18,7 @@ print(quadsim.vehicle.load_vehicle("swift").name)
 """
 
 
+@pytest.mark.process
 def test_an_unpacked_wheel_is_whole_and_finds_its_courses_and_vehicles(tmp_path):
     build = [sys.executable, "-m", "build", "--wheel", "--no-isolation"]
     subprocess.run([*build, "--outdir", tmp_path, ROOT], check=True, capture_output=True)

@@ -34,7 +34,7 @@ from quadsim.bench.tables import (
 from quadsim.cli.flags import Help, Json, Switch
 from quadsim.console import emit, emit_json, progress_console
 from quadsim.record.provenance import cpu_name
-from quadsim.spec.build import planner_of
+from quadsim.spec.build import cost_on, system_of
 from quadsim.spec.spec import Spec
 
 
@@ -86,8 +86,7 @@ def bench(
 def planner_code() -> str:
     """Return the text of the loops that are compiled for the default race."""
     spec = Spec.of()
-    mppi = planner_of(spec, spec.streams.planner)
-    return module_source(mppi.model, mppi.cost, np.float32)
+    return module_source(system_of(spec), cost_on(spec, spec.course), np.float32)
 
 
 def _bench_planner(seconds: float, peers: bool, json: bool) -> None:

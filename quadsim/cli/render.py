@@ -18,7 +18,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from quadsim.campaign.pool import Pool, finished, open_pool
 from quadsim.cli.flags import Help, Json, RunsDir, Switch, course_help
 from quadsim.console import UsageError, complain, emit, emit_json, progress_console
-from quadsim.course import load_course
+from quadsim.course import load_course, parse_course
 from quadsim.course.course import course_names
 from quadsim.files.data_files import SUFFIXES
 from quadsim.files.extras import needs_extra
@@ -26,7 +26,7 @@ from quadsim.files.yaml_errors import did_you_mean
 from quadsim.physics.plant import has_bullet
 from quadsim.record.archive import find_run, load_reportable
 from quadsim.record.run import RunError
-from quadsim.render.folder import annotate, film, settle, whole
+from quadsim.render.folder import annotate, settle, whole, write_mp4
 from quadsim.render.frames import Job, Pictures, make_frames
 from quadsim.render.look import VARIED
 from quadsim.render.poses import Pose, drawn_poses, flown_poses
@@ -39,6 +39,8 @@ TARGET = "a run (its folder, a part of its name, last), or a course by name or a
 OUT = "folder for pictures and labels; a folder with pictures of the same settings is continued"
 VARY = "traits drawn anew for each picture: textures, light, background, joined by commas, or all"
 MP4 = "write a film of the pictures too, video.mp4; needs the extra render"
+FILM = "FILE.webp or FILE.gif: in place of pictures, a film of a flight from behind the vehicle"
+CAMERA = "a camera by name, or a FILE.yaml; default: aigp, and 640 x 360 at 20 Hz for a film"
 Count = Annotated[int, Meta(ge=1, le=10**5)]
 Seed = Annotated[int, Meta(ge=0, le=10**9)]
 Workers = Annotated[int, Meta(ge=1)]
@@ -48,7 +50,7 @@ def render(
     target: Annotated[str, course_help(TARGET)] = "last",
     /,
     *,
-    camera: Annotated[str, Help("a camera by name, or a FILE.yaml")] = "aigp",
+    camera: Annotated[str | None, Help(CAMERA)] = None,
     out: Annotated[str, Help(OUT)] = "pictures",
     frames: Annotated[
         Count | None, Help("pictures; default: the flight's, 100 of a course")
@@ -56,6 +58,7 @@ def render(
     seed: Annotated[Seed, Help("random seed of a course's poses, and of the traits that vary")] = 0,
     vary: Annotated[str | None, Help(VARY)] = None,
     mp4: Annotated[bool, Switch(MP4)] = False,
+    film: Annotated[str | None, Help(FILM)] = None,
     jobs: Annotated[Workers | None, Help("worker processes; default: one for each core")] = None,
     runs_dir: RunsDir = "runs",
     json: Json = False,
@@ -69,9 +72,15 @@ def render(
     race render last --camera aigp --out pictures --mp4
 
     race render split_s_swift --frames 1000 --seed 1 --vary all --out pictures
+
+    race render last --film flight.webp
     """
     _check_extras(mp4)
-    asked = _asked(target, load_camera(camera), frames, seed, _varied(vary), runs_dir)
+    if film is not None:
+        if mp4 or vary:
+            raise UsageError("--film: expected neither --mp4 nor --vary beside it")
+        return _film(target, camera, film, frames, runs_dir, json)
+    asked = _asked(target, load_camera(camera or "aigp"), frames, seed, _varied(vary), runs_dir)
     pictures = asked.pictures
     folder = Path(out)
     settle(folder, pictures)
@@ -93,7 +102,7 @@ def render(
     rate = len(missing) / (perf_counter() - began)
     annotate(folder, pictures, count)
     if mp4:
-        film(folder, pictures, count)
+        write_mp4(folder, pictures, count)
     _report(folder, count, len(missing), rate, json)
     return 0
 
@@ -181,6 +190,44 @@ def _asked(
     name = run.spec["course"]
     text = run.spec["course_text"]
     return _Asked(Pictures(name, text, camera, seed, vary, run.digest()), poses)
+
+
+def _film(
+    target: str, camera: str | None, file: str, frames: int | None, runs_dir: str, as_json: bool
+) -> int:
+    """Write a film of a run, and return the exit code.
+
+    Raises:
+        UsageError, FileError, RunError: the file, the camera or the run cannot be used.
+        OSError: the film cannot be written.
+    """
+    # it loads Matplotlib
+    from quadsim.render import film
+
+    path = Path(file)
+    if path.suffix.lower() not in film.FORMATS:
+        wanted = " or ".join(f"FILE{suffix}" for suffix in film.FORMATS)
+        raise UsageError(f"--film: expected {wanted}, got {file!r}")
+    if not path.parent.is_dir():
+        raise UsageError(f"--film: expected a folder that exists, got {str(path.parent)!r}")
+    if target.endswith(SUFFIXES) or target in course_names():
+        raise UsageError(f"--film: expected a run, got the course {target!r}")
+    lens = load_camera(camera) if camera else film.CAMERA
+    run = load_reportable(_run_folder(target, runs_dir))
+    course = parse_course(run.spec["course_text"], run.spec["course"])
+    count = len(flown_poses(run.telemetry, lens.rate)[:frames])
+    radius = run.spec["vehicle"]["radius"]
+    pictures = []
+    with _ProgressLine(count, 0, quiet=as_json) as line:
+        for picture in film.film(course, run.telemetry, radius, lens, count):
+            pictures.append(picture)
+            line.advance(line.tasks[0].id)
+    film.write_film(pictures, lens.rate, path)
+    if as_json:
+        emit_json({"film": file, "pictures": count})
+    else:
+        emit(f"{count} pictures in {escape(file)}")
+    return 0
 
 
 def _run_folder(target: str, runs_dir: str) -> Path:

@@ -68,7 +68,7 @@ def annotate(out: Path, pictures: Pictures, count: int) -> None:
     replace_file(out / ANNOTATIONS, json.dumps(document).encode())
 
 
-def film(out: Path, pictures: Pictures, count: int) -> None:
+def write_mp4(out: Path, pictures: Pictures, count: int) -> None:
     """Write the first `count` pictures as a film at the camera's rate.
 
     Raises:

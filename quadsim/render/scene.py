@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from dataclasses import dataclass
 from itertools import cycle
+from math import pi
 from pathlib import Path
 from typing import NamedTuple
 
@@ -40,6 +41,37 @@ class Picture:
     segmentation: np.ndarray
 
 
+class _Part(NamedTuple):
+    """Boxes or upright cylinders of one colour. Lengths are in radii of the vehicle."""
+
+    colour: Vec3
+    half: Vec3  # half the extents; a cylinder has the first one as its radius
+    places: tuple[Vec3, ...]  # centres in the body frame
+    yaws: tuple[float, ...]
+    round: bool = False
+
+
+# A quadrotor in the form of a cross, whose front rotors have another colour.
+PARTS = (
+    _Part((0.1, 0.1, 0.12), (1.1, 0.09, 0.06), ((0, 0, 0), (0, 0, 0)), (pi / 4, -pi / 4)),
+    _Part((0.85, 0.1, 0.1), (0.43, 0.21, 0.18), ((0, 0, 0.07),), (0.0,)),
+    _Part(
+        (0.95, 0.85, 0.2),
+        (0.53, 0.53, 0.03),
+        ((0.78, 0.78, 0.21), (0.78, -0.78, 0.21)),
+        (0.0, 0.0),
+        round=True,
+    ),
+    _Part(
+        (0.2, 0.2, 0.25),
+        (0.53, 0.53, 0.03),
+        ((-0.78, 0.78, 0.21), (-0.78, -0.78, 0.21)),
+        (0.0, 0.0),
+        round=True,
+    ),
+)
+
+
 class _Body(NamedTuple):
     """A body of the scene."""
 
@@ -52,11 +84,17 @@ class Scene:
 
     close() frees the client.
 
+    Args:
+        course: gates and obstacles.
+        camera: the camera that takes the pictures.
+        radius: radius of a vehicle that is drawn, too [m]. `place` moves it; in the segmentation
+            it counts as an obstacle. None: no vehicle is drawn.
+
     Raises:
         ValueError: the course has more gates than a picture of 8 bits tells apart.
     """
 
-    def __init__(self, course: Course, camera: Camera):
+    def __init__(self, course: Course, camera: Camera, radius: float | None = None):
         self.course = course
         # each once, however often a lap leads through it
         gates = tuple(dict.fromkeys(course.gates))
@@ -68,15 +106,26 @@ class Scene:
         self._ground = self._body(self._add_ground())
         self._gates = [self._body(self._add_gate(gate)) for gate in gates]
         self._obstacles = [self._body(self._add_obstacle(one)) for one in course.obstacles]
+        self._vehicle = [] if radius is None else self._add_vehicle(radius)
         # in the segmentation, of the bodies 0, 1, ..., and of -1, which is nothing
         gate_ids = [course.gates.index(gate) + 1 for gate in gates]
-        obstacle_ids = [OBSTACLE] * len(course.obstacles)
+        obstacle_ids = [OBSTACLE] * (len(course.obstacles) + len(self._vehicle))
         self._ids = np.array([GROUND_ID, *gate_ids, *obstacle_ids, SKY], np.uint8)
         self._textures = self._load_textures()
         self._rays = _rays(camera)
 
+    def place(self, p: Vec3, q: Quaternion) -> None:
+        """Move the vehicle that is drawn.
+
+        Args:
+            p: its position [m].
+            q: its attitude, wxyz.
+        """
+        for part in self._vehicle:
+            bullet.resetBasePositionAndOrientation(part, p, (*q[1:], q[0]), **self._at)
+
     def shoot(self, p: Vec3, q: Quaternion, look: Look) -> Picture:
-        """Return the picture of a vehicle's camera. The vehicle itself is not seen.
+        """Return the picture of a vehicle's camera, which does not see this vehicle itself.
 
         Args:
             p: position of the vehicle [m].
@@ -172,6 +221,27 @@ class Scene:
         return bullet.createMultiBody(
             0.0, -1, shape, basePosition=obstacle.centre, baseOrientation=attitude, **self._at
         )
+
+    def _add_vehicle(self, radius: float) -> list[int]:
+        """Add the parts of a quadrotor of this radius [m], and return their numbers."""
+        numbers = []
+        for part in PARTS:
+            shape = bullet.createVisualShapeArray(
+                shapeTypes=[bullet.GEOM_CYLINDER if part.round else bullet.GEOM_BOX]
+                * len(part.places),
+                halfExtents=[[radius * half for half in part.half]] * len(part.places),
+                radii=[radius * part.half[0]] * len(part.places),
+                lengths=[2.0 * radius * part.half[2]] * len(part.places),
+                visualFramePositions=[[radius * x for x in place] for place in part.places],
+                visualFrameOrientations=[
+                    bullet.getQuaternionFromEuler([0.0, 0.0, yaw], **self._at) for yaw in part.yaws
+                ],
+                **self._at,
+            )
+            number = bullet.createMultiBody(0.0, -1, shape, **self._at)
+            bullet.changeVisualShape(number, -1, rgbaColor=(*part.colour, 1.0), **self._at)
+            numbers.append(number)
+        return numbers
 
     def _load_textures(self) -> list[int]:
         """Load each texture once, and return their numbers.

@@ -23,12 +23,10 @@ from quadsim.bench import peers, stages
 from quadsim.bench.cases import (
     HORIZONS,
     SAMPLES,
-    SWEPT,
     TIMED,
     Case,
     CaseTime,
     cases,
-    measure,
     paper_case,
     starting,
 )
@@ -54,28 +52,17 @@ from quadsim.cli.cli import race
 from quadsim.learn.races import Races
 from quadsim.learn.vector_env import RacingVectorEnv
 from quadsim.physics.plant import PLANTS
+from tests.small import SMALL
 
-SHORT = 1e-3  # [s]
+MOMENT = 1e-3  # [s]
 PARTS = {
     "gaussian": ["normals", "rollouts", "weights", "weighted mean", "rest", "whole"],
     "colored": ["normals", "transform", "rollouts", "weights", "weighted mean", "rest", "whole"],
 }
 
 
-def small(system, sampler, samples=128, iterations=1):
-    return Case(system, sampler, samples, 20, iterations)
-
-
-TIMED_TOGETHER = [("quadrotor", sampler) for sampler in SAMPLERS]
-TIMED_TOGETHER += [(system, sampler) for system in TIMED[1:] for sampler in SWEPT]
-
-
-@pytest.mark.parametrize(("system", "sampler"), TIMED_TOGETHER)
-def test_every_system_is_timed_with_its_samplers(system, sampler):
-    row = measure(small(system, sampler), SHORT)
-    assert (row.name, row.sampler) == (f"{system} 128 x 20 x 1", sampler)
-    assert 0 < row.ms_p50 <= row.ms_p95
-    assert row.steps_per_s == pytest.approx(1e3 * 128 * 20 / row.ms_p50)
+def small(system, sampler, samples=SMALL["samples"], iterations=1):
+    return Case(system, sampler, samples, SMALL["horizon"], iterations)
 
 
 def test_cases_are_the_papers_budgets_and_the_sweeps_each_once_on_one_thread_and_on_all():
@@ -92,18 +79,10 @@ def test_cases_are_the_papers_budgets_and_the_sweeps_each_once_on_one_thread_and
     assert {c.size for c in found if c.system == "offroad"} == {"6144 x 250 x 3"}
 
 
-@pytest.mark.parametrize("sampler", PARTS)
-def test_stages_are_named_and_every_function_is_put_back(sampler):
-    before = algorithm.softmax_weights, algorithm.weights, algorithm.weighted_mean
-    rows = stages.stages(small("quadrotor", sampler), SHORT)
-    assert [row.part for row in rows] == PARTS[sampler]
-    assert (algorithm.softmax_weights, algorithm.weights, algorithm.weighted_mean) == before
-
-
-@pytest.mark.parametrize(("samples", "chunks"), [(1100, 3), (512, 1)])
+@pytest.mark.compiled
 @pytest.mark.parametrize("sampler", PARTS)
 def test_each_part_has_the_time_of_its_calls_in_one_iteration_and_rest_what_remains(
-    sampler, samples, chunks, monkeypatch
+    sampler, monkeypatch
 ):
     """By a clock that stands still except in these functions."""
     clock = [0.0]
@@ -118,7 +97,8 @@ def test_each_part_has_the_time_of_its_calls_in_one_iteration_and_rest_what_rema
     for module in (stages, bench_cases):
         monkeypatch.setattr(module, "perf_counter", lambda: clock[0])
     monkeypatch.setattr(layout, "CHUNK", 512)
-    start = starting(small("double_integrator", sampler, samples, iterations=2))
+    chunks = 3
+    start = starting(small("double_integrator", sampler, samples=1100, iterations=2))
     mppi = start.mppi
     mppi.sampler = replace(mppi.sampler, sample=lasting(40.0, mppi.sampler.sample))
     mppi.rollout = lasting(3.0, mppi.rollout)
@@ -142,18 +122,19 @@ def test_each_part_has_the_time_of_its_calls_in_one_iteration_and_rest_what_rema
         "weighted mean": 2.0 * chunks,
         "rest": 11.0,
     }
-    found = stages.parts_ms(start, sampler, SHORT)
+    found = stages.parts_ms(start, sampler, MOMENT)
     assert found == pytest.approx(parts | {"whole": sum(parts.values())})
     assert list(found) == PARTS[sampler]
 
 
+@pytest.mark.compiled
 def test_normals_of_colored_noise_are_as_many_as_its_numbers(monkeypatch):
     monkeypatch.setattr(layout, "CHUNK", 512)
     filled = []
     monkeypatch.setattr(stages, "fill_normals", lambda out, *_: filled.append(out.size))
     start = starting(small("quadrotor", "colored", samples=1024))
-    stages.normals_ms(start.mppi, SHORT)
-    assert set(filled) == {512 * 20 * 4}
+    stages.normals_ms(start.mppi, MOMENT)
+    assert set(filled) == {512 * SMALL["horizon"] * 4}
     assert len(filled) % 2 == 0
 
 
@@ -185,23 +166,38 @@ def test_tables_of_every_case_fit_a_terminal():
 
 @pytest.fixture
 def quick(monkeypatch):
-    """Small cases."""
+    """Small cases, by the cost of the preset `race`, which other tests compile as well."""
+    assert bench_cases.PRESET == "paper"
+    monkeypatch.setattr(bench_cases, "PRESET", "race")
     few = [replace(small(system, "gaussian"), threads=1) for system in TIMED]
     monkeypatch.setattr(bench, "cases", lambda most: few)
     monkeypatch.setattr(bench, "paper_case", small)
 
 
+def parts_of_the_planner():
+    """Return the functions that are timed by others in their place."""
+    return algorithm.softmax_weights, algorithm.weights, algorithm.weighted_mean
+
+
+@pytest.mark.compiled
 def test_json_holds_cases_stages_and_machine(quick, capsys):
+    before = parts_of_the_planner()
     assert race(["bench", "--json", "--seconds", "0.001"]) == 0
+    assert parts_of_the_planner() == before, "every function is put back"
     result = json.loads(capsys.readouterr().out)
     assert [row["system"] for row in result["cases"]] == list(TIMED)
-    assert all(row.keys() == set(CaseTime._fields) for row in result["cases"])
-    assert all(row["threads"] == 1 for row in result["cases"])
+    for row in result["cases"]:
+        assert row.keys() == set(CaseTime._fields)
+        assert row["name"] == f"{row['system']} 128 x 40 x 1"
+        assert 0 < row["ms_p50"] <= row["ms_p95"]
+        assert row["steps_per_s"] == pytest.approx(1e3 * 128 * 40 / row["ms_p50"])
+        assert row["threads"] == 1
     for sampler, parts in PARTS.items():
         assert [row["part"] for row in result["stages"] if row["sampler"] == sampler] == parts
     assert result["machine"].keys() == {"cpu", "threads"}
 
 
+@pytest.mark.compiled
 def test_tables_name_every_system_and_part(quick, capsys):
     assert race(["bench", "--seconds", "0.001"]) == 0
     out = capsys.readouterr().out
@@ -215,14 +211,15 @@ def test_the_compiled_loop_is_shown_with_the_names_of_its_source(capsys):
     compile(out, "loop", "exec")
 
 
-@pytest.mark.parametrize("seconds", ["0", "nan", "x"])
-def test_no_time_to_measure_is_one_line(seconds, capsys):
-    assert race(["bench", "--seconds", seconds]) == 2
-    assert capsys.readouterr().err.startswith("race bench: --seconds: ")
+def test_no_time_to_measure_is_one_line(capsys):
+    for seconds in ("0", "nan", "x"):
+        assert race(["bench", "--seconds", seconds]) == 2
+        assert capsys.readouterr().err.startswith("race bench: --seconds: ")
 
 
+@pytest.mark.compiled
 def test_flights_along_few_and_many_gates_are_timed_step_by_step_in_turn():
-    few, many = measure_gates(flown=0.05, samples=64, horizon=20, iterations=1, threads=1)
+    few, many = measure_gates(flown=0.05, threads=1, **SMALL)
     assert (few.gates, many.gates) == (10, 200)
     for row in (few, many):
         assert row.flown == pytest.approx(0.05)
@@ -233,19 +230,21 @@ def test_flights_along_few_and_many_gates_are_timed_step_by_step_in_turn():
     assert "(1.000)" in shown.file.getvalue()
 
 
+@pytest.mark.compiled
 def test_environments_are_stepped_in_lanes_and_in_arrays():
     envs = RacingVectorEnv(64, start="anywhere", autoreset_mode="SameStep")
     envs.reset(seed=0)
-    best = shortest({"lanes": lane_steps(64), "arrays": array_steps(envs)}, SHORT)
+    best = shortest({"lanes": lane_steps(64), "arrays": array_steps(envs)}, MOMENT)
     assert 0 < best["lanes"] < np.inf
     assert 0 < best["arrays"] < np.inf
 
 
+@pytest.mark.compiled
 def test_races_are_stepped_in_lanes_and_in_arrays():
     races = Races(64, racers=3, start="anywhere")
     races.reset(seed=0)
     functions = {"lanes": race_lane_steps(races), "arrays": race_array_steps(races)}
-    best = shortest(functions, SHORT)
+    best = shortest(functions, MOMENT)
     assert 0 < best["lanes"] < np.inf
     assert 0 < best["arrays"] < np.inf
     row = RacesSpeed(64, 3, 1, lanes=5.04e6, arrays=1.06e6)
@@ -279,8 +278,9 @@ def scan(advance, state, rows):
     return state, np.stack(found)
 
 
+@pytest.mark.compiled
 def test_a_peer_that_finds_other_costs_is_refused():
-    mppi, x = starting(Case("quadrotor", "gaussian", 128, 20, 1))
+    mppi, x = starting(small("quadrotor", "gaussian"))
     ours = MPPI(mppi.system, peers.point_cost(), preset("paper", "gaussian").sampling, mppi.config)
     rollout = peers.jax_rollout(SimpleNamespace(numpy=np, lax=SimpleNamespace(scan=scan)), ours)
 

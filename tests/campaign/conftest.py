@@ -4,18 +4,21 @@ import shutil
 
 import pytest
 
-from quadsim.campaign.attempt import fly_attempt
+from quadsim.campaign.attempt import Flown, this_provenance
 from quadsim.campaign.runner import Runner
+from quadsim.record.run import Run
 from tests.campaign_cases import specs, variant
+from tests.run_cases import frame
 
 SEEDS = 3
 
 
 @pytest.fixture(scope="session")
 def flown():
-    """One attempt: (spec, Flown)."""
+    """One attempt without a planner, three control periods long: (spec, Flown)."""
     (spec,) = specs(1)
-    return spec, fly_attempt(spec)
+    frames = [frame(0), frame(1), frame(2, outcome="timeout")]
+    return spec, Flown(Run.from_frames(spec.record(), frames), this_provenance(), None)
 
 
 @pytest.fixture(scope="session")
@@ -28,6 +31,6 @@ def _flown_campaign(tmp_path_factory):
 
 @pytest.fixture
 def campaign(_flown_campaign, tmp_path):
-    """A copy of a campaign of FLIGHT with both samplers and the seeds 0 to 2."""
+    """A copy of a campaign of FLIGHT with both samplers and the seeds 0 to 2; it is compiled."""
     shutil.copytree(_flown_campaign.parent, tmp_path, dirs_exist_ok=True)
     return tmp_path / "c.sqlite"

@@ -13,6 +13,8 @@ from quadsim.campaign.runner import Runner  # noqa: E402
 from quadsim.cli.cli import race  # noqa: E402
 from tests.campaign_cases import FLIGHT, seeds_flown, variant  # noqa: E402
 
+# A scheduler and its workers take seconds to start.
+pytestmark = pytest.mark.regression
 SAMPLERS = ("colored", "gaussian")
 
 

@@ -9,16 +9,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from campaign_cases import COURSE, SETTINGS
 
 import quadsim
 from controllers.learned.pilot import PILOTS
+from quadsim.campaign.attempt import attempt_key
 from quadsim.campaign.store import Store
 from quadsim.record.limits import SOLUTIONS
 from quadsim.spec.settings import SettingError
+from quadsim.spec.spec import Spec
+from tests.campaign_cases import COURSE, SETTINGS
 
 ROOT = Path(quadsim.__file__).parents[1]
-TINY = {name: value for name, value in SETTINGS.items() if name != "preset"}
 
 
 class Matrix:
@@ -92,7 +93,8 @@ def dearer(factor):
 def matrix(tail):
     """Return a matrix whose last used row differs."""
     found = np.eye(150)
-    found[19, 19] = tail
+    last = SETTINGS["horizon"] - 1
+    found[last, last] = tail
     return found
 
 
@@ -105,38 +107,36 @@ PAIRS = {
 }
 
 
-def digests(comparison):
-    """Return the digest of each variant's first flight."""
+def digests(variants, **settings):
+    """Fly these variants once each. Return the digest of each flight."""
+    comparison = quadsim.compare(COURSE, variants, 1, **SETTINGS, **settings)
     (section,) = comparison.sections
     return [rows[0].result["digest"] for rows in section.rows]
 
 
-@pytest.mark.parametrize("what", PAIRS)
-def test_two_different_objects_of_one_call_are_two_variants(what):
-    one, other = PAIRS[what]
-    found = quadsim.compare(COURSE, {"one": one, "other": other}, 1, preset="paper", **TINY)
-    first, second = digests(found)
-    assert first != second
-    alone = quadsim.compare(COURSE, {"other": other}, 1, preset="paper", **TINY)
-    if what != "states that cannot be told":
-        assert digests(alone) == [second], "the second variant flew its own object"
+@pytest.mark.compiled
+def test_two_different_objects_of_one_call_are_two_variants():
+    for what, (one, other) in PAIRS.items():
+        first, second = digests({"one": one, "other": other})
+        assert first != second, what
+        if what != "states that cannot be told":
+            assert digests({"other": other}) == [second], f"{what}: it flew its own object"
 
 
+@pytest.mark.compiled
 def test_equal_objects_are_not_merged_either_and_fly_alike():
     variants = {"one": {"sampler": Slotted(1.0)}, "other": {"sampler": Slotted(1.0)}}
-    found = quadsim.compare(COURSE, variants, 1, preset="paper", **TINY)
-    assert [variant.attempts for variant in found.variants] == [1, 1]
-    one, other = digests(found)
+    one, other = digests(variants)
     assert one == other
 
 
+@pytest.mark.compiled
 def test_an_attempt_does_not_depend_on_those_before_it():
     """A part that counts its own calls begins anew with each attempt, as in a worker process."""
-    both = quadsim.compare(COURSE, {"a": {"sampler": Counting()}}, 2, preset="paper", **TINY)
-    settings = TINY | {"seed": 1}
-    second = quadsim.compare(COURSE, {"a": {"sampler": Counting()}}, 1, preset="paper", **settings)
+    both = quadsim.compare(COURSE, {"a": {"sampler": Counting()}}, 2, **SETTINGS)
     (section,) = both.sections
-    assert section.rows[0][1].result["digest"] == digests(second)[0]
+    second = digests({"a": {"sampler": Counting()}}, seed=1)
+    assert [section.rows[0][1].result["digest"]] == second
 
 
 def flown(campaign):
@@ -145,14 +145,12 @@ def flown(campaign):
         return len(store.rows())
 
 
+@pytest.mark.compiled
 def test_a_campaign_flies_an_edited_part_again_and_the_same_part_not(tmp_path):
     campaign = tmp_path / "c.sqlite"
 
     def run(**own):
-        variants = {"mine": own}
-        return digests(
-            quadsim.compare(COURSE, variants, 1, campaign=campaign, preset="paper", **TINY)
-        )
+        return digests({"mine": own}, campaign=campaign)
 
     first = run(sampler=Shaped(times(1.0)))
     assert run(sampler=Shaped(times(1.0))) == first
@@ -175,77 +173,71 @@ def test_a_campaign_refuses_a_part_that_cannot_be_told(tmp_path):
         SettingError,
         match=r"^campaign: expected a sampler that can be told from others, got Locked.lock: the",
     ) as error:
-        quadsim.compare(COURSE, variants, 1, campaign=tmp_path / "c", preset="paper", **TINY)
+        quadsim.compare(COURSE, variants, 1, campaign=tmp_path / "c", **SETTINGS)
     assert "\n" not in str(error.value)
 
 
-def test_another_pilot_of_one_name_is_flown_again(tmp_path):
-    campaign = tmp_path / "c.sqlite"
-    file = tmp_path / "mine.npz"
-    arrays = dict(np.load(PILOTS / "split_s_swift.npz"))
-
-    def run():
-        np.savez(file, **arrays)
-        variants = {"mine": {"pilot": str(file)}}
-        found = quadsim.compare("split_s_swift", variants, 1, campaign=campaign, timeout=0.3)
-        return digests(found)
-
-    first = run()
-    assert run() == first
-    arrays["layer_5"][0] += np.float32(0.1)
-    assert run() != first
-    assert flown(campaign) == 2
-
-
-def test_another_solution_of_one_race_is_flown_again(tmp_path, monkeypatch):
-    campaign = tmp_path / "c.sqlite"
-    (source,) = SOLUTIONS.glob("split_s_swift_swift_3_rates_margin*.npz")
+def test_another_pilot_or_solution_of_one_name_is_another_attempt(tmp_path, monkeypatch):
+    """It is known by what is in its file."""
+    (solution,) = SOLUTIONS.glob("split_s_swift_swift_3_rates_margin*.npz")
     monkeypatch.setattr("quadsim.record.limits.SOLUTIONS", tmp_path / "none")
-    limits = tmp_path / "limits"
-    limits.mkdir()
-    arrays = dict(np.load(source))
+    (tmp_path / "limits").mkdir()
+    cases = [
+        (PILOTS / "split_s_swift.npz", tmp_path / "mine.npz", "layer_5"),
+        (solution, tmp_path / "limits" / solution.name, "x"),
+    ]
+    settings = [
+        {"pilot": str(tmp_path / "mine.npz")},
+        {"preset": "race_informed", "runs_dir": str(tmp_path)},
+    ]
+    for (source, file, array), named in zip(cases, settings, strict=True):
+        arrays = dict(np.load(source))
 
-    def run():
-        np.savez_compressed(limits / source.name, **arrays)
-        settings = {"runs_dir": str(tmp_path), "samples": 64, "timeout": 0.2}
-        variants = {"informed": {"preset": "race_informed"}}
-        found = quadsim.compare("split_s_swift", variants, 1, campaign=campaign, **settings)
-        return digests(found)
+        def key(file=file, arrays=arrays, named=named):
+            np.savez_compressed(file, **arrays)
+            return attempt_key(Spec.of("split_s_swift", **named).record())
 
-    first = run()
-    assert run() == first
-    arrays["x"][:, 2] -= np.float32(0.05)
-    assert run() != first
-    assert flown(campaign) == 2
+        first = key()
+        assert key() == first
+        arrays[array][..., 0] += np.float32(0.01)
+        assert key() != first
 
 
 SCRIPT = """
 import quadsim
+from quadsim.record.run import RunError
 
 class Held:
     gain = 1.0
     def sample(self, rng, samples, horizon, controls):
         return self.gain * rng.standard_normal((samples, horizon, controls))
 
-if __name__ == "__main__":
-    Held.gain = GAIN
-    settings = dict(preset="paper", samples=64, horizon=20, iterations=1, timeout=0.1)
+def compare(gain):
+    Held.gain = gain
     variants = {"mine": {"sampler": Held()}}
-    print(quadsim.compare("paper_flat", variants, 1, jobs=1, campaign="c.sqlite", **settings))
+    quadsim.compare("paper_flat", variants, 1, jobs=1, campaign="c.sqlite", **SETTINGS)
+
+if __name__ == "__main__":
+    try:
+        compare(3.0)
+    except RunError as error:
+        print(error)
+    compare(1.0)
 """
 
 
+@pytest.mark.process
 def test_a_worker_that_lacks_what_the_script_has_set_is_refused(tmp_path):
-    def done(gain):
-        script = tmp_path / "script.py"
-        script.write_text(SCRIPT.replace("GAIN", gain))
-        command = [sys.executable, str(script)]
-        env = os.environ | {"PYTHONPATH": str(ROOT)}
-        return subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True)
-
-    refused = done("3.0")
-    assert refused.returncode == 1
-    assert "mine: a worker flies with another sampler than this process has" in refused.stderr
-    flown_as_imported = done("1.0")
-    assert flown_as_imported.returncode == 0, flown_as_imported.stderr
-    assert flown(tmp_path / "c.sqlite") == 1
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT.replace("SETTINGS", repr(SETTINGS)))
+    done = subprocess.run(
+        [sys.executable, str(script)],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    (refused,) = done.stdout.splitlines()
+    assert refused.startswith("mine: a worker flies with another sampler than this process has")
+    assert flown(tmp_path / "c.sqlite") == 1, "the worker flies what it has imported"

@@ -90,32 +90,38 @@ DAMAGED = {  # column -> values that no flight has written
 }
 
 
-@pytest.mark.parametrize(
-    ("column", "value"), [(c, v) for c, values in DAMAGED.items() for v in values]
-)
-def test_a_damaged_row_is_named_and_flown_again(tmp_path, flown, capsys, column, value):
+def kept_attempt(path, flown):
+    """Make a campaign with one attempt. Return its row."""
     spec, flight = flown
-    path = tmp_path / "c.sqlite"
     with Store(path) as store:
         store.add(spec, "mine", flight, telemetry=False)
         (kept,) = store.rows()
-    change(path, f"UPDATE attempts SET {column} = ?", value)
-    with Store(path) as store:
-        assert store.rows() == store.rows([kept.key]) == []
-        assert store.add(spec, "mine", flight, telemetry=False)
-        assert [r.result for r in store.rows()] == [kept.result]
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith(f"{path}: row 1, the attempt mine seed ")
+    return kept
 
 
-@pytest.mark.parametrize("key", sorted(attempt.Result.__annotations__.keys() - {"motors"}))
-def test_a_row_that_lacks_a_number_is_damaged(tmp_path, flown, capsys, key):
-    spec, flight = flown
-    with Store(tmp_path / "c.sqlite") as store:
-        store.add(spec, "mine", flight, telemetry=False)
-        change(store.path, "UPDATE attempts SET result = json_remove(result, ?)", f"$.{key}")
-        assert not store.rows()
-    assert key in capsys.readouterr().err
+def test_a_damaged_row_is_named_and_flown_again(tmp_path, flown, capsys):
+    cases = [(column, value) for column, values in DAMAGED.items() for value in values]
+    for number, case in enumerate(cases):
+        column, value = case
+        path = tmp_path / f"{number}.sqlite"
+        kept = kept_attempt(path, flown)
+        change(path, f"UPDATE attempts SET {column} = ?", value)
+        with Store(path) as store:
+            assert store.rows() == store.rows([kept.key]) == [], case
+            assert store.add(flown[0], "mine", flown[1], telemetry=False), case
+            assert [row.result for row in store.rows()] == [kept.result], case
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line.startswith(f"{path}: row 1, the attempt mine seed "), case
+
+
+def test_a_row_that_lacks_a_number_is_damaged(tmp_path, flown, capsys):
+    for key in sorted(attempt.Result.__annotations__.keys() - {"motors"}):
+        path = tmp_path / f"{key}.sqlite"
+        kept_attempt(path, flown)
+        change(path, "UPDATE attempts SET result = json_remove(result, ?)", f"$.{key}")
+        with Store(path) as store:
+            assert not store.rows(), key
+        assert key in capsys.readouterr().err
 
 
 def test_a_kill_between_row_and_folder_loses_nothing(tmp_path, flown):
@@ -132,12 +138,15 @@ def test_a_kill_between_row_and_folder_loses_nothing(tmp_path, flown):
     assert load_run(tmp_path / kept.folder).digest() == flight.run.digest()
 
 
-def test_an_attempt_is_the_same_run_wherever_it_flies(flown):
-    spec, flight = flown
-    assert fly_attempt(spec).run.digest() == flight.run.digest()
-    assert fly_attempt(replace(spec, seed=1)).run.digest() != flight.run.digest()
+@pytest.mark.compiled
+def test_an_attempt_is_the_same_run_wherever_it_flies():
+    (spec,) = specs(1)
+    digest = fly_attempt(spec).run.digest()
+    assert fly_attempt(spec).run.digest() == digest
+    assert fly_attempt(replace(spec, seed=1)).run.digest() != digest
 
 
+@pytest.mark.compiled
 def test_a_planner_that_raises_an_error_in_flight_is_a_crash_with_its_reason(monkeypatch):
     (spec,) = specs(1)
 
@@ -166,12 +175,12 @@ def test_a_file_that_is_no_campaign_is_one_line(tmp_path):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("version", [1, SCHEMA_VERSION - 1, SCHEMA_VERSION + 1])
-def test_a_campaign_of_another_version_is_refused_in_one_line_and_left_alone(tmp_path, version):
-    path = tmp_path / "c.sqlite"
-    change(path, f"PRAGMA user_version = {version}")
-    before = path.read_bytes()
-    with pytest.raises(RunError, match=f"version {SCHEMA_VERSION}, got {version}") as error:
-        Store(path)
-    assert "\n" not in str(error.value)
-    assert path.read_bytes() == before
+def test_a_campaign_of_another_version_is_refused_in_one_line_and_left_alone(tmp_path):
+    for version in (1, SCHEMA_VERSION - 1, SCHEMA_VERSION + 1):
+        path = tmp_path / f"{version}.sqlite"
+        change(path, f"PRAGMA user_version = {version}")
+        before = path.read_bytes()
+        with pytest.raises(RunError, match=f"version {SCHEMA_VERSION}, got {version}") as error:
+            Store(path)
+        assert "\n" not in str(error.value)
+        assert path.read_bytes() == before

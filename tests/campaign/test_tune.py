@@ -41,26 +41,30 @@ COLORED = PRESETS["race"]["colored"]
 MARGINS = list(parameters(COLORED, ["margin"]))
 
 
-@pytest.mark.parametrize("preset", PRESETS)
-@pytest.mark.parametrize("sampler", ["gaussian", "colored"])
-def test_the_preset_file_is_the_planner_that_flew(preset, sampler):
-    base = PRESETS[preset][sampler]
-    values = {
-        p.name: int(p.high) if p.step else 0.7 * p.low + 0.3 * p.high
-        for p in parameters(base, GROUPS)
-    }
-    planner = with_parameters(base, values)
-    assert planner != base
-    text = preset_text(planner, preset, "two\nlines")
-    assert parse_planner(text, "tuned.yaml", sampler) == replace(planner, preset="tuned.yaml")
+BASES = [
+    (name, sampler, PRESETS[name][sampler])
+    for name in PRESETS
+    for sampler in ("gaussian", "colored")
+]
 
 
-@pytest.mark.parametrize("preset", PRESETS)
-@pytest.mark.parametrize("sampler", ["gaussian", "colored"])
-def test_a_planner_s_own_parameters_change_nothing(preset, sampler):
-    base = PRESETS[preset][sampler]
-    own = {p.name: p.base for p in parameters(base, GROUPS)}
-    assert with_parameters(base, own) == base
+def test_the_preset_file_is_the_planner_that_flew():
+    for preset, sampler, base in BASES:
+        values = {
+            p.name: int(p.high) if p.step else 0.7 * p.low + 0.3 * p.high
+            for p in parameters(base, GROUPS)
+        }
+        planner = with_parameters(base, values)
+        assert planner != base
+        text = preset_text(planner, preset, "two\nlines")
+        read = parse_planner(text, "tuned.yaml", sampler)
+        assert read == replace(planner, preset="tuned.yaml"), (preset, sampler)
+
+
+def test_a_planner_s_own_parameters_change_nothing():
+    for preset, sampler, base in BASES:
+        own = {p.name: p.base for p in parameters(base, GROUPS)}
+        assert with_parameters(base, own) == base, (preset, sampler)
 
 
 def test_gaussian_noise_has_no_exponents_to_search():
@@ -236,6 +240,7 @@ def all_finish(monkeypatch, in_this_process):
     monkeypatch.setattr("quadsim.campaign.pool.fly_attempt", finish)
 
 
+@pytest.mark.compiled
 def test_tune_started_again_with_more_trials_goes_on(tmp_path, capsys, monkeypatch, all_finish):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("quadsim.campaign.tune.FINALISTS", 1)
@@ -253,6 +258,7 @@ def test_tune_started_again_with_more_trials_goes_on(tmp_path, capsys, monkeypat
     assert Spec.of(COURSE, preset="tuned.yaml").planner.sampling
 
 
+@pytest.mark.compiled
 def test_a_search_that_finished_nothing_writes_no_preset(
     tmp_path, capsys, monkeypatch, in_this_process
 ):
@@ -263,10 +269,10 @@ def test_a_search_that_finished_nothing_writes_no_preset(
     assert not (tmp_path / "tuned.yaml").exists()
 
 
-@pytest.mark.parametrize("out", [".", "", "file/tuned.yaml"])
-def test_where_the_preset_cannot_be_written_nothing_is_flown(tmp_path, capsys, monkeypatch, out):
+def test_where_the_preset_cannot_be_written_nothing_is_flown(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").write_text("")
-    assert race(["tune", *FLIGHT, "--out", out]) == 2
-    assert capsys.readouterr().err.count("\n") == 1
-    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+    for out in (".", "", "file/tuned.yaml"):
+        assert race(["tune", *FLIGHT, "--out", out]) == 2, out
+        assert capsys.readouterr().err.count("\n") == 1, out
+        assert [p.name for p in tmp_path.iterdir()] == ["file"], out

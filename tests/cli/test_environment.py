@@ -10,12 +10,13 @@ import pytest
 from quadsim import console
 from quadsim.cli.cli import race
 from quadsim.console import progress_console
+from tests.campaign_cases import RACE
 
-RACE = [sys.executable, "-c", "from quadsim.cli.cli import main; main()"]
 # Variable -> a value that numba reads with an error, and one that it cannot work with
 UNFIT = {"NUMBA_DISABLE_JIT": "1", "NUMBA_NUM_THREADS": "0"}
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("name", UNFIT)
 def test_what_numba_cannot_use_is_one_line_that_names_the_variable(name, tmp_path):
     env = os.environ | {name: UNFIT[name]}
@@ -44,6 +45,7 @@ def test_a_pipe_gets_no_moving_line_though_colours_are_forced(monkeypatch):
     assert not progress_console().is_terminal
 
 
+@pytest.mark.process
 def test_closed_streams_change_neither_exit_code_nor_files(tmp_path):
     """The next file that is opened would get the number of a closed stream, and its output."""
     (tmp_path / "mine.yaml").write_text("gates: 3\n")
@@ -52,12 +54,17 @@ def test_closed_streams_change_neither_exit_code_nor_files(tmp_path):
     assert (tmp_path / "mine.yaml").read_text() == "gates: 3\n"
 
 
-def test_matplotlib_is_loaded_whatever_backend_the_variable_names(tmp_path):
-    code = (
-        "from quadsim.console import prepare_process; prepare_process(); import matplotlib.figure"
-    )
+@pytest.mark.process
+def test_matplotlib_is_loaded_whatever_backend_the_variable_names():
+    code = """
+from quadsim.console import prepare_process
+prepare_process()
+import matplotlib.figure
+print(matplotlib.get_backend())
+"""
     env = os.environ | {"MPLBACKEND": "no such backend"}
-    subprocess.run([sys.executable, "-c", code], env=env, check=True)
+    done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "agg\n"), done.stderr
 
 
 def test_a_warning_of_a_library_is_one_line(capsys):

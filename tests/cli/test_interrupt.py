@@ -4,7 +4,6 @@ import os
 import pty
 import signal
 import subprocess
-import sys
 from contextlib import suppress
 
 import pytest
@@ -12,19 +11,18 @@ import pytest
 from quadsim.cli.cli import race
 from quadsim.console import uninterrupted
 from quadsim.record.archive import list_runs, load_run
+from tests.campaign_cases import RACE
+from tests.small import SMALL, flags
 
-HOVER = (
-    "fly paper_flat --preset paper --samples 256 --horizon 50 --iterations 1 --timeout 10000 "
-    "--progress 0 --heading 0 --desired-speed 0 --speed 100"
-)
+# Next to nothing draws the vehicle to its gate, so it hovers: for 5 s at least.
+HOVER = {**SMALL, "progress": 1e-6, "opening": 1e-6}
 
 
 @pytest.fixture
 def flying(tmp_path):
-    """A flight that goes on for ever, in a terminal of its own, once its live line has been
-    seen."""
+    """A flight that goes on for seconds, in a terminal of its own, once its live line is seen."""
     terminal, stderr = pty.openpty()
-    command = [sys.executable, "-c", "from quadsim.cli.cli import main; main()", *HOVER.split()]
+    command = [*RACE, "fly", "paper_flat", *flags(HOVER)]
     flight = subprocess.Popen(
         command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=stderr, text=True
     )
@@ -46,6 +44,7 @@ def rest_of(terminal):
     return text.decode()
 
 
+@pytest.mark.process
 def test_an_interrupted_flight_is_reported_and_kept(flying, tmp_path):
     """SIGTERM is handled as Ctrl-C is."""
     flight, terminal = flying
@@ -62,6 +61,7 @@ def test_an_interrupted_flight_is_reported_and_kept(flying, tmp_path):
     assert run.telemetry["t"][-1] > 0.0
 
 
+@pytest.mark.process
 def test_a_killed_flight_leaves_nothing_that_looks_finished(flying, tmp_path, capsys):
     flight, _ = flying
     flight.kill()

@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from rich.console import Console
-from run_cases import same, save
 
 import quadsim
 from quadsim.cli.progress import Progress
@@ -19,18 +18,27 @@ from quadsim.figures.run_figure import draw
 from quadsim.record.archive import load_run
 from quadsim.spec.build import flight_frames
 from quadsim.spec.spec import Spec
+from tests.run_cases import same, save, two_laps
+from tests.small import SHORT
 
 OUTCOMES = ("finished", "crashed", "stuck", "timeout", "interrupted")
 
 
 @pytest.fixture(scope="module")
 def spec():
-    return Spec.of(samples=64, horizon=10, iterations=1, timeout=0.3)
+    return Spec.of(**SHORT)
 
 
 @pytest.fixture(scope="module")
-def run(spec):
+def flown(spec):
+    """A run with pictures of its planner."""
     return quadsim.fly(spec)
+
+
+@pytest.fixture(scope="module")
+def hovering(spec):
+    """A run of 0.6 s with events and without pictures, which nothing has flown."""
+    return two_laps(spec.record())
 
 
 def printed(run):
@@ -40,38 +48,41 @@ def printed(run):
     return console.file.getvalue()
 
 
-def test_telemetry_begins_with_the_first_frame(spec, run):
+@pytest.mark.compiled
+def test_telemetry_begins_with_the_first_frame(spec, flown):
     first = next(iter(flight_frames(spec)))
-    assert [run.telemetry[name][0] for name in (*STATE, *CONTROL)] == [*first.x, *first.u]
-    assert all(np.isfinite(column).all() for column in run.telemetry.values())
+    assert [flown.telemetry[name][0] for name in (*STATE, *CONTROL)] == [*first.x, *first.u]
+    assert all(np.isfinite(column).all() for column in flown.telemetry.values())
 
 
-def test_the_report_fits_80_columns_and_its_json_has_the_digest(run):
-    text = printed(run)
+@pytest.mark.compiled
+def test_the_report_fits_80_columns_and_its_json_has_the_digest(flown):
+    text = printed(flown)
     assert max(map(len, text.splitlines())) <= 80
-    assert run.outcome in text.splitlines()[0]
+    assert flown.outcome in text.splitlines()[0]
     assert "planning" in text
-    assert json.loads(json.dumps(summary(run, None), allow_nan=False))["digest"] == run.digest()
+    assert json.loads(json.dumps(summary(flown, None), allow_nan=False))["digest"] == flown.digest()
 
 
 @pytest.mark.parametrize("outcome", OUTCOMES)
 def test_any_outcome_is_reported_kept_and_drawn_also_without_an_event_or_a_frame(
-    run, outcome, tmp_path
+    hovering, outcome, tmp_path
 ):
-    without_events = replace(run, outcome=outcome, events=())
-    no_frames = {name: column[:0] for name, column in run.telemetry.items()}
-    without_frames = replace(without_events, telemetry=no_frames, snapshots=None)
-    assert summary(without_events, None)["duration"] == run.telemetry["t"][-1]
+    without_events = replace(hovering, outcome=outcome, events=())
+    no_frames = {name: column[:0] for name, column in hovering.telemetry.items()}
+    without_frames = replace(without_events, telemetry=no_frames)
+    assert summary(without_events, None)["duration"] == hovering.telemetry["t"][-1]
     assert summary(without_frames, None)["duration"] == 0.0
     for left in (without_events, without_frames):
         assert left.laps == left.penalties == []
         assert outcome in printed(left)
         assert same(load_run(save(tmp_path, left)), left)
-        draw(left)
+        assert outcome in draw(left).get_suptitle()
 
 
-def test_the_figure_shows_every_control_and_can_be_written(run):
-    figure = draw(run)
+@pytest.mark.compiled
+def test_the_figure_shows_every_control_and_can_be_written(flown):
+    figure = draw(flown)
     file = io.BytesIO()
     figure.savefig(file, dpi=30)
     assert file.getvalue().startswith(b"\x89PNG")
@@ -80,6 +91,7 @@ def test_the_figure_shows_every_control_and_can_be_written(run):
     assert sum(line.get_label() == "commanded" for line in lines) >= len(CONTROL)
 
 
+@pytest.mark.compiled
 def test_the_live_line_names_the_gate_and_the_speed(spec, monkeypatch, capsys):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     monkeypatch.setenv("COLUMNS", "120")

@@ -4,8 +4,11 @@ import json
 from importlib.util import find_spec
 
 import pytest
+from PIL import Image
 from plant_cases import needs_bullet
+from run_cases import save, two_laps
 
+from quadsim import Spec
 from quadsim.campaign.pool import Pool
 from quadsim.cli import render
 from quadsim.cli.cli import race
@@ -19,6 +22,11 @@ MISTAKES = {
     "render split_s_swift --camera agp": "no camera 'agp'",
     "render split_s_swift --frames 0": "--frames: ",
     "render split_s_swift --out small.yaml": "small.yaml: ",
+    "render last --film flight.mp4": "--film: expected FILE.webp or FILE.gif, got 'flight.mp4'",
+    "render last --film nowhere/a.gif": "--film: expected a folder that exists, got 'nowhere'",
+    "render figure8 --film a.gif": "--film: expected a run, got the course 'figure8'",
+    "render last --film a.gif --mp4": "--film: expected neither --mp4 nor --vary",
+    "render last --film a.gif": "no runs in 'runs'",
 }
 
 
@@ -81,6 +89,7 @@ def test_ctrl_c_leaves_whole_pictures_and_says_how_many(here, capsys, monkeypatc
 
 
 @needs_bullet
+@pytest.mark.process
 @pytest.mark.skipif(
     not find_spec("imageio_ffmpeg"), reason="imageio-ffmpeg is not installed: extra render"
 )
@@ -90,6 +99,18 @@ def test_a_film_has_as_many_pictures(here):
     assert race(["render", "figure8", "--camera", "small.yaml", "--frames", "3", "--mp4"]) == 0
     frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(here / "pictures" / "video.mp4"))
     assert (frames, seconds) == (3, pytest.approx(0.1))
+
+
+@needs_bullet
+def test_a_film_of_a_stored_run_is_one_file_of_as_many_pictures_as_asked_for(here, capsys):
+    save("runs", two_laps(Spec.of("figure8", laps=2).record()))
+    before = set(here.iterdir())
+    words = "render last --film flight.webp --camera small.yaml --frames 3 --json"
+    assert race(words.split()) == 0
+    assert json.loads(capsys.readouterr().out) == {"film": "flight.webp", "pictures": 3}
+    assert set(here.iterdir()) - before == {here / "flight.webp"}
+    with Image.open("flight.webp") as film:
+        assert (film.n_frames, film.size) == (3, (64, 36))
 
 
 @needs_bullet

@@ -12,6 +12,7 @@ from quadsim.physics.plant import start_state
 from quadsim.spec.build import planner_of
 from quadsim.spec.spec import Spec
 from quadsim.vehicle import load_vehicle
+from tests.small import SMALL
 
 DT = 0.01
 NOMINAL = ModelParams.of(load_vehicle("swift"))
@@ -29,8 +30,9 @@ def test_a_planner_that_has_to_gives_up_thrust_to_roll_and_pitch():
     assert system.attainable(x, level, system.params) == level
 
 
+@pytest.mark.compiled
 def test_what_is_commanded_is_what_the_vehicle_can_follow():
-    spec = Spec.of("paper_flat", vehicle="swift", preset="race", samples=128, horizon=50)
+    spec = Spec.of("paper_flat", vehicle="swift", preset="race", **SMALL)
     mppi, x = planner_of(spec, spec.streams.planner), np.array(launch_state())
     mppi.plan[0] = 4.0, -3.0, 0.0, NOMINAL.thrust_max
     asked = mppi.command(x)

@@ -12,6 +12,7 @@ from controllers.sampled_trajectories import controls
 from controllers.samplers import SAMPLERS
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("sampler", SAMPLERS)
 def test_samples_in_chunks_are_the_samples_at_once(sampler, monkeypatch):
     """The same costs, the same plan but for rounding, and the last samples perturb the rest control
@@ -26,6 +27,7 @@ def test_samples_in_chunks_are_the_samples_at_once(sampler, monkeypatch):
     np.testing.assert_allclose(chunked.plan, whole.plan, atol=1e-6)
 
 
+@pytest.mark.compiled
 def test_a_chunk_whose_rollouts_all_overflow_weighs_nothing(monkeypatch):
     monkeypatch.setattr(layout, "CHUNK", 256)
     mppi = make(samples=512)
@@ -46,6 +48,7 @@ def test_a_chunk_whose_rollouts_all_overflow_weighs_nothing(monkeypatch):
     np.testing.assert_allclose(mppi.plan, half.plan, atol=1e-6)
 
 
+@pytest.mark.compiled
 def test_samplers_of_ones_own_are_drawn_again_chunk_by_chunk(monkeypatch):
     """The samples that are shown are those that were flown, in every chunk."""
     monkeypatch.setattr(layout, "CHUNK", 256)

@@ -48,6 +48,7 @@ def loaded(function):
     return sum(function.stats.cache_hits.values()) == 1
 
 
+@pytest.mark.compiled
 def test_code_is_kept_for_the_next_process_and_found_again(home):
     first = fresh()
     assert not is_cached(first)
@@ -69,6 +70,7 @@ def damaged(data: bytes, seed: int) -> bytes:
     )
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("seed", [*range(4), "empty"])
 def test_damaged_code_is_never_loaded_and_is_compiled_anew_with_one_line(seed, home, caplog):
     loaded(fresh())
@@ -82,6 +84,7 @@ def test_damaged_code_is_never_loaded_and_is_compiled_anew_with_one_line(seed, h
     assert len(caplog.messages) == 1
 
 
+@pytest.mark.compiled
 def test_a_file_without_an_end_is_damaged(home, caplog, monkeypatch):
     loaded(fresh())
     (path,) = files(home)
@@ -95,6 +98,7 @@ def test_a_file_without_an_end_is_damaged(home, caplog, monkeypatch):
     assert path.is_symlink()
 
 
+@pytest.mark.compiled
 def test_code_of_another_text_is_not_taken_for_it(home):
     loaded(fresh())
     other = load_module("kept_code", TEXT.replace("2 * x", "3 * x")).twice
@@ -106,6 +110,7 @@ def full(_):
     raise OSError(28, "No space left on device")
 
 
+@pytest.mark.compiled
 def test_a_full_disk_is_said_once_and_leaves_no_folder(home, monkeypatch, caplog):
     monkeypatch.setattr(os, "fsync", full)
     assert not loaded(fresh())
@@ -116,6 +121,7 @@ def test_a_full_disk_is_said_once_and_leaves_no_folder(home, monkeypatch, caplog
     assert not home.exists()
 
 
+@pytest.mark.compiled
 def test_a_file_in_the_place_of_the_cache_folder_is_said_once(home, caplog):
     home.write_text("")
     assert not loaded(fresh())
@@ -168,6 +174,7 @@ def test_a_compiler_that_fails_for_an_interrupt_is_interrupted(sent, comes):
         interrupted_and_failing(sent)
 
 
+@pytest.mark.compiled
 def test_an_interrupt_while_a_kept_function_is_compiled_comes_out_of_its_call(monkeypatch):
     function = kept(njit(lambda x: x + 1))
 
@@ -199,6 +206,7 @@ def run(a):
 """
 
 
+@pytest.mark.compiled
 def test_what_the_compiler_refuses_is_one_line_with_the_term_and_the_line():
     module = load_module("unfit", UNFIT)
     with pytest.raises(TraceError) as caught:

@@ -9,8 +9,13 @@ from scipy.linalg import cholesky, solve_triangular, toeplitz
 from controllers.samplers.colored import LAWS, Colored, spectrum, transform_length
 
 GAMMA = (0.0, 0.5, 1.0, 2.0, 4.0)
+# Each length of a transform is compiled, so these horizons have two: 80 steps, and 63, which is odd
+# and one step longer than both samples of law exact.
+HORIZONS = {"exact": (40, 31), "paper": (80, 63), "library": (40,)}
+EVEN = {law: horizons[0] for law, horizons in HORIZONS.items()}
+SIZES = [(law, T) for law, horizons in HORIZONS.items() for T in horizons]
 # T -> n of law exact, where a prime factor of 2 T is above 13
-LENGTHS = {145: 294, 149: 300, 155: 312}
+LENGTHS = {31: 63, 145: 294, 149: 300, 155: 312}
 LIMIT = 5.5  # standard errors, the worst of some ten thousand numbers
 M = 8192
 
@@ -69,31 +74,33 @@ def correlation(a, b):
     return (a * b).mean() / np.sqrt((a * a).mean() * (b * b).mean())
 
 
-@pytest.mark.parametrize("T", [64, 65])
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.compiled
+@pytest.mark.parametrize(("law", "T"), SIZES)
 def test_covariance_is_that_of_the_law_and_of_no_other_colour(key, law, T):
     for z, gamma in zip(draw(key, law, T).swapaxes(0, 1), GAMMA, strict=True):
         assert misfit(z[:, :T], covariance(T, gamma, law)) < LIMIT
         assert misfit(z[:, :T], covariance(T, gamma + 0.1, law)) > LIMIT
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("law", ["exact", "paper"])
 def test_power_falls_with_the_gamma_th_power_of_frequency(key, law):
     """Over the whole transform the bins are independent, so the estimate is free of leakage (error
     about .002)."""
-    for z, gamma in zip(draw(key, law, 65).swapaxes(0, 1), GAMMA, strict=True):
+    for z, gamma in zip(draw(key, law, EVEN[law]).swapaxes(0, 1), GAMMA, strict=True):
         assert slope(z) == pytest.approx(-gamma, abs=0.01)
-    other = colorednoise.powerlaw_psd_gaussian(1.05, (M, 130), random_state=1)
+    other = colorednoise.powerlaw_psd_gaussian(1.05, (M, 80), random_state=1)
     assert slope(other) != pytest.approx(-1.0, abs=0.01)
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("gamma", GAMMA)
 def test_spectrum_is_that_of_the_colorednoise_package(key, gamma):
     """An independent witness. It normalises without DC and doubles its power, so the scale is left
     free."""
     ours, theirs = (
-        draw(key, "exact", 65, (gamma,))[:, 0],
-        colorednoise.powerlaw_psd_gaussian(gamma, (M, 130), random_state=1),
+        draw(key, "exact", EVEN["exact"], (gamma,))[:, 0],
+        colorednoise.powerlaw_psd_gaussian(gamma, (M, 80), random_state=1),
     )
     ratio = (
         (abs(np.fft.rfft(ours)) ** 2).mean(axis=0) / (abs(np.fft.rfft(theirs)) ** 2).mean(axis=0)
@@ -101,30 +108,35 @@ def test_spectrum_is_that_of_the_colorednoise_package(key, gamma):
     assert abs(ratio / ratio.mean() - 1).max() < LIMIT * np.sqrt(2 / M)
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("law", ["exact", "paper"])
 def test_gamma_zero_is_white(key, law):
-    white, tinted = draw(key, law, 65, (0.0, 0.1)).swapaxes(0, 1)[:, :, :65]
-    assert misfit(white, np.eye(65)) < LIMIT < misfit(tinted, np.eye(65))
+    T = EVEN[law]
+    white, tinted = draw(key, law, T, (0.0, 0.1)).swapaxes(0, 1)[:, :, :T]
+    assert misfit(white, np.eye(T)) < LIMIT < misfit(tinted, np.eye(T))
 
 
-@pytest.mark.parametrize("T", [150, *LENGTHS])
+@pytest.mark.compiled
+@pytest.mark.parametrize("T", HORIZONS["exact"])
 def test_exact_variance_is_one_at_every_time(key, T):
     error = np.sqrt(2 / M)
     assert abs((draw(key, "exact", T) ** 2).mean(axis=0) - 1).max() < LIMIT * error
-    assert abs((draw(key, "paper", 150)[:, 0] ** 2).mean() - 1) > LIMIT * error / np.sqrt(150)
+    even = EVEN["paper"]
+    assert abs((draw(key, "paper", even)[:, 0] ** 2).mean() - 1) > LIMIT * error / np.sqrt(even)
 
 
-@pytest.mark.parametrize("T", LENGTHS)
-def test_both_samples_of_a_longer_transform_have_its_law(key, T):
+@pytest.mark.compiled
+def test_both_samples_of_a_longer_transform_have_its_law(key):
     """The last step of the second is not the periodic neighbour of the first: n - 2 T steps without
     use part them."""
-    colours, limit = (0.0, 1.0, 2.0), LIMIT + 0.5  # the worst of 200 000 numbers
+    T = 31
+    colours = (0.0, 1.0, 2.0)
     for series, gamma in zip(draw(key, "exact", T, colours).swapaxes(0, 1), colours, strict=True):
         first, second = series[:, :T], series[:, T:]
         for z in (first, second):
             assert (
                 misfit(z, covariance(T, gamma, "exact"))
-                < limit
+                < LIMIT
                 < misfit(z, covariance(T, gamma + 0.1, "exact"))
             )
         c = autocovariance(LENGTHS[T], gamma, "exact")
@@ -136,49 +148,76 @@ def test_both_samples_of_a_longer_transform_have_its_law(key, T):
         assert gamma == 0 or wrap < c[1] - error
 
 
-SAME = {T: 2 * T for T in (20, 40, 65, 80, 100, 150, 250)}
+def test_transform_of_law_exact_is_twice_the_horizon_unless_a_prime_factor_is_large():
+    same = {T: 2 * T for T in (20, 40, 65, 80, 100, 150, 250)}
+    for T, n in (LENGTHS | same).items():
+        found = {law: transform_length(T, law) for law in LAWS}
+        assert found == {"exact": n, "paper": T, "library": 2 * T}
 
 
-@pytest.mark.parametrize(("T", "n"), (LENGTHS | SAME).items())
-def test_transform_of_law_exact_is_twice_the_horizon_unless_a_prime_factor_is_large(T, n):
-    assert transform_length(T, "exact") == n
-    assert (transform_length(T, "paper"), transform_length(T, "library")) == (T, 2 * T)
-
-
+@pytest.mark.compiled
 def test_sigma_scales_a_channel(key):
     one, two = (
-        Colored((s, 1.0), (2.0, 1.0)).build(64, 33, key, dt=0.1).sample(1) for s in (1.0, 2.0)
+        Colored((s, 1.0), (2.0, 1.0)).build(64, 40, key, dt=0.1).sample(1) for s in (1.0, 2.0)
     )
     np.testing.assert_allclose(two[:, 0], 2 * one[:, 0], rtol=1e-6)
     np.testing.assert_array_equal(two[:, 1], one[:, 1])
 
 
+# Numbers of a horizon of 150 steps for some gamma, rounded.
+# Law paper: the correlation of the first with the last step.
+PERIODIC = {0.5: 0.33, 1.0: 0.68, 2.0: 0.97, 4.0: 0.999}
+# Law exact: the correlation of the two samples of a series at one time, and that of the first one's
+# last step with the second one's first step.
+OPPOSITE = {1.0: -0.08, 2.0: -0.30, 4.0: -0.52}
+SEAM = {1.0: 0.72, 2.0: 0.987, 4.0: 0.9997}
+# Law library: the variance before the offset is taken off.
+GROWN = {0.01: 1.00, 0.5: 1.01, 1.0: 1.04, 2.0: 1.15, 4.0: 1.23}
+
+
+def test_published_numbers_are_those_of_the_laws():
+    """The laws are those that the draws of shorter horizons are compared with."""
+    T = 150
+    for gamma, published in PERIODIC.items():
+        c = autocovariance(T, gamma, "paper")
+        assert c[-1] / c[0] == pytest.approx(published, abs=0.005)
+    for gamma, published in OPPOSITE.items():
+        c = autocovariance(2 * T, gamma, "exact")
+        assert (c[T], c[1]) == pytest.approx((published, SEAM[gamma]), abs=0.005)
+    for gamma, published in GROWN.items():
+        assert autocovariance(2 * T, gamma, "library")[0] == pytest.approx(published, abs=0.005)
+
+
+@pytest.mark.compiled
 def test_paper_law_is_periodic_and_exact_is_not(key):
     """A transform of length T makes the last number the first one's neighbour; of 2T, the farthest
     away."""
-    gamma = (0.5, 1.0, 2.0, 4.0)
-    for z, published in zip(
-        draw(key, "paper", 150, gamma).swapaxes(0, 1), (0.33, 0.68, 0.97, 0.999), strict=True
-    ):
-        assert correlation(z[:, 0], z[:, -1]) == pytest.approx(published, abs=0.03)
-    for z in draw(key, "exact", 150, gamma).swapaxes(0, 1):
-        near, half_way, last = (correlation(z[:, 0], z[:, t]) for t in (1, 75, 149))
+    gamma = tuple(PERIODIC)
+    T = EVEN["paper"]
+    for z, g in zip(draw(key, "paper", T, gamma).swapaxes(0, 1), gamma, strict=True):
+        c = autocovariance(T, g, "paper")
+        assert correlation(z[:, 0], z[:, -1]) == pytest.approx(c[-1] / c[0], abs=0.03)
+    T = EVEN["exact"]
+    for z in draw(key, "exact", T, gamma).swapaxes(0, 1):
+        near, half_way, last = (correlation(z[:, 0], z[:, t]) for t in (1, T // 2, T - 1))
         assert near > half_way + 0.05
         assert half_way + 0.05 > last
         assert last < 0.05
 
 
+@pytest.mark.compiled
 def test_halves_of_an_exact_series_have_one_law_and_are_neighbours(key):
     """Each half alone is a sample of the law; together they are antithetic, c(T) < 0, but alike at
     the seam, c(1)."""
-    z = draw(key, "exact", 150, (1.0, 2.0, 4.0)).swapaxes(0, 1)
-    for series, gamma, opposite, seam in zip(
-        z, (1, 2, 4), (-0.08, -0.30, -0.52), (0.72, 0.987, 0.9997), strict=True
-    ):
-        first, second = series[:, :150], series[:, 150:]
-        assert misfit(second, covariance(150, gamma, "exact")) < LIMIT
-        assert correlation(first, second) == pytest.approx(opposite, abs=0.03)
-        assert correlation(first[:, -1], second[:, 0]) == pytest.approx(seam, abs=0.02)
+    gamma = tuple(OPPOSITE)
+    T = EVEN["exact"]
+    for series, g in zip(draw(key, "exact", T, gamma).swapaxes(0, 1), gamma, strict=True):
+        c = autocovariance(2 * T, g, "exact")
+        first, second = series[:, :T], series[:, T:]
+        assert misfit(second, covariance(T, g, "exact")) < LIMIT
+        assert correlation(first, second) == pytest.approx(c[T], abs=0.03)
+        assert c[T] < -0.06
+        assert correlation(first[:, -1], second[:, 0]) == pytest.approx(c[1], abs=0.02)
         assert correlation(first, np.roll(second, 1, axis=0)) == pytest.approx(0.0, abs=0.05)
 
 
@@ -186,13 +225,22 @@ def test_halves_of_an_exact_series_have_one_law_and_are_neighbours(key):
     ("T", "gamma", "variance"),
     [(9, 0.0, 1.0), (9, 1.0, 1.0), (8, 0.0, 14 / 17), (8, 1.0, 103 / 112)],
 )
-def test_paper_variance_is_one_for_odd_lengths_and_less_for_even_ones(key, T, gamma, variance):
+def test_paper_variance_is_one_for_odd_lengths_and_less_for_even_ones(T, gamma, variance):
     """zeta counts the Nyquist bin of an even length four times; a real bin adds once."""
-    assert (draw(key, "paper", T, (gamma,)) ** 2).mean() == pytest.approx(variance, abs=0.03)
+    assert (spectrum(T, gamma, "paper") ** 2).sum() == pytest.approx(variance, rel=1e-12)
 
 
-@pytest.mark.parametrize("T", [8, 9, 150])
+@pytest.mark.compiled
+@pytest.mark.parametrize(("T", "variance"), [(63, 1.0), (80, 1 - 3 / 161)])
+def test_samples_of_law_paper_have_its_variance(key, T, variance):
+    """White ones, whose variance is the closest to its expectation, (1 + 4 * 39 + 1) / 161."""
+    error = variance * np.sqrt(2 / (M * T))
+    assert (draw(key, "paper", T, (0.0,)) ** 2).mean() == pytest.approx(variance, abs=LIMIT * error)
+    assert LIMIT * error < 3 / 161, "which tells the two apart"
+
+
 @pytest.mark.parametrize("gamma", GAMMA)
+@pytest.mark.parametrize("T", [8, 9, 150])
 def test_paper_spectrum_is_the_published_formula(T, gamma):
     N = T // 2 + 1
     n = np.arange(N)
@@ -206,15 +254,14 @@ def test_paper_spectrum_is_the_published_formula(T, gamma):
     np.testing.assert_allclose(s[:0:-1], s[1:])
 
 
+@pytest.mark.compiled
 def test_library_law_has_an_offset_decay_over_a_variance_that_grows_with_gamma(key):
     """Undone, z_t + z_1 .97^t, the variance is that of a normalisation without the DC bin."""
-    gamma = (0.01, 0.5, 1.0, 2.0, 4.0)
-    z = draw(key, "library", 150, gamma)
+    gamma = tuple(GROWN)
+    T = EVEN["library"]
+    z = draw(key, "library", T, gamma)
+    variance = [autocovariance(2 * T, g, "library")[0] for g in gamma]
     offset = z[:, :, 1:2] / (1 - 0.97)
-    np.testing.assert_allclose(
-        offset.std(axis=(0, 2)), np.sqrt([1.00, 1.01, 1.05, 1.15, 1.23]), rtol=0.04
-    )
-    undone = z + offset * 0.97 ** np.arange(150)
-    np.testing.assert_allclose(
-        (undone**2).mean(axis=(0, 2)), [1.00, 1.01, 1.05, 1.15, 1.23], rtol=0.03
-    )
+    np.testing.assert_allclose(offset.std(axis=(0, 2)), np.sqrt(variance), rtol=0.04)
+    undone = z + offset * 0.97 ** np.arange(T)
+    np.testing.assert_allclose((undone**2).mean(axis=(0, 2)), variance, rtol=0.03)

@@ -27,9 +27,7 @@ from quadsim.paper.integrator import (
     Control,
     Goal,
     State,
-    distance,
     double_integrator,
-    quadratic_cost,
     speed,
 )
 
@@ -140,17 +138,22 @@ def test_a_number_of_each_step_makes_a_row_of_each_step(name):
 
 
 @pytest.mark.parametrize("name", VARYING)
-@pytest.mark.parametrize("shape", [(T - 1,), (T + 1,), (1,), (T, 2)])
-def test_numbers_of_another_length_than_the_horizon_are_a_line_that_names_them(name, shape):
-    cost = VARYING[name](np.ones(shape))
-    with pytest.raises(
-        ValueError, match=rf"^cost moving: {name}: expected .* each of {T} steps, got shape"
-    ) as caught:
-        MPPI(
-            SYSTEM, cost, Gaussian((1.0, 1.0)), MPPIConfig(samples=64, horizon=T, dt=SYSTEM.dt)
-        ).control(START)
-    assert "\n" not in str(caught.value)
-    assert str(caught.value).endswith(str(shape))
+def test_numbers_of_another_length_than_the_horizon_are_a_line_that_names_them(name):
+    for shape in ((T - 1,), (T + 1,), (1,), (T, 2)):
+        with pytest.raises(
+            ValueError, match=rf"^cost moving: {name}: expected .* each of {T} steps, got shape"
+        ) as caught:
+            VARYING[name](np.ones(shape)).numbers(T)
+        assert "\n" not in str(caught.value)
+        assert str(caught.value).endswith(str(shape))
+
+
+@pytest.mark.compiled
+def test_a_planner_refuses_numbers_of_another_length_than_its_horizon():
+    config = MPPIConfig(samples=64, horizon=T, dt=SYSTEM.dt)
+    mppi = MPPI(SYSTEM, VARYING["p_x"](np.ones(T - 1)), Gaussian((1.0, 1.0)), config)
+    with pytest.raises(ValueError, match=rf"p_x: expected .* each of {T} steps, got shape"):
+        mppi.control(START)
 
 
 def test_a_term_with_other_numbers_keeps_all_else():
@@ -190,39 +193,59 @@ def test_evaluate_takes_the_numbers_of_its_step():
         )
 
 
+def fast(x, x_next, u, target, p):
+    """Return a condition, which counts as 0 or 1."""
+    return x_next.vx > 1.0
+
+
+def always(x, x_next, u, target, p):
+    """Return a plain number."""
+    return 2.0
+
+
+# The cost that is flown, so that its loops are compiled once
+FLOWN = replace(COST, terms=(*TERMS, Term(fast, 3.0), Term(always, 0.5)))
+
+
 def steps(cost):
     """Return the cost with weights and parameters of which each depends on the step."""
     wave = np.sin(0.4 * np.arange(T))
+    near_, push_, band, *others = cost.terms
     return replace(
         cost,
         params=along(1.0, 0.0, 2.0, -1.0),
         terms=(
-            TERMS[0].but(weight=2.0 + wave),
-            TERMS[1],
-            TERMS[2].but(weight=1.0 - 0.5 * wave, low=wave),
+            near_.but(weight=2.0 + wave),
+            push_,
+            band.but(weight=1.0 - 0.5 * wave, low=wave),
+            *others,
         ),
     )
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("of", [lambda cost: cost, steps], ids=["constant", "one for each step"])
 def test_lanes_agree_with_the_oracle(of):
-    cost = of(COST)
+    cost = of(FLOWN)
     U, z = controls()
     oracle = fly_rows(SYSTEM, cost, START, U, z)
     np.testing.assert_allclose(fly_lanes(cost, U, z), oracle.J, rtol=2e-5)
     assert (oracle.terms != 0.0).any(axis=0).all()
 
 
+@pytest.mark.compiled
 def test_numbers_that_come_a_step_late_are_another_cost():
-    cost = steps(COST)
+    cost = steps(FLOWN)
     late = replace(cost, params=Point(*(np.append(value[0], value[:-1]) for value in cost.params)))
     U, z = controls()
     oracle = fly_rows(SYSTEM, late, START, U, z)
     assert np.mean(abs(fly_lanes(cost, U, z) / oracle.J - 1) > 2e-4) > 0.9
 
 
+@pytest.mark.compiled
 def test_each_term_of_the_paths_agrees_with_the_oracle():
-    cost = steps(COST)
+    """Terms that return a condition or a number are among them."""
+    cost = steps(FLOWN)
     U, z = controls()
     oracle = fly_rows(SYSTEM, cost, START, 0 * U, z[:LANES])
     _, terms = Rollout(SYSTEM, cost).paths(START, z[:LANES], 0)
@@ -301,25 +324,10 @@ def test_a_weight_is_the_first_factor_and_what_the_source_computes_apart_stays_w
     assert expected in [line.strip() for line in source.splitlines()]
 
 
+@pytest.mark.compiled
 def test_a_cost_whose_terms_have_no_weight_costs_nothing():
     nothing = replace(COST, terms=tuple(term.but(weight=0.0) for term in TERMS))
     assert (fly_lanes(nothing, *controls()) == 0.0).all()
-
-
-def test_a_term_may_return_a_condition_or_a_number():
-    """As 0 or 1: a term that counts."""
-
-    def fast(x, x_next, u, target, p):
-        return x_next.vx > 1.0
-
-    def always(x, x_next, u, target, p):
-        return 2.0
-
-    cost = Cost("counts", (Term(fast, 3.0), Term(always, 0.5)), Goal, np.zeros((1, 2)))
-    U, z = controls()
-    np.testing.assert_allclose(
-        fly_lanes(cost, U, z), fly_rows(SYSTEM, cost, START, U, z).J, rtol=1e-5
-    )
 
 
 def test_a_step_that_returns_no_state_is_a_line_that_names_it():
@@ -378,6 +386,19 @@ UNLUCKY = Cost(
 )
 
 
+def unlucky_step(x, u, p, dt):
+    """Return the point's next state, by variables named as those of the loops."""
+    state = x.vx * dt
+    cost = x.vy * dt
+    t = (u.ax - p.drag * x.vx) * dt
+    low_ax = (u.ay - p.drag * x.vy) * dt
+    model_drag = t + x.vx
+    return type(x)(x.px + state, x.py + cost, model_drag, x.vy + low_ax)
+
+
+UNLUCKY_MODEL = replace(POINT, step=unlucky_step)
+
+
 def greedy_term(names):
     """Return a term that has a local variable of each of these names, of which each counts."""
     lines = ["def greedy(x, x_next, u, target, p):", "    found = x_next.px * 0.01"]
@@ -390,10 +411,11 @@ def greedy_term(names):
     return scope["greedy"]
 
 
+@pytest.mark.compiled
 def test_names_of_the_source_never_collide_with_those_of_the_loops():
     """A term whose variables have every name that occurs in the generated text, beside parameters
-    that have some."""
-    source = module_source(SYSTEM, UNLUCKY, np.float32)
+    and a model that have some: they fly as they do on floats."""
+    source = module_source(UNLUCKY_MODEL, UNLUCKY, np.float32)
     words = set(re.findall(r"[A-Za-z_]\w*", source)) - {
         *keyword.kwlist,
         "x",
@@ -422,73 +444,26 @@ def test_names_of_the_source_never_collide_with_those_of_the_loops():
         "p_t",
         "p_noise_factor",
         "weight_shared",
-        "model_gain",
-        "plan_ax_cmd",
-        "low_ax_cmd",
+        "model_drag",
+        "plan_ax",
+        "low_ax",
     } < words
     cost = replace(UNLUCKY, terms=(*UNLUCKY.terms, Term(greedy_term(sorted(words)), 3.0)))
     U, z = controls()
-    oracle = fly_rows(SYSTEM, cost, START, U, z)
-    np.testing.assert_allclose(fly_lanes(cost, U, z), oracle.J, rtol=5e-5)
+    oracle = fly_rows(POINT, cost, START, U, z)
+    np.testing.assert_allclose(fly_lanes(cost, U, z, UNLUCKY_MODEL), oracle.J, rtol=5e-5)
     assert 0.1 < oracle.crashed.mean() < 0.9
     assert (oracle.terms != 0.0).any(axis=0).all()
-    _, terms = Rollout(SYSTEM, cost).paths(START, z[:LANES], 0)
+    _, terms = Rollout(UNLUCKY_MODEL, cost).paths(START, z[:LANES], 0)
     np.testing.assert_allclose(
-        terms, fly_rows(SYSTEM, cost, START, 0 * U, z[:LANES]).terms, rtol=5e-5, atol=1e-6
+        terms, fly_rows(POINT, cost, START, 0 * U, z[:LANES]).terms, rtol=5e-5, atol=1e-6
     )
-
-
-def test_a_model_whose_variables_have_names_of_the_loops_flies_as_on_floats():
-    def step(x, u, p, dt):
-        state = x.vx * dt
-        cost = x.vy * dt
-        t = (u.ax - p.drag * x.vx) * dt
-        low_ax = (u.ay - p.drag * x.vy) * dt
-        model_drag = t + x.vx
-        return type(x)(x.px + state, x.py + cost, model_drag, x.vy + low_ax)
-
-    system, cost = replace(POINT, step=step), quadratic_cost((1.0, -1.0))
-    U, z = controls()
-    oracle = fly_rows(POINT, cost, START, U, z).J
-    np.testing.assert_allclose(fly_lanes(cost, U, z, system), oracle, rtol=2e-5)
 
 
 # Moving targets: the parameters of each step are where something will be then.
 
 LIMITED = replace(SYSTEM, low=(-2.0, -2.0), high=(2.0, 2.0))
 CONFIG = MPPIConfig(samples=512, horizon=45, iterations=2, dt=SYSTEM.dt, temperature=0.02)
-
-
-def pursued(predicts, seconds=5.0):
-    """Return the distances to a point that moves at 1.5 m/s, which the planner sees ahead or takes
-    to stand still."""
-    cost = Cost(
-        "pursuit",
-        (Term(near, 5.0), Term(push, 0.01)),
-        Goal,
-        np.zeros((1, 2)),
-        params=Point(0.0, 0.0),
-    )
-    mppi = MPPI(LIMITED, cost, Gaussian((1.5, 1.5)), CONFIG, seed=1)
-    x = State(-1.0, -1.0, 0.0, 0.0)
-    apart = []
-    for k in range(round(seconds / SYSTEM.dt)):
-        here = along(0.0, 1.5 * k * SYSTEM.dt, 0.0, 1.5, CONFIG.horizon)
-        if not predicts:
-            here = Point(here.x[0], here.y[0])
-        mppi.set_cost(replace(cost, params=here))
-        u, _ = mppi.control(np.array(x))
-        x = LIMITED.next(x, u)
-        apart.append(np.hypot(x.px, x.py - 1.5 * (k + 1) * SYSTEM.dt))
-    return np.array(apart)
-
-
-def test_a_target_that_moves_is_met_where_it_will_be_and_trailed_where_it_was():
-    ahead, behind = pursued(predicts=True)[-20:], pursued(predicts=False)[-20:]
-    assert ahead.mean() < 0.1
-    assert behind.mean() > 3 * ahead.mean()
-
-
 RADIUS = 0.6
 
 
@@ -499,17 +474,50 @@ def keep_off(x, x_next, u, target, p):
     return maximum(RADIUS * RADIUS - (dx * dx + dy * dy), 0.0)
 
 
-def room_left(params):
-    """Return how far the plan keeps off a disc that crosses its way, where the planner takes it to
-    be at `params`."""
-    terms = (Term(distance, 1.0), Term(speed, 0.1), Term(keep_off, 1000.0, **params._asdict()))
-    mppi = MPPI(
-        LIMITED,
-        Cost("crossing", terms, Goal, np.array([[1.5, 0.0]])),
-        Gaussian((1.5, 1.5)),
-        CONFIG,
-        seed=2,
+def going_to(place, disc, weight, effort):
+    """Return the cost of the way to a place, clear of a disc; both may move.
+
+    All costs of this section are this one, so that its loops are compiled once.
+    """
+    terms = (
+        Term(near, weight),
+        Term(push, effort),
+        Term(speed, 0.1 * weight),
+        Term(keep_off, 1000.0, **disc._asdict()),
     )
+    return Cost("way", terms, Goal, np.zeros((1, 2)), params=place)
+
+
+def pursued(predicts, seconds=5.0):
+    """Return the distances to a point that moves at 1.5 m/s, which the planner sees ahead or takes
+    to stand still."""
+    far = Point(1e3, 0.0)
+    mppi = MPPI(LIMITED, going_to(Point(0.0, 0.0), far, 5.0, 0.01), Gaussian((1.5, 1.5)), CONFIG, 1)
+    x = State(-1.0, -1.0, 0.0, 0.0)
+    apart = []
+    for k in range(round(seconds / SYSTEM.dt)):
+        here = along(0.0, 1.5 * k * SYSTEM.dt, 0.0, 1.5, CONFIG.horizon)
+        if not predicts:
+            here = Point(here.x[0], here.y[0])
+        mppi.set_cost(replace(mppi.cost, params=here))
+        u, _ = mppi.control(np.array(x))
+        x = LIMITED.next(x, u)
+        apart.append(np.hypot(x.px, x.py - 1.5 * (k + 1) * SYSTEM.dt))
+    return np.array(apart)
+
+
+@pytest.mark.compiled
+def test_a_target_that_moves_is_met_where_it_will_be_and_trailed_where_it_was():
+    ahead, behind = pursued(predicts=True)[-20:], pursued(predicts=False)[-20:]
+    assert ahead.mean() < 0.1
+    assert behind.mean() > 3 * ahead.mean()
+
+
+def room_left(disc):
+    """Return how far the plan keeps off a disc that crosses its way, where the planner takes it to
+    be at `disc`."""
+    cost = going_to(Point(1.5, 0.0), disc, 1.0, 0.001)
+    mppi = MPPI(LIMITED, cost, Gaussian((1.5, 1.5)), CONFIG, seed=2)
     start = np.array([-1.5, 0.0, 1.5, 0.0])
     for _ in range(30):
         mppi.control(Estimate(0.0, start))
@@ -525,6 +533,7 @@ def room_left(params):
 CROSSING = along(0.0, -2.4, 0.0, 3.0, CONFIG.horizon)
 
 
+@pytest.mark.compiled
 def test_a_plan_keeps_clear_of_a_disc_only_where_its_crossing_is_predicted():
     assert room_left(CROSSING) > RADIUS - 0.05
     assert room_left(Point(*(float(value[0]) for value in CROSSING))) < 0.5 * RADIUS

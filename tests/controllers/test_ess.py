@@ -42,6 +42,7 @@ def test_steering_reaches_its_effective_sample_size_and_stays(start):
     assert adapt_temperature(0.3, 1.0, None) == 0.3
 
 
+@pytest.mark.compiled
 def test_plan_with_steering_has_its_effective_sample_size():
     mppi = make(samples=512, target_ess=40.0, temperature=1e-3)
     sizes = [mppi.iterate(START, 0).ess for _ in range(200)]

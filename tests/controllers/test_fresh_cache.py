@@ -7,6 +7,9 @@ import sys
 import numpy as np
 import pytest
 
+# It compiles all loops of a planner. That code is kept and found again is claimed of a
+# small function in test_code_cache.
+pytestmark = pytest.mark.regression
 PLANS = """
 import sys
 import numpy as np

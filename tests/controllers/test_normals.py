@@ -11,6 +11,7 @@ from scipy.special import ndtr
 
 from controllers.lanes.normals import box_muller, fill_normals, philox
 
+pytestmark = pytest.mark.compiled
 LANES = 64
 LIMIT = 5.0  # standard errors
 KS_LIMIT = 1.95  # of sqrt(n) D, one draw in a thousand is above

@@ -83,6 +83,7 @@ def paid_for_obstacles(cost, T):
     return with_obstacles - without
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("y", [0.0, 1.2, 3.0])
 def test_a_frame_that_is_not_next_is_a_crash_in_the_lanes(y):
     """The way to the next gate leads past another: through its opening, at its bar, beside it."""
@@ -91,6 +92,7 @@ def test_a_frame_that_is_not_next_is_a_crash_in_the_lanes(y):
     assert paid_for_obstacles(race_cost(course(gate(40.0)), RADIUS, ALL, 1), 60) == 0.0
 
 
+@pytest.mark.compiled
 def test_a_crash_is_paid_from_where_it_happened():
     """A bar .4 s ahead: what remains of the horizon after it, to a line's length."""
     cost = race_cost(course(gate(40.0), gate(4.0, 1.2)), RADIUS, ALL, 1)
@@ -99,6 +101,7 @@ def test_a_crash_is_paid_from_where_it_happened():
         assert steps_paid == pytest.approx(T - 4.0 / (10.0 * DT), abs=8)
 
 
+@pytest.mark.compiled
 def test_samples_past_the_finish_touch_nothing():
     cost = race_cost(ROW, RADIUS, ALL, 1)
     x0 = launch((2.0, 1.1, 20.0), (10.0, 0.0, 0.0))
@@ -174,6 +177,7 @@ def beyond(x, x_next, u, line, p):
     return x_next.px > line.x
 
 
+@pytest.mark.compiled
 def test_obstacles_are_crashes_in_the_lanes_as_in_the_oracle():
     """A point mass past a frame, a pole and a wall: what their rows add, in a loop that compiles
     quickly."""

@@ -114,7 +114,7 @@ def test_rollout_is_never_laxer_than_the_referee_and_at_most_the_safety_margin_s
     rng, g = np.random.default_rng(0), gate(5.0, 1.0, 20.0, 40, 20, 15)
     one, seen = course(g, gate(500.0)), {}
     cost = race_cost(one, RADIUS, ALL, 1)
-    for _ in range(300):
+    for _ in range(120):
         y, z, phase = rng.uniform((-2.0, -2.0, 0.0), (2.0, 2.0, 1.0))
         way = np.array((1.0, *slant * rng.uniform(-1.0, 1.0, 2)))
         along = STEP * (np.arange(-3, 4) + phase - 0.5) / np.linalg.norm(way)
@@ -153,13 +153,16 @@ def test_gate_that_is_wide_enough_for_the_referee_has_a_free_opening(room):
     ]
 
 
-@pytest.mark.parametrize("vehicle", vehicle_names())
 @pytest.mark.parametrize("name", course_names())
-def test_every_vehicle_has_a_free_opening_at_every_gate(name, vehicle):
-    radius, c = load_vehicle(vehicle).radius, load_course(name)
-    targets = race_cost(c, radius, ALL, 1).targets
-    for g, row in zip(c.gates, targets, strict=False):
-        assert np.all((row[9:11] >= 0.01 - 1e-12) & (row[9:11] < np.array(g.opening) / 2 - radius))
+def test_every_vehicle_has_a_free_opening_at_every_gate(name):
+    c = load_course(name)
+    for vehicle in vehicle_names():
+        radius = load_vehicle(vehicle).radius
+        targets = race_cost(c, radius, ALL, 1).targets
+        for g, row in zip(c.gates, targets, strict=False):
+            free = row[9:11]
+            assert np.all(free >= 0.01 - 1e-12), vehicle
+            assert np.all(free < np.array(g.opening) / 2 - radius), vehicle
 
 
 def rows_ahead(cost, target, x):

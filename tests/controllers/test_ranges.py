@@ -10,39 +10,36 @@ from controllers.samplers import SAMPLERS, Colored, Gaussian
 from quadsim.files.values import SettingError
 
 NAN = float("nan")
+# Setting of MPPI -> the range that an error names, and wrong values.
+WRONG = {
+    "temperature": ("a number > 0 and <= 1e+06", (0, NAN, 10**400, None)),
+    "samples": ("a whole number >= 2", (0, 64.0, "64", NAN)),
+    "horizon": ("a whole number [steps] >= 2", (0,)),
+    "dt": ("a number [s] > 0", (np.zeros(3),)),
+    "first_iterations": ("a whole number >= 1", (1.5,)),
+    "smooth": ("true or false", (1,)),
+    "adapt": ("true or false", ("true",)),
+}
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "expected"),
-    [
-        ("temperature", 0, "a number > 0 and <= 1e+06"),
-        ("temperature", NAN, "a number > 0"),
-        ("temperature", 10**400, "a number > 0"),
-        ("temperature", None, "a number > 0"),
-        ("samples", 0, "a whole number >= 2"),
-        ("samples", 64.0, "a whole number >= 2"),
-        ("samples", "64", "a whole number >= 2"),
-        ("samples", NAN, "a whole number >= 2"),
-        ("horizon", 0, "a whole number [steps] >= 2"),
-        ("dt", np.zeros(3), "a number [s] > 0"),
-        ("first_iterations", 1.5, "a whole number >= 1"),
-        ("smooth", 1, "true or false"),
-        ("adapt", "true", "true or false"),
-    ],
-)
-def test_a_number_of_mppi_out_of_its_range_is_refused_in_one_line(name, value, expected):
-    with pytest.raises(SettingError) as refused:
-        MPPIConfig(**{name: value})
-    assert str(refused.value).startswith(f"{name}: expected {expected}")
-    assert "\n" not in str(refused.value)
+def test_a_number_of_mppi_out_of_its_range_is_refused_in_one_line():
+    for name, (expected, values) in WRONG.items():
+        for value in values:
+            with pytest.raises(SettingError) as refused:
+                MPPIConfig(**{name: value})
+            assert str(refused.value).startswith(f"{name}: expected {expected}"), value
+            assert "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize("sampler", SAMPLERS)
-@pytest.mark.parametrize("sigma", [(1, 1, 1, NAN), (0,) * 4, "1234", None, ("1",) * 4])
-def test_a_sigma_out_of_its_range_is_refused(sampler, sigma):
-    other = {"gamma": (0.0,) * 4} if sampler == "colored" else {}
-    with pytest.raises(SettingError, match=r"^sigma: expected .* numbers > 0 and <= 1000, got"):
-        SAMPLERS[sampler](sigma=sigma, **other)
+def test_a_sigma_out_of_its_range_is_refused_by_every_sampler():
+    for name, sampler in SAMPLERS.items():
+        other = {"gamma": (0.0,) * 4} if name == "colored" else {}
+        for sigma in ((1, 1, 1, NAN), (0,) * 4, "1234", None, ("1",) * 4):
+            with pytest.raises(SettingError) as refused:
+                sampler(sigma=sigma, **other)
+            found = str(refused.value)
+            assert found.startswith("sigma: expected "), (name, sigma)
+            assert "numbers > 0 and <= 1000, got" in found, (name, sigma)
 
 
 def test_the_law_of_colored_sampling_is_one_of_three():
@@ -58,7 +55,7 @@ def test_a_list_or_an_array_of_numbers_is_kept_as_a_tuple():
 
 
 @pytest.mark.parametrize("weights", [RaceWeights, ReferenceWeights])
-@pytest.mark.parametrize("value", [-1, NAN, "5", None, True])
-def test_a_weight_out_of_its_range_is_refused(weights, value):
-    with pytest.raises(SettingError, match=r"^crash: expected a number >= 0"):
-        weights(crash=value)
+def test_a_weight_out_of_its_range_is_refused(weights):
+    for value in (-1, NAN, "5", None, True):
+        with pytest.raises(SettingError, match=r"^crash: expected a number >= 0"):
+            weights(crash=value)

@@ -21,6 +21,7 @@ from quadsim.files.strict_yaml import FileError
 from quadsim.spec.reference import reference_of, stored_reference
 from quadsim.spec.spec import Spec
 from quadsim.vehicle import load_vehicle
+from tests.small import SMALL
 
 COURSE, SWIFT, DT = load_course("split_s_swift"), load_vehicle("swift"), 0.01
 WEIGHTS = ReferenceWeights()
@@ -102,10 +103,11 @@ def test_a_stored_solution_passes_its_gates_in_the_rows_that_are_noted():
         assert abs(ahead) < 0.4, "within the depth of a frame, and one row"
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("sampler", ["colored", "gaussian"])
 def test_a_flight_keeps_to_the_path_and_the_planner_without_it_does_not(sampler):
     def off(**settings):
-        run = quadsim.fly(COURSE, sampler=sampler, timeout=1.2, samples=512, **settings)
+        run = quadsim.fly(COURSE, sampler=sampler, **SMALL, timeout=0.8, **settings)
         p = np.column_stack([run.telemetry[name] for name in ("px", "py", "pz")])
         path = reference_of(LIMIT, SWIFT, DT).x[:, :3]
         return max(np.linalg.norm(path[:200] - each, axis=1).min() for each in p)

@@ -8,12 +8,14 @@ from controllers.sampled_trajectories import controls, sampled_trajectories, tak
 from quadsim.racing.flight import SNAPSHOT_EVERY, simulate
 from quadsim.spec.build import FlightParts, build, launch
 from quadsim.spec.spec import Spec
+from tests.small import SMALL
 
 
 @pytest.fixture
 def flight():
     """A flight of few samples over a few frames, closed afterwards."""
-    spec = Spec.of(sampler="colored", preset="paper", samples=256)
+    # Nothing is drawn before the first plan, and no model is learned, as `simulate` has none.
+    spec = Spec.of(sampler="colored", overshoot=0.0, adapt=False, first_iterations=2, **SMALL)
     plant, mppi, referee = build(spec)
     yield spec, plant, mppi, referee
     plant.close()
@@ -29,6 +31,7 @@ def test_nothing_is_seen_before_the_first_plan(flight):
     assert sampled_trajectories(flight[2]) is None
 
 
+@pytest.mark.compiled
 def test_the_terms_of_the_plan_sum_to_what_the_rollout_says(flight):
     _, mppi = flown(flight)
     last = mppi.last
@@ -39,6 +42,7 @@ def test_the_terms_of_the_plan_sum_to_what_the_rollout_says(flight):
     assert sum(sampled_trajectories(mppi).terms.values()) == pytest.approx(float(J[0, 0]), rel=1e-4)
 
 
+@pytest.mark.compiled
 def test_samples_are_ranked_and_begin_where_the_vehicle_is(flight):
     frames, mppi = flown(flight)
     seen = sampled_trajectories(mppi)
@@ -47,6 +51,7 @@ def test_samples_are_ranked_and_begin_where_the_vehicle_is(flight):
     assert not np.allclose(seen.paths[:, -1], seen.paths[0, -1], atol=0.05)
 
 
+@pytest.mark.compiled
 def test_a_cheapest_sample_flown_again_costs_what_it_cost(flight):
     """The shown paths are flown by the sampled controls themselves."""
     _, mppi = flown(flight)
@@ -56,12 +61,13 @@ def test_a_cheapest_sample_flown_again_costs_what_it_cost(flight):
     assert terms.sum(axis=1) == pytest.approx(last.J[best], rel=1e-3)
 
 
+@pytest.mark.compiled
 def test_samples_of_an_earlier_iteration_are_drawn_again(flight):
     spec, plant, mppi, referee = flight
     stream = launch(spec, FlightParts(plant, mppi, referee))
     next(stream)
     earlier = mppi.last
-    some = np.array([0, 63, 64, 255])
+    some = np.array([0, 63, 64, 127])
     at_once = controls(mppi, earlier, some)
     next(stream)
     later = controls(mppi, mppi.last, some)
@@ -70,6 +76,7 @@ def test_samples_of_an_earlier_iteration_are_drawn_again(flight):
     assert not np.array_equal(at_once, later)
 
 
+@pytest.mark.compiled
 def test_looking_changes_nothing(flight):
     _, mppi = flown(flight)
     plan, temperature = mppi.plan.copy(), mppi.temperature
@@ -78,6 +85,7 @@ def test_looking_changes_nothing(flight):
     assert temperature == mppi.temperature
 
 
+@pytest.mark.compiled
 def test_a_flight_with_snapshots_is_the_flight_without(flight):
     spec, plant, mppi, referee = flight
     seen = flown(flight, 12)[0]
@@ -88,6 +96,7 @@ def test_a_flight_with_snapshots_is_the_flight_without(flight):
         assert (a.x, a.u, a.cost) == (b.x, b.u, b.cost)
 
 
+@pytest.mark.compiled
 def test_a_snapshot_is_kept_now_and_then(flight):
     frames, _ = flown(flight, 2 * SNAPSHOT_EVERY + 1)
     kept = [k for k, frame in enumerate(frames) if frame.snapshot is not None]
@@ -96,6 +105,7 @@ def test_a_snapshot_is_kept_now_and_then(flight):
     assert list(frames[0].snapshot.terms) == list(TERMS)
 
 
+@pytest.mark.compiled
 def test_a_snapshot_is_the_sampled_trajectories_and_the_terms_of_the_plan(flight):
     _, mppi = flown(flight)
     seen = take_snapshot(mppi)

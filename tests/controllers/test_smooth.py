@@ -25,6 +25,7 @@ def kim(U, D, xi, dt, temperature):
     return U + D * dt, D
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("name", ["smooth", "smooth_star"])
 def test_smooth_is_the_published_iteration_over_derivatives(name):
     """Three iterations; with the derivative plan set to zero in between, the plan is another
@@ -43,12 +44,14 @@ def test_smooth_is_the_published_iteration_over_derivatives(name):
     assert abs(mppi.plan - forgetful).max() > 1e-2
 
 
+@pytest.mark.compiled
 def test_smooth_samples_with_sigma_dt_and_smooth_star_with_sigma():
     slow, star = (drawn(make(sampler=name)) for name in ("smooth", "smooth_star"))
     np.testing.assert_allclose(slow, 0.1 * star, rtol=1e-5)  # dt = .1 s
     np.testing.assert_allclose(star.std(axis=(0, 2)), (0.8, 0.5), rtol=0.03)
 
 
+@pytest.mark.compiled
 def test_nominal_of_a_plan_with_momentum_leads_where_the_momentum_does():
     mppi = make(sampler="smooth_star", **FREE)
     mppi.sampler.momentum.change = 0.1 * np.cos(np.arange(2.0 * T)).reshape(T, 2)
@@ -57,6 +60,7 @@ def test_nominal_of_a_plan_with_momentum_leads_where_the_momentum_does():
     assert mppi.iterate(START, 0).cost == pytest.approx(led, rel=1e-5)
 
 
+@pytest.mark.compiled
 def test_last_samples_perturb_the_plan_without_its_momentum():
     mppi = make(sampler="smooth_star")
     mppi.sampler.momentum.change[:] = 0.3
@@ -65,6 +69,7 @@ def test_last_samples_perturb_the_plan_without_its_momentum():
     np.testing.assert_array_equal(z[1:180], raw[1:180])
 
 
+@pytest.mark.compiled
 def test_momentum_does_not_wind_up_at_the_limits():
     mppi = make(sampler="smooth_star", sigma=(5.0, 5.0))
     for _ in range(20):
@@ -86,6 +91,7 @@ def test_momentum_shifts_with_the_plan_or_by_the_published_slip(shift, steps):
     )
 
 
+@pytest.mark.compiled
 def test_plan_takes_its_momentum_along_when_time_moves_on():
     mppi = make(sampler="smooth_star")
     mppi.control(START)
@@ -100,6 +106,7 @@ def log_normal(key, sigma, samples=65536):
     return from_lanes(z, samples, 4).astype(float)
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("sigma", [0.2, 0.5])
 def test_log_normal_has_the_variance_and_kurtosis_of_a_normal_times_a_log_normal(key, sigma):
     """Standard deviation sigma exp(sigma^2), kurtosis 3 exp(4 sigma^2); a Gaussian's are sigma and
@@ -112,6 +119,7 @@ def test_log_normal_has_the_variance_and_kurtosis_of_a_normal_times_a_log_normal
     assert kurtosis != pytest.approx(3, rel=0.15)
 
 
+@pytest.mark.compiled
 def test_log_normal_sign_and_size_are_those_of_independent_normals(key):
     """ln |z / sigma| / sigma has the variance 1 + var(ln |xi|) / sigma^2, whatever the sign."""
     sigma = 0.5
@@ -121,6 +129,7 @@ def test_log_normal_sign_and_size_are_those_of_independent_normals(key):
     assert abs(np.corrcoef(np.sign(z).ravel(), size.ravel())[0, 1]) < 5 / np.sqrt(z.size)
 
 
+@pytest.mark.compiled
 def test_log_normal_is_white(key):
     z = log_normal(key, 0.4).reshape(-1, 8)
     r = np.corrcoef(z.T) - np.eye(8)
@@ -130,6 +139,7 @@ def test_log_normal_is_white(key):
     )
 
 
+@pytest.mark.compiled
 def test_log_normal_of_an_absurd_sigma_is_finite(key):
     assert np.isfinite(log_normal(key, 100.0, 4096)).all()
 

@@ -140,6 +140,7 @@ FUNCTIONS = {
 }
 
 
+@pytest.mark.compiled
 def test_compiled_functions_are_numpys_within_the_rounding_of_float32():
     from controllers.lanes.compiled import load_module
     from controllers.lanes.layout import LANES

@@ -14,34 +14,33 @@ from quadsim.files.values import SettingError
 
 FIGURE8 = load_course("figure8")
 COURSES = [*map(load_course, course_names()), *random_courses(3, seed=5)]
-by_name = pytest.mark.parametrize("course", COURSES, ids=lambda course: course.name)
 
 
-@by_name
-def test_a_course_written_as_yaml_reads_back_equal(course, tmp_path):
-    assert course.to_yaml() == course.text, "with its comments"
-    course.to_yaml(tmp_path / f"{course.name}.yaml")
-    assert load_course(tmp_path / f"{course.name}.yaml") == course
+def test_a_course_written_as_yaml_reads_back_equal(tmp_path):
+    for course in COURSES:
+        assert course.to_yaml() == course.text, "with its comments"
+        course.to_yaml(tmp_path / f"{course.name}.yaml")
+        assert load_course(tmp_path / f"{course.name}.yaml") == course
 
 
-@by_name
-def test_a_course_made_anew_of_its_entries_is_equal_but_for_its_text(course):
-    again = course.but()
-    assert replace(again, text=course.text) == course
-    assert parse_course(again.to_yaml(), again.name) == again
-    # A course without a text that describes it is written out too
-    assert replace(course, text="").to_yaml() == again.text
+def test_a_course_made_anew_of_its_entries_is_equal_but_for_its_text():
+    for course in COURSES:
+        again = course.but()
+        assert replace(again, text=course.text) == course
+        assert parse_course(again.to_yaml(), again.name) == again
+        # A course without a text that describes it is written out too
+        assert replace(course, text="").to_yaml() == again.text
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_an_angle_from_degrees_is_written_as_these_degrees(seed):
-    rng = np.random.default_rng(seed)
-    for digits in (0, 1, 3, 12):
-        angle = round(rng.uniform(-360, 360), digits)
-        assert radians(in_degrees(radians(angle))) == radians(angle)
-        assert len(str(in_degrees(radians(angle)))) <= len(str(angle))
-    free = rng.uniform(-6, 6)
-    assert radians(in_degrees(free)) == pytest.approx(free, rel=4e-16)
+def test_an_angle_from_degrees_is_written_as_these_degrees():
+    rng = np.random.default_rng(0)
+    for _ in range(100):
+        for digits in (0, 1, 3, 12):
+            angle = round(rng.uniform(-360, 360), digits)
+            assert radians(in_degrees(radians(angle))) == radians(angle)
+            assert len(str(in_degrees(radians(angle)))) <= len(str(angle))
+        free = rng.uniform(-6, 6)
+        assert radians(in_degrees(free)) == pytest.approx(free, rel=4e-16)
 
 
 def test_gates_obstacles_and_start_are_objects_or_entries():

@@ -1,5 +1,7 @@
 """A course that nothing was tuned for: a climb, a gate that looks up, a stacked pair."""
 
+import pytest
+
 import quadsim
 
 UNSEEN = """
@@ -15,6 +17,7 @@ gates:
 """
 
 
+@pytest.mark.regression
 def test_an_unseen_course_with_a_12_m_climb_and_stacked_gates_flies_from_its_yaml_alone(tmp_path):
     course = tmp_path / "unseen.yaml"
     course.write_text(UNSEEN)

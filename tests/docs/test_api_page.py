@@ -46,6 +46,7 @@ def test_the_page_has_every_public_name(package):
     assert set(package.__all__) - described - in_sentences == set()
 
 
+@pytest.mark.docs
 @pytest.mark.parametrize("path", ENTRIES)
 def test_an_entry_has_an_example_that_prints_what_it_says(path, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -5,15 +5,17 @@ columns) is of one of these kinds:
 
 * It is made here again and compared: examples in Python, reports of single flights, errors, and
   tables that a command prints without flying.
-* It takes minutes to days: campaigns, searches, training, tables of flights. It stands below its
-  command in the same section, and the command is one that the project takes.
+* It takes minutes to days: campaigns, searches, training, tables of flights. It is not verified:
+  it stands below a command in the same section, and the command is one that the project takes.
 * It depends on the wall clock: all that `race bench`, `tests/web/measure.py`, training and flights
   with `--clock wall` print, and the lines of a report on planning and simulation. It is never
   compared. A table of it stands below its command too; a report on a page leaves the lines out.
 
 Another processor rounds otherwise, and without PyBullet another rigid body flies. So digits of
 flights are compared on processors like the one that the pages were made on, and elsewhere times
-within TOLERANCE.
+within TOLERANCE and other numbers within FACTOR.
+
+`make docs-check` makes the results again; the other tests here read the pages alone.
 """
 
 import ast
@@ -33,6 +35,7 @@ from cyclopts import CycloptsError, MissingArgumentError
 import quadsim
 from quadsim.cli.cli import race
 from quadsim.cli.parse import application
+from tests.docs.names import is_taken, unknown_flags
 from tests.docs.pages import PAGES, ROOT, Block, Result, blocks, results
 
 # Commands that print their numbers without a flight.
@@ -46,10 +49,13 @@ PLACEHOLDER = re.compile(r"\[?[A-Z]+\]?")
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?![\w.]*\w)")
 # Seconds of a flight are printed with three decimals.
 TIME = re.compile(r"\d+\.\d{3}")
-TOLERANCE = 0.1
+# On a processor without AVX and FMA the splits of README's flight differ by 3 % at most, and the
+# largest rate of change of its thrust by a factor of 3.4.
+TOLERANCE = 0.05
+FACTOR = 4.0
 # A number with more characters is in full precision, as JSON has it.
 EXACT = 12
-FIGURE = re.compile(r"!\[[^]]*\]\(([^)]+\.png)\)")
+FIGURE = re.compile(r"!\[[^]]*\]\(([^)]+\.(?:png|webp))\)")
 
 FLY = quadsim.fly
 RESULTS = [result for page in PAGES for result in results(page)]
@@ -126,15 +132,24 @@ def agrees(printed: str, found: str, flown: bool) -> bool:
 
 
 def _about(printed: str, found: str) -> bool:
-    """Return whether lines have the same words, and times that differ by TOLERANCE at most."""
+    """Return whether lines have the same words and similar numbers.
+
+    Times differ by TOLERANCE at most, other numbers by FACTOR, or by one in their last digit.
+    """
     if NUMBER.split(printed) != NUMBER.split(found):
         return False
     pairs = zip(NUMBER.findall(printed), NUMBER.findall(found), strict=True)
-    return all(
-        abs(float(there) - float(here)) <= TOLERANCE * float(there)
-        for there, here in pairs
-        if TIME.fullmatch(there)
-    )
+    return all(_is_similar(there, float(here)) for there, here in pairs)
+
+
+def _is_similar(there: str, here: float) -> bool:
+    """Return whether another processor may find `here` where a page has `there`."""
+    number = float(there)
+    if TIME.fullmatch(there):
+        return abs(number - here) <= TOLERANCE * number
+    last_digit = 10.0 ** -len(there.partition(".")[2])
+    low, high = sorted((number / FACTOR, number * FACTOR))
+    return low <= here <= high or ("." in there and abs(number - here) <= 1.001 * last_digit)
 
 
 @cache
@@ -169,26 +184,18 @@ def is_among(number: str, found: list[str]) -> bool:
     )
 
 
-def is_taken(command: str) -> bool:
-    """Return whether a command line names a command with its flags, a target, or a file."""
-    program, *words = shlex.split(command)
+def parses(command: str) -> bool:
+    """Return whether `race` takes a command line, up to values that a sentence leaves out."""
+    _, *words = shlex.split(command)
     words = [word for word in words if not word.startswith("[")]
-    if program == "race" and not words[0].startswith("--"):
-        words = ["1" if PLACEHOLDER.fullmatch(word) else word for word in words]
-        try:
-            application().parse_args(words, print_error=False, exit_on_error=False)
-        except MissingArgumentError:
-            # A sentence names the flag without the rest of the command.
-            return True
-        except CycloptsError:
-            return False
+    words = ["1" if PLACEHOLDER.fullmatch(word) else word for word in words]
+    try:
+        application().parse_args(words, print_error=False, exit_on_error=False)
+    except MissingArgumentError:
+        # A sentence names the flag without the rest of the command.
         return True
-    if program == "make":
-        return f"\n{words[0]}:" in MAKEFILE
-    if program.endswith("python"):
-        return "-m" in words or (ROOT / words[0]).exists()
-    if program == "pytest":
-        return (ROOT / words[0]).exists()
+    except CycloptsError:
+        return False
     return True
 
 
@@ -231,7 +238,7 @@ def test_the_pages_have_results_of_every_kind():
     assert SLOW
 
 
-@pytest.mark.flight
+@pytest.mark.docs
 @pytest.mark.parametrize(("block", "imports"), EXAMPLES, ids=[block.name for block, _ in EXAMPLES])
 def test_an_example_prints_the_numbers_behind_its_prints(block, imports, monkeypatch):
     monkeypatch.setenv("MPLBACKEND", "agg")
@@ -249,19 +256,21 @@ def test_an_example_prints_the_numbers_behind_its_prints(block, imports, monkeyp
             assert agrees(match["text"], lines[number], flown=True), (line, lines[number])
 
 
+@pytest.mark.docs
 @by_place("result", QUICK_OUTPUTS)
 def test_a_command_prints_the_block_below_it(result):
     printed = "".join(map(printed_by, result.commands))
     assert missing(result.block.output, printed, flown=False) == []
 
 
-@pytest.mark.flight
+@pytest.mark.docs
 @by_place("result", REPORTS)
 def test_a_flight_prints_the_report_below_it(result):
     printed = "".join(printed_by(as_typed(command)) for command in result.commands)
     assert missing(result.block.output, printed, flown=True) == []
 
 
+@pytest.mark.docs
 @by_place("result", QUICK_TABLES)
 def test_commands_print_the_numbers_of_each_row_below_them(result):
     """The commands may name columns of the table in capitals."""
@@ -276,30 +285,27 @@ def test_commands_print_the_numbers_of_each_row_below_them(result):
         assert [number for number in numbers if not is_among(number, found)] == [], row
 
 
-@by_place("result", SLOW)
-def test_a_result_that_is_not_made_again_stands_below_its_command(result):
-    assert result.commands, "expected a command above it in the same section"
+def test_a_result_that_is_not_made_again_stands_below_a_command():
+    """Nothing more is known of these results: their flights take minutes to days."""
+    assert [result.block.name for result in SLOW if not result.commands] == []
 
 
-def test_the_commands_on_the_pages_are_taken_by_the_project():
+@pytest.mark.docs
+def test_race_takes_the_commands_on_the_pages():
     commands = {c for page in PAGES for s in blocks(page) for b in s for c in b.commands}
-    assert len(commands) > 50
-    assert [command for command in commands if not is_taken(command)] == []
-
-
-@pytest.mark.parametrize(
-    "command",
-    ["race fly --sampels 3", "race fyl", "make rase", "python docs/no_such_file.py"],
-)
-def test_a_command_that_does_not_exist_is_not_taken(command):
-    assert not is_taken(command)
+    flown = [c for c in commands if c.startswith("race ") and not c.startswith("race --")]
+    assert len(flown) > 50
+    assert [command for command in flown if not parses(command)] == []
+    wrong = ["race fly --sampels 3", "race fyl", "race fly --laps two", "race fly --clock sundial"]
+    assert [command for command in wrong if parses(command)] == []
 
 
 def test_the_figures_of_the_pages_are_made_by_make_docs_figures():
     recipe = MAKEFILE.partition("\ndocs-figures:")[2].partition("\n\n")[0]
     commands = re.findall(r"\$\(BIN\)/([^#\n]+)", recipe)
     assert [command for command in commands if not is_taken(command)] == []
-    made = re.findall(r"docs/([\w*]+\.png)", recipe)
+    assert [flag for command in commands for flag in unknown_flags(command)] == []
+    made = re.findall(r"docs/([\w*]+\.(?:png|webp))", recipe)
     shown = {Path(name).name for page in PAGES for name in FIGURE.findall(page.read_text())}
     assert len(shown) > 10
     assert [name for name in shown if not any(fnmatch(name, one) for one in made)] == []
@@ -355,9 +361,13 @@ def test_a_changed_digit_or_order_is_noticed(printed, output, same):
     [
         ("1 lap  5.343 s  16.8 m/s", "1 lap 5.400 s 10.0 m/s", True),
         ("finished [4.467...]", "finished [4.5012345]", True),
-        ("finished [4.467...]", "finished [5.5012345]", False),
-        ("1 lap  5.343 s", "1 lap 6.000 s", False),
-        ("1 lap  5.343 s", "2 lap 5.343 m", False),
+        ("finished [4.467...]", "finished [4.7012345]", False),
+        ("1 lap  5.343 s", "1 lap 5.700 s", False),
+        ("1 lap  5.343 s", "1 lap 5.343 m", False),
+        ("3 laps  16.8 m/s", "3 laps 4.1 m/s", False),
+        ("3 laps  16.8 m/s", "0 laps 16.8 m/s", False),
+        ("thrust -4.0", "thrust 4.0", False),
+        ("chatter 0.0", "chatter 0.1", True),
     ],
 )
 def test_elsewhere_times_agree_within_the_tolerance(printed, found, same, monkeypatch):

@@ -6,8 +6,7 @@ from matplotlib.figure import Figure
 
 import quadsim
 from quadsim.figures.run_figure import draw_faults
-
-SMALL = {"samples": 128, "horizon": 20, "iterations": 1, "timeout": 0.4, "laps": 1}
+from tests.small import SHORT
 
 
 def bands(run):
@@ -19,8 +18,10 @@ def bands(run):
     return [(extent.x0, extent.x1) for extent in extents]
 
 
+@pytest.mark.compiled
 def test_bands_lie_over_the_faults_that_the_flight_reached():
     faults = ["rotor2=.8@.1", "commands=lost@.2-.3", "rotor1=.5@9"]
-    run = quadsim.fly(fault=faults, **SMALL)
+    flight = {**SHORT, "timeout": 0.4}
+    run = quadsim.fly(fault=faults, **flight)
     assert np.array(bands(run)) == pytest.approx(np.array([[0.1, run.duration], [0.2, 0.3]]))
-    assert bands(quadsim.fly(**SMALL)) == []
+    assert bands(quadsim.fly(**flight)) == []

@@ -5,6 +5,14 @@ import pytest
 from quadsim.firmware.package import ADVICE, find_built
 
 
+def pytest_collection_modifyitems(items):
+    """Mark the tests that ask for the firmware: each flies behind a process of it."""
+    for item in items:
+        if "built" in getattr(item, "fixturenames", ()):
+            for mark in ("firmware", "process", "compiled"):
+                item.add_marker(mark)
+
+
 @pytest.fixture(scope="session")
 def built():
     """The built firmware; without it a test is skipped."""

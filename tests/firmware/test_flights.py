@@ -9,10 +9,12 @@ import quadsim
 from quadsim.campaign.attempt import fly_attempt
 from quadsim.cli.cli import race
 from quadsim.files.values import SettingError
+from quadsim.firmware import package
 from quadsim.firmware.process import Firmware, FirmwareError
 from quadsim.physics.plant import RigidPlant
 from quadsim.record.archive import load_run
 from quadsim.spec.build import plant_of
+from quadsim.spec.identified import identified
 from quadsim.spec.recorded import spec_of_record
 from quadsim.vehicle import GRAVITY
 
@@ -116,10 +118,10 @@ def test_what_does_not_fit_the_firmware_is_one_line(settings, problem):
 
 
 def test_without_the_firmware_the_command_that_builds_it_is_named(tmp_path, monkeypatch, capsys):
-    from quadsim.firmware import package
-
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     package.built_firmware.cache_clear()
+    # An earlier flight of this process may have been identified.
+    identified.cache_clear()
     flags = ["--plant", "rigid", "--flight-controller", "betaflight"]
     assert race(["fly", *flags, "--runs-dir", str(tmp_path)]) == 2
     err = capsys.readouterr().err

@@ -134,6 +134,7 @@ def test_a_firmware_that_is_killed_is_one_line(built, eeprom):
     firmware.close()
 
 
+@pytest.mark.process
 def test_a_program_that_is_none_is_one_line(tmp_path):
     with pytest.raises(FirmwareError) as caught:
         Firmware(tmp_path / "none", PERIOD)

@@ -9,6 +9,7 @@ from quadsim.heat import aware_planner
 from quadsim.heat.expectations import ConstantVelocity, Outlook, OwnPlans, straight
 from quadsim.racing.traffic import Sighting
 from quadsim.vehicle import load_vehicle
+from tests.small import SMALL
 
 DT = 0.01
 MODEL = ModelParams.of(load_vehicle("swift"))
@@ -96,8 +97,8 @@ def errors(expect, monkeypatch):
             expected.append((m, estimate.t + ahead, path.at(np.array([estimate.t + ahead]))[0]))
 
     monkeypatch.setattr(aware_planner.AwarePlanner, "_mind_others", noted)
-    spec = {"laps": 1, "samples": 512, "timeout": 1.2}
-    heat = quadsim.race(["colored", "colored"], "split_s_swift", expect=expect, **spec)
+    small = {**SMALL, "laps": 1, "timeout": 0.8}
+    heat = quadsim.race(["colored", "colored"], "split_s_swift", expect=expect, **small)
     found = []
     for m, t, place in expected:
         columns = heat.runs[m].telemetry
@@ -107,7 +108,7 @@ def errors(expect, monkeypatch):
     return np.array(found)
 
 
-@pytest.mark.flight
+@pytest.mark.compiled
 def test_plans_of_ones_own_are_nearer_the_truth_than_constant_velocity(monkeypatch):
     own = errors("own", monkeypatch)
     monkeypatch.undo()

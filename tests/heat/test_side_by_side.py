@@ -16,11 +16,17 @@ from quadsim.heat.side_by_side import SideBySide
 from quadsim.heat.spec import Entrant, HeatSpec
 from quadsim.racing.flight import Planning
 from quadsim.sensing.navigation import Navigation
+from tests.small import SMALL
 
 HOVER = np.array([0.0, 0.0, 0.0, 9.81])
 LONGEST = 20.0  # that two plans wait for each other [s]
+FEW = {**SMALL, "first_iterations": 1}
 
-pytestmark = pytest.mark.skipif(most_threads() < 2, reason="needs two cores")
+# Each lets a loop run, which starts its threads.
+pytestmark = [
+    pytest.mark.compiled,
+    pytest.mark.skipif(most_threads() < 2, reason="needs two cores"),
+]
 
 
 class Still(Navigation):
@@ -67,7 +73,7 @@ class Notes:
 @pytest.fixture(autouse=True)
 def threads_of_loops(on_threads):
     """Let the loops start their threads, of which two are used."""
-    on_threads(2, lambda: quadsim.fly("figure8", samples=64, timeout=0.05, threads=2))
+    on_threads(2, lambda: quadsim.fly("figure8", **FEW, timeout=0.02, threads=2))
     if not can_run_side_by_side():
         pytest.skip("numba's own threads serve one caller at a time")
 
@@ -143,7 +149,7 @@ class Mine:
 def test_which_races_plan_side_by_side(settings, side_by_side, monkeypatch):
     called = []
     monkeypatch.setattr(SideBySide, "__call__", lambda self, plannings: called.append(plannings))
-    spec = quadsim.Spec.of("figure8", samples=64, **settings)
+    spec = quadsim.Spec.of("figure8", **FEW, **settings)
     frames = heat_frames(HeatSpec((Entrant("a", spec), Entrant("b", spec))))
     if side_by_side:
         # Nobody has planned, so no flight can go on.

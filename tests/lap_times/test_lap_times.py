@@ -1,8 +1,8 @@
 """Three courses and both samplers are as fast as stored, and a racer that really is slower fails.
 
-These tests fly one seed of each; `make regression` flies all seeds against the stored distribution.
-After an intended change `race regress tests/lap_times/*.yaml --regen` prints the difference and
-stores it.
+The flights are part of `make regression`, which also flies all seeds against the stored
+distribution; the statistics that judge them are checked here on stored numbers. After an intended
+change `race regress tests/lap_times/*.yaml --regen` prints the difference and stores it.
 """
 
 from pathlib import Path
@@ -21,6 +21,7 @@ from quadsim.campaign.baseline import (
 )
 from quadsim.campaign.pool import Pool, Processes
 from quadsim.cli.cli import race
+from tests.campaign_cases import SETTINGS
 
 HERE = Path(__file__).parent
 BASELINES = sorted(HERE.glob("*.yaml"))
@@ -57,6 +58,7 @@ def first(stored, n):
     return Stored(stored.commit, stored.cpu, stored.laps[:n], stored.thrust_tv[:n])
 
 
+@pytest.mark.regression
 @pytest.mark.parametrize("path", BASELINES, ids=lambda p: p.stem)
 def test_lap_and_chatter_are_as_stored(path, flown):
     then, now = load_baseline(path).stored, flown[path]
@@ -70,6 +72,7 @@ def lap_verdict(path, now):
     return judge(first(baseline.stored, SEEDS), now, baseline.effects)[1]
 
 
+@pytest.mark.regression
 @pytest.mark.parametrize("path", SLOWED, ids=lambda p: p.stem)
 def test_a_racer_with_weaker_propellers_is_slower_and_fails(path, flown):
     lap = lap_verdict(path, flown[path, WEAKER])
@@ -77,6 +80,7 @@ def test_a_racer_with_weaker_propellers_is_slower_and_fails(path, flown):
     assert not lap.ok
 
 
+@pytest.mark.regression
 def test_the_unchanged_racer_passes_on_as_many_seeds(flown):
     assert lap_verdict(UNCHANGED, flown[UNCHANGED]).ok
 
@@ -89,13 +93,14 @@ def shifted(then, slower, rng, chaos=0.005):
 
 
 @pytest.mark.parametrize(
-    ("slower", "fails"), [(0.03, (0.92, 1.0)), (0.04, (0.999, 1.0)), (0.0, (0.0, 0.001))]
+    ("slower", "trials", "fails"),
+    [(0.03, 400, (0.92, 1.0)), (0.04, 100, (1.0, 1.0)), (0.0, 100, (0.0, 0.0))],
 )
-def test_a_slowdown_of_three_percent_is_caught_with_the_stated_power(slower, fails):
+def test_a_slowdown_of_three_percent_is_caught_with_the_stated_power(slower, trials, fails):
     then = load_baseline(UNCHANGED).stored
     rng = np.random.default_rng(0)
-    trials = [judge(then, shifted(then, slower, rng), Effects())[1].ok for _ in range(400)]
-    assert fails[0] <= 1 - np.mean(trials) <= fails[1]
+    passed = [judge(then, shifted(then, slower, rng), Effects())[1].ok for _ in range(trials)]
+    assert fails[0] <= 1 - np.mean(passed) <= fails[1]
 
 
 def test_success_and_chatter_are_judged_too():
@@ -127,31 +132,27 @@ def test_a_stored_distribution_passes_against_itself_and_fails_against_a_slower_
         assert judge(slow.stored, fast.stored, slow.effects)[1].ok, "faster is no failure"
 
 
-@pytest.mark.parametrize(
-    ("course", "variant", "named"),
-    [
+def test_a_flight_that_cannot_be_flown_is_one_line_with_its_file(tmp_path, capsys):
+    path = tmp_path / "mine.yaml"
+    for course, variant, named in (
         ("figure8", "race+laps=0", "--laps: "),
         ("figure8", "race+lapps=1", "--lapps: "),
         ("figure8", "rac", "'rac'"),
         ("figure9", "race", "'figure9'"),
-    ],
-)
-def test_a_flight_that_cannot_be_flown_is_one_line_with_its_file(
-    course, variant, named, tmp_path, capsys
-):
-    path = tmp_path / "mine.yaml"
-    path.write_text(f"course: {course}\nvariant: {variant}\n")
-    assert race(["regress", str(path), "--regen"]) == 2
-    out, err = capsys.readouterr()
-    assert (out, err.count("\n")) == ("", 1)
-    assert err.startswith(f"race regress: {path}: ")
-    assert named in err
+    ):
+        path.write_text(f"course: {course}\nvariant: {variant}\n")
+        assert race(["regress", str(path), "--regen"]) == 2
+        out, err = capsys.readouterr()
+        assert (out, err.count("\n")) == ("", 1)
+        assert err.startswith(f"race regress: {path}: ")
+        assert named in err
 
 
+@pytest.mark.compiled
 def test_regen_prints_the_difference_and_stores_it(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("quadsim.cli.regress.open_pool", lambda *_: Pool())  # fly in this process
     path = tmp_path / "mine.yaml"
-    small = "paper+samples=128+horizon=20+iterations=1+timeout=.1"
+    small = "+".join(["race", *(f"{name}={value}" for name, value in SETTINGS.items())])
     path.write_text(f"course: paper_flat\nvariant: {small}\nattempts: 4\n")
     assert race(["regress", str(path)]) == 2
     assert f"{path}: " in capsys.readouterr().err, "nothing is stored yet"

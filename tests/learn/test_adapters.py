@@ -18,6 +18,9 @@ from quadsim.learn.task import task
 from quadsim.learn.training import Training, pilot_of
 from quadsim.learn.vector_env import RacingVectorEnv
 
+# PyTorch is large: `make regression` is run where it is installed.
+pytestmark = pytest.mark.regression
+
 N = 70
 SETTINGS = {"start": "anywhere", "randomize": 0.5}
 ACTIONS = np.random.default_rng(0).normal(0, 0.3, (150, N, 4)).astype(np.float32)

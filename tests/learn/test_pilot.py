@@ -237,9 +237,20 @@ def test_a_variant_of_a_comparison_can_be_a_pilot(hovering):
     assert parse_variants("p=split_s_swift") == {"p": {"pilot": "split_s_swift"}}
 
 
+def finishes(name, laps):
+    """Claim that a pilot that comes with the project finishes a race of so many laps."""
+    course = quadsim.load_course(load_pilot(name).about.course)
+    run = quadsim.fly(course, pilot=name, randomize=1.0, seed=0, laps=laps or course.laps)
+    assert run.outcome == "finished"
+    assert len(run.laps) == (laps or course.laps)
+
+
+@pytest.mark.parametrize("name", pilot_names())
+def test_a_pilot_that_comes_with_the_project_finishes_a_lap(name):
+    finishes(name, 1)
+
+
+@pytest.mark.regression
 @pytest.mark.parametrize("name", pilot_names())
 def test_a_pilot_that_comes_with_the_project_finishes_its_race(name):
-    course = quadsim.load_course(load_pilot(name).about.course)
-    run = quadsim.fly(course, pilot=name, randomize=1.0, seed=0)
-    assert run.outcome == "finished"
-    assert len(run.laps) == course.laps
+    finishes(name, None)

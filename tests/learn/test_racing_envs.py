@@ -11,7 +11,7 @@ from gymnasium.error import ResetNeeded  # noqa: E402
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 from gymnasium.vector import AutoresetMode  # noqa: E402
 
-from controllers.lanes.threads import use_threads  # noqa: E402
+from controllers.lanes.threads import most_threads  # noqa: E402
 from controllers.learned.observation import SIZE, UNITS, command, gate_rows, observe  # noqa: E402
 from quadsim.dynamics.quadrotor import Control, Params, State, step  # noqa: E402
 from quadsim.learn import BULLET, RACING  # noqa: E402
@@ -44,6 +44,7 @@ def flown(envs, steps, seed=5, spread=0.2):
     return found
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("env_id", [RACING, BULLET])
 @pytest.mark.filterwarnings("error")
 def test_gymnasiums_own_check_passes(env_id):
@@ -69,6 +70,7 @@ class RecordingViewer:
         self.closed = True
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("env_id", [RACING, BULLET])
 def test_a_viewer_sees_every_step(env_id):
     viewers = []
@@ -91,6 +93,8 @@ def test_a_viewer_sees_every_step(env_id):
     assert seen.closed
 
 
+@pytest.mark.socket
+@pytest.mark.compiled
 def test_the_page_shows_the_vehicle_on_this_machine(caplog):
     from web.page.env_page import EnvPage
 
@@ -133,6 +137,7 @@ def test_another_render_mode_is_refused():
         RacingVectorEnv(1, render_mode="film")
 
 
+@pytest.mark.compiled
 def test_every_lane_flies_the_step_of_the_planners_model():
     """Half a second of random flight is that of quadrotor.step in float64.
 
@@ -158,6 +163,7 @@ def test_every_lane_flies_the_step_of_the_planners_model():
         np.testing.assert_allclose(e.X[0, :, k], expected[k], rtol=2e-4, atol=2e-4)
 
 
+@pytest.mark.compiled
 def test_observations_are_those_of_a_single_flight():
     envs = made(start="anywhere", randomize=1.0, laps=1).unwrapped
     envs.reset(seed=2)
@@ -170,19 +176,21 @@ def test_observations_are_those_of_a_single_flight():
         )
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("mode", list(AutoresetMode))
-def test_the_same_seed_gives_the_same_rollout_for_any_number_of_threads(mode):
-    steps = 5 if mode == AutoresetMode.DISABLED else 120
+def test_the_same_seed_gives_the_same_rollout_for_any_number_of_threads(mode, on_threads):
+    steps = 5 if mode == AutoresetMode.DISABLED else 60
     settings = {"start": "anywhere", "randomize": 1.0, "autoreset_mode": mode}
-    runs = []
-    for threads in (1, None):
-        use_threads(threads)
-        runs.append(flown(made(200, noise=0.01, **settings), steps))
+    runs = [
+        on_threads(threads, lambda: flown(made(200, noise=0.01, **settings), steps))
+        for threads in (1, most_threads())
+    ]
     assert all(np.array_equal(a, b) for a, b in zip(*runs, strict=True))
     other = made(200, **settings).reset(seed=4)[0]
     assert not np.array_equal(other, runs[0][0])
 
 
+@pytest.mark.compiled
 def test_an_episode_starts_anew_when_its_mode_says():
     same = made(start="anywhere", autoreset_mode="SameStep")
     following = made(start="anywhere", autoreset_mode="NextStep")
@@ -208,6 +216,7 @@ def test_an_episode_starts_anew_when_its_mode_says():
     assert (info["time"][before] == 0).all()
 
 
+@pytest.mark.compiled
 def test_without_autoreset_an_ended_episode_has_to_be_reset_by_its_mask():
     envs = made(start="anywhere", autoreset_mode="Disabled")
     with pytest.raises(ResetNeeded, match=r"step\(\) before reset"):
@@ -225,6 +234,7 @@ def test_without_autoreset_an_ended_episode_has_to_be_reset_by_its_mask():
     assert np.allclose(info["time"][~ended], time[~ended] + 0.01)
 
 
+@pytest.mark.compiled
 def test_observations_that_are_kept_stay_as_they_were():
     envs = made(start="anywhere", autoreset_mode="SameStep")
     kept = [envs.reset(seed=0)[0]]
@@ -247,6 +257,7 @@ def arguments(compiled):
     return tuple(inspect.signature(compiled).parameters)
 
 
+@pytest.mark.compiled
 def test_rewards_of_progress_add_up_to_the_way_flown():
     weights = dict.fromkeys(("crash", "clearance", "body_rates", "action_change"), 0.0)
     envs = made(reward=weights, autoreset_mode="Disabled").unwrapped
@@ -262,6 +273,7 @@ def test_rewards_of_progress_add_up_to_the_way_flown():
     assert collected != 0
 
 
+@pytest.mark.compiled
 def test_pybullet_flies_nearly_as_the_model_does():
     """Over .5 s of the same random commands, PyBullet is within .15 m and 1 m/s of the model."""
     lanes, bullet = gymnasium.make(RACING), gymnasium.make(BULLET)
@@ -279,6 +291,7 @@ def test_pybullet_flies_nearly_as_the_model_does():
     assert np.abs(theirs[3:]).max() > 0.5  # it moved
 
 
+@pytest.mark.compiled
 def test_several_courses_fly_side_by_side():
     names = ["split_s_swift", "figure8", "paper_flat"]
     envs = LaneEnvironments(task(names, "swift"), 192)
@@ -290,6 +303,7 @@ def test_several_courses_fly_side_by_side():
     assert not (envs.crashed & (envs.steps < 2)).any()
 
 
+@pytest.mark.compiled
 def test_a_vehicle_far_from_every_obstacle_misses_none():
     """Obstacles tested only where the room to them is used up are hit as if tested every step."""
     anywhere = task("split_s_swift", "swift", start="anywhere")
@@ -329,6 +343,7 @@ def test_a_wrong_setting_is_one_line(settings, problem):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize(
     ("actions", "problem"),
     [
@@ -344,6 +359,7 @@ def test_a_wrong_action_is_one_line(actions, problem):
         envs.step(actions)
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("env_id", [RACING, BULLET])
 @pytest.mark.parametrize(
     ("action", "problem"),

@@ -1,5 +1,6 @@
-"""How the environments get into Gymnasium's registry, each in a process of its own."""
+"""How the environments get into Gymnasium's registry, in fresh processes."""
 
+import json
 import subprocess
 import sys
 import textwrap
@@ -9,56 +10,48 @@ import pytest
 pytest.importorskip("gymnasium", reason="the extra rl is not installed")
 
 
-def python(program):
-    """Run a program in a fresh process; return what it printed."""
+def printed(program):
+    """Run a program in a fresh process, where a warning is an error; return the JSON it printed."""
     command = [sys.executable, "-W", "error", "-c", textwrap.dedent(program)]
     found = subprocess.run(command, capture_output=True, text=True, check=False)
     assert found.returncode == 0, found.stderr
-    return found.stdout.strip()
+    return json.loads(found.stdout)
 
 
-@pytest.mark.parametrize("name", ["Racing-v0", "RacingBullet-v0"])
-def test_the_package_before_a_name_makes_an_environment_without_an_import(name):
-    program = f"""
-        import gymnasium
-        env = gymnasium.make("quadsim.learn:quadsim/{name}")
-        print(env.observation_space.shape)
-    """
-    assert python(program) == "(38,)"
-
-
-def test_the_package_before_a_name_makes_many_environments():
+@pytest.mark.process
+def test_the_package_before_a_name_makes_environments_without_an_import():
     program = """
-        import gymnasium
-        envs = gymnasium.make_vec("quadsim.learn:quadsim/Racing-v0", num_envs=3)
-        print(envs.observation_space.shape)
-    """
-    assert python(program) == "(3, 38)"
-
-
-@pytest.mark.parametrize(
-    "imports", ["import gymnasium, quadsim.learn", "import quadsim.learn, gymnasium"]
-)
-def test_importing_the_package_registers_the_environments(imports):
-    program = f"""
-        {imports}
-        print(gymnasium.make("quadsim/Racing-v0").observation_space.shape)
-    """
-    assert python(program) == "(38,)"
-
-
-@pytest.mark.parametrize("first", ["import quadsim", "pass"])
-def test_nothing_else_registers_them(first):
-    program = f"""
-        {first}
-        import gymnasium
+        import json, gymnasium
+        found = {}
         try:
             gymnasium.make("quadsim/Racing-v0")
         except gymnasium.error.NamespaceNotFound:
-            print("unknown")
+            found["alone"] = "unknown"
+        for name in ("Racing-v0", "RacingBullet-v0"):
+            env = gymnasium.make(f"quadsim.learn:quadsim/{name}")
+            found[name] = env.observation_space.shape
+        envs = gymnasium.make_vec("quadsim.learn:quadsim/Racing-v0", num_envs=3)
+        found["three"] = envs.observation_space.shape
+        # The package is imported by now.
+        found["after"] = gymnasium.make("quadsim/Racing-v0").observation_space.shape
+        print(json.dumps(found))
     """
-    assert python(program) == "unknown"
+    assert printed(program) == {
+        "alone": "unknown",
+        "Racing-v0": [38],
+        "RacingBullet-v0": [38],
+        "three": [3, 38],
+        "after": [38],
+    }
 
 
-def test_importing_the_project_loads_no_gymnasium():
-    assert python("import sys, quadsim; print('gymnasium' in sys.modules)") == "False"
+@pytest.mark.process
+def test_importing_the_package_registers_them_and_importing_the_project_loads_no_gymnasium():
+    program = """
+        import json, sys
+        import quadsim
+        before = "gymnasium" in sys.modules
+        import quadsim.learn, gymnasium
+        print(json.dumps([before, gymnasium.make("quadsim/Racing-v0").observation_space.shape]))
+    """
+    assert printed(program) == [False, [38]]

@@ -2,7 +2,9 @@
 
 import json
 import re
+import shutil
 import sys
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +19,7 @@ from quadsim.files.strict_yaml import FileError
 from quadsim.learn import training as training_module
 from quadsim.learn.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint
 from quadsim.learn.ppo_config import PPOConfig
-from quadsim.learn.training import Clock, Progress, Score, Training, learning_rate
+from quadsim.learn.training import Clock, Flown, Progress, Score, Training, learning_rate
 from quadsim.vehicle.vehicle import VEHICLES
 from tests.fuzz import learner
 
@@ -152,16 +154,48 @@ gates:
 """
 
 
+def set_up(patch, folder):
+    """Work in a folder with a course and a vehicle, where `race train` needs no PyTorch."""
+    patch.chdir(folder)
+    patch.setitem(sys.modules, "quadsim.learn.ppo", learner.module())
+    patch.setattr(command, "find_spec", learner.is_installed)
+    (folder / "near.yaml").write_text(NEAR)
+    (folder / "v.yaml").write_text((VEHICLES / "swift.yaml").read_text())
+
+
+def leave_out_flights(patch):
+    """Let evaluations and the plot take no time; the fixture `trained` has a real one of each."""
+    flown = Flown(finished=0.0, lap=0.0, gates=0.5)
+    patch.setattr(training_module, "evaluate", lambda pilot, task, flights: flown)
+    patch.setattr(command, "_plot", lambda history, path, title: None)
+
+
 @pytest.fixture
 def place(tmp_path, monkeypatch):
-    """A folder with a course and a vehicle, where `race train` has a learner without PyTorch."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setitem(sys.modules, "quadsim.learn.ppo", learner.module())
-    monkeypatch.setattr(command, "find_spec", learner.is_installed)
-    (tmp_path / "near.yaml").write_text(NEAR)
-    vehicle = next(path for path in VEHICLES.glob("swift.yaml"))
-    (tmp_path / "v.yaml").write_text(vehicle.read_text())
+    """Return a folder in which a training can begin."""
+    set_up(monkeypatch, tmp_path)
+    leave_out_flights(monkeypatch)
     return tmp_path
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """Return a folder in which 4096 steps of a training have been made."""
+    folder = tmp_path_factory.mktemp("trained")
+    with pytest.MonkeyPatch.context() as patch:
+        set_up(patch, folder)
+        assert learns(4096) == 0
+    return folder
+
+
+@pytest.fixture
+def begun(trained, tmp_path, monkeypatch):
+    """Return a folder with a training that can go on."""
+    folder = tmp_path / "begun"
+    shutil.copytree(trained, folder)
+    set_up(monkeypatch, folder)
+    leave_out_flights(monkeypatch)
+    return folder
 
 
 def learns(steps, *flags, out="p.npz"):
@@ -176,19 +210,32 @@ def steps_of(path):
     return load_pilot(path).about.training["evaluated"]["steps"]
 
 
-def test_a_training_goes_on_with_its_own_vehicle_alone(place, capsys):
-    assert learns(4096) == 0
-    before = (place / "p.npz").read_bytes()
-    text = (place / "v.yaml").read_text()
-    (place / "v.yaml").write_text(re.sub(r"(?m)^mass: \S+", "mass: 0.9", text))
-    capsys.readouterr()
+def test_a_training_flies_its_pilot_in_the_simulator_and_draws_how_it_learnt(trained):
+    about = load_pilot(trained / "p.npz").about
+    found = about.training["evaluated"]
+    # The fake learner's pilot hovers.
+    assert (found["flights"], found["finished"], found["lap"], found["gates"]) == (1, 0.0, 0.0, 0.0)
+    assert found["steps"] == about.training["steps"] == 4096
+    assert (trained / "p.png").stat().st_size > 1000
+
+
+def with_other_mass(folder):
+    """Change the vehicle of a folder; return its text before."""
+    text = (folder / "v.yaml").read_text()
+    (folder / "v.yaml").write_text(re.sub(r"(?m)^mass: \S+", "mass: 0.9", text))
+    return text
+
+
+def test_a_training_goes_on_with_its_own_vehicle_alone(begun, capsys):
+    before = (begun / "p.npz").read_bytes()
+    text = with_other_mass(begun)
     assert learns(8192) == 2
     err = capsys.readouterr().err
     assert "vehicle.mass" in err
     assert err.startswith("race train: p.checkpoint.npz: ")
     assert err.count("\n") == 1
-    assert (place / "p.npz").read_bytes() == before
-    (place / "v.yaml").write_text(text)
+    assert (begun / "p.npz").read_bytes() == before
+    (begun / "v.yaml").write_text(text)
     assert learns(8192) == 0
     assert steps_of("p.npz") == 8192
 
@@ -197,18 +244,14 @@ def test_a_training_goes_on_with_its_own_vehicle_alone(place, capsys):
     ("flags", "name"),
     [(["--crash", "3"], "rewards.crash"), (["--time-limit", "5"], "time_limit")],
 )
-def test_a_training_with_other_rewards_is_another_one(place, capsys, flags, name):
-    assert learns(4096) == 0
-    capsys.readouterr()
+def test_a_training_with_other_rewards_is_another_one(begun, capsys, flags, name):
     assert learns(8192, *flags) == 2
     assert f"same {name}: " in capsys.readouterr().err
 
 
-def test_a_pilot_knows_the_numbers_of_its_vehicle(place):
-    assert learns(4096) == 0
+def test_a_pilot_knows_the_numbers_of_its_vehicle(begun):
     first = load_pilot("p.npz").about
-    text = (place / "v.yaml").read_text()
-    (place / "v.yaml").write_text(re.sub(r"(?m)^mass: \S+", "mass: 0.9", text))
+    with_other_mass(begun)
     assert learns(4096, out="q.npz") == 0
     second = load_pilot("q.npz").about
     assert first.vehicle == second.vehicle == "v"
@@ -216,20 +259,18 @@ def test_a_pilot_knows_the_numbers_of_its_vehicle(place):
     assert first.vehicle_sha256 != second.vehicle_sha256
 
 
-def test_a_training_killed_before_its_checkpoint_keeps_the_better_pilot(place):
+def test_a_training_killed_before_its_checkpoint_keeps_the_better_pilot(begun):
     """The pilot on the disk is newer than the checkpoint, and better than what comes."""
-    assert learns(4096) == 0
     pilot = load_pilot("p.npz")
     best = row(8192, finished=1.0, lap=0.5, gates=1.0)
     about = structs.replace(pilot.about, training=pilot.about.training | {"evaluated": best})
-    (place / "p.npz").write_bytes(pilot_bytes(pilot.weights, about))
+    (begun / "p.npz").write_bytes(pilot_bytes(pilot.weights, about))
     assert learns(12288) == 0
     assert load_pilot("p.npz").about.training["evaluated"] == best
 
 
-def test_a_training_whose_pilot_is_gone_writes_one_again(place):
-    assert learns(4096) == 0
-    (place / "p.npz").unlink()
+def test_a_training_whose_pilot_is_gone_writes_one_again(begun):
+    (begun / "p.npz").unlink()
     assert learns(8192) == 0
     assert steps_of("p.npz") == 8192
 
@@ -248,14 +289,25 @@ def test_a_training_that_cannot_write_says_so_before_it_learns(place, capsys):
     assert err.count("\n") == 1
 
 
-def test_a_training_of_some_minutes_ends_with_its_pilot_and_continues(place, capsys):
+class Ticking:
+    """A clock that goes on by a tenth of a second with each look at it."""
+
+    def __init__(self):
+        self._looks = count()
+
+    def __call__(self):
+        return 0.1 * next(self._looks)
+
+
+def test_a_training_of_some_minutes_ends_with_its_pilot_and_continues(place, monkeypatch, capsys):
+    monkeypatch.setattr(training_module, "perf_counter", Ticking())
     steps = 10**12
-    assert learns(steps, "--minutes", "0.02", "--json") == 0
+    assert learns(steps, "--minutes", "0.05", "--json") == 0
     first = json.loads(capsys.readouterr().out)["history"]
     assert first[-1]["steps"] < steps
-    assert first[-1]["seconds"] >= 0.02 * 60
+    assert first[-1]["seconds"] >= 0.05 * 60
     assert load_pilot("p.npz").about.training["steps"] <= first[-1]["steps"]
-    more = first[-1]["seconds"] / 60 + 0.01
+    more = first[-1]["seconds"] / 60 + 0.025
     assert learns(steps, "--minutes", str(more), "--json") == 0
     history = json.loads(capsys.readouterr().out)["history"]
     assert history[: len(first)] == first
@@ -299,6 +351,7 @@ def test_on_a_terminal_the_line_moves_and_evaluations_stay(place, capsys, monkey
     assert "k/s" in err
 
 
+@pytest.mark.regression
 def test_a_training_writes_a_pilot_that_flies_and_goes_on_from_its_checkpoint(tmp_path, capsys):
     pytest.importorskip("stable_baselines3")
     out = tmp_path / "p.npz"
@@ -315,6 +368,7 @@ def test_a_training_writes_a_pilot_that_flies_and_goes_on_from_its_checkpoint(tm
     assert "same seed" in capsys.readouterr().err
 
 
+@pytest.mark.regression
 def test_a_folder_of_courses_is_learnt_in_environments_of_64_each(tmp_path, monkeypatch):
     pytest.importorskip("stable_baselines3")
     monkeypatch.chdir(tmp_path)

@@ -6,7 +6,6 @@ from math import pi, sqrt
 
 import numpy as np
 import pytest
-from limit_cases import HALL, without_lag
 
 from quadsim.course import Course, Gate, Start
 from quadsim.course.swept import SweptGate
@@ -19,7 +18,10 @@ from quadsim.limit.solve import solve
 from quadsim.limit.verify import referee_of, verify
 from quadsim.record.limits import LimitProblem, StoredSolution
 from quadsim.vehicle import GRAVITY, load_vehicle
+from tests.limit.limit_cases import HALL, without_lag
 
+# The optimiser takes a second or more for each solution.
+optimised = pytest.mark.compiled
 SWIFT = load_vehicle("swift")
 OPENING = {"opening": (1.5, 1.5), "frame_width": 0.275}
 COURSE = Course(
@@ -38,6 +40,10 @@ COURSE = Course(
 )
 
 
+# Intervals on the way to each of two gates
+MESH = [10, 10]
+
+
 def problem(vehicle=SWIFT, model="rotors"):
     return LimitProblem(COURSE, vehicle, 1, model)
 
@@ -45,7 +51,7 @@ def problem(vehicle=SWIFT, model="rotors"):
 def raced(vehicle=SWIFT, model="rotors"):
     """(solution, model) of the two gates."""
     route, flown = Route.of(problem(vehicle)), dynamics(vehicle, model)
-    return solve(route, flown, [16, 16], straight(route.points, flown, 6.0)), flown
+    return solve(route, flown, MESH, straight(route.points, flown, 6.0)), flown
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +70,7 @@ def broken(solution, model):
     return {line.partition(":")[0] for line in lines}
 
 
+@optimised
 def test_straight_up_takes_what_full_thrust_takes():
     """h = (T / m - g) t^2 / 2 for rotors without lag."""
     model = without_lag(0.8, (1e-3, 1e-3, 2e-3), 0.2, 0.02, 5.0, (10.0, 10.0, 4.0), (0.0, 0.0, 0.0))
@@ -91,6 +98,7 @@ def test_a_reserve_is_left_of_the_thrust_and_of_yaw_and_only_the_rate_model_has_
         dynamics(SWIFT, "rotors", reserve=0.1)
 
 
+@optimised
 @pytest.mark.parametrize("raced_by", ["race", "race_by_rates"])
 def test_a_race_holds_to_the_referee(raced_by, request):
     solution, model = request.getfixturevalue(raced_by)
@@ -100,6 +108,7 @@ def test_a_race_holds_to_the_referee(raced_by, request):
     assert found.events[-1].t == pytest.approx(solution.time, abs=1e-4)
 
 
+@optimised
 def test_the_time_left_falls_by_one_second_a_second_along_the_solution(race):
     """costate . x' = -1: the Hamiltonian of a problem of least time is constant."""
     solution, model = race
@@ -110,11 +119,13 @@ def test_the_time_left_falls_by_one_second_a_second_along_the_solution(race):
     assert np.median(slopes) == pytest.approx(-1.0, abs=0.03)
 
 
+@optimised
 def test_a_solution_that_is_played_too_fast_is_found_out(race):
     solution, model = race
     assert "nodes" in broken(replace(solution, t=0.97 * solution.t), model)
 
 
+@optimised
 def test_an_attitude_that_is_not_of_unit_length_is_found_out(race):
     solution, model = race
     x = solution.x.copy()
@@ -122,11 +133,13 @@ def test_an_attitude_that_is_not_of_unit_length_is_found_out(race):
     assert "attitude" in broken(replace(solution, x=x), model)
 
 
+@optimised
 def test_controls_beyond_the_rotors_are_found_out(race):
     solution, model = race
     assert "controls" in broken(replace(solution, u=1.05 * solution.u), model)
 
 
+@optimised
 def test_a_path_through_a_frame_is_found_out(race):
     solution, model = race
     x = solution.x.copy()
@@ -136,6 +149,7 @@ def test_a_path_through_a_frame_is_found_out(race):
     assert any(line.startswith("referee: hit") for line in found.broken)
 
 
+@optimised
 def test_more_thrust_is_faster_and_lag_slower(race):
     weak, _ = raced(replace(SWIFT, rotors=replace(SWIFT.rotors, omega_max=2200.0)))
     slow, _ = raced(replace(SWIFT, rotors=replace(SWIFT.rotors, tau=0.08)))
@@ -148,18 +162,19 @@ def test_a_vehicle_without_rotors_flies_by_its_rates():
         dynamics(load_vehicle("paper"), "rotors")
 
 
+@optimised
 def test_a_u_turn_behind_a_gate_goes_around_its_frame():
     """The straight way back leads through the gate's upper bar; the race around it is slower."""
     low = Gate((3.0, 0.0, 1.5), 0.0, 0.0, 0.0, **OPENING)
     back = Gate((-1.0, 0.0, 3.2), pi, 0.0, 0.0, **OPENING)
     route = Route((low, back), COURSE.start, HALL, SWIFT.radius)
     model = dynamics(SWIFT, "rotors")
-    solution = solve(route, model, [20, 20], straight(route.points, model, 4.0))
+    solution = solve(route, model, MESH, straight(route.points, model, 4.0))
     hits = touched(solution, low)
     assert hits
-    plan = segments(route, [20, 20])
+    plan = segments(route, MESH)
     around = tuple(detours(solution, plan, route, [Hit(hits[0], low)]))
-    freed = solve(route, model, [20, 20], solved("again", solution, route), around=around)
+    freed = solve(route, model, MESH, solved("again", solution, route), around=around)
     assert touched(freed, low) == []
     assert freed.time > solution.time
 

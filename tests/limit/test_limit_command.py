@@ -12,14 +12,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from run_cases import save, two_laps
 
 from quadsim.campaign.summary_stats import best_known_time
+from quadsim.cli import fly as fly_command
 from quadsim.cli import limit as command
 from quadsim.cli.cli import race
 from quadsim.course import parse_course
+from quadsim.limit.dynamics import dynamics
 from quadsim.limit.route import MARGIN
-from quadsim.limit.search import Search
+from quadsim.limit.search import Attempt, Search, Solved
+from quadsim.limit.verify import referee_of, verify
 from quadsim.record import keeper
 from quadsim.record.archive import load_run
 from quadsim.record.limits import (
@@ -34,7 +36,12 @@ from quadsim.record.run import RunError
 from quadsim.spec.spec import Spec
 from quadsim.vehicle import load_vehicle, with_thrust_to_weight
 from quadsim.vehicle.vehicle import VEHICLES
+from tests.run_cases import save, two_laps
+from tests.small import SMALL, flags
 from web.stored_runs import stored_competitor
+
+# The optimiser takes a second or more for each search.
+optimised = pytest.mark.compiled
 
 COURSE = """opening: [1.5, 1.5]
 start: {position: [0, 0, 2], yaw_deg: 0}
@@ -65,6 +72,23 @@ def place(tmp_path_factory):
     return folder, json.loads(out.getvalue())
 
 
+@pytest.fixture
+def found_again(place, monkeypatch):
+    """The search begins and ends with the solution of `place`."""
+    problem = mine()
+    solution = problem.best_known(limits_folder(place[0] / "X")).solution
+    verified = verify(solution, dynamics(SWIFT, problem.model), referee_of(problem))
+    attempt = Attempt("again", len(solution.t), verified.broken, Solved(solution, verified))
+    monkeypatch.setattr(Search, "attempts", lambda *_: iter([attempt]))
+
+
+@pytest.fixture
+def one_start(monkeypatch):
+    """The search begins from one speed along straight lines, not from three."""
+    monkeypatch.setattr("quadsim.limit.search.line_speeds", lambda *_: (6.0,))
+
+
+@optimised
 def test_the_limit_is_told_with_its_starts_and_its_check(place):
     _, told = place
     assert told["course"] == "mine"
@@ -75,6 +99,7 @@ def test_the_limit_is_told_with_its_starts_and_its_check(place):
     assert told["time"] == pytest.approx(min(times), abs=1e-4)
 
 
+@optimised
 def test_the_limit_is_kept_in_the_folder_of_runs_and_found_there_alone(place):
     folder, told = place
     kept = mine().best_known(limits_folder(folder / "X"))
@@ -84,6 +109,7 @@ def test_the_limit_is_kept_in_the_folder_of_runs_and_found_there_alone(place):
     assert mine().best_known(limits_folder(folder / "runs")) is None
 
 
+@optimised
 def test_a_report_finds_the_limit_in_the_runs_folder_that_it_is_given(place, capsys, tmp_path):
     """The run may lie elsewhere; another folder of runs has no limit of this race."""
     folder, told = place
@@ -100,6 +126,7 @@ def test_a_report_finds_the_limit_in_the_runs_folder_that_it_is_given(place, cap
     assert limit_of(spec, limits_folder(folder / "X")).time == told["time"]
 
 
+@optimised
 def test_a_comparison_finds_the_limit_in_the_runs_folder_that_it_is_given(place):
     folder, told = place
     record = Spec.of(parse_course(COURSE, "mine.yaml")).record()
@@ -107,19 +134,19 @@ def test_a_comparison_finds_the_limit_in_the_runs_folder_that_it_is_given(place)
     assert np.isnan(best_known_time(record, folder / "other"))
 
 
-@pytest.mark.parametrize(
-    "other",
-    [
-        mine(COURSE.replace("[4, 0, 2]", "[4.1, 0, 2]")),
-        mine(COURSE.replace("opening: [1.5, 1.5]", "opening: [1.4, 1.5]")),
-        mine(vehicle=with_thrust_to_weight(SWIFT, 3.0)),
-        replace(mine(), model="rates"),
-        mine(laps=2),
-    ],
-    ids=["gate", "opening", "thrust", "model", "laps"],
-)
-def test_a_limit_belongs_to_its_race_alone(place, other):
-    assert other.best_known(limits_folder(place[0] / "X")) is None
+OTHER_RACES = {
+    "gate": mine(COURSE.replace("[4, 0, 2]", "[4.1, 0, 2]")),
+    "opening": mine(COURSE.replace("opening: [1.5, 1.5]", "opening: [1.4, 1.5]")),
+    "thrust": mine(vehicle=with_thrust_to_weight(SWIFT, 3.0)),
+    "model": replace(mine(), model="rates"),
+    "laps": mine(laps=2),
+}
+
+
+@optimised
+def test_a_limit_belongs_to_its_race_alone(place):
+    for what, other in OTHER_RACES.items():
+        assert other.best_known(limits_folder(place[0] / "X")) is None, what
 
 
 def test_names_and_remarks_make_no_other_race():
@@ -127,6 +154,7 @@ def test_names_and_remarks_make_no_other_race():
     assert mine(vehicle=replace(SWIFT, name="twin", source="elsewhere")).key == mine().key
 
 
+@optimised
 def test_a_damaged_solution_is_one_line_that_names_the_file(place, tmp_path):
     (kept,) = limits_folder(place[0] / "X").iterdir()
     cut = tmp_path / kept.name
@@ -142,7 +170,8 @@ def test_a_damaged_solution_is_one_line_that_names_the_file(place, tmp_path):
         assert "\n" not in str(error.value)
 
 
-def test_a_slower_solution_does_not_replace_a_faster_one(place, tmp_path, capsys):
+@optimised
+def test_a_slower_solution_does_not_replace_a_faster_one(place, found_again, tmp_path, capsys):
     folder, told = place
     stored = mine().best_known(limits_folder(folder / "X"))
     faster = told["time"] - 0.1
@@ -167,12 +196,12 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("line", WRONG)
-def test_a_mistake_is_one_line_that_names_the_setting(line, capsys, tmp_path):
-    code, out, err = run(capsys, *line.split(), "--runs-dir", str(tmp_path))
-    assert (code, out) == (2, "")
-    assert err.startswith(f"race limit: {WRONG[line]}")
-    assert err.count("\n") == 1
+def test_a_mistake_is_one_line_that_names_the_setting(capsys, tmp_path):
+    for line, named in WRONG.items():
+        code, out, err = run(capsys, *line.split(), "--runs-dir", str(tmp_path))
+        assert (code, out) == (2, ""), line
+        assert err.startswith(f"race limit: {named}")
+        assert err.count("\n") == 1, line
 
 
 def test_without_the_extra_one_line_says_what_to_install(capsys, monkeypatch):
@@ -184,6 +213,7 @@ def test_without_the_extra_one_line_says_what_to_install(capsys, monkeypatch):
     assert err.count("\n") == 1
 
 
+@optimised
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
 def test_a_search_that_is_stopped_says_so_and_has_kept_nothing(place, tmp_path, capsys, sent):
     course = str(place[0] / "mine.yaml")
@@ -210,6 +240,7 @@ def never(*_):
     raise AssertionError("the search began")
 
 
+@optimised
 def test_a_folder_that_cannot_be_written_is_told_before_the_search(place, monkeypatch, capsys):
     monkeypatch.setattr(Search, "attempts", never)
     course = str(place[0] / "mine.yaml")
@@ -219,6 +250,7 @@ def test_a_folder_that_cannot_be_written_is_told_before_the_search(place, monkey
     assert err.count("\n") == 1
 
 
+@optimised
 def test_a_damaged_solution_is_told_before_the_search(place, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(Search, "attempts", never)
     limits_folder(tmp_path).mkdir()
@@ -231,8 +263,9 @@ def test_a_damaged_solution_is_told_before_the_search(place, tmp_path, monkeypat
     assert err.count("\n") == 1
 
 
+@optimised
 def test_what_cannot_be_stored_after_the_search_is_kept_elsewhere(
-    place, tmp_path, monkeypatch, capsys
+    place, found_again, tmp_path, monkeypatch, capsys
 ):
     """The disk fills while the search runs."""
     write = keeper.write_whole
@@ -256,6 +289,7 @@ def test_what_cannot_be_stored_after_the_search_is_kept_elsewhere(
     assert mine().read(kept).time == pytest.approx(place[1]["time"], rel=0.01)
 
 
+@optimised
 def test_a_search_that_is_stopped_keeps_what_it_has_found(place, tmp_path, capsys):
     course = str(place[0] / "mine.yaml")
     progress = command._progress
@@ -281,7 +315,8 @@ def test_a_search_that_is_stopped_keeps_what_it_has_found(place, tmp_path, capsy
     assert mine().best_known(limits_folder(tmp_path)).time < 1.1 * place[1]["time"]
 
 
-def test_the_margin_that_is_told_is_the_one_that_is_kept(place, tmp_path, capsys):
+@optimised
+def test_the_margin_that_is_told_is_the_one_that_is_kept(place, one_start, tmp_path, capsys):
     flags = ("--nodes", "8", "--margin", "1", "--model", "rates", "--runs-dir", str(tmp_path))
     course = str(place[0] / "mine.yaml")
     assert run(capsys, "limit", course, *flags)[0] == 0
@@ -295,24 +330,27 @@ def test_the_margin_that_is_told_is_the_one_that_is_kept(place, tmp_path, capsys
     assert told["margin_kept"] == pytest.approx(kept, abs=0.01)
 
 
+@optimised
 def test_the_advice_for_a_preset_that_follows_a_path_is_a_command_that_works(
-    place, tmp_path, monkeypatch, capsys
+    one_start, tmp_path, monkeypatch, capsys
 ):
     """Course and vehicle are named as they were given: by their files."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(fly_command, "launch", lambda spec, parts: iter(()))
     (tmp_path / "my course.yaml").write_text(COURSE)
     (tmp_path / "v.yaml").write_text((VEHICLES / "swift.yaml").read_text())
-    small = ("--samples", "128", "--horizon", "20", "--iterations", "1", "--timeout", "0.1")
     flown = ("--vehicle", "v.yaml", "--thrust-to-weight", "3", "--runs-dir", "X")
-    fly = ("fly", "my course.yaml", "--preset", "race_informed", *flown, *small)
+    fly = ("fly", "my course.yaml", "--preset", "race_informed", *flown, *flags(SMALL))
     code, _, err = run(capsys, *fly)
     assert code == 2
     assert err.count("\n") == 1
     advice = shlex.split(err.partition("search for one with race ")[2])
     assert run(capsys, *advice, "--nodes", "8")[0] == 0
-    assert run(capsys, *fly)[0] == 1
+    # A flight without a frame counts as interrupted.
+    assert run(capsys, *fly)[0] == 130
 
 
+@optimised
 def test_what_is_known_is_kept_as_a_run_that_the_page_can_race(place, capsys):
     folder, told = place
     words = ("limit", f"{folder}/mine.yaml", "--known", "--runs-dir", f"{folder}/X", "--json")
@@ -346,7 +384,8 @@ gates:
 """
 
 
-def test_a_closed_lap_is_found_again(tmp_path, capsys):
+@optimised
+def test_a_closed_lap_is_found_again(one_start, tmp_path, capsys):
     (tmp_path / "loop.yaml").write_text(LOOP)
     words = ("limit", f"{tmp_path}/loop.yaml", "--closed", "--runs-dir", str(tmp_path))
     code, out, _ = run(capsys, *words, "--nodes", "8", "--json")

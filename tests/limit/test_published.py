@@ -2,18 +2,20 @@
 
 import numpy as np
 import pytest
-from limit_cases import cpc, fast_fly_n7, solved
 
 from quadsim.dynamics.quadrotor import ATTITUDE, POSITION, VELOCITY
 from quadsim.limit.verify import verify
+from tests.limit.limit_cases import cpc, fast_fly_n7, solved
 
+# The optimiser takes seconds.
+pytestmark = pytest.mark.compiled
 # Share of the published time
 WITHIN = 0.005
 
 
 def test_the_closed_lap_of_fast_fly_is_found_again():
     case = fast_fly_n7()
-    s = solved(case, 20)
+    s = solved(case, 8)
     assert verify(s, case.vehicle).broken == []
     assert s.time == pytest.approx(8.901, rel=WITHIN)
     ends = s.x[np.append(np.flatnonzero(np.diff(s.target)) + 1, -1), POSITION]
@@ -25,7 +27,7 @@ def test_the_closed_lap_of_fast_fly_is_found_again():
 
 def test_the_19_way_points_of_cpc_and_its_steady_lap_are_found_again():
     case = cpc()
-    s = solved(case, 16)
+    s = solved(case, 6)
     assert verify(s, case.vehicle).broken == []
     assert s.time == pytest.approx(17.56, rel=WITHIN)
     passes = s.t[1:][np.append(np.flatnonzero(np.diff(s.target)), -1)]

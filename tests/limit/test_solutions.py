@@ -16,15 +16,30 @@ from quadsim.record.limits import SOLUTIONS, LimitProblem, dump, load
 from quadsim.vehicle import load_vehicle, with_thrust_to_weight
 
 FILES = sorted(SOLUTIONS.glob("*.npz"))
+SHORT_ONES = [
+    path
+    for path in FILES
+    if path.stem.startswith(("paper_flat_swift_1_rotors", "lsy_level2_crazyflie_1_rates"))
+]
 
 
+@pytest.mark.regression
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_a_solution_of_the_project_holds(path):
+def test_every_solution_of_the_project_holds(path):
+    check(path)
+
+
+@pytest.mark.parametrize("path", SHORT_ONES, ids=lambda path: path.stem)
+def test_a_short_solution_of_each_model_holds(path):
+    """All of them, which take seconds to integrate: make regression."""
+    check(path)
+
+
+def check(path):
+    """Check a stored solution by fine integration and by the referee."""
     stored = load(path)
     solution = stored.solution
     problem = problem_of(stored)
-    assert path.name == problem.file_name, "the course or the vehicle has changed"
-    assert path.stat().st_size <= 100_000
     model = dynamics(problem.vehicle, problem.model, problem.reserve)
     found = verify(solution, model, referee_of(problem))
     assert found.broken == []
@@ -37,11 +52,14 @@ def test_a_solution_of_the_project_holds(path):
     assert np.abs(np.linalg.norm(solution.x[:, ATTITUDE], axis=1) - 1.0).max() < 2e-5
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_a_solution_knows_its_file_and_its_problem(path):
-    stored = load(path)
-    assert stored.digest == sha256(path.read_bytes()).hexdigest()
-    assert stored.key == problem_of(stored).key
+def test_a_solution_knows_its_file_and_its_problem():
+    for path in FILES:
+        stored = load(path)
+        problem = problem_of(stored)
+        assert path.name == problem.file_name, "the course or the vehicle has changed"
+        assert stored.digest == sha256(path.read_bytes()).hexdigest(), path.stem
+        assert stored.key == problem.key, path.stem
+        assert path.stat().st_size <= 100_000, path.stem
 
 
 def test_a_solution_keeps_its_key_under_another_name(tmp_path):

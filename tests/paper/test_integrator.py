@@ -55,7 +55,11 @@ def test_cost_is_five_per_square_metre_and_a_half_per_square_metre_per_second():
     assert (found.reached, found.crashed) == (False, 0.0)
 
 
-@pytest.mark.parametrize(("dtype", "rtol"), [(np.float32, 2e-5), (np.float64, 1e-12)])
+@pytest.mark.compiled
+@pytest.mark.parametrize(
+    ("dtype", "rtol"),
+    [(np.float32, 2e-5), pytest.param(np.float64, 1e-12, marks=pytest.mark.regression)],
+)
 def test_lanes_agree_with_the_oracle(dtype, rtol):
     U, z = controls()
     stronger = double_integrator(SYSTEM.dt, gain=1.05)
@@ -64,6 +68,7 @@ def test_lanes_agree_with_the_oracle(dtype, rtol):
     assert np.mean(abs(wrong / oracle - 1) > rtol) > 0.9
 
 
+@pytest.mark.compiled
 def test_controls_have_no_limit():
     """A log-normal tail of a million still counts, and weighs in as it should."""
     U, z = controls()

@@ -11,13 +11,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from campaign_cases import row
 
 from quadsim.campaign import runner
 from quadsim.campaign.pool import Pool
 from quadsim.cli.cli import race
 from quadsim.cli.paper import EXPERIMENTS
-from quadsim.paper import double_integrator, offroad, quadrotor, runs, table2
+from quadsim.paper import double_integrator, exploration, noise, offroad, quadrotor, runs, table2
 from quadsim.paper.offroad import Drive, DriveTask
 from quadsim.paper.runs import as_bytes, from_bytes, kept_runs, run_key
 from quadsim.paper.table1 import Attempt, table1_row
@@ -34,9 +33,16 @@ from quadsim.paper.table2 import (
 )
 from quadsim.record.run import RunError
 from quadsim.spec.spec import Spec
+from tests.campaign_cases import row
+from tests.small import SHORT, SMALL
 
-SMALL = replace(table2.CONFIG, samples=128, horizon=20)
-TASKS = [MotionTask(samplings(1.5)["gaussian"], seed, SMALL, steps=10) for seed in range(3)]
+FEWER = replace(table2.CONFIG, **SMALL)
+TASKS = [MotionTask(samplings(1.5)["gaussian"], seed, FEWER, steps=10) for seed in range(3)]
+
+
+def numbered(task):
+    """Return a score in place of computing a run."""
+    return Score(cost=100.0 + task.seed, plan_ms=1.0)
 
 
 class Counted:
@@ -60,10 +66,19 @@ def here(monkeypatch):
 
 @pytest.fixture
 def small(here, monkeypatch):
-    """Experiments with a small planner and for a moment only."""
-    drive = replace(offroad.CONFIG, samples=128, horizon=20, iterations=1)
-    few = partial(Spec.of, samples=128, horizon=20, iterations=1, timeout=0.3)
-    task = partial(MotionTask, config=SMALL, steps=100)
+    """Experiments with a small planner and for a moment only.
+
+    The quadrotor flies by the cost of the preset `race`, which other tests compile as well.
+    """
+
+    def few(course, preset, sampler):
+        assert preset == "paper"
+        return Spec.of(course, sampler=sampler, **SHORT)
+
+    drive = replace(offroad.CONFIG, **SMALL)
+    task = partial(MotionTask, config=FEWER, steps=100)
+    for module in (noise, exploration):
+        monkeypatch.setattr(module, "HORIZON", SMALL["horizon"])
     monkeypatch.setattr(offroad, "CONFIG", drive)
     monkeypatch.setattr(offroad, "COLD", replace(drive, temperature=0.02))
     monkeypatch.setattr(offroad, "TIMEOUT", 0.3)
@@ -73,7 +88,7 @@ def small(here, monkeypatch):
 
 
 def test_a_finished_run_is_never_made_twice_and_more_of_them_are_added(here, tmp_path):
-    counted = Counted(score)
+    counted = Counted(numbered)
     first = kept_runs(TASKS[:2], counted, Score, tmp_path)
     assert kept_runs(TASKS[:2], counted, Score, tmp_path) == first
     assert kept_runs(TASKS, counted, Score, tmp_path)[:2] == first
@@ -84,21 +99,21 @@ def test_a_command_that_is_killed_keeps_every_run_that_has_ended(here, tmp_path)
     def killed(task):
         if task == TASKS[2]:
             raise KeyboardInterrupt
-        return score(task)
+        return numbered(task)
 
     with pytest.raises(KeyboardInterrupt, match=r"2 runs are kept in .*runs.sqlite"):
         kept_runs(TASKS, killed, Score, tmp_path)
-    counted = Counted(score)
+    counted = Counted(numbered)
     kept_runs(TASKS, counted, Score, tmp_path)
     assert counted.calls == TASKS[2:]
 
 
 def test_a_row_that_is_half_written_when_the_power_fails_is_not_there(here, tmp_path):
-    kept_runs(TASKS[:1], score, Score, tmp_path)
+    kept_runs(TASKS[:1], numbered, Score, tmp_path)
     database = sqlite3.connect(tmp_path / runs.FILE)
     database.execute("INSERT INTO runs VALUES (?, ?)", (run_key(TASKS[1]), b"half"))
     database.close()  # without a commit
-    counted = Counted(score)
+    counted = Counted(numbered)
     kept_runs(TASKS[:2], counted, Score, tmp_path)
     assert counted.calls == TASKS[1:2]
 
@@ -138,26 +153,26 @@ def test_a_worker_that_dies_is_one_line_and_other_runs_are_kept(monkeypatch, tmp
 
     monkeypatch.setattr(runs, "open_pool", Dying)
     with pytest.raises(RunError, match="worker"):
-        kept_runs(TASKS, score, Score, tmp_path)
+        kept_runs(TASKS, numbered, Score, tmp_path)
     monkeypatch.setattr(runs, "open_pool", Pool)
-    counted = Counted(score)
+    counted = Counted(numbered)
     kept_runs(TASKS, counted, Score, tmp_path)
     assert counted.calls == TASKS[1:]
 
 
-@pytest.mark.parametrize("damage", ["a folder", "text"])
-def test_a_file_that_cannot_be_used_is_one_line_with_its_path(damage, tmp_path):
-    path = tmp_path / runs.FILE
-    if damage == "a folder":
-        path.mkdir()
-    else:
-        path.write_text("no database " * 100)
-    with pytest.raises(RunError) as error:
-        kept_runs(TASKS, score, Score, tmp_path)
-    assert str(error.value).startswith(f"{path}: ")
-    assert "\n" not in str(error.value)
+def test_a_file_that_cannot_be_used_is_one_line_with_its_path(tmp_path):
+    folder, text = tmp_path / "folder", tmp_path / "text"
+    (folder / runs.FILE).mkdir(parents=True)
+    text.mkdir()
+    (text / runs.FILE).write_text("no database " * 100)
+    for place in (folder, text):
+        with pytest.raises(RunError) as error:
+            kept_runs(TASKS, numbered, Score, place)
+        assert str(error.value).startswith(f"{place / runs.FILE}: ")
+        assert "\n" not in str(error.value)
 
 
+@pytest.mark.compiled
 def test_the_accumulated_cost_is_that_of_the_states_reached():
     motion = move(TASKS[0])
     px, py, vx, vy = motion.x[1:].T
@@ -182,6 +197,7 @@ def test_a_drive_ends_at_a_wall_and_the_same_seed_is_the_same_drive(monkeypatch)
     assert not np.array_equal(other.x[:100], drive.x[:100]), "another disturbance"
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize(
     ("name", "key", "files"),
     [
@@ -218,8 +234,9 @@ def test_table2_has_every_cell_of_the_paper_and_six_rows_more(tmp_path, monkeypa
     assert "smooth_star_corrected" in capsys.readouterr().out
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("name", ["noise", "exploration"])
-def test_figures_come_as_png_and_svg_with_their_numbers(tmp_path, capsys, name):
+def test_figures_come_as_png_and_svg_with_their_numbers(small, tmp_path, capsys, name):
     assert race(["paper", name, "--runs-dir", str(tmp_path)]) == 0
     out = capsys.readouterr().out
     made = {path.name for path in (tmp_path / "paper").iterdir()}
@@ -231,7 +248,7 @@ def test_figures_come_as_png_and_svg_with_their_numbers(tmp_path, capsys, name):
 def test_an_interrupted_command_names_the_file_and_ends_with_130(
     small, tmp_path, monkeypatch, capsys
 ):
-    scored = iter([score])
+    scored = iter([numbered])
 
     def stopped(task):
         for function in scored:
@@ -269,6 +286,7 @@ def test_all_makes_every_experiment(monkeypatch, tmp_path, capsys):
     assert made == [(f"quadsim.paper.{name}", e.runs) for name, e in EXPERIMENTS.items()]
 
 
+@pytest.mark.compiled
 def test_telemetry_of_a_lap_that_is_damaged_is_flown_again_and_the_same(small, tmp_path, capsys):
     quadrotor.make(1, tmp_path)
     spec = quadrotor.Spec.of("paper_flat", preset="paper", sampler="gaussian")

@@ -1,6 +1,7 @@
 """Domain randomization: a seed is one disturbance for every planner, size 0 is no change, the laws
 hold."""
 
+from contextlib import closing
 from dataclasses import replace
 from itertools import islice
 
@@ -11,24 +12,23 @@ from quadsim.course import load_course
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.physics.domain_randomization import VEHICLE, Randomization, draw, gusts
 from quadsim.physics.plant import PLANTS, default_plant
-from quadsim.spec.build import build
+from quadsim.spec.build import build, plant_of
 from quadsim.spec.spec import Spec
 from quadsim.streams import quadrotor_streams
 from quadsim.vehicle import GRAVITY, load_vehicle, with_thrust_to_weight
+from tests.small import SMALL
 
 HOVER = (0.0, 0.0, 0.0, GRAVITY)
 
 
 def spec(**settings):
-    return Spec.of(samples=128, horizon=10, iterations=1, **settings)
+    return Spec.of(**SMALL, **settings)
 
 
 def drift(one):
     """States of the plant that a spec describes, hovering for .1 s."""
-    plant, _, _ = build(one)
-    states = [plant.step(HOVER).x for _ in range(40)]
-    plant.close()
-    return np.array(states)
+    with closing(plant_of(one)) as plant:
+        return np.array([plant.step(HOVER).x for _ in range(40)])
 
 
 def test_same_seed_is_the_same_disturbance_for_every_planner():
@@ -46,6 +46,7 @@ def test_size_zero_is_the_plant_as_it_was():
     assert np.array_equal(drift(one), [plant.step(HOVER).x for _ in range(40)])
 
 
+@pytest.mark.compiled
 def test_randomization_changes_neither_the_planners_samples_nor_its_nominal_model():
     calm, rough = spec(randomize=0.0), spec(randomize=2.0)
     z = []

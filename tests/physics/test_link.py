@@ -10,9 +10,10 @@ from quadsim.files.values import SettingError
 from quadsim.physics.link import HOVER, Link, LinkConfig
 from quadsim.sensing.estimation.prediction import Commands
 from quadsim.vehicle import GRAVITY
+from tests.small import SHORT
 
 DT = 1e-3
-SHORT = {"samples": 64, "horizon": 20, "timeout": 0.5, "plant": "rigid", "link_hz": 100}
+FLIGHT = {**SHORT, "plant": "rigid", "link_hz": 100}
 
 
 def command(thrust):
@@ -72,7 +73,7 @@ def burst_lengths(frames, count):
 
 @pytest.mark.parametrize(("loss", "burst"), [(0.2, None), (0.2, 5.0), (0.05, 2.0), (0.5, 4.0)])
 def test_losses_have_their_share_and_their_bursts_their_mean_length(loss, burst):
-    count = 200_000
+    count = 40_000
     config = LinkConfig(loss=loss, burst=burst)
     _, frames = carried(Link(DT, config=config, stream=SeedSequence(3)), [0.0] * count)
     lengths = burst_lengths(frames, count)
@@ -114,17 +115,19 @@ def test_the_planner_knows_which_command_acts_when(rate):
         assert link.carry(given).command == commands.acting(k * DT)
 
 
+@pytest.mark.compiled
 def test_each_number_of_a_link_changes_the_flight():
     digests = {
-        quadsim.fly("figure8", **SHORT | change).digest()
+        quadsim.fly("figure8", **FLIGHT | change).digest()
         for change in ({}, {"link_hz": 40}, {"link_latency": 0.03}, {"link_loss": 0.3})
     }
     assert len(digests) == 4
 
 
+@pytest.mark.compiled
 def test_a_flight_over_a_link_is_flown_again_from_its_record():
     settings = {"link_hz": 50.0, "link_latency": 0.02, "link_loss": 0.2, "link_burst": 3.0}
-    run = quadsim.fly("figure8", **SHORT | settings)
+    run = quadsim.fly("figure8", **FLIGHT | settings)
     assert run.spec["link"] == {"rate": 50.0, "latency": 0.02, "loss": 0.2, "burst": 3.0}
     assert quadsim.fly(run.spec).digest() == run.digest()
 

@@ -19,6 +19,7 @@ from quadsim.physics.rotorpy_plant import LIFT, PARASITIC, RotorpyPlant
 from quadsim.record.limits import limit_of
 from quadsim.record.run import flown_with
 from quadsim.vehicle import GRAVITY, load_vehicle
+from tests.small import SMALL, flags
 
 SWIFT = load_vehicle("swift")
 needs_rotorpy = pytest.mark.skipif(
@@ -93,13 +94,16 @@ def test_a_vehicle_without_rotors_is_one_line():
         RotorpyPlant(SKY, load_vehicle("paper"))
 
 
+@pytest.mark.compiled
 @needs_rotorpy
 def test_a_flight_finishes_records_its_plant_and_repeats_to_the_last_bit():
-    settings = {"plant": "rotorpy", "seed": 3, "randomize": 1.0, "samples": 512, "threads": 1}
-    run = quadsim.fly(course(gate(5.0), gate(10.0)), **settings)
+    # Gates so wide that a small planner flies through them
+    gates = course(gate(4.0, opening=(4.0, 4.0)), gate(8.0, opening=(4.0, 4.0)))
+    settings = {**SMALL, "plant": "rotorpy", "seed": 3, "randomize": 1.0, "threads": 1}
+    run = quadsim.fly(gates, **settings)
     assert (run.outcome, run.spec["plant"]) == ("finished", "rotorpy")
     assert ", plant rotorpy" in flown_with(run.spec)
-    flight = quadsim.frames(course(gate(5.0), gate(10.0)), **settings)
+    flight = quadsim.frames(gates, **settings)
     again = [frame.x for frame, _ in zip(flight, range(20), strict=False)]
     assert again[19] == tuple(float(run.telemetry[name][19]) for name in STATE)
 
@@ -110,12 +114,13 @@ def test_a_limit_is_not_that_of_a_run_with_other_dynamics():
     assert limit_of(record | {"plant": "rotorpy"}) is None
 
 
+@pytest.mark.compiled
 def test_without_the_extra_one_line_says_what_installs_it(monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
     for name in [name for name in sys.modules if name.split(".")[0] == "rotorpy"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "rotorpy", None)
-    assert race(["fly", "figure8", "--plant", "rotorpy"]) == 2
+    assert race(["fly", "figure8", "--plant", "rotorpy", *flags(SMALL)]) == 2
     error = capsys.readouterr().err
     assert error.startswith("race fly: plant: 'rotorpy': rotorpy is not installed: ")
     assert "rotorpy" in error.partition(" -m pip install ")[2]

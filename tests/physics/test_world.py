@@ -230,6 +230,7 @@ def test_closing_twice_is_harmless():
     assert not bullet.isConnected(**world._at)
 
 
+@pytest.mark.process
 def test_loading_the_world_prints_nothing():
     code = "import sys, quadsim.physics.world; print('out'); print('err', file=sys.stderr)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)

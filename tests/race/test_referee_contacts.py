@@ -27,7 +27,9 @@ PROBE = Vehicle(
 )
 HOVER = (0.0, 0.0, GRAVITY * PROBE.mass)  # the probe never turns before it touches, so this is up
 CORNER = (sqrt(3) - 1) * R  # by which a grown box's corner sticks out of a sphere [m]
-NEAR = 1.8  # half length of a pass [m]
+# Half length of a pass [m]: at its ends it is clear of the frame, which it crosses at up to 45
+# degrees.
+NEAR = 0.5
 
 
 @dataclass(frozen=True)

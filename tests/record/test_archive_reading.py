@@ -2,16 +2,17 @@
 
 import json
 import os
+import shutil
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
-from run_cases import save, two_laps
 
 from quadsim.record.archive import list_runs, load_run
 from quadsim.record.planner_snapshot import TERM
 from quadsim.record.run import RunError
+from tests.run_cases import save, two_laps
 
 
 def edit(path, **changes):
@@ -92,15 +93,16 @@ DAMAGE = {
 }
 
 
-@pytest.mark.parametrize("damage", DAMAGE)
-def test_damaged_folder_is_one_line_that_names_it(tmp_path, damage):
-    path = save(tmp_path, two_laps())
-    harm, message = DAMAGE[damage]
-    harm(path)
-    with pytest.raises(RunError, match=message) as error:
-        load_run(path)
-    assert str(error.value).startswith(str(path))
-    assert "\n" not in str(error.value)
+def test_damaged_folder_is_one_line_that_names_it(tmp_path):
+    whole = save(tmp_path, two_laps())
+    for damage, (harm, message) in DAMAGE.items():
+        path = tmp_path / damage
+        shutil.copytree(whole, path)
+        harm(path)
+        with pytest.raises(RunError, match=message) as error:
+            load_run(path)
+        assert str(error.value).startswith(str(path))
+        assert "\n" not in str(error.value), damage
 
 
 @pytest.mark.parametrize("name", ["run.json", "telemetry.npz"])

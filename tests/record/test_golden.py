@@ -13,7 +13,10 @@ import pytest
 
 import quadsim
 from quadsim.cli.cli import race
+from quadsim.dynamics.quadrotor import STATE
+from quadsim.figures.run_figure import draw
 from quadsim.record.run import RunError
+from tests.small import SHORT
 from web.stored_runs import stored_competitor
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -39,12 +42,21 @@ def test_it_is_shown(capsys):
     assert json.loads(capsys.readouterr().out)["laps"] == [4.573423091311024]
 
 
-def test_it_is_drawn(tmp_path):
-    assert race(["plot", str(GOLDEN), "--out", str(tmp_path / "run.png")]) == 0
-    assert (tmp_path / "run.png").stat().st_size > 20_000
+def test_it_is_drawn(run):
+    assert "figure8" in draw(run).get_suptitle()
     assert stored_competitor(GOLDEN).laps == (4.573423091311024,)
 
 
+@pytest.mark.compiled
+def test_the_same_vehicle_takes_off_from_the_same_place_by_a_smaller_planner(run):
+    again = quadsim.fly(run.spec, **SHORT)
+    assert again.spec["variation"] == run.spec["variation"]
+    assert again.spec["vehicle"] == run.spec["vehicle"]
+    for column in STATE:
+        assert again.telemetry[column][0] == run.telemetry[column][0], column
+
+
+@pytest.mark.regression
 def test_it_is_flown_again(run):
     """Another CPU may round in another way, so that laps differ a little there."""
     again = quadsim.fly(run.spec)
@@ -68,19 +80,19 @@ STRANGE = {
 }
 
 
-@pytest.mark.parametrize("what", STRANGE)
-def test_a_spec_written_by_hand_is_one_line(what, tmp_path, capsys, run):
+def test_a_spec_written_by_hand_is_one_line(tmp_path, capsys, run):
     """Its digest is right, as whoever writes a spec can compute that too."""
-    changed = replace(run, spec=run.spec | STRANGE[what])
     folder = tmp_path / "20261123T000000Z_by_hand"
     shutil.copytree(GOLDEN, folder)
     record = json.loads((folder / "run.json").read_text())
-    record |= {"spec": changed.spec, "digest": changed.digest()}
-    (folder / "run.json").write_text(json.dumps(record))
-    for command in (["show"], ["plot"]):
-        assert race([*command, str(folder)]) == 2
-        error = capsys.readouterr().err.strip()
-        assert "spec: expected that of a flight" in error
-        assert "\n" not in error
-    with pytest.raises(RunError):
-        stored_competitor(folder)
+    for what, entries in STRANGE.items():
+        changed = replace(run, spec=run.spec | entries)
+        record |= {"spec": changed.spec, "digest": changed.digest()}
+        (folder / "run.json").write_text(json.dumps(record))
+        for command in ("show", "plot"):
+            assert race([command, str(folder)]) == 2, what
+            error = capsys.readouterr().err.strip()
+            assert "spec: expected that of a flight" in error, what
+            assert "\n" not in error, what
+        with pytest.raises(RunError):
+            stored_competitor(folder)

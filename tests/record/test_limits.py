@@ -87,17 +87,16 @@ DAMAGED = {
 }
 
 
-@pytest.mark.parametrize("name", DAMAGED)
-def test_a_damaged_solution_is_one_line(name, tmp_path, recwarn):
-    data, problem = DAMAGED[name]
+def test_a_damaged_solution_is_one_line(tmp_path, recwarn):
     path = tmp_path / ORIGINAL.name
-    path.write_bytes(data)
-    with pytest.raises(LimitError, match=problem) as error:
-        load(path)
-    text = str(error.value)
-    assert text.startswith(f"{path}: expected the solution of a race: ")
-    assert text.isprintable()
-    assert not recwarn.list
+    for name, (data, problem) in DAMAGED.items():
+        path.write_bytes(data)
+        with pytest.raises(LimitError, match=problem) as error:
+            load(path)
+        text = str(error.value)
+        assert text.startswith(f"{path}: expected the solution of a race: "), name
+        assert text.isprintable(), name
+        assert not recwarn.list, name
 
 
 def test_what_is_written_is_read_with_its_key(tmp_path):
@@ -133,25 +132,26 @@ FOREIGN = {
 }
 
 
-@pytest.mark.parametrize("name", FOREIGN)
-def test_the_solution_of_another_race_is_refused(name, tmp_path):
+def test_the_solution_of_another_race_is_refused(tmp_path):
     path = tmp_path / ORIGINAL.name
-    path.write_bytes(saying(**FOREIGN[name]))
-    with pytest.raises(LimitError, match="expected") as error:
-        FIGURE8.best_known(tmp_path)
-    assert str(error.value).startswith(f"{path}: ")
-    assert "\n" not in str(error.value)
+    for name, facts in FOREIGN.items():
+        path.write_bytes(saying(**facts))
+        with pytest.raises(LimitError, match="expected") as error:
+            FIGURE8.best_known(tmp_path)
+        assert str(error.value).startswith(f"{path}: "), name
+        assert "\n" not in str(error.value), name
 
 
-@pytest.mark.parametrize("other", sorted(SOLUTIONS.glob("*.npz")), ids=lambda path: path.stem)
-def test_no_solution_of_the_project_passes_for_another(other, tmp_path):
+def test_no_solution_of_the_project_passes_for_another(tmp_path):
     path = tmp_path / ORIGINAL.name
-    shutil.copy(other, path)
-    if other == ORIGINAL:
-        assert FIGURE8.read(path).time == pytest.approx(sum(LAPS))
-    else:
-        with pytest.raises(LimitError):
-            FIGURE8.read(path)
+    passed = []
+    for other in SOLUTIONS.glob("*.npz"):
+        shutil.copy(other, path)
+        try:
+            passed.append((other, FIGURE8.read(path).time))
+        except LimitError:
+            continue
+    assert passed == [(ORIGINAL, pytest.approx(sum(LAPS)))]
 
 
 def test_a_solution_leads_through_the_gates_of_its_race(tmp_path):
@@ -165,12 +165,12 @@ def test_a_solution_leads_through_the_gates_of_its_race(tmp_path):
         FIGURE8.read(path)
 
 
-@pytest.mark.parametrize("factor", [-1.0, 1.1, 100.0])
-def test_a_solution_stays_within_the_vehicles_commands(factor, tmp_path):
+def test_a_solution_stays_within_the_vehicles_commands(tmp_path):
     path = tmp_path / ORIGINAL.name
-    path.write_bytes(but(u=ARRAYS["u"] * np.float32(factor)))
-    with pytest.raises(LimitError, match="vehicle's limits"):
-        FIGURE8.read(path)
+    for factor in (-1.0, 1.1, 100.0):
+        path.write_bytes(but(u=ARRAYS["u"] * np.float32(factor)))
+        with pytest.raises(LimitError, match="vehicle's limits"):
+            FIGURE8.read(path)
 
 
 def test_a_course_of_the_same_gates_shares_the_limit_under_another_name(tmp_path):

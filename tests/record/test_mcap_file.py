@@ -5,13 +5,14 @@ from collections import defaultdict
 
 import numpy as np
 import pytest
-from run_cases import two_laps
 
 import quadsim
 from quadsim.cli.cli import race
 from quadsim.record.mcap_file import mcap_bytes, nanoseconds
 from quadsim.record.run_format import event_row
 from quadsim.rotation import matrix
+from tests.run_cases import two_laps
+from tests.small import SHORT
 
 reader = pytest.importorskip("mcap.reader")
 decoder = pytest.importorskip("mcap_protobuf.decoder")
@@ -20,7 +21,6 @@ pytest.importorskip("foxglove_schemas_protobuf")
 AXES = ("px", "py", "pz")
 # A course with boxes and cylinders beside its gates
 COURSE = "lsy_level2"
-SENSED = {"samples": 64, "horizon": 20, "iterations": 1, "laps": 1, "timeout": 0.2}
 
 
 def opened(data):
@@ -48,11 +48,6 @@ def run():
 @pytest.fixture(scope="module")
 def topics(run):
     return read(mcap_bytes(run))
-
-
-@pytest.fixture(scope="module")
-def sensed():
-    return quadsim.fly("figure8", sensing="mocap", **SENSED)
 
 
 def test_poses_are_the_states_of_the_telemetry(run, topics):
@@ -133,7 +128,9 @@ def test_the_file_tells_what_flew(run):
     assert metadata.metadata["digest"] == run.digest()
 
 
-def test_the_estimate_is_in_the_file_of_a_flight_with_sensors(sensed):
+@pytest.mark.compiled
+def test_the_estimate_is_in_the_file_of_a_flight_with_sensors():
+    sensed = quadsim.fly("figure8", sensing="mocap", **SHORT)
     found = read(mcap_bytes(sensed))["/estimate"]
     places = np.array([vector(message.pose.position) for _, _, message in found])
     x = sensed.telemetry

@@ -5,7 +5,6 @@ from math import pi, sqrt
 
 import numpy as np
 import pytest
-from run_cases import SPEC, frame, two_laps
 
 from quadsim.record.metrics import (
     MOTOR_TAU,
@@ -18,6 +17,7 @@ from quadsim.record.metrics import (
     total_variation,
 )
 from quadsim.record.run import Run
+from tests.run_cases import SPEC, frame, two_laps
 
 DT = 0.01
 T = np.arange(4001) * DT  # 40 s

@@ -2,8 +2,6 @@
 
 import json
 
-import pytest
-
 from controllers.presets import PRESETS
 from quadsim.record.preset_changes import preset_changes
 from quadsim.record.run import flown_with
@@ -15,10 +13,11 @@ def recorded(**settings):
     return json.loads(json.dumps(Spec.of("figure8", **settings).record()))
 
 
-@pytest.mark.parametrize("preset", [name for name in PRESETS if name != "race_informed"])
-@pytest.mark.parametrize("sampler", PRESETS["race"])
-def test_a_planner_with_the_numbers_of_its_preset_has_no_changes(preset, sampler):
-    assert preset_changes(recorded(preset=preset, sampler=sampler)) == ""
+def test_a_planner_with_the_numbers_of_its_preset_has_no_changes():
+    for preset in PRESETS.keys() - {"race_informed"}:
+        for sampler in PRESETS["race"]:
+            changes = preset_changes(recorded(preset=preset, sampler=sampler))
+            assert changes == "", (preset, sampler)
 
 
 def test_changed_numbers_are_named_in_the_line_that_says_what_flew():

@@ -10,6 +10,7 @@ from quadsim.record.provenance import git_commit
 ROOT = Path(__file__).parents[2]
 
 
+@pytest.mark.process
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not a checkout")
 def test_a_checkout_names_its_commit():
     head = subprocess.run(

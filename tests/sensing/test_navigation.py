@@ -27,11 +27,12 @@ from quadsim.sensing.sensing_file import SENSORS
 from quadsim.spec.build import FlightParts, build, distinct, flight_frames, navigation_of
 from quadsim.spec.spec import Spec
 from quadsim.vehicle import load_vehicle
+from tests.small import SMALL
 
 SWIFT = load_vehicle("swift")
 REST = (0.0, 0.0, 0.0, 9.81)
 START = np.zeros(17)
-SMALL = {"samples": 64, "horizon": 10, "laps": 1, "randomize": 1.0}
+FLIGHT = {**SMALL, "laps": 1, "randomize": 1.0}
 
 
 def test_commands_act_one_after_the_other_and_late():
@@ -118,10 +119,11 @@ def test_gates_are_moved_by_the_seed_within_the_size():
     assert not moves[:, 2].any()
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("moved", [0.15, 0.0])
 def test_the_planner_keeps_farther_from_a_gate_whose_place_is_uncertain(moved):
     """Seen from the vehicle, which does not know where it is either."""
-    spec = Spec.of("split_s_swift", sensing="gates", displace_gates=moved, **SMALL)
+    spec = Spec.of("split_s_swift", sensing="gates", displace_gates=moved, **FLIGHT)
     plant, controller, _ = build(spec)
     plant.close()
     margin = GateTarget(*controller.cost.targets[0]).margin
@@ -140,8 +142,9 @@ def test_the_planner_keeps_farther_from_a_gate_whose_place_is_uncertain(moved):
     assert GateTarget(*controller.cost.targets[0]).margin == pytest.approx(margin, abs=1e-3)
 
 
+@pytest.mark.compiled
 def test_the_estimate_has_the_sensed_places_of_gates():
-    spec = Spec.of("split_s_swift", sensing="gates", displace_gates=0.15, **SMALL)
+    spec = Spec.of("split_s_swift", sensing="gates", displace_gates=0.15, **FLIGHT)
     plant, controller, referee = build(spec)
     with closing(plant):
         navigation = navigation_of(spec, FlightParts(plant, controller, referee))
@@ -153,10 +156,11 @@ def test_the_estimate_has_the_sensed_places_of_gates():
     )
 
 
+@pytest.mark.compiled
 def test_exact_knowledge_is_the_true_state_and_the_referees_count():
     """A flight without sensors and latency is flown, and recorded, as it was before there were
     any."""
-    spec = Spec.of("split_s_swift", **SMALL)
+    spec = Spec.of("split_s_swift", **FLIGHT)
     plant, controller, _ = build(spec)
     plant.close()
     assert not {"sensing", "displace_gates"} & spec.record().keys()
@@ -167,10 +171,11 @@ def test_exact_knowledge_is_the_true_state_and_the_referees_count():
     assert at_once.corners is None
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize("change", [{"vehicle": "swift_40ms"}, {"clock": "wall"}])
 def test_where_commands_act_late_the_state_is_predicted_and_gates_are_counted_on_board(change):
     """By latency, or by the planner's own time on the wall clock."""
-    spec = Spec.of("split_s_swift", **SMALL | change)
+    spec = Spec.of("split_s_swift", **FLIGHT | change)
     plant, controller, _ = build(spec)
     counted = SimpleNamespace(passed=3)
     with closing(plant):
@@ -187,10 +192,11 @@ def test_where_commands_act_late_the_state_is_predicted_and_gates_are_counted_on
     )
 
 
+@pytest.mark.compiled
 def test_the_last_frame_is_estimated_at_its_own_time():
     """A flight ends between two control periods; the estimate of the period's beginning would be
     centimetres behind."""
-    spec = Spec.of("split_s_swift", sensing="mocap", **SMALL | {"timeout": 1.0075})
+    spec = Spec.of("split_s_swift", sensing="mocap", **FLIGHT | {"timeout": 1.0075})
     run = Run.from_frames(spec.record(), flight_frames(spec))
     t, off = run.telemetry["t"], np.linalg.norm(estimate_errors(run), axis=1)
     assert t[-1] - t[-2] == pytest.approx(0.0075)
@@ -199,9 +205,9 @@ def test_the_last_frame_is_estimated_at_its_own_time():
     assert run.telemetry["nees"][-1] < 40
 
 
-def flown_with_every_sensor_on(name, seed):
+def flown_with(name, seed):
     """Return a short flight with this sensing, gates off the map and late commands."""
-    settings = SMALL | {
+    settings = FLIGHT | {
         "vehicle": "swift_40ms",
         "sensing": name,
         "displace_gates": 0.15,
@@ -213,19 +219,19 @@ def flown_with_every_sensor_on(name, seed):
 @pytest.fixture(scope="module", params=sensing_names())
 def sensed(request):
     """A flight with each sensing of the project, and its name."""
-    return request.param, flown_with_every_sensor_on(request.param, seed=3)
+    return request.param, flown_with(request.param, seed=3)
 
 
-def test_the_same_seed_gives_the_same_bits(sensed):
-    name, run = sensed
-    assert flown_with_every_sensor_on(name, seed=3).digest() == run.digest()
+@pytest.mark.compiled
+def test_the_same_seed_gives_the_same_bits_and_another_seed_others():
+    """With the sensing that has every sensor."""
+    sensing = load_sensing("lab")
+    assert [name for name in SENSORS if getattr(sensing, name) is None] == []
+    first, same, other = (flown_with("lab", seed).digest() for seed in (3, 3, 4))
+    assert first == same != other
 
 
-def test_another_seed_gives_other_bits():
-    one, other = (flown_with_every_sensor_on("mocap", seed) for seed in (3, 4))
-    assert one.digest() != other.digest()
-
-
+@pytest.mark.compiled
 def test_a_run_keeps_the_estimate_beside_the_truth(sensed):
     name, run = sensed
     assert run.spec["displace_gates"] == 0.15
@@ -235,6 +241,7 @@ def test_a_run_keeps_the_estimate_beside_the_truth(sensed):
     assert all(np.isfinite(column).all() for column in telemetry.values())
 
 
+@pytest.mark.compiled
 def test_the_errors_of_a_sensed_flight_are_small_and_most_corners_are_found(sensed):
     name, run = sensed
     numbers = sensing_numbers(run)
@@ -246,11 +253,12 @@ def test_the_errors_of_a_sensed_flight_are_small_and_most_corners_are_found(sens
     assert 0.8 < (numbers["found"] or 0.95) <= 1.0
 
 
+@pytest.mark.compiled
 def test_a_flight_goes_on_by_the_inertial_unit_when_its_pose_sensor_dies(tmp_path):
     """Every number stays finite until the referee ends the flight."""
     mocap = "imu: {rate: 250}\npose: {rate: 100, dies_at: 0.3}\n"
     (tmp_path / "dying.yaml").write_text(mocap)
-    spec = Spec.of("split_s_swift", sensing=str(tmp_path / "dying.yaml"), timeout=1.5, **SMALL)
+    spec = Spec.of("split_s_swift", sensing=str(tmp_path / "dying.yaml"), timeout=1.5, **FLIGHT)
     run = Run.from_frames(spec.record(), flight_frames(spec))
     assert run.outcome in {"crashed", "timeout"}
     assert all(np.isfinite(column).all() for column in run.telemetry.values())

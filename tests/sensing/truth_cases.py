@@ -1,6 +1,9 @@
 """A flight without plant or planner: a circle, known exactly, that looks at its middle."""
 
+from functools import cache
+
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from quadsim.course import Gate
 from quadsim.dynamics.quadrotor import State
@@ -15,20 +18,7 @@ GATES = tuple(
 DT = 1 / 400
 
 
-def quaternion(R):
-    """Of a rotation matrix: the eigenvector of largest eigenvalue (Bar-Itzhack, 2000)."""
-    x, y, z = R - R.T
-    K = np.array(
-        [
-            [np.trace(R), z[1], x[2], y[0]],
-            [z[1], R[0, 0] - R[1, 1] - R[2, 2], R[0, 1] + R[1, 0], R[0, 2] + R[2, 0]],
-            [x[2], R[0, 1] + R[1, 0], R[1, 1] - R[0, 0] - R[2, 2], R[1, 2] + R[2, 1]],
-            [y[0], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], R[2, 2] - R[0, 0] - R[1, 1]],
-        ]
-    )
-    return np.linalg.eigh(K)[1][:, -1].tolist()
-
-
+@cache
 def circle(t):
     """The state at t [s]: thrust along body z, the nose towards the middle."""
     c, s = np.cos(RATE * t), np.sin(RATE * t)
@@ -42,7 +32,7 @@ def circle(t):
     state = (
         *p.tolist(),
         *v.tolist(),
-        *quaternion(R),
+        *Rotation.from_matrix(R).as_quat(scalar_first=True).tolist(),
         0.0,
         0.0,
         0.0,
@@ -54,5 +44,6 @@ def circle(t):
     return PlantState(t, State(*map(float, state)), ())
 
 
-def states(seconds, start=0.0):
-    return [circle(start + k * DT) for k in range(round(seconds / DT) + 1)]
+def states(seconds):
+    """Return the states of the first seconds, a physics step apart."""
+    return [circle(k * DT) for k in range(round(seconds / DT) + 1)]

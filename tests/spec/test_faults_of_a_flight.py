@@ -12,12 +12,13 @@ from quadsim.physics.faults import parse_fault
 from quadsim.spec.recorded import spec_of_record
 from quadsim.spec.settings import SettingError
 from quadsim.spec.spec import Spec
+from tests.small import SHORT, flags
 
-SMALL = {"samples": 128, "horizon": 20, "iterations": 1, "timeout": 0.4, "laps": 1}
+FLIGHT = {**SHORT, "first_iterations": 10}
 
 
 def spec(**settings) -> Spec:
-    return Spec.of(**SMALL | settings)
+    return Spec.of(**FLIGHT | settings)
 
 
 class Still:
@@ -78,6 +79,7 @@ def telemetry(**settings):
     return run, columns
 
 
+@pytest.mark.compiled
 def test_a_flight_is_the_same_to_the_last_bit_until_its_fault():
     _, sound = telemetry(sensing="mocap")
     for fault in ("rotor2=.2@.2", "commands=lost@.2", "gyro=1:0:0@.2", "pose=lost@.2"):
@@ -88,21 +90,25 @@ def test_a_flight_is_the_same_to_the_last_bit_until_its_fault():
         assert any((faulty[n][-5:] != sound[n][-5:]).any() for n in sound), fault
 
 
+@pytest.mark.compiled
 def test_what_the_seed_drew_can_be_flown_again_as_a_text():
-    run, drawn = telemetry(fault="rotor=.2", seed=3, timeout=2.0)
+    run, drawn = telemetry(fault="rotor=.2@.1", seed=3)
     (text,) = run.spec["drawn_faults"]
-    _, given = telemetry(fault=text, seed=3, timeout=2.0)
+    _, given = telemetry(fault=text, seed=3)
     for name, column in drawn.items():
         np.testing.assert_array_equal(given[name], column)
 
 
+@pytest.mark.compiled
 def test_a_recorded_flight_with_drawn_faults_is_flown_again_by_its_record():
-    run = quadsim.fly(spec(fault=["rotor=.2", "commands=lost~.1"], seed=3, timeout=2.0))
+    flown = spec(fault=["rotor=.2@.1", "commands=lost~.1"], seed=3)
+    run = quadsim.fly(flown)
     again = spec_of_record(run.spec)
-    assert again.drawn_faults == spec(fault=["rotor=.2", "commands=lost~.1"], seed=3).drawn_faults
+    assert again.drawn_faults == flown.drawn_faults
     assert quadsim.fly(again).digest() == run.digest()
 
 
+@pytest.mark.compiled
 def test_commands_are_recorded_as_they_were_sent_and_act_as_they_arrived():
     """The controller is not told: its record has commands that the vehicle never got."""
     run, columns = telemetry(fault="commands=lost@0", plant="rigid", vehicle="paper")
@@ -111,11 +117,11 @@ def test_commands_are_recorded_as_they_were_sent_and_act_as_they_arrived():
     np.testing.assert_allclose(columns["a"], 9.81, atol=1e-9)
 
 
+@pytest.mark.compiled
 def test_report_and_show_name_the_faults(tmp_path, capsys):
-    small = [word for name, value in SMALL.items() for word in (f"--{name}", str(value))]
-    flags = ["--fault", "rotor2=.5@.1", "--fault", "commands=lost@.2~.1"]
+    faults = ["--fault", "rotor2=.5@.1", "--fault", "commands=lost@.2~.1"]
     folder = ["--runs-dir", str(tmp_path)]
-    race(["fly", *flags, *small, *folder])
+    race(["fly", *faults, *flags(FLIGHT), *folder])
     flown = capsys.readouterr().out
     race(["show", *folder])
     shown = capsys.readouterr().out

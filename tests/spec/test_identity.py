@@ -256,6 +256,7 @@ print(identity_of(Mine()))
 """
 
 
+@pytest.mark.process
 def test_an_identity_is_the_same_in_every_process():
     def found(hash_seed):
         env = {"PYTHONHASHSEED": hash_seed, "PATH": "", "PYTHONPATH": ":".join(sys.path)}

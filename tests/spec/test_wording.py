@@ -13,8 +13,8 @@ from quadsim.record.run import hostless, same_flight
 from quadsim.spec.changes import PlannerChange
 from quadsim.spec.spec import Spec
 from quadsim.spec.wording import settings_of, wording
+from tests.small import SHORT
 
-SMALL = {"samples": 256, "horizon": 40, "iterations": 1, "laps": 1, "timeout": 0.4}
 FLIGHTS = {
     "a preset's": {"course": "figure8"},
     "own numbers": {
@@ -52,9 +52,10 @@ def test_the_python_gives_the_recorded_flight(settings, tmp_path):
     assert hostless(stored(found["run"])) == hostless(record)
 
 
+@pytest.mark.compiled
 def test_the_command_flies_the_same_bits(tmp_path, capsys):
     course = {"sampler": "gaussian", "sigma": (1, 1, 0.1, 4), "fault": "rotor2=.5@.2"}
-    run = quadsim.fly("figure8", **SMALL, **course)
+    run = quadsim.fly("figure8", **SHORT, **course)
     folder = run.save(tmp_path / "runs")
     words = shlex.split(wording(load_run(folder).spec, folder).command)
     assert words[:3] == ["race", "fly", "figure8"]
@@ -65,23 +66,24 @@ def test_the_command_flies_the_same_bits(tmp_path, capsys):
 
 
 def test_what_settings_cannot_give_names_the_folder(tmp_path):
-    spec = Spec.of("figure8", **SMALL)
+    spec = Spec.of("figure8", **SHORT)
     after = replace(spec.planner.mppi, temperature=2.0)
     change = PlannerChange(0.1, "temperature", 1.0, 2.0, spec.planner.sampling, after)
     changed = replace(spec, changes=(change,))
     mine = tmp_path / "mine.yaml"
     mine.write_text(spec.course.text)
-    for record in (stored(changed), stored(Spec.of(str(mine), **SMALL))):
+    for record in (stored(changed), stored(Spec.of(str(mine), **SHORT))):
         assert settings_of(record) is None
         texts = wording(record, tmp_path / "run 1")
         assert shlex.split(texts.command) == ["race", "fly", "--from", str(tmp_path / "run 1")]
         assert f"quadsim.load_run({str(tmp_path / 'run 1')!r})" in texts.python
 
 
+@pytest.mark.compiled
 def test_the_command_of_a_run_on_a_course_of_ones_own_flies_the_same_bits(tmp_path, capsys):
     mine = tmp_path / "mine.yaml"
     mine.write_text(Spec.of("figure8").course.text)
-    run = quadsim.fly(str(mine), **SMALL)
+    run = quadsim.fly(str(mine), **SHORT, sampler="gaussian")
     folder = run.save(tmp_path / "runs")
     mine.unlink()
     words = shlex.split(wording(load_run(folder).spec, folder).command)

@@ -1,5 +1,6 @@
-"""A session over flights without physics, and pages on it."""
+"""A page over flights without physics, which the tests of a file share."""
 
+import shutil
 import sys
 from pathlib import Path
 
@@ -7,10 +8,11 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from web_cases import COURSE, Gliders
+from web_cases import COURSE, MENU, Gliders, served, until
 
 from web.choices import Choices
-from web.session import Session
+from web.page.race_panel import LIVE
+from web.race import PageRace
 
 
 @pytest.fixture
@@ -18,23 +20,34 @@ def gliders():
     return Gliders()
 
 
-@pytest.fixture
-def session(gliders, tmp_path):
-    session = Session(str(tmp_path), gliders)
-    yield session
-    session.close()
+@pytest.fixture(scope="module")
+def root(tmp_path_factory):
+    """The folder of runs of the shared page."""
+    return tmp_path_factory.mktemp("runs")
+
+
+@pytest.fixture(scope="module")
+def shared_gliders():
+    return Gliders()
+
+
+@pytest.fixture(scope="module")
+def shared_page(root, shared_gliders):
+    with served(root, shared_gliders, MENU, Choices(course=COURSE, laps=2)) as page:
+        yield page
 
 
 @pytest.fixture
-def page(session):
-    """A running page and its server."""
-    from web.page.dashboard import Dashboard
-    from web.page.menu import Menu
-    from web.page.server import serve
-
-    server = serve("127.0.0.1", 0, None, "race")
-    menu = Menu((COURSE, "paper_flat"), ("swift",), {"race": "swift"}, ("colored", "gaussian"))
-    dashboard = Dashboard(server, session, menu, Choices(course=COURSE, laps=2))
-    yield dashboard, server
-    dashboard.close()
-    server.stop()
+def page(shared_page, root):
+    """The shared page; what a test flies, shows and stores ends with it."""
+    yield shared_page
+    dashboard, server, session = shared_page
+    assert until(lambda: not server.get_clients())
+    dashboard.race.mode.value = LIVE
+    dashboard.race.course.value = COURSE
+    session.tell(PageRace.set_speed, 1.0)
+    race = session.snapshot.race
+    session.tell(PageRace.start, [])
+    assert until(lambda: session.snapshot.race > race and not session.snapshot.competitors)
+    for run in root.iterdir():
+        shutil.rmtree(run)

@@ -22,11 +22,13 @@ import threading
 import time
 from pathlib import Path
 
+import msgspec
 import numpy as np
+import websockets
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from wire import connect
+from wire import CAMERA, PROTOCOL
 
 from quadsim.bench.cases import QUADROTOR, median_ms, paper_case, starting
 from web.choices import Choices, HeatChoices
@@ -205,9 +207,11 @@ async def watchers(port: int, clients: int) -> None:
     """Watch a page by some connections."""
 
     async def one() -> None:
-        async with connect(port) as client:
+        address = f"ws://127.0.0.1:{port}"
+        async with websockets.connect(address, subprotocols=[PROTOCOL], max_size=None) as socket:
+            await socket.send(msgspec.msgpack.encode(CAMERA))
             while True:
-                await client._socket.recv()
+                await socket.recv()
 
     await asyncio.gather(*(one() for _ in range(clients)))
 

@@ -1,21 +1,29 @@
 """Claims about what can be chosen on the page, and how its numbers are written."""
 
+import os
+from dataclasses import replace
 from itertools import pairwise
 from types import SimpleNamespace
 
 import pytest
-from web_cases import choices, competitor
+from web_cases import Gliders, choices, competitor, served, until
+from wire import connect
 
 from controllers.presets import PRESETS
 from quadsim.course import load_course
+from quadsim.record.limits import dump, limits_folder, load
+from quadsim.spec.reference import followed_problem
+from quadsim.vehicle import load_vehicle
+from tests.small import SMALL
 from web.choices import PILOT, Choices, HeatChoices
 from web.live_flight import LiveFlight
 from web.notices import Notices
 from web.numbers import SLIDERS, Change
 from web.offered_presets import offered_presets
 from web.page.html import rounded
+from web.page.menu import Menu
 
-QUICK = {"samples": 512, "horizon": 20, "iterations": 1}
+QUICK = SMALL | {"samples": 512}  # more than the fewest that a deadline leaves
 
 
 @pytest.mark.parametrize(
@@ -47,6 +55,85 @@ def test_a_preset_that_follows_a_solution_is_offered_where_one_is_stored(
         assert "race_informed" in kept  # while it is the one that is chosen
 
 
+@pytest.fixture
+def hall(tmp_path, monkeypatch):
+    """A course of lsy_level2's gates in a wider hall, whose solution does not come with quadsim."""
+    monkeypatch.chdir(tmp_path)
+    narrow, wide = "[[-2.5, 2.5], [-1.5, 1.5], [0, 2]]", "[[-3, 3], [-2, 2], [0, 3]]"
+    text = load_course("lsy_level2").text
+    assert text.count(narrow) == 1
+    file = tmp_path / "hall.yaml"
+    file.write_text(text.replace(narrow, wide))
+    return str(file)
+
+
+def solve(hall, runs_dir, sooner=0.0):
+    """Store the narrow hall's solution as that of the wide one, as `race limit` would.
+
+    sooner: by how much its lap time is less than it is, for a fastest one of several [s].
+    """
+    weights = PRESETS["race_informed"]["colored"].cost
+    crazyflie = load_vehicle("crazyflie")
+    narrow, wide = (
+        followed_problem(load_course(name), crazyflie, 1, weights) for name in ("lsy_level2", hall)
+    )
+    (shipped,) = narrow.files()
+    solution = load(shipped)
+    times = [time - sooner for time in solution.lap_times]
+    folder = limits_folder(runs_dir)
+    folder.mkdir(parents=True, exist_ok=True)
+    stored = replace(solution, course=wide.course.name, lap_times=times, key=wide.key)
+    (folder / wide.file_name).write_bytes(dump(stored))
+    return stored.time
+
+
+def test_a_solution_among_the_runs_is_offered_and_followed_and_none_of_another_folder(
+    tmp_path, hall
+):
+    told = str(tmp_path / "told")
+    solve(hall, "runs", sooner=0.005)  # the folder of runs where no other is named
+    informed = Choices(hall, "crazyflie", "race_informed", runs_dir=told)
+
+    def offered():
+        return offered_presets(PRESETS, {"race"}, load_course(hall), "crazyflie", 1, told)
+
+    assert "race_informed" not in offered()
+    with pytest.raises(ValueError, match=f"race limit .* --runs-dir {told}$"):
+        informed.spec()
+    time = solve(hall, told)
+    assert "race_informed" in offered()
+    assert informed.spec().reference.time == time
+    race = HeatChoices((informed, replace(informed, sampler="gaussian")))
+    assert [entrant.spec.reference.time for entrant in race.spec().entrants] == [time, time]
+
+
+@pytest.mark.socket
+def test_a_page_offers_and_flies_the_solutions_of_its_own_folder_of_runs(tmp_path, hall):
+    told = tmp_path / "told"
+    limits_folder(told).mkdir(parents=True)
+    os.utime(told, (0.0, 0.0))  # what is solved does not change the folder of runs itself
+    solve(hall, "runs", sooner=0.005)
+    presets = {"race": "crazyflie", "race_informed": "crazyflie"}
+    menu = Menu(("figure8", hall), ("crazyflie",), presets, ("colored",))
+    flights = Gliders()
+    with (
+        served(told, flights, menu, Choices(hall, "crazyflie")) as page,
+        connect(page.port) as client,
+    ):
+        race = page.dashboard.race
+        assert race.table.preset.options == ("race",)
+        client.set(race.course, "figure8")
+        assert until(lambda: race.course.value == "figure8")
+        time = solve(hall, told)
+        client.set(race.course, hall)
+        assert until(lambda: "race_informed" in race.table.preset.options)
+        client.set(race.table.preset, "race_informed")
+        client.click(race.start)
+        assert until(lambda: flights.built)
+    (flight,) = flights.built
+    assert flight.flown.reference.time == time
+
+
 def test_clock_and_deadline_reach_the_flight_and_every_entrant_of_a_race():
     spec = choices(clock="wall", deadline_ms="7.5").spec()
     assert (spec.clock, spec.deadline_ms) == ("wall", 7.5)
@@ -65,7 +152,7 @@ def test_a_learned_pilot_flies_beside_a_deadline_that_it_cannot_have():
     assert pilot.spec().deadline_ms is None
 
 
-@pytest.mark.flight
+@pytest.mark.compiled
 def test_on_the_wall_clock_planning_takes_time_and_a_pause_does_not():
     flight = LiveFlight(choices(clock="wall", settings=QUICK))
     try:
@@ -93,7 +180,7 @@ def test_on_the_wall_clock_planning_takes_time_and_a_pause_does_not():
     assert flight.now.spec["clock"] == "wall"
 
 
-@pytest.mark.flight
+@pytest.mark.compiled
 def test_a_deadline_holds_also_after_a_number_was_changed_in_flight():
     """No plan can be made in a microsecond: the samples shrink to the least."""
     flight = LiveFlight(choices(deadline_ms="0.001", settings=QUICK))

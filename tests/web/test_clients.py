@@ -3,6 +3,7 @@ leave."""
 
 import asyncio
 import math
+import socket
 from contextlib import suppress
 
 import pytest
@@ -13,23 +14,14 @@ from wire import connect, open_socket
 from web.page.dashboard import PAUSE, SCENE, SHARE, pause_after
 from web.page.messages import MAX_BYTES
 from web.page.server import LoopEvent
-from web.race import PageRace
+
+WRONG = (math.nan, math.inf, 1e9, -5.0, "much", None, True, [1.0], {"a": 1})
 
 
-async def settled(claim, seconds=5.0):
-    """Return whether the claim comes true while messages are handled."""
-    for _ in range(int(seconds / 0.01)):
-        if claim():
-            return True
-        await asyncio.sleep(0.01)
-    return False
-
-
-def test_what_another_thread_sends_wakes_pages_on_the_loop_alone(page):
+def test_an_event_that_another_thread_sets_wakes_nobody_until_the_loop_sets_it():
     """There alone is the list of who waits safe to read."""
-    _, server = page
 
-    async def other_thread_does():
+    async def other_thread_sets():
         event = LoopEvent()
         waiting = asyncio.create_task(event.wait())
         await asyncio.sleep(0)
@@ -38,189 +30,153 @@ def test_what_another_thread_sends_wakes_pages_on_the_loop_alone(page):
         assert not waiting.done()
         event.set()
         assert await asyncio.wait_for(waiting, 1.0)
-        async with connect(server.get_port()):
-            assert await settled(lambda: len(server.get_clients()) == 1)
-            (client,) = server.get_clients().values()
-            buffers = (
-                server._websock_server._broadcast_buffer,
-                client._websock_connection.get_message_buffer(),
-            )
-            assert [type(buffer.message_event) for buffer in buffers] == [LoopEvent, LoopEvent]
 
-    asyncio.run(other_thread_does())
+    asyncio.run(other_thread_sets())
 
 
-def test_one_click_starts_a_flight(page, session):
-    dashboard, server = page
+@pytest.mark.socket
+def test_all_buffers_of_messages_wake_pages_on_the_loop_alone(page):
+    with connect(page.port):
+        assert until(lambda: len(page.server.get_clients()) == 1)
+        (client,) = page.server.get_clients().values()
+        buffers = (
+            page.server._websock_server._broadcast_buffer,
+            client._websock_connection.get_message_buffer(),
+        )
+        assert [type(buffer.message_event) for buffer in buffers] == [LoopEvent, LoopEvent]
 
-    async def client_does():
-        async with connect(server.get_port()) as client:
-            assert await settled(lambda: len(server.get_clients()) == 1)
-            await client.click(dashboard.race.start)
-            assert await settled(lambda: session.snapshot.flying)
 
-    asyncio.run(client_does())
+@pytest.mark.socket
+def test_one_click_starts_a_flight(page):
+    with connect(page.port) as client:
+        client.click(page.dashboard.race.start)
+        assert until(lambda: page.session.snapshot.flying)
 
 
-@pytest.mark.parametrize(
-    "value", [math.nan, math.inf, 1e9, -5.0, "much", None, True, [1.0], {"a": 1}]
-)
-def test_a_value_out_of_range_or_of_another_type_changes_nothing(page, value):
-    dashboard, server = page
-    slider = dashboard.race.table.numbers.sliders["temperature"]
-    before = slider.value
-
-    async def client_does():
-        async with connect(server.get_port()) as client:
-            await client.set(slider, value)
-            await client.set(slider, 2.5)  # a valid value is still accepted
-            assert await settled(lambda: slider.value == 2.5)
-            assert await settled(lambda: seen)
-
+@pytest.mark.socket
+def test_a_value_out_of_range_or_of_another_type_changes_nothing(page):
+    slider = page.dashboard.race.table.numbers.sliders["temperature"]
     seen = []
     slider.on_update(lambda _: seen.append(slider.value))
-    asyncio.run(client_does())
-    assert before != 2.5
+    assert slider.value != 2.5
+    with connect(page.port) as client:
+        for value in WRONG:
+            client.set(slider, value)
+        client.set(slider, 2.5)  # a valid value is still accepted
+        assert until(lambda: 2.5 in seen)
     assert set(seen) == {2.5}
 
 
-@pytest.mark.parametrize("name", ["removed", "update_cb", "gui_api", "uuid", "nonsense"])
-def test_only_values_can_be_set(page, name):
-    dashboard, server = page
-    slider = dashboard.race.table.numbers.sliders["sigma"]
-    before = getattr(slider._impl, name, None)
-
-    async def client_does():
-        async with connect(server.get_port()) as client:
-            await client.set(slider, "x", name=name)
-            await client.set(slider, 1.5)
-            assert await settled(lambda: slider.value == 1.5)
-
-    asyncio.run(client_does())
-    assert getattr(slider._impl, name, None) == before
+@pytest.mark.socket
+def test_only_values_can_be_set(page):
+    slider = page.dashboard.race.table.numbers.sliders["sigma"]
+    names = ("removed", "update_cb", "gui_api", "uuid", "nonsense")
+    before = [getattr(slider._impl, name, None) for name in names]
+    with connect(page.port) as client:
+        for name in names:
+            client.set(slider, "x", name=name)
+        client.set(slider, 1.5)
+        assert until(lambda: slider.value == 1.5)
+    assert [getattr(slider._impl, name, None) for name in names] == before
 
 
+@pytest.mark.socket
 def test_a_course_that_is_not_on_the_menu_is_not_chosen(page):
-    dashboard, server = page
-    course = dashboard.race.course
-
-    async def client_does():
-        async with connect(server.get_port()) as client:
-            await client.set(course, "/etc/passwd")
-            await client.set(course, "paper_flat")
-            assert await settled(lambda: course.value == "paper_flat")
-
+    course = page.dashboard.race.course
     seen = []
     course.on_update(lambda _: seen.append(course.value))
-    asyncio.run(client_does())
+    with connect(page.port) as client:
+        client.set(course, "/etc/passwd")
+        client.set(course, "paper_flat")
+        assert until(lambda: seen)
     assert seen == ["paper_flat"]
 
 
-def test_moving_gamma_in_flight_is_an_event(page, session):
-    dashboard, server = page
+@pytest.mark.socket
+def test_moving_gamma_in_flight_is_an_event(page):
+    def entry():
+        return page.session.snapshot.competitors[0]
 
-    async def client_does():
-        async with connect(server.get_port()) as client:
-            await client.click(dashboard.race.start)
-            assert await settled(
-                lambda: (
-                    session.snapshot.competitors
-                    and max(session.snapshot.competitors[0].t, default=0.0) > 0.02
-                    and dashboard.numbers.folder.visible
-                )
-            )
-            await client.set(dashboard.numbers.sliders["gamma_rates"], 1.25)
-            assert await settled(lambda: session.snapshot.competitors[0].changes)
-
-    asyncio.run(client_does())
-    assert session.snapshot.competitors[0].changes[0]["to"] == 1.25
+    with connect(page.port) as client:
+        client.click(page.dashboard.race.start)
+        assert until(lambda: page.session.snapshot.t > 0.02)
+        client.set(page.dashboard.numbers.sliders["gamma_rates"], 1.25)
+        assert until(lambda: entry().changes)
+    (change,) = entry().changes
+    assert (change["name"], change["to"]) == ("gamma_rates", 1.25)
 
 
+@pytest.mark.socket
 def test_two_clients_see_each_others_changes(page):
-    dashboard, server = page
-    slider = dashboard.race.table.numbers.sliders["sigma"]
+    slider = page.dashboard.race.table.numbers.sliders["gamma_thrust"]
 
-    async def clients_do():
-        async with connect(server.get_port()) as one, connect(server.get_port()) as two:
-            assert await settled(lambda: len(server.get_clients()) == 2)
-            await one.set(slider, 1.5)
-            assert await settled(lambda: slider.value == 1.5)
-            await two.set(slider, 0.5)
-            assert await settled(lambda: slider.value == 0.5)
+    def told(client, value):
+        """Return whether a client is told a value of the slider."""
+        news = [m for m in client.waiting() if m["type"] == "GuiUpdateMessage"]
+        return (slider._impl.uuid, {"value": value}) in [(m["uuid"], m["updates"]) for m in news]
 
-    asyncio.run(clients_do())
-
-
-def test_the_flight_goes_on_when_the_last_client_vanishes(page, session):
-    dashboard, server = page
-
-    async def client_does():
-        async with connect(server.get_port()) as client:
-            await client.click(dashboard.race.start)
-            assert await settled(lambda: session.snapshot.flying)
-            client._socket.transport.abort()  # no goodbye
-
-    asyncio.run(client_does())
-    assert until(lambda: not server.get_clients())
-    t = session.snapshot.t
-    assert until(lambda: session.snapshot.t > t + 0.05 or not session.snapshot.flying)
+    with connect(page.port) as one, connect(page.port) as two:
+        assert until(lambda: len(page.server.get_clients()) == 2)
+        one.set(slider, 3.5)
+        assert until(lambda: told(two, 3.5))
+        two.set(slider, 0.5)
+        assert until(lambda: told(one, 0.5))
 
 
-def test_start_while_flying_begins_another_race(page, session, gliders):
-    dashboard, server = page
-
-    async def client_does():
-        async with connect(server.get_port()) as client:
-            for race in (1, 2, 3):
-                await client.click(dashboard.race.start)
-                assert await settled(lambda n=race: session.snapshot.race == n)
-
-    asyncio.run(client_does())
-    assert [glider.closed for glider in gliders.built[:2]] == [True, True]
+@pytest.mark.socket
+def test_the_flight_goes_on_when_the_last_client_vanishes(page):
+    with connect(page.port) as client:
+        client.click(page.dashboard.race.start)
+        assert until(lambda: page.session.snapshot.flying)
+        client.socket.socket.shutdown(socket.SHUT_RDWR)  # no goodbye
+        assert until(lambda: not page.server.get_clients())
+    t = page.session.snapshot.t
+    assert until(lambda: page.session.snapshot.t > t + 0.05)
 
 
-def test_a_control_that_is_disabled_cannot_be_used(page, session):
-    dashboard, server = page
+@pytest.mark.socket
+def test_start_while_flying_begins_another_race(page, shared_gliders):
+    races, flights = page.session.snapshot.race, len(shared_gliders.built)
+    with connect(page.port) as client:
+        for race in (1, 2, 3):
+            client.click(page.dashboard.race.start)
+            assert until(lambda n=races + race: page.session.snapshot.race == n)
+    assert [glider.closed for glider in shared_gliders.built[flights:]] == [True, True, False]
 
-    async def client_does():
-        async with connect(server.get_port()) as client:
-            await client.click(dashboard.race.stop)
-            await client.click(dashboard.race.start)
-            assert await settled(lambda: session.snapshot.flying)
 
+@pytest.mark.socket
+def test_a_control_that_is_disabled_cannot_be_used(page):
+    race = page.dashboard.race
     seen = []
-    dashboard.race.stop.on_click(seen.append)
-    asyncio.run(client_does())
+    race.stop.on_click(seen.append)
+    with connect(page.port) as client:
+        assert until(lambda: race.stop.disabled)
+        client.click(race.stop)
+        client.click(race.start)
+        assert until(lambda: page.session.snapshot.flying)
     assert seen == []
 
 
+@pytest.mark.socket
 def test_a_message_that_is_too_long_ends_its_own_connection_alone(page):
-    _, server = page
-
-    async def clients_do():
-        async with connect(server.get_port()):
-            one = await open_socket(server.get_port())
-            with suppress(ConnectionClosed):  # closed while it still sends
-                await one.send(bytes(MAX_BYTES + 1))
-            await asyncio.wait_for(one.wait_closed(), 5.0)
-            assert await settled(lambda: len(server.get_clients()) == 1)
-
-    asyncio.run(clients_do())
+    with connect(page.port) as other, open_socket(page.port) as one:
+        assert until(lambda: len(page.server.get_clients()) == 1)
+        with suppress(ConnectionClosed):  # closed while it still sends
+            one.send(bytes(MAX_BYTES + 1))
+        with pytest.raises(ConnectionClosed):
+            while True:
+                one.recv(5.0)
+        other.click(page.dashboard.race.start)
+        assert until(lambda: page.session.snapshot.flying)
 
 
-def test_nonsense_messages_leave_the_page_working(page, session):
-    _, server = page
-
-    async def client_does():
-        async with connect(server.get_port()) as client:
-            await client.send(type="GuiUpdateMessage", uuid="no such control", updates={"value": 1})
-            await client.send(type="ShareUrlRequest")
-        async with connect(server.get_port()):
-            assert await settled(lambda: len(server.get_clients()) == 1)
-
-    asyncio.run(client_does())
-    session.tell(PageRace.play)
-    assert until(lambda: session.snapshot.playing is not None)
+@pytest.mark.socket
+def test_nonsense_messages_leave_the_page_working(page):
+    with connect(page.port) as client:
+        client.send(type="GuiUpdateMessage", uuid="no such control", updates={"value": 1})
+        client.send(type="ShareUrlRequest")
+        client.click(page.dashboard.race.start)
+        assert until(lambda: page.session.snapshot.flying)
 
 
 @pytest.mark.parametrize("spent", [0.0, 0.001, 0.005, 0.01, 0.014])

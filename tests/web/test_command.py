@@ -1,6 +1,5 @@
 """Claims about `race web` as a program: what it prints, what it refuses, how it ends."""
 
-import asyncio
 import json
 import os
 import signal
@@ -8,22 +7,33 @@ import socket
 import subprocess
 import sys
 from contextlib import contextmanager
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
-from web_cases import COURSE, free_port
-from wire import button, connect, get
+from web_cases import COURSE, Glider, choices, free_port, run_of, until
+from wire import connect, get, link
 
 from quadsim.cli.cli import race
 from quadsim.record.archive import list_runs, load_run
 
-PROGRAM = [sys.executable, "-c", "from quadsim.cli.cli import main; main()", "web", "--json"]
+# The command, with flights without physics in place of the planner's, which would be compiled
+PROGRAM = f"""
+import sys
+from functools import partial
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+import web.session
+from web_cases import Glider
+web.session.Session = partial(web.session.Session, take_off=Glider)
+from quadsim.cli.cli import main
+main()
+"""
 
 
 @contextmanager
 def running(*flags):
     """The program and the one JSON object it has printed."""
-    command = [*PROGRAM, "--port", "0", *flags]
+    command = [sys.executable, "-c", PROGRAM, "web", "--json", "--port", "0", *flags]
     program = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         printed = ""
@@ -37,20 +47,10 @@ def running(*flags):
         program.communicate()
 
 
-@pytest.mark.flight
+@pytest.mark.process
 def test_the_address_opens_the_page_one_click_flies_and_ctrl_c_keeps_what_was_flown(tmp_path):
     """Open to other machines, which need the token in the address that is printed."""
-
-    async def one_click(port, cookie):
-        async with connect(port, additional_headers={"Cookie": cookie}) as client:
-            start = await button(client, "START")
-            await client.send(type="GuiUpdateMessage", uuid=start, updates={"value": True})
-            for _ in range(600):
-                if list(tmp_path.glob("*.part")):  # a flight has claimed its folder
-                    return True
-                await asyncio.sleep(0.05)
-        return False
-
+    first_gate = run_of(Glider(choices("gaussian"))).events[0].t
     flags = ("--runs-dir", str(tmp_path), "--course", COURSE, "--host", "0.0.0.0")
     with running(*flags) as (program, printed):
         assert printed["pid"] == program.pid
@@ -59,18 +59,29 @@ def test_the_address_opens_the_page_one_click_flies_and_ctrl_c_keeps_what_was_fl
         assert get(url.port)[0] == 401
         status, headers = get(url.port, path=f"/?{url.query}")
         assert status == 303
-        assert asyncio.run(one_click(url.port, headers["Set-Cookie"].partition(";")[0]))
-        program.send_signal(signal.SIGINT)
-        out, err = program.communicate(timeout=30)
+        admitted = {"Cookie": headers["Set-Cookie"].partition(";")[0]}
+        with (
+            connect(url.port, additional_headers=admitted) as client,
+            link(url.port, additional_headers=admitted) as linked,
+        ):
+            client.send(type="GuiUpdateMessage", uuid=client.button("START"), updates={"value": True})
+
+            def is_behind_a_gate():
+                return linked.ask("charts", "ask_charts", race=0, frames=[], curves=0)["t"] > first_gate
+
+            assert until(is_behind_a_gate)
+            program.send_signal(signal.SIGINT)
+            out, err = program.communicate(timeout=30)
     assert out == ""
     assert "Traceback" not in err
     assert program.returncode == 130
     assert not list(tmp_path.glob("*.part"))
-    assert all(load_run(folder).outcome == "interrupted" for folder in list_runs(tmp_path))
+    assert [load_run(folder).outcome for folder in list_runs(tmp_path)] == ["interrupted"] * 2
     with pytest.raises(ProcessLookupError):
         os.kill(program.pid, 0)
 
 
+@pytest.mark.socket
 def test_a_busy_port_is_one_line(capsys):
     with socket.socket() as busy:
         busy.bind(("127.0.0.1", free_port()))
@@ -82,6 +93,7 @@ def test_a_busy_port_is_one_line(capsys):
     assert "\n" not in err
 
 
+@pytest.mark.socket
 @pytest.mark.parametrize(
     ("flags", "wrong"),
     [

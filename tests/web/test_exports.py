@@ -111,6 +111,7 @@ def test_the_zip_holds_a_run_that_can_be_loaded(folder, tmp_path):
     assert load_run(tmp_path / folder.name).digest() == load_run(folder).digest()
 
 
+@pytest.mark.socket
 def test_the_page_is_one_file_that_loads_nothing(folder, tmp_path):
     assert race(["export", str(folder), "--html", "--out", str(tmp_path / "race.html")]) == 0
     page = (tmp_path / "race.html").read_text()
@@ -118,6 +119,7 @@ def test_the_page_is_one_file_that_loads_nothing(folder, tmp_path):
     assert not re.findall(r"<(?:script|link|img)[^>]+(?:src|href)=[\"']https?:", page)
 
 
+@pytest.mark.socket
 def test_the_page_names_a_run_that_was_changed_in_flight(tmp_path):
     run = run_of(Glider(choices()))
     change = {"t": 0.1, "name": "sigma", "from": 1.0, "to": 2.0}

@@ -1,12 +1,11 @@
 """Claims about who may use the server, over raw sockets."""
 
-import asyncio
 import socket
 
 import msgspec
 import pytest
 from websockets.exceptions import InvalidStatus
-from wire import CAMERA, connect, get
+from wire import CAMERA, PATIENCE, connect, get
 
 from web.page.messages import problem_of
 from web.page.server import new_token, probe, serve
@@ -30,17 +29,14 @@ def token_server():
 
 def refused(port, **options):
     """The status a websocket is refused with, None if it is accepted."""
-
-    async def attempt():
-        async with connect(port, **options):
-            return None
-
     try:
-        return asyncio.run(attempt())
+        with connect(port, **options):
+            return None
     except InvalidStatus as error:
         return error.response.status_code
 
 
+@pytest.mark.socket
 def test_the_servers_own_page_may_connect(open_server):
     port = open_server.get_port()
     assert get(port)[0] == 200
@@ -48,6 +44,7 @@ def test_the_servers_own_page_may_connect(open_server):
     assert refused(port, origin=f"http://localhost:{port}", host="localhost") is None
 
 
+@pytest.mark.socket
 @pytest.mark.parametrize(
     "origin", ["http://evil.example", "https://127.0.0.1", "null", "http://127.0.0.1:1"]
 )
@@ -55,12 +52,14 @@ def test_a_foreign_page_is_refused(open_server, origin):
     assert refused(open_server.get_port(), origin=origin) == 403
 
 
+@pytest.mark.socket
 @pytest.mark.parametrize("host", ["evil.example", "evil.example:80", "127.0.0.1"])
 def test_a_foreign_name_is_refused(open_server, host):
     """Else a foreign page could resolve a name of its own to this machine (DNS rebinding)."""
     assert get(open_server.get_port(), host=host)[0] == 403
 
 
+@pytest.mark.socket
 def test_without_the_token_nothing_is_served(token_server):
     port = token_server.get_port()
     assert get(port)[0] == 401
@@ -69,6 +68,7 @@ def test_without_the_token_nothing_is_served(token_server):
     assert refused(port) == 401
 
 
+@pytest.mark.socket
 def test_the_token_becomes_a_cookie_that_scripts_cannot_read(token_server):
     port = token_server.get_port()
     status, headers = get(port, path=f"/?token={TOKEN}")
@@ -80,12 +80,14 @@ def test_the_token_becomes_a_cookie_that_scripts_cannot_read(token_server):
     assert refused(port, additional_headers={"Cookie": cookie}) is None
 
 
+@pytest.mark.socket
 def test_what_a_link_names_stays_in_the_address_without_the_token(token_server):
     asked = "run=a_b&t=3.2&camera=top%0d%0aX:y"
     status, headers = get(token_server.get_port(), path=f"/?run=c&token={TOKEN}&{asked}")
     assert (status, headers["Location"]) == (303, "/?run=c&run=a_b&t=3.2&camera=top%0D%0AX%3Ay")
 
 
+@pytest.mark.socket
 def test_no_cookie_holds_the_nonce_of_a_policy(token_server, open_server):
     """A script that runs with the nonce would know the cookie, and the reverse."""
     port = token_server.get_port()
@@ -99,6 +101,7 @@ def test_no_cookie_holds_the_nonce_of_a_policy(token_server, open_server):
     assert "Set-Cookie" not in get(open_server.get_port())[1]
 
 
+@pytest.mark.socket
 def test_a_foreign_page_is_refused_even_with_the_token(token_server):
     port = token_server.get_port()
     cookie = {"Cookie": f"race{port}={TOKEN}"}
@@ -109,6 +112,7 @@ TWO_HOSTS = "Host: 127.0.0.1:{0}\r\nHost: evil.example"
 FOREIGN_COOKIE = "Host: 127.0.0.1:{0}\r\nCookie: race{0}=\u00e9"
 
 
+@pytest.mark.socket
 @pytest.mark.parametrize(
     ("lines", "status"), [(TWO_HOSTS, 400), (FOREIGN_COOKIE, 401), ("Host: \u00e9", 403)]
 )
@@ -119,6 +123,7 @@ def test_headers_that_no_browser_sends_are_refused(token_server, lines, status):
         assert raw.recv(100).startswith(f"HTTP/1.1 {status} ".encode())
 
 
+@pytest.mark.socket
 def test_every_answer_forbids_frames_and_foreign_scripts(token_server):
     port = token_server.get_port()
     cookie = f"race{port}={TOKEN}"
@@ -138,11 +143,13 @@ def test_every_answer_forbids_frames_and_foreign_scripts(token_server):
         )
 
 
+@pytest.mark.socket
 def test_no_two_pages_have_the_same_nonce(open_server):
     policies = {get(open_server.get_port())[1]["Content-Security-Policy"] for _ in range(2)}
     assert len(policies) == 2
 
 
+@pytest.mark.socket
 @pytest.mark.parametrize(
     "message",
     [
@@ -157,14 +164,10 @@ def test_no_two_pages_have_the_same_nonce(open_server):
 )
 def test_a_malformed_message_is_dropped_with_one_line(open_server, message, caplog):
     """Of several, the first one alone is logged."""
-
-    async def client_does():
-        async with connect(open_server.get_port()) as client:
-            for _ in range(3):
-                await client._socket.send(message)
-            await (await client._socket.ping())
-
-    asyncio.run(client_does())
+    with connect(open_server.get_port()) as client:
+        for _ in range(3):
+            client.socket.send(message)
+        assert client.socket.ping().wait(PATIENCE)
     assert len(caplog.records) == 1
     assert len(caplog.text.splitlines()) == 1
 
@@ -176,6 +179,7 @@ def test_only_other_machines_need_a_token():
     assert new_token("192.168.1.7") != new_token("192.168.1.7")
 
 
+@pytest.mark.socket
 def test_a_server_for_everybody_checks_origin_against_host():
     server = serve("0.0.0.0", 0, TOKEN, "race")
     try:
@@ -188,6 +192,7 @@ def test_a_server_for_everybody_checks_origin_against_host():
         server.stop()
 
 
+@pytest.mark.socket
 def test_a_busy_port_is_one_line():
     with socket.socket() as busy:
         busy.bind(("127.0.0.1", 0))
@@ -198,6 +203,7 @@ def test_a_busy_port_is_one_line():
         assert "\n" not in str(error.value)
 
 
+@pytest.mark.socket
 @pytest.mark.parametrize(
     ("host", "port", "wrong"),
     [
@@ -276,6 +282,7 @@ def test_a_message_that_is_deep_not_finite_or_has_more_fields_is_one_line(data):
     assert len(problem) < 100
 
 
+@pytest.mark.socket
 def test_nothing_is_printed_on_stdout(capfd):
     serve("127.0.0.1", 0, None, "race").stop()
     assert capfd.readouterr().out == ""

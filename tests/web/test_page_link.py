@@ -1,14 +1,11 @@
 """Claims about the link between the page's own scripts and the server."""
 
-import asyncio
-import json
 import logging
-import threading
 
 import pytest
-import websockets
 from web_cases import until
 from websockets.exceptions import InvalidStatus
+from wire import link
 
 from web.page.link import MAX_LINK_BYTES, Message
 from web.page.server import serve
@@ -26,6 +23,8 @@ class Fails(Message, tag="fails"):
     pass
 
 
+pytestmark = pytest.mark.socket
+
 @pytest.fixture
 def server():
     server = serve("127.0.0.1", 0, None, "race")
@@ -41,22 +40,10 @@ def fail(visitor, message):
     raise ValueError("on purpose")
 
 
-def talk(server, *messages):
-    """Send messages; return the first answer."""
-
-    async def talks():
-        address = f"ws://127.0.0.1:{server.get_port()}/link"
-        async with websockets.connect(address) as socket:
-            for message in messages:
-                await socket.send(message)
-            return json.loads(await asyncio.wait_for(socket.recv(), 5))
-
-    return asyncio.run(talks())
-
-
 def test_a_message_is_answered(server):
     server.link.on(Ping, answer)
-    assert talk(server, json.dumps({"type": "ping", "count": 1})) == {"type": "pong", "count": 2}
+    with link(server.get_port()) as linked:
+        assert linked.ask("pong", "ping", count=1) == {"type": "pong", "count": 2}
 
 
 def test_nonsense_is_dropped_and_logged_once(server, caplog):
@@ -73,25 +60,26 @@ def test_nonsense_is_dropped_and_logged_once(server, caplog):
         " " * (MAX_LINK_BYTES + 1),
         '{"type": "fails"}',
     )
-    with caplog.at_level(logging.WARNING, logger="race web"):
-        assert talk(server, *nonsense, '{"type": "ping", "count": 4}')["count"] == 5
+    with (
+        caplog.at_level(logging.WARNING, logger="race web"),
+        link(server.get_port()) as linked,
+    ):
+        for message in nonsense:
+            linked.socket.send(message)
+        assert linked.ask("pong", "ping", count=4)["count"] == 5
     dropped = [record for record in caplog.records if "was dropped" in record.getMessage()]
     assert len(dropped) == 1
 
 
 def test_a_page_that_leaves_is_known_and_gets_no_more(server):
     left = []
-    gone = threading.Event()
-
-    def leave(visitor):
-        left.append(visitor)
-        gone.set()
-
     visitors = []
     server.link.on(Ping, lambda visitor, ping: (visitors.append(visitor), answer(visitor, ping)))
-    server.link.on_leave(leave)
-    talk(server, '{"type": "ping", "count": 0}')
-    assert gone.wait(5)
+    server.link.on_leave(left.append)
+    with link(server.get_port()) as linked:
+        linked.ask("pong", "ping", count=0)
+        assert left == []
+    assert until(lambda: left)
     assert left == visitors
     # neither of these fails
     visitors[0].send(Pong(0))
@@ -99,21 +87,10 @@ def test_a_page_that_leaves_is_known_and_gets_no_more(server):
 
 
 def test_the_server_reaches_every_page(server):
-    got = []
-
-    async def listens():
-        address = f"ws://127.0.0.1:{server.get_port()}/link"
-        async with websockets.connect(address) as socket:
-            got.append(json.loads(await asyncio.wait_for(socket.recv(), 5)))
-
-    threads = [threading.Thread(target=asyncio.run, args=(listens(),)) for _ in range(2)]
-    for thread in threads:
-        thread.start()
-    assert until(lambda: len(server.link._visitors) == 2)
-    server.link.send_all(Pong(7))
-    for thread in threads:
-        thread.join()
-    assert got == [{"type": "pong", "count": 7}] * 2
+    with link(server.get_port()) as one, link(server.get_port()) as two:
+        assert until(lambda: len(server.link._visitors) == 2)
+        server.link.send_all(Pong(7))
+        assert [linked.got("pong")["count"] for linked in (one, two)] == [7, 7]
 
 
 def test_the_link_is_guarded_like_the_page():
@@ -121,12 +98,9 @@ def test_the_link_is_guarded_like_the_page():
     port = guarded.get_port()
 
     def status(**options):
-        async def attempt():
-            async with websockets.connect(f"ws://127.0.0.1:{port}/link", **options):
-                return None
-
         try:
-            return asyncio.run(attempt())
+            with link(port, **options):
+                return None
         except InvalidStatus as error:
             return error.response.status_code
 

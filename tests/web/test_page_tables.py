@@ -8,15 +8,16 @@ import pytest
 from web_cases import COURSE, competitor
 
 from quadsim.course import load_course
-from quadsim.palette import BEST, FASTER, STYLES
+from quadsim.palette import STYLES
+from quadsim.racing.events import sector_times
 from quadsim.record.limits import limit_of
 from web.competitor import named
 from web.lap_timing import Way, gap, lap_timings, order, time_at
 from web.legs import Legs
 from web.page.comparison import headline
 from web.page.course_map import Map, timeline
-from web.page.html import RED, label
-from web.page.laps import chatter, laps, splits
+from web.page.html import label
+from web.page.laps import chatter, coloured_time, laps, splits
 from web.page.timing import events, hud, planner, tower
 from web.race import Snapshot
 
@@ -153,26 +154,30 @@ def test_the_tower_says_who_did_not_finish_and_counts_misses(competitors):
     assert "DNF" not in tower(at(competitors, 99.0))
 
 
-def test_the_last_lap_and_its_sectors_are_coloured_by_who_was_faster(competitors):
-    """The second one's first lap, from the start, is its slowest; none of its sectors is the best
-    of all."""
-    me, other = at(competitors, float(competitors[1].t[-1]))
-    assert other.last == competitors[1].laps[-1]
-    assert other.best == min(competitors[1].laps)
-    page = tower([me, other])
-    assert BEST in page
-    assert FASTER in page
-    alone = tower([other])
-    assert f"color:{FASTER}" not in alone.partition("gap [s]")[0]
+def test_the_tower_says_the_last_and_the_best_lap_of_each(competitors):
+    """The first lap is the best, as it begins nearer to the first gate."""
+    timings = at(competitors, float(competitors[1].t[-1]))
+    page = tower(timings)
+    for one, timing in zip(competitors, timings, strict=True):
+        assert (timing.best, timing.last) == (one.laps[0], one.laps[-1])
+        assert timing.best < timing.last
+        for shown in (timing.last, timing.best):
+            assert f">{shown:.3f}<" in page
 
 
-def test_the_time_line_ticks_every_event_and_marks_hits(competitors):
+def test_the_best_time_of_all_a_runs_own_best_and_another_one_look_different():
+    looks = [coloured_time(t, best=1.0, own=1.5) for t in (1.0, 1.5, 2.0)]
+    plain = [re.sub(r"[\d.]+(?=<|$)", "", look) for look in looks]
+    assert len(set(plain)) == 3
+    # the best of all is that, also where it is a run's own
+    assert coloured_time(1.0, best=1.0, own=1.0) == looks[0]
+
+
+def test_the_time_line_has_a_tick_for_every_event_and_says_the_laps(competitors):
     one = competitors[0]
     hit = ended(one, "crashed", replace(one.events[-1], kind="hit"))
     ticks = [timeline([e], 1.0, 9.0).count("<line") for e in (one, hit)]
     assert ticks == [len(one.events) + 1, len(one.events) + 2]  # one more is now
-    assert RED in timeline([hit], 1.0, 9.0)
-    assert RED not in timeline([one], 1.0, 9.0)
     laps = [n for n in range(1, 6) if f"lap {n}<" in timeline([one], 1.0, 9.0)]
     assert laps == [1, 2, 3]
 
@@ -224,13 +229,11 @@ def test_names_of_terms_cannot_run_scripts(competitors):
     assert "&lt;script" in page
 
 
-def test_the_best_split_is_purple_and_a_runs_own_best_green(competitors):
+def test_the_splits_are_the_times_from_gate_to_gate(competitors):
     table = splits(competitors)
-    assert BEST in table
-    assert FASTER in table
-    alone = splits([competitors[0]])
-    assert alone.count(BEST) >= competitors[0].legs.gates
-    assert FASTER not in alone  # its own best is the best of all
+    wanted = [f"{t:.2f}" for one in competitors for lap in sector_times(one.events) for t in lap]
+    assert re.findall(r">(\d\.\d\d)<", table) == wanted
+    assert len(wanted) == 2 * 3 * competitors[0].legs.gates
 
 
 def test_beside_other_laps_a_run_changed_in_flight_is_named_so(competitors):

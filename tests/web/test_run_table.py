@@ -11,11 +11,10 @@ from web_cases import stored
 
 import quadsim
 from quadsim.record.limits import limit_of
+from tests.small import SHORT
 from web import run_table
 from web.campaign_reports import CampaignReports
 from web.run_table import RunTable
-
-SMALL = {"samples": 256, "horizon": 40, "iterations": 1, "laps": 1, "timeout": 0.4}
 
 
 def old(folder):
@@ -141,9 +140,10 @@ def test_reports_beside_the_runs_are_listed_and_read_by_their_listed_names_alone
             reports.read(name)
 
 
+@pytest.mark.compiled
 def test_a_campaign_is_shown_as_a_table_and_other_files_are_left_alone(tmp_path):
     campaign = tmp_path / "campaigns" / "race.sqlite"
-    quadsim.compare("figure8", ("colored",), attempts=2, campaign=campaign, **SMALL)
+    quadsim.compare("figure8", ("colored",), attempts=2, campaign=campaign, **SHORT)
     foreign = tmp_path / "campaigns" / "notes.sqlite"
     foreign.write_bytes(b"")
     reports = CampaignReports(str(tmp_path / "runs"))

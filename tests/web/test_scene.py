@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from web_cases import competitor
+from web_cases import Clock, competitor
 
 from quadsim.course import course_names, load_course
 from quadsim.palette import NEXT, STYLES, Style
@@ -100,20 +100,12 @@ def test_brighter_is_more():
     assert (np.diff(light) > 0).all()
 
 
-class Clock:
-    def __init__(self):
-        self.t = 0.0
-
-    def __call__(self):
-        return self.t
-
-
 def test_half_speed_takes_twice_as_long():
     clock = Clock()
     pace = Pace(clock)
     pace.speed = 0.5
     pace.anchor(0.0)
-    clock.t = 1.0
+    clock.now += 1.0
     assert pace.now() == 0.5
     assert pace.until(1.0) == 1.0
 
@@ -121,7 +113,7 @@ def test_half_speed_takes_twice_as_long():
 def test_a_late_flight_does_not_catch_up():
     clock = Clock()
     pace = Pace(clock)
-    clock.t = 5.0  # a plan that took 5 s
+    clock.now += 5.0  # a plan that took 5 s
     assert pace.until(0.01) < 0.0
     assert pace.until(0.02) == pytest.approx(0.01)  # the next is due one period later, not at once
 
@@ -130,7 +122,7 @@ def test_the_factor_is_race_seconds_a_second():
     clock = Clock()
     pace = Pace(clock)
     for k in range(100):
-        clock.t = 0.02 * k
+        clock.now += 0.02
         pace.mark(0.01 * k)
     assert pace.factor == pytest.approx(0.5)
 

@@ -7,16 +7,24 @@ from threading import Event
 
 import numpy as np
 import pytest
-from web_cases import PERIOD, Glider, Gliders, choices, until
+from web_cases import COURSE, PERIOD, Clock, Glider, Gliders, choices, until
 
 from quadsim.files.values import checked
 from quadsim.record.archive import list_runs, load_run
 from quadsim.record.limits import limit_of
-from web.choices import planner_settings, preset_of
+from web.choices import Choices, planner_settings, preset_of
 from web.numbers import SLIDERS, Change, with_change
+from web.pace import Pace
 from web.race import PageRace
 from web.session import Session
 from web.stored_runs import stored_competitor
+
+
+@pytest.fixture
+def session(gliders, tmp_path):
+    session = Session(str(tmp_path), gliders)
+    yield session
+    session.close()
 
 
 def fast(session):
@@ -49,20 +57,15 @@ def test_a_flight_is_kept_and_the_page_shows_its_laps(session, tmp_path):
     assert landed.limit.time == stored_competitor(folder).limit.time == best
 
 
-def test_two_samplers_fly_turn_by_turn(session):
-    session.tell(PageRace.set_speed, 20.0)
-    session.tell(PageRace.start, [choices("colored", laps=3), choices("gaussian", laps=3)])
-    apart = []
-
-    def ended():
-        competitors = session.snapshot.competitors
-        flying = [entry for entry in competitors if entry.outcome is None and len(entry.t)]
-        if len(flying) == 2:
-            apart.append(abs(flying[0].t[-1] - flying[1].t[-1]))
-        return competitors and not session.snapshot.flying
-
-    assert until(ended)
-    assert max(apart) <= PERIOD + 1e-9
+def test_two_samplers_fly_turn_by_turn(gliders, tmp_path):
+    race = PageRace(str(tmp_path), gliders)
+    race.set_speed(1e6)
+    race.start([choices("colored"), choices("gaussian")])
+    first, second = gliders.built
+    while not (first.is_over or second.is_over):
+        race.turn()
+        assert abs(first.t - second.t) <= PERIOD + 1e-9
+    assert race.snapshot().flying
 
 
 def test_a_change_in_flight_is_on_the_record_and_marks_the_run(session, gliders, tmp_path):
@@ -158,10 +161,28 @@ def test_pausing_stops_the_flight_and_a_step_flies_one_period(session):
     assert until(lambda: len(session.snapshot.competitors[0].t) == frames + 1)
 
 
-def test_a_paced_flight_does_not_outrun_the_clock(session):
-    session.tell(PageRace.start, [choices(laps=3)])
-    assert until(lambda: session.snapshot.t > 0.3)
-    assert session.snapshot.factor < 1.3
+def test_a_flight_neither_outruns_the_clock_nor_falls_behind_it(gliders, tmp_path, monkeypatch):
+    clock = Clock()
+    monkeypatch.setattr("web.race.Pace", lambda: Pace(clock))
+    race = PageRace(str(tmp_path), gliders)
+    race.set_speed(0.5)
+    race.start([choices()])
+    for _ in range(20):
+        clock.now += 0.02
+        while race.turn() == 0.0:
+            pass
+        due = 0.5 * (clock.now - Clock.began)
+        assert due - PERIOD - 1e-9 <= race.snapshot().t <= due + 1e-9
+    assert race.snapshot().factor == pytest.approx(0.5, abs=0.05)
+
+
+def test_a_session_flies_with_physics_unless_it_is_given_other_flights(tmp_path):
+    """By hand, as a planner would be compiled."""
+    session = Session(str(tmp_path))
+    session.tell(PageRace.start, [Choices(course=COURSE, sampler="hand")])
+    assert until(lambda: session.snapshot.waiting and len(session.snapshot.competitors[0].t))
+    session.close()
+    assert session.snapshot.competitors[0].x["vx"][0] == 0.0  # a glider has its speed at once
 
 
 def test_restart_while_flying_ends_the_old_flight_and_begins_anew(session, gliders):

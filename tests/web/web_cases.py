@@ -1,9 +1,12 @@
-"""Flights without physics for the page's tests: from gate to gate at constant speed."""
+"""Flights without physics for the page's tests, from gate to gate at constant speed, and pages."""
 
 import socket
 import threading
 import time
+from collections.abc import Callable
+from contextlib import contextmanager
 from itertools import count
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,10 +16,15 @@ from quadsim.record.archive import RunFolder
 from quadsim.record.run import Run
 from web.choices import Choices
 from web.live_flight import LiveFlight
+from web.page.dashboard import Dashboard
+from web.page.menu import Menu
+from web.page.server import PageServer, serve
+from web.session import Session
 from web.stored_runs import run_competitor
 
 PERIOD = 0.01  # of every preset [s]
 COURSE = "figure8"
+MENU = Menu((COURSE, "paper_flat"), ("swift",), {"race": "swift"}, ("colored", "gaussian"))
 SPEED = {"colored": 40.0, "gaussian": 36.0}  # [m/s], so that tests are short
 
 
@@ -44,6 +52,11 @@ class Glider(LiveFlight):
 
     def _corners(self):
         return None
+
+    @property
+    def flown(self):
+        """The flight with its numbers."""
+        return self._spec
 
     def close(self):
         self.closed = True
@@ -132,6 +145,44 @@ def stored(root, sampler="colored", laps=1):
 def store(root, run):
     with RunFolder.open(root, run.spec) as folder:
         return folder.save(run)
+
+
+class Clock:
+    """A clock that is set by hand."""
+
+    began = 100.0  # [s]
+
+    def __init__(self):
+        self.now = self.began
+
+    def __call__(self):
+        return self.now
+
+
+class Page(NamedTuple):
+    """A page that is served, and the session behind it."""
+
+    dashboard: Dashboard
+    server: PageServer
+    session: Session
+
+    @property
+    def port(self):
+        return self.server.get_port()
+
+
+@contextmanager
+def served(root, take_off: Callable, menu: Menu, first: Choices):
+    """Serve a page over the runs in a folder, and close it."""
+    server = serve("127.0.0.1", 0, None, "race")
+    session = Session(str(root), take_off)
+    dashboard = Dashboard(server, session, menu, first)
+    try:
+        yield Page(dashboard, server, session)
+    finally:
+        dashboard.close()
+        session.close()
+        server.stop()
 
 
 def until(claim, seconds=60.0):

@@ -1,12 +1,14 @@
 """A client without a browser: viser's protocol, message by message."""
 
 import http.client
-from contextlib import asynccontextmanager
+import json
+from contextlib import contextmanager
 
 import msgspec
 import viser
 import websockets
 import zstandard
+from websockets.sync.client import connect as connected
 
 CAMERA = {
     "type": "ViewerCameraMessage",
@@ -20,36 +22,91 @@ CAMERA = {
     "look_at": [0.0, 0.0, 0.0],
     "up_direction": [0.0, 0.0, 1.0],
 }
+PROTOCOL = websockets.Subprotocol(f"viser-v{viser.__version__}")
+PATIENCE = 10.0  # for an answer [s]
 
 
 class Client:
+    """An open page. It keeps all frames that it is sent until they are read."""
+
     def __init__(self, socket):
-        self._socket = socket
+        self.socket = socket
 
-    async def send(self, **message):
-        await self._socket.send(msgspec.msgpack.encode(message))
+    def send(self, **message):
+        self.socket.send(msgspec.msgpack.encode(message))
 
-    async def set(self, handle, value, name="value"):
-        await self.send(type="GuiUpdateMessage", uuid=handle._impl.uuid, updates={name: value})
+    def set(self, handle, value, name="value"):
+        self.send(type="GuiUpdateMessage", uuid=handle._impl.uuid, updates={name: value})
 
-    async def click(self, handle):
-        await self.set(handle, True)
+    def click(self, handle):
+        self.set(handle, True)
+
+    def received(self, seconds=PATIENCE):
+        """The messages of the next frame from the server. Raises TimeoutError."""
+        frame = self.socket.recv(seconds)
+        size = int.from_bytes(frame[8:16], "little")
+        data = zstandard.ZstdDecompressor().decompress(frame[16 : 16 + size])
+        return msgspec.msgpack.decode(data)["messages"]
+
+    def waiting(self):
+        """All messages that have come."""
+        found = []
+        while True:
+            try:
+                found += self.received(0.0)
+            except TimeoutError:
+                return found
+
+    def button(self, wanted):
+        """uuid of the first button with this label, from what the server sends a new client."""
+        while True:
+            for message in self.received():
+                if message["type"] == "GuiButtonMessage" and message["props"]["label"] == wanted:
+                    return message["uuid"]
 
 
 def open_socket(port, host="127.0.0.1", **options):
     """A websocket by viser's protocol. Raises what websockets raises for one that is refused."""
-    protocol = websockets.Subprotocol(f"viser-v{viser.__version__}")
-    address = f"ws://{host}:{port}"
-    return websockets.connect(address, subprotocols=[protocol], max_size=None, **options)
+    return connected(
+        f"ws://{host}:{port}", subprotocols=[PROTOCOL], max_size=None, max_queue=None, **options
+    )
 
 
-@asynccontextmanager
-async def connect(port, **options):
+@contextmanager
+def connect(port, **options):
     """A client that the server counts."""
-    async with open_socket(port, **options) as socket:
+    with open_socket(port, **options) as socket:
         client = Client(socket)
-        await client.send(**CAMERA)
+        client.send(**CAMERA)
         yield client
+
+
+class LinkClient:
+    """The link of an open page."""
+
+    def __init__(self, socket):
+        self.socket = socket
+
+    def send(self, kind, **fields):
+        self.socket.send(json.dumps({"type": kind, **fields}))
+
+    def got(self, kind):
+        """The next message of a type. Raises TimeoutError."""
+        while True:
+            message = json.loads(self.socket.recv(PATIENCE))
+            if message["type"] == kind:
+                return message
+
+    def ask(self, answer, kind, **fields):
+        self.send(kind, **fields)
+        return self.got(answer)
+
+
+@contextmanager
+def link(port, **options):
+    address = f"ws://127.0.0.1:{port}/link"
+    with connected(address, max_size=None, max_queue=None, **options) as socket:
+        yield LinkClient(socket)
 
 
 def get(port, path="/", host=None, **headers):
@@ -63,21 +120,3 @@ def get(port, path="/", host=None, **headers):
     answer = connection.getresponse()
     answer.read()
     return answer.status, dict(answer.getheaders())
-
-
-async def button(client, wanted, most=200):
-    """uuid of the first button with this label, from what the server sends a new client."""
-    for _ in range(most):
-        for message in await received(client):
-            if message["type"] == "GuiButtonMessage" and message["props"]["label"] == wanted:
-                return message["uuid"]
-    raise LookupError(wanted)
-
-
-async def received(client):
-    """The messages of the next frame from the server."""
-    frame = await client._socket.recv()
-    size = int.from_bytes(frame[8:16], "little")
-    return msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(frame[16 : 16 + size]))[
-        "messages"
-    ]

@@ -171,7 +171,8 @@ class RacePanel:
                 control.value = titles[path]
 
     def refresh(self) -> None:
-        """List the stored runs, the latest first, if others are there than before."""
+        """Offer the presets that can fly the race; list the runs, if others are there than before."""
+        self._offer_presets()
         if not self._folder.has_changed():
             return
         self._paths = titled_runs(self._session.root, RUNS)
@@ -181,7 +182,6 @@ class RacePanel:
                 control.options = options  # a run that is gone becomes NONE
         if self.run.value == NONE and len(options) > 1:
             self.run.value = options[1]
-        self._offer_presets()
 
     def _offer_presets(self) -> None:
         """Offer the presets that can fly the race that is chosen."""

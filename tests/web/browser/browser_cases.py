@@ -3,18 +3,21 @@
 import re
 from contextlib import contextmanager
 
+from web_cases import served
+
 from quadsim.racing.hand import HAND
 from web.choices import PILOT, Choices
+from web.page.menu import Menu
 
 SLOW = 60_000  # [ms] a first frame drawn in software
 ATTEMPTS = 4  # to choose from a menu
 WIDE = {"width": 1200, "height": 800}
 # The 3D scene is drawn in software, so it gets fewer pixels than the screen has ...
 DRAWN = "?fixedDpr=0.2"
-# ... and at most 12 pictures a second. Else drawing a flight takes a whole core.
+# ... and at most 5 pictures a second. Else drawing a flight takes a whole core.
 FEWER_PICTURES = """() => {
     const draw = window.requestAnimationFrame.bind(window);
-    const PAUSE = 80; // [ms]
+    const PAUSE = 200; // [ms]
     const pending = new Set();
     window.requestAnimationFrame = (callback) => {
         const frame = setTimeout(() => draw((t) => pending.delete(frame) && callback(t)), PAUSE);
@@ -28,13 +31,6 @@ FEWER_PICTURES = """() => {
 @contextmanager
 def dashboard(root, take_off, **first):
     """A running page: its session, which knows its address."""
-    from web.page.dashboard import Dashboard
-    from web.page.menu import Menu
-    from web.page.server import serve
-    from web.session import Session
-
-    server = serve("127.0.0.1", 0, None, "race")
-    session = Session(str(root), take_off)
     menu = Menu(
         courses=tuple(dict.fromkeys(("split_s_swift", "figure8", first.get("course", "figure8")))),
         vehicles=("swift", "paper"),
@@ -42,14 +38,12 @@ def dashboard(root, take_off, **first):
         samplers=("colored", "gaussian", HAND, f"{PILOT}split_s_swift"),
         sensings=("perfect", "gates"),
     )
-    page = Dashboard(server, session, menu, Choices(**first))
-    session.server = server
-    session.camera_modes = page._camera._modes.values
-    session.address = f"http://127.0.0.1:{server.get_port()}/{DRAWN}"
-    yield session
-    page.close()
-    session.close()
-    server.stop()
+    with served(root, take_off, menu, Choices(**first)) as page:
+        session = page.session
+        session.server = page.server
+        session.camera_modes = page.dashboard._camera._modes.values
+        session.address = f"http://127.0.0.1:{page.port}/{DRAWN}"
+        yield session
 
 
 @contextmanager
@@ -80,6 +74,8 @@ def choose(page, label, option):
     """Choose an option; open the menu again where the page has moved it under the pointer."""
     from playwright.sync_api import TimeoutError  # here, as playwright may be missing
 
+    if field(page, label).first.input_value() == option:
+        return
     wanted = page.get_by_role("option", name=option, exact=True)
     for _ in range(ATTEMPTS - 1):
         field(page, label).click()

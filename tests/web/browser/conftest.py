@@ -1,4 +1,4 @@
-"""One browser, and a page over flights without physics for each file of this folder.
+"""One browser, and a page over flights without physics that the tests of this folder share.
 
 The browser ends with them, as nothing else may use asyncio meanwhile.
 """
@@ -16,9 +16,6 @@ from web_cases import COURSE, Gliders
 
 from web.race import PageRace
 
-playwright = pytest.importorskip(
-    "playwright.sync_api", reason="playwright is not installed (pip install -e '.[dev]')"
-)
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 SOFTWARE = [
     "--no-sandbox",
@@ -39,6 +36,9 @@ QUIET = [
 
 @pytest.fixture(scope="package")
 def browser():
+    playwright = pytest.importorskip(
+        "playwright.sync_api", reason="playwright is not installed (pip install -e '.[dev]')"
+    )
     if CHROMIUM is None:
         pytest.skip("no chromium on this machine (apt-get install chromium)")
     with playwright.sync_playwright() as p:
@@ -47,24 +47,24 @@ def browser():
         browser.close()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def root(tmp_path_factory):
     """The folder of runs of the shared session."""
     return tmp_path_factory.mktemp("runs")
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def gliders():
     return Gliders()
 
 
-@pytest.fixture(scope="module")
-def shared_session(root, gliders):
+@pytest.fixture(scope="package")
+def shared_session(browser, root, gliders):
     with dashboard(root, gliders, course=COURSE, laps=40) as session:
         yield session
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def shared_page(browser, shared_session):
     with opened(browser, shared_session.address) as page:
         yield page

@@ -3,12 +3,15 @@
 import re
 from threading import Event
 
+import pytest
 from browser_cases import choose, field, fill, press, waited
 from web_cases import COURSE
 
 from quadsim.course import load_course
 from web.choices import planner_settings
 from web.race import PageRace
+
+pytestmark = [pytest.mark.browser, pytest.mark.page]
 
 OWN_LAPS = f"course ({load_course(COURSE).laps})"
 

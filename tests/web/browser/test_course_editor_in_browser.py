@@ -6,15 +6,17 @@ from math import dist
 
 import pytest
 from browser_cases import button, choose, dashboard, field, fill, opened, press, waited
-from web_cases import Gliders
 
 from quadsim.cli.cli import race
 from quadsim.course import load_course
 from quadsim.record.archive import list_runs, load_run
 from quadsim.record.run import same_flight
+from tests.small import SMALL, flags
 from web.race import PageRace, take_off
 
-FLAGS = ["--samples", "256", "--sampler", "gaussian", "--laps", "1"]
+pytestmark = [pytest.mark.browser, pytest.mark.page]
+
+FLAGS = ["--sampler", "gaussian", "--laps", "1", *flags(SMALL | {"samples": 256})]
 
 # Pixel at which a point of a handle is drawn, in its own axes [m]
 PIXEL = """([name, x, y, z]) => {
@@ -25,7 +27,8 @@ PIXEL = """([name, x, y, z]) => {
     const box = m.canvas.getBoundingClientRect();
     return [box.x + (p.x + 1) / 2 * box.width, box.y + (1 - p.y) / 2 * box.height];
 }"""
-NODES = "Object.keys(window.__viserMutable.nodeRefFromName)"
+NODES = """() => Object.entries(window.__viserMutable.nodeRefFromName)
+    .filter(([, node]) => node).map(([name]) => name)"""
 
 
 def open_editor(page, way="New course"):
@@ -35,7 +38,7 @@ def open_editor(page, way="New course"):
 
 
 def handle_of(page):
-    """The name of the handle that is drawn last; removed ones may still be listed."""
+    """The name of the handle that is drawn last; one that was removed may be drawn for a moment."""
     names = [name for name in page.evaluate(NODES) if re.fullmatch(r"/edit/handle/\d+", name)]
     return max(names, key=lambda name: int(name.rpartition("/")[2]), default=None)
 
@@ -56,150 +59,166 @@ def shown(page, label):
     return float(field(page, label).first.input_value())
 
 
-@pytest.fixture
-def glided(tmp_path):
-    """A page over flights without physics, for what is not flown."""
-    with dashboard(tmp_path, Gliders(), course="figure8") as session:
+@pytest.fixture(scope="module")
+def root(tmp_path_factory):
+    return tmp_path_factory.mktemp("courses")
+
+
+@pytest.fixture(scope="module")
+def shared_session(browser, root):
+    with dashboard(root, take_off, course="figure8", settings=SMALL) as session:
         yield session
 
 
-def test_a_course_made_in_the_browser_is_flown_again_by_the_command_to_the_same_bits(
-    browser, tmp_path, capsys
-):
-    with (
-        dashboard(tmp_path, take_off, course="figure8") as session,
-        opened(browser, session.address) as page,
-    ):
-        open_editor(page)
-        told(page, "gates: expected 1 or more")
-        for item in ("gate 1", "gate 2"):
-            press(page, "gate")
-            assert waited(page, lambda i=item: field(page, "Item").first.input_value() == i)
-        typed(page, "y [m]", 1.25)
-        typed(page, "Yaw [deg]", 20)
-        press(page, "pole")
-        typed(page, "Name", "made_here")
-        press(page, "Save and choose")
-        told(page, "race fly")
-        command = re.search(r"race fly \S+", page.locator(".hud").first.inner_text())[0]
-        path = str(tmp_path / "courses" / "made_here.yaml")
-        assert command == f"race fly {path}"
-        course = load_course(path)
-        assert course.gates[1].position == (10.0, 1.25, 1.12)
-        assert len(course.obstacles) == 1
-
-        assert field(page, "Course").first.input_value() == path
-        choose(page, "Sampler", "gaussian")
-        typed(page, "Seed", 3)
-        typed(page, "Samples", 256)
-        session.tell(PageRace.set_speed, 20.0)
-        press(page, "START")
-        assert waited(page, lambda: session.snapshot.flying)
-        assert waited(page, lambda: not session.snapshot.flying)
-        assert session.snapshot.competitors[0].course == course
+@pytest.fixture(scope="module")
+def other(browser, shared_session):
+    """Another visitor's page."""
+    with opened(browser, shared_session.address) as page:
+        yield page
         assert not page.complaints
 
-    (first,) = list_runs(tmp_path)
+
+@pytest.fixture(scope="module")
+def shared_page(browser, shared_session):
+    with opened(browser, shared_session.address) as page:
+        yield page
+        assert not page.complaints
+
+
+@pytest.fixture
+def page(shared_page, session):
+    """A page on which no course is edited."""
+    yield shared_page
+    if button(shared_page, "Done").count():
+        press(shared_page, "Done")
+
+
+def test_a_course_made_in_the_browser_is_flown_again_by_the_command_to_the_same_bits(
+    page, session, root, capsys
+):
+    open_editor(page)
+    told(page, "gates: expected 1 or more")
+    for item in ("gate 1", "gate 2"):
+        press(page, "gate")
+        assert waited(page, lambda i=item: field(page, "Item").first.input_value() == i)
+    typed(page, "y [m]", 1.25)
+    typed(page, "Yaw [deg]", 20)
+    press(page, "pole")
+    typed(page, "Name", "made_here")
+    press(page, "Save and choose")
+    told(page, "race fly")
+    command = re.search(r"race fly \S+", page.locator(".hud").first.inner_text())[0]
+    path = str(root / "courses" / "made_here.yaml")
+    assert command == f"race fly {path}"
+    course = load_course(path)
+    assert course.gates[1].position == (10.0, 1.25, 1.12)
+    assert len(course.obstacles) == 1
+
+    assert field(page, "Course").first.input_value() == path
+    choose(page, "Sampler", "gaussian")
+    typed(page, "Seed", 3)
+    typed(page, "Samples", 256)
+    session.tell(PageRace.set_speed, 20.0)
+    press(page, "START")
+    assert waited(page, lambda: session.snapshot.flying)
+    assert waited(page, lambda: not session.snapshot.flying)
+    assert session.snapshot.competitors[0].course == course
+
+    (first,) = list_runs(root)
     flown = load_run(first)
     assert flown.outcome == "finished"
     words = shlex.split(command)[1:]
-    assert race([*words, *FLAGS, "--seed", "3", "--runs-dir", str(tmp_path)]) == 0
-    assert race(["fly", "--from", str(first), "--runs-dir", str(tmp_path)]) == 0
+    assert race([*words, *FLAGS, "--seed", "3", "--runs-dir", str(root)]) == 0
+    assert race(["fly", "--from", str(first), "--runs-dir", str(root)]) == 0
     assert "the same flight as the stored run, to the last bit" in capsys.readouterr().err
-    again = set(list_runs(tmp_path)) - {first}
+    again = set(list_runs(root)) - {first}
     assert len(again) == 2
     assert all(same_flight(load_run(run), flown) for run in again)
     # the claim could fail
-    assert race([*words, *FLAGS, "--seed", "4", "--runs-dir", str(tmp_path)]) == 0
-    (other,) = set(list_runs(tmp_path)) - {first, *again}
+    assert race([*words, *FLAGS, "--seed", "4", "--runs-dir", str(root)]) == 0
+    (other,) = set(list_runs(root)) - {first, *again}
     assert not same_flight(load_run(other), flown)
 
 
-def test_a_gate_is_dragged_by_its_handle_and_every_visitor_sees_it(browser, glided):
-    with opened(browser, glided.address) as page, opened(browser, glided.address) as other:
-        open_editor(page)
-        press(page, "gate")
-        assert waited(page, lambda: page.evaluate(PIXEL, ["/edit/handle/1", 0, 0, 0]))
-        other.get_by_role("tab", name="Course editor").click()
-        assert waited(other, lambda: field(other, "Item").first.input_value() == "gate 1")
-        before = [shown(page, f"{axis} [m]") for axis in "xyz"]
-
-        name = handle_of(page)
-        # the tip of the arrow along the passage
-        start = page.evaluate(PIXEL, [name, 1.8, 0, 0])
-        end = page.evaluate(PIXEL, [name, 3.8, 0, 0])
-        page.mouse.move(*start)
-        page.mouse.down()
-        for share in (0.3, 0.6, 1.0):
-            page.mouse.move(*(a + share * (b - a) for a, b in zip(start, end, strict=True)))
-            page.wait_for_timeout(100)
-        page.mouse.up()
-        assert waited(page, lambda: abs(shown(page, "x [m]") - before[0] - 2.0) < 0.2)
-        moved = shown(page, "x [m]")
-        assert round(moved, 2) == moved
-        assert waited(other, lambda: shown(other, "x [m]") == moved)
-        assert [shown(page, f"{axis} [m]") for axis in "yz"] == before[1:]
-
-        # One drag is one change, also for the other visitor.
-        press(other, "undo")
-        assert waited(page, lambda: [shown(page, f"{axis} [m]") for axis in "xyz"] == before)
-        assert not page.complaints
-        assert not other.complaints
+def test_a_gate_that_is_clicked_is_chosen(page):
+    choose(page, "Course", "figure8")
+    open_editor(page, "Edit a copy")
+    assert waited(page, lambda: handle_of(page))
+    choose(page, "Item", "start")
+    gate = load_course("figure8").gates[2]
+    bar = gate.to_world(gate.bars[0].centre)
+    # the scene's root has the axes of the world
+    spot = page.evaluate(PIXEL, ["/course", *bar])
+    assert dist(spot, (0, 0)) > 0
+    page.mouse.click(*spot)
+    assert waited(page, lambda: field(page, "Item").first.input_value() == "gate 3")
 
 
-def test_a_gate_that_is_clicked_is_chosen(browser, glided):
-    with opened(browser, glided.address) as page:
-        open_editor(page, "Edit a copy")
-        assert waited(page, lambda: handle_of(page))
-        choose(page, "Item", "start")
-        gate = load_course("figure8").gates[2]
-        bar = gate.to_world(gate.bars[0].centre)
-        # the scene's root has the axes of the world
-        spot = page.evaluate(PIXEL, ["/course", *bar])
-        assert dist(spot, (0, 0)) > 0
-        page.mouse.click(*spot)
-        assert waited(page, lambda: field(page, "Item").first.input_value() == "gate 3")
+def test_the_editor_waits_for_a_flight_and_is_closed_by_a_start(page, session):
+    choose(page, "Laps", "100")
+    press(page, "START")
+    assert waited(page, lambda: session.snapshot.flying)
+    page.get_by_role("tab", name="Course editor").click()
+    press(page, "New course")
+    told(page, "a flight is on")
+    press(page, "STOP")
+    assert waited(page, lambda: not session.snapshot.flying)
+    press(page, "New course")
+    button(page, "Done").wait_for()
+    press(page, "gate")
+    press(page, "START")
+    button(page, "Go on editing").wait_for()
+    assert waited(page, lambda: session.snapshot.flying)
+    press(page, "STOP")
+    assert waited(page, lambda: not session.snapshot.flying)
+    press(page, "Go on editing")
+    assert waited(page, lambda: field(page, "Item").first.input_value() == "gate 1")
 
 
-def test_two_who_edit_at_once_break_nothing(browser, glided, capfd):
+def test_a_gate_is_dragged_by_its_handle_and_every_visitor_sees_it(page, other):
+    open_editor(page)
+    press(page, "gate")
+    assert waited(page, lambda: field(page, "Item").first.input_value() == "gate 1")
+    assert waited(page, lambda: handle_of(page) and page.evaluate(PIXEL, [handle_of(page), 0, 0, 0]))
+    other.get_by_role("tab", name="Course editor").click()
+    assert waited(other, lambda: field(other, "Item").first.input_value() == "gate 1")
+    before = [shown(page, f"{axis} [m]") for axis in "xyz"]
+
+    name = handle_of(page)
+    # the tip of the arrow along the passage
+    start = page.evaluate(PIXEL, [name, 1.8, 0, 0])
+    end = page.evaluate(PIXEL, [name, 3.8, 0, 0])
+    page.mouse.move(*start)
+    page.mouse.down()
+    for share in (0.3, 0.6, 1.0):
+        page.mouse.move(*(a + share * (b - a) for a, b in zip(start, end, strict=True)))
+        page.wait_for_timeout(100)
+    page.mouse.up()
+    assert waited(page, lambda: abs(shown(page, "x [m]") - before[0] - 2.0) < 0.2)
+    moved = shown(page, "x [m]")
+    assert round(moved, 2) == moved
+    assert waited(other, lambda: shown(other, "x [m]") == moved)
+    assert [shown(page, f"{axis} [m]") for axis in "yz"] == before[1:]
+
+    # One drag is one change, also for the other visitor.
+    press(other, "undo")
+    assert waited(page, lambda: [shown(page, f"{axis} [m]") for axis in "xyz"] == before)
+
+
+def test_two_who_edit_at_once_break_nothing(page, other, capfd):
     """One deletes what the other one types at."""
-    with opened(browser, glided.address) as page, opened(browser, glided.address) as other:
-        open_editor(page, "Edit a copy")
-        other.get_by_role("tab", name="Course editor").click()
-        button(other, "Done").wait_for()
-        for k in range(3):
-            field(page, "x [m]").first.fill(str(k))
-            press(other, "delete")
-        for _ in range(2):
-            press(page, "undo")
-            press(other, "box")
-        pages = (page, other)
-        assert waited(
-            page,
-            lambda: len({field(each, "Item").first.input_value() for each in pages}) == 1,
-        )
-        assert not page.complaints
-        assert not other.complaints
+    open_editor(page, "Edit a copy")
+    other.get_by_role("tab", name="Course editor").click()
+    button(other, "Done").wait_for()
+    for k in range(3):
+        field(page, "x [m]").first.fill(str(k))
+        press(other, "delete")
+    for _ in range(2):
+        press(page, "undo")
+        press(other, "box")
+    pages = (page, other)
+    assert waited(
+        page,
+        lambda: len({field(each, "Item").first.input_value() for each in pages}) == 1,
+    )
     assert "Traceback" not in capfd.readouterr().err
-
-
-def test_the_editor_waits_for_a_flight_and_is_closed_by_a_start(browser, glided):
-    with opened(browser, glided.address) as page:
-        choose(page, "Laps", "100")
-        press(page, "START")
-        assert waited(page, lambda: glided.snapshot.flying)
-        page.get_by_role("tab", name="Course editor").click()
-        press(page, "New course")
-        told(page, "a flight is on")
-        press(page, "STOP")
-        assert waited(page, lambda: not glided.snapshot.flying)
-        press(page, "New course")
-        button(page, "Done").wait_for()
-        press(page, "gate")
-        press(page, "START")
-        button(page, "Go on editing").wait_for()
-        assert waited(page, lambda: glided.snapshot.flying)
-        press(page, "STOP")
-        assert waited(page, lambda: not glided.snapshot.flying)
-        press(page, "Go on editing")
-        assert waited(page, lambda: field(page, "Item").first.input_value() == "gate 1")

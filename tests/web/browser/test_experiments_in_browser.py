@@ -12,6 +12,8 @@ from quadsim.record.archive import list_runs
 from web.race import PageRace
 from web.stored_runs import titled_runs
 
+pytestmark = [pytest.mark.browser, pytest.mark.page]
+
 PRESET = PRESETS["race"]
 SAMPLERS = ("colored", "gaussian")
 

@@ -1,22 +1,40 @@
 """Claims about real flights in a real browser: the planner on few samples, a pilot on sensors."""
 
 import json
+import re
 
 import numpy as np
 import pytest
-from browser_cases import SLOW, choose, dashboard, drone, field, fill, opened, press, seen, waited
+from browser_cases import (
+    SLOW,
+    add_rival,
+    alone,
+    choose,
+    dashboard,
+    drone,
+    enter,
+    field,
+    fill,
+    opened,
+    press,
+    rows,
+    seen,
+    waited,
+)
 
 import quadsim
 from controllers.presets import PRESETS
 from quadsim.cli.fly import spec_again
 from quadsim.record.archive import list_runs, load_run
 from quadsim.record.run import same_flight
+from tests.small import SMALL
 from web.choices import PILOT
-from web.live_flight import LiveFlight
 from web.numbers import SLIDERS
 from web.page.race_scene import visible_scale
-from web.race import PageRace
+from web.race import PageRace, take_off
 from web.stored_runs import titled_runs
+
+pytestmark = pytest.mark.browser
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +44,7 @@ def root(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def session(root):
-    with dashboard(root, LiveFlight, laps=1, settings={"timeout": 8.0}) as session:
+    with dashboard(root, take_off, laps=1, settings={**SMALL, "timeout": 4.0}) as session:
         yield session
 
 
@@ -99,6 +117,7 @@ def test_the_pilot_and_the_sensors_that_are_chosen_are_flown_and_shown(page, pil
     page.get_by_text("learned pilot split_s_swift").wait_for()
 
 
+@pytest.mark.page
 def test_the_ghost_stands_where_the_estimate_is_with_its_ellipsoid(page, piloted):
     place = drawn(piloted.course, piloted.x, -1)
     assert not np.allclose(place, piloted.rows(("px", "py", "pz"), -1), atol=1e-3)
@@ -106,6 +125,7 @@ def test_the_ghost_stands_where_the_estimate_is_with_its_ellipsoid(page, piloted
         assert waited(page, lambda p=part: stands_at(page, p, place))
 
 
+@pytest.mark.page
 def test_the_corners_of_the_last_picture_are_drawn(page, piloted):
     assert piloted.corners is not None
     recent = piloted.t[-1] - piloted.corners.t <= 0.25
@@ -136,6 +156,7 @@ def test_a_scrubbed_replay_shows_drone_and_estimate_where_the_telemetry_says(
     assert waited(page, lambda: disabled.count() >= len(SLIDERS))
 
 
+@pytest.mark.page
 def test_the_exported_page_plays_without_a_network(browser, page, replayed, tmp_path):
     page.get_by_text("Export", exact=True).click()
     with page.expect_download() as download:
@@ -157,13 +178,13 @@ def test_the_exported_page_plays_without_a_network(browser, page, replayed, tmp_
     context.close()
 
 
+@pytest.mark.page
 def test_moving_gamma_in_flight_is_flown_by_the_planner_and_shown_as_an_event(
     page, session, replayed
 ):
     choose(page, "Mode", "live")
     choose(page, "Sensing", "perfect")
     choose(page, "Sampler", "colored")
-    fill(page, "Samples", 256)
     start(page, session)
     assert waited(page, lambda: session.snapshot.t > 0.05)
     fill(page, "Gamma rates now", 1.5)
@@ -175,6 +196,7 @@ def test_moving_gamma_in_flight_is_flown_by_the_planner_and_shown_as_an_event(
     assert waited(page, lambda: session.snapshot.t > change["t"] + 0.05)
 
 
+@pytest.mark.page
 def test_what_is_called_repeatable_is_flown_again_to_the_last_bit_with_its_changes(page, session):
     """The flight that was changed above, until its end; `race fly --from` flies this spec."""
     session.tell(PageRace.set_speed, 1e6)
@@ -187,6 +209,7 @@ def test_what_is_called_repeatable_is_flown_again_to_the_last_bit_with_its_chang
     assert same_flight(run, quadsim.fly(spec_again(run, {})))
 
 
+@pytest.mark.page
 def test_a_flight_that_was_stopped_is_not_called_repeatable(page, session):
     start(page, session)
     session.tell(PageRace.set_speed, 1e6)
@@ -199,6 +222,31 @@ def test_a_flight_that_was_stopped_is_not_called_repeatable(page, session):
     assert json.loads((entry.folder / "run.json").read_text())["repeatable_from_spec"] is False
 
 
+@pytest.mark.page
+def test_a_race_in_one_world_is_flown_and_shown(page, session):
+    alone(page)
+    add_rival(page, "gaussian")
+    choose(page, "Fly", "in one world")
+    announced = "START flies colored against gaussian"
+    assert waited(page, lambda: announced in page.locator(".hud").inner_text())
+    start(page, session)
+    assert waited(page, lambda: session.snapshot.t > 0.3)
+    press(page, "pause")
+    names = [entry.name for entry in session.snapshot.competitors]
+    assert names == ["colored", "gaussian"]
+    # each expects the other one somewhere
+    assert [len(entry.expected) for entry in session.snapshot.competitors] == [1, 1]
+    head = page.locator(".hud")
+    assert waited(page, lambda: re.search("(colored|gaussian) leads", head.inner_text()))
+    page.get_by_text("in one world the numbers of START stay").first.wait_for()
+    enter(page, "Samples now", 512)
+    refused = page.get_by_role("alert").filter(has_text="Samples now cannot be changed now")
+    refused.wait_for()
+    press(page, "STOP")
+    assert waited(page, lambda: not session.snapshot.flying)
+
+
+@pytest.mark.page
 def test_the_console_holds_no_error_and_no_warning(page, replayed):
     """After all of the above: live, a replay, an export."""
     assert page.complaints == []

@@ -4,6 +4,8 @@ without physics."""
 import pytest
 from browser_cases import press, waited
 
+pytestmark = [pytest.mark.browser, pytest.mark.page]
+
 UNNAMED = """() => [...document.querySelectorAll(
     "input:not([type=hidden]), textarea, button, canvas, [role=slider], [role=button]")]
     .filter(e => e.offsetParent && e.ariaHidden !== "true" && !e.labels?.length)

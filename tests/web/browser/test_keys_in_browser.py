@@ -7,6 +7,8 @@ from web_cases import choices, stored
 
 from web.race import PageRace
 
+pytestmark = [pytest.mark.browser, pytest.mark.page]
+
 # texts smaller than 12 px as they are drawn, those in a drawing by its scale
 SMALL = """() => {
   const found = [];

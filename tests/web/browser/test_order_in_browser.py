@@ -2,12 +2,15 @@
 
 import re
 
+import pytest
 from browser_cases import waited
 from web_cases import choices, stored
 
 from quadsim.record.archive import load_run
 from quadsim.record.metrics import chatter
 from web.race import PageRace
+
+pytestmark = [pytest.mark.browser, pytest.mark.page]
 
 
 def cells(page, row):

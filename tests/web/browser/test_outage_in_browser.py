@@ -1,9 +1,12 @@
 """Claims that a page comes back after the server was away."""
 
+import pytest
 from browser_cases import opened, waited
 from web_cases import free_port
 
 from web.page.server import serve
+
+pytestmark = pytest.mark.browser
 
 # Chromium delays connections after many that failed, as after an outage of a minute. These fail
 # now; the promise is kept once all have.

@@ -6,6 +6,8 @@ from web_cases import Glider, Gliders, choices, run_of, store
 
 from web.race import PageRace
 
+pytestmark = [pytest.mark.browser, pytest.mark.page]
+
 
 @pytest.fixture(scope="module")
 def root(tmp_path_factory):

@@ -8,6 +8,8 @@ from contextlib import contextmanager
 import pytest
 from browser_cases import waited
 
+pytestmark = pytest.mark.browser
+
 
 @contextmanager
 def stranger():

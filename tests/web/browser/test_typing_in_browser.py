@@ -6,6 +6,8 @@ from browser_cases import field, press, rows, waited
 
 from web.race import PageRace
 
+pytestmark = [pytest.mark.browser, pytest.mark.page]
+
 
 def typed(page, label, text, leave="Enter"):
     """Type into a box as a person does; return what then stands there."""

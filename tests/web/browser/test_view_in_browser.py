@@ -17,6 +17,8 @@ from quadsim.record.run import Run
 from web.race import PageRace
 from web.stored_runs import stored_competitor
 
+pytestmark = [pytest.mark.browser, pytest.mark.page]
+
 PALE = (226, 209, 73)  # how an orange of (230, 159, 0) looks where it is sent as it is
 # how many texts there are, and those with less contrast to their ground (WCAG 2.1, 1.4.3: inactive
 # controls are exempt)

@@ -7,6 +7,8 @@ from web_cases import PERIOD, choices, stored
 from quadsim.record.archive import list_runs
 from web.race import PageRace
 
+pytestmark = [pytest.mark.browser, pytest.mark.page]
+
 
 @pytest.fixture(scope="module")
 def other(browser, shared_session):

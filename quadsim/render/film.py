@@ -1,0 +1,195 @@
+"""A film of a flight, seen from behind the vehicle: an animated WebP or GIF file.
+
+The vehicle is drawn larger than it is. The path behind it is coloured by the speed, from dark (at
+rest) to bright (the highest speed of the flight).
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from math import atan2, hypot
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from matplotlib import colormaps
+from PIL import Image, ImageDraw
+from scipy.ndimage import gaussian_filter1d
+
+from quadsim.course import Course
+from quadsim.files.atomic import replace_file
+from quadsim.render.look import plain_look
+from quadsim.render.poses import Pose, flown_poses
+from quadsim.rotation import Quaternion, Vec3, from_euler
+from quadsim.sensing.camera import Camera
+
+if TYPE_CHECKING:
+    from quadsim.render.scene import Picture
+
+FORMATS = {".webp": "WEBP", ".gif": "GIF"}
+# Size, focal length and rate of a film, unless another camera is asked for
+CAMERA = Camera(640, 360, 340.0, 340.0, rate=20.0)
+# Of WebP: the quality, up to 100, and the slowest of its methods, which makes the smallest file
+QUALITY = 70
+SMALLEST = 6
+
+# Lengths in radii of the vehicle, as it is drawn
+LARGER = 1.5  # how many times larger than it is the vehicle is drawn
+BEHIND = 13.0  # the eye is so far behind the vehicle
+ABOVE = 3.0  # and so far above it, so that it, too, flies through the gates
+AHEAD = 10.0  # the eye looks at a point so far ahead of the vehicle
+TRAIL = 0.2  # width of the path
+
+LOWEST = 0.3  # least height of the eye [m]
+# Standard deviations of the filters that make the eye move calmly [s]
+CALM_DIRECTION = 0.25
+CALM_PLACE = 0.07
+SLOW = 1.0  # a vehicle that is slower is seen from behind its nose [m/s]
+WIDEST = 5  # of the path in the picture [px]
+
+
+class View(NamedTuple):
+    """A pose of the vehicle, and that of the eye which sees it."""
+
+    vehicle: Pose
+    eye: Vec3  # [m]
+    attitude: Quaternion  # of the eye, which looks along its x axis
+
+
+def film(
+    course: Course,
+    telemetry: Mapping[str, np.ndarray],
+    radius: float,
+    camera: Camera,
+    count: int | None = None,
+) -> Iterator[Image.Image]:
+    """Yield the pictures of a flight, seen from behind the vehicle, at the camera's rate.
+
+    Args:
+        course: gates and obstacles that are seen.
+        telemetry: columns of a run, (frames,) each.
+        radius: radius of the vehicle [m].
+        camera: its size, focal lengths and rate count.
+        count: at most so many pictures; None: those of the whole flight.
+    """
+    # it loads PyBullet
+    from quadsim.render.scene import Scene
+
+    # The eye is the camera itself: it looks straight ahead from where it is.
+    lens = Camera(camera.width, camera.height, camera.fx, camera.fy, rate=camera.rate)
+    scene = Scene(course, lens, LARGER * radius)
+    look = plain_look()
+    try:
+        for view in views(telemetry, camera.rate, LARGER * radius)[:count]:
+            scene.place(view.vehicle.p, view.vehicle.q)
+            seen = scene.shoot(view.eye, view.attitude, look)
+            picture = Image.fromarray(seen.rgb)
+            draw_path(picture, seen, lens, view, telemetry, LARGER * radius)
+            yield picture
+    finally:
+        scene.close()
+
+
+def views(telemetry: Mapping[str, np.ndarray], rate: float, radius: float) -> list[View]:
+    """Return the views of a flight from behind and above the vehicle.
+
+    Args:
+        telemetry: columns of a run, (frames,) each.
+        rate: views a second [Hz].
+        radius: radius of the vehicle as it is drawn [m].
+    """
+    t = telemetry["t"]
+    dt = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+    position = _columns(telemetry, "px", "py", "pz")
+    ahead = _directions(telemetry, dt)
+    eye = gaussian_filter1d(position, CALM_PLACE / dt, axis=0, mode="nearest")
+    eye += radius * (ABOVE * np.array([0.0, 0.0, 1.0]) - BEHIND * ahead)
+    eye[:, 2] = np.maximum(eye[:, 2], LOWEST)
+    towards = position + AHEAD * radius * ahead - eye
+
+    found = []
+    for pose in flown_poses(telemetry, rate):
+        place = [float(np.interp(pose.t or 0.0, t, column)) for column in eye.T]
+        x, y, z = (float(np.interp(pose.t or 0.0, t, column)) for column in towards.T)
+        attitude = from_euler(yaw=atan2(y, x), pitch=-atan2(z, hypot(x, y)), roll=0.0)
+        found.append(View(pose, (place[0], place[1], place[2]), attitude))
+    return found
+
+
+def draw_path(
+    picture: Image.Image,
+    seen: Picture,
+    camera: Camera,
+    view: View,
+    telemetry: Mapping[str, np.ndarray],
+    radius: float,
+) -> None:
+    """Draw the path that the vehicle has flown, as far as nothing hides it.
+
+    Args:
+        picture: the picture that is drawn on.
+        seen: the same picture with its depth.
+        camera: the camera of the eye.
+        view: the pose of the vehicle, and that of the eye.
+        telemetry: columns of a run, (frames,) each.
+        radius: radius of the vehicle as it is drawn [m].
+    """
+    flown = telemetry["t"] <= view.vehicle.t
+    points = _columns(telemetry, "px", "py", "pz")[flown]
+    pixels, depth = camera.project(points, view.eye, view.attitude)
+    inside = camera.in_picture(pixels)
+    shown = np.zeros(len(points), bool)
+    columns, rows = pixels[inside].astype(int).T
+    shown[inside] = depth[inside] < seen.depth[rows, columns]
+
+    speeds = np.linalg.norm(_columns(telemetry, "vx", "vy", "vz"), axis=1)
+    # plasma without its darkest eighth
+    shares = 0.125 + 0.875 * speeds / max(float(speeds.max()), 1e-9)
+    colours = colormaps["plasma"](shares, bytes=True)[:, :3].tolist()
+    draw = ImageDraw.Draw(picture)
+    for i in np.flatnonzero(shown[:-1] & shown[1:]).tolist():
+        width = round(camera.fx * TRAIL * radius / float(depth[i]))
+        ends = [tuple(pixels[i].tolist()), tuple(pixels[i + 1].tolist())]
+        draw.line(ends, fill=tuple(colours[i]), width=min(max(width, 1), WIDEST))
+
+
+def write_film(pictures: Sequence[Image.Image], rate: float, path: Path) -> None:
+    """Write pictures as a film that repeats, whole or not at all.
+
+    Args:
+        pictures: at least one.
+        rate: pictures a second [Hz]. A GIF file knows hundredths of a second alone.
+        path: the file; its suffix is one of FORMATS.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    content = io.BytesIO()
+    first, *others = pictures
+    first.save(
+        content,
+        FORMATS[path.suffix.lower()],
+        save_all=True,
+        append_images=others,
+        duration=round(1000.0 / rate),
+        loop=0,
+        quality=QUALITY,
+        method=SMALLEST,
+    )
+    replace_file(path, content.getvalue())
+
+
+def _columns(telemetry: Mapping[str, np.ndarray], *names: str) -> np.ndarray:
+    """Return columns of the telemetry side by side.  (frames, names)"""
+    return np.column_stack([telemetry[name] for name in names])
+
+
+def _directions(telemetry: Mapping[str, np.ndarray], dt: float) -> np.ndarray:
+    """Return unit vectors of the world along the flight, which turn calmly.  (frames, 3)"""
+    w, x, y, z = _columns(telemetry, "qw", "qx", "qy", "qz").T
+    # the body's x axis, level
+    nose = np.column_stack([1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 0.0 * w])
+    along = _columns(telemetry, "vx", "vy", "vz") + SLOW * nose
+    along = gaussian_filter1d(along, CALM_DIRECTION / dt, axis=0, mode="nearest")
+    return along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
