@@ -2,6 +2,7 @@
 
 import os
 import signal
+from functools import cache
 
 # Otherwise the threads of BLAS spin against those of the compiled loops, and those of two workers
 # against each other. Both are read when the libraries are loaded, here and in child processes.
@@ -30,8 +31,8 @@ def pytest_sessionstart() -> None:
     """Ask git for the commit once: each run that is stored asks for it, in a process of its own."""
     from quadsim.record import provenance
 
-    commit = provenance.git_commit()
-    provenance.git_commit = lambda: commit
+    provenance.git_commit = cache(provenance.git_commit)
+    provenance.git_commit()
 
 
 @pytest.fixture(scope="session")

@@ -323,7 +323,8 @@ def _has(file: Path, names: list[str]) -> bool:
         if isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
             for alias in node.names:
                 if (alias.asname or alias.name) == first:
-                    return not others or _is_code(".".join([node.module, alias.name, *others]))
+                    home = ".".join([node.module, alias.name, *others])
+                    return _is_code(home) or node.module.partition(".")[0] not in PACKAGES
         if isinstance(node, ast.ClassDef) and node.name == first:
             return not others or others[0] in _members_of_class(node)
         if first in _bound(node):

@@ -2,7 +2,9 @@
 
 import pytest
 
+from quadsim.firmware import package
 from quadsim.firmware.package import ADVICE, find_built
+from quadsim.spec.identified import identified
 
 
 def pytest_collection_modifyitems(items):
@@ -20,3 +22,12 @@ def built():
     if found is None:
         pytest.skip(f"Betaflight is not built: {ADVICE}")
     return found
+
+
+@pytest.fixture
+def absent(monkeypatch):
+    """Let a machine that has the firmware have none, as a new user's."""
+    monkeypatch.setattr(package, "find_built", lambda: None)
+    # Earlier tests of this process may have asked for it, and identified a vehicle behind it.
+    package.built_firmware.cache_clear()
+    identified.cache_clear()

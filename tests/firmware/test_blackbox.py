@@ -4,17 +4,12 @@ import numpy as np
 import pytest
 
 import quadsim
-from quadsim.files.values import SettingError
 from quadsim.physics.betaflight import READY
+from tests.small import SMALL
 
 orangebox = pytest.importorskip("orangebox", reason="the extra betaflight is not installed")
 
-SHORT = {
-    "flight_controller": "betaflight",
-    "plant": "rigid",
-    "samples": 64,
-    "timeout": 1.0,
-}
+FLIGHT = {**SMALL, "flight_controller": "betaflight", "plant": "rigid", "timeout": 1.0}
 DT = 1e-3
 AXES = (0, 1, 2)
 COLUMNS = ("time", *(f"{name}[{axis}]" for name in ("gyroADC", "setpoint") for axis in AXES))
@@ -24,7 +19,7 @@ COLUMNS = ("time", *(f"{name}[{axis}]" for name in ("gyroADC", "setpoint") for a
 def logged(built, tmp_path_factory):
     """Return a flight, and the columns of its log that this test reads, by name."""
     file = tmp_path_factory.mktemp("log") / "flight.bbl"
-    run = quadsim.fly("split_s_swift", **SHORT, blackbox=file)
+    run = quadsim.fly("split_s_swift", **FLIGHT, blackbox=file)
     log = orangebox.Parser.load(str(file))
     columns = {name: log.field_names.index(name) for name in COLUMNS}
     frames = [frame.data for frame in log.frames()]
@@ -71,15 +66,4 @@ def test_gyro_and_setpoint_are_those_of_the_telemetry(logged):
 
 def test_a_flight_is_the_same_with_and_without_its_log(logged):
     run, _ = logged
-    assert quadsim.fly("split_s_swift", **SHORT).digest() == run.digest()
-
-
-def test_a_log_without_the_firmware_is_one_line():
-    with pytest.raises(SettingError, match=r"^blackbox: expected none without the flight"):
-        quadsim.Spec.of("split_s_swift", blackbox="flight.bbl")
-
-
-def test_a_log_that_cannot_be_written_is_one_line(built, tmp_path):
-    """It is found before the flight."""
-    with pytest.raises(SettingError, match=r"^blackbox: expected a file in a folder that exists"):
-        quadsim.Spec.of("split_s_swift", **SHORT, blackbox=tmp_path / "none" / "flight.bbl")
+    assert quadsim.fly("split_s_swift", **FLIGHT).digest() == run.digest()

@@ -135,7 +135,8 @@ def test_lines_of_the_board_are_left_out(built):
         "set dyn_notch_count = 1",
         "save",
     )
-    configured(built.program, text(*lines), False)
+    found = configured(built.program, text(*lines), False)
+    assert found.eeprom == configured(built.program, text(), False).eeprom
 
 
 def test_a_feature_of_flight_is_that_of_the_text(built):
@@ -160,7 +161,10 @@ def test_a_mode_that_would_take_the_sticks_in_flight_is_refused(built, line, pro
 
 
 def test_a_mode_that_is_off_in_flight_is_taken(built):
-    configured(built.program, text("aux 1 1 1 1300 2100 0 0"), False)
+    found = configured(built.program, text("aux 1 1 1 1300 2100 0 0"), False)
+    plain = configured(built.program, text(), False)
+    assert found.eeprom != plain.eeprom
+    assert (found.arm_channel, found.arm_pulse) == (plain.arm_channel, plain.arm_pulse)
 
 
 def test_the_channel_of_the_switch_is_that_of_the_text(built):

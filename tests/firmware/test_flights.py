@@ -1,5 +1,6 @@
 """Flights behind the firmware: the vehicle does what is commanded, and the same again."""
 
+import re
 from functools import partial
 
 import numpy as np
@@ -8,29 +9,29 @@ import pytest
 import quadsim
 from quadsim.campaign.attempt import fly_attempt
 from quadsim.cli.cli import race
-from quadsim.files.values import SettingError
-from quadsim.firmware import package
 from quadsim.firmware.process import Firmware, FirmwareError
 from quadsim.physics.plant import RigidPlant
 from quadsim.record.archive import load_run
 from quadsim.spec.build import plant_of
-from quadsim.spec.identified import identified
 from quadsim.spec.recorded import spec_of_record
-from quadsim.vehicle import GRAVITY
+from quadsim.vehicle import GRAVITY, VEHICLES, load_vehicle
+from tests.small import SHORT, flags
 
-SHORT = {
-    "flight_controller": "betaflight",
-    "plant": "rigid",
-    "samples": 64,
-    "horizon": 20,
-    "timeout": 0.5,
-}
+SWIFT = load_vehicle("swift")
+CONFIGURATION = VEHICLES / "swift.betaflight.txt"
+FLIGHT = {**SHORT, "flight_controller": "betaflight", "plant": "rigid"}
+
+
+@pytest.fixture(scope="module")
+def run(built):
+    """Return a short flight."""
+    return quadsim.fly("split_s_swift", **FLIGHT)
 
 
 @pytest.fixture
 def plant(built):
     """A vehicle that hovers behind the firmware."""
-    made = plant_of(quadsim.Spec.of("split_s_swift", **SHORT))
+    made = plant_of(quadsim.Spec.of("split_s_swift", **FLIGHT))
     assert isinstance(made, RigidPlant)
     yield made
     made.close()
@@ -64,15 +65,14 @@ def test_the_thrust_is_the_one_that_is_commanded(plant):
     assert states[-1].thrust == pytest.approx(25.0, rel=0.02)
 
 
-def test_two_flights_are_the_same_to_the_last_bit(built):
-    first = quadsim.fly("split_s_swift", **SHORT)
-    assert quadsim.fly("split_s_swift", **SHORT, threads=1).digest() == first.digest()
-    assert quadsim.fly("split_s_swift", **SHORT, seed=1).digest() != first.digest()
+def test_two_flights_are_the_same_to_the_last_bit(run):
+    assert quadsim.fly("split_s_swift", **FLIGHT, threads=1).digest() == run.digest()
+    assert quadsim.fly("split_s_swift", **FLIGHT, seed=1).digest() != run.digest()
 
 
-def test_a_stored_flight_is_flown_again(built, tmp_path):
-    run = quadsim.fly("split_s_swift", **SHORT)
+def test_a_stored_flight_is_flown_again(built, run, tmp_path):
     loaded = load_run(run.save(tmp_path / "run"))
+    assert loaded.digest() == run.digest()
     assert loaded.spec["betaflight"]["firmware"]["firmware"] == built.firmware
     again = quadsim.fly(spec_of_record(loaded.spec))
     assert again.digest() == run.digest()
@@ -82,8 +82,7 @@ def test_a_configuration_of_ones_own_flies(built, tmp_path, monkeypatch, capsys)
     monkeypatch.chdir(tmp_path)
     lines = "aux 0 0 0 1700 2100 0 0\nset p_roll = 30\n"
     (tmp_path / "mine.txt").write_text(lines)
-    flags = ["--plant", "rigid", "--samples", "64", "--horizon", "20", "--timeout", "0.2"]
-    command = ["fly", "split_s_swift", "--flight-controller", "betaflight", *flags]
+    command = ["fly", "split_s_swift", *flags(FLIGHT)]
     assert race([*command, "--betaflight", "mine.txt"]) == 1
     (run,) = quadsim.runs(tmp_path / "runs")
     assert load_run(run.path).spec["betaflight"]["lines"] == lines.splitlines()
@@ -94,38 +93,42 @@ def test_a_configuration_of_ones_own_flies(built, tmp_path, monkeypatch, capsys)
 
 
 @pytest.mark.parametrize(
-    ("settings", "problem"),
+    ("settings", "name", "said"),
     [
-        ({"vehicle": "paper"}, "flight_controller: expected a vehicle with rotors"),
-        ({"plant": "rotorpy"}, "flight_controller: expected plant bullet or rigid"),
-        ({"plant_dt": 0.00033, "dt": 0.0033}, "plant_dt: expected a whole multiple of 5e-05 s"),
-        (
-            {"vehicle": quadsim.load_vehicle("swift").but(name="mine")},
-            "betaflight: expected FILE.txt of Betaflight's CLI for the v",
-        ),
-        ({"flight_controller": "px4"}, "flight_controller: "),
-        ({"vehicle": "swift", "betaflight": "none.txt"}, r"none\.txt: expected a text"),
-        (
-            {"flight_controller": "ideal", "betaflight": quadsim.load_vehicle},
-            "betaflight: expected a FILE.txt",
-        ),
+        ({"flight_controller": "px4"}, "flight_controller", "betaflight"),
+        ({"vehicle": "paper"}, "flight_controller", "a vehicle with rotors"),
+        ({"vehicle": SWIFT.but(name="mine")}, "betaflight", "FILE.txt"),
+        ({"vehicle": "none"}, None, "none"),
+        ({"plant": "rotorpy"}, "flight_controller", "bullet or rigid"),
+        ({"plant_dt": 0.00033, "dt": 0.0033}, "plant_dt", "5e-05 s"),
+        ({"dt": 0.0105}, "dt", "a whole multiple"),
+        ({"betaflight": "none.txt"}, None, "none.txt"),
+        ({"betaflight": quadsim.load_vehicle}, "betaflight", "FILE.txt"),
+        ({"flight_controller": "ideal", "betaflight": CONFIGURATION}, "betaflight", "none beside"),
+        ({"blackbox": "none/flight.bbl"}, "blackbox", "a folder that exists"),
+        ({"flight_controller": "ideal", "blackbox": "flight.bbl"}, "blackbox", "none without"),
+        ({"link_hz": 5000}, "link_hz", "at most 1000 Hz"),
+        ({"link_burst": 2}, "link_burst", "none without"),
+        ({"view_weight": 1.0}, "view_weight", "a camera"),
+        ({"pilot": "split_s_swift", "vehicle": "kingfisher"}, None, "kingfisher"),
+        ({"preset": "race_informed", "displace_gates": 0.1}, "displace_gates", "0"),
+        ({"laps": 0}, "laps", "0"),
     ],
 )
-def test_what_does_not_fit_the_firmware_is_one_line(settings, problem):
-    with pytest.raises((SettingError, ValueError), match=problem) as caught:
-        quadsim.Spec.of("split_s_swift", **SHORT | settings)
+def test_what_can_never_fly_is_one_line_before_the_firmware_is_asked_for(
+    absent, settings, name, said
+):
+    with pytest.raises(ValueError, match=re.escape(said)) as caught:
+        quadsim.Spec.of("split_s_swift", **FLIGHT | settings)
     assert "\n" not in str(caught.value)
+    assert getattr(caught.value, "name", None) == name
+    assert "not built" not in str(caught.value)
 
 
-def test_without_the_firmware_the_command_that_builds_it_is_named(tmp_path, monkeypatch, capsys):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    package.built_firmware.cache_clear()
-    # An earlier flight of this process may have been identified.
-    identified.cache_clear()
-    flags = ["--plant", "rigid", "--flight-controller", "betaflight"]
-    assert race(["fly", *flags, "--runs-dir", str(tmp_path)]) == 2
+def test_without_the_firmware_the_command_that_builds_it_is_named(absent, tmp_path, capsys):
+    command = ["fly", "split_s_swift", *flags(FLIGHT), "--runs-dir", str(tmp_path)]
+    assert race(command) == 2
     err = capsys.readouterr().err
-    package.built_firmware.cache_clear()
     assert err.endswith("which is not built yet: race firmware build\n")
     assert err.count("\n") == 1
 
@@ -134,7 +137,7 @@ def test_the_firmware_measures_with_the_noise_of_the_sensors(built):
     """Rates of a vehicle that hovers exactly are not exact behind a noisy gyroscope."""
     rates = {}
     for sensing in ("perfect", "gates"):
-        made = plant_of(quadsim.Spec.of("split_s_swift", sensing=sensing, **SHORT))
+        made = plant_of(quadsim.Spec.of("split_s_swift", sensing=sensing, **FLIGHT))
         states = fly_steps(made, (0.0, 0.0, 0.0, GRAVITY), 0.3)
         made.close()
         rates[sensing] = np.std([x.body_rates for x in states])
@@ -172,16 +175,14 @@ def test_turning_at_full_thrust_costs_thrust(plant):
     assert straight[-1].thrust == pytest.approx(full, rel=0.02)
 
 
-def test_a_run_keeps_what_its_motors_did(built, tmp_path):
-    run = quadsim.fly("split_s_swift", **SHORT)
+def test_a_run_keeps_what_its_motors_did(run):
     variation = run.telemetry["motor_variation"]
     assert variation[0] == 0.0
     assert np.all(np.diff(variation) >= 0.0)
     flown = run.telemetry["t"][-1]
     assert run.metrics.motor_variation == pytest.approx(variation[-1] / flown)
     assert run.metrics.thrust_lost == pytest.approx(run.telemetry["thrust_lost"][-1] / flown)
-    assert load_run(run.save(tmp_path / "run")).digest() == run.digest()
-    ideal = quadsim.fly("split_s_swift", **SHORT | {"flight_controller": "ideal"})
+    ideal = quadsim.fly("split_s_swift", **FLIGHT | {"flight_controller": "ideal"})
     assert "motor_variation" not in ideal.telemetry
     assert ideal.metrics.motor_variation is ideal.metrics.thrust_lost is None
 
@@ -206,14 +207,14 @@ def test_a_preset_file_is_as_its_base_behind_the_firmware(built, tmp_path, text,
 
 
 def test_a_campaign_in_parallel_equals_the_same_in_sequence(built):
-    fly = partial(quadsim.compare, "split_s_swift", {"firmware": SHORT}, attempts=8, randomize=1)
+    fly = partial(quadsim.compare, "split_s_swift", {"firmware": FLIGHT}, attempts=4, randomize=1)
 
     def digests(comparison):
         return [quadsim.load_run(attempt.folder).digest() for attempt in comparison.attempts]
 
     found = digests(fly(jobs=2))
     assert found == digests(fly())
-    assert len(set(found)) == 8
+    assert len(set(found)) == 4
 
 
 def test_a_firmware_that_ends_in_flight_is_no_crash_of_the_variant(built, monkeypatch):
@@ -221,12 +222,12 @@ def test_a_firmware_that_ends_in_flight_is_no_crash_of_the_variant(built, monkey
     step = Firmware.step
 
     def step_until_killed(firmware, *arguments, **keywords):
-        if firmware.time > 7.0:
+        if firmware.time > 6.8:
             firmware._process.kill()
             firmware._process.wait()
         return step(firmware, *arguments, **keywords)
 
-    spec = quadsim.Spec.of("split_s_swift", **SHORT)
+    spec = quadsim.Spec.of("split_s_swift", **FLIGHT)
     monkeypatch.setattr(Firmware, "step", step_until_killed)
-    with pytest.raises(FirmwareError, match=r"^firmware: its process ended after 7\.\d+ s"):
+    with pytest.raises(FirmwareError, match=r"^firmware: its process ended after 6\.8\d* s"):
         fly_attempt(spec)

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -28,10 +29,17 @@ WITH_ROTORS = [name for name in vehicle_names() if load_vehicle(name).rotors]
 TUNED = sorted(set(WITH_ROTORS) - {"swift", "swift_40ms"})
 
 
+@cache
 def bench(name, text=None):
     """Return the test bench of a vehicle."""
     vehicle = load_vehicle(name)
     return FirmwareBench(vehicle, text or first_configuration(vehicle), DT, PERIOD)
+
+
+@cache
+def response(name, axis):
+    """Return the step response of an axis with the configuration of a vehicle."""
+    return bench(name).response(axis)
 
 
 def test_each_vehicle_with_rotors_has_a_configuration():
@@ -48,20 +56,19 @@ def test_the_sticks_of_a_configuration_cover_the_rates_of_its_vehicle(built, nam
 
 @pytest.mark.parametrize("name", WITH_ROTORS)
 def test_body_rates_reach_their_command(built, name):
-    found = bench(name)
     for axis in range(3):
-        response = found.response(axis)
-        assert abs(response.settled_error) < 0.12
-        assert response.rise_time < 0.4
+        found = response(name, axis)
+        assert abs(found.settled_error) < 0.12
+        assert found.rise_time < 0.4
 
 
 @pytest.mark.parametrize("name", TUNED)
 def test_roll_and_pitch_overshoot_little_and_yaw_less_than_with_the_stock_gains(built, name):
-    found = bench(name)
-    plain = bench(name, plain_configuration(found.vehicle))
-    assert found.response(0).overshoot < 0.12
-    assert found.response(1).overshoot < 0.12
-    assert found.response(2).overshoot < 0.3
+    plain = bench(name, plain_configuration(load_vehicle(name)))
+    roll, pitch, yaw = (response(name, axis).overshoot for axis in range(3))
+    assert roll < 0.12
+    assert pitch < 0.12
+    assert yaw < 0.3
     assert plain.response(2).overshoot > 1.0
 
 
@@ -92,17 +99,17 @@ def test_the_firmware_reads_the_gains_of_a_text(built, lines):
 def test_other_gains_are_those_that_fly(built):
     found = bench("swift")
     same = found.response(0, found.gains)
-    np.testing.assert_array_equal(same.rates, found.response(0).rates)
+    np.testing.assert_array_equal(same.rates, response("swift", 0).rates)
     assert np.abs(found.response(0, GAINS).rates - same.rates).max() > 0.01
 
 
 def test_figures_of_a_response_are_those_of_its_formula():
     # 1 - exp(-t / tau): the rise takes tau ln 9, nothing overshoots, exp(-t / tau) is missing
     t = np.arange(1, 501) * DT
-    response = StepResponse(2.0, 2.0 * (1.0 - np.exp(-t / 0.05)), np.full(10, 2.0), DT)
-    assert response.rise_time == pytest.approx(0.05 * np.log(9.0), abs=2 * DT)
-    assert response.overshoot == 0.0
-    assert response.settled_error == pytest.approx(-np.exp(-0.425 / 0.05), rel=0.5)
+    found = StepResponse(2.0, 2.0 * (1.0 - np.exp(-t / 0.05)), np.full(10, 2.0), DT)
+    assert found.rise_time == pytest.approx(0.05 * np.log(9.0), abs=2 * DT)
+    assert found.overshoot == 0.0
+    assert found.settled_error == pytest.approx(-np.exp(-0.425 / 0.05), rel=0.5)
 
 
 @pytest.mark.parametrize("name", ["swift", "crazyflie"])
@@ -139,27 +146,45 @@ def test_the_search_finds_gains_that_the_firmware_takes(built, tmp_path, monkeyp
     assert "--out: expected a new file, but out.txt exists" in capsys.readouterr().err
 
 
+def refused(folder, monkeypatch, capsys, *flags):
+    """Return the one line with which `race firmware tune` refuses its flags, without a search."""
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(gain_search, "search", pytest.fail)
+    (folder / "wrong.txt").write_text("set nothing = 1\n")
+    (folder / "no_arm.txt").write_text("set p_roll = 20\n")
+    (folder / "nowhere").write_text("")
+    assert race(["firmware", "tune", *flags]) == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    return err
+
+
 @pytest.mark.parametrize(
     ("flags", "problem"),
     [
-        (["--vehicle", "paper"], "--vehicle: expected a vehicle with rotors for Betaflight"),
+        (["--vehicle", "paper"], "--vehicle: expected a vehicle with rotors"),
         (["--vehicle", "none"], "none"),
-        (["--betaflight", "none.txt"], "none.txt: expected a text of Betaflight's CLI"),
-        (["--betaflight", "wrong.txt"], "wrong.txt:1: expected a line of Betaflight's CLI"),
-        (["--betaflight", "no_arm.txt"], "no_arm.txt: expected a switch for ARM"),
-        (["--out", "nowhere/x.txt"], "nowhere: cannot write here: nowhere is not a folder"),
+        (["--betaflight", "none.txt"], "none.txt: expected a text"),
+        (["--out", "nowhere/x.txt"], "nowhere: cannot write here"),
     ],
 )
-def test_bad_input_is_one_line(built, tmp_path, monkeypatch, capsys, flags, problem):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(gain_search, "search", pytest.fail)
-    (tmp_path / "wrong.txt").write_text("set nothing = 1\n")
-    (tmp_path / "no_arm.txt").write_text("set p_roll = 20\n")
-    (tmp_path / "nowhere").write_text("")
-    assert race(["firmware", "tune", *flags]) == 2
-    err = capsys.readouterr().err
-    assert problem in err
-    assert err.count("\n") == 1
+def test_bad_input_is_one_line_before_the_firmware_is_asked_for(
+    absent, tmp_path, monkeypatch, capsys, flags, problem
+):
+    assert problem in refused(tmp_path, monkeypatch, capsys, *flags)
+
+
+@pytest.mark.parametrize(
+    ("file", "problem"),
+    [
+        ("wrong.txt", "wrong.txt:1: expected a line"),
+        ("no_arm.txt", "no_arm.txt: expected a switch"),
+    ],
+)
+def test_a_configuration_that_does_not_fly_is_one_line(
+    built, tmp_path, monkeypatch, capsys, file, problem
+):
+    assert problem in refused(tmp_path, monkeypatch, capsys, "--betaflight", file)
 
 
 @pytest.mark.parametrize("action", ["show", "build", "identify"])

@@ -134,23 +134,38 @@ def test_what_only_an_identification_has_is_refused_elsewhere(capsys):
     assert said == "race firmware: --vehicle: expected none beside build, got 'swift'"
 
 
-def test_a_first_identification_says_what_takes_the_time(built, tmp_path, monkeypatch, caplog):
-    """The second one comes from the cache."""
-    text = quadsim.Spec.of("split_s_swift", flight_controller="betaflight").betaflight
+@pytest.fixture
+def identifications(built, monkeypatch, tmp_path):
+    """Return the identifications that are made, each of them without a flight, and their cache."""
+    spec = quadsim.Spec.of("split_s_swift", flight_controller="betaflight")
+    found = identified_module.identified(spec.vehicle, spec.betaflight, 1e-3, PERIOD)
+    made = []
+
+    def identify(vehicle, dt, period, actuators):
+        made.append((vehicle, dt, period))
+        return found
+
+    monkeypatch.setattr(identified_module, "identify", identify)
     monkeypatch.setattr(identified_module, "cache_folder", lambda: tmp_path)
-    spec = partial(
-        identified_module.identified.__wrapped__, load_vehicle("swift"), text, 1e-3, PERIOD
+    ask = partial(
+        identified_module.identified.__wrapped__, spec.vehicle, spec.betaflight, 1e-3, PERIOD
     )
-    first = spec()
+    return made, found, ask
+
+
+def test_a_first_identification_says_what_takes_the_time(identifications, caplog):
+    """The second one comes from the cache."""
+    made, found, ask = identifications
+    assert ask() == found
     assert len(caplog.messages) == 1
     assert "identifying the rate loop of swift behind Betaflight" in caplog.messages[0]
-    assert spec() == first
+    assert ask() == found
+    assert made == [(load_vehicle("swift"), 1e-3, PERIOD)]
     assert len(caplog.messages) == 1
 
 
-def test_a_cache_that_cannot_be_written_does_not_stop_a_flight(built, tmp_path, monkeypatch):
-    known = quadsim.Spec.of("split_s_swift", flight_controller="betaflight")
+def test_a_cache_that_cannot_be_written_does_not_stop_a_flight(identifications, tmp_path):
+    made, found, ask = identifications
     (tmp_path / "identified").write_text("no folder")
-    monkeypatch.setattr(identified_module, "cache_folder", lambda: tmp_path)
-    identified_module.identified.cache_clear()
-    assert quadsim.Spec.of("split_s_swift", flight_controller="betaflight").model == known.model
+    assert [ask(), ask()] == [found, found]
+    assert len(made) == 2

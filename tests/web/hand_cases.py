@@ -9,19 +9,18 @@ from quadsim.rotation import matrix
 from quadsim.vehicle import GRAVITY, load_vehicle
 
 SPEED = 3.0  # [m/s]
-# Three wide gates on a circle
-RING = """\
+# Two wide gates, the second one to the left: four seconds of flight
+WIDE = """\
 source: made for this test
-loop: true
+loop: false
 laps: 1
 opening: [4, 3]
 frame_width: 0.3
-bounds: [[-14, 14], [-14, 14], [-1, 9]]
-start: {position: [0, -5.6, 2], yaw_deg: 0}
+bounds: [[-5, 15], [-10, 10], [-1, 9]]
+start: {position: [0, 0, 2], yaw_deg: 0}
 gates:
-  - {position: [4.9, 2.8, 2], yaw_deg: 120}
-  - {position: [-4.9, 2.8, 2], yaw_deg: -120}
-  - {position: [0, -5.6, 2], yaw_deg: 0}
+  - {position: [4, 0, 2], yaw_deg: 0}
+  - {position: [8, 1.5, 2], yaw_deg: 45}
 """
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from web_cases import COURSE, competitor
+from web_cases import COURSE, choices, competitor
 
 from quadsim.course import load_course
 from quadsim.palette import STYLES
@@ -15,6 +15,7 @@ from web.competitor import named
 from web.lap_timing import Way, gap, lap_timings, order, time_at
 from web.legs import Legs
 from web.page.comparison import headline
+from web.page.competitor_table import announced
 from web.page.course_map import Map, timeline
 from web.page.html import label
 from web.page.laps import chatter, coloured_time, laps, splits
@@ -152,6 +153,13 @@ def test_the_tower_says_who_did_not_finish_and_counts_misses(competitors):
     assert rows.count("DNF") == 1
     assert at([missed], 99.0)[0].misses == 2
     assert "DNF" not in tower(at(competitors, 99.0))
+
+
+def test_before_a_start_is_said_who_flies_where_and_what_they_differ_in():
+    page = announced([choices("colored"), choices("gaussian")], "in one world")
+    said = re.sub("<[^>]+>", "", page)
+    assert said.startswith("START flies colored against gaussian")
+    assert f"on {COURSE}, in one world. They differ in sampler; all else is equal" in said
 
 
 def test_the_tower_says_the_last_and_the_best_lap_of_each(competitors):

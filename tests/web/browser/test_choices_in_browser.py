@@ -100,8 +100,8 @@ def test_what_cannot_be_flown_is_said_before_start_in_one_line(page, session):
     fill(page, "Seed", "0")
     page.get_by_text("All numbers", exact=True).click()
     page.get_by_text("MPPI", exact=True).wait_for()
-    page.wait_for_timeout(500)  # what is in it unfolds meanwhile, if it was open before
-    if not field(page, "Horizon [steps]").first.is_visible():
+    # What is in it unfolds, if it was open before.
+    if not waited(page, field(page, "Horizon [steps]").first.is_visible, 0.5):
         page.get_by_text("MPPI", exact=True).click()
     fill(page, "Horizon [steps]", "1")
     page.get_by_text("horizon: expected a whole number").first.wait_for()

@@ -2,7 +2,7 @@
 
 import pytest
 from browser_cases import dashboard, opened, press, waited
-from hand_cases import RING, sticks
+from hand_cases import WIDE, sticks
 
 from quadsim.firmware.package import find_built
 from quadsim.racing.hand import HAND, SINKING
@@ -35,8 +35,8 @@ def root(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def session(root):
-    course = root / "ring.yaml"
-    course.write_text(RING)
+    course = root / "wide.yaml"
+    course.write_text(WIDE)
     first = {"course": str(course), "sampler": HAND}
     with dashboard(
         root, take_off, flight_controller=flight_controller_of("swift"), **first
@@ -126,9 +126,9 @@ def test_a_scripted_gamepad_flies_a_lap_that_is_kept(page, session, root, waitin
     assert entry.folder in list_runs(root)
     assert len(kept.laps) == 1
     assert kept.spec["sampler"] == HAND
-    assert (kept.spec["betaflight"] is None) == (find_built() is None)
+    assert bool(kept.spec.get("betaflight")) == (find_built() is not None)
     # what was flown is what the sticks asked for
-    assert len(set(kept.telemetry["wy_cmd"].tolist())) > 50
+    assert len(set(kept.telemetry["wy_cmd"].tolist())) > 4.5 * kept.telemetry["t"][-1]
     assert abs(kept.telemetry["wy_cmd"]).max() <= kept.spec[HAND]["pitch"]["most"]
 
 
@@ -164,11 +164,10 @@ def test_keys_fly_and_do_nothing_else_meanwhile(page, session, waiting):
     assert waited(page, lambda: abs(session.snapshot.competitors[0].x["wx_cmd"][-1]) < 1e-6)
     page.keyboard.press("x")  # elsewhere it stops the race
     page.keyboard.press("s")  # and this starts another
-    page.wait_for_timeout(300)
-    assert session.snapshot.race == race
-    assert session.snapshot.flying
     page.keyboard.press("Escape")
     assert waited(page, lambda: session.cockpit.pilot is None)
+    assert session.snapshot.race == race
+    assert session.snapshot.flying
     page.keyboard.press("x")
     assert waited(page, lambda: not session.snapshot.flying)
 

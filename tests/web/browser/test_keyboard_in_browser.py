@@ -4,6 +4,8 @@ without physics."""
 import pytest
 from browser_cases import press, waited
 
+from web.race import PageRace
+
 pytestmark = [pytest.mark.browser, pytest.mark.page]
 
 UNNAMED = """() => [...document.querySelectorAll(
@@ -18,6 +20,7 @@ def nothing_has_the_focus(page):
     page.evaluate("document.activeElement.blur()")
 
 
+OUTLINE = "getComputedStyle(document.activeElement).outlineStyle"
 FOCUSED = """() => document.activeElement.innerText
     || document.activeElement.getAttribute('aria-label') || ''"""
 
@@ -61,26 +64,29 @@ def test_after_a_click_on_start_the_space_bar_pauses(page, session):
     assert waited(page, lambda: session.snapshot.race == race + 1 and session.snapshot.t > 0.1)
     page.keyboard.press("Space")
     assert waited(page, lambda: not session.snapshot.playing)
-    page.wait_for_timeout(300)
+    t = session.snapshot.t
+    page.keyboard.press("b")  # a key that acts after it
+    assert waited(page, lambda: session.snapshot.t < t)
     assert session.snapshot.flying
     assert session.snapshot.race == race + 1
 
 
-def test_a_button_that_has_the_focus_is_pressed_by_the_space_bar_alone(page, session):
+def test_what_tab_comes_to_is_seen_and_acts_by_space_or_enter_alone(page, session):
     assert tab_to(page, "START")
+    assert page.evaluate(OUTLINE) == "solid"
     race = session.snapshot.race
     page.keyboard.press("Space")
-    assert waited(page, lambda: session.snapshot.race == race + 1)
-    page.wait_for_timeout(300)
+    assert waited(page, lambda: session.snapshot.race == race + 1 and session.snapshot.t > 0.1)
     assert session.snapshot.playing  # and not paused by the same key
-
-
-def test_a_folder_opens_with_the_keyboard(page):
+    session.tell(PageRace.end_flights)
     folder = page.get_by_role("button", name="Export", exact=True)
     opened = folder.get_attribute("aria-expanded")
     assert tab_to(page, "Export")
+    assert page.evaluate(OUTLINE) == "solid"
     page.keyboard.press("Enter")
     assert waited(page, lambda: folder.get_attribute("aria-expanded") != opened)
+    page.keyboard.press("Enter")
+    assert waited(page, lambda: folder.get_attribute("aria-expanded") == opened)
 
 
 def test_a_lost_connection_is_lost_in_words_until_it_is_back(page, session):
