@@ -158,13 +158,17 @@ if __name__ == "__main__":
 
 @pytest.mark.process
 def test_workers_do_not_import_what_lies_in_the_current_folder(tmp_path):
+    """Python begins a worker with the current folder on its path, unlike the script here."""
+    script, here = tmp_path / "scripts" / "fly_one.py", tmp_path / "here"
+    for folder in (script.parent, here):
+        folder.mkdir()
+    script.write_text(FLY_ONE)
     for name in ("socket", "numpy", "random"):
-        (tmp_path / f"{name}.py").write_text("raise SystemExit('this is no module of Python')")
-    root = str(Path(quadsim.__file__).parents[1])
+        (here / f"{name}.py").write_text("raise SystemExit('this is no module of Python')")
     done = subprocess.run(
-        [sys.executable, "-P", "-c", FLY_ONE],
-        cwd=tmp_path,
-        env=os.environ | {"PYTHONPATH": root},
+        [sys.executable, str(script)],
+        cwd=here,
+        env=os.environ | {"PYTHONPATH": str(Path(quadsim.__file__).parents[1])},
         capture_output=True,
         text=True,
     )

@@ -1,13 +1,17 @@
 """Costs as tuples of terms: names, weights and parameters, also ones that depend on the step of the
 horizon."""
 
+import ast
 import keyword
 import pickle
 import re
+from collections import Counter
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 from typing import NamedTuple
 
+import numba
 import numpy as np
 import pytest
 from numpy import maximum, minimum
@@ -73,9 +77,9 @@ def controls(seed=0, n_u=2, spread=2.0):
 
 
 def fly_lanes(cost, U, z, system=SYSTEM, x0=START):
-    J = np.empty((-(-M // LANES), LANES), np.float32)
+    J = np.empty((-(-len(z) // LANES), LANES), np.float32)
     Rollout(system, cost)(x0, U, to_lanes(z), 0, J)
-    return J.ravel()[:M]
+    return J.ravel()[: len(z)]
 
 
 def test_two_terms_of_one_name_are_refused_and_one_function_may_serve_two_terms():
@@ -203,8 +207,27 @@ def always(x, x_next, u, target, p):
     return 2.0
 
 
-# The cost that is flown, so that its loops are compiled once
-FLOWN = replace(COST, terms=(*TERMS, Term(fast, 3.0), Term(always, 0.5)))
+RADIUS = 0.6
+
+
+def keep_off(x, x_next, u, target, p):
+    """Return by how much the point is within a disc that may move [m]."""
+    dx = x_next.px - p.x
+    dy = x_next.py - p.y
+    return maximum(RADIUS * RADIUS - (dx * dx + dy * dy), 0.0)
+
+
+# All costs that are flown have these terms, so that their loops are compiled once.
+FLOWN = replace(
+    COST,
+    terms=(
+        *TERMS,
+        Term(fast, 3.0),
+        Term(always, 0.5),
+        Term(speed, 0.2),
+        Term(keep_off, 10.0, x=-0.5, y=0.6),
+    ),
+)
 
 
 def steps(cost):
@@ -324,10 +347,31 @@ def test_a_weight_is_the_first_factor_and_what_the_source_computes_apart_stays_w
     assert expected in [line.strip() for line in source.splitlines()]
 
 
-@pytest.mark.compiled
-def test_a_cost_whose_terms_have_no_weight_costs_nothing():
+@pytest.fixture
+def plain_python(monkeypatch):
+    """Let the text of the loops run as Python, which compiles nothing."""
+
+    def interpreted(system, cost, dtype):
+        with monkeypatch.context() as patch:
+            patch.setattr(numba, "njit", lambda *_, **options: lambda function: function)
+            patch.setattr(numba, "prange", range)
+            patch.setattr("controllers.lanes.compiled.kept", lambda function: function)
+            names = {}
+            exec(module_source(system, cost, dtype), names)
+        return SimpleNamespace(**names)
+
+    monkeypatch.setattr("controllers.lanes.lanes.compiled_module", interpreted)
+
+
+LOOPS = ("rollout", "paths")
+FEW = 6  # steps of a flight in plain Python
+
+
+def test_a_cost_whose_terms_have_no_weight_costs_nothing(plain_python):
     nothing = replace(COST, terms=tuple(term.but(weight=0.0) for term in TERMS))
-    assert (fly_lanes(nothing, *controls()) == 0.0).all()
+    U, z = controls()
+    assert (fly_lanes(nothing, U[:FEW], z[:, :, :FEW]) == 0.0).all()
+    assert (fly_lanes(COST, U[:FEW], z[:, :, :FEW]) != 0.0).all()
 
 
 def test_a_step_that_returns_no_state_is_a_line_that_names_it():
@@ -411,8 +455,18 @@ def greedy_term(names):
     return scope["greedy"]
 
 
-@pytest.mark.compiled
-def test_names_of_the_source_never_collide_with_those_of_the_loops():
+def bindings(source):
+    """Return how often the loops give a value to each name that they use."""
+    loops = [node for node in ast.parse(source).body if getattr(node, "name", "") in LOOPS]
+    assert len(loops) == len(LOOPS)
+    found = Counter()
+    for node in (node for loop in loops for part in loop.body for node in ast.walk(part)):
+        if isinstance(node, ast.Name):
+            found[node.id] += isinstance(node.ctx, ast.Store)
+    return found
+
+
+def test_names_of_the_source_never_collide_with_those_of_the_loops(plain_python):
     """A term whose variables have every name that occurs in the generated text, beside parameters
     and a model that have some: they fly as they do on floats."""
     source = module_source(UNLUCKY_MODEL, UNLUCKY, np.float32)
@@ -449,43 +503,45 @@ def test_names_of_the_source_never_collide_with_those_of_the_loops():
         "low_ax",
     } < words
     cost = replace(UNLUCKY, terms=(*UNLUCKY.terms, Term(greedy_term(sorted(words)), 3.0)))
-    U, z = controls()
-    oracle = fly_rows(POINT, cost, START, U, z)
-    np.testing.assert_allclose(fly_lanes(cost, U, z, UNLUCKY_MODEL), oracle.J, rtol=5e-5)
+    # No name that the loops use is given a value more often.
+    before, after = (bindings(module_source(UNLUCKY_MODEL, c, np.float32)) for c in (UNLUCKY, cost))
+    assert {"l", "t", "state", "select", "p_cost"} < before.keys()
+    assert {name: after[name] for name in before} == before
+    assert len(after) >= len(before) + len(words)
+
+    U, z = controls(spread=6.0)
+    U, z = U[:FEW], z[:LANES, :, :FEW]
+    x0 = np.array([-0.65, 0.5, 0.4, 0.2])  # A crash is a few steps ahead.
+    oracle = fly_rows(POINT, cost, x0, U, z)
+    np.testing.assert_allclose(fly_lanes(cost, U, z, UNLUCKY_MODEL, x0), oracle.J, rtol=5e-5)
     assert 0.1 < oracle.crashed.mean() < 0.9
     assert (oracle.terms != 0.0).any(axis=0).all()
-    _, terms = Rollout(UNLUCKY_MODEL, cost).paths(START, z[:LANES], 0)
-    np.testing.assert_allclose(
-        terms, fly_rows(POINT, cost, START, 0 * U, z[:LANES]).terms, rtol=5e-5, atol=1e-6
-    )
+    _, terms = Rollout(UNLUCKY_MODEL, cost).paths(x0, z, 0)
+    expected = fly_rows(POINT, cost, x0, 0 * U, z).terms
+    np.testing.assert_allclose(terms, expected, rtol=5e-5, atol=1e-6)
 
 
 # Moving targets: the parameters of each step are where something will be then.
 
 LIMITED = replace(SYSTEM, low=(-2.0, -2.0), high=(2.0, 2.0))
 CONFIG = MPPIConfig(samples=512, horizon=45, iterations=2, dt=SYSTEM.dt, temperature=0.02)
-RADIUS = 0.6
-
-
-def keep_off(x, x_next, u, target, p):
-    """Return by how much the point is within a disc that may move [m]."""
-    dx = x_next.px - p.x
-    dy = x_next.py - p.y
-    return maximum(RADIUS * RADIUS - (dx * dx + dy * dy), 0.0)
 
 
 def going_to(place, disc, weight, effort):
     """Return the cost of the way to a place, clear of a disc; both may move.
 
-    All costs of this section are this one, so that its loops are compiled once.
+    The other terms of FLOWN weigh next to nothing, or the same whatever is done.
     """
-    terms = (
-        Term(near, weight),
-        Term(push, effort),
-        Term(speed, 0.1 * weight),
-        Term(keep_off, 1000.0, **disc._asdict()),
-    )
-    return Cost("way", terms, Goal, np.zeros((1, 2)), params=place)
+    weights = {
+        "near": weight,
+        "push": effort,
+        "speed": 0.1 * weight,
+        "keep_off": 1000.0,
+        "always": 1.0,
+    }
+    terms = [term.but(weight=weights.get(term.name, 1e-9)) for term in FLOWN.terms]
+    terms[-1] = terms[-1].but(**disc._asdict())
+    return replace(FLOWN, terms=tuple(terms), params=place)
 
 
 def pursued(predicts, seconds=5.0):

@@ -2,15 +2,13 @@
 wherever they stand."""
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 import pytest
-from oracle import fly_rows, to_lanes
+from oracle import decision_distance, fly_rows
 from race_cases import ALL, DT, RADIUS, ROW, course, gate, state
 from test_rollout_oracle import SYSTEM, assert_agree, controls, fly_lanes, launch, out_of_reach
 
-from controllers.costs import Cost, Term, crash
 from controllers.costs.frames import (
     SAFETY_MARGIN,
     ObstacleRow,
@@ -18,13 +16,10 @@ from controllers.costs.frames import (
     touches,
     touches_round,
 )
-from controllers.costs.race import race_cost
-from controllers.lanes.lanes import Rollout
-from controllers.lanes.layout import LANES
+from controllers.costs.race import RaceWeights, race_cost
 from quadsim.course import Box, Cylinder
 from quadsim.course.swept import SweptGate
 from quadsim.course.swept_obstacles import SweptObstacle
-from quadsim.dynamics import System
 
 TURNED = gate(5.0, 1.0, 20.0, 40, 20, 15)
 
@@ -83,27 +78,31 @@ def paid_for_obstacles(cost, T):
     return with_obstacles - without
 
 
+# Of the preset `race`, so that the loops are those of its flights
+RACE = RaceWeights()
+
+
 @pytest.mark.compiled
 @pytest.mark.parametrize("y", [0.0, 1.2, 3.0])
 def test_a_frame_that_is_not_next_is_a_crash_in_the_lanes(y):
     """The way to the next gate leads past another: through its opening, at its bar, beside it."""
     there = course(gate(40.0), gate(4.0, y))
-    assert (paid_for_obstacles(race_cost(there, RADIUS, ALL, 1), 60) > 0.0) == (y == 1.2)
-    assert paid_for_obstacles(race_cost(course(gate(40.0)), RADIUS, ALL, 1), 60) == 0.0
+    assert (paid_for_obstacles(race_cost(there, RADIUS, RACE, 1), 60) > 0.0) == (y == 1.2)
+    assert paid_for_obstacles(race_cost(course(gate(40.0)), RADIUS, RACE, 1), 60) == 0.0
 
 
 @pytest.mark.compiled
 def test_a_crash_is_paid_from_where_it_happened():
     """A bar .4 s ahead: what remains of the horizon after it, to a line's length."""
-    cost = race_cost(course(gate(40.0), gate(4.0, 1.2)), RADIUS, ALL, 1)
+    cost = race_cost(course(gate(40.0), gate(4.0, 1.2)), RADIUS, RACE, 1)
     for T in (50, 60, 113):
-        steps_paid = paid_for_obstacles(cost, T) * T / ALL.crash
+        steps_paid = paid_for_obstacles(cost, T) * T / RACE.crash
         assert steps_paid == pytest.approx(T - 4.0 / (10.0 * DT), abs=8)
 
 
 @pytest.mark.compiled
 def test_samples_past_the_finish_touch_nothing():
-    cost = race_cost(ROW, RADIUS, ALL, 1)
+    cost = race_cost(ROW, RADIUS, RACE, 1)
     x0 = launch((2.0, 1.1, 20.0), (10.0, 0.0, 0.0))
     U, z = controls(0)
     last = len(cost.targets) - 1
@@ -139,66 +138,17 @@ def test_lines_touch_an_obstacle_where_the_referee_does_and_nothing_beyond_the_m
     assert {(False, False), (True, True)} <= seen
 
 
-class State(NamedTuple):
-    px: float
-    py: float
-    pz: float
-    vx: float
-    vy: float
-    vz: float
-
-
-class Control(NamedTuple):
-    ax: float
-    ay: float
-    az: float
-
-
-class Line(NamedTuple):
-    x: float  # reached where px is greater
-
-
-def drift(x, u, p, dt):
-    return State(
-        px=x.px + dt * x.vx,
-        py=x.py + dt * x.vy,
-        pz=x.pz + dt * x.vz,
-        vx=x.vx + dt * u.ax,
-        vy=x.vy + dt * u.ay,
-        vz=x.vz + dt * u.az,
-    )
-
-
-def way(x, x_next, u, line, p):
-    return line.x - x_next.px
-
-
-def beyond(x, x_next, u, line, p):
-    return x_next.px > line.x
-
-
 @pytest.mark.compiled
 def test_obstacles_are_crashes_in_the_lanes_as_in_the_oracle():
-    """A point mass past a frame, a pole and a wall: what their rows add, in a loop that compiles
-    quickly."""
-    there = course(gate(3.0), obstacles=(POLE, WALL, replace(WALL, centre=(8.0, -1.0, 20.0))))
-    system = System("drift", State, Control, drift, (), 0.01, (-40.0,) * 3, (40.0,) * 3, (0.0,) * 3)
-    cost = Cost(
-        "onward", (Term(way), Term(crash, 5.0)), Line, np.array([[50.0], [60.0]]), reached=beyond
-    )
-    cost = replace(cost, obstacles=course_obstacles(there, RADIUS))
-    rng, x0, U = (
-        np.random.default_rng(4),
-        np.array([0.0, 0.9, 20.0, 9.0, 0.0, 0.0]),
-        np.zeros((100, 3)),
-    )
-    z = (6.0 * rng.normal(size=(192, 3, 1)) + 4.0 * rng.normal(size=(192, 3, 100))).astype(
-        np.float32
-    )
-    oracle = fly_rows(system, cost, x0, U, z, clearance=lambda *_: np.full(len(z), np.inf))
+    """Past a frame, a pole and two walls, in the loops that test_rollout_oracle flies."""
+    walls = (WALL, replace(WALL, centre=(8.0, -1.0, 20.0)))
+    there = course(gate(40.0), gate(3.0), obstacles=(POLE, *walls))
+    cost = race_cost(there, RADIUS, ALL, 1)
     frames_alone = replace(cost, obstacles=course_obstacles(replace(there, obstacles=()), RADIUS))
-    free = fly_rows(system, frames_alone, x0, U, z)
+    x0 = launch((0.0, 0.9, 20.0), (9.0, 0.0, 0.0))
+    oracle = fly_rows(SYSTEM, cost, x0, *controls(0), clearance=decision_distance)
+    free = fly_rows(SYSTEM, frames_alone, x0, *controls(0))
     assert 0.1 < free.crashed.mean() < oracle.crashed.mean() - 0.2 < 0.7
-    J = np.empty((3, LANES), np.float32)
-    Rollout(system, cost)(x0, U, to_lanes(z), 0, J)
-    assert_agree(J.ravel(), oracle)
+    assert_agree(fly_lanes(cost, x0, *controls(0)), oracle)
+    lanes = fly_lanes(cost, x0, *controls(0), dtype=np.float64)
+    assert_agree(lanes, oracle, rtol=1e-12, graze=1e-10)

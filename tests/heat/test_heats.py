@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import quadsim
-from controllers.lanes.threads import most_threads, use_threads
+from controllers.lanes.threads import most_threads
 from controllers.plan import PlanStats
 from quadsim.campaign.line_ups import line_up
 from quadsim.cli.cli import race
@@ -89,32 +89,31 @@ def test_a_race_of_one_is_the_flight_of_before(two_gates):
     assert alone.order[0].time == sum(run.laps)
 
 
-def assert_same_on_threads(spec, seconds):
+def assert_same_on_threads(on_threads, spec, seconds):
     """Claim that a race is the same on one thread, on all of them, and on one again."""
-    digests = []
-    try:
-        for threads in (1, most_threads(), 1):
-            use_threads(threads)
-            digests.append([run.digest() for run in flown(spec, seconds).runs()])
-    finally:
-        use_threads(None)
-    assert digests[0] == digests[1] == digests[2]
-    other = [run.digest() for run in flown(replace(spec, seed=2), seconds).runs()]
-    assert all(a != b for a, b in zip(digests[0], other, strict=True))
+
+    def digests(spec=spec):
+        return [run.digest() for run in flown(spec, seconds).runs()]
+
+    first, second, third = (on_threads(n, digests) for n in (1, most_threads(), 1))
+    assert first == second == third
+    other = digests(replace(spec, seed=2))
+    assert all(a != b for a, b in zip(first, other, strict=True))
 
 
 @pytest.mark.compiled
 @pytest.mark.parametrize("expect", ["own", "plans"])
-def test_the_same_seed_gives_the_same_bits_on_any_number_of_threads(expect):
-    assert_same_on_threads(heat("colored", "gaussian+samples=192", expect=expect, seed=1), 0.3)
+def test_the_same_seed_gives_the_same_bits_on_any_number_of_threads(expect, on_threads):
+    spec = heat("colored", "gaussian+samples=192", expect=expect, seed=1)
+    assert_same_on_threads(on_threads, spec, 0.3)
 
 
 @pytest.mark.regression
 @pytest.mark.parametrize("expect", ["own", "plans"])
 @pytest.mark.parametrize("more", [["colored"], ["colored", "gaussian"]], ids=["three", "four"])
-def test_the_same_seed_gives_the_same_bits_for_more_vehicles(more, expect):
+def test_the_same_seed_gives_the_same_bits_for_more_vehicles(more, expect, on_threads):
     spec = heat("colored", "gaussian+samples=192", *more, expect=expect, seed=1)
-    assert_same_on_threads(spec, 0.6)
+    assert_same_on_threads(on_threads, spec, 0.6)
 
 
 @pytest.mark.compiled

@@ -74,7 +74,6 @@ FLIGHTS = {
         "split_s_swift",
         BRIEF | {"sensing": "gates", "displace_gates": 0.3, "view_weight": 0.0},
     ),
-    "reference": ("split_s_swift", BRIEF | {"preset": "race_informed", "laps": 3}),
     "pilot": ("split_s_swift", {"pilot": "split_s_swift", "timeout": 0.3}),
     "timed": ("figure8", BRIEF | {"penalties": True, "plant_dt": 0.002}),
     "faults": ("split_s_swift", BRIEF | {"fault": ("rotor=.7@.05", "commands=lost@.1-.12")}),

@@ -64,10 +64,15 @@ def test_the_address_opens_the_page_one_click_flies_and_ctrl_c_keeps_what_was_fl
             connect(url.port, additional_headers=admitted) as client,
             link(url.port, additional_headers=admitted) as linked,
         ):
-            client.send(type="GuiUpdateMessage", uuid=client.button("START"), updates={"value": True})
+            client.send(
+                type="GuiUpdateMessage", uuid=client.button("START"), updates={"value": True}
+            )
 
             def is_behind_a_gate():
-                return linked.ask("charts", "ask_charts", race=0, frames=[], curves=0)["t"] > first_gate
+                return (
+                    linked.ask("charts", "ask_charts", race=0, frames=[], curves=0)["t"]
+                    > first_gate
+                )
 
             assert until(is_behind_a_gate)
             program.send_signal(signal.SIGINT)

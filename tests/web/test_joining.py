@@ -137,9 +137,9 @@ def test_without_sticks_the_failsafe_flies_and_is_recorded(standing):
 
 
 def test_a_person_flies_in_real_time(standing):
-    with pytest.raises(ValueError, match="^speed: expected 1 x real time"):
+    with pytest.raises(ValueError, match=r"^speed: "):
         standing.set_speed(0.1)
-    with pytest.raises(ValueError, match="^step: expected a race without a person"):
+    with pytest.raises(ValueError, match=r"^step: "):
         standing.step()
     assert standing.snapshot().t == 0.0
 

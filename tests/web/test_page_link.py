@@ -25,6 +25,7 @@ class Fails(Message, tag="fails"):
 
 pytestmark = pytest.mark.socket
 
+
 @pytest.fixture
 def server():
     server = serve("127.0.0.1", 0, None, "race")

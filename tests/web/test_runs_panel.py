@@ -18,6 +18,7 @@ from web.live_heat import LiveHeat
 from web.page.runs_panel import FLYING, link_to
 from web.race import PageRace
 
+
 def shown(session):
     return [entry.folder for entry in session.snapshot.competitors]
 

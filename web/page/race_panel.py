@@ -171,7 +171,10 @@ class RacePanel:
                 control.value = titles[path]
 
     def refresh(self) -> None:
-        """Offer the presets that can fly the race; list the runs, if others are there than before."""
+        """Offer the presets that can fly the race, and list the stored runs.
+
+        The runs, the latest first, are listed anew if others are there than before.
+        """
         self._offer_presets()
         if not self._folder.has_changed():
             return

@@ -179,7 +179,9 @@ def test_a_gate_is_dragged_by_its_handle_and_every_visitor_sees_it(page, other):
     open_editor(page)
     press(page, "gate")
     assert waited(page, lambda: field(page, "Item").first.input_value() == "gate 1")
-    assert waited(page, lambda: handle_of(page) and page.evaluate(PIXEL, [handle_of(page), 0, 0, 0]))
+    assert waited(
+        page, lambda: handle_of(page) and page.evaluate(PIXEL, [handle_of(page), 0, 0, 0])
+    )
     other.get_by_role("tab", name="Course editor").click()
     assert waited(other, lambda: field(other, "Item").first.input_value() == "gate 1")
     before = [shown(page, f"{axis} [m]") for axis in "xyz"]
