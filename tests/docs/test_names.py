@@ -19,8 +19,8 @@ See `quadsim/spec/spec.py`, `tests/docs/`, `trace.py`, `tests/lap_times/*.yaml`,
 `quadsim.fly`, `quadsim.fly("figure8", laps=1)`, `controllers.costs.race_targets.GateTarget`,
 `quadsim.__version__`, `Spec.but`, `race
 fly`, `make docs-version VERSION=0.1`, `--target-ess 20`, `pytest tests/docs -k name`,
-`@pytest.mark.compiled`, `pip install --editable '.[limit]'`, `python -m quadsim.spec.write_tables` and
-`test_the_pages_name_only_what_there_is`.
+`@pytest.mark.compiled`, `pip install --editable '.[limit]'`, `python -m quadsim.spec.write_tables`
+and `test_the_pages_name_only_what_there_is`.
 
     race limit figure8                      # with CasADi: pip install 'casadi>=3.6.4,<4'
     NAME=1 race compare figure8 --attempts 2
