@@ -57,8 +57,9 @@ def test_there_are_notebooks():
 @pytest.mark.docs
 @by_notebook
 def test_a_notebook_prints_what_is_stored_in_it(path, tmp_path, monkeypatch):
+    """Randomized flights differ in their last digits between two processors with AVX-512, too."""
     for cell, printed in zip(cells(path), run(path, tmp_path, monkeypatch), strict=True):
-        assert missing(stored_text(cell).splitlines(), printed, flown=True) == []
+        assert missing(stored_text(cell).splitlines(), printed, flown=True, digits=False) == []
 
 
 @by_notebook

@@ -102,6 +102,8 @@ def test_ctrl_c_is_one_line_and_exit_130_and_leaves_no_process(tmp_path):
     assert gone(process.pid), "no process stays behind"
 
 
+# Both planners are compiled and kept before: with so little room no code could be kept.
+@pytest.mark.usefixtures("_flown_campaign")
 @pytest.mark.compiled
 @pytest.mark.process
 def test_a_full_disk_is_one_line_then_the_campaign_continues(tmp_path):
