@@ -9,6 +9,7 @@ tests/test_notebooks.py does that for the notebooks. Those that need stable-base
 import json
 import re
 import runpy
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -58,15 +59,15 @@ LEARN = ("train_with_stable_baselines", "Train a pilot, and fly it")
 OTHERS = [name for name in (*SCRIPTS, *RECIPES) if name not in LEARN]
 MOST_LINES = 20  # of a recipe
 
-# One block of samples: some examples draw them in Python.
+# One block of samples, as some examples draw them in Python
 SMALLEST = SMALL | {"samples": 64}
-# One gate, which a vehicle has passed within half a second
+# One gate above the start, which a vehicle has passed within a third of a second
 SHORT_COURSE = quadsim.load_course("figure8").but(
     name="short",
     loop=False,
     laps=1,
     start={"position": [0, 0, 2], "yaw_deg": 0},
-    gates=[{"position": [0.4, 0, 2], "yaw_deg": 0, "opening": [3, 3]}],
+    gates=[{"position": [0, 0, 2.4], "yaw_deg": 0, "pitch_deg": -90, "opening": [3, 3]}],
 )
 
 
@@ -127,6 +128,7 @@ def small_planner(mppi, system, cost, sampler, config):
 def flights_of(tmp_path, monkeypatch):
     """Return a function that makes scripts fly with changed arguments, in an empty folder."""
     monkeypatch.setenv("MPLBACKEND", "agg")
+    monkeypatch.setattr(sys, "argv", ["example"])
     monkeypatch.chdir(tmp_path)
 
     def patched(changed):

@@ -41,14 +41,17 @@ def swift():
     scene.close()
 
 
-def agreement(scene, camera):
+def agreement(pictures, camera):
     """Return how many points on frames next to seen corners there are, and which share agrees.
 
     A point agrees where it lies on a pixel of its own gate.
+
+    Args:
+        pictures: poses with what CAMERA sees there.
+        camera: the camera that is taken to have seen it.
     """
     hits = []
-    for pose in drawn_poses(SWIFT, CAMERA, 12, seed=5):
-        seen = scene.shoot(pose.p, pose.q, plain_look()).segmentation
+    for pose, seen in pictures:
         eye = camera.pose(pose.p, pose.q)[0]
         for number, gate in enumerate(SWIFT.gates, start=1):
             points = gate.corners(gate.frame_width / 2)
@@ -61,15 +64,17 @@ def agreement(scene, camera):
 
 @needs_bullet
 def test_projected_corners_lie_on_the_frames_that_are_drawn(swift):
-    count, share = agreement(swift, CAMERA)
+    poses = drawn_poses(SWIFT, CAMERA, 12, seed=5)
+    pictures = [(pose, swift.shoot(pose.p, pose.q, plain_look()).segmentation) for pose in poses]
+    count, share = agreement(pictures, CAMERA)
     assert count > 40
     assert share > 0.97
     tilted = Camera(320, 180, 160.0, 160.0, tilt_deg=24.0, position=(0.1, 0.0, 0.0))
-    assert agreement(swift, tilted)[1] < 0.7  # a camera that is 4 degrees off does not agree
+    assert agreement(pictures, tilted)[1] < 0.7  # a camera that is 4 degrees off does not agree
 
 
 @needs_bullet
-@pytest.mark.parametrize("distance", [3.0, 5.3, 9.0])
+@pytest.mark.parametrize("distance", [3.0, 9.0])
 def test_a_frame_fills_the_pixels_whose_centres_it_covers_at_its_depth(distance):
     from quadsim.render.scene import GROUND_ID, Scene
 
