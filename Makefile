@@ -8,7 +8,7 @@ FIT    := import sys; assert (3, 11) <= sys.version_info[:2] <= (3, 13)
 # Two workers that plan on one thread each. One that has nothing left takes tests from the other.
 PYTEST := $(BIN)/pytest -n 2 --dist worksteal
 # Plain Python and NumPy: tests/fence.py fails a test that does more without its mark.
-QUICK  := not (compiled or process or socket or browser or firmware or docs or page or regression)
+QUICK  := not (slow or compiled or process or socket or browser or firmware or docs or page or regression)
 
 .PHONY: race web bench quick test firmware page docs-check regression fuzz coverage lint fix docs docs-figures \
 	docs-version notebooks clean
@@ -23,9 +23,9 @@ web: $(VENV)/.app
 bench: $(VENV)/.app
 	$(BIN)/race bench
 
-# The tests that compile nothing and start no process: under a minute.
+# The tests that compile nothing, start no process and take no time: under a minute.
 quick: $(VENV)/.dev
-	$(PYTEST) -m "$(QUICK)" --durations=5 --durations-min=1
+	$(PYTEST) -m "$(QUICK)" --durations=5 --durations-min=0.5
 
 # Some minutes. What needs the firmware or a browser is skipped, with the reason, where there is none.
 # The browser draws in software, on both cores: its tests have the machine to themselves.

@@ -155,6 +155,7 @@ class FreeByName(Free):
         return self.state
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensing", ["perfect", "vio"])
 def test_a_plant_of_ones_own_may_give_its_states_as_plain_tuples(sensing):
     """Sensors and records read states by name, whichever of both a plant gives."""
@@ -464,6 +465,7 @@ BROKEN_COSTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", BROKEN_COSTS)
 def test_a_cost_function_that_returns_no_whole_cost_is_refused(fault):
     change, problem = BROKEN_COSTS[fault]
@@ -490,6 +492,7 @@ NO_TERMS = [
 ]
 
 
+@pytest.mark.slow
 def test_terms_that_are_none_are_refused():
     for terms in NO_TERMS:
         assert refused("terms", terms=terms), terms
@@ -534,6 +537,7 @@ CALLABLES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CALLABLES)
 def test_whatever_can_be_called_is_a_term_and_its_numbers_count(name):
     specs = [quadsim.Spec.of("figure8", terms=[(term, 1.0)]) for term in CALLABLES[name]]

@@ -83,6 +83,7 @@ def test_a_crashed_run_tells_where_it_crashed():
     assert place in run._repr_html_()
 
 
+@pytest.mark.slow
 def test_a_run_without_a_single_frame_is_shown_too():
     run = quadsim.Run.from_frames(record(), [])
     assert "0 of 2 laps" in str(run)
@@ -117,6 +118,7 @@ def test_the_notebook_shows_a_picture_and_leaves_matplotlib_as_it_was():
     assert len(html) < 100_000
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_the_figure_of_a_run():
     figure = quadsim.plot(shown())
     assert isinstance(figure, NotebookFigure)
@@ -215,6 +217,7 @@ def test_a_missing_package_is_one_line_that_says_what_to_install(monkeypatch):
         assert "\n" not in str(e.value)
 
 
+@pytest.mark.slow
 def test_a_run_stores_and_draws_itself_as_the_functions_do(tmp_path, monkeypatch):
     run = shown()
     again = quadsim.load_run(run.save(tmp_path / "a"))

@@ -110,6 +110,7 @@ def test_repr_is_one_line():
     assert repr(made()) == f"<Comparison {COURSE}: a, b, 10 flights>"
 
 
+@pytest.mark.slow
 def test_the_notebook_shows_tables_and_figure_and_escapes_names():
     html = made(names=("<b>x</b>", "b"))._repr_html_()
     assert html.count("<table") == 3

@@ -115,6 +115,7 @@ def tell(search, trial):
     search.tell(trial, value, TrialStats(lap=value, finished=1, thrust_tv=10.0))
 
 
+@pytest.mark.slow
 def test_the_first_trial_is_the_planner_that_the_search_begins_with(tmp_path):
     with opened(tmp_path / "c.sqlite") as search:
         (first,) = search.ask(1)
@@ -139,6 +140,7 @@ def test_trials_that_a_kill_left_open_are_tried_again(tmp_path):
         assert again.params == second.params
 
 
+@pytest.mark.slow
 def test_a_search_that_was_stopped_proposes_what_it_would_have(tmp_path, monkeypatch):
     """It is stopped after a trial was told, after one was asked, and after one was lost."""
     monkeypatch.setattr(search_module, "STARTUP", 3)
@@ -198,6 +200,7 @@ def test_a_search_that_is_killed_at_any_moment_loses_no_trial(tmp_path):
         assert db.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "statement",
     ["UPDATE trials SET state = 'x'", "UPDATE trial_params SET distribution_json = '{'", None],

@@ -121,6 +121,7 @@ WRONG = {  # command line -> what the one line names
 }
 
 
+@pytest.mark.slow
 def test_mistakes_are_one_line_before_anything_flies(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for argv, named in WRONG.items():

@@ -102,6 +102,7 @@ WRONG = {
 }
 
 
+@pytest.mark.slow
 def test_every_mistake_is_one_line_and_exit_code_2(cwd, capsys):
     wrong = {}
     for argv, expected in WRONG.items():

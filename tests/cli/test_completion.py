@@ -37,6 +37,7 @@ def test_stored_runs_are_proposed(tmp_path, monkeypatch, capsys):
     assert set(proposals(["show", ""], capsys)) >= {"last", *runs}
 
 
+@pytest.mark.slow
 def test_other_shells_have_a_script_too(capsys):
     for shell in ("zsh", "fish"):
         assert race(["--completion", shell]) == 0, shell

@@ -33,6 +33,7 @@ def test_listings_are_json_for_programs(argv, name, capsys):
     assert name in {entry["name"] for entry in json.loads(out)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", COMMANDS)
 def test_help_of_every_command_fits_a_terminal_and_says_what_each_flag_does(name, capsys):
     code, out, err = outcome(f"{name} --help", capsys)
@@ -54,6 +55,7 @@ def test_help_of_every_command_fits_a_terminal_and_says_what_each_flag_does(name
     ] == []
 
 
+@pytest.mark.slow
 def test_every_setting_of_a_flight_is_a_flag_whatever_else_is_given(capsys):
     for argv in ("fly --help", "fly --sampler gaussian --preset paper --help"):
         code, out, _ = outcome(argv, capsys)

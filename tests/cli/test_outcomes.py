@@ -64,6 +64,7 @@ def test_the_report_fits_80_columns_and_its_json_has_the_digest(flown):
     assert json.loads(json.dumps(summary(flown, None), allow_nan=False))["digest"] == flown.digest()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("outcome", OUTCOMES)
 def test_any_outcome_is_reported_kept_and_drawn_also_without_an_event_or_a_frame(
     hovering, outcome, tmp_path

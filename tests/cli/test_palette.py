@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pytest
 from campaign_cases import row
 from matplotlib.colors import to_hex
 from test_report import run
@@ -64,6 +65,7 @@ def test_a_variant_of_a_comparison_has_its_sampler_s_colour_in_any_place():
     assert found["soft"] == SPARE[0].colour
 
 
+@pytest.mark.slow
 def test_the_picture_of_a_run_draws_what_was_commanded_in_its_sampler_s_colour():
     flown = run()
     for sampler in ("colored", "gaussian"):

@@ -49,6 +49,7 @@ def test_a_mistake_is_one_line(words, here, capsys):
     assert [path.name for path in here.iterdir()] == ["small.yaml"]
 
 
+@pytest.mark.slow
 @needs_bullet
 def test_pictures_are_made_once_and_more_of_them_later(here, capsys):
     words = ["render", "figure8", "--camera", "small.yaml", "--vary", "all", "--json"]

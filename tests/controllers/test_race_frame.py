@@ -107,6 +107,7 @@ def verdicts(one, radius, points):
     return next((kind for kind in ("hit", "pass") if kind in kinds), "neither")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slant", [0.0, 1.0])
 def test_rollout_is_never_laxer_than_the_referee_and_at_most_the_safety_margin_stricter(slant):
     """Straight flights at 38 m/s at a tilted gate, up to 45 degrees aslant either way, at random

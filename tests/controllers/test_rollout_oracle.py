@@ -238,6 +238,7 @@ def test_cost_of_a_sample_depends_on_neither_its_place_nor_the_threads(on_thread
     np.testing.assert_array_equal(fly_lanes(cost, launch(), U, z[::-1])[::-1], J)
 
 
+@pytest.mark.slow
 def test_terms_on_floats_are_those_on_numpy_rows():
     """At steps of some 0.3 m around the first gate's centre."""
     cost, _ = scene(0)

@@ -121,6 +121,7 @@ def test_each_fault_of_a_course_is_one_line_with_its_place_and_key():
         assert "\n" not in str(error.value)
 
 
+@pytest.mark.slow
 def test_no_damage_to_a_file_escapes_as_anything_but_one_line():
     rng = np.random.default_rng(0)
     pieces = [

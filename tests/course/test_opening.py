@@ -64,6 +64,7 @@ def outside(p, gate):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gate", [GATE, NARROW, TINY])
 def test_slab_without_shaft_is_the_four_bars_grown_as_boxes(gate):
     found = [touches(InGate(*p), gate, RADIUS) for p in points(4000).tolist()]

@@ -11,6 +11,7 @@ from quadsim.racing.referee import check
 from quadsim.vehicle import load_vehicle, vehicle_names
 
 
+@pytest.mark.slow
 def test_every_file_passes_the_check_and_the_seed_decides_its_text(tmp_path, capsys):
     written = []
     for folder, seed in (("a", 3), ("b", 3), ("c", 4)):
@@ -24,6 +25,7 @@ def test_every_file_passes_the_check_and_the_seed_decides_its_text(tmp_path, cap
     assert len(set(written[0])) == 6
 
 
+@pytest.mark.slow
 def test_every_vehicle_fits_and_legs_are_long_enough():
     for course in random_courses(10, 0):
         for name in vehicle_names():

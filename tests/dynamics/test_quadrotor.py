@@ -144,6 +144,7 @@ def test_without_motor_lag_it_is_the_13_state_model_of_the_paper():
     assert set(plain["thrust"][1:]) == {15.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("model", "order"), [(SIMPLE, 2), (FULL, 1)])
 def test_error_falls_with_the_step(model, order):
     """Of second order where the forces depend on attitude alone, else of first: lag and drag are

@@ -448,6 +448,7 @@ def test_a_dataclass_is_a_schema_and_its_own_refusal_gets_a_place():
     assert str(error.value) == "p.yaml:2:10: planner: sigma: expected numbers > 0, got (1.0, -2.0)"
 
 
+@pytest.mark.slow
 def test_long_lines_are_cut_around_the_caret():
     with pytest.raises(FileError) as error:
         load("points: [" + "{at: [0, 0, 0]}, " * 200 + "7]\n", "my.yaml", TextTable)

@@ -3,6 +3,8 @@
 import random
 import shutil
 
+import pytest
+
 from quadsim.cli.cli import race
 from quadsim.spec.spec import Spec
 from tests.fuzz.harness import Case, Outcome, wrong
@@ -31,6 +33,7 @@ def test_a_damaged_yaml_is_checked_without_a_traceback(tmp_path, monkeypatch, ca
         assert wrong(case, outcome) == "", case.label
 
 
+@pytest.mark.slow
 def test_a_damaged_run_is_refused_in_one_line(tmp_path, monkeypatch, capsys):
     stored = save(
         tmp_path / "stored", two_laps(Spec.of("paper_flat").record(), snapshot=snapshot())

@@ -196,6 +196,7 @@ def test_under_physics_hits_cost_time_and_vehicles_push_each_other_away():
     assert np.linalg.norm(a - b, axis=1).min() > 2 * radius - 0.01
 
 
+@pytest.mark.slow
 def test_downwash_pushes_who_flies_below_down_and_nobody_up():
     """One climbs by a metre, beside one that hovers."""
     climbs = Holds(thrust=3 * GRAVITY, seconds=0.1)

@@ -92,6 +92,7 @@ def shifted(then, slower, rng, chaos=0.005):
     return Stored("", "", laps, then.thrust_tv)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("slower", "trials", "fails"),
     [(0.03, 400, (0.92, 1.0)), (0.04, 100, (1.0, 1.0)), (0.0, 100, (0.0, 0.0))],

@@ -121,6 +121,7 @@ def test_an_environment_needs_about_the_memory_that_the_error_names():
     assert 10**6 < free_memory() < 10**15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", ["laps", "start", "noise", "time_limit", "dt", "randomize"])
 def test_a_wrong_setting_names_itself(kind, name):
@@ -128,6 +129,7 @@ def test_a_wrong_setting_names_itself(kind, name):
         assert f"{name}: expected" in refused(name, made, kind, **{name: value}), value
 
 
+@pytest.mark.slow
 def test_none_is_the_default_of_a_setting():
     usual = made(RacingEnv).task
     for name in ("laps", "start", "noise", "time_limit", "dt", "randomize"):

@@ -184,6 +184,7 @@ def test_a_pilot_for_something_else_is_refused(hovering, tmp_path, capsys, flags
     assert err.count("\n") == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "flags",
     [
@@ -245,6 +246,7 @@ def finishes(name, laps):
     assert len(run.laps) == (laps or course.laps)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", pilot_names())
 def test_a_pilot_that_comes_with_the_project_finishes_a_lap(name):
     finishes(name, 1)

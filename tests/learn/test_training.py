@@ -210,6 +210,7 @@ def steps_of(path):
     return load_pilot(path).about.training["evaluated"]["steps"]
 
 
+@pytest.mark.slow
 def test_a_training_flies_its_pilot_in_the_simulator_and_draws_how_it_learnt(trained):
     about = load_pilot(trained / "p.npz").about
     found = about.training["evaluated"]

@@ -29,6 +29,7 @@ def test_every_solution_of_the_project_holds(path):
     check(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", SHORT_ONES, ids=lambda path: path.stem)
 def test_a_short_solution_of_each_model_holds(path):
     """All of them, which take seconds to integrate: make regression."""

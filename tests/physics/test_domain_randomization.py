@@ -73,6 +73,7 @@ def test_randomization_is_in_proportion_to_its_size():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dt", [0.0025, 0.02])
 def test_gusts_have_their_deviation_and_correlation_time_for_any_step(dt):
     w = np.array(list(islice(gusts(np.random.SeedSequence(1), 0.5, dt), int(1000 / dt))))

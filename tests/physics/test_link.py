@@ -71,6 +71,7 @@ def burst_lengths(frames, count):
     return gaps[gaps > 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("loss", "burst"), [(0.2, None), (0.2, 5.0), (0.05, 2.0), (0.5, 4.0)])
 def test_losses_have_their_share_and_their_bursts_their_mean_length(loss, burst):
     count = 40_000

@@ -70,6 +70,7 @@ def test_every_course_starts_clear_of_ground_and_gates(launch, course):
     assert fly(launch(course=load_course(course)), 0.1, HOVER).contacts == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", vehicle_names())
 def test_every_vehicle_hovers_still(launch, name):
     plant = launch(load_vehicle(name))
@@ -94,6 +95,7 @@ def test_a_rate_step_is_63_percent_done_at_tau(launch, axis):
     assert state.x.body_rates[axis] / command[axis] == pytest.approx(1 - exp(-1), rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", vehicle_names())
 def test_every_vehicle_settles_on_its_commanded_rates_with_little_overshoot(launch, name):
     """With motors, tau s (tau_m s + 1) + 1 has damping sqrt(tau / tau_m) / 2: above .5 for all, 16
@@ -135,6 +137,7 @@ def test_thrust_of_rotors_lags_and_thrust_without_rotors_does_not(launch):
     assert GRAVITY < column(launch(SWIFT).step(u), "a") < 11.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("vehicle", [PAPER, SWIFT])
 def test_the_same_commands_give_the_same_states_to_the_last_bit(launch, vehicle):
     # interleaved: worlds must not disturb each other either

@@ -36,6 +36,7 @@ def flight(plant, vehicle, u, gust=0.0, body=None):
     return x
 
 
+@pytest.mark.slow
 @needs_bullet
 @pytest.mark.parametrize("gust", [0.0, 0.5])
 @pytest.mark.parametrize("name", COMMANDS)

@@ -159,6 +159,7 @@ def moved(g, m, shift):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_rigid_motion_of_course_and_path_changes_nothing(seed):
     rng = np.random.default_rng(seed)

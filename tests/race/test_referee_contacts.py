@@ -97,6 +97,7 @@ def trials():
         ]
 
 
+@pytest.mark.slow
 def test_every_contact_that_pybullet_sees_is_a_hit(trials):
     touched = [kinds for _, kinds, touched in trials if touched]
     assert len(touched) > 100

@@ -70,6 +70,7 @@ def test_our_rigid_body_reports_an_obstacle_and_stands_clear_of_it_at_the_start(
         assert plant.state.contacts == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "obstacle", [POLE, WALL, Cylinder((-1.0, 0.0, 9.0), 0.015, 1.55)], ids=["drum", "box", "pole"]
 )

@@ -105,6 +105,7 @@ def test_damaged_folder_is_one_line_that_names_it(tmp_path):
         assert "\n" not in str(error.value), damage
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["run.json", "telemetry.npz"])
 def test_random_damage_never_gets_past_the_reader_unseen(tmp_path, name):
     run = two_laps()

@@ -62,6 +62,7 @@ def agreement(pictures, camera):
     return len(hits), np.mean(hits)
 
 
+@pytest.mark.slow
 @needs_bullet
 def test_projected_corners_lie_on_the_frames_that_are_drawn(swift):
     poses = drawn_poses(SWIFT, CAMERA, 12, seed=5)
@@ -73,6 +74,7 @@ def test_projected_corners_lie_on_the_frames_that_are_drawn(swift):
     assert agreement(pictures, tilted)[1] < 0.7  # a camera that is 4 degrees off does not agree
 
 
+@pytest.mark.slow
 @needs_bullet
 @pytest.mark.parametrize("distance", [3.0, 9.0])
 def test_a_frame_fills_the_pixels_whose_centres_it_covers_at_its_depth(distance):

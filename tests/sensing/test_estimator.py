@@ -66,6 +66,7 @@ def column(rows, name):
 SENSED = [s for s in map(load_sensing, sensing_names()) if not s.exact]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensing", SENSED, ids=lambda s: s.name)
 def test_errors_of_an_estimate_are_as_large_as_its_covariance(sensing):
     """NEES over seeds within bounds of chi-square with 9 degrees of freedom; NIS near its own.
@@ -160,6 +161,7 @@ def test_a_late_measurement_counts_at_its_own_time():
     np.testing.assert_allclose(ends[0].covariance(1.0), ends[1].covariance(1.0), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_spikes_and_false_corners_do_not_move_the_estimate():
     spiky = PoseConfig(rate=100, position_noise=0.01, attitude_noise_deg=0.5, spikes=0.1, spike=2.0)
     rows, _ = flown(replace(VIO, pose=spiky, camera=None), 2)
@@ -176,6 +178,7 @@ def test_spikes_and_false_corners_do_not_move_the_estimate():
     assert errors.max() < 0.3
 
 
+@pytest.mark.slow
 def test_gates_off_the_map_are_found():
     moves = ((0.12, -0.1), (-0.09, 0.14))
     true = tuple(

@@ -63,6 +63,7 @@ def split(measurements):
     return early, between, late
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensor", KINDS)
 def test_a_lost_sensor_is_silent_for_as_long_as_it_is_lost_and_all_else_stays(sensor):
     found = measured(f"{sensor}=lost@1-2")

@@ -71,6 +71,7 @@ def test_a_units_noise_bias_and_saturation():
     assert max(m.specific_force[2] for m in most) == 5.0
 
 
+@pytest.mark.slow
 def test_a_biased_unit_walks():
     ends = []
     for seed in range(40):
@@ -80,6 +81,7 @@ def test_a_biased_unit_walks():
     assert np.std(ends) == pytest.approx(0.1 * np.sqrt(8.0), rel=0.2)
 
 
+@pytest.mark.slow
 def test_a_poses_noise_drift_spikes_and_dropouts():
     noisy = measured(
         PoseSensor(
@@ -168,6 +170,7 @@ def test_a_frame_hides_the_corners_behind_it():
     assert left.in_view == 2
 
 
+@pytest.mark.slow
 def test_misses_outliers_and_false_associations_come_as_often_as_configured():
     config = replace(CAMERA, rate=400.0, misses=0.1, outliers=0.05, swaps=0.03)
     pictures = measured(GateCamera(config, SEED, GATES))

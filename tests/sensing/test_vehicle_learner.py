@@ -134,6 +134,7 @@ def learnt_at_full_thrust(plant, vehicle, seconds, tilt=3.0):
     return learner.model
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["swift", "crazyflie", "cpc"])
 def test_whether_the_flight_controller_gives_up_thrust_to_tilt_is_learnt(name):
     vehicle = load_vehicle(name)
@@ -229,6 +230,7 @@ def sensed(seed, gust=REAL.gust, noise=0.1, taken_for=0.1, rotors=None, steps=30
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rotors", [None, 0.1])
 def test_errors_from_sensors_are_no_larger_than_the_filter_expects(rotors):
     """The rotors' own lag is taken as uncertain though it is known here: then only the upper bound
@@ -239,6 +241,7 @@ def test_errors_from_sensors_are_no_larger_than_the_filter_expects(rotors):
     assert np.all(mean_square > 0.1), mean_square
 
 
+@pytest.mark.slow
 def test_an_accelerometer_worse_than_it_is_taken_for_makes_errors_beyond_the_filters_deviations():
     off = np.array([sensed(seed, noise=2.0, rotors=0.1) for seed in range(SEEDS)])
     assert np.mean(off**2) > MOST

@@ -47,6 +47,7 @@ def test_corners_are_hidden_by_other_frames_only():
     assert hidden_corners([wide], EYE).tolist() == [[False] * 4]
 
 
+@pytest.mark.slow
 def test_samples_along_the_line_agree():
     rng = np.random.default_rng(0)
     points = np.column_stack([np.full(300, 9.0), rng.uniform(-3, 3, 300), rng.uniform(0, 5, 300)])

@@ -18,32 +18,33 @@ GATES = tuple(
 DT = 1 / 400
 
 
-@cache
 def circle(t):
     """The state at t [s]: thrust along body z, the nose towards the middle."""
-    c, s = np.cos(RATE * t), np.sin(RATE * t)
-    p, v = RADIUS * np.array([c, s, 0.0]), RADIUS * RATE * np.array([-s, c, 0.0])
-    up = -(RATE**2) * p + np.array([0.0, 0.0, GRAVITY])
-    z = up / np.linalg.norm(up)
-    x = np.array([-c, -s, 0.0]) - (np.array([-c, -s, 0.0]) @ z) * z
-    x /= np.linalg.norm(x)
-    R = np.column_stack([x, np.cross(z, x), z])
-    p[2] += HEIGHT
-    state = (
-        *p.tolist(),
-        *v.tolist(),
-        *Rotation.from_matrix(R).as_quat(scalar_first=True).tolist(),
-        0.0,
-        0.0,
-        0.0,
-        float(np.linalg.norm(up)),
-        0.0,
-        0.0,
-        0.0,
-    )
-    return PlantState(t, State(*map(float, state)), ())
+    return on_circle(np.array([t]))[0]
 
 
+@cache
 def states(seconds):
     """Return the states of the first seconds, a physics step apart."""
-    return [circle(k * DT) for k in range(round(seconds / DT) + 1)]
+    return on_circle(DT * np.arange(round(seconds / DT) + 1))
+
+
+def on_circle(t):
+    """Return the states at some times  (n,) [s]."""
+    c, s, nought = np.cos(RATE * t), np.sin(RATE * t), np.zeros_like(t)
+    p = RADIUS * np.column_stack([c, s, nought])
+    v = RADIUS * RATE * np.column_stack([-s, c, nought])
+    up = -(RATE**2) * p + np.array([0.0, 0.0, GRAVITY])
+    thrust = np.linalg.norm(up, axis=1)
+    z = up / thrust[:, None]
+    x = np.column_stack([-c, -s, nought])
+    x -= np.sum(x * z, axis=1)[:, None] * z
+    x /= np.linalg.norm(x, axis=1)[:, None]
+    R = np.stack([x, np.cross(z, x), z], axis=2)
+    q = Rotation.from_matrix(R).as_quat(scalar_first=True)
+    p[:, 2] += HEIGHT
+    rows = np.column_stack([p, v, q, *[nought] * 3, thrust, *[nought] * 3])
+    return [
+        PlantState(time, State(*row), ())
+        for time, row in zip(t.tolist(), rows.tolist(), strict=True)
+    ]

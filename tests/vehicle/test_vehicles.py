@@ -258,6 +258,7 @@ def test_a_vehicle_written_as_yaml_reads_back_equal(tmp_path):
         assert vehicle.but() == vehicle
 
 
+@pytest.mark.slow
 def test_a_changed_vehicle_reads_back_equal():
     rng = np.random.default_rng(0)
     for number in range(20):

@@ -85,6 +85,7 @@ def test_a_limit_that_is_found_later_is_compared_with(tmp_path, monkeypatch):
     assert table.rows[0].above is not None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "content", [b"", b"{", b"{}", b"\xff\xfe", b'{"outcome": "won"}', b"[" * 100_000]
 )
