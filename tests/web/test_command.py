@@ -64,9 +64,7 @@ def test_the_address_opens_the_page_one_click_flies_and_ctrl_c_keeps_what_was_fl
             connect(url.port, additional_headers=admitted) as client,
             link(url.port, additional_headers=admitted) as linked,
         ):
-            client.send(
-                type="GuiUpdateMessage", uuid=client.button("START"), updates={"value": True}
-            )
+            client.act(*client.controls("START"))
 
             def is_behind_a_gate():
                 return (

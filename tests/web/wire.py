@@ -36,6 +36,7 @@ class Client:
         self.socket.send(msgspec.msgpack.encode(message))
 
     def set(self, handle, value, name="value"):
+        """Set the value of a control, or another attribute."""
         self.send(type="GuiUpdateMessage", uuid=handle._impl.uuid, updates={name: value})
 
     def click(self, handle):
@@ -57,12 +58,26 @@ class Client:
             except TimeoutError:
                 return found
 
-    def button(self, wanted):
-        """uuid of the first button with this label, from what the server sends a new client."""
-        while True:
+    def values(self, uuid):
+        """The values of a control in all messages that have come."""
+        updates = [m for m in self.waiting() if m["type"] == "GuiUpdateMessage"]
+        return [
+            m["updates"]["value"] for m in updates if m["uuid"] == uuid and "value" in m["updates"]
+        ]
+
+    def controls(self, *labels):
+        """uuids of the first controls with these labels, from what the server sends a new page."""
+        found = {}
+        while len(found) < len(labels):
             for message in self.received():
-                if message["type"] == "GuiButtonMessage" and message["props"]["label"] == wanted:
-                    return message["uuid"]
+                label = message.get("props", {}).get("label")
+                if label in labels:
+                    found.setdefault(label, message["uuid"])
+        return [found[label] for label in labels]
+
+    def act(self, uuid, value=True):
+        """Set the value of a control; press it, if it is a button."""
+        self.send(type="GuiUpdateMessage", uuid=uuid, updates={"value": value})
 
 
 def open_socket(port, host="127.0.0.1", **options):

@@ -26,6 +26,20 @@ def gates_drawn(page):
     return page.evaluate(script)
 
 
+def unfold(page, group, label):
+    """Open a group of numbers and wait for one of them.
+
+    A group that opens moves the groups below it, so a click may miss. A group may be open already.
+    """
+    page.get_by_text(group, exact=True).wait_for()
+    number = field(page, label).first
+    for patience in (0.3, *[2.0] * 10):
+        if waited(page, number.is_visible, patience):
+            return
+        page.get_by_text(group, exact=True).click()
+    raise TimeoutError(f"{label} in {group}")
+
+
 def test_the_course_is_shown_before_a_start(page):
     choose(page, "Laps", OWN_LAPS)
     for name in ("split_s_swift", COURSE):
@@ -66,9 +80,7 @@ def test_every_number_of_the_planner_can_be_changed_and_reset(page, session, gli
         "Model of the vehicle": "Drag [1/s]",
     }
     for group, number in numbers.items():
-        page.get_by_text(group, exact=True).click()
-        # what opens moves the groups below it, and a click would miss them
-        field(page, number).first.wait_for()
+        unfold(page, group, number)
     settings = planner_settings("race", "swift", "colored")
     labels = page.locator("label").all_inner_texts()
     for name, found in settings.items():
@@ -99,10 +111,7 @@ def test_what_cannot_be_flown_is_said_before_start_in_one_line(page, session):
     assert session.snapshot.race == races
     fill(page, "Seed", "0")
     page.get_by_text("All numbers", exact=True).click()
-    page.get_by_text("MPPI", exact=True).wait_for()
-    # What is in it unfolds, if it was open before.
-    if not waited(page, field(page, "Horizon [steps]").first.is_visible, 0.5):
-        page.get_by_text("MPPI", exact=True).click()
+    unfold(page, "MPPI", "Horizon [steps]")
     fill(page, "Horizon [steps]", "1")
     page.get_by_text("horizon: expected a whole number").first.wait_for()
     assert waited(page, lambda: field(page, "Horizon [steps]").first.input_value() == "150")

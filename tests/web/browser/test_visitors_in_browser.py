@@ -1,8 +1,9 @@
 """Claims about a page that several visitors share, and about its playback."""
 
 import pytest
-from browser_cases import button, choose, opened, press, waited
+from browser_cases import button, choose, press, waited
 from web_cases import PERIOD, choices, stored
+from wire import connect
 
 from quadsim.record.archive import list_runs
 from web.race import PageRace
@@ -10,21 +11,10 @@ from web.race import PageRace
 pytestmark = [pytest.mark.browser, pytest.mark.page]
 
 
-@pytest.fixture(scope="module")
-def other(browser, shared_session):
-    """Another visitor's page."""
-    with opened(browser, shared_session.address) as page:
-        yield page
-
-
-def start(page, session, still=False):
-    """still: paused at once. The flight is on, but two pages need not draw it in software."""
+def start(page, session):
     races = session.snapshot.race
     press(page, "START")
     assert waited(page, lambda: session.snapshot.race > races and session.snapshot.t > 0.1)
-    if still:
-        session.tell(PageRace.play, False)
-        assert waited(page, lambda: not session.snapshot.playing)
 
 
 def test_stop_ends_a_flight_and_keeps_it(page, session, root):
@@ -76,16 +66,19 @@ def test_a_stored_run_beside_a_flight_does_not_move_the_time_ahead(page, session
     choose(page, "Mode", "live")
 
 
-def test_another_visitors_start_asks_before_it_ends_a_flight(page, other, session):
-    start(page, session, still=True)
-    race = session.snapshot.race
-    press(other, "START")
-    button(other, "Let it fly").click()
-    assert session.snapshot.race == race
-    assert session.snapshot.flying
-    assert button(page, "Let it fly").count() == 0  # the visitor whose flight it is is not asked
-    # a key does nothing while the question is open
-    assert waited(other, lambda: button(other, "Let it fly").count() == 0)
-    other.keyboard.press("x")
-    button(other, "End it").click()
-    assert waited(other, lambda: not session.snapshot.flying)
+def test_who_would_end_the_flight_of_another_visitor_is_asked_first(page, session):
+    with connect(session.server.get_port()) as other:
+        other.act(*other.controls("START"))
+        assert waited(page, lambda: session.snapshot.flying and session.snapshot.t > 0.1)
+        session.tell(PageRace.play, False)
+        race = session.snapshot.race
+        press(page, "START")
+        button(page, "Let it fly").click()
+        assert session.snapshot.race == race
+        assert session.snapshot.flying
+        assert waited(page, lambda: button(page, "Let it fly").count() == 0)
+        page.keyboard.press("x")
+        button(page, "End it").click()
+        assert waited(page, lambda: not session.snapshot.flying)
+        # the visitor whose flight it is is not asked
+        assert "GuiModalMessage" not in [message["type"] for message in other.waiting()]
