@@ -22,9 +22,14 @@ pytest_plugins = ["tests.fence"]
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# One of several workers plans on one thread: the others have the other cores.
-if "PYTEST_XDIST_WORKER" in os.environ:
-    numba.set_num_threads(1)
+
+def pytest_runtest_setup() -> None:
+    """Let one of several workers plan on one thread: the others have the other cores.
+
+    A command that ran in the test before may have set another number.
+    """
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        numba.set_num_threads(1)
 
 
 def pytest_sessionstart() -> None:
