@@ -70,8 +70,8 @@ lint: $(VENV)/.dev
 
 # Write what is made from settings, then mend what ruff can: order of imports, simple rewrites, layout.
 fix: $(VENV)/.dev
-	$(BIN)/python -m quadsim.spec.write_keywords
-	$(BIN)/python -m quadsim.spec.write_tables
+	$(BIN)/python -m quadsim.tables.write_keywords
+	$(BIN)/python -m quadsim.tables.write_tables
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 

@@ -19,12 +19,12 @@ from scipy.signal import TransferFunction, step, welch
 
 import quadsim
 from quadsim.figures.style import STYLE
+from quadsim.firmware.actuators import READY, BetaflightActuators
+from quadsim.firmware.gain_search import step_response
+from quadsim.firmware.identification import RateLoop
+from quadsim.firmware.identified import firmware_for, identified
 from quadsim.palette import INK, LIMIT, SPARE, STYLES
 from quadsim.physics.actuators import Actuators
-from quadsim.physics.betaflight import READY, BetaflightActuators
-from quadsim.physics.gain_search import step_response
-from quadsim.physics.identification import RateLoop
-from quadsim.spec.identified import firmware_for, identified
 
 FOLDER = Path(__file__).parent
 COURSE = "split_s_swift"

@@ -20,12 +20,12 @@ from controllers.mppi import MPPI
 from controllers.sampled_trajectories import controls, sampled_trajectories
 from controllers.update import weights
 from quadsim import Colored, Gaussian, MPPIConfig, Spec
+from quadsim.config.build import build, launch, navigation_of
 from quadsim.dynamics.estimate import Estimate
 from quadsim.figures.course import gate_bar
 from quadsim.figures.style import STYLE
 from quadsim.palette import INK, MARK, NEXT, SPARE, style
 from quadsim.paper.integrator import double_integrator, quadratic_cost
-from quadsim.spec.build import build, launch, navigation_of
 
 FOLDER = Path(__file__).parent
 COLORED = style("colored").colour

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import quadsim
 from quadsim import Spec
+from quadsim.config.build import start_of
 from quadsim.dynamics.quadrotor import quadrotor
 from quadsim.physics.plant import PlantState
-from quadsim.spec.build import start_of
 
 WIND = 1.5  # acceleration to the left [m/s^2]
 

@@ -30,19 +30,19 @@ if TYPE_CHECKING:
         runs,
         save_run,
     )
+    from quadsim.config.settings import SettingError
+    from quadsim.config.spec import Spec
     from quadsim.course import Course, Gate, Start, load_course
     from quadsim.dynamics import System
     from quadsim.dynamics.estimate import Estimate
     from quadsim.files.strict_yaml import FileError
     from quadsim.heat.settings import Awareness
     from quadsim.heat.spec import Entrant
-    from quadsim.heats import Heat
     from quadsim.record.run import RunError
-    from quadsim.run import Run
+    from quadsim.results.heat import Heat
+    from quadsim.results.run import Run
     from quadsim.sensing import Sensing, load_sensing
-    from quadsim.spec.listings import courses, presets, sensings, settings, vehicles
-    from quadsim.spec.settings import SettingError
-    from quadsim.spec.spec import Spec
+    from quadsim.tables.listings import courses, presets, sensings, settings, vehicles
     from quadsim.vehicle import Vehicle, load_vehicle
 
 _HOMES = {
@@ -59,13 +59,13 @@ _HOMES = {
     "quadsim.files.strict_yaml": ("FileError",),
     "quadsim.heat.settings": ("Awareness",),
     "quadsim.heat.spec": ("Entrant",),
-    "quadsim.heats": ("Heat",),
+    "quadsim.results.heat": ("Heat",),
     "quadsim.sensing": ("Sensing", "load_sensing"),
-    "quadsim.spec.listings": ("courses", "presets", "sensings", "settings", "vehicles"),
-    "quadsim.spec.settings": ("SettingError",),
-    "quadsim.spec.spec": ("Spec",),
+    "quadsim.tables.listings": ("courses", "presets", "sensings", "settings", "vehicles"),
+    "quadsim.config.settings": ("SettingError",),
+    "quadsim.config.spec": ("Spec",),
     "quadsim.record.run": ("RunError",),
-    "quadsim.run": ("Run",),
+    "quadsim.results.run": ("Run",),
     "quadsim.dynamics": ("System",),
     "quadsim.dynamics.estimate": ("Estimate",),
     "quadsim.vehicle": ("Vehicle", "load_vehicle"),

@@ -6,22 +6,22 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
+from quadsim.config.build import flight_frames, with_threads
+from quadsim.config.recorded import recorded_spec
+from quadsim.config.spec import Spec
 from quadsim.racing.events import Frame
 from quadsim.record.archive import find_run
 from quadsim.record.archive import load_run as _load_run
-from quadsim.run import Run
-from quadsim.spec.build import flight_frames, with_threads
-from quadsim.spec.recorded import recorded_spec
-from quadsim.spec.spec import Spec
+from quadsim.results.run import Run
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from quadsim.campaign.compare import Comparison
+    from quadsim.config.keywords import CourseLike, Keywords
     from quadsim.heat.spec import Entrant
-    from quadsim.heats import Heat
-    from quadsim.spec.keywords import CourseLike, Keywords
-    from quadsim.stored_runs import StoredRuns
+    from quadsim.results.heat import Heat
+    from quadsim.results.stored_runs import StoredRuns
 
 
 def fly(
@@ -118,10 +118,10 @@ def race(
         >>> heat.order[0].rank
         1
     """
-    from quadsim.campaign.line_ups import line_up
+    from quadsim.config.build import use_threads_of
+    from quadsim.heat.line_up import line_up
     from quadsim.heat.spec import HeatSpec
-    from quadsim.heats import fly_heat
-    from quadsim.spec.build import use_threads_of
+    from quadsim.results.heat import fly_heat
 
     use_threads_of(settings.pop("threads", None))
     made, of_race = line_up(course, entrants, settings)
@@ -147,7 +147,7 @@ def load_heat(heat: str | Path = "last", runs_dir: str = "runs") -> Heat:
         True
     """
     from quadsim.heat.archive import find_heat
-    from quadsim.heats import Heat
+    from quadsim.results.heat import Heat
 
     return Heat.load(find_heat(str(heat), runs_dir))
 
@@ -244,7 +244,7 @@ def runs(
         [0, 1]
         >>> run = stored[-1].load()
     """
-    from quadsim.stored_runs import stored_runs
+    from quadsim.results.stored_runs import stored_runs
 
     return stored_runs(
         runs_dir,

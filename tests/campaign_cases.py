@@ -11,7 +11,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from quadsim.campaign.store import Row
-from quadsim.campaign.variants import Variant, resolve
+from quadsim.campaign.variants import Variant
+from quadsim.config.setting_texts import resolve
 from tests.small import SMALL, flags
 
 COURSE = "paper_flat"

@@ -16,6 +16,8 @@ from controllers.lanes.planner_loops import module_source
 from controllers.plan import PlanStats
 from controllers.samplers import build_lanes
 from quadsim.campaign.variants import make_variants, parse_variants
+from quadsim.config.build import cost_on, planner_of, start_of, system_of
+from quadsim.config.parts import made
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import State, quadrotor
 from quadsim.physics.plant import NamedPlant, PlantState
@@ -28,8 +30,6 @@ from quadsim.racing.own_parts import (
     checked_events,
     checked_plan,
 )
-from quadsim.spec.build import cost_on, planner_of, start_of, system_of
-from quadsim.spec.parts import made
 from tests.small import SHORT, flags
 
 FLIGHT = {**SHORT, "first_iterations": 10}

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from quadsim.config.recorded import spec_of_record
+from quadsim.config.spec import Spec
 from quadsim.heat.archive import load_heat, spec_of_heat
 from quadsim.heat.spec import HeatSpec
 from quadsim.record.archive import load_reportable
-from quadsim.spec.recorded import spec_of_record
-from quadsim.spec.spec import Spec
 
 
 @dataclass(frozen=True)

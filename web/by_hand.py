@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from quadsim.config.spec import Spec, shipped_configuration
 from quadsim.firmware import FlightControllerName
 from quadsim.firmware.package import built_firmware
 from quadsim.firmware.process import FirmwareError
 from quadsim.racing.hand import Hand, HandRates
-from quadsim.spec.spec import Spec, shipped_configuration
 from quadsim.vehicle import load_vehicle
 
 

@@ -8,16 +8,16 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from controllers.presets import Planner, preset
+from quadsim.config.presets import PresetSource
+from quadsim.config.settings import SETTINGS, Clock, FlightSettings, SettingValue, values_of
+from quadsim.config.spec import Spec, with_numbers
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.firmware import FlightControllerName
+from quadsim.heat.rules import RulesName
 from quadsim.heat.settings import Expect, HeatSettings
 from quadsim.heat.spec import Entrant, HeatSpec
 from quadsim.racing.hand import HAND
-from quadsim.racing.rules import RulesName
 from quadsim.sensing import PERFECT
-from quadsim.spec.presets import PresetSource
-from quadsim.spec.settings import SETTINGS, Clock, FlightSettings, SettingValue, values_of
-from quadsim.spec.spec import Spec, with_numbers
 from quadsim.vehicle import load_vehicle
 from web.by_hand import flown_by_hand
 from web.numbers import SLIDERS, Change, with_change

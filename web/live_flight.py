@@ -8,14 +8,14 @@ from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 from controllers.presets import Planner
+from quadsim.config.build import build, changeable_planner, navigation_of
+from quadsim.config.changes import ChangeablePlanner, PlannerChange
 from quadsim.heat.aware_planner import PlanningClock
 from quadsim.racing.events import Event, Frame, flown_laps, lap_penalties
 from quadsim.racing.flight import simulate
 from quadsim.record.archive import RunFolder, remove_unfinished
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import INTERACTIVE, Recorder, columns_of
-from quadsim.spec.build import build, changeable_planner, navigation_of
-from quadsim.spec.changes import ChangeablePlanner, PlannerChange
 from web.again import AgainChoices
 from web.choices import Choices
 from web.competitor import Competitor

@@ -10,12 +10,12 @@ import numpy as np
 from quadsim.heat.archive import entrant_folder
 from quadsim.heat.aware_planner import AwarePlanner
 from quadsim.heat.launch import heat_frames, is_compiled
+from quadsim.heat.loop import RaceFrame
 from quadsim.heat.result import HeatRecorder, run_records
-from quadsim.heats import Heat
-from quadsim.racing.heat import RaceFrame
 from quadsim.record.archive import remove_unfinished
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import columns_of
+from quadsim.results.heat import Heat
 from web.again import HeatAgainChoices
 from web.choices import HeatChoices
 from web.competitor import Competitor

@@ -7,10 +7,10 @@ from functools import lru_cache
 
 from controllers.costs.reference import ReferenceWeights
 from controllers.presets import PRESETS
+from quadsim.config.reference import followed_problem
+from quadsim.config.settings import FlightSettings
 from quadsim.course import Course
 from quadsim.record.limits import LimitProblem, limits_folder
-from quadsim.spec.reference import followed_problem
-from quadsim.spec.settings import FlightSettings
 from quadsim.vehicle import load_vehicle
 
 

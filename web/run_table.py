@@ -23,8 +23,8 @@ from quadsim.heat.archive import HEAT, TitledPlacing
 from quadsim.record.archive import PART
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import canonical
+from quadsim.results.stored_runs import StoredRun, flown_at, read_row
 from quadsim.sensing import PERFECT
-from quadsim.stored_runs import StoredRun, flown_at, read_row
 
 RECORD = "run.json"
 # Largest run.json or heat.json that is read [bytes]; one of 100 laps has a tenth

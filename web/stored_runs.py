@@ -16,7 +16,7 @@ from quadsim.heat.archive import heat_title, is_heat, list_heats, runs_of_heat
 from quadsim.record.archive import list_runs, load_reportable
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import Run, RunError
-from quadsim.stored_runs import flown_at, read_row
+from quadsim.results.stored_runs import flown_at, read_row
 from web.competitor import Competitor
 from web.legs import Legs
 from web.numbers import slider_values

@@ -24,7 +24,7 @@ from quadsim.course.opening import (
     margin_inside,
     outer_half_sizes,
 )
-from quadsim.dynamics.records import as_rows, columns
+from quadsim.dynamics.named_tuples import as_rows, columns
 from quadsim.rotation import Vec3
 
 # Distance kept between vehicle and frame [m]; where a gate is narrow, at most half of the room

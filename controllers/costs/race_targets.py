@@ -19,7 +19,7 @@ from quadsim.course.opening import (
     free_half_sizes,
     half_depth,
 )
-from quadsim.dynamics.records import as_rows, columns
+from quadsim.dynamics.named_tuples import as_rows, columns
 
 GATE_STDS = 2.5  # standard deviations of a gate's estimated position that are added to the margin
 MARGIN_LIMIT = 0.7  # share of half the free opening that margin and uncertainty take at most

@@ -45,7 +45,7 @@ from controllers.lanes.planner_loops import trace_model
 from controllers.lanes.text import Writer
 from controllers.lanes.trace import Graph, Symbol, Value, trace, trace_number
 from quadsim.dynamics import System
-from quadsim.dynamics.records import flat, flat_names
+from quadsim.dynamics.named_tuples import flat, flat_names
 
 # The step in which an episode that has ended starts anew
 SAME_STEP = 0

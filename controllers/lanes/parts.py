@@ -13,7 +13,7 @@ from controllers.lanes import FAST
 from controllers.lanes.layout import LANES
 from controllers.lanes.text import Writer
 from controllers.lanes.trace import Graph, trace
-from quadsim.dynamics.records import flat, flat_names
+from quadsim.dynamics.named_tuples import flat, flat_names
 
 HEADER = """
 import math

@@ -59,7 +59,7 @@ from controllers.lanes.trace import (
     wrong_result,
 )
 from quadsim.dynamics import System
-from quadsim.dynamics.records import flat
+from quadsim.dynamics.named_tuples import flat
 from quadsim.files.yaml_errors import did_you_mean
 
 MARKS = 4  # positions between which lines are tested at once

@@ -24,7 +24,7 @@ from controllers.lanes.parts import Point, fill, header, read, store
 from controllers.lanes.text import Writer
 from controllers.lanes.trace import Graph, trace, trace_number
 from quadsim.dynamics import System
-from quadsim.dynamics.records import flat
+from quadsim.dynamics.named_tuples import flat
 
 MOST_RACERS = 8
 NEVER = 1e9  # the step in which a racer finishes that has not finished

@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from quadsim.dynamics.records import flat_names, is_record, unflat
+from quadsim.dynamics.named_tuples import flat_names, is_record, unflat
 
 # The operations that NumPy's functions record.
 UFUNCS = {

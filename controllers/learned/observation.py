@@ -15,8 +15,8 @@ import numpy as np
 
 from quadsim.course import Course, Gate
 from quadsim.course.opening import half_sizes
+from quadsim.dynamics.named_tuples import field_types, flat, flat_names, unflat
 from quadsim.dynamics.quadrotor import CONTROL, Control, State
-from quadsim.dynamics.records import field_types, flat, flat_names, unflat
 from quadsim.rotation import along, body_axes
 
 SPEED = 10.0  # unit of velocities [m/s]

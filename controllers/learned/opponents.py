@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from controllers.learned.observation import LENGTH, SPEED, Vector
-from quadsim.dynamics.records import flat_names
+from quadsim.dynamics.named_tuples import flat_names
 from quadsim.rotation import along, body_axes
 
 

@@ -14,10 +14,10 @@ from controllers.lanes.threads import use_threads
 from controllers.mppi import MPPI
 from controllers.presets import preset
 from controllers.samplers import SAMPLERS, Colored, Gaussian, Sampling
+from quadsim.config.build import planner_of
+from quadsim.config.spec import Spec
 from quadsim.paper import offroad, table2
 from quadsim.physics.plant_state import start_state
-from quadsim.spec.build import planner_of
-from quadsim.spec.spec import Spec
 
 SAMPLES = (256, 1024, 4096, 16384, 65536)
 HORIZONS = (25, 75, 150, 300)

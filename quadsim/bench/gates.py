@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from quadsim.config.build import build, launch, with_threads
+from quadsim.config.spec import Spec
 from quadsim.course import Course, parse_course
 from quadsim.racing.events import Frame
-from quadsim.spec.build import build, launch, with_threads
-from quadsim.spec.spec import Spec
 
 GATES = (10, 200)
 APART = 12.0  # [m] from gate to gate

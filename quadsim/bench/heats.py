@@ -11,18 +11,18 @@ from typing import NamedTuple
 import numpy as np
 
 from quadsim.bench.cases import QUADROTOR, WARM_UP, median_ms, paper_case, starting
+from quadsim.config.build import planner_of
+from quadsim.config.spec import Spec
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import State
 from quadsim.heat.aware_planner import AwarePlanner, Eyes
 from quadsim.heat.launch import expectation_of, heat_frames, other_vehicles
+from quadsim.heat.loop import RaceFrame
 from quadsim.heat.settings import Expect, HeatSettings
 from quadsim.heat.spec import Entrant, HeatSpec
+from quadsim.heat.traffic import ExpectedPath, Traffic
 from quadsim.physics.plant import SharedPlant, has_bullet, new_arena
 from quadsim.physics.plant_state import start_state
-from quadsim.racing.heat import RaceFrame
-from quadsim.racing.traffic import ExpectedPath, Traffic
-from quadsim.spec.build import planner_of
-from quadsim.spec.spec import Spec
 from quadsim.streams import sighting_stream
 
 OTHERS = (0, 1, 3, 7)

@@ -16,13 +16,13 @@ from functools import lru_cache
 from hashlib import sha256
 from typing import NotRequired, TypedDict
 
+from quadsim.config.build import build, launch
+from quadsim.config.spec import Spec
 from quadsim.firmware.process import FirmwareError
 from quadsim.record.metrics import chatter, motor_use
 from quadsim.record.provenance import provenance
 from quadsim.record.run import CRASHES, PlanTime, Recorder, Run, canonical
 from quadsim.record.turning_back import TurnedBack, turned_back
-from quadsim.spec.build import build, launch
-from quadsim.spec.spec import Spec
 
 LABELS = ("host", "preset")  # keys of a spec's record that do not decide the flight
 # keys that differ between the attempts of one variant

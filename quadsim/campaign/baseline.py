@@ -29,7 +29,8 @@ from quadsim.campaign.pool import Pool
 from quadsim.campaign.runner import Attempt, Tally, fly_attempts
 from quadsim.campaign.store import code_of
 from quadsim.campaign.summary_stats import FINISHED
-from quadsim.campaign.variants import Settings, Variant, parse_parts, resolve
+from quadsim.campaign.variants import Variant
+from quadsim.config.setting_texts import Settings, parse_parts, resolve
 from quadsim.files.data_files import read_text
 from quadsim.files.strict_yaml import load, unit
 from quadsim.record.run import RunError

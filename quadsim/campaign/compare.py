@@ -34,7 +34,8 @@ from quadsim.campaign.tables import (
     comparison_tables,
     notes,
 )
-from quadsim.campaign.variants import Place, Settings, Variant, make_variants
+from quadsim.campaign.variants import Variant, make_variants
+from quadsim.config.setting_texts import Place, Settings
 from quadsim.course import Course
 from quadsim.figures import html
 from quadsim.figures.style import save_figure, write_figure

@@ -22,9 +22,9 @@ from quadsim.campaign.store import BUSY_TIMEOUT, code_of
 from quadsim.console import complain
 from quadsim.heat.archive import heat_key
 from quadsim.heat.spec import HeatSpec
-from quadsim.heats import Heat, fly_heat
 from quadsim.record.run import RunError, canonical
 from quadsim.record.statistics import Mean, mean_interval, wilson
+from quadsim.results.heat import Heat, fly_heat
 
 # Points of a rating by which one entrant beats another ten times as often as it loses
 RATING_SCALE = 400.0

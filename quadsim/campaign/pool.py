@@ -14,9 +14,9 @@ from typing import Any, NamedTuple, Self, TypeVar
 from urllib.parse import urlsplit
 
 from quadsim.campaign.attempt import Flown, fly_attempt
+from quadsim.config.spec import Spec
 from quadsim.files.extras import needs_extra
 from quadsim.record.run import RunError
-from quadsim.spec.spec import Spec
 
 # How long the main thread waits before it looks for a signal that another thread received [s].
 WAKE = 0.5

@@ -17,9 +17,9 @@ from quadsim.campaign.attempt import LIBRARIES, Flown, attempt_key, this_provena
 from quadsim.campaign.pool import Pool, fly_all, open_pool
 from quadsim.campaign.store import Row, Store, code_of
 from quadsim.campaign.variants import Variant, expect_identities
+from quadsim.config.spec import Spec
 from quadsim.console import complain, progress_console, uninterrupted
 from quadsim.record.run import RunError
-from quadsim.spec.spec import Spec
 
 
 class Attempt(NamedTuple):

@@ -20,11 +20,11 @@ from typing import cast
 import msgspec
 
 from quadsim.campaign.attempt import Flown, Result, attempt_key, result, variant_key
+from quadsim.config.spec import Spec
 from quadsim.console import complain
 from quadsim.record.archive import RunFolder, remove_unfinished
 from quadsim.record.run import Outcome, RunError, canonical
 from quadsim.record.whole_files import expect_file
-from quadsim.spec.spec import Spec
 
 BUSY_TIMEOUT = 60.0  # how long another writer's transaction is waited for [s]
 SCHEMA_VERSION = 5

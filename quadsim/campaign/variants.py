@@ -11,27 +11,14 @@ pilot=split_s.npz             a learned pilot in the planner's place: a file, or
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass, replace
 from typing import Any
 
-from controllers.learned.pilot import pilot_names
-from controllers.presets import PRESETS
-from controllers.samplers import SAMPLERS
 from quadsim.campaign.attempt import planner_key
-from quadsim.course import Course
-from quadsim.files.data_files import SUFFIXES
-from quadsim.files.yaml_errors import did_you_mean
-from quadsim.spec.build import referee_of
-from quadsim.spec.identity import IdentityError, identity_of
-from quadsim.spec.settings import SettingError
-from quadsim.spec.spec import Spec
-
-Place = str | Path | Course  # a course by name, a FILE.yaml, or the course itself
-Settings = Mapping[str, Any]  # name of a setting of `quadsim.fly` -> its value, or a text for it
-WITH_COLONS = ("sampler", "term", "fault")  # settings whose text may have colons of its own
-REPEATED = ("term", "fault")  # settings that a variant may have several times
-SWITCH = {"yes": True, "no": False}
+from quadsim.config.identity import IdentityError, identity_of
+from quadsim.config.setting_texts import Place, Settings, parse_parts, resolve, with_shared
+from quadsim.config.settings import SettingError
+from quadsim.config.spec import Spec
 
 
 @dataclass(frozen=True)
@@ -89,50 +76,6 @@ def _wrong(problem: str) -> SettingError:
     return SettingError("variants", problem)
 
 
-def parse_parts(text: str) -> dict[str, Any]:
-    """Return the settings of one variant.
-
-    Args:
-        text: presets, samplers, pilots and settings joined by +, such as "race+target-ess=200".
-
-    Raises:
-        ValueError: a part is none of these.
-    """
-    settings: dict[str, Any] = {}
-    for part in text.split("+"):
-        name, value = _setting(part)
-        if name in REPEATED:
-            value = (*settings.get(name, ()), value)
-        settings[name] = value
-    return settings
-
-
-def _setting(part: str) -> tuple[str, Any]:
-    """Return the name of a setting and its value or text."""
-    name, has_value, text = part.partition("=")
-    if not has_value:
-        return _kind_of(part), part
-    setting = name.replace("-", "_")
-    if setting in WITH_COLONS:
-        return setting, text
-    if text in SWITCH:
-        return setting, SWITCH[text]
-    numbers = text.split(":")
-    return setting, numbers if len(numbers) > 1 else text
-
-
-def _kind_of(part: str) -> str:
-    """Return the name of the setting that a part without a value is for."""
-    if part in SAMPLERS or ":" in part:
-        return "sampler"
-    if part.endswith(".npz") or part in pilot_names():
-        return "pilot"
-    if part in PRESETS or part.endswith(SUFFIXES):
-        return "preset"
-    near = did_you_mean(part, [*SAMPLERS, *PRESETS, *pilot_names()])
-    raise ValueError(f"no sampler, preset or pilot {part!r}: {near}")
-
-
 def make_variants(
     courses: Sequence[Place], variants: Mapping[str, Settings], settings: Settings
 ) -> list[Variant]:
@@ -151,10 +94,7 @@ def make_variants(
     made = []
     for course in courses:
         for name, own in variants.items():
-            sampler = own.get("sampler", settings.get("sampler", "colored"))
-            others = _settings_of_other_samplers(sampler)
-            shared = {key: value for key, value in settings.items() if key not in others}
-            made.append(Variant(name, resolve(course, shared | dict(own))))
+            made.append(Variant(name, resolve(course, with_shared(own, settings))))
     return _told_apart(made)
 
 
@@ -189,29 +129,3 @@ def expect_identities(variants: Sequence[Variant]) -> None:
             except IdentityError as error:
                 wanted = f"expected a {role} that can be told from others"
                 raise SettingError("campaign", f"{wanted}, got {error}") from None
-
-
-def _settings_of_other_samplers(sampler: object) -> set[str]:
-    """Return the settings that this sampler lacks and another has, such as gamma."""
-    cls = SAMPLERS.get(sampler) if isinstance(sampler, str) else type(sampler)
-    own = {f.name for f in fields(cls)} if cls and is_dataclass(cls) else set()
-    return {f.name for other in SAMPLERS.values() for f in fields(other)} - own
-
-
-def resolve(course: Place, settings: Settings) -> Spec:
-    """Return the Spec that `quadsim.fly` would fly, on one thread.
-
-    Raises:
-        SettingError: a setting is invalid.
-        FileError: a course, a vehicle or a preset cannot be read.
-        ValueError: course, laps and vehicle do not fit together.
-    """
-    if settings.get("threads"):
-        raise SettingError(
-            "threads", "attempts fly on one thread each; set jobs, how many fly at once"
-        )
-    if settings.get("blackbox"):
-        raise SettingError("blackbox", "attempts would overwrite each other's log; fly one of them")
-    spec = Spec.of(course, **settings)
-    referee_of(spec)  # which checks that the gates are wide enough for the vehicle
-    return spec

@@ -9,12 +9,12 @@ from rich.markup import escape
 
 from quadsim.campaign.heat_report import write_heats_report
 from quadsim.campaign.heat_tables import differences_table, settings_table
-from quadsim.campaign.line_ups import parse_race_variants
 from quadsim.campaign.paired_heats import difference, fly_variants, heat_variants
 from quadsim.campaign.tables import as_table
 from quadsim.cli.flags import settings_as_flags
 from quadsim.cli.heat_report import plain, summary_as_json, tables_of
 from quadsim.console import emit, emit_json
+from quadsim.heat.line_up import parse_race_variants
 from quadsim.record.whole_files import expect_file, expect_writable
 
 

@@ -28,7 +28,7 @@ from quadsim.firmware.package import (
 )
 
 if TYPE_CHECKING:  # it loads SciPy, for which show and build do not wait
-    from quadsim.spec.tuned_gains import Tuned
+    from quadsim.config.tuned_gains import Tuned
 
 # The flags that an action takes beside --json
 FLAGS = {
@@ -95,8 +95,8 @@ def firmware(
 def _identify(vehicle: str | None, betaflight: str | None, json: bool) -> int:
     """Show the rate loop of a vehicle behind the firmware, as the planner's model has it."""
     # imported here, as show and build need no spec
-    from quadsim.spec.identified import identified
-    from quadsim.spec.spec import Spec
+    from quadsim.config.spec import Spec
+    from quadsim.firmware.identified import identified
 
     with settings_as_flags():
         spec = Spec.of(flight_controller="betaflight", vehicle=vehicle, betaflight=betaflight)
@@ -136,9 +136,9 @@ def _identify(vehicle: str | None, betaflight: str | None, json: bool) -> int:
 def _tune(vehicle: str | None, betaflight: str | None, out: str | None, json: bool) -> int:
     """Search gains for a vehicle, and show or write the configuration with them."""
     # imported here, as show and build need no spec
+    from quadsim.config.spec import FIRMWARE_STEP, Spec
+    from quadsim.config.tuned_gains import first_configuration, tuned
     from quadsim.record.whole_files import expect_writable, write_whole
-    from quadsim.spec.spec import FIRMWARE_STEP, Spec
-    from quadsim.spec.tuned_gains import first_configuration, tuned
 
     if out is not None:
         _expect_new(Path(out))

@@ -16,12 +16,7 @@ from msgspec import inspect
 
 from controllers.presets import PRESETS
 from controllers.samplers import SAMPLERS
-from quadsim.console import UsageError
-from quadsim.course import course_names
-from quadsim.dynamics.quadrotor import ModelParams
-from quadsim.heat.settings import HeatSettings
-from quadsim.sensing import sensing_names
-from quadsim.spec.settings import (
+from quadsim.config.settings import (
     SETTINGS,
     FlightSettings,
     Setting,
@@ -30,6 +25,11 @@ from quadsim.spec.settings import (
     description,
     values_of,
 )
+from quadsim.console import UsageError
+from quadsim.course import course_names
+from quadsim.dynamics.quadrotor import ModelParams
+from quadsim.heat.settings import HeatSettings
+from quadsim.sensing import sensing_names
 from quadsim.vehicle import load_vehicle, vehicle_names
 
 TITLES = {

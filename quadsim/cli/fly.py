@@ -19,14 +19,14 @@ from quadsim.cli.flags import (
 )
 from quadsim.cli.progress import Progress
 from quadsim.cli.report import present
+from quadsim.config.build import build, launch, with_threads
+from quadsim.config.recorded import recorded_spec, sorted_settings
+from quadsim.config.settings import SETTINGS, FlightSettings
+from quadsim.config.spec import Spec
 from quadsim.console import COMPILING, UsageError, complain, uninterrupted
 from quadsim.racing.events import Frame
 from quadsim.record.archive import RunFolder, find_run, load_reportable, remove_unfinished
 from quadsim.record.run import Recorder, Run, RunError, own_parts, same_flight, why_not_repeatable
-from quadsim.spec.build import build, launch, with_threads
-from quadsim.spec.recorded import recorded_spec, sorted_settings
-from quadsim.spec.settings import SETTINGS, FlightSettings
-from quadsim.spec.spec import Spec
 
 
 def fly(

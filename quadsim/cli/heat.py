@@ -11,7 +11,6 @@ from rich.live import Live
 from rich.markup import escape
 
 from quadsim.campaign.heats import fly_heats, summary
-from quadsim.campaign.line_ups import heats_of, line_up
 from quadsim.cli.compare import Jobs, Rotate
 from quadsim.cli.flags import (
     CourseName,
@@ -22,6 +21,8 @@ from quadsim.cli.flags import (
     settings_as_flags,
 )
 from quadsim.cli.heat_report import summary_as_json, tables_of
+from quadsim.config.build import use_threads_of
+from quadsim.config.settings import FlightSettings, SettingError
 from quadsim.console import (
     UsageError,
     complain,
@@ -32,13 +33,12 @@ from quadsim.console import (
 )
 from quadsim.heat.archive import find_heat, load_heat, spec_of_heat
 from quadsim.heat.launch import heat_frames
+from quadsim.heat.line_up import heats_of, line_up
 from quadsim.heat.result import HeatRecorder
 from quadsim.heat.spec import HeatSpec
-from quadsim.heats import Heat
 from quadsim.record.run import RunError
 from quadsim.record.whole_files import expect_file
-from quadsim.spec.build import use_threads_of
-from quadsim.spec.settings import FlightSettings, SettingError
+from quadsim.results.heat import Heat
 
 # Who races where nobody is named
 ENTRANTS = ("colored", "gaussian")

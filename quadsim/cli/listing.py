@@ -15,6 +15,7 @@ from rich.markup import escape
 
 from controllers.presets import PRESETS
 from quadsim.cli.flags import Help, Json
+from quadsim.config.presets import parse_planner
 from quadsim.console import UsageError, complain, emit, emit_json, width
 from quadsim.course import COURSES, course_names, load_course, parse_course
 from quadsim.course.course import summary
@@ -31,7 +32,7 @@ from quadsim.sensing.sensing_file import (
     parse_sensing,
     sensing_names,
 )
-from quadsim.spec.listings import (
+from quadsim.tables.listings import (
     SAMPLER,
     course_table,
     preset_table,
@@ -39,8 +40,7 @@ from quadsim.spec.listings import (
     setting_table,
     vehicle_table,
 )
-from quadsim.spec.presets import parse_planner
-from quadsim.spec.settings_table import setting_rows
+from quadsim.tables.settings_table import setting_rows
 from quadsim.vehicle import VEHICLES, load_vehicle, parse_vehicle, vehicle_names
 
 # Keys that only one kind of file has

@@ -12,10 +12,10 @@ from msgspec import inspect
 
 from quadsim.cli.commands import COMMANDS
 from quadsim.cli.flags import settings_as_flags
+from quadsim.config.settings import SETTINGS
 from quadsim.console import UsageError
 from quadsim.files.values import checked
 from quadsim.files.yaml_errors import expected
-from quadsim.spec.settings import SETTINGS
 
 
 @cache

@@ -9,10 +9,10 @@ from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 
+from quadsim.config.spec import Spec
 from quadsim.console import progress_console
 from quadsim.dynamics.quadrotor import State
 from quadsim.racing.events import Frame
-from quadsim.spec.spec import Spec
 
 PERIOD = 0.1  # from one drawing of the line to the next [s]
 

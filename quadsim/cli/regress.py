@@ -22,9 +22,10 @@ from quadsim.campaign.baseline import (
 )
 from quadsim.campaign.pool import open_pool
 from quadsim.campaign.tables import TextTable, as_table
-from quadsim.campaign.variants import Settings, Variant
+from quadsim.campaign.variants import Variant
 from quadsim.cli.compare import Jobs, Scheduler
 from quadsim.cli.flags import Given, Help, Json, Switch, settings_as_flags
+from quadsim.config.setting_texts import Settings
 from quadsim.console import UsageError, emit, emit_json
 from quadsim.record.whole_files import write_whole
 

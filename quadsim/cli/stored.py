@@ -12,11 +12,11 @@ from quadsim.cli.report import known_limit, present
 from quadsim.console import UsageError, emit, emit_json
 from quadsim.figures.style import PICTURES, save_figure, write_figure
 from quadsim.heat.archive import heat_folder
-from quadsim.heats import Heat
 from quadsim.record.archive import find_run, load_reportable, load_run
 from quadsim.record.exchange import telemetry_csv
 from quadsim.record.mcap_file import mcap_bytes
 from quadsim.record.whole_files import write_whole
+from quadsim.results.heat import Heat
 
 
 def show(run: Stored = "last", /, *, runs_dir: RunsDir = "runs", json: Json = False) -> int:

@@ -15,11 +15,11 @@ from rich.progress import BarColumn, TextColumn
 from rich.progress import Progress as Bar
 
 from quadsim.cli.flags import Help, Json, course_help, settings_as_flags, vehicle_help
+from quadsim.config.settings import SettingError
 from quadsim.console import UsageError, complain, emit, emit_json, plain, progress_console
 from quadsim.files.extras import needs_extra
 from quadsim.files.strict_yaml import unit
 from quadsim.record.whole_files import expect_file, try_writing
-from quadsim.spec.settings import SettingError
 from quadsim.vehicle import Vehicle, load_vehicle, with_thrust_to_weight
 
 if TYPE_CHECKING:

@@ -13,9 +13,10 @@ from rich.markup import escape
 
 from quadsim.campaign.parameters import GROUPS, Group, parameters, preset_text, with_parameters
 from quadsim.campaign.tables import TextTable, as_table
-from quadsim.campaign.variants import Variant, resolve
+from quadsim.campaign.variants import Variant
 from quadsim.cli.compare import CAMPAIGN, Campaign, Jobs, Scheduler
 from quadsim.cli.flags import Given, Help, Json, course_help, settings_as_flags
+from quadsim.config.setting_texts import resolve
 from quadsim.console import UsageError, complain, emit, emit_json
 from quadsim.files.extras import needs_extra
 from quadsim.record.whole_files import expect_file, expect_writable, write_whole

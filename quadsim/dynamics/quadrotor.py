@@ -33,7 +33,7 @@ from numpy import maximum, minimum
 
 from quadsim.dynamics import System
 from quadsim.dynamics.first_order import response
-from quadsim.dynamics.records import units_of
+from quadsim.dynamics.named_tuples import units_of
 from quadsim.files.strict_yaml import setting, unit
 from quadsim.rotation import Quaternion, Vec3, quaternion_rate
 from quadsim.vehicle import GRAVITY, Vehicle

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from quadsim.config.recorded import spec_of_record
 from quadsim.course import Course, parse_course
 from quadsim.files.arrays import read_bytes
 from quadsim.files.strict_yaml import FileError
@@ -36,7 +37,6 @@ from quadsim.record.archive import (
 from quadsim.record.provenance import provenance
 from quadsim.record.run import Run, RunError, canonical
 from quadsim.record.whole_files import one_line, write_whole
-from quadsim.spec.recorded import spec_of_record
 
 FORMAT = "quadsim heat 1"
 HEAT = "heat.json"

@@ -15,11 +15,11 @@ from quadsim.course import Course
 from quadsim.dynamics.estimate import Estimate
 from quadsim.heat.expectations import Expectation, Outlook, planned_path
 from quadsim.heat.patience import Patience
+from quadsim.heat.rules import Progress
+from quadsim.heat.traffic import ExpectedPath, Sighting, Traffic
 from quadsim.racing.clock import Clock
 from quadsim.racing.flight import Controller
 from quadsim.racing.referee import way_left
-from quadsim.racing.rules import Progress
-from quadsim.racing.traffic import ExpectedPath, Sighting, Traffic
 
 if TYPE_CHECKING:
     from controllers.mppi import MPPI

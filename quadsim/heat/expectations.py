@@ -10,7 +10,7 @@ import numpy as np
 from controllers.costs.keep_clear import OtherVehicle
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import Control, ModelParams, State
-from quadsim.racing.traffic import ExpectedPath, Sighting, Traffic
+from quadsim.heat.traffic import ExpectedPath, Sighting, Traffic
 from quadsim.rotation import between, to_world
 from quadsim.vehicle import GRAVITY
 

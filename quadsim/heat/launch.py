@@ -10,6 +10,8 @@ from typing import cast
 
 from controllers.costs.keep_clear import OtherVehicle, Room
 from controllers.samplers import Sampling
+from quadsim.config.build import build, flight_frames, launched, planner_of
+from quadsim.config.spec import Spec
 from quadsim.heat.aware_planner import AwarePlanner, Eyes, PlanningClock, Racecraft
 from quadsim.heat.expectations import (
     OPPONENT_STEPS,
@@ -19,14 +21,7 @@ from quadsim.heat.expectations import (
     OwnPlans,
     ToldPlans,
 )
-from quadsim.heat.patience import Patience
-from quadsim.heat.settings import Awareness
-from quadsim.heat.side_by_side import SideBySide
-from quadsim.heat.spec import HeatSpec
-from quadsim.physics.downwash import Downwash
-from quadsim.physics.plant import Arena, new_arena
-from quadsim.racing.flight import flight
-from quadsim.racing.heat import (
+from quadsim.heat.loop import (
     PlantInArena,
     RaceFrame,
     Started,
@@ -34,12 +29,17 @@ from quadsim.racing.heat import (
     in_turn,
     race_frames,
 )
-from quadsim.racing.marshal import Marshal, RaceReferee
+from quadsim.heat.marshal import Marshal, RaceReferee
+from quadsim.heat.patience import Patience
+from quadsim.heat.rules import RULES
+from quadsim.heat.settings import Awareness
+from quadsim.heat.side_by_side import SideBySide
+from quadsim.heat.spec import HeatSpec
+from quadsim.heat.traffic import Traffic
+from quadsim.physics.downwash import Downwash
+from quadsim.physics.plant import Arena, new_arena
+from quadsim.racing.flight import flight
 from quadsim.racing.referee import Referee
-from quadsim.racing.rules import RULES
-from quadsim.racing.traffic import Traffic
-from quadsim.spec.build import build, flight_frames, launched, planner_of
-from quadsim.spec.spec import Spec
 from quadsim.streams import opponent_stream, sighting_stream
 
 # Iterations of the first plan of another vehicle's flight

@@ -8,9 +8,9 @@ from itertools import combinations
 from typing import Any, NamedTuple
 
 from quadsim.course import Course
+from quadsim.heat.loop import RaceFrame
 from quadsim.heat.spec import HeatSpec
 from quadsim.racing.events import Event
-from quadsim.racing.heat import RaceFrame
 from quadsim.racing.referee import way_left
 from quadsim.record.run import Recorder, Run, canonical, hostless
 

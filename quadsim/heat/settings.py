@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 from quadsim.files.strict_yaml import setting
 from quadsim.files.values import check_fields
-from quadsim.racing.rules import RulesName
-from quadsim.racing.traffic import Sight
+from quadsim.heat.rules import RulesName
+from quadsim.heat.traffic import Sight
 
 Expect = Literal["plans", "own", "velocity", "nothing"]
 

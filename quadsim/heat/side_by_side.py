@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from types import TracebackType
 
+from quadsim.heat.loop import in_turn
 from quadsim.racing.flight import Planning
-from quadsim.racing.heat import in_turn
 
 
 class SideBySide:

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
+from quadsim.config.spec import PLANTS_WITH_ROTORS, Spec
 from quadsim.course import Course, Start
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import shown_value
+from quadsim.heat.grid import check_grid, start_grid
+from quadsim.heat.rules import RULES
 from quadsim.heat.settings import Awareness, HeatSettings
-from quadsim.racing.grid import check_grid, start_grid
-from quadsim.racing.rules import RULES
-from quadsim.spec.spec import PLANTS_WITH_ROTORS, Spec
 from quadsim.streams import entrant_seed
 
 MOST = 8  # vehicles of a race

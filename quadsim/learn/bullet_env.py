@@ -14,6 +14,9 @@ from gymnasium.error import ResetNeeded
 
 from controllers.costs.race import progress
 from controllers.learned.observation import command, gate_rows, normalised, observe
+from quadsim.config.build import build
+from quadsim.config.settings import SettingError
+from quadsim.config.spec import Spec
 from quadsim.dynamics.quadrotor import POSE, Control
 from quadsim.learn.render import RENDER_MODES, Renderer, ViewerFactory
 from quadsim.learn.reward import reward as reward_of
@@ -26,9 +29,6 @@ from quadsim.learn.spaces import (
 )
 from quadsim.learn.task import task
 from quadsim.racing.flight import apply_control, whole_multiple
-from quadsim.spec.build import build
-from quadsim.spec.settings import SettingError
-from quadsim.spec.spec import Spec
 
 LARGEST_SEED = 10**9  # of a flight; from a larger one of an environment a flight's is drawn
 

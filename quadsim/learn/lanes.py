@@ -14,9 +14,9 @@ from controllers.lanes.environment import DISABLED, Learning, environment_module
 from controllers.lanes.layout import LANES, blocks
 from controllers.lanes.threads import threads
 from controllers.learned.observation import GATE_NUMBERS, SIZE, NextGates, observation
+from quadsim.config.settings import SettingError
 from quadsim.learn.reward import RewardParams, RewardWeights, reward
 from quadsim.learn.task import LearningTask, Tables, tables
-from quadsim.spec.settings import SettingError
 from quadsim.streams import observation_noise_key
 
 

@@ -1,4 +1,4 @@
-"""Starts of races of several vehicles: on the start grid, see quadsim.racing.grid, or in flight.
+"""Starts of races of several vehicles: on the start grid, see quadsim.heat.grid, or in flight.
 
 A start in flight (`anywhere`) is for training: all racers of a race begin on the way to the same
 gate, one behind the other.
@@ -14,10 +14,10 @@ from controllers.costs import Cost
 from controllers.costs.race import RaceParams
 from quadsim.course import Course
 from quadsim.dynamics.quadrotor import State
+from quadsim.heat.grid import SPACING, place_fault, start_grid
 from quadsim.learn.starts import ROWS, STANDING, hover_action, in_flight, system_params
 from quadsim.physics.domain_randomization import Randomization, draw
 from quadsim.physics.plant_state import start_state
-from quadsim.racing.grid import SPACING, place_fault, start_grid
 from quadsim.streams import racer_vehicle_stream
 from quadsim.vehicle import Vehicle
 

@@ -17,8 +17,8 @@ from controllers.costs.race import RaceParams
 from controllers.costs.race_targets import GateTarget
 from controllers.learned.observation import normalised
 from quadsim.course import Course
+from quadsim.dynamics.named_tuples import columns
 from quadsim.dynamics.quadrotor import ModelParams, State, quadrotor
-from quadsim.dynamics.records import columns
 from quadsim.physics.domain_randomization import Randomization, draw
 from quadsim.physics.plant_state import start_state
 from quadsim.rotation import from_yaw, product

@@ -16,6 +16,8 @@ from msgspec import inspect
 from controllers.costs import Cost
 from controllers.costs.race import RaceWeights, race_cost
 from controllers.learned.observation import gate_rows
+from quadsim.config.settings import LapCount
+from quadsim.config.spec import default_timeout
 from quadsim.course import Course, load_course
 from quadsim.course.swept import SweptGates
 from quadsim.dynamics import System
@@ -26,8 +28,6 @@ from quadsim.files.yaml_errors import shown_value
 from quadsim.learn.reward import RewardWeights
 from quadsim.learn.starts import start_rows
 from quadsim.racing.referee import check
-from quadsim.spec.settings import LapCount
-from quadsim.spec.spec import default_timeout
 from quadsim.streams import start_stream
 from quadsim.vehicle import Vehicle, load_vehicle
 

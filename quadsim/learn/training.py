@@ -20,14 +20,14 @@ import numpy as np
 from msgspec import structs
 
 from controllers.learned.pilot import About, Pilot, load_pilot, pilot_bytes
+from quadsim.config.build import flight_frames
+from quadsim.config.spec import Spec
 from quadsim.dynamics.quadrotor import Control, ModelParams
 from quadsim.learn.checkpoint import Checkpoint, Evaluation, checkpoint_bytes, read_checkpoint
 from quadsim.learn.ppo_config import PPOConfig
 from quadsim.learn.task import LearningTask
 from quadsim.racing.events import flown_laps
 from quadsim.record.whole_files import write_whole
-from quadsim.spec.build import flight_frames
-from quadsim.spec.spec import Spec
 
 if TYPE_CHECKING:
     from quadsim.learn.ppo import Learner

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
+from quadsim.config.spec import Spec
 from quadsim.dynamics.quadrotor import Control, State
 from quadsim.limit.verify import referee_of
 from quadsim.racing.events import Event, Frame
 from quadsim.record.limits import LimitProblem, StoredSolution
 from quadsim.record.run import Recorder, Run
-from quadsim.spec.spec import Spec
 
 # Rate at which the referee watches [Hz], and steps of it between two frames
 RATE = 1000.0

@@ -18,6 +18,7 @@ from quadsim.campaign.attempt import fly_attempt
 from quadsim.campaign.runner import Runner
 from quadsim.campaign.store import Row
 from quadsim.campaign.variants import Variant
+from quadsim.config.spec import Spec
 from quadsim.console import complain
 from quadsim.course import load_course
 from quadsim.course.opening import half_sizes
@@ -29,7 +30,6 @@ from quadsim.paper.table1 import Attempt, draw_paths, table1, table1_row
 from quadsim.record.archive import load_run
 from quadsim.record.metrics import chatter
 from quadsim.record.run import Run, RunError
-from quadsim.spec.spec import Spec
 
 COURSE = "paper_flat"
 SAMPLERS = ("gaussian", "colored")

@@ -1,1 +1,1 @@
-"""Rules and flights: the referee, the clock, the loop of control steps."""
+"""One flight: its rules and referee, its clock, its loop of control steps."""

@@ -6,7 +6,7 @@ one.
 
 The loop itself is `flight`, which neither plans nor steps its plant but asks for each plan and for
 each physics step. So one loop serves a flight alone, for which `simulate` does so, and a race, in
-which quadsim.racing.heat plans several flights side by side and steps one world for all of them.
+which quadsim.heat.loop plans several flights side by side and steps one world for all of them.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 The sticks ask for body rates by Betaflight's "actual rates" (applyActualRates in fc/rc.c), and for
 a thrust that grows with the square of the throttle, as that of rotors whose speed it sets. Behind
-the firmware both become the positions of its sticks again, see quadsim.physics.betaflight.
+the firmware both become the positions of its sticks again, see quadsim.firmware.actuators.
 """
 
 from __future__ import annotations

@@ -149,7 +149,8 @@ def test_two_campaigns_write_at_once_and_each_attempt_is_there_once(tmp_path, fl
 FLY_ONE = f"""
 from pathlib import Path
 from quadsim.campaign.runner import Runner
-from quadsim.campaign.variants import Variant, resolve
+from quadsim.campaign.variants import Variant
+from quadsim.config.setting_texts import resolve
 if __name__ == "__main__":
     spec = resolve({COURSE!r}, {SETTINGS!r})
     with Runner(Path("c.sqlite"), jobs=1) as runner:

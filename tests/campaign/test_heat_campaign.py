@@ -20,11 +20,11 @@ from quadsim.campaign.heats import (
     fly_heats,
     summary,
 )
-from quadsim.campaign.line_ups import heats_of, line_up, parse_race_variants
 from quadsim.campaign.paired_heats import FlownHeats, difference
 from quadsim.campaign.pool import Pool
 from quadsim.cli.cli import race
 from quadsim.files.values import SettingError
+from quadsim.heat.line_up import heats_of, line_up, parse_race_variants
 from quadsim.record.run import RunError
 from quadsim.record.statistics import mean_interval, wilson
 from tests.campaign_cases import RACE

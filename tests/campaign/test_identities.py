@@ -14,9 +14,9 @@ import quadsim
 from controllers.learned.pilot import PILOTS
 from quadsim.campaign.attempt import attempt_key
 from quadsim.campaign.store import Store
+from quadsim.config.settings import SettingError
+from quadsim.config.spec import Spec
 from quadsim.record.limits import SOLUTIONS
-from quadsim.spec.settings import SettingError
-from quadsim.spec.spec import Spec
 from tests.campaign_cases import COURSE, SETTINGS
 
 ROOT = Path(quadsim.__file__).parents[1]

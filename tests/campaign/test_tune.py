@@ -31,10 +31,10 @@ from quadsim.campaign.search import Search, TrialStats
 from quadsim.campaign.summary_stats import variant_stats
 from quadsim.campaign.tune import objective, pareto
 from quadsim.cli.cli import race
+from quadsim.config.presets import parse_planner
+from quadsim.config.spec import Spec
 from quadsim.racing.events import Event
 from quadsim.record.run import RunError
-from quadsim.spec.presets import parse_planner
-from quadsim.spec.spec import Spec
 from tests.campaign_cases import COURSE, FLIGHT, row
 
 COLORED = PRESETS["race"]["colored"]

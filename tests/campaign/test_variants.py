@@ -3,9 +3,10 @@
 import pytest
 
 from quadsim.campaign.attempt import attempt_key, this_provenance, variant_key
-from quadsim.campaign.variants import Variant, make_variants, parse_variants, resolve
+from quadsim.campaign.variants import Variant, make_variants, parse_variants
 from quadsim.cli.cli import race
-from quadsim.spec.settings import SettingError
+from quadsim.config.setting_texts import resolve
+from quadsim.config.settings import SettingError
 from tests.campaign_cases import COURSE, SETTINGS, variant
 
 

@@ -11,6 +11,7 @@ from run_cases import save
 from quadsim.campaign.summary_stats import best_known_time, variant_stats
 from quadsim.campaign.tables import comparison_tables, notes
 from quadsim.cli.cli import race
+from quadsim.config.spec import Spec
 from quadsim.course import parse_course
 from quadsim.dynamics.quadrotor import STATE
 from quadsim.figures.run_figure import draw
@@ -25,7 +26,6 @@ from quadsim.record.limits import (
     limit_of,
 )
 from quadsim.record.run import Run
-from quadsim.spec.spec import Spec
 from quadsim.vehicle import load_vehicle
 
 COURSE = """opening: [1.5, 1.5]

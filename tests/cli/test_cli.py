@@ -10,7 +10,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from quadsim.cli.cli import race
-from quadsim.spec.spec import Spec
+from quadsim.config.spec import Spec
 from tests.campaign_cases import RACE
 from tests.run_cases import save, two_laps
 from tests.small import SHORT, SMALL, flags

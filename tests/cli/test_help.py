@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from quadsim.cli.cli import race
 from quadsim.cli.commands import COMMANDS
-from quadsim.spec.settings import SETTINGS
+from quadsim.config.settings import SETTINGS
 
 
 def outcome(argv, capsys):

@@ -13,11 +13,11 @@ from rich.console import Console
 import quadsim
 from quadsim.cli.progress import Progress
 from quadsim.cli.report import report, summary
+from quadsim.config.build import flight_frames
+from quadsim.config.spec import Spec
 from quadsim.dynamics.quadrotor import CONTROL, STATE
 from quadsim.figures.run_figure import draw
 from quadsim.record.archive import load_run
-from quadsim.spec.build import flight_frames
-from quadsim.spec.spec import Spec
 from tests.run_cases import same, save, two_laps
 from tests.small import SHORT
 

@@ -9,6 +9,7 @@ import pytest
 from rich.console import Console
 
 from quadsim.cli.report import report, summary
+from quadsim.config.spec import Spec
 from quadsim.dynamics.quadrotor import STATE
 from quadsim.figures.run_figure import title
 from quadsim.racing.events import Event, Frame
@@ -16,7 +17,6 @@ from quadsim.record.metrics import splits
 from quadsim.record.model_differences import differing
 from quadsim.record.report_tables import lap_tables
 from quadsim.record.run import Run
-from quadsim.spec.spec import Spec
 
 GATES, LAPS = 7, 3
 

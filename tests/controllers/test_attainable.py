@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from quadsim.config.build import planner_of
+from quadsim.config.spec import Spec
 from quadsim.course import load_course
 from quadsim.dynamics.quadrotor import Control, ModelParams, quadrotor
 from quadsim.physics.plant import start_state
-from quadsim.spec.build import planner_of
-from quadsim.spec.spec import Spec
 from quadsim.vehicle import load_vehicle
 from tests.small import SMALL
 

@@ -29,7 +29,7 @@ from race_cases import (
 from controllers.costs.race import RUN_OUT, TERMS, RaceWeights, clear_of_frame, race_cost
 from controllers.costs.race_targets import GateTarget
 from quadsim.course import course_names, load_course
-from quadsim.dynamics.records import column, columns
+from quadsim.dynamics.named_tuples import column, columns
 
 
 def remaining(cost, points):

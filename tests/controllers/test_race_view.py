@@ -8,12 +8,12 @@ from controllers.costs import evaluate
 from controllers.costs.race import RaceWeights, race_cost
 from controllers.costs.race_view import with_view
 from controllers.lanes.planner_loops import module_source
+from quadsim.config.build import cost_on
+from quadsim.config.settings import SettingError
+from quadsim.config.spec import Spec
 from quadsim.course import load_course
 from quadsim.dynamics.quadrotor import Control, ModelParams, State, quadrotor
 from quadsim.rotation import exp, matrix, product
-from quadsim.spec.build import cost_on
-from quadsim.spec.settings import SettingError
-from quadsim.spec.spec import Spec
 from quadsim.vehicle import load_vehicle
 
 RACE = race_cost(load_course("split_s_swift"), 0.14, RaceWeights(), 1)

@@ -9,7 +9,7 @@ from controllers.costs.race import race_cost
 from controllers.costs.race_targets import GateTarget
 from quadsim.course import Box, Cylinder
 from quadsim.course.swept import SweptGate
-from quadsim.dynamics.records import as_rows, column, columns
+from quadsim.dynamics.named_tuples import as_rows, column, columns
 
 TURNED = gate(5.0, 1.0, 20.0, 40, 20, 15)
 

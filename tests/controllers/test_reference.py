@@ -15,13 +15,13 @@ from controllers.costs.reference import (
     ReferenceWeights,
     reference_cost,
 )
+from quadsim.config.build import build, launched
+from quadsim.config.reference import reference_of, stored_reference
+from quadsim.config.spec import Spec
 from quadsim.course import load_course
 from quadsim.dynamics.quadrotor import State
 from quadsim.files.strict_yaml import FileError
 from quadsim.racing.flight import simulate
-from quadsim.spec.build import build, launched
-from quadsim.spec.reference import reference_of, stored_reference
-from quadsim.spec.spec import Spec
 from quadsim.vehicle import load_vehicle
 from tests.small import SMALL
 

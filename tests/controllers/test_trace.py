@@ -17,7 +17,7 @@ from numpy import arctan2, cos, exp, log, maximum, minimum, sin, sqrt, tan, tanh
 
 from controllers.lanes.text import Writer
 from controllers.lanes.trace import KNOWN, Graph, TraceError, trace, trace_number
-from quadsim.dynamics.records import flat
+from quadsim.dynamics.named_tuples import flat
 
 HERE = "test_trace.py"
 NUMPY = SimpleNamespace(

@@ -14,7 +14,7 @@ from controllers.costs.race_targets import GateTarget
 from controllers.costs.room import Room
 from controllers.costs.ways_round import sees, shortest, way_round
 from quadsim.course import Box, Cylinder
-from quadsim.dynamics.records import columns
+from quadsim.dynamics.named_tuples import columns
 
 ROOM = Room(floor=0.2, x_low=-50.0, x_high=50.0, y_low=-50.0, y_high=50.0, z_high=40.0)
 WALL = Box((5.0, 1.0, 10.0), (0.4, 6.0, 20.0))  # from y = -2 to 4, from the ground to z = 20

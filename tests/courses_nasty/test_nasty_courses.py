@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import quadsim
-from quadsim.spec.build import cost_on
-from quadsim.spec.spec import Spec
+from quadsim.config.build import cost_on
+from quadsim.config.spec import Spec
 
 HERE = Path(__file__).parent
 COURSES = sorted(HERE.glob("*.yaml"))

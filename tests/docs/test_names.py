@@ -15,12 +15,12 @@ from tests.docs.pages import ROOT
 # What is right, and below it the same with a mistake each
 RIGHT = """# Title
 
-See `quadsim/spec/spec.py`, `tests/docs/`, `trace.py`, `tests/lap_times/*.yaml`, [it](#title),
+See `quadsim/config/spec.py`, `tests/docs/`, `trace.py`, `tests/lap_times/*.yaml`, [it](#title),
 `quadsim.fly`, `quadsim.fly("figure8", laps=1)`, `controllers.costs.race_targets.GateTarget`,
 `quadsim.__version__`, `Spec.but`, `race
 fly`, `make docs-version VERSION=0.1`, `--target-ess 20`, `pytest tests/docs -k name`,
-`@pytest.mark.compiled`, `pip install --editable '.[limit]'`, `python -m quadsim.spec.write_tables`
-and `test_the_pages_name_only_what_there_is`.
+`@pytest.mark.compiled`, `pip install --editable '.[limit]'`,
+`python -m quadsim.tables.write_tables` and `test_the_pages_name_only_what_there_is`.
 
     race limit figure8                      # with CasADi: pip install 'casadi>=3.6.4,<4'
     NAME=1 race compare figure8 --attempts 2
@@ -32,7 +32,7 @@ from quadsim.sensing.camera import load_camera
 """
 WRONG = {
     "names": {
-        "quadsim/spec/spec.py": "quadsim/spec/gone.py",
+        "quadsim/config/spec.py": "quadsim/config/gone.py",
         "tests/docs/`": "tests/gone/`",
         "`trace.py`": "`gone.py`",
         "tests/lap_times/*.yaml": "tests/lap_times/*.gone",
@@ -46,7 +46,7 @@ WRONG = {
         "mark.compiled": "mark.gone",
         "'.[limit]'": "'.[gone]'",
         "--editable ": "",
-        "quadsim.spec.write_tables": "quadsim.spec.gone",
+        "quadsim.tables.write_tables": "quadsim.config.gone",
         "test_the_pages_name_only": "test_the_pages_name_gone",
         "'casadi>=3.6.4,<4'": "'casadi>=2'",
         "install 'casadi>=3.6.4,<4'": "install quadsim",

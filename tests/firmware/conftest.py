@@ -3,8 +3,8 @@
 import pytest
 
 from quadsim.firmware import package
+from quadsim.firmware.identified import identified
 from quadsim.firmware.package import ADVICE, find_built
-from quadsim.spec.identified import identified
 
 
 def pytest_collection_modifyitems(items):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import quadsim
-from quadsim.physics.betaflight import READY
+from quadsim.firmware.actuators import READY
 from tests.small import SMALL
 
 orangebox = pytest.importorskip("orangebox", reason="the extra betaflight is not installed")

@@ -9,11 +9,11 @@ import pytest
 import quadsim
 from quadsim.campaign.attempt import fly_attempt
 from quadsim.cli.cli import race
+from quadsim.config.build import plant_of
+from quadsim.config.recorded import spec_of_record
 from quadsim.firmware.process import Firmware, FirmwareError
 from quadsim.physics.plant import RigidPlant
 from quadsim.record.archive import load_run
-from quadsim.spec.build import plant_of
-from quadsim.spec.recorded import spec_of_record
 from quadsim.vehicle import GRAVITY, VEHICLES, load_vehicle
 from tests.small import SHORT, flags
 

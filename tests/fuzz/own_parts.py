@@ -13,10 +13,10 @@ import numpy as np
 import quadsim
 from controllers.costs import Cost
 from controllers.plan import PlanStats
+from quadsim.config.build import start_of
 from quadsim.dynamics.quadrotor import quadrotor
 from quadsim.physics.plant import PlantState
 from quadsim.racing.events import Event
-from quadsim.spec.build import start_of
 from tests.fuzz.harness import Case
 from tests.fuzz.junk import junk, reported
 

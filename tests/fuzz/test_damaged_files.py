@@ -6,7 +6,7 @@ import shutil
 import pytest
 
 from quadsim.cli.cli import race
-from quadsim.spec.spec import Spec
+from quadsim.config.spec import Spec
 from tests.fuzz.harness import Case, Outcome, wrong
 from tests.fuzz.runs import damage
 from tests.fuzz.yamls import yamls

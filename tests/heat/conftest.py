@@ -2,9 +2,9 @@
 
 import pytest
 
-from quadsim.campaign.line_ups import line_up
+from quadsim.heat.line_up import line_up
 from quadsim.heat.spec import HeatSpec
-from quadsim.heats import fly_heat
+from quadsim.results.heat import fly_heat
 from tests.small import SMALL
 
 # A course that is flown in two seconds, with gates so wide that a small planner flies it

@@ -7,7 +7,7 @@ import quadsim
 from quadsim.dynamics.quadrotor import Control, ModelParams, State, quadrotor
 from quadsim.heat import aware_planner
 from quadsim.heat.expectations import ConstantVelocity, Outlook, OwnPlans, straight
-from quadsim.racing.traffic import Sighting
+from quadsim.heat.traffic import Sighting
 from quadsim.vehicle import load_vehicle
 from tests.small import SMALL
 

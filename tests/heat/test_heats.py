@@ -10,15 +10,15 @@ import pytest
 import quadsim
 from controllers.lanes.threads import most_threads
 from controllers.plan import PlanStats
-from quadsim.campaign.line_ups import line_up
 from quadsim.cli.cli import race
 from quadsim.heat.archive import list_heats, load_heat
 from quadsim.heat.launch import heat_frames
+from quadsim.heat.line_up import line_up
 from quadsim.heat.result import HeatRecorder
 from quadsim.heat.settings import HeatSettings
 from quadsim.heat.spec import Entrant, HeatSpec
-from quadsim.heats import fly_heat
 from quadsim.record.run import RunError
+from quadsim.results.heat import fly_heat
 from quadsim.vehicle import GRAVITY
 from tests.small import SMALL
 

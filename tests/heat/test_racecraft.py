@@ -12,8 +12,8 @@ from quadsim.dynamics.quadrotor import State
 from quadsim.heat.aware_planner import CLOSE, AwarePlanner, Eyes, Racecraft
 from quadsim.heat.expectations import ConstantVelocity
 from quadsim.heat.patience import Patience
+from quadsim.heat.traffic import Sight, Sighting, Traffic
 from quadsim.physics.plant import start_state
-from quadsim.racing.traffic import Sight, Sighting, Traffic
 
 COURSE = quadsim.load_course("split_s_swift")
 HERE = np.array(start_state(COURSE.start, 0.1))

@@ -22,13 +22,13 @@ from controllers.learned.observation import LENGTH, SIZE, SPEED
 from controllers.learned.opponents import OPPONENT_SIZE, OPPONENT_UNITS
 from controllers.learned.pilot import load_pilot
 from quadsim.course import load_course
+from quadsim.heat.grid import start_grid
 from quadsim.learn import RacingParallelEnv
 from quadsim.learn.lanes import LaneEnvironments
 from quadsim.learn.race_lanes import RaceLanes
 from quadsim.learn.race_task import RaceRewardWeights, nearest_square, race_task
 from quadsim.learn.races import Races
 from quadsim.learn.reward import RewardWeights
-from quadsim.racing.grid import start_grid
 from quadsim.rotation import euler_matrix, from_yaw, matrix
 
 NOTHING_BUT_RANK = dict.fromkeys(

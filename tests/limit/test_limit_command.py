@@ -17,6 +17,7 @@ from quadsim.campaign.summary_stats import best_known_time
 from quadsim.cli import fly as fly_command
 from quadsim.cli import limit as command
 from quadsim.cli.cli import race
+from quadsim.config.spec import Spec
 from quadsim.course import parse_course
 from quadsim.limit.dynamics import dynamics
 from quadsim.limit.route import MARGIN
@@ -33,7 +34,6 @@ from quadsim.record.limits import (
     load,
 )
 from quadsim.record.run import RunError
-from quadsim.spec.spec import Spec
 from quadsim.vehicle import load_vehicle, with_thrust_to_weight
 from quadsim.vehicle.vehicle import VEHICLES
 from tests.run_cases import save, two_laps

@@ -16,6 +16,7 @@ from quadsim.campaign import runner
 from quadsim.campaign.pool import Pool
 from quadsim.cli.cli import race
 from quadsim.cli.paper import EXPERIMENTS
+from quadsim.config.spec import Spec
 from quadsim.paper import double_integrator, exploration, noise, offroad, quadrotor, runs, table2
 from quadsim.paper.offroad import Drive, DriveTask
 from quadsim.paper.runs import as_bytes, from_bytes, kept_runs, run_key
@@ -32,7 +33,6 @@ from quadsim.paper.table2 import (
     score,
 )
 from quadsim.record.run import RunError
-from quadsim.spec.spec import Spec
 from tests.campaign_cases import row
 from tests.small import SHORT, SMALL
 

@@ -11,6 +11,8 @@ from functools import cache
 import pytest
 
 from controllers.samplers import Colored, Gaussian
+from quadsim.config.build import flight_frames
+from quadsim.config.spec import Spec
 from quadsim.paper import noise, offroad, table2
 from quadsim.paper.car import State
 from quadsim.paper.double_integrator import psd
@@ -20,8 +22,6 @@ from quadsim.paper.offroad import DriveTask
 from quadsim.paper.table2 import TABLE2, Motion, MotionTask, accumulated_cost, move, samplings
 from quadsim.record.metrics import chatter
 from quadsim.record.run import Run
-from quadsim.spec.build import flight_frames
-from quadsim.spec.spec import Spec
 from tests.small import SMALL
 
 

@@ -8,12 +8,12 @@ from itertools import islice
 import numpy as np
 import pytest
 
+from quadsim.config.build import build, plant_of
+from quadsim.config.spec import Spec
 from quadsim.course import load_course
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.physics.domain_randomization import VEHICLE, Randomization, draw, gusts
 from quadsim.physics.plant import PLANTS, default_plant
-from quadsim.spec.build import build, plant_of
-from quadsim.spec.spec import Spec
 from quadsim.streams import quadrotor_streams
 from quadsim.vehicle import GRAVITY, load_vehicle, with_thrust_to_weight
 from tests.small import SMALL

@@ -3,9 +3,9 @@
 import json
 
 from controllers.presets import PRESETS
+from quadsim.config.spec import Spec
 from quadsim.record.preset_changes import preset_changes
 from quadsim.record.run import flown_with
-from quadsim.spec.spec import Spec
 
 
 def recorded(**settings):

@@ -9,6 +9,8 @@ import pytest
 
 import quadsim
 from controllers.costs.race_targets import GateTarget
+from quadsim.config.build import FlightParts, build, distinct, flight_frames, navigation_of
+from quadsim.config.spec import Spec
 from quadsim.course import EstimatedGate, load_course
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import Control, ModelParams, State
@@ -24,8 +26,6 @@ from quadsim.sensing.estimation.prediction import Commands, GateCounter, predict
 from quadsim.sensing.estimation.vehicle_learner import VehicleLearner
 from quadsim.sensing.navigation import CourseEstimate, TrueState
 from quadsim.sensing.sensing_file import SENSORS
-from quadsim.spec.build import FlightParts, build, distinct, flight_frames, navigation_of
-from quadsim.spec.spec import Spec
 from quadsim.vehicle import load_vehicle
 from tests.small import SMALL
 

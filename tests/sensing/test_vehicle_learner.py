@@ -9,6 +9,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from quadsim.config.build import build, launch, navigation_of, planner_of
+from quadsim.config.spec import Spec
 from quadsim.course import load_course
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import Control, ModelParams, State, quadrotor
@@ -20,8 +22,6 @@ from quadsim.sensing.config import ImuConfig
 from quadsim.sensing.estimation.body_rates import BodyRates
 from quadsim.sensing.estimation.nominal import Nominal
 from quadsim.sensing.estimation.vehicle_learner import FORCE_STD, VehicleLearner
-from quadsim.spec.build import build, launch, navigation_of, planner_of
-from quadsim.spec.spec import Spec
 from quadsim.vehicle import GRAVITY, load_vehicle
 from quadsim.vehicle.tolerances import VehicleTolerances
 from tests.small import SMALL

@@ -9,9 +9,9 @@ import pytest
 from PIL import Image
 from web_cases import competitor, until
 
+from quadsim.config.spec import Spec
 from quadsim.sensing.config import GateCameraConfig
 from quadsim.sensing.measurements import Corners
-from quadsim.spec.spec import Spec
 from web.camera_pictures import CameraPictures, camera_of, moment_of, pose_at, smaller
 from web.page.picture_tab import picture_html
 

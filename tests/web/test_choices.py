@@ -10,9 +10,9 @@ from web_cases import Gliders, choices, competitor, served, until
 from wire import connect
 
 from controllers.presets import PRESETS
+from quadsim.config.reference import followed_problem
 from quadsim.course import load_course
 from quadsim.record.limits import dump, limits_folder, load
-from quadsim.spec.reference import followed_problem
 from quadsim.vehicle import load_vehicle
 from tests.small import SMALL
 from web.choices import PILOT, Choices, HeatChoices

@@ -7,10 +7,10 @@ from web_cases import Glider, choices, competitor, run_of, store, stored, until
 from wire import link
 
 import quadsim
+from quadsim.config.changes import PlannerChange
+from quadsim.config.spec import Spec
 from quadsim.record.archive import list_runs, load_run
 from quadsim.record.run import same_flight
-from quadsim.spec.changes import PlannerChange
-from quadsim.spec.spec import Spec
 from tests.small import SHORT
 from web.again import AgainChoices, HeatAgainChoices
 from web.live_flight import LiveFlight

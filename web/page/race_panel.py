@@ -9,11 +9,11 @@ from typing import NamedTuple, get_args
 
 import viser
 
+from quadsim.config.settings import Clock
 from quadsim.course import Course, load_course
 from quadsim.files.strict_yaml import FileError
+from quadsim.heat.rules import RULES
 from quadsim.heat.settings import Expect, HeatSettings
-from quadsim.racing.rules import RULES
-from quadsim.spec.settings import Clock
 from web.choices import Choices, HeatChoices, specs_of
 from web.page.competitor_table import CompetitorTable, announced, table_of
 from web.page.menu import Menu

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import viser
 from msgspec import inspect
 
+from quadsim.config.settings import Kind, SettingValue, bare
 from quadsim.files.values import checked
-from quadsim.spec.settings import Kind, SettingValue, bare
 from web.choices import Choices, planner_settings
 from web.numbers import SLIDERS, numbers_of
 

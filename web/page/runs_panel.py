@@ -21,7 +21,7 @@ from msgspec import Meta
 from quadsim.heat.archive import is_heat
 from quadsim.record.archive import load_reportable
 from quadsim.record.run import RunError, why_not_repeatable
-from quadsim.spec.wording import Wording, heat_wording, wording
+from quadsim.tables.wording import Wording, heat_wording, wording
 from web.again import AgainChoices, HeatAgainChoices
 from web.campaign_reports import CampaignReports, ReportRow
 from web.competitor import Competitor

@@ -1,0 +1,290 @@
+"""The user's own objects in a flight: how they are checked, called and recorded.
+
+They are a sampler, terms, a cost, a plant, a controller and a referee. A run stores their names,
+the numbers that they hold and a hash that tells them from others, not their code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields, is_dataclass
+from functools import partial
+from importlib import import_module
+from math import isfinite
+from pathlib import Path
+from types import FunctionType
+from typing import Any, cast
+
+import numpy as np
+
+from controllers.costs import Term, Weight, is_weight
+from controllers.samplers import SAMPLERS, PlainSampler, Sampling
+from quadsim.config.first_names import first_name
+from quadsim.config.identity import IdentityError, identity_of
+from quadsim.config.settings import SettingError
+from quadsim.files.yaml_errors import did_you_mean, shown_value
+
+Json = Any  # a value that JSON can hold
+Sampler = Sampling | PlainSampler
+WANTED_TERMS = "expected terms=[(function, weight), ...] or controllers.costs.Term objects"
+WANTED_SAMPLER = "expected a sampler: an object with sample(rng, samples, horizon, controls)"
+DEEPEST = 12  # levels of objects within each other that a run stores
+LARGE = 1000  # a run stores only the shape of an array of more numbers than this
+# role of the user's own object -> the method that it needs
+METHODS = {"plant": "step", "controller": "control", "referee": "observe"}
+# The errors that a user's own module may end in when it is imported.
+UNIMPORTABLE = (Exception, SystemExit)
+
+
+def check_part(role: str, part: object) -> None:
+    """Check that the user's plant, controller or referee has the method that its role needs.
+
+    Args:
+        role: one of METHODS.
+        part: an object with that method, or a maker, see `is_maker`.
+
+    Raises:
+        SettingError: the part is neither.
+    """
+    if not (is_maker(role, part) or _has_method(role, part)):
+        wanted = f"expected an object with {METHODS[role]!r}, or a function that makes one"
+        raise SettingError(role, f"{wanted}, got {shown_value(part)}")
+
+
+def is_maker(role: str, part: object) -> bool:
+    """Return whether a part is called with the Spec to make the object of its role.
+
+    A maker is a class, or anything else that can be called and lacks the method of the role: a
+    function, a bound method, a functools.partial or an object with `__call__`.
+    """
+    return isinstance(part, type) or (callable(part) and not _has_method(role, part))
+
+
+def made(role: str, part: Any, spec: object) -> Any:
+    """Return the part itself, or the object that its maker makes for this flight.
+
+    Args:
+        role: one of METHODS.
+        part: the part, or its maker.
+        spec: the Spec that a maker is called with.
+
+    Raises:
+        SettingError: a maker returns an object without the method of its role.
+    """
+    if part is None or not is_maker(role, part):
+        return part
+    found = called(role, part, "the Spec", spec)
+    if isinstance(found, type) or not _has_method(role, found):
+        wanted = f"expected {shown_value(part)} to return an object with {METHODS[role]!r}"
+        raise SettingError(role, f"{wanted}, got {shown_value(found)}")
+    return found
+
+
+def called(role: str, function: Callable[[Any], Any], name: str, argument: object) -> Any:
+    """Return what the user's function returns for one argument.
+
+    Args:
+        role: the setting that the function was given for.
+        function: the function.
+        name: of the argument, for the error.
+        argument: the argument.
+
+    Raises:
+        SettingError: the function cannot be called with one argument of this type. What the user's
+            own lines raise is not changed.
+    """
+    try:
+        return function(argument)
+    except TypeError as error:
+        # An error of the call itself, or of a function of C, comes from no further line of Python.
+        if error.__traceback__ is not None and error.__traceback__.tb_next is not None:
+            raise
+        wanted = f"expected a function of {name}, got {shown_value(function)}"
+        raise SettingError(role, f"{wanted}: {error}") from None
+
+
+def _has_method(role: str, part: object) -> bool:
+    return callable(getattr(part, METHODS[role], None))
+
+
+def terms_of(objects: object) -> tuple[Term, ...]:
+    """Return the cost terms of a list of Term objects and pairs (function, weight).
+
+    Raises:
+        SettingError: the objects are anything else.
+    """
+    if not isinstance(objects, tuple | list):
+        raise SettingError("terms", f"{WANTED_TERMS}, got {shown_value(objects)}")
+    return tuple(_term(term) for term in objects)
+
+
+def _term(given: object) -> Term:
+    """Return one term. Raises SettingError."""
+    if isinstance(given, Term):
+        return given
+    if not isinstance(given, tuple | list) or len(given) != 2 or not callable(given[0]):
+        raise SettingError("terms", f"{WANTED_TERMS}, got {shown_value(given)}")
+    function, weight = given
+    if not is_weight(weight):
+        wanted = f"{WANTED_TERMS} with a finite weight"
+        problem = f"{wanted}, got {shown_value(weight)} for {shown_value(function)}"
+        raise SettingError("terms", problem)
+    return _named_term("terms", function, float(weight) if np.ndim(weight) == 0 else weight)
+
+
+def _named_term(setting: str, function: Any, weight: Weight) -> Term:
+    """Return a term of a function, which has a name. Raises SettingError."""
+    try:
+        return Term(function, weight)
+    except ValueError as error:
+        raise SettingError(setting, str(error)) from None
+
+
+def term_of_text(text: str) -> Term:
+    """Return the term that "package.module:function=WEIGHT" names. Raises SettingError."""
+    place, _, weight = text.rpartition("=")
+    wanted = f"expected package.module:function=WEIGHT, got {text!r}"
+    try:
+        function = _imported(place)
+        number = float(weight)
+    except UNIMPORTABLE as error:
+        raise SettingError("term", f"{wanted}: {reason(error)}") from None
+    if not callable(function) or not np.isfinite(number):
+        raise SettingError("term", wanted)
+    return _named_term("term", function, number)
+
+
+def own_sampler(given: object) -> Sampler | None:
+    """Return a sampler given as an object or as "package.module:Class".
+
+    Returns:
+        The sampler, or None for the name of a registered one.
+
+    Raises:
+        SettingError: there is no such sampler.
+    """
+    if not isinstance(given, str):
+        return _sampler(given)
+    if given in SAMPLERS:
+        return None
+    if ":" not in given:
+        raise SettingError("sampler", f"no sampler {given!r}: {did_you_mean(given, SAMPLERS)}")
+    try:
+        found = _imported(given)
+        return _sampler(found() if isinstance(found, type) else found)
+    except UNIMPORTABLE as error:
+        if isinstance(error, SettingError):
+            raise
+        wanted = f"expected package.module:Class without arguments, got {given!r}"
+        raise SettingError("sampler", f"{wanted}: {reason(error)}") from None
+
+
+def reason(error: BaseException) -> str:
+    """Return the text of an error on one line, with its type where that says more."""
+    text = " ".join(str(error).split())
+    is_plain = isinstance(error, ImportError | AttributeError | TypeError | ValueError)
+    return text if is_plain and text else f"{type(error).__name__} {text}".rstrip()
+
+
+def _imported(text: str) -> Any:
+    """Return the object that "package.module:name" names."""
+    module, _, name = text.partition(":")
+    return getattr(import_module(module), name)
+
+
+def _sampler(given: object) -> Sampler:
+    """Return a sampler. Raises SettingError for any other object."""
+    is_sampler = type(given) in SAMPLERS.values() or callable(getattr(given, "sample", None))
+    if isinstance(given, type) or not is_sampler:
+        raise SettingError("sampler", f"{WANTED_SAMPLER}, got {shown_value(given)}")
+    return cast(Sampler, given)
+
+
+def sampler_name(sampler: Sampler) -> str:
+    """Return the name of a registered sampler, or the class name of the user's own."""
+    for name, cls in SAMPLERS.items():
+        if type(sampler) is cls:
+            return name
+    return type(sampler).__name__
+
+
+def is_registered(sampler: Sampler) -> bool:
+    """Return whether a sampler is one of SAMPLERS, not the user's own."""
+    return type(sampler) in SAMPLERS.values()
+
+
+def describe(part: object) -> dict[str, Json]:
+    """Return {class, parameters, sha256} of one of the user's own objects.
+
+    The hash is that of `identity_of`, None for an object without an identity.
+    """
+    kind = part if _is_maker(part) else type(part)
+    values = {} if kind is part else getattr(part, "__dict__", {})
+    parameters = {name: plain(value) for name, value in values.items()}
+    return {
+        "class": qualified_name(kind),
+        "parameters": parameters,
+        "sha256": _identity(part),
+    }
+
+
+def describe_term(term: Term) -> dict[str, Json]:
+    """Return {name, function, weight, parameters, sha256} of a term."""
+    record: Any = term.parameters
+    values = record._asdict() if record else {}
+    return {
+        "name": term.name,
+        "function": qualified_name(term.function),
+        "weight": plain(term.weight),
+        "parameters": plain(values),
+        "sha256": _identity(term),
+    }
+
+
+def _identity(part: object) -> str | None:
+    """Return the identity of an object, None where it has none."""
+    try:
+        return identity_of(part)
+    except IdentityError:
+        return None
+
+
+def qualified_name(kind: Any) -> str:
+    """Return the module and name of a class or function.
+
+    A functools.partial has those of its function, any other object those of its class.
+    """
+    while isinstance(kind, partial):
+        kind = kind.func
+    if not hasattr(kind, "__qualname__"):
+        kind = type(kind)
+    return f"{first_name(kind.__module__)}.{kind.__qualname__}"
+
+
+def _is_maker(part: object) -> bool:
+    """Return whether a part is a class or a function, which is called with the Spec."""
+    return isinstance(part, type | FunctionType)
+
+
+def plain(value: object, depth: int = DEEPEST) -> Json:
+    """Return a value as JSON can hold it: a large array as its shape, an object as its class.
+
+    depth: levels of objects within each other that are shown.
+    """
+    if depth == 0:
+        return "..."
+    if isinstance(value, float) and not isfinite(value):
+        return str(value)  # which JSON does not know
+    if isinstance(value, str | int | float | bool) or value is None:
+        return value
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, dict):
+        return {str(k): plain(v, depth - 1) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(v, depth - 1) for v in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist()) if value.size <= LARGE else f"array {value.shape}"
+    if is_dataclass(value) and not isinstance(value, type):
+        return {f.name: plain(getattr(value, f.name), depth - 1) for f in fields(value)}
+    return qualified_name(value if _is_maker(value) else type(value))

@@ -1,0 +1,136 @@
+"""Presets of a flight's planner: named ones, and YAML files that name one as their base.
+
+A preset file holds the numbers that differ from those of its base:
+
+    base: race
+    sampling: {gamma: [3, 3, 3, 2]}
+    mppi: {samples: 2048}
+    cost: {margin: 0.3}
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
+
+import yaml
+from msgspec import defstruct
+
+from controllers.presets import PRESETS, Planner, faults, preset
+from controllers.samplers import SAMPLERS
+from quadsim.config.settings import CONTROL_UNITS
+from quadsim.dynamics.quadrotor import Control
+from quadsim.files.data_files import SUFFIXES, read_text
+from quadsim.files.strict_yaml import Document, parse, unit
+from quadsim.files.yaml_errors import did_you_mean
+
+GROUPS = ("sampling", "mppi", "cost")  # groups of numbers in a Planner and in a preset file
+
+
+@dataclass(frozen=True)
+class PresetSource:
+    """A named preset, or the text of a preset file as it was read."""
+
+    name: str
+    text: str | None = None  # None: a named preset
+
+    @classmethod
+    def read(cls, name_or_path: str) -> PresetSource:
+        """Return the preset of a name or a FILE.yaml. Raises FileError if it cannot be read."""
+        if name_or_path.endswith(SUFFIXES):
+            return cls(name_or_path, read_text(Path(name_or_path)))
+        return cls(name_or_path)
+
+    def planner(self, sampler: str, firmware: bool = False) -> Planner:
+        """Return the preset's numbers for a registered sampler. Raises FileError.
+
+        firmware: whether a firmware carries out the commands.
+        """
+        if self.text is None:
+            return _named(self.name, sampler, firmware)
+        return parse_planner(self.text, self.name, sampler, firmware)
+
+
+def _named(name: str, sampler: str, firmware: bool) -> Planner:
+    """Return a named preset. Before a firmware, whose filters and gains lag, its plan is smoothed.
+
+    An ideal rate loop follows a plan that changes in each period; a firmware does not, and pays for
+    trying with thrust. See docs/betaflight.md for the flights that show it.
+    """
+    found = preset(name, sampler)
+    return replace(found, mppi=replace(found.mppi, smooth=True)) if firmware else found
+
+
+def parse_planner(text: str, file: str, sampler: str, firmware: bool = False) -> Planner:
+    """Return the planner of a preset file's text.
+
+    A key that the file leaves out keeps the number of its base. Keys of other samplers are skipped,
+    so that one file serves several samplers.
+
+    Raises:
+        FileError: the file is not a preset.
+    """
+    document = parse(text, file)
+    base = _base(document, sampler, firmware)
+    entry = document.fill(_schema(base))
+    changes: dict[str, Any] = {"preset": file, "vehicle": entry.vehicle or base.vehicle}
+    for group, keys in _groups(document):
+        base_part = getattr(base, group)
+        known = {f.name for f in fields(base_part)}
+        given = getattr(entry, group)
+        numbers = {key: getattr(given, key) for key in keys if key in known}
+        changes[group] = replace(base_part, **numbers)
+    planner = replace(base, **changes)
+    for path, problem in faults(planner):
+        raise document.error(path, problem)
+    return planner
+
+
+def _groups(document: Document) -> Iterator[tuple[str, list[str]]]:
+    """Yield each group that the file has, with its keys."""
+    for key, node in document.root.value:
+        if key.value in GROUPS and isinstance(node, yaml.MappingNode):
+            yield key.value, [k.value for k, _ in node.value]
+
+
+def _base(document: Document, sampler: str, firmware: bool) -> Planner:
+    """Return the preset that the file's `base` names.
+
+    A file without `base` gets the first preset; its schema then reports the missing key.
+    """
+    name = None
+    for key, node in getattr(document.root, "value", ()):
+        if isinstance(key, yaml.ScalarNode) and key.value == "base":
+            name = node.value
+    if not isinstance(name, str):
+        return _named(next(iter(PRESETS)), sampler, firmware)
+    if name not in PRESETS:
+        raise document.error("base", f"no preset {name!r}: {did_you_mean(name, PRESETS)}")
+    return _named(name, sampler, firmware)
+
+
+def _schema(base: Planner) -> type[Any]:
+    """Return the schema of a preset file: every number of the base's groups, none required."""
+    keys: list[Any] = [("base", str), ("vehicle", str | None, None)]
+    for group in GROUPS:
+        base_class = type(getattr(base, group))
+        classes = SAMPLERS.values() if group == "sampling" else (base_class,)
+        kinds: dict[str, Any] = {}
+        for cls in classes:
+            kinds |= get_type_hints(cls, include_extras=True)
+        numbers = [(name, _of_each_control(name, kind), None) for name, kind in kinds.items()]
+        keys.append((group, defstruct(group, numbers), None))
+    return defstruct("PresetFile", keys)
+
+
+def _of_each_control(name: str, kind: Any) -> Any:
+    """Return a tuple's type with one number for each control in place of any length."""
+    if get_origin(kind) is Annotated:
+        inner, *metadata = get_args(kind)
+        return Annotated[_of_each_control(name, inner), *metadata]
+    if get_origin(kind) is not tuple or get_args(kind)[1:] != (...,):
+        return kind
+    whole = tuple[(get_args(kind)[0],) * len(Control._fields)]
+    return Annotated[whole, unit(CONTROL_UNITS)] if name == "sigma" else whole

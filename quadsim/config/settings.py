@@ -1,0 +1,265 @@
+"""The settings of a flight: one table, made from annotated dataclasses.
+
+A setting is a field of one of the dataclasses below. Its annotation holds its help, its unit and
+its range. Everything else follows from it: the key of a preset file, the flag of `race fly`, the
+keyword of `quadsim.fly`, the slider of the page, and the error for a value that does not fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from typing import Annotated, Any, Literal, NamedTuple
+
+from msgspec import Meta, inspect
+
+from controllers.config import MPPIConfig
+from controllers.costs.race import RaceWeights, Weight
+from controllers.costs.reference import ReferenceWeights
+from controllers.presets import Planner
+from controllers.samplers import SAMPLERS
+from quadsim.dynamics.named_tuples import units_of
+from quadsim.dynamics.quadrotor import Control, ModelParams
+from quadsim.files.strict_yaml import setting, unit
+from quadsim.files.values import Kind as Kind
+from quadsim.files.values import SettingError as SettingError
+from quadsim.files.values import bare as bare
+from quadsim.files.values import is_optional as is_optional
+from quadsim.files.yaml_errors import unless_null
+from quadsim.firmware import FlightControllerName
+from quadsim.physics.plant import PlantName
+from quadsim.sensing import PERFECT
+
+Clock = Literal["simulated", "wall"]
+LapCount = Annotated[int, Meta(ge=1, le=1000)]
+ThreadCount = Annotated[int, Meta(ge=1)]
+ThrustToWeight = Annotated[float, Meta(gt=1, le=20)]
+TimeLimit = Annotated[float, unit("s", gt=0, le=1e5)]
+FrameRate = Annotated[float, unit("Hz", ge=1, le=1e4)]
+BurstLength = Annotated[float, Meta(ge=1, le=1e4)]
+Milliseconds = Annotated[float, unit("ms", gt=0, le=1e4)]
+CONTROL_UNITS = ", ".join(units_of(Control).values())
+
+
+@dataclass(frozen=True)
+class FlightSettings:
+    """The settings of a flight apart from its planner's.
+
+    None stands for the default that the help names.
+    """
+
+    sampler: Annotated[
+        str, setting("sampling distribution, or package.module:Class of your own")
+    ] = "colored"
+    pilot: Annotated[
+        str | None, setting("learned pilot in the planner's place: FILE.npz or split_s_swift")
+    ] = None
+    preset: Annotated[str, setting("source of the planner's numbers: a name or a FILE.yaml")] = (
+        "race"
+    )
+    vehicle: Annotated[
+        str | None, setting("vehicle: a name or a FILE.yaml (default: the preset's)")
+    ] = None
+    thrust_to_weight: Annotated[
+        ThrustToWeight | None, setting("thrust-to-weight ratio in place of the vehicle's")
+    ] = None
+    laps: Annotated[
+        LapCount | None, setting("laps from a standing start (default: the course's)")
+    ] = None
+    seed: Annotated[int, setting("random seed", ge=0, le=10**9)] = 0
+    randomize: Annotated[
+        float, setting("scale of domain randomization: start, vehicle and gusts", ge=0, le=3)
+    ] = 0.0
+    sensing: Annotated[
+        str, setting("sensors: a name or a FILE.yaml; perfect gives the planner the true state")
+    ] = PERFECT
+    displace_gates: Annotated[
+        float, setting("gates stand up to this far off the map along x and y", "m", ge=0, le=1)
+    ] = 0.0
+    view_weight: Annotated[
+        Weight | None,
+        setting(
+            "weight of the cost term that points the camera along the flight (default: the"
+            " preset's with displaced gates, else 0)"
+        ),
+    ] = None
+    term: Annotated[
+        tuple[str, ...],
+        setting("cost term of your own, package.module:function=WEIGHT; may be repeated"),
+    ] = ()
+    fault: Annotated[
+        tuple[str, ...],
+        setting(
+            "failure in flight, such as rotor2=.5@3.2, gyro=frozen@2-2.5, camera=lost~1 or"
+            " commands=lost@2~.1; the seed draws what is left out; may be repeated"
+        ),
+    ] = ()
+    timeout: Annotated[
+        TimeLimit | None, setting("time limit (default: by the course's length)")
+    ] = None
+    threads: Annotated[
+        ThreadCount | None, setting("CPU threads, which do not change results (default: all)")
+    ] = None
+    penalties: Annotated[bool, setting("a hit adds 3 s and does not end the flight")] = False
+    plant: Annotated[
+        PlantName | None, setting("simulator (default: bullet where PyBullet is installed)")
+    ] = None
+    plant_dt: Annotated[
+        float, setting("physics step, .001 behind betaflight", "s", ge=1e-4, le=0.02)
+    ] = 1 / 400
+    flight_controller: Annotated[
+        FlightControllerName,
+        setting("ideal: a first-order rate loop; betaflight: the firmware, in lock step"),
+    ] = "ideal"
+    betaflight: Annotated[
+        str | None,
+        setting("Betaflight's configuration, FILE.txt of its CLI (default: the vehicle's)"),
+    ] = None
+    blackbox: Annotated[
+        str | None, setting("keeps the firmware's own log of the flight, FILE.bbl (default: none)")
+    ] = None
+    link_hz: Annotated[
+        FrameRate | None,
+        setting("frames a second in which commands arrive (default: one in each physics step)"),
+    ] = None
+    link_latency: Annotated[
+        float, setting("latency of the link, beside the vehicle's", "s", ge=0, le=1)
+    ] = 0.0
+    link_loss: Annotated[
+        float, setting("share of the link's frames that are lost", ge=0, le=0.9)
+    ] = 0.0
+    link_burst: Annotated[
+        BurstLength | None,
+        setting("mean number of frames lost in a row (default: they are lost independently)"),
+    ] = None
+    clock: Annotated[
+        Clock, setting("simulated: planning takes no time; wall: the flight continues meanwhile")
+    ] = "simulated"
+    deadline_ms: Annotated[
+        Milliseconds | None,
+        setting("longest time of a plan, kept by fewer samples (default: none)"),
+    ] = None
+    runs_dir: Annotated[str, setting("folder of runs and of the solutions of race limit")] = "runs"
+
+
+Group = Literal["flight", "sampling", "mppi", "cost", "model"]
+OWNERS: dict[Group, tuple[type, ...]] = {
+    "flight": (FlightSettings,),
+    "sampling": tuple(SAMPLERS.values()),
+    "mppi": (MPPIConfig,),
+    "cost": (RaceWeights, ReferenceWeights),
+    "model": (ModelParams,),
+}
+# Begins the names of the model's settings, as a vehicle has numbers of the same names.
+PREFIX = "model_"
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One setting. Several classes of a group may share it: every sampler has a sigma."""
+
+    name: str  # keyword, "model_drag"
+    group: Group
+    field: str  # in its dataclass, "drag"
+    kinds: Mapping[type, Kind]  # dataclass that has it -> its kind there
+    help: str
+
+    @property
+    def flag(self) -> str:
+        """The flag of the command line, "--model-drag"."""
+        return "--" + self.name.replace("_", "-")
+
+    @property
+    def unit(self) -> str:
+        """The unit of its numbers, "" where they have none."""
+        return unit_of(self.kind)
+
+    @property
+    def kind(self) -> Kind:
+        """The kind of the setting in the first of its dataclasses."""
+        return next(iter(self.kinds.values()))
+
+
+def description(kind: Kind) -> str:
+    """Return the help in an annotation, "" where it has none."""
+    match kind:
+        case inspect.Metadata():
+            schema = kind.extra_json_schema or {}
+            return schema.get("description") or description(kind.type)
+        case inspect.UnionType():
+            return description(unless_null(kind))
+    return ""
+
+
+def unit_of(kind: Kind) -> str:
+    """Return the unit in an annotation, "" where it has none."""
+    match kind:
+        case inspect.Metadata():
+            return (kind.extra or {}).get("unit") or unit_of(kind.type)
+        case inspect.UnionType():
+            return unit_of(unless_null(kind))
+        case inspect.TupleType():
+            return unit_of(kind.item_types[0])
+    return ""
+
+
+def _kind_of_each_control(name: str, kind: Kind) -> Kind:
+    """Return a tuple's kind with one number for each control in place of any length."""
+    if isinstance(kind, inspect.Metadata):
+        inner = _kind_of_each_control(name, kind.type)
+        return inspect.Metadata(inner, kind.extra_json_schema, kind.extra)
+    if not isinstance(kind, inspect.VarTupleType):
+        return kind
+    numbers = inspect.TupleType((kind.item_type,) * len(Control._fields))
+    return inspect.Metadata(numbers, extra={"unit": CONTROL_UNITS}) if name == "sigma" else numbers
+
+
+def _kinds(group: Group, owner: type) -> Iterator[tuple[str, Kind]]:
+    """Yield (field, kind) of each setting of a dataclass."""
+    known = {f.name for f in fields(owner)} - {"name"}
+    for field in inspect.type_info(owner).fields:  # pyright: ignore[reportAttributeAccessIssue]
+        if field.name in known:
+            per_control = group == "sampling"
+            kind = _kind_of_each_control(field.name, field.type) if per_control else field.type
+            yield field.name, kind
+
+
+def _table() -> dict[str, Setting]:
+    """Return every setting by name, in the order of the groups."""
+    table: dict[str, Setting] = {}
+    for group, owners in OWNERS.items():
+        for owner in owners:
+            for field, kind in _kinds(group, owner):
+                name = PREFIX + field if group == "model" else field
+                kinds = {**table[name].kinds, owner: kind} if name in table else {owner: kind}
+                text = table[name].help if name in table else description(kind)
+                table[name] = Setting(name, group, field, kinds, text)
+    return table
+
+
+SETTINGS = _table()
+
+
+class SettingValue(NamedTuple):
+    """A setting as one planner has it."""
+
+    setting: Setting
+    kind: Kind  # in the dataclass of this planner's sampler or cost
+    value: Any
+
+
+def values_of(planner: Planner, model: ModelParams) -> dict[str, SettingValue]:
+    """Return the settings that a planner and its model have, by name, in the order of the table."""
+    parts = {
+        "sampling": planner.sampling,
+        "mppi": planner.mppi,
+        "cost": planner.cost,
+        "model": model,
+    }
+    found = {}
+    for name, row in SETTINGS.items():
+        part = parts.get(row.group)
+        kind = row.kinds.get(type(part))
+        if kind is not None:
+            found[name] = SettingValue(row, kind, getattr(part, row.field))
+    return found

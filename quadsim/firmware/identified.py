@@ -1,0 +1,93 @@
+"""The planner's model of a vehicle behind the firmware, identified once and kept in the cache."""
+
+from __future__ import annotations
+
+import logging
+from contextlib import suppress
+from functools import lru_cache
+from hashlib import sha256
+from pathlib import Path
+
+import msgspec
+
+from quadsim.files.atomic import replace_file
+from quadsim.files.cache import cache_folder
+from quadsim.firmware import actuators, identification
+from quadsim.firmware import configuration as reading
+from quadsim.firmware.actuators import BetaflightActuators, motors_reversed
+from quadsim.firmware.configuration import Configuration, Text, configured
+from quadsim.firmware.identification import Identification, identify
+from quadsim.firmware.package import Built, built_firmware
+from quadsim.physics import link
+from quadsim.physics.link import Link
+from quadsim.vehicle import Vehicle
+
+# In a program that has not set up logging, a warning is one line on stderr.
+log = logging.getLogger("quadsim")
+# An identification by other code is another one.
+CODE = (reading.__file__, actuators.__file__, identification.__file__, link.__file__)
+
+
+def firmware_for(vehicle: Vehicle, text: Text) -> tuple[Built, Configuration]:
+    """Return the built firmware, and the configuration of a vehicle as the firmware reads it.
+
+    Raises:
+        FirmwareError: the firmware is not built, or does not arm.
+        FileError: it does not take its configuration.
+    """
+    built = built_firmware()
+    return built, configured(built.program, text, motors_reversed(vehicle))
+
+
+@lru_cache(maxsize=16)
+def identified(vehicle: Vehicle, text: Text, dt: float, period: float) -> Identification:
+    """Return what a flight on the test bench shows of a vehicle, from the cache after the first.
+
+    Args:
+        vehicle: the vehicle.
+        text: configuration of its firmware.
+        dt: physics step [s].
+        period: control period [s].
+
+    Raises:
+        FirmwareError, FileError: as for `firmware_for`.
+    """
+    built, configuration = firmware_for(vehicle, text)
+    path = _path(built, vehicle, text, dt, period)
+    found = _read(path)
+    if found is None:
+        log.warning(
+            f"identifying the rate loop of {vehicle.name} behind Betaflight on a test bench, once:"
+            " some 10 s"
+        )
+
+        def actuators() -> BetaflightActuators:
+            wire = Link(dt, interpolation=period)
+            return BetaflightActuators(vehicle, dt, built, configuration, link=wire)
+
+        found = identify(vehicle, dt, period, actuators)
+        # Where the cache cannot be written, it is identified again next time.
+        if path:
+            with suppress(OSError):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                replace_file(path, msgspec.json.encode(found))
+    return found
+
+
+def _path(built: Built, vehicle: Vehicle, text: Text, dt: float, period: float) -> Path | None:
+    """Return the file of an identification, None where the user has no cache."""
+    folder = cache_folder()
+    if folder is None:
+        return None
+    code = [sha256(Path(file).read_bytes()).hexdigest() for file in CODE]
+    what = [built.identity, text.lines, vehicle, dt, period, code]
+    key = sha256(msgspec.json.encode(what)).hexdigest()
+    return folder / "identified" / f"{key[:24]}.json"
+
+
+def _read(path: Path | None) -> Identification | None:
+    """Return the identification in a file, None where there is none or it is damaged."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=Identification) if path else None
+    except (OSError, msgspec.DecodeError):
+        return None

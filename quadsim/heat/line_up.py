@@ -1,0 +1,207 @@
+"""Line-ups: the entrants of a race as text or as Python objects.
+
+colored                       a sampler, with the preset's numbers for it
+soft=race+target-ess=200      a name; then presets, samplers and settings, joined by +
+colored+vehicle=cpc           without a name, which is then the whole text
+pilot=split_s_swift           a learned pilot in the planner's place
+colored+expect=velocity       settings of how the others are minded stand among those of the flight
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, fields
+from typing import Any, NamedTuple
+
+from msgspec import inspect
+
+from quadsim.config.setting_texts import Place, Settings, parse_parts, resolve, with_shared
+from quadsim.config.settings import SETTINGS
+from quadsim.config.spec import DEFAULT_COURSE, KEYWORDS, Spec
+from quadsim.files.values import SettingError, checked
+from quadsim.files.yaml_errors import did_you_mean
+from quadsim.heat.settings import Awareness, HeatSettings
+from quadsim.heat.spec import Entrant, HeatSpec
+
+KINDS = {
+    field.name: field.type
+    for field in inspect.type_info(HeatSettings).fields  # pyright: ignore[reportAttributeAccessIssue]
+}
+OF_AWARENESS = tuple(f.name for f in fields(Awareness))
+
+
+def line_up(
+    course: Place | None,
+    entrants: Sequence[str | Mapping[str, Any] | Spec | Entrant] | Mapping[str, Settings],
+    settings: Mapping[str, Any],
+) -> tuple[tuple[Entrant, ...], HeatSettings]:
+    """Return the entrants of a race, and the race's settings.
+
+    Args:
+        course: a name, a FILE.yaml or a Course; None: the default course.
+        entrants: texts, settings of a flight, Specs or Entrants; or the settings by name.
+        settings: settings of the race, and of all flights.
+
+    Raises:
+        SettingError: a setting or an entrant is invalid.
+        FileError: a file cannot be read.
+    """
+    if isinstance(entrants, str):
+        raise SettingError(
+            "entrants", f"expected a list of entrants, got the text {entrants!r}: put it in a list"
+        )
+    heat = heat_settings({name: settings[name] for name in settings if name in KINDS})
+    shared = {name: value for name, value in settings.items() if name not in KINDS}
+    if isinstance(entrants, Mapping):
+        given = list(entrants.items())
+    else:
+        given = [_named(one) for one in entrants]
+    made = []
+    for name, one in given:
+        if isinstance(one, Entrant):
+            made.append(_Made(one.name, None, one.spec, one.awareness))
+        elif isinstance(one, Spec):
+            made.append(_Made(name, one.sampler, one, None))
+        else:
+            made.append(_entrant(name, one, course, shared, heat))
+    return _with_names(made), heat
+
+
+class _Made(NamedTuple):
+    """An entrant whose name may still need a number."""
+
+    name: str | None  # None: it has none of its own
+    kind: str | None  # its name then, the same for all of one kind
+    spec: Spec
+    awareness: Awareness | None
+
+
+def _with_names(made: Sequence[_Made]) -> tuple[Entrant, ...]:
+    """Return the entrants: "colored", "colored 2" and so on where they have no name."""
+    seen: Counter[str] = Counter()
+    found = []
+    for one in made:
+        name = one.name
+        if name is None:
+            kind = str(one.kind)
+            seen[kind] += 1
+            name = kind if seen[kind] == 1 else f"{kind} {seen[kind]}"
+        found.append(Entrant(name, one.spec, one.awareness))
+    return tuple(found)
+
+
+def heat_settings(given: Mapping[str, Any]) -> HeatSettings:
+    """Return the settings of a race. Raises SettingError."""
+    return HeatSettings(**_read(given))
+
+
+def heats_of(
+    entrants: tuple[Entrant, ...],
+    settings: HeatSettings,
+    seed: int,
+    starts: int,
+    rotate: bool = True,
+) -> list[HeatSpec]:
+    """Return some races of the same entrants, each with another seed.
+
+    Args:
+        entrants: the entrants.
+        settings: settings of the races.
+        seed: seed of the first race.
+        starts: number of races.
+        rotate: whether the places are rotated by one from each race to the next, so that each
+            entrant starts from each place equally often.
+
+    Raises:
+        SettingError: the entrants cannot race.
+    """
+    return [
+        HeatSpec(entrants, settings, seed + k, k % max(len(entrants), 1) if rotate else 0)
+        for k in range(starts)
+    ]
+
+
+def parse_race_variants(text: str) -> dict[str, dict[str, Any]]:
+    """Return settings of races, by name.
+
+    Args:
+        text: joined by commas, such as "expect=own,gentle=expect=own+keep-weight=50". Without a
+            name the whole part is the name.
+
+    Raises:
+        SettingError: a part is no setting, or two have one name.
+    """
+    found: dict[str, dict[str, Any]] = {}
+    for one in text.split(","):
+        name, parts = _named(one.strip())
+        key = name or one.strip()
+        if key in found:
+            raise SettingError("variants", f"expected different names, got {key!r} twice")
+        try:
+            found[key] = parse_parts(parts)
+        except ValueError as error:
+            raise SettingError("variants", str(error)) from None
+    return found
+
+
+def _named(one: object) -> tuple[str | None, Any]:
+    """Return the name of an entrant, None where it has none of its own, and what it is."""
+    if isinstance(one, str):
+        head, named, parts = one.partition("=")
+        # Without a name the first part is a sampler or a preset, or the setting of one.
+        setting = head.replace("-", "_")
+        is_setting = setting in SETTINGS or setting in KINDS
+        if not named or "+" in head or (is_setting and head != "pilot"):
+            return None, one
+        # pilot=NAME names the entrant "pilot" and is its setting as well.
+        if head == "pilot":
+            return head, one
+        return head, parts
+    if isinstance(one, Entrant):
+        return one.name, one
+    if isinstance(one, Spec):
+        return None, one
+    if isinstance(one, Mapping):
+        settings = dict(one)
+        return settings.pop("name", None), settings
+    wanted = "expected a text, a dictionary of settings, a Spec or an Entrant"
+    raise SettingError("entrants", f"{wanted}, got {type(one).__name__}")
+
+
+def _entrant(
+    name: str | None,
+    one: str | Settings,
+    course: Place | None,
+    shared: Settings,
+    heat: HeatSettings,
+) -> _Made:
+    """Return the entrant of a text or of settings. Raises SettingError."""
+    if isinstance(one, str):
+        kind = one
+        try:
+            own = parse_parts(one)
+        except ValueError as error:
+            raise SettingError("entrants", str(error)) from None
+    else:
+        own = dict(one)
+        kind = str(own.get("pilot") or own.get("sampler") or shared.get("sampler", "colored"))
+    of_awareness = {key: own.pop(key) for key in list(own) if key in OF_AWARENESS}
+    awareness = None
+    if of_awareness:
+        awareness = Awareness(**(asdict(heat.awareness) | _read(of_awareness)))
+    for key in own:
+        if key not in KEYWORDS:
+            near = did_you_mean(key, [*KEYWORDS, *OF_AWARENESS])
+            raise SettingError(key, f"no such setting of an entrant, {near}")
+    spec = resolve(course or DEFAULT_COURSE, with_shared(own, shared))
+    return _Made(name, kind, spec, awareness)
+
+
+def _read(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of settings of a race, which may be texts. Raises SettingError."""
+    return {
+        name: checked(name, value, KINDS[name])
+        for name, value in given.items()
+        if value is not None
+    }

@@ -1,0 +1,196 @@
+"""The loop of a race: several flights in one world, which is stepped once for all of them.
+
+In each physics step every flight goes on until it needs the next one. Those whose control period
+has ended plan first, all of them from what is known at that instant (quadsim.racing.flight). Then
+all forces act, the world makes its step, and the marshal looks at all vehicles before their own
+referees do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import chain, count
+from typing import NamedTuple, Protocol
+
+from quadsim.dynamics.quadrotor import State
+from quadsim.heat.marshal import Marshal, Move, RaceReferee
+from quadsim.heat.traffic import Traffic
+from quadsim.physics.downwash import Downwash
+from quadsim.physics.plant import Arena
+from quadsim.physics.plant_state import PlantState
+from quadsim.racing.events import Frame
+from quadsim.racing.flight import PhysicsStep, Planning
+from quadsim.rotation import Vec3
+
+
+class PlantInArena(Protocol):
+    """A plant that another one steps; see quadsim.physics.plant.SharedPlant."""
+
+    @property
+    def state(self) -> PlantState[State]:
+        """The state after the last physics step."""
+        ...
+
+    def push(self, u: Sequence[float], disturbance: Vec3 | None = None) -> None:
+        """Apply the forces of the next physics step."""
+        ...
+
+    def arrive(self) -> PlantState[State]:
+        """Return the state after the step."""
+        ...
+
+    def remove(self) -> None:
+        """Take the vehicle out of the world."""
+        ...
+
+    def close(self) -> None:
+        """Release what the plant holds."""
+        ...
+
+
+class Started(NamedTuple):
+    """A flight of a race that has begun."""
+
+    plant: PlantInArena
+    # the frames and the requests of the flight, see quadsim.racing.flight.flight
+    steps: Iterator[Frame | Planning | PhysicsStep]
+
+
+class Starter(NamedTuple):
+    """A vehicle on the start grid."""
+
+    # of its flight, whose own time counts from there [s]
+    start_time: float
+    referee: RaceReferee
+    # its jet and its rotors' discs; None: the race has no downwash
+    downwash: Downwash | None
+    # puts the vehicle into the world
+    start: Callable[[], Started]
+
+
+# A function that makes all plans of one instant
+MakePlans = Callable[[Sequence[Planning]], None]
+
+
+def in_turn(plannings: Sequence[Planning]) -> None:
+    """Make the plans one after the other."""
+    for planning in plannings:
+        planning.run()
+
+
+class RaceFrame(NamedTuple):
+    """One control step of one vehicle of a race."""
+
+    # index of the vehicle
+    number: int
+    # time of the race [s]
+    t: float
+    frame: Frame
+
+
+def race_frames(
+    arena: Arena,
+    starters: Sequence[Starter],
+    marshal: Marshal,
+    traffic: Traffic,
+    dt: float,
+    make_plans: MakePlans = in_turn,
+) -> Iterator[RaceFrame]:
+    """Simulate a race until the last flight has ended, and yield the frames of all flights.
+
+    Args:
+        arena: the world, which the caller closes.
+        starters: the vehicles.
+        marshal: watches their contacts.
+        traffic: what they know of each other.
+        dt: physics step [s].
+        make_plans: function that makes all plans of one instant.
+    """
+    started: dict[int, Started] = {}
+    try:
+        yield from _race(arena, starters, marshal, traffic, dt, make_plans, started)
+    finally:
+        for flight in started.values():
+            flight.plant.close()
+
+
+def _race(
+    arena: Arena,
+    starters: Sequence[Starter],
+    marshal: Marshal,
+    traffic: Traffic,
+    dt: float,
+    make_plans: MakePlans,
+    started: dict[int, Started],
+) -> Iterator[RaceFrame]:
+    """Simulate a race; `started` collects the flights that have begun."""
+    flying: set[int] = set()
+    for step in count():
+        t = step * dt
+
+        # Vehicles whose time has come enter the world.
+        for k, starter in enumerate(starters):
+            if k not in started and t > starter.start_time - dt / 2:
+                started[k] = starter.start()
+                flying.add(k)
+                traffic.note(k, t, started[k].plant.state.x, 0)
+
+        # The vehicles whose control period has ended plan.
+        first_items = {k: next(started[k].steps) for k in sorted(flying)}
+        make_plans([item for item in first_items.values() if isinstance(item, Planning)])
+        traffic.pass_on()
+
+        # Each flight goes on until it needs the next physics step. A flight that has ended leaves.
+        commands: dict[int, tuple[float, ...]] = {}
+        for k, first_item in first_items.items():
+            for item in chain([first_item], started[k].steps):
+                if isinstance(item, PhysicsStep):
+                    commands[k] = item.u
+                    break
+                if isinstance(item, Frame):
+                    yield RaceFrame(k, t, item)
+            else:
+                flying.discard(k)
+                started[k].plant.remove()
+                traffic.leave(k)
+        if not flying and len(started) == len(starters):
+            return
+
+        # One step of the world
+        before = {k: started[k].plant.state for k in commands}
+        for k, u in commands.items():
+            started[k].plant.push(u, _downwash(starters, before, k))
+        arena.step()
+
+        # What has happened in it
+        moves: dict[int, Move] = {}
+        for k, old in before.items():
+            new = started[k].plant.arrive()
+            traffic.note(k, t + dt, new.x, starters[k].referee.passed)
+            moves[k] = Move(old.t, new.t, old.position, new.position)
+        marshal.observe(t + dt, moves)
+
+
+def _downwash(
+    starters: Sequence[Starter], states: dict[int, PlantState[State]], k: int
+) -> Vec3 | None:
+    """Return the force of all others' downwash on vehicle k [N], world frame; None: it feels none.
+
+    Args:
+        starters: the vehicles.
+        states: states of those that fly.
+        k: index of the vehicle.
+    """
+    below = starters[k].downwash
+    if below is None:
+        return None
+    total: Vec3 | None = None
+    for m, state in states.items():
+        above = starters[m].downwash
+        if m == k or above is None:
+            continue
+        force = above.force_on(below, state.x, states[k].x)
+        if force is not None:
+            x, y, z = total or (0.0, 0.0, 0.0)
+            total = (x + force[0], y + force[1], z + force[2])
+    return total

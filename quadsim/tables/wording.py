@@ -1,0 +1,158 @@
+"""A recorded flight as a command line, and as lines of Python, that fly it again.
+
+Both have the settings of the flight, so that they work where the run is not stored. They are made
+only where these settings give the very flight that is recorded; otherwise both name the run's
+folder, from which `race fly --from` and `quadsim.fly` read the flight.
+"""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from controllers.learned.pilot import pilot_names
+from quadsim.config.recorded import spec_of_record
+from quadsim.config.settings import FlightSettings, values_of
+from quadsim.config.spec import Spec
+from quadsim.record.run import hostless
+
+# The settings of a flight that a Spec holds under the same names, and that are worded where they
+# differ from their defaults
+FLIGHT = (
+    "randomize",
+    "displace_gates",
+    "view_weight",
+    "fault",
+    "timeout",
+    "penalties",
+    "plant",
+    "plant_dt",
+    "flight_controller",
+    "link_hz",
+    "link_latency",
+    "link_loss",
+    "link_burst",
+    "clock",
+    "deadline_ms",
+)
+IMPORT = "import quadsim\n\n"
+IMPORT_HEAT = """\
+from quadsim.heat.archive import load_heat, spec_of_heat
+from quadsim.results.heat import fly_heat
+
+"""
+
+
+class Wording(NamedTuple):
+    """The texts that fly a recorded flight again."""
+
+    command: str
+    python: str
+
+
+def wording(record: Mapping[str, Any], folder: Path) -> Wording:
+    """Return the texts that fly a recorded flight again.
+
+    Args:
+        record: the spec of a run.
+        folder: the run's folder.
+    """
+    settings = settings_of(record)
+    if settings is None:
+        place = str(folder.resolve())
+        return Wording(
+            command=f"race fly --from {shlex.quote(place)}",
+            python=f"{IMPORT}run = quadsim.fly(quadsim.load_run({place!r}).spec)",
+        )
+    course = settings.pop("course")
+    flags = [word for name, value in settings.items() for word in _flag(name, value)]
+    keywords = [f"{name}={value!r}" for name, value in settings.items()]
+    return Wording(
+        command=shlex.join(["race", "fly", course, *flags]),
+        python=f"{IMPORT}run = quadsim.fly({', '.join([repr(course), *keywords])})",
+    )
+
+
+def settings_of(record: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return the keywords of `quadsim.fly` that give a recorded flight, its course included.
+
+    It is None where no such keywords do: changes in flight, parts of the user's own, and files that
+    a record does not name.
+
+    Args:
+        record: the spec of a run.
+
+    Examples:
+        >>> import quadsim
+        >>> from quadsim.tables.wording import settings_of
+        >>> run = quadsim.fly("figure8", laps=1, seed=3, samples=512)
+        >>> given = settings_of(run.spec)
+        >>> given["course"], given["seed"], given["samples"]
+        ('figure8', 3, 512)
+    """
+    try:
+        flown = spec_of_record(record)
+        settings = _named(flown)
+        settings |= dict(_differing(flown, Spec.of(**settings)))
+        again = Spec.of(**settings)
+    except ValueError:  # a file or a part is missing, or a name stands for no file
+        return None
+    return settings if hostless(again.record()) == hostless(flown.record()) else None
+
+
+def _named(spec: Spec) -> dict[str, Any]:
+    """Return the settings that choose what flies where: they are worded even at their defaults."""
+    settings: dict[str, Any] = {"course": spec.course.name}
+    if spec.pilot:
+        known = spec.pilot.name in pilot_names()
+        settings["pilot"] = spec.pilot.name if known else spec.pilot.place
+    else:
+        settings |= {"sampler": spec.sampler, "preset": spec.preset}
+    settings |= {"vehicle": spec.vehicle.name, "seed": spec.seed, "laps": spec.laps}
+    if spec.sensing:
+        settings["sensing"] = spec.sensing.name
+    if spec.flight_controller != FlightSettings.flight_controller:
+        settings["flight_controller"] = spec.flight_controller
+    return settings
+
+
+def _differing(spec: Spec, usual: Spec) -> Iterator[tuple[str, Any]]:
+    """Yield the settings in which a flight differs from that of its names alone."""
+    for name in FLIGHT:
+        value = getattr(spec, name)
+        if value != getattr(usual, name):
+            yield name, value
+    # A pilot flies without the planner's numbers
+    if spec.pilot:
+        return
+    others = values_of(usual.planner, usual.model)
+    for name, found in values_of(spec.planner, spec.model).items():
+        if name not in others or found.value != others[name].value:
+            yield name, found.value
+
+
+def _flag(name: str, value: Any) -> list[str]:
+    """Return a setting as words of a command line."""
+    flag = name.replace("_", "-")
+    match value:
+        case True:
+            return [f"--{flag}"]
+        case False:
+            return [f"--no-{flag}"]
+        case tuple() if name == "fault":
+            # It takes one text, and is repeated for several
+            return [word for text in value for word in (f"--{flag}", text)]
+        case tuple():
+            return [f"--{flag}", *map(str, value)]
+    return [f"--{flag}", str(value)]
+
+
+def heat_wording(folder: Path) -> Wording:
+    """Return the texts that fly a stored race of several again. folder: the folder of the race."""
+    place = str(folder.resolve())
+    return Wording(
+        command=f"race heat --from {shlex.quote(place)}",
+        python=f"{IMPORT_HEAT}heat = fly_heat(spec_of_heat(load_heat({place!r})))",
+    )

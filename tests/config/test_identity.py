@@ -1,0 +1,294 @@
+"""Two objects have the same identity only where they compute alike."""
+
+import functools
+import importlib.util
+import subprocess
+import sys
+import threading
+import types
+from copy import deepcopy
+from dataclasses import dataclass, field, make_dataclass, replace
+from functools import cached_property
+
+import numba
+import numpy as np
+import pytest
+
+from controllers.costs.race import RaceWeights
+from quadsim.config.first_names import FIRST_NAMES, first_name
+from quadsim.config.identity import IdentityError, identity_of
+from quadsim.config.parts import qualified_name
+
+
+class Held:
+    """An object that holds anything."""
+
+    def __init__(self, held):
+        self.held = held
+
+    def sample(self, rng, samples, horizon, controls):
+        return self.held
+
+
+class Slotted:
+    """An object without a dictionary, one of whose slots is private."""
+
+    __slots__ = ("__hidden", "shown")
+
+    def __init__(self, shown, hidden):
+        self.shown = shown
+        self.__hidden = hidden
+
+
+@dataclass(frozen=True)
+class Record:
+    """A record with a property that is computed once."""
+
+    numbers: tuple = (1.0, 2.0)
+    table: dict = field(default_factory=dict)
+
+    @cached_property
+    def total(self):
+        return sum(self.numbers)
+
+
+def scaled(k, power=2):
+    """Return a function of a closure."""
+
+    def inner(x):
+        return k * x**power
+
+    return inner
+
+
+def with_default(k):
+    """Return a function whose default is the number."""
+    return lambda x, k=k: k * x
+
+
+def matrix(**changed):
+    """Return a large matrix with one number changed."""
+    found = np.zeros((150, 150))
+    found[70, 80] = changed.get("number", 0.0)
+    return found.astype(changed.get("dtype", float))
+
+
+def compiled_from(source, name="f"):
+    """Return a function of a source text."""
+    names = {"__name__": __name__}
+    exec(compile(source, "<own>", "exec"), names)
+    return names[name]
+
+
+class Wrapping:
+    """An object that names the function it stands for, as functools.wraps does."""
+
+    def __init__(self, number):
+        functools.update_wrapper(self, scaled)
+        self.number = number
+
+
+def module_of(source, name):
+    """Return a module of the user's own, with this text."""
+    module = types.ModuleType(name)
+    exec(compile(source, f"<{name}>", "exec"), module.__dict__)
+    return module
+
+
+def importing(gain):
+    """Return a function that imports one of the user's modules when it is called."""
+    name = f"own_gain_{gain}"
+    sys.modules[name] = module_of(f"K = {gain}\ndef gain(x):\n    return K * x", name)
+    return compiled_from(f"def f(x):\n    from {name} import gain\n    return gain(x)")
+
+
+def among_peers():
+    """Return one of four objects that hold each other in sets."""
+    nodes = [Held(set()) for _ in range(4)]
+    for node in nodes:
+        node.held |= {other for other in nodes if other is not node}
+    return nodes[0]
+
+
+def of_meta(number):
+    """Return an object of a class whose metaclass has a number."""
+    return type(f"Meta{number}", (type,), {"number": number})("Own", (), {})()
+
+
+DIFFERENT = {
+    "one number of a large matrix": (Held(matrix()), Held(matrix(number=1e-9))),
+    "the type of a matrix": (Held(matrix()), Held(matrix(dtype=np.float32))),
+    "a closure's number": (scaled(1.0), scaled(1.5)),
+    "a held closure": (Held(scaled(1.0)), Held(scaled(1.5))),
+    "a default": (with_default(1.0), with_default(2.0)),
+    "a lambda": (lambda x: x + 1, lambda x: x + 2),
+    "a slot": (Slotted(1, 2), Slotted(2, 2)),
+    "a private slot": (Slotted(1, 2), Slotted(1, 3)),
+    "a field": (Record(), Record((1.0, 2.5))),
+    "a mapping's value": (Record(table={"a": 1}), Record(table={"a": 2})),
+    "a bound method": (Held(1).sample, Held(2).sample),
+    "a partial's argument": (functools.partial(scaled, 1), functools.partial(scaled, 2)),
+    "a library's object": (RaceWeights(), replace(RaceWeights(), progress=1.5)),
+    "a random generator": (np.random.default_rng(1), np.random.default_rng(2)),
+    "whole and real": (Held(1), Held(1.0)),
+    "the sign of zero": (Held(0.0), Held(-0.0)),
+    "list and tuple": (Held([1]), Held((1,))),
+    "a wrapping object's number": (Wrapping(1), Wrapping(2)),
+    "a module in an attribute": (
+        Held(module_of("K = 1", "own_module")),
+        Held(module_of("K = 2", "own_module")),
+    ),
+    "a module that is imported in a function": (importing(2), importing(3)),
+    "a metaclass": (of_meta(1), of_meta(2)),
+    "a ufunc's code and no code": (np.sin, np.cos),
+    "options of the compiler": (numba.njit(scaled), numba.njit(fastmath=True)(scaled)),
+    "the size of a cache": (functools.lru_cache(1)(scaled), functools.lru_cache(2)(scaled)),
+    "the order of a mapping": (Held({"a": 1, "b": 2}), Held({"b": 2, "a": 1})),
+    "defaults of a made record": (
+        make_dataclass("Made", [("k", float, 1.0)]),
+        make_dataclass("Made", [("k", float, 2.0)]),
+    ),
+    "an edited body": (
+        compiled_from("def f(x):\n    return x + 1"),
+        compiled_from("def f(x):\n    return x - 1"),
+    ),
+    "an edited method": (
+        compiled_from("class A:\n    def sample(self): return 1", "A")(),
+        compiled_from("class A:\n    def sample(self): return 2", "A")(),
+    ),
+    "an edited helper": (
+        compiled_from("def g(x):\n    return x\ndef f(x):\n    return g(x)"),
+        compiled_from("def g(x):\n    return 2 * x\ndef f(x):\n    return g(x)"),
+    ),
+    "an edited global": (
+        compiled_from("K = 3.0\ndef f(x):\n    return K * x"),
+        compiled_from("K = 4.0\ndef f(x):\n    return K * x"),
+    ),
+    "an edited base": (
+        compiled_from("class B:\n    k = 1\nclass A(B):\n    pass", "A"),
+        compiled_from("class B:\n    k = 2\nclass A(B):\n    pass", "A"),
+    ),
+}
+
+
+@pytest.mark.parametrize("what", DIFFERENT)
+def test_objects_that_differ_have_different_identities(what):
+    one, other = DIFFERENT[what]
+    assert identity_of(one) == identity_of(one)
+    assert identity_of(one) != identity_of(other)
+
+
+ALIKE = {
+    "equal matrices": lambda: Held(matrix()),
+    "closures of one function": lambda: scaled(1.5),
+    "slots": lambda: Slotted([1, 2], {"a"}),
+    "records": Record,
+    "sets": lambda: Held({"one", "two", ("three", 4)}),
+    "four objects that hold each other": among_peers,
+    "an object within itself": lambda: _within_itself(),
+    "a function that calls itself": lambda: compiled_from("def f(x):\n    return f(x - 1)"),
+}
+
+
+def _within_itself():
+    held = Held(None)
+    held.held = [held]
+    return held
+
+
+@pytest.mark.parametrize("what", ALIKE)
+def test_objects_that_are_alike_have_one_identity(what):
+    assert identity_of(ALIKE[what]()) == identity_of(ALIKE[what]())
+
+
+def test_a_name_a_comment_and_a_place_do_not_count():
+    one = compiled_from("def f(x):\n    return x + 1")
+    other = compiled_from("# a remark\n\n\ndef f(x):\n    # more\n    return x + 1")
+    assert identity_of(one) == identity_of(other)
+
+
+def test_a_property_that_was_computed_does_not_count():
+    record = Record()
+    before = identity_of(record)
+    assert record.total == 3.0
+    assert identity_of(record) == before
+
+
+def test_a_copy_has_the_same_identity_and_leaves_that_of_the_original():
+    held = Held([matrix(), scaled(2.0), {"one", "two"}, among_peers()])
+    before = identity_of(held)
+    copy = deepcopy(held)
+    assert identity_of(held) == before
+    assert identity_of(copy) == before
+
+
+@pytest.mark.parametrize(
+    "state",
+    [
+        threading.Lock(),
+        (k for k in range(3)),
+        memoryview(b""),
+        numba.typed.List([1.0]),
+    ],
+    ids=lambda s: str(type(s)),
+)
+def test_a_state_that_cannot_be_told_has_no_identity(state):
+    with pytest.raises(IdentityError, match=r"Held\.held: the state of a .* is unknown") as error:
+        identity_of(Held(state))
+    assert "\n" not in str(error.value)
+
+
+def test_a_ufunc_of_a_python_function_and_a_long_chain_have_no_identity():
+    with pytest.raises(IdentityError, match="the code of the ufunc"):
+        identity_of(Held(np.frompyfunc(lambda x: 2 * x, 1, 1)))
+    chain = Held(None)
+    for _ in range(300):
+        chain = Held(chain)
+    with pytest.raises(IdentityError, match="within each other"):
+        identity_of(chain)
+
+
+PROCESS = """
+import numpy as np
+from quadsim.config.first_names import FIRST_NAMES, first_name
+from quadsim.config.identity import identity_of
+class Mine:
+    words = {"some", "words", "in", "a", "set"}
+    def __init__(self): self.table = {w: np.arange(3) for w in sorted(self.words)}
+    def sample(self, n): return np.zeros(n) + len(self.words)
+print(identity_of(Mine()))
+"""
+
+
+@pytest.mark.process
+def test_an_identity_is_the_same_in_every_process():
+    def found(hash_seed):
+        env = {"PYTHONHASHSEED": hash_seed, "PATH": "", "PYTHONPATH": ":".join(sys.path)}
+        command = [sys.executable, "-c", PROCESS]
+        return subprocess.run(command, env=env, capture_output=True, text=True, check=True).stdout
+
+    first = found("1")
+    assert len(first.strip()) == 64
+    assert found("2") == first
+
+
+def test_a_file_of_the_project_that_moves_leaves_parts_that_use_it_the_same(monkeypatch):
+    text = "class Weights: ...\ndef gain(x): return x"
+    before, after = (module_of(text, f"quadsim.{name}") for name in ("before", "after"))
+    for module in (before, after):
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+    uses = [(lambda m=module: (m.Weights, m.gain, m.Weights())) for module in (before, after)]
+    old, new = (identity_of(use()) for use in uses)
+    assert old != new  # a new name alone makes another part
+    monkeypatch.setitem(FIRST_NAMES, "quadsim.after", "quadsim.before")
+    assert identity_of(uses[1]()) == old
+    assert qualified_name(after.gain) == "quadsim.before.gain"
+
+
+def test_modules_count_by_their_first_names():
+    assert first_name("quadsim.config.spec") == "quadsim.spec.spec"
+    assert first_name("quadsim.heat.loop") == "quadsim.racing.heat"
+    assert first_name("quadsim.heat.launch") == "quadsim.heat.launch"
+    assert first_name("loop") == "loop"
+    for name in FIRST_NAMES:
+        assert importlib.util.find_spec(name), name
