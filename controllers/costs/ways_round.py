@@ -13,6 +13,7 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse.csgraph import csgraph_from_dense, dijkstra
 
 from controllers.costs.frames import ObstacleRow, obstacle_rows, touches_round
 from controllers.costs.room import Room
@@ -107,30 +108,16 @@ def sees(a: np.ndarray, b: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 
 def shortest(lengths: np.ndarray) -> tuple[list[int], float]:
-    """Return the shortest path from node 0 to node 1 (Dijkstra 1959).
+    """Return the shortest path from node 0 to node 1.
 
     Args:
-        lengths: lengths of the lines between any two nodes, inf where there is none  (n, n).
+        lengths: lengths of the lines between any two nodes, inf if there is no line  (n, n).
 
     Returns:
-        The nodes of the path and its length, inf where there is no path.
+        The nodes of the path and its length, inf if there is no path.
     """
-    n = len(lengths)
-    far = np.full(n, np.inf)  # length of the shortest path to each node
-    before = np.zeros(n, int)  # the node before it on that path
-    done = np.zeros(n, bool)
-    far[0] = 0.0
-    for _ in range(n):
-        # The nearest node that is not done
-        k = int(np.argmin(np.where(done, np.inf, far)))
-        done[k] = True
-
-        # Paths by way of this node
-        by_k = far[k] + lengths[k]
-        shorter = by_k < far
-        far[shorter] = by_k[shorter]
-        before[shorter] = k
-
+    graph = csgraph_from_dense(lengths, null_value=np.inf)
+    far, before = dijkstra(graph, indices=0, return_predecessors=True)
     path = [1]
     while path[-1] and far[1] < np.inf:
         path.append(int(before[path[-1]]))

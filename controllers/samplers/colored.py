@@ -106,31 +106,70 @@ class Colored:
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
         """Return the source of perturbations, see Sampling."""
+        noise = ColoredNoise(self, samples, horizon, key)
+        return LaneSampler(noise.draw, noise.loop)
+
+
+class ColoredNoise:
+    """The perturbations z of one planner, drawn into the same memory at each call.
+
+    A series is one transform. It holds `halves` samples for each of the LANES lanes: with the
+    method `exact` the steps 0..T-1 are one sample and the steps T..2T-1 another.
+
+    Args:
+        sampler: the numbers of the noise.
+        samples: largest number of samples drawn at a time.
+        horizon: T, number of control periods.
+        key: key of the random numbers  (2,) uint32.
+    """
+
+    def __init__(self, sampler: Colored, samples: int, horizon: int, key: np.ndarray):
         # Imported here, as they load the compiler
         from controllers.lanes.transform import fill_transformed, transform_loop
 
-        # Samples and time steps of one series
-        halves = 2 if self.law == "exact" else 1
-        held = halves * LANES
+        n = transform_length(horizon, sampler.law)
+        self.loop = transform_loop(n)
+        self._fill = fill_transformed
+        self._key = key
+        self._samples = samples
+
+        # Samples and steps of a series
+        halves = 2 if sampler.law == "exact" else 1
+        self._held = halves * LANES
         steps = halves * horizon
-        noise = np.empty((-(-samples // held), len(self.sigma), steps, LANES), np.float32)
 
-        # Standard deviations of the real parts, and of the imaginary parts  (n_u, 2 n)
-        n = transform_length(horizon, self.law)
-        rows = []
-        for sigma, gamma in zip(self.sigma, self.gamma, strict=True):
-            rows.append(sigma * np.tile(spectrum(n, gamma, self.law), 2))
-        scale = np.array(rows, np.float32)
+        # Standard deviations of real and imaginary parts, for each control  (n_u, 2 n)
+        deviations = [
+            sigma * np.tile(spectrum(n, gamma, sampler.law), 2)
+            for sigma, gamma in zip(sampler.sigma, sampler.gamma, strict=True)
+        ]
+        self._scale = np.array(deviations, np.float32)
 
-        # The share of the second step that is taken off each step
-        decay = np.zeros(steps)
-        if self.law == "library":
-            decay = OFFSET_DECAY ** np.arange(steps)
-        offset = decay.astype(np.float32)
+        # The share of z_1 that is taken off each step  (steps,)
+        self._offset = np.zeros(steps, np.float32)
+        if sampler.law == "library":
+            self._offset = (OFFSET_DECAY ** np.arange(steps)).astype(np.float32)
 
-        def sample(call: int, first: int = 0, samples: int = samples) -> np.ndarray:
-            z = noise[: -(-samples // held)]
-            fill_transformed(z, scale, offset, key, call, first // held // 2)
-            return z
+        shape = (self._series(samples), len(sampler.sigma), steps, LANES)
+        self._z = np.empty(shape, np.float32)
 
-        return LaneSampler(sample, transform_loop(n))
+    def draw(self, call: int, first: int = 0, samples: int | None = None) -> np.ndarray:
+        """Return the perturbations of some samples, see LaneSampler.sample.
+
+        Args:
+            call: index of the call, which the numbers depend on.
+            first: number of the first sample, a multiple of 4 LANES.
+            samples: number of samples; None: as many as there may be.
+
+        Returns:
+            (series, n_u, halves * T, LANES)
+        """
+        z = self._z[: self._series(self._samples if samples is None else samples)]
+        # Two series come from one transform.
+        first_transform = first // self._held // 2
+        self._fill(z, self._scale, self._offset, self._key, call, first_transform)
+        return z
+
+    def _series(self, samples: int) -> int:
+        """Return the number of series that hold some samples."""
+        return -(-samples // self._held)
