@@ -26,7 +26,7 @@ from quadsim.files.yaml_errors import did_you_mean
 from quadsim.physics.plant import has_bullet
 from quadsim.record.archive import find_run, load_reportable
 from quadsim.record.run import RunError
-from quadsim.render.folder import annotate, settle, whole, write_mp4
+from quadsim.render.folder import annotate, claimed, whole, write_mp4
 from quadsim.render.frames import Job, Pictures, make_frames
 from quadsim.render.look import VARIED
 from quadsim.render.poses import Pose, drawn_poses, flown_poses
@@ -83,14 +83,30 @@ def render(
     asked = _asked(target, load_camera(camera or "aigp"), frames, seed, _varied(vary), runs_dir)
     pictures = asked.pictures
     folder = Path(out)
-    settle(folder, pictures)
+    with claimed(folder, pictures):
+        made, rate = _make_missing(asked, folder, jobs, quiet=json)
+        count = len(asked.poses)
+        annotate(folder, pictures, count)
+        if mp4:
+            write_mp4(folder, pictures, count)
+    _report(folder, count, made, rate, json)
+    return 0
+
+
+def _make_missing(asked: _Asked, folder: Path, jobs: int | None, quiet: bool) -> tuple[int, float]:
+    """Make the pictures that are not there, and return their number and how many a second.
+
+    Raises:
+        UsageError: a worker process was killed.
+        KeyboardInterrupt: with how many pictures are whole.
+    """
     count = len(asked.poses)
     kept = whole(folder, count)
     missing = [(i, pose) for i, pose in enumerate(asked.poses) if i not in kept]
     began = perf_counter()
     try:
-        with open_pool(jobs) as pool, _ProgressLine(count, len(kept), quiet=json) as line:
-            for made in make_all(pool, pictures, folder, missing):
+        with open_pool(jobs) as pool, _ProgressLine(count, len(kept), quiet=quiet) as line:
+            for made in make_all(pool, asked.pictures, folder, missing):
                 line.advance(line.tasks[0].id, made)
     except BrokenExecutor:
         kept_text = "whole pictures are kept: the same command continues"
@@ -99,12 +115,7 @@ def render(
         there = f"{len(whole(folder, count))} of {count} pictures are whole"
         advice = "the same command continues"
         raise KeyboardInterrupt(f"race render: interrupted, {there}: {advice}") from None
-    rate = len(missing) / (perf_counter() - began)
-    annotate(folder, pictures, count)
-    if mp4:
-        write_mp4(folder, pictures, count)
-    _report(folder, count, len(missing), rate, json)
-    return 0
+    return len(missing), len(missing) / (perf_counter() - began)
 
 
 def make_all(

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
-from contextlib import suppress
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from quadsim.files.atomic import replace_file
+from quadsim.files.locks import lock_folder
 from quadsim.files.strict_yaml import FileError
 from quadsim.render.frames import SUFFIXES, Pictures, path_of, whole_label
 from quadsim.render.labels import coco
@@ -17,13 +20,45 @@ ANNOTATIONS = "annotations.json"
 VIDEO = "video.mp4"
 
 
-def settle(out: Path, pictures: Pictures) -> None:
-    """Make the folder, unless there is one with pictures of the same settings.
+@contextmanager
+def claimed(out: Path, pictures: Pictures) -> Iterator[None]:
+    """Hold a folder for the pictures of one process, and remove what a killed one has left.
+
+    The folder is made, unless there is one with pictures of the same settings.
 
     Raises:
-        FileError: the folder has pictures of other settings, or other files.
+        FileError: the folder has pictures of other settings, or other files, or another process
+            makes pictures there.
         OSError: the folder cannot be made.
     """
+    _make(out, pictures)
+    with _locked(out):
+        for kind in SUFFIXES:
+            for left in (out / kind).glob("*.tmp"):
+                left.unlink(missing_ok=True)
+        yield
+
+
+@contextmanager
+def _locked(out: Path) -> Iterator[None]:
+    """Hold the lock of a folder; on a file system without locks, nothing. Raises FileError."""
+    handle = None
+    try:
+        handle = lock_folder(out)
+    except BlockingIOError:
+        advice = "wait for it, or name another folder"
+        raise FileError(f"{out}: another process makes pictures there: {advice}") from None
+    except OSError:
+        pass
+    try:
+        yield
+    finally:
+        if handle is not None:
+            os.close(handle)
+
+
+def _make(out: Path, pictures: Pictures) -> None:
+    """Make the folder and its settings, or check the settings that are there."""
     path = out / SETTINGS
     settings = pictures.settings()
     if out.exists() and not out.is_dir():
@@ -38,9 +73,6 @@ def settle(out: Path, pictures: Pictures) -> None:
         raise FileError(f"{out}: expected a new folder or one of race render, found other files")
     for kind in SUFFIXES:
         (out / kind).mkdir(parents=True, exist_ok=True)
-        # left by a worker that was killed
-        for left in (out / kind).glob("*.tmp"):
-            left.unlink(missing_ok=True)
     if not path.exists():
         replace_file(path, json.dumps(settings, indent=1).encode())
 

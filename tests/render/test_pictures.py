@@ -11,7 +11,7 @@ from plant_cases import needs_bullet
 from quadsim.course import Course, Gate, Start, load_course
 from quadsim.course.obstacles import Box, Cylinder
 from quadsim.files.strict_yaml import FileError
-from quadsim.render.folder import annotate, settle
+from quadsim.render.folder import annotate, claimed
 from quadsim.render.frames import Job, Pictures, make_frames, path_of, whole_label
 from quadsim.render.labels import label
 from quadsim.render.look import VARIED, drawn_look, plain_look
@@ -133,7 +133,8 @@ def test_obstacles_are_drawn_and_hide_corners():
 def test_a_picture_that_is_whole_is_kept_and_a_damaged_one_is_made_again_to_the_last_bit(tmp_path):
     pictures = Pictures("split_s_swift", SWIFT.text, CAMERA, 3, VARIED, "drawn")
     poses = list(enumerate(drawn_poses(SWIFT, CAMERA, 2, 3)))
-    settle(tmp_path, pictures)
+    with claimed(tmp_path, pictures):
+        pass
     assert make_frames(Job(pictures, tmp_path, poses)) == [0, 1]
     files = [path_of(tmp_path, kind, 1) for kind in ("rgb", "segmentation", "depth", "labels")]
     before = [path.read_bytes() for path in files]
@@ -154,13 +155,27 @@ def test_a_picture_that_is_whole_is_kept_and_a_damaged_one_is_made_again_to_the_
 
 def test_a_folder_of_other_pictures_or_files_is_refused(tmp_path):
     pictures = Pictures("split_s_swift", SWIFT.text, CAMERA, 3, (), "drawn")
-    settle(tmp_path / "new", pictures)
-    settle(tmp_path / "new", pictures)
+    for _ in range(2):
+        with claimed(tmp_path / "new", pictures):
+            pass
     others = Pictures("split_s_swift", SWIFT.text, CAMERA, 4, ("light",), "drawn")
     with pytest.raises(FileError, match=r"other settings \(seed, vary\)"):
-        settle(tmp_path / "new", others)
+        claimed(tmp_path / "new", others).__enter__()
     with pytest.raises(FileError, match="other files"):
-        settle(tmp_path, pictures)
+        claimed(tmp_path, pictures).__enter__()
+
+
+def test_a_folder_that_another_process_fills_is_refused_and_nothing_of_it_is_removed(tmp_path):
+    pictures = Pictures("split_s_swift", SWIFT.text, CAMERA, 3, (), "drawn")
+    with claimed(tmp_path / "new", pictures):
+        writing = tmp_path / "new" / "rgb" / "000000.png.tmp"
+        writing.touch()
+        with pytest.raises(FileError, match="another process makes pictures there"):
+            claimed(tmp_path / "new", pictures).__enter__()
+        assert writing.exists()
+    # The lock has ended, so the file is that of a killed process.
+    with claimed(tmp_path / "new", pictures):
+        assert not writing.exists()
 
 
 def test_drawn_poses_have_room_depend_on_seed_and_number_alone_and_mostly_see_their_gate():
