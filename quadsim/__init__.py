@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from controllers.samplers import Colored, Gaussian, LogNormal, Smooth, SmoothStar
     from quadsim.api import (
         compare,
+        compare_heats,
         fly,
         frames,
         load_heat,
@@ -52,7 +53,7 @@ _HOMES = {
     "controllers.plan": ("PlanStats",),
     "controllers.samplers": ("Colored", "Gaussian", "LogNormal", "Smooth", "SmoothStar"),
     "quadsim.api": (
-        *("compare", "fly", "frames", "load_heat", "load_run"),
+        *("compare", "compare_heats", "fly", "frames", "load_heat", "load_run"),
         *("plot", "race", "runs", "save_run"),
     ),
     "quadsim.course": ("Course", "Gate", "Start", "load_course"),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 from quadsim.config.build import flight_frames, with_threads
 from quadsim.config.recorded import recorded_spec
 from quadsim.config.spec import Spec
+from quadsim.files.values import SettingError
 from quadsim.racing.events import Frame
 from quadsim.record.archive import find_run
 from quadsim.record.archive import load_run as _load_run
@@ -18,8 +19,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from quadsim.campaign.compare import Comparison
+    from quadsim.campaign.compare_heats import HeatComparison
     from quadsim.config.keywords import CourseLike, Keywords
-    from quadsim.heat.spec import Entrant
+    from quadsim.heat.line_up import Entrants
     from quadsim.results.heat import Heat
     from quadsim.results.stored_runs import StoredRuns
 
@@ -82,9 +84,10 @@ def frames(
 
 
 def race(
-    entrants: Sequence[str | Mapping[str, Any] | Spec | Entrant] | Mapping[str, Mapping[str, Any]],
+    entrants: Entrants | Mapping[str, Any],
     course: CourseLike | None = None,
     rotation: int = 0,
+    parts: Mapping[str, Mapping[str, Any]] | None = None,
     **settings: Any,
 ) -> Heat:
     """Race several vehicles in one world and return the Heat: runs, order, events.
@@ -95,9 +98,12 @@ def race(
     Args:
         entrants: one to eight of them: texts as `race heat --entrants` takes them ("colored",
             "fast=race+target-ess=100", "pilot=split_s_swift"), dictionaries of settings of `fly`,
-            Specs, or `quadsim.Entrant`; or {name: settings}.
+            Specs, or `quadsim.Entrant`; or {name: settings}; or `heat.spec` of a Heat, flown now or
+            loaded, which flies that race again.
         course: a name, a FILE.yaml or a Course; default: split_s_swift.
         rotation: how many places further on the start grid each entrant starts.
+        parts: {entrant: {role: object}} of your own objects that flew in `heat.spec`, such as
+            {"mine": {"controller": Mine()}}.
         settings: settings of the race (rules, expect, downwash, spacing, ...; `race heat --help`
             has all), and settings of `fly` for all entrants.
 
@@ -119,11 +125,18 @@ def race(
         1
     """
     from quadsim.config.build import use_threads_of
+    from quadsim.heat.archive import is_record_of_heat, recorded_heat
     from quadsim.heat.line_up import line_up
     from quadsim.heat.spec import HeatSpec
     from quadsim.results.heat import fly_heat
 
     use_threads_of(settings.pop("threads", None))
+    if is_record_of_heat(entrants):
+        beside = {"course": course, "rotation": rotation} | settings
+        changed = {name: value for name, value in beside.items() if value not in (None, 0)}
+        return fly_heat(recorded_heat(entrants, parts, changed))
+    if parts is not None:
+        raise SettingError("parts", "expected none but beside heat.spec of a race")
     made, of_race = line_up(course, entrants, settings)
     seed = made[0].spec.seed if made else 0
     return fly_heat(HeatSpec(made, of_race, seed, rotation))
@@ -317,3 +330,49 @@ def compare(
     from quadsim.campaign.compare import compare as run_comparison
 
     return run_comparison(courses, variants, attempts, jobs, campaign, settings)
+
+
+def compare_heats(
+    entrants: Entrants,
+    course: CourseLike | None = None,
+    variants: Mapping[str, Mapping[str, Any]] | str | None = None,
+    starts: int = 10,
+    rotate: bool = True,
+    jobs: int | None = None,
+    campaign: str | Path | None = None,
+    **settings: Any,
+) -> HeatComparison:
+    """Compare settings of races of several vehicles, each from the same starts.
+
+    Args:
+        entrants: the line-up, as for `race`.
+        course: a name, a FILE.yaml or a Course; default: split_s_swift.
+        variants: {name: settings}, or a text such as "expect=own,expect=velocity", of the race and
+            of all its flights; None: one setting.
+        starts: races of each setting; race i has seed + i.
+        rotate: each entrant starts one place further on the grid in each next race.
+        jobs: worker processes, see `compare`.
+        campaign: an SQLite file that stores finished races; the same call resumes where it stopped.
+        settings: settings of all variants, as for `race`; randomize=1.0 randomizes vehicles, starts
+            and wind by seed.
+
+    Returns:
+        A HeatComparison: `.settings` and `.differences` with the numbers, `print(comparison)` for
+            tables, `.plot(path)`.
+
+    Raises:
+        ValueError: as for `race`.
+
+    Examples:
+        >>> import quadsim
+        >>> variants = {"aware": {"expect": "velocity"}, "blind": {"expect": "nothing"}}
+        >>> small = {"laps": 1, "samples": 256, "timeout": 1.0}
+        >>> found = quadsim.compare_heats(
+        ...     ["colored", "gaussian"], "figure8", variants, starts=2, **small
+        ... )
+        >>> [(change.a, change.b) for change in found.differences]
+        [('aware', 'blind')]
+    """
+    from quadsim.campaign.compare_heats import compare_heats as run_comparison
+
+    return run_comparison(entrants, course, variants, starts, rotate, jobs, campaign, settings)

@@ -14,7 +14,7 @@ from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from hashlib import sha256
-from typing import NotRequired, TypedDict
+from typing import NotRequired, TypedDict, TypeVar
 
 from quadsim.config.build import build, launch
 from quadsim.config.spec import Spec
@@ -30,6 +30,8 @@ DRAWN = ("seed", "variation", "drawn_faults")
 # Libraries whose versions decide a flight. The commit of this project stands beside the key.
 LIBRARIES = ("numpy", "numba", "pybullet")
 LIBRARIES_OF_PLANT = {"rotorpy": ("rotorpy", "scipy")}
+
+Flyable = TypeVar("Flyable")  # a Spec or a HeatSpec
 
 # The provenance of this process: of the code as it was loaded.
 this_provenance = lru_cache(provenance)
@@ -91,11 +93,9 @@ def fly_attempt(spec: Spec) -> Flown:
         FirmwareError: the firmware does not run, or has ended in flight.
         ValueError, FloatingPointError: the planner raised an error before the flight.
     """
-    if mp.parent_process() or "distributed.worker" in sys.modules:
-        from controllers.lanes.threads import use_threads  # here: it loads the compiler
-
-        use_threads(1)
-    spec = _with_fresh_parts(spec)
+    use_one_thread_in_a_worker()
+    if spec.own_objects():
+        spec = with_fresh_parts(spec)
     # Before the flight, as these name the code and the parts that fly.
     flown_by = this_provenance()
     record = spec.record()
@@ -118,13 +118,19 @@ def fly_attempt(spec: Spec) -> Flown:
     return Flown(run, flown_by, fault)
 
 
-def _with_fresh_parts(spec: Spec) -> Spec:
-    """Return the spec with copies of the user's own parts, which one flight may change.
+def use_one_thread_in_a_worker() -> None:
+    """Let a worker process fly on one thread: the other workers have the other cores."""
+    if mp.parent_process() or "distributed.worker" in sys.modules:
+        from controllers.lanes.threads import use_threads  # here: it loads the compiler
+
+        use_threads(1)
+
+
+def with_fresh_parts(spec: Flyable) -> Flyable:
+    """Return a specification with copies of the user's own parts, which one flight may change.
 
     So an attempt does not depend on those that this process has flown before, as in a worker.
     """
-    if not spec.own_objects():
-        return spec
     try:
         return deepcopy(spec)
     except Exception:  # a part with an open file, say, which is flown as it is

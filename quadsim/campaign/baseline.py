@@ -25,9 +25,9 @@ from msgspec import Meta, Struct, to_builtins
 from msgspec.structs import replace
 
 from quadsim.campaign.attempt import Flown, result
+from quadsim.campaign.database import code_of
 from quadsim.campaign.pool import Pool
 from quadsim.campaign.runner import Attempt, Tally, fly_attempts
-from quadsim.campaign.store import code_of
 from quadsim.campaign.summary_stats import FINISHED
 from quadsim.campaign.variants import Variant
 from quadsim.config.setting_texts import Settings, parse_parts, resolve

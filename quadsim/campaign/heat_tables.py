@@ -6,9 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from math import isnan
 
-from quadsim.campaign.heats import EntrantStats, HeatsSummary
+from rich.console import RenderableType
+
+from quadsim.campaign.heat_stats import EntrantStats, HeatsSummary
 from quadsim.campaign.paired_heats import FlownHeats, HeatsDifference
-from quadsim.campaign.tables import TextTable
+from quadsim.campaign.tables import TextTable, as_table
 from quadsim.record.statistics import Mean
 
 
@@ -136,3 +138,16 @@ def _mean(mean: Mean, digits: int = 2) -> str:
     if mean.n == 1:
         return f"{mean.mean:.{digits}f}"
     return f"{mean.mean:.{digits}f} ({mean.low:.{digits}f} to {mean.high:.{digits}f})"
+
+
+def tables_of(found: HeatsSummary) -> list[RenderableType]:
+    """Return the report of many races under one setting."""
+    return [
+        "",
+        as_table(entrants_table(found)),
+        "",
+        as_table(win_matrix(found)),
+        "",
+        *((as_table(overtakers_table(found)), "") if found.overtakers else ()),
+        *(f"  {line}" for line in lines_of(found)),
+    ]

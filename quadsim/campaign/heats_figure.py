@@ -8,7 +8,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from quadsim.campaign.heats import HeatsSummary
+from quadsim.campaign.heat_stats import HeatsSummary
 from quadsim.campaign.paired_heats import FlownHeats
 from quadsim.figures.notebook_figure import NotebookFigure
 from quadsim.figures.style import STYLE

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any, NamedTuple
 
-from quadsim.campaign.heats import HeatsSummary, StoredResult, fly_heats, summary
+from quadsim.campaign.heat_runner import HeatRunner
+from quadsim.campaign.heat_stats import HeatsSummary, summary
+from quadsim.campaign.heat_store import HeatResult
 from quadsim.config.setting_texts import Place, Settings
 from quadsim.console import complain
-from quadsim.heat.line_up import heats_of, line_up
+from quadsim.heat.line_up import Entrants, heats_of, line_up
 from quadsim.heat.spec import HeatSpec
 from quadsim.record.run import RunError
 from quadsim.record.statistics import Mean, mcnemar, mean_interval
@@ -33,7 +34,9 @@ class FlownHeats:
     entrants: Sequence[str]
     # number of gates of the course
     gates: int
-    results: list[StoredResult | None]
+    results: list[HeatResult | None]
+    # that flew them
+    commits: tuple[str, ...] = ()
 
     @cached_property
     def summary(self) -> HeatsSummary:
@@ -64,7 +67,7 @@ class HeatsDifference(NamedTuple):
 
 def heat_variants(
     course: Place | None,
-    entrants: Sequence[str],
+    entrants: Entrants,
     variants: Mapping[str, Settings],
     shared: Settings,
     starts: int,
@@ -93,28 +96,31 @@ def heat_variants(
     return made
 
 
-def fly_variants(
-    variants: Sequence[HeatVariant], campaign: Path, jobs: int | None = None
-) -> list[FlownHeats]:
+def fly_variants(variants: Sequence[HeatVariant], runner: HeatRunner) -> list[FlownHeats]:
     """Fly the races that a campaign lacks, one setting after the other.
 
     Args:
         variants: the races.
-        campaign: the SQLite file.
-        jobs: the number of workers, see `open_pool`.
+        runner: flies what the campaign lacks.
 
     Raises:
-        RunError: the file cannot be read or written.
-        KeyboardInterrupt: what has been flown until then is kept.
+        RunError, SettingError, KeyboardInterrupt: see HeatRunner.
     """
     flown = []
     for variant in variants:
         if len(variants) > 1:
             complain(f"{variant.name}:")
-        results = fly_heats(variant.heats, campaign, jobs)
+        rows = runner(variant.heats)
         first = variant.heats[0]
-        gates = len(first.course.gates)
-        flown.append(FlownHeats(variant.name, first.names, gates, results))
+        flown.append(
+            FlownHeats(
+                name=variant.name,
+                entrants=first.names,
+                gates=len(first.course.gates),
+                results=[row.result if row else None for row in rows],
+                commits=tuple(sorted({row.code for row in rows if row})),
+            )
+        )
     return flown
 
 
@@ -144,17 +150,17 @@ def difference(a: FlownHeats, b: FlownHeats) -> HeatsDifference:
     )
 
 
-def _events(result: StoredResult, kind: str) -> int:
+def _events(result: HeatResult, kind: str) -> int:
     """Return the number of events of a kind."""
     return sum(event.kind == kind for event in result.events)
 
 
-def _times(result: StoredResult) -> dict[str, float]:
+def _times(result: HeatResult) -> dict[str, float]:
     """Return the race time of each entrant that finished [s]."""
     return {placing.name: placing.time for placing in result.order if placing.time is not None}
 
 
-def _later(a: StoredResult, b: StoredResult) -> list[float]:
+def _later(a: HeatResult, b: HeatResult) -> list[float]:
     """Return how much later each entrant finished in b, of those that finished in both [s]."""
     of_a = _times(a)
     of_b = _times(b)

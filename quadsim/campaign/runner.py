@@ -9,13 +9,14 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, nullcontext
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from quadsim.campaign.attempt import LIBRARIES, Flown, attempt_key, this_provenance
+from quadsim.campaign.database import code_of
 from quadsim.campaign.pool import Pool, fly_all, open_pool
-from quadsim.campaign.store import Row, Store, code_of
+from quadsim.campaign.store import Row, Store
 from quadsim.campaign.variants import Variant, expect_identities
 from quadsim.config.spec import Spec
 from quadsim.console import complain, progress_console, uninterrupted
@@ -95,10 +96,10 @@ def fly_attempts(
             tally.count(f"{label}: {flown.run.outcome}")
 
 
-class Runner:
-    """Flies what a campaign lacks: `with Runner(path) as runner: rows = runner(variants, 10)`.
+class CampaignRunner:
+    """The workers of a campaign, and what is said of a campaign that ends early.
 
-    The first missing attempt starts the workers.
+    The first access to `pool` starts the workers.
     """
 
     def __init__(
@@ -107,7 +108,6 @@ class Runner:
         jobs: int | None = None,
         scheduler: str | None = None,
         this_commit: bool = False,
-        telemetry: bool = True,
         temporary: bool = False,
     ):
         """Prepare to fly.
@@ -117,7 +117,6 @@ class Runner:
             jobs: the number of workers, see `open_pool`.
             scheduler: address of a Dask cluster, see `open_pool`.
             this_commit: count only what this commit has flown.
-            telemetry: keep the telemetry of what is flown.
             temporary: the campaign is used by one call only, so that parts without an identity can
                 fly in it.
         """
@@ -125,13 +124,11 @@ class Runner:
         self._jobs = jobs
         self._scheduler = scheduler
         self._this_commit = this_commit
-        self._telemetry = telemetry
         self._temporary = temporary
-        self._kept = 0  # attempts that are in the campaign
+        self._kept = 0  # flights or heats that are in the campaign
         self._open = ExitStack()
 
-    def __enter__(self) -> Runner:
-        self._store = self._open.enter_context(Store(self.campaign))
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
@@ -149,6 +146,36 @@ class Runner:
     def pool(self) -> Pool:
         """Return the workers, which the first access starts. Raises RunError."""
         return self._open.enter_context(open_pool(self._jobs, self._scheduler))
+
+
+class Runner(CampaignRunner):
+    """Flies what a campaign lacks: `with Runner(path) as runner: rows = runner(variants, 10)`."""
+
+    def __init__(
+        self,
+        campaign: Path,
+        jobs: int | None = None,
+        scheduler: str | None = None,
+        this_commit: bool = False,
+        telemetry: bool = True,
+        temporary: bool = False,
+    ):
+        """Prepare to fly, see CampaignRunner.
+
+        Args:
+            campaign: the SQLite file.
+            jobs: the number of workers.
+            scheduler: address of a Dask cluster.
+            this_commit: count only what this commit has flown.
+            telemetry: keep the telemetry of what is flown.
+            temporary: the campaign is used by one call only.
+        """
+        super().__init__(campaign, jobs, scheduler, this_commit, temporary)
+        self._telemetry = telemetry
+
+    def __enter__(self) -> Self:
+        self._store = self._open.enter_context(Store(self.campaign))
+        return self
 
     def __call__(
         self, variants: Sequence[Variant], attempts: int, quiet: bool = False
@@ -188,40 +215,38 @@ class Runner:
             with nullcontext() if quiet else Tally(len(in_order), len(rows)) as tally:
                 for variant, spec, flown in fly_attempts(self.pool, missing, tally):
                     if not self.pool.in_this_process:
-                        _expect_same_parts(variant, spec, flown)
+                        expect_same_parts(variant.name, spec, flown.run.spec)
                     with uninterrupted():
                         self._store.add(spec, variant.name, flown, self._telemetry, variant.twin)
                     self._kept += 1
-                    _expect_same_libraries(flown.provenance["versions"])
+                    expect_same_libraries(flown.provenance["versions"])
             rows = self._rows(in_order)
         return [[rows[key] for key in of_variant if key in rows] for of_variant in wanted]
 
     def _rows(self, keys: Iterable[str]) -> dict[str, Row]:
-        """Return the stored row of each attempt, by key.
-
-        If several commits flew an attempt, the row of this commit counts, else the latest.
-        """
-        code = code_of(this_provenance())
-        found: dict[str, Row] = {}
-        for row in self._store.rows(keys):  # oldest first
-            before = found.get(row.key)
-            if row.code != code and (self._this_commit or (before and before.code == code)):
-                continue
-            found[row.key] = row
-        return found
+        """Return the stored row of each attempt, by key; see `Database.newest`."""
+        return self._store.newest(keys, code_of(this_provenance()), self._this_commit)
 
 
-def _expect_same_parts(variant: Variant, spec: Spec, flown: Flown) -> None:
-    """Raise RunError where a worker has flown with other parts of the user's own.
+def expect_same_parts(name: str, spec: Spec, flown: Mapping[str, Any]) -> None:
+    """Check that a worker has flown with this process's parts of the user's own.
 
     A worker imports the code anew, without what this process has set since its own import.
+
+    Args:
+        name: name of the variant or entrant, for the message.
+        spec: the specification in this process.
+        flown: the record of the specification in the worker.
+
+    Raises:
+        RunError: a part differs.
     """
     ours = spec.record().get("own", {})
-    theirs = flown.run.spec.get("own", {})
+    theirs = flown.get("own", {})
     for role, part in ours.items():
         if _hashes(part) != _hashes(theirs.get(role)):
             raise RunError(
-                f"{variant.name}: a worker flies with another {role} than this process has: "
+                f"{name}: a worker flies with another {role} than this process has: "
                 "state that a script sets after its import does not reach the workers"
             )
 
@@ -232,8 +257,8 @@ def _hashes(part: Any) -> list[str | None]:
     return [one.get("sha256") for one in described]
 
 
-def _expect_same_libraries(theirs: Mapping[str, str | None]) -> None:
-    """Raise RunError where a worker has other libraries: what it flies is another attempt."""
+def expect_same_libraries(theirs: Mapping[str, str | None]) -> None:
+    """Raise RunError if a worker has other libraries: what it flies is another attempt."""
     ours = this_provenance()["versions"]
     for name in LIBRARIES:
         if theirs.get(name) != ours.get(name):

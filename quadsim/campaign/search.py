@@ -21,8 +21,8 @@ import optuna
 from optuna.distributions import BaseDistribution, FloatDistribution, IntDistribution
 from optuna.trial import FrozenTrial, Trial, TrialState
 
+from quadsim.campaign.database import BUSY_TIMEOUT
 from quadsim.campaign.parameters import Parameter
-from quadsim.campaign.store import BUSY_TIMEOUT
 from quadsim.record.run import RunError
 
 STARTUP = 12  # trials drawn at random before optuna models the good ones

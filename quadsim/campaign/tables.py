@@ -163,15 +163,27 @@ def notes(
             "Above the limit: the median race over the best known limit of the same, nominal "
             "vehicle (race limit)."
         )
-    commits = {c for v in variants for c in v.commits}
+    yield from mixed_commits({v.name: v.commits for v in variants})
+
+
+def mixed_commits(by_name: Mapping[str, Sequence[str]]) -> list[str]:
+    """Return what has to be said of the commits that flew some variants.
+
+    Args:
+        by_name: the commits that flew each variant.
+    """
+    found = []
+    commits = {commit for of_variant in by_name.values() for commit in of_variant}
     if len(commits) > 1:
-        each = "; ".join(f"{v.name}: {', '.join(map(short, v.commits))}" for v in variants)
-        yield (f"MIXED COMMITS: {each}. --this-commit counts only flights of the present commit.")
-    if any(c.endswith(DIRTY) for c in commits):
-        yield (
+        each = "; ".join(f"{name}: {', '.join(map(short, c))}" for name, c in by_name.items())
+        advice = "--this-commit counts only flights of the present commit"
+        found.append(f"MIXED COMMITS: {each}. {advice}.")
+    if any(commit.endswith(DIRTY) for commit in commits):
+        found.append(
             "Flown from files that differ from their commit (+): the flights cannot be reproduced "
             "from it."
         )
+    return found
 
 
 def _limit_known(variants: Sequence[VariantStats]) -> bool:

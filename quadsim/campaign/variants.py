@@ -123,9 +123,18 @@ def expect_identities(variants: Sequence[Variant]) -> None:
             before.
     """
     for variant in variants:
-        for role, part in variant.spec.own_objects().items():
-            try:
-                identity_of(part)
-            except IdentityError as error:
-                wanted = f"expected a {role} that can be told from others"
-                raise SettingError("campaign", f"{wanted}, got {error}") from None
+        expect_identity(variant.spec)
+
+
+def expect_identity(spec: Spec) -> None:
+    """Check that the own parts of a flight can be told from others in a later call.
+
+    Raises:
+        SettingError: a part has no identity.
+    """
+    for role, part in spec.own_objects().items():
+        try:
+            identity_of(part)
+        except IdentityError as error:
+            wanted = f"expected a {role} that can be told from others"
+            raise SettingError("campaign", f"{wanted}, got {error}") from None

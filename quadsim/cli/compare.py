@@ -90,9 +90,8 @@ def compare(
     --variants expect=own,expect=velocity --starts 64 --randomize 1
     """
     if line_up is not None:
-        if attempts != ATTEMPTS or scheduler or this_commit:
-            wanted = "--starts in place of --attempts, and neither --scheduler nor --this-commit"
-            raise UsageError(f"--line-up: expected {wanted}")
+        if attempts != ATTEMPTS:
+            raise UsageError("--line-up: expected --starts in place of --attempts")
         if len(courses) > 1:
             raise UsageError(f"--line-up: expected one course, got {len(courses)}")
         return compare_races(
@@ -104,6 +103,8 @@ def compare(
             rotate=rotate,
             campaign=Path(RACES if campaign == CAMPAIGN else campaign),
             jobs=jobs,
+            scheduler=scheduler,
+            this_commit=this_commit,
             out=Path(out) if out else None,
             json=json,
         )

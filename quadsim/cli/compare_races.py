@@ -7,12 +7,11 @@ from typing import Any
 
 from rich.markup import escape
 
+from quadsim.campaign.compare_heats import fly_comparison
 from quadsim.campaign.heat_report import write_heats_report
-from quadsim.campaign.heat_tables import differences_table, settings_table
-from quadsim.campaign.paired_heats import difference, fly_variants, heat_variants
-from quadsim.campaign.tables import as_table
+from quadsim.campaign.heat_runner import HeatRunner
+from quadsim.campaign.paired_heats import heat_variants
 from quadsim.cli.flags import settings_as_flags
-from quadsim.cli.heat_report import plain, summary_as_json, tables_of
 from quadsim.console import emit, emit_json
 from quadsim.heat.line_up import parse_race_variants
 from quadsim.record.whole_files import expect_file, expect_writable
@@ -27,6 +26,8 @@ def compare_races(
     rotate: bool,
     campaign: Path,
     jobs: int | None,
+    scheduler: str | None,
+    this_commit: bool,
     out: Path | None,
     json: bool,
 ) -> int:
@@ -41,6 +42,8 @@ def compare_races(
         rotate: whether entrants change places from race to race.
         campaign: the SQLite file.
         jobs: the number of workers.
+        scheduler: address of a Dask cluster; None: this machine.
+        this_commit: count only what this commit has flown.
         out: folder of the report; None: beside the campaign.
         json: whether one JSON value is printed in place of tables.
 
@@ -55,25 +58,14 @@ def compare_races(
     report = out or campaign.with_name(f"{campaign.stem}.report")
     expect_writable(report)
 
-    flown = fly_variants(made, campaign, jobs)
-    differences = [difference(flown[0], other) for other in flown[1:]]
+    with HeatRunner(campaign, jobs, scheduler, this_commit) as runner:
+        found = fly_comparison(made, runner)
     if json:
-        emit_json(
-            {
-                "settings": {one.name: summary_as_json(one.summary) for one in flown},
-                "differences": [plain(one) for one in differences],
-                "campaign": str(campaign),
-            }
-        )
+        emit_json(found.as_json() | {"campaign": str(campaign)})
     else:
-        course_name = made[0].heats[0].course.name
-        emit(f"[bold]{escape(course_name)}[/]  {starts} races of each setting")
-        if differences:
-            emit("", as_table(settings_table(flown)), "", as_table(differences_table(differences)))
-        for one in flown:
-            emit("", f"[bold]{escape(one.name)}[/]", *tables_of(one.summary))
-    files = write_heats_report(made, flown, differences, report)
+        emit(*found.renderables())
+    files = write_heats_report(made, found, report)
     if not json:
         emit("", *(f"[dim]{escape(str(file))}[/]" for file in files))
-    complete = all(result is not None for one in flown for result in one.results)
+    complete = all(result is not None for one in found.settings for result in one.results)
     return 0 if complete else 1

@@ -10,7 +10,11 @@ from msgspec import Meta
 from rich.live import Live
 from rich.markup import escape
 
-from quadsim.campaign.heats import fly_heats, summary
+from quadsim.campaign.compare_heats import fly_comparison
+from quadsim.campaign.heat_runner import HeatRunner
+from quadsim.campaign.heat_stats import summary_as_json
+from quadsim.campaign.heat_tables import tables_of
+from quadsim.campaign.paired_heats import HeatVariant
 from quadsim.cli.compare import Jobs, Rotate
 from quadsim.cli.flags import (
     CourseName,
@@ -20,7 +24,6 @@ from quadsim.cli.flags import (
     Json,
     settings_as_flags,
 )
-from quadsim.cli.heat_report import summary_as_json, tables_of
 from quadsim.config.build import use_threads_of
 from quadsim.config.settings import FlightSettings, SettingError
 from quadsim.console import (
@@ -118,19 +121,19 @@ def heat(
         raise UsageError(f"--{'plot' if plot else 'rotation'}: expected none beside --starts")
     path = Path(campaign)
     expect_file(path)
-    results = [result for result in fly_heats(heats, path, jobs) if result is not None]
-    if not results:
-        raise RunError("no race was flown")
-    found = summary(heats[0].names, results, len(heats[0].course.gates))
+    with HeatRunner(path, jobs) as runner:
+        found = fly_comparison([HeatVariant("race", heats)], runner)
+    (flown,) = found.settings
     if json:
-        emit_json(summary_as_json(found) | {"campaign": campaign})
+        emit_json(summary_as_json(flown.summary) | {"campaign": campaign})
     else:
         setting = f"rules {of_race.rules}, expect {of_race.expect}"
         emit(
-            f"[bold]{escape(heats[0].course.name)}[/]  {found.races} races, {setting}",
-            *tables_of(found),
+            f"[bold]{escape(found.course)}[/]  {flown.summary.races} races, {setting}",
+            *tables_of(flown.summary),
+            *(f"  [dim]{escape(note)}[/]" for note in found.notes()),
         )
-    return 0 if len(results) == starts else 1
+    return 0 if flown.summary.races == starts else 1
 
 
 def _one(spec: HeatSpec, runs_dir: str, plot: str | None, json: bool) -> int:

@@ -13,16 +13,18 @@ import json
 import os
 import re
 import time
+from collections.abc import Mapping
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeGuard
 
 import msgspec
 
-from quadsim.config.recorded import spec_of_record
+from quadsim.config.recorded import RecordError, recorded_spec
 from quadsim.course import Course, parse_course
 from quadsim.files.arrays import read_bytes
 from quadsim.files.strict_yaml import FileError
+from quadsim.files.values import SettingError
 from quadsim.heat.result import heat_digest, heat_events, placings
 from quadsim.heat.settings import Awareness, HeatSettings
 from quadsim.heat.spec import Entrant, HeatSpec
@@ -287,11 +289,61 @@ def spec_of_heat(loaded: LoadedHeat, runs_dir: str | None = None) -> HeatSpec:
         runs_dir: folder of runs in place of the recorded one.
 
     Raises:
-        RecordError: a file that took part is missing or differs, or an entrant had parts of the
-            user's own.
+        RecordError: see `recorded_heat`.
     """
+    return _heat_spec(loaded.spec, {}, {"runs_dir": runs_dir} if runs_dir else {})
+
+
+def is_record_of_heat(value: object) -> TypeGuard[Mapping[str, Any]]:
+    """Return whether a value is the record of a race, `spec` of a Heat."""
+    return isinstance(value, Mapping) and isinstance(value.get("entrants"), list | tuple)
+
+
+def recorded_heat(
+    record: Mapping[str, Any],
+    parts: Mapping[str, Mapping[str, Any]] | None = None,
+    settings: Mapping[str, Any] | None = None,
+) -> HeatSpec:
+    """Return the specification of a recorded race, which flies the same again.
+
+    Args:
+        record: `spec` of a Heat.
+        parts: {entrant: {role: part}} of the user's own parts that flew, such as
+            {"mine": {"controller": controller}}.
+        settings: runs_dir, the folder of runs in place of the recorded one.
+
+    Raises:
+        RecordError: a file or a part is missing or differs, or the record is not one of a race.
+        SettingError: parts of an entrant that did not race, or a setting that would change the
+            race.
+    """
+    try:
+        stored = msgspec.convert(record, StoredHeatSpec)
+    except msgspec.ValidationError as error:
+        raise RecordError(f"expected the record of a race: {error}") from None
+    names = [entrant.name for entrant in stored.entrants]
+    for name in parts or {}:
+        if name not in names:
+            raise SettingError("parts", f"expected one of {', '.join(names)}, got {name!r}")
+    for name in settings or {}:
+        if name != "runs_dir":
+            wanted = "expected nothing but parts, runs_dir and threads beside a recorded race"
+            raise SettingError(name, wanted)
+    return _heat_spec(stored, parts or {}, settings or {})
+
+
+def _heat_spec(
+    stored: StoredHeatSpec,
+    parts: Mapping[str, Mapping[str, Any]],
+    settings: Mapping[str, Any],
+) -> HeatSpec:
+    """Return the specification that a record holds."""
     entrants = [
-        Entrant(stored.name, spec_of_record(stored.spec, runs_dir), stored.awareness)
-        for stored in loaded.spec.entrants
+        Entrant(
+            one.name,
+            recorded_spec(one.spec, {**settings, **parts.get(one.name, {})}),
+            one.awareness,
+        )
+        for one in stored.entrants
     ]
-    return HeatSpec(tuple(entrants), loaded.spec.settings, loaded.spec.seed, loaded.spec.rotation)
+    return HeatSpec(tuple(entrants), stored.settings, stored.seed, stored.rotation)

@@ -28,12 +28,14 @@ KINDS = {
     field.name: field.type
     for field in inspect.type_info(HeatSettings).fields  # pyright: ignore[reportAttributeAccessIssue]
 }
+# Texts, settings of a flight, Specs or Entrants; or the settings by name
+Entrants = Sequence[str | Mapping[str, Any] | Spec | Entrant] | Mapping[str, Settings]
 OF_AWARENESS = tuple(f.name for f in fields(Awareness))
 
 
 def line_up(
     course: Place | None,
-    entrants: Sequence[str | Mapping[str, Any] | Spec | Entrant] | Mapping[str, Settings],
+    entrants: Entrants,
     settings: Mapping[str, Any],
 ) -> tuple[tuple[Entrant, ...], HeatSettings]:
     """Return the entrants of a race, and the race's settings.

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import msgspec
 from rich.console import RenderableType
 from rich.markup import escape
 
@@ -41,7 +42,7 @@ class Heat:
         course: the course.
         start_times: when each of them started [s].
         rules: the name of the rules.
-        spec: the specification, None for a race from the disk.
+        spec: the record of the specification, which `quadsim.race` flies again.
 
     Examples:
         >>> import quadsim
@@ -57,7 +58,8 @@ class Heat:
     course: Course
     start_times: tuple[float, ...]
     rules: str
-    spec: HeatSpec | None = None
+    spec: dict[str, Any]
+    _flown: HeatSpec | None = None  # the specification of a race that was flown now
 
     @classmethod
     def flown(cls, spec: HeatSpec, recorder: HeatRecorder) -> Heat:
@@ -68,7 +70,8 @@ class Heat:
             course=spec.course,
             start_times=tuple(spec.start_time(k) for k in range(len(spec.entrants))),
             rules=spec.settings.rules,
-            spec=spec,
+            spec=spec.record(),
+            _flown=spec,
         )
 
     @classmethod
@@ -81,6 +84,7 @@ class Heat:
             course=loaded.course,
             start_times=loaded.start_times,
             rules=loaded.spec.settings.rules,
+            spec=msgspec.to_builtins(loaded.spec),
         )
 
     def __getitem__(self, name: str) -> Run:
@@ -182,9 +186,9 @@ class Heat:
             RunError: it cannot be written.
             ValueError: the race is one from the disk.
         """
-        if self.spec is None:
+        if self._flown is None:
             raise ValueError("expected a race that was flown now; a stored one has its folder")
-        return save_heat(self.spec, self.runs, runs_dir)
+        return save_heat(self._flown, self.runs, runs_dir)
 
 
 def fly_heat(spec: HeatSpec) -> Heat:

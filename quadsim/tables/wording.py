@@ -38,11 +38,6 @@ FLIGHT = (
     "deadline_ms",
 )
 IMPORT = "import quadsim\n\n"
-IMPORT_HEAT = """\
-from quadsim.heat.archive import load_heat, spec_of_heat
-from quadsim.results.heat import fly_heat
-
-"""
 
 
 class Wording(NamedTuple):
@@ -154,5 +149,5 @@ def heat_wording(folder: Path) -> Wording:
     place = str(folder.resolve())
     return Wording(
         command=f"race heat --from {shlex.quote(place)}",
-        python=f"{IMPORT_HEAT}heat = fly_heat(spec_of_heat(load_heat({place!r})))",
+        python=f"{IMPORT}heat = quadsim.race(quadsim.load_heat({place!r}).spec)",
     )

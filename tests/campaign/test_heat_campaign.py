@@ -10,27 +10,39 @@ import time
 import numpy as np
 import pytest
 
-from quadsim.campaign.heat_tables import overtakers_table
-from quadsim.campaign.heats import (
-    PairStats,
+import quadsim
+from quadsim.campaign.attempt import this_provenance
+from quadsim.campaign.compare_heats import fly_comparison
+from quadsim.campaign.database import code_of
+from quadsim.campaign.heat_runner import FlownHeat, HeatRunner
+from quadsim.campaign.heat_stats import summary
+from quadsim.campaign.heat_store import (
+    HeatResult,
+    HeatStore,
     StoredEvent,
     StoredPlacing,
-    StoredResult,
-    bradley_terry,
-    fly_heats,
-    summary,
+    key_of,
 )
-from quadsim.campaign.paired_heats import FlownHeats, difference
+from quadsim.campaign.heat_tables import overtakers_table
+from quadsim.campaign.paired_heats import FlownHeats, HeatVariant, difference
 from quadsim.campaign.pool import Pool
+from quadsim.campaign.rating import HeadToHead, bradley_terry
 from quadsim.cli.cli import race
 from quadsim.files.values import SettingError
 from quadsim.heat.line_up import heats_of, line_up, parse_race_variants
+from quadsim.heat.spec import HeatSpec
 from quadsim.record.run import RunError
 from quadsim.record.statistics import mean_interval, wilson
 from tests.campaign_cases import RACE
 from tests.small import SHORT, flags
 
 SETTINGS = {**SHORT, "first_iterations": 1, "timeout": 0.2}
+
+
+def fly_heats(heats, file, jobs):
+    """Return the results of heats that a campaign's file has, and fly what it lacks."""
+    with HeatRunner(file, jobs) as runner:
+        return [row.result for row in runner(heats)]
 
 
 def races(strengths, number, seed):
@@ -42,7 +54,7 @@ def races(strengths, number, seed):
         for b in names[k + 1 :]:
             p = 1.0 / (1.0 + 10 ** ((strengths[b] - strengths[a]) / 400.0))
             first = int(rng.binomial(number, p))
-            pairs.append(PairStats(a, b, number, first, wilson(first, number)))
+            pairs.append(HeadToHead(a, b, number, first, wilson(first, number)))
     return names, pairs
 
 
@@ -60,14 +72,14 @@ def test_ratings_of_many_races_are_the_strengths_within_their_intervals():
 
 
 def test_who_always_wins_has_a_finite_rating():
-    found = bradley_terry(["a", "b"], [PairStats("a", "b", 20, 20, wilson(20, 20))])
+    found = bradley_terry(["a", "b"], [HeadToHead("a", "b", 20, 20, wilson(20, 20))])
     assert found["a"][0] > 1500.0 > found["b"][0]
     assert np.isfinite(found["a"][1])
 
 
 def stored(order, *events):
     placings = [StoredPlacing(k, name, "finished", 10.0 + k) for k, name in enumerate(order, 1)]
-    return StoredResult(placings, [StoredEvent(*event) for event in events], "")
+    return HeatResult(placings, [StoredEvent(*event) for event in events], "")
 
 
 def of_setting(name, *results):
@@ -137,7 +149,7 @@ def test_settings_of_races_are_read_with_and_without_names():
 @pytest.fixture
 def in_this_process(monkeypatch):
     """Races are flown here instead of in workers."""
-    monkeypatch.setattr("quadsim.campaign.heats.open_pool", lambda *_: Pool())
+    monkeypatch.setattr("quadsim.campaign.runner.open_pool", lambda *_: Pool())
 
 
 @pytest.mark.compiled
@@ -231,7 +243,7 @@ def rows(file):
 
 def test_a_damaged_file_is_one_line(tmp_path):
     (tmp_path / "a.sqlite").write_text("no database")
-    with pytest.raises(RunError, match=r"a\.sqlite: cannot keep races here"):
+    with pytest.raises(RunError, match=r"a\.sqlite: cannot keep the campaign here"):
         fly_heats(small_heats(1), tmp_path / "a.sqlite", jobs=0)
 
 
@@ -243,7 +255,154 @@ def test_an_interrupted_campaign_says_whether_races_are_kept(ended, tmp_path, mo
             yield heat, fly(heat)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("quadsim.campaign.heats.run_all", interrupted)
+    monkeypatch.setattr("quadsim.campaign.heat_runner.run_all", interrupted)
     with pytest.raises(KeyboardInterrupt) as stop:
         fly_heats(small_heats(2), tmp_path / "a.sqlite", jobs=0)
     assert ("the same command continues" in str(stop.value)) == bool(ended)
+
+
+@pytest.fixture
+def by_draw(monkeypatch):
+    """Heats are not flown: the entrant that is named first wins. The list of their seeds."""
+    seeds = []
+
+    def flown(pool, fly, missing):
+        for heat in missing:
+            seeds.append(heat.seed)
+            result = stored(heat.names)
+            yield heat, FlownHeat(result, heat.record(), this_provenance())
+
+    monkeypatch.setattr("quadsim.campaign.heat_runner.run_all", flown)
+    return seeds
+
+
+def test_a_row_that_cannot_be_read_is_named_and_flown_again(tmp_path, by_draw, capsys):
+    file = tmp_path / "a.sqlite"
+    heats = small_heats(4)
+    fly_heats(heats, file, jobs=0)
+    missing_entrant = json.dumps({"order": [], "events": [], "digest": ""})
+    with sqlite3.connect(file) as db:
+        damage = "UPDATE heats SET result = ? WHERE seed = ?"
+        db.execute(damage, ("{", 1))
+        db.execute(damage, (missing_entrant, 2))
+        db.execute(damage, ("null", 3))
+    by_draw.clear()
+    again = fly_heats(heats, file, jobs=0)
+    assert by_draw == [1, 2, 3]
+    assert [len(result.order) for result in again] == [2] * 4
+    err = capsys.readouterr().err
+    assert err.count("is damaged and does not count") == 3
+    assert "the heat of seed 1" in err
+
+
+def test_a_file_of_an_earlier_version_is_read(tmp_path, by_draw):
+    file = tmp_path / "heats.sqlite"
+    heats = small_heats(2)
+    result = json.dumps(
+        {
+            "order": [
+                {"rank": k, "name": name, "outcome": "finished", "time": 4.0 + k}
+                for k, name in enumerate(heats[0].names, 1)
+            ],
+            "events": [],
+            "digest": "of before",
+        }
+    )
+    with sqlite3.connect(file) as db:
+        db.execute(
+            "CREATE TABLE heats (key TEXT PRIMARY KEY, seed INTEGER, rotation INTEGER,"
+            " code TEXT, result TEXT)"
+        )
+        db.execute("INSERT INTO heats VALUES (?, 0, 0, 'abc', ?)", (key_of(heats[0]), result))
+    first, _ = fly_heats(heats, file, jobs=0)
+    assert first.digest == "of before"
+    assert by_draw == [1]
+
+
+def test_heats_of_another_commit_are_named_and_can_be_left_out(tmp_path, by_draw):
+    file = tmp_path / "a.sqlite"
+    heats = small_heats(2)
+    fly_heats(heats, file, jobs=0)
+    with sqlite3.connect(file) as db:
+        db.execute("UPDATE heats SET code = 'another' WHERE seed = 0")
+    by_draw.clear()
+    variants = [HeatVariant("race", heats)]
+    with HeatRunner(file, jobs=0) as runner:
+        found = fly_comparison(variants, runner)
+    assert by_draw == []
+    assert any(note.startswith("MIXED COMMITS") for note in found.notes())
+    with HeatRunner(file, jobs=0, this_commit=True) as runner:
+        found = fly_comparison(variants, runner)
+    assert by_draw == [0]
+    assert found.settings[0].commits == (code_of(this_provenance()),)
+
+
+def test_a_part_that_cannot_be_told_from_others_is_refused_before_anything_flies(tmp_path, by_draw):
+    class Drawing:
+        """A controller whose state is unknown."""
+
+        rest = (0.0, 0.0, 0.0, 9.81)
+
+        def __init__(self):
+            self.numbers = (k for k in range(3))
+
+        def control(self, estimate):
+            return (0.0, 0.0, 0.0, 9.81)
+
+    made, of_race = line_up("figure8", [{"controller": Drawing()}, "gaussian"], SETTINGS)
+    with pytest.raises(SettingError, match="expected a controller that can be told from others"):
+        fly_heats(heats_of(made, of_race, 0, 2), tmp_path / "a.sqlite", jobs=0)
+    assert by_draw == []
+
+
+def test_workers_that_fly_with_other_parts_are_refused(tmp_path, monkeypatch, by_draw):
+    class Processes(Pool):
+        in_this_process = False
+
+    monkeypatch.setattr("quadsim.campaign.runner.open_pool", lambda *_: Processes())
+    made, of_race = line_up("figure8", [{"controller": Level()}, "gaussian"], SETTINGS)
+    heats = heats_of(made, of_race, 0, 1)
+    assert fly_heats(heats, tmp_path / "same.sqlite", jobs=1)
+    monkeypatch.setattr(Level, "climb", 0.1)  # this process has changed its class since
+    flown_before = HeatSpec.record
+
+    def record(heat):
+        found = flown_before(heat)
+        found["entrants"][0]["spec"]["own"]["controller"]["sha256"] = "of the worker"
+        return found
+
+    def flown(pool, fly, missing):
+        for heat in missing:
+            yield heat, FlownHeat(stored(heat.names), record(heat), this_provenance())
+
+    monkeypatch.setattr("quadsim.campaign.heat_runner.run_all", flown)
+    with pytest.raises(RunError, match="a worker flies with another controller"):
+        fly_heats(heats, tmp_path / "other.sqlite", jobs=1)
+
+
+class Level:
+    """A controller that holds the attitude."""
+
+    climb = 0.0
+
+    def control(self, estimate):
+        return (0.0, 0.0, 0.0, 9.81 + self.climb)
+
+
+def test_a_comparison_of_line_ups_from_python(tmp_path, by_draw):
+    variants = {"aware": {"expect": "velocity"}, "blind": {"expect": "nothing"}}
+    found = quadsim.compare_heats(
+        ["colored", "gaussian"],
+        "figure8",
+        variants,
+        starts=3,
+        campaign=tmp_path / "a.sqlite",
+        **SETTINGS,
+    )
+    assert [(one.name, one.summary.races) for one in found.settings] == [("aware", 3), ("blind", 3)]
+    (change,) = found.differences
+    assert change.contacts.mean == 0.0
+    assert "blind - aware" in str(found)
+    assert set(found.as_json()) == {"settings", "differences"}
+    with HeatStore(tmp_path / "a.sqlite") as store:
+        assert len(store.rows()) == 6

@@ -223,10 +223,35 @@ def test_a_stored_race_is_read_and_flown_again_to_the_last_bit(raced, stored, ca
     again = capsys.readouterr()
     assert json.loads(again.out)["digest"] == raced.digest()
     assert "the same race as the stored one" in again.err
+    assert quadsim.race(quadsim.load_heat(stored).spec).digest() == raced.digest()
     record = json.loads((stored / "heat.json").read_text())
     assert record["order"][0]["rank"] == 1
     with pytest.raises(quadsim.FileError, match="race heat --from"):
         quadsim.fly(loaded.runs[0].spec)
+
+
+@pytest.mark.parametrize(
+    ("beside", "problem"),
+    [
+        ({"laps": 2}, "laps: expected nothing but parts, runs_dir and threads beside a recorded"),
+        ({"course": "figure8"}, "course: expected nothing but parts"),
+        ({"parts": {"nobody": {}}}, "parts: expected one of colored, gaussian, got 'nobody'"),
+    ],
+)
+def test_a_recorded_race_is_flown_as_it_was_or_not_at_all(beside, problem):
+    made, of_race = line_up("figure8", ["colored", "gaussian"], SMALL)
+    record = HeatSpec(made, of_race, seed=5).record()
+    with pytest.raises(quadsim.SettingError) as error:
+        quadsim.race(record, **beside)
+    assert str(error.value).startswith(problem)
+
+
+def test_what_is_no_record_of_a_race_is_one_line():
+    with pytest.raises(quadsim.FileError, match="expected the record of a race") as error:
+        quadsim.race({"entrants": [1], "seed": 0})
+    assert "\n" not in str(error.value)
+    with pytest.raises(quadsim.SettingError, match="expected none but beside heat.spec"):
+        quadsim.race(["colored"], parts={"colored": {}})
 
 
 @pytest.mark.compiled
