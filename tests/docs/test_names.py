@@ -7,7 +7,8 @@ import tomllib
 import pytest
 import yaml
 
-from quadsim.campaign.store import TABLE
+from quadsim.campaign.heat_store import HeatStore
+from quadsim.campaign.store import Store
 from tests.docs import names
 from tests.docs.names import missing_flags, missing_keywords, missing_links, missing_names, pages
 from tests.docs.pages import ROOT
@@ -88,9 +89,9 @@ def test_a_name_of_nothing_is_found(kind, tmp_path, monkeypatch):
         assert len(CHECKS[kind](page)) == 1, wrong
 
 
-def test_the_queries_on_the_pages_are_of_columns_that_a_campaign_has():
-    with sqlite3.connect(":memory:") as database:
-        database.execute(TABLE)
+def test_the_queries_on_the_pages_are_of_columns_that_a_campaign_has(tmp_path):
+    file = tmp_path / "campaign.sqlite"
+    with Store(file), HeatStore(file), sqlite3.connect(file) as database:
         queries = [
             query
             for page in pages()
