@@ -427,7 +427,7 @@ class MPPI:
     def is_cached(self) -> bool:
         """Whether the loops were compiled on this machine before.
 
-        If they were not, the first plan takes some 20 s longer.
+        If they were not, the first plan takes some 15 s longer.
         """
         if not self.rollout.is_cached:
             return False

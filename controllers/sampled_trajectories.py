@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import isfinite
 
 import numpy as np
 
+from controllers.costs import Cost, evaluate
+from controllers.lanes.lanes import Rollout, Trajectories
 from controllers.lanes.layout import LANES, chunks, sample
 from controllers.mppi import MPPI, Iteration
 from controllers.plan import PlannerSnapshot
@@ -47,16 +50,72 @@ def sampled_trajectories(
     plan = mppi.plan.T[None]  # (1, n_u, T)
     v = np.concatenate([controls(mppi, last, best), plan])  # (samples + 1, n_u, T)
 
-    # Positions (samples + 1, T, 3) and terms (samples + 1, n_terms)
-    paths, terms = mppi.rollout.paths(last.x, v, last.target)
+    found = mppi.rollout.trajectories(last.x, v, last.target)
     shown = np.linspace(0, len(mppi.plan) - 1, points).round().astype(int)
-    names = mppi.rollout.cost.term_names
+    paths = found.states[:, shown, :3]
     return SampledTrajectories(
-        paths=paths[:-1, shown],
+        paths=paths[:-1],
         costs=last.J[best],
-        plan=paths[-1, shown],
-        terms=dict(zip(names, terms[-1].tolist(), strict=True)),
+        plan=paths[-1],
+        terms=terms_of(mppi.rollout, last.x, plan[0], last.target, found.sample(-1)),
     )
+
+
+def terms_of(
+    rollout: Rollout, x0: np.ndarray, v: np.ndarray, target: int, found: Trajectories
+) -> dict[str, float]:
+    """Return the horizon mean of each term of the cost along a trajectory, by name.
+
+    The loops add up all terms. So the terms are computed here once more, on arrays over all steps
+    and by the functions that the loops inline.
+
+    Args:
+        rollout: the rollout.
+        x0: state  (n_x,).
+        v: controls  (n_u, T).
+        target: number of targets reached.
+        found: the trajectory of these controls, one sample.
+    """
+    system, cost, d = rollout.system, rollout.cost, rollout.dtype
+    T = v.shape[1]
+    before = np.vstack([x0.astype(d), found.states[:-1]])
+    u = np.clip(v, np.array(system.low)[:, None], np.array(system.high)[:, None])
+    rows = cost.targets_from(target, x0, d)[found.rows]
+
+    # Numbers overflow in silence here, as they do in the loops.
+    with np.errstate(all="ignore"):
+        stage = evaluate(
+            _terms_alone(cost),
+            system.state(*before.T),
+            system.state(*found.states.T),
+            system.control(*u.astype(d)),
+            tuple(rows.T),
+            found.crashed,
+            np.arange(T),
+        )
+    weights = rollout.schedule.cost(T)
+    means = dict.fromkeys(cost.term_names, 0.0)
+    for name, value in stage.terms.items():
+        means[name] = float(np.mean(weights * value))
+
+    # A crash into an obstacle is found some steps late, and is paid at once for these steps, each
+    # as much as the weight of crashes. So they are what J has beyond the terms, but for rounding.
+    if cost.obstacles is not None:
+        crash = cost.terms[cost.crash_term]
+        beyond = (float(found.J) - sum(means.values())) * T
+        if crash.weight and isfinite(beyond):
+            late = max(round(beyond / crash.weight), 0)
+            means[crash.name] += late * crash.weight / T
+    return means
+
+
+def _terms_alone(cost: Cost) -> Cost:
+    """Return a cost of the terms that weigh something, without what decides on crashes and targets.
+
+    The loops leave the other terms out, whose values need not be finite.
+    """
+    terms = tuple(term for term in cost.terms if np.any(term.weight))
+    return replace(cost, terms=terms, reached=None, crash=None)
 
 
 def controls(mppi: MPPI, last: Iteration, which: np.ndarray) -> np.ndarray:

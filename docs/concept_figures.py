@@ -98,8 +98,7 @@ def noise() -> Any:
         mppi.control(x)
         v = perturbations(mppi)  # (30, n_u, T)
         series.plot(t, v[3, 0], color=colour, label=name)
-        paths, _ = mppi.rollout.paths(x, v, 0)
-        for path in paths:
+        for path in mppi.rollout.trajectories(x, v, 0).states:
             reach.plot(*path[:, :2].T, color=colour, linewidth=0.8)
     series.set(
         title="One control of one sample, σ = 1", xlabel="t [s]", ylabel="perturbation [m/s²]"

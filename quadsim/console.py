@@ -25,7 +25,7 @@ from quadsim.files.json_values import without_nan
 # Control characters, but not the colours of rich
 CONTROL = re.compile(r"(?!\x1b\[[\d;]*m)[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 COLOUR = re.compile("\x1b[^m]*m")
-COMPILING = "compiling the planner for this machine, once: some 20 s"
+COMPILING = "compiling the planner for this machine, once: some 15 s"
 
 
 class UsageError(ValueError):

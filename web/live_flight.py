@@ -41,7 +41,7 @@ class LiveFlight:
     Attributes:
         now: the flight as the page shows it; any thread may read it.
         period: control period [s].
-        is_cached: False if the first plan has to compile, which takes some 20 s.
+        is_cached: False if the first plan has to compile, which takes some 15 s.
         hand: the controller by which a person flies, None where nobody does.
 
     Args:

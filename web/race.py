@@ -174,7 +174,7 @@ class PageRace:
         self._stored = tuple(shown)
         if not all(flight.is_cached for flight in flights):
             compiling = "Compiling the planner for this machine"
-            self.notices.add("wait", compiling, "once; it takes some 20 s")
+            self.notices.add("wait", compiling, "once; it takes some 15 s")
         self._begin()
 
     def _built(self, choices: Sequence[AnyChoices]) -> list[Flyer]:

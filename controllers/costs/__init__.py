@@ -422,7 +422,7 @@ def evaluate(
     u: Sequence,
     target: Sequence,
     crashed: Any = 0.0,
-    t: int = 0,
+    t: int | np.ndarray = 0,
 ) -> Evaluated:
     """Return the weighted terms of one step, by the same functions that the rollouts inline.
 
@@ -432,7 +432,8 @@ def evaluate(
         u: record of the control.
         target: a target row's numbers.
         crashed: whether the sample had crashed before, 0.0 or 1.0.
-        t: step of the horizon, where parameters depend on it.
+        t: step of the horizon, if parameters depend on it; an array, if the records are of arrays
+            over several steps.
     """
     gate = cost.row._make(target)
     shared = at_step(cost.params, t)
@@ -450,12 +451,12 @@ def evaluate(
     return Evaluated(terms, reached, crashed)
 
 
-def at_step(parameters: Record, t: int) -> Any:
+def at_step(parameters: Record, t: int | np.ndarray) -> Any:
     """Return a record of parameters at step t of the horizon."""
     return parameters._make(number_at_step(value, t) for value in parameters)
 
 
-def number_at_step(value: Weight, t: int) -> Any:
+def number_at_step(value: Weight, t: int | np.ndarray) -> Any:
     """Return a weight or parameter at step t of the horizon.
 
     It is the number itself, or its entry of an array (T,).

@@ -11,6 +11,7 @@ import linecache
 import logging
 import pickle
 import sys
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,9 @@ from quadsim.files.atomic import replace_file
 from quadsim.files.cache import cache_folder
 
 SUM = sha256().digest_size
+# Files whose functions become a part of loops in other files, so that these are compiled anew when
+# such a function changes
+INLINED = ("normals.py", "sharing.py")
 LARGEST = 50_000_000  # bytes that are read, of a device too; the code of a planner has 300 000
 # In a program that has not set up logging, a warning is one line on stderr.
 log = logging.getLogger("quadsim")
@@ -41,7 +45,8 @@ class CodeCache(NullCache):
         options = {}
         for name, value in sorted(function.targetoptions.items()):
             options[name] = sorted(value) if isinstance(value, set) else value
-        self._made_of = f"{numba.__version__} {sys.version_info[:2]} {options} {text}"
+        version = f"{numba.__version__} {sys.version_info[:2]}"
+        self._made_of = f"{version} {options} {_inlined()} {text}"
 
     @staticmethod
     def stem(function: Any) -> str:
@@ -72,7 +77,7 @@ class CodeCache(NullCache):
             where = path.parent if path else "compiled code"
             log.warning(
                 f"{where}: cannot keep compiled code: {error.strerror}; "
-                "each start compiles anew, some 20 s"
+                "each start compiles anew, some 15 s"
             )
 
     def _path(self, sig: Any, codegen: Any) -> Path | None:
@@ -83,6 +88,15 @@ class CodeCache(NullCache):
         inputs = f"{self._made_of} {sig} {codegen.magic_tuple()}"
         digest = sha256(inputs.encode()).hexdigest()[:16]
         return folder / f"{self._stem}-{digest}.code"
+
+
+@cache
+def _inlined() -> str:
+    """Return a digest of the INLINED files."""
+    digest = sha256()
+    for name in INLINED:
+        digest.update(Path(__file__).with_name(name).read_bytes())
+    return digest.hexdigest()
 
 
 def _read(path: Path) -> bytes | None:

@@ -23,6 +23,10 @@ from quadsim.files.cache import cache_folder
 
 COLOUR = re.compile("\x1b\\[[0-9;]*m")  # of numba's errors in a terminal
 
+# Steps of numba that the loops can do without, and that take a tenth of the time to compile them:
+# an entry for callbacks from C, and the rewriting of expressions over whole arrays and of `raise`
+SPARED = {"no_cfunc_wrapper": True, "no_rewrites": True}
+
 # The loops that run on several threads
 _parallel: list[Any] = []
 
@@ -30,8 +34,9 @@ _parallel: list[Any] = []
 def kept(function: Any) -> Any:
     """Keep the compiled code on the disk for the next process, and let Ctrl-C end compiling.
 
-    This is a decorator above numba's njit.
+    This is a decorator above numba's njit, for a function without a statement `raise`.
     """
+    function.targetoptions.update(SPARED)
     compile_ = function.compile
 
     def compiled(signature: Any) -> Any:

@@ -104,11 +104,14 @@ def restart(l, environment, seed, starts, targets, state, target, model, last, r
     <observe>
 
 @kept
-@njit(fastmath=FAST, error_model="numpy", parallel=True)
-def begin(states, rows, models, actions, way, room, row, steps, passes, episode, over, obs, starts,
-          targets, course, seed, chosen, racers):
+@njit(fastmath=FAST, error_model="numpy")
+def begin(run_parts, first, last, states, rows, models, actions, way, room, row, steps, passes,
+          episode, over, obs, starts, targets, course, seed, chosen, racers):
+    if run_parts:
+        share(run_parts, last)
+        return
     # `racers` blocks in a row hold the vehicles of the same races: one draw starts all of a race
-    for b in prange(states.shape[0]):
+    for b in range(first, last):
         for l in range(L):
             if chosen[b, l]:
                 restart(l, b // racers * L + l, seed, starts[course[b]], targets[course[b]],
@@ -201,101 +204,108 @@ def add_noise(obs, noise, lane, key, call):
 
 ADVANCE = """
 @kept
-@njit(fastmath=FAST, error_model="numpy", parallel=True)
-def advance(states, rows, models, actions_before, way, room, row, steps, passes, episode, over, obs,
-            starts, targets, course, seed, p_cost, dt, actions, final, reward_of, ended, cut,
-            passed, crashed_now, last_row, obstacles, n_obstacles, low, half, limit, mode, p_reward,
-            noise, key, call, parts):
-    blocks = states.shape[0]
+@njit(fastmath=FAST, error_model="numpy")
+def advance(run_parts, first, last, states, rows, models, actions_before, way, room, row, steps,
+            passes, episode, over, obs, starts, targets, course, seed, p_cost, dt, actions, final,
+            reward_of, ended, cut, passed, crashed_now, last_row, obstacles, n_obstacles, low, half,
+            limit, mode, p_reward, noise, key, call):
+    if run_parts:
+        share(run_parts, last)
+        return
     <read_command>
     <read_reward>
-    for part in prange(parts):
-        # arrays that are read: state, action, target row, the vehicle's parameters, last action,
-        # next gates
-        state = np.empty((<n_x>, L), F)
-        action = np.empty((<n_u>, L), F)
-        target = np.empty((<n_target>, L), F)
-        model = np.empty((<n_p>, L), F)
-        before = np.empty((<n_u>, L), F)
-        gates = np.empty((<n_gates>, L), F)
-        # arrays that are written: next state, clipped action, observation
-        after = np.empty((<n_x>, L), F)
-        clipped = np.empty((<n_u>, L), F)
-        seen = np.empty((<n_obs>, L), F)
-        way_now = np.empty(L, F)
-        way_before = np.empty(L, F)
-        clearance = np.empty(L, F)
-        crashed = np.empty(L, F)
-        moved = np.empty(L, F)
-        paid = np.empty(L, F)
-        reached = np.empty(L, np.int32)
-        for b in range(part * blocks // parts, (part + 1) * blocks // parts):
-            c = course[b]
-            move(states[b], state)
-            move(actions[b], action)
-            move(rows[b][:<n_target>], target)
-            move(models[b], model)
-            <read_cost>
+    # arrays that are read: state, action, target row, the vehicle's parameters, last action,
+    # next gates
+    state = np.empty((<n_x>, L), F)
+    action = np.empty((<n_u>, L), F)
+    target = np.empty((<n_target>, L), F)
+    model = np.empty((<n_p>, L), F)
+    before = np.empty((<n_u>, L), F)
+    gates = np.empty((<n_gates>, L), F)
+    # arrays that are written: next state, clipped action, observation
+    after = np.empty((<n_x>, L), F)
+    clipped = np.empty((<n_u>, L), F)
+    seen = np.empty((<n_obs>, L), F)
+    way_now = np.empty(L, F)
+    way_before = np.empty(L, F)
+    clearance = np.empty(L, F)
+    crashed = np.empty(L, F)
+    moved = np.empty(L, F)
+    paid = np.empty(L, F)
+    reached = np.empty(L, np.int32)
+    for b in range(first, last):
+        c = course[b]
+        move(states[b], state)
+        move(actions[b], action)
+        move(rows[b][:<n_target>], target)
+        move(models[b], model)
+        <read_cost>
+        for l in range(L):
+            <step>
+            dx = after[0, l] - state[0, l]
+            dy = after[1, l] - state[1, l]
+            dz = after[2, l] - state[2, l]
+            moved[l] = math.sqrt(dx * dx + dy * dy + dz * dz)
+        if mode == <WAIT>:
+            hold(over[b], state, after, moved, way[b], way_now, crashed, reached)
+        for l in range(L):
+            way_before[l] = way[b, l] if steps[b, l] > 0 else way_now[l]
+        meet_obstacles(states[b], after, moved, room[b], crashed,
+                       obstacles[c, : n_obstacles[c]])
+        next_targets(rows[b], row[b], passes[b], reached, targets[c], last_row[c])
+        move(actions_before[b], before)
+        move(rows[b][<n_target>:], gates)
+        for l in range(L):
+            <pay>
+        move(after, states[b])
+        move(clipped, actions_before[b])
+        move(seen, obs[b])
+        for l in range(L):
+            way[b, l] = way_now[l]
+            reward_of[b, l] = paid[l]
+        if judge(steps[b], row[b], crashed, reached, over[b], ended[b], cut[b], passed[b],
+                 crashed_now[b], last_row[c], limit):
             for l in range(L):
-                <step>
-                dx = after[0, l] - state[0, l]
-                dy = after[1, l] - state[1, l]
-                dz = after[2, l] - state[2, l]
-                moved[l] = math.sqrt(dx * dx + dy * dy + dz * dz)
-            if mode == <WAIT>:
-                hold(over[b], state, after, moved, way[b], way_now, crashed, reached)
-            for l in range(L):
-                way_before[l] = way[b, l] if steps[b, l] > 0 else way_now[l]
-            meet_obstacles(states[b], after, moved, room[b], crashed,
-                           obstacles[c, : n_obstacles[c]])
-            next_targets(rows[b], row[b], passes[b], reached, targets[c], last_row[c])
-            move(actions_before[b], before)
-            move(rows[b][<n_target>:], gates)
-            for l in range(L):
-                <pay>
-            move(after, states[b])
-            move(clipped, actions_before[b])
-            move(seen, obs[b])
-            for l in range(L):
-                way[b, l] = way_now[l]
-                reward_of[b, l] = paid[l]
-            if judge(steps[b], row[b], crashed, reached, over[b], ended[b], cut[b], passed[b],
-                     crashed_now[b], last_row[c], limit):
-                for l in range(L):
-                    waited = over[b, l] and mode == <WAIT>
-                    if waited:
-                        steps[b, l] -= np.int32(1)
-                    if waited or (over[b, l] and mode == <NEXT_STEP>):
-                        ended[b, l] = False
-                        cut[b, l] = False
-                        passed[b, l] = False
-                        crashed_now[b, l] = False
-                        reward_of[b, l] = F(0)
-                    done = ended[b, l] or cut[b, l]
-                    again = done if mode == <SAME_STEP> else over[b, l] and mode == <NEXT_STEP>
-                    over[b, l] = waited or (done and mode != <SAME_STEP>)
-                    if done and mode == <SAME_STEP>:
-                        for k in range(<n_obs>):
-                            final[b, k, l] = obs[b, k, l]
-                    if again:
-                        restart(l, b * L + l, seed, starts[c], targets[c], states[b], rows[b],
-                                models[b], actions_before[b], room[b], row[b], steps[b],
-                                passes[b], episode[b], obs[b])
-            if noise[0] >= F(0):
-                add_noise(obs[b], noise, b * L, key, call)
+                waited = over[b, l] and mode == <WAIT>
+                if waited:
+                    steps[b, l] -= np.int32(1)
+                if waited or (over[b, l] and mode == <NEXT_STEP>):
+                    ended[b, l] = False
+                    cut[b, l] = False
+                    passed[b, l] = False
+                    crashed_now[b, l] = False
+                    reward_of[b, l] = F(0)
+                done = ended[b, l] or cut[b, l]
+                again = done if mode == <SAME_STEP> else over[b, l] and mode == <NEXT_STEP>
+                over[b, l] = waited or (done and mode != <SAME_STEP>)
+                if done and mode == <SAME_STEP>:
+                    for k in range(<n_obs>):
+                        final[b, k, l] = obs[b, k, l]
+                if again:
+                    restart(l, b * L + l, seed, starts[c], targets[c], states[b], rows[b],
+                            models[b], actions_before[b], room[b], row[b], steps[b],
+                            passes[b], episode[b], obs[b])
+        if noise[0] >= F(0):
+            add_noise(obs[b], noise, b * L, key, call)
 
 @kept
-@njit(parallel=True)
-def to_rows(lanes, rows):
-    for b in prange(lanes.shape[0]):
+@njit
+def to_rows(run_parts, first, last, lanes, rows):
+    if run_parts:
+        share(run_parts, last)
+        return
+    for b in range(first, last):
         for l in range(min(L, rows.shape[0] - b * L)):
             for k in range(rows.shape[1]):
                 rows[b * L + l, k] = lanes[b, k, l]
 
 @kept
-@njit(parallel=True)
-def to_lanes(rows, lanes):
-    for b in prange(lanes.shape[0]):
+@njit
+def to_lanes(run_parts, first, last, rows, lanes):
+    if run_parts:
+        share(run_parts, last)
+        return
+    for b in range(first, last):
         for l in range(min(L, rows.shape[0] - b * L)):
             for k in range(rows.shape[1]):
                 lanes[b, k, l] = rows[b * L + l, k]

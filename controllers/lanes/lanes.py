@@ -12,14 +12,30 @@ import sys
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 
 from controllers.costs import Cost
 from controllers.lanes.compiled import is_cached, load_module
+from controllers.lanes.layout import LANES
 from controllers.lanes.planner_loops import module_source, steps_between
+from controllers.lanes.sharing import on_threads
 from controllers.schedule import Schedule
 from quadsim.dynamics import System
+
+
+class Trajectories(NamedTuple):
+    """Samples that were rolled out, with what happened in each step."""
+
+    states: np.ndarray  # after each step  (samples, T, n_x)
+    crashed: np.ndarray  # 1.0 from the step of a crash on, else 0.0  (samples, T)
+    rows: np.ndarray  # the target row of each step, counted from the first  (samples, T)
+    J: np.ndarray  # (samples,)
+
+    def sample(self, m: int) -> Trajectories:
+        """Return sample m, without the axis of samples."""
+        return Trajectories(*(each[m] for each in self))
 
 
 @dataclass(frozen=True)
@@ -47,32 +63,44 @@ class Rollout:
         """
         d = self.dtype
         numbers = self._numbers(x0, target, len(U))
-        self._module.rollout(np.asarray(x0, d), U.astype(d), noise, J, *numbers)
+        # For a plan of another order the loop would be compiled anew.
+        plan = U.astype(d, "C")
+        keep_none = np.empty((0, 0, 0), d)
+        loop = self._module.rollout
+        on_threads(loop, len(J), np.asarray(x0, d), plan, noise, J, keep_none, *numbers)
 
-    def paths(self, x0: np.ndarray, v: np.ndarray, target: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return the paths under some controls, rolled out as one block on one thread.
+    def trajectories(self, x0: np.ndarray, v: np.ndarray, target: int) -> Trajectories:
+        """Return the trajectories under some controls.
+
+        They are rolled out as one block on the calling thread, whatever the other threads do.
 
         Args:
             x0: state  (n_x,).
             v: controls of at most LANES samples  (samples, n_u, T).
             target: number of targets reached.
-
-        Returns:
-            The first three numbers of the state, which are the position of a vehicle
-            (samples, T, 3), and the horizon mean of each term of the cost (samples, n_terms).
         """
         d = self.dtype
         samples, n_u, T = v.shape
-        block = np.ascontiguousarray(v.transpose(1, 2, 0), d)
-        path = np.empty((T, min(3, len(self.system.states)), samples), d)
-        means = np.empty((len(self.cost.term_names), samples), d)
-
-        # The controls are perturbations of a plan of zeros, in full.
-        noise_factor, *numbers = self._numbers(x0, target, T)
+        # The controls are perturbations of a plan of zeros, in full. Lanes without a sample rest.
         plan = np.zeros((T, n_u), d)
+        block = np.zeros((1, n_u, T, LANES), d)
+        block[0, :, :, :samples] = v.transpose(1, 2, 0)
+        noise_factor, *numbers = self._numbers(x0, target, T)
         full = np.ones_like(noise_factor)
-        self._module.paths(np.asarray(x0, d), plan, block, path, means, full, *numbers)
-        return path.transpose(2, 0, 1), means.T
+
+        # Zero in the place of `run_parts`: the loop runs here, over one block.
+        n_x = len(self.system.states)
+        J = np.empty((1, LANES), d)
+        kept = np.empty((T, n_x + 2, samples), d)
+        self._module.rollout(0, 0, 1, np.asarray(x0, d), plan, block, J, kept, full, *numbers)
+
+        kept = kept.transpose(2, 0, 1)
+        return Trajectories(
+            states=kept[..., :n_x],
+            crashed=kept[..., n_x],
+            rows=kept[..., n_x + 1].astype(int),
+            J=J[0, :samples],
+        )
 
     @property
     def is_cached(self) -> bool:
@@ -110,14 +138,13 @@ class Rollout:
         if cost.obstacles is None:
             return numbers
         near = cost.obstacles.near(np.asarray(x0, float), horizon * system.dt).astype(d)
-        crash_term = cost.crash_term
-        term = cost.terms[crash_term]
+        term = cost.terms[cost.crash_term]
         if np.ndim(term.weight):
             raise ValueError(
                 f"cost {cost.name}: weight_{term.name}: expected one number, as there are "
                 f"obstacles, got shape {np.shape(term.weight)}"
             )
-        return *numbers, near, steps_between(system.dt), crash_term, d(term.weight)
+        return *numbers, near, steps_between(system.dt), d(term.weight)
 
     @cached_property
     def _module(self) -> ModuleType:
@@ -191,5 +218,5 @@ def _load(system: System, cost: Cost, dtype: type) -> ModuleType:
     """Return the module of the compiled loops, the loaded one where their text is the same."""
     source = module_source(system, cost, dtype)
     digest = hashlib.sha256(source.encode()).hexdigest()[:16]
-    name = f"rollout_{system.step.__module__.split('.')[-1]}_{digest}"
+    name = f"rollout_{digest}"
     return sys.modules.get(name) or load_module(name, source)

@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import extending, njit, prange, types
+from numba import extending, njit, types
 
 from controllers.lanes import FAST
 from controllers.lanes.compiled import kept
+from controllers.lanes.sharing import on_threads, share
 
 F = np.float32
 I4 = np.int32
@@ -110,6 +111,7 @@ def normal_rows(out, scale, lane, group, key, call):
         call: index of the call.
     """
     rows, lanes = out.shape
+    k0, k1 = key[0], key[1]
     for g in range((rows + 3) // 4):
         r0, r1, r2, r3 = (
             4 * g,
@@ -120,7 +122,7 @@ def normal_rows(out, scale, lane, group, key, call):
         o0, o1, o2, o3 = out[r0], out[r1], out[r2], out[r3]
         s0, s1, s2, s3 = scale[r0], scale[r1], scale[r2], scale[r3]
         for i in range(lanes):
-            a0, a1, a2, a3 = philox(U4(lane + i), U4(group + g), U4(call), U4(0), key[0], key[1])
+            a0, a1, a2, a3 = philox(U4(lane + i), U4(group + g), U4(call), U4(0), k0, k1)
             n0, n1 = box_muller(a0, a1)
             n2, n3 = box_muller(a2, a3)
             # Where the last group is short, its rows coincide, and the first row is written last.
@@ -131,8 +133,19 @@ def normal_rows(out, scale, lane, group, key, call):
 
 
 @kept
-@njit(fastmath=FAST, error_model="numpy", parallel=True, nogil=True)
-def fill_normals(out, scale, key, call, first=0):
+@njit(fastmath=FAST, error_model="numpy", nogil=True)
+def normal_blocks(run_parts, first, last, out, scale, key, call, first_block):
+    """Fill the blocks of out from `first` to before `last`, see fill_normals and lanes.sharing."""
+    if run_parts:
+        share(run_parts, last)  # pyright: ignore[reportCallIssue]
+        return
+    for b in range(first, last):
+        normal_rows(out[b], scale, (first_block + b) * out.shape[2], 0, key, call)
+
+
+def fill_normals(
+    out: np.ndarray, scale: np.ndarray, key: np.ndarray, call: int, first: int = 0
+) -> None:
     """Fill out with out[b, r, l] = scale[r] N(0, 1), independent over everything.
 
     Args:
@@ -142,5 +155,4 @@ def fill_normals(out, scale, key, call, first=0):
         call: index of the call.
         first: number of the first block.
     """
-    for b in prange(out.shape[0]):
-        normal_rows(out[b], scale, (first + b) * out.shape[2], 0, key, call)
+    on_threads(normal_blocks, len(out), out, scale, key, call, first)

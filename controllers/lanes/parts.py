@@ -18,8 +18,9 @@ from quadsim.dynamics.named_tuples import flat, flat_names
 HEADER = """
 import math
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from controllers.lanes.compiled import kept
+from controllers.lanes.sharing import share
 
 F = np.{dtype}
 FAST = set({fast})

@@ -1,9 +1,8 @@
 """Generate the planner's loops: a model's step and a cost's terms, inlined into loops over lanes.
 
-`rollout` computes the costs of every block of samples; `paths` computes the positions of one block,
-and each term, for as many of its lanes as are used. `module_source` returns the text that is
-compiled; print it with `race bench --show-code`. For a point mass on a line with a cost of one term
-its core reads
+`rollout` computes the costs of blocks of samples, and for display the trajectories of one block.
+`module_source` returns the text that is compiled; print it with `race bench --show-code`. For a
+point mass on a line with a cost of one term its core reads
 
     for t in range(T):
         plan_ax = U[t, 0]
@@ -72,13 +71,18 @@ BEGIN = """
 # the state and the target row of each sample
 state = np.empty((<states>, L), F)
 target = np.empty((<target_numbers>, L), F)
-crashed = np.zeros(L, F)
-reached = np.zeros(L, np.int32)
-row = np.zeros(L, np.int32)
-for k in range(<states>):
-    state[k, :] = x0[k]
-for k in range(<target_numbers>):
-    target[k, :] = targets[0, k]
+cost = np.empty(L, F)
+crashed = np.empty(L, F)
+reached = np.empty(L, np.int32)
+row = np.empty(L, np.int32)
+for l in range(L):
+    for k in range(<states>):
+        state[k, l] = x0[k]
+    for k in range(<target_numbers>):
+        target[k, l] = targets[0, k]
+    cost[l] = F(0)
+    crashed[l] = F(0)
+    row[l] = np.int32(0)
 <begin_marks>
 """
 
@@ -92,18 +96,20 @@ reached[l] = np.int32(1) if <is_reached> else np.int32(0)
 
 ROLLOUT = """
 @kept
-@njit(fastmath=FAST, error_model="numpy", parallel=True, nogil=True)
-def rollout(x0, U, z, J, noise_factor, cost_factor, low, high, dt, targets, system_numbers,
-            cost_numbers<obstacle_arguments>):
+@njit(fastmath=FAST, error_model="numpy", nogil=True)
+def rollout(run_parts, first, last, x0, U, z, J, trajectory, noise_factor, cost_factor, low, high,
+            dt, targets, system_numbers, cost_numbers<obstacle_arguments>):
+    if run_parts:
+        share(run_parts, last)
+        return
     T = U.shape[0]
     halves = z.shape[2] // T
     last_row = np.int32(targets.shape[0] - 1)
     varies = cost_numbers.shape[0] > 1  # whether the parameters of the cost depend on the step
     <read_model>
     <read_limits>
-    for b in prange(J.shape[0]):
+    for b in range(first, last):
         <begin>
-        cost = np.zeros(L, F)
         block = z[b // halves]
         t0 = (b % halves) * T
         for t in range(T):
@@ -115,44 +121,22 @@ def rollout(x0, U, z, J, noise_factor, cost_factor, low, high, dt, targets, syst
             for l in range(L):
                 <step>
                 cost[l] += s_t * (<sum>)
+            <keep>
             <next_targets>
             <keep_marks>
         for l in range(L):
             J[b, l] = cost[l] / F(T)
 """
 
-PATHS = """
-@kept
-@njit(fastmath=FAST, error_model="numpy")
-def paths(x0, U, block, path, means, noise_factor, cost_factor, low, high, dt, targets,
-          system_numbers, cost_numbers<obstacle_arguments>):
-    T = U.shape[0]
-    lanes = block.shape[2]  # that are used, of L
-    t0 = 0
-    b = 0
-    last_row = np.int32(targets.shape[0] - 1)
-    varies = cost_numbers.shape[0] > 1
-    <read_model>
-    <read_limits>
-    <begin>
-    <begin_crashes>
-    means[:, :] = F(0)
-    for t in range(T):
-        <read_plan>
-        n_t = noise_factor[b % 2, t]
-        s_t = cost_factor[t]
-        k_t = t if varies else 0
-        <read_cost>
-        for l in range(lanes):
-            <step>
-            <keep_path>
-            <add_terms>
-        <next_targets>
-        <keep_marks>
-    for l in range(lanes):
-        <add_crashes>
-        for k in range(means.shape[0]):
-            means[k, l] /= F(T)
+# For display: the state, whether the sample has crashed, and its target row in this step. The array
+# is empty if nothing is displayed.
+KEEP = """
+if t < trajectory.shape[0]:
+    for l in range(trajectory.shape[2]):
+        for k in range(<states>):
+            trajectory[t, k, l] = state[k, l]
+        trajectory[t, <states>, l] = crashed[l]
+        trajectory[t, <states> + 1, l] = F(row[l])
 """
 
 BEGIN_MARKS = """
@@ -160,11 +144,13 @@ BEGIN_MARKS = """
 marked = np.empty((<marks>, 3, L), F)
 lowest = np.empty((3, <boxes>), F)
 highest = np.empty((3, <boxes>), F)
-before_finish = np.full(L, F(1) if last_row > 0 else F(0))
+before_finish = np.empty(L, F)
 marks = 1
 until_mark = stride
-for k in range(3):
-    marked[0, k, :] = x0[k]
+for l in range(L):
+    for k in range(3):
+        marked[0, k, l] = x0[k]
+    before_finish[l] = F(1) if last_row > 0 else F(0)
 """
 
 KEEP_MARKS = """
@@ -179,7 +165,7 @@ if until_mark == 0 or t == T - 1:
     marks = filled
     if marks == <marks>:
         meet_obstacles(marked, lowest, highest, obstacles, stride, crash_weight, before_finish,
-                       crashed, <cost>)
+                       crashed, cost)
         marks = 1
         for l in range(L):
             before_finish[l] = F(1) if row[l] < last_row else F(0)
@@ -192,8 +178,14 @@ def meet_obstacles(marked, lowest, highest, obstacles, stride, crash_weight, bef
     # boxes around the marked positions of some lanes each
     for k in range(3):
         for l in range(<boxes>):
-            lowest[k, l] = <lowest>
-            highest[k, l] = <highest>
+            low = marked[0, k, l]
+            high = marked[0, k, l]
+            for m in range(<marks>):
+                for first in range(0, L, <boxes>):
+                    low = lower(low, marked[m, k, first + l])
+                    high = higher(high, marked[m, k, first + l])
+            lowest[k, l] = low
+            highest[k, l] = high
     for o in range(obstacles.shape[0]):
         <read_obstacle>
         near = np.int32(0)
@@ -225,7 +217,7 @@ def steps_between(dt: float) -> int:
 
 
 def module_source(system: System, cost: Cost, dtype: type) -> str:
-    """Return the text of the module with `rollout` and `paths` for this model and this cost.
+    """Return the text of the module with `rollout` for this model and this cost.
 
     Args:
         system: the model; of its numbers only the names matter.
@@ -236,43 +228,22 @@ def module_source(system: System, cost: Cost, dtype: type) -> str:
         TraceError: the step or a term uses what cannot be compiled.
     """
     step = _step(system, cost)
-    numbers = len(cost.row._fields)
-    parts = step.parts | {
-        "begin": fill(
+    states, numbers = len(system.states), len(cost.row._fields)
+    rollout = fill(
+        ROLLOUT,
+        **step.parts,
+        begin=fill(
             BEGIN,
-            states=len(system.states),
+            states=states,
             target_numbers=numbers,
             begin_marks=_marks(cost, BEGIN_MARKS),
         ),
-        "next_targets": next_targets(numbers),
-    }
-
-    # The rollouts add up all terms,
-    rollout = fill(
-        ROLLOUT,
-        **parts,
         sum=" + ".join(step.weighted.values()) or "F(0)",
-        keep_marks=_marks(cost, KEEP_MARKS, paid_by="cost"),
+        keep=fill(KEEP, states=states),
+        next_targets=next_targets(numbers),
+        keep_marks=_marks(cost, KEEP_MARKS),
     )
-
-    # the paths each term by itself.
-    add_terms = [
-        f"means[{k}, l] += s_t * ({step.weighted[name]})"
-        for k, name in enumerate(cost.term_names)
-        if name in step.weighted
-    ]
-    axes = min(3, len(system.states))
-    keep_path = [f"path[t, {k}, l] = state[{k}, l]" for k in range(axes)]
-    paths = fill(
-        PATHS,
-        **parts,
-        keep_path="\n".join(keep_path),
-        add_terms="\n".join(add_terms),
-        keep_marks=_marks(cost, KEEP_MARKS, paid_by="due_to_crashes"),
-        begin_crashes="due_to_crashes = np.zeros(L, F)" if cost.obstacles else "",
-        add_crashes="means[crash_term, l] += due_to_crashes[l]" if cost.obstacles else "",
-    )
-    return "\n".join([header(dtype), _meet_obstacles(cost), rollout, paths])
+    return "\n".join([header(dtype), _meet_obstacles(cost), rollout])
 
 
 def operations(system: System, cost: Cost) -> int:
@@ -286,7 +257,7 @@ def operations(system: System, cost: Cost) -> int:
 class _Step(NamedTuple):
     """The text of one step of one sample."""
 
-    parts: dict[str, str]  # the parts of ROLLOUT and PATHS, by place
+    parts: dict[str, str]  # the parts of ROLLOUT, by place
     weighted: dict[str, str]  # weight times value of each term that is weighted
     operations: int
 
@@ -310,8 +281,9 @@ def _step(system: System, cost: Cost) -> _Step:
         "obstacle_arguments": "",
     }
     if cost.obstacles:
-        parts["obstacle_arguments"] = ", obstacles, stride, crash_term, crash_weight"
-    around = (BEGIN, STEP, ROLLOUT, PATHS, BEGIN_MARKS, KEEP_MARKS, NEXT_TARGETS, *parts.values())
+        parts["obstacle_arguments"] = ", obstacles, stride, crash_weight"
+    loop = (ROLLOUT, BEGIN, STEP, KEEP, NEXT_TARGETS)
+    around = (*loop, BEGIN_MARKS, KEEP_MARKS, *parts.values())
     writer = Writer("\n".join(around))
     lines = writer.lines([*flat(x_next), found.crashed, found.reached, *found.weighted.values()])
     parts["step"] = fill(
@@ -483,17 +455,11 @@ def _weigh(graph: Graph, weight: Symbol, value: Value) -> Symbol:
     return graph.apply("mul", weight, value)
 
 
-def _marks(cost: Cost, template: str, paid_by: str = "") -> str:
-    """Write BEGIN_MARKS or KEEP_MARKS; nothing where the cost has no obstacles.
-
-    Args:
-        cost: the cost.
-        template: one of the two.
-        paid_by: the lane array that crashes are added to.
-    """
+def _marks(cost: Cost, template: str) -> str:
+    """Fill one of the templates of marks; return nothing where the cost has no obstacles."""
     if cost.obstacles is None:
         return ""
-    return fill(template, marks=MARKS, boxes=BOXES, cost=paid_by)
+    return fill(template, marks=MARKS, boxes=BOXES)
 
 
 def _meet_obstacles(cost: Cost) -> str:
@@ -507,26 +473,11 @@ def _meet_obstacles(cost: Cost) -> str:
         p1="marked[m, {k}, l]",
         around=MEET_OBSTACLES,
     )
-    positions = [
-        f"marked[{m}, k, l + {first}]" for m in range(MARKS) for first in range(0, LANES, BOXES)
-    ]
     return fill(
         MEET_OBSTACLES,
         marks=MARKS,
         boxes=BOXES,
-        lowest=_folded("lower", positions),
-        highest=_folded("higher", positions),
         read_obstacle=test.read_obstacle,
         lines=test.lines,
         touches=test.touches,
     )
-
-
-def _folded(function: str, expressions: list[str]) -> str:
-    """Write one expression of a function of two arguments over many: `lower(lower(a, b), c)`."""
-    if len(expressions) == 1:
-        return expressions[0]
-    middle = len(expressions) // 2
-    left = _folded(function, expressions[:middle])
-    right = _folded(function, expressions[middle:])
-    return f"{function}({left}, {right})"

@@ -67,21 +67,24 @@ def order(a, b, finish, row, way, place):
         place[b, l] += np.int32(1) if ahead else np.int32(0)
 
 @kept
-@njit(fastmath=FAST, error_model="numpy", parallel=True)
-def meet(states, row, way, steps, over, before, out, finish, collided, rank, reward_of, ended, cut,
-         crashed, p_reward, too_near, racers):
+@njit(fastmath=FAST, error_model="numpy")
+def meet(run_parts, first, last, states, row, way, steps, over, before, out, finish, collided, rank,
+         reward_of, ended, cut, crashed, p_reward, too_near, racers):
+    if run_parts:
+        share(run_parts, last)
+        return
     <read_weights>
-    for g in prange(states.shape[0] // racers):
-        first = g * racers
-        flies = np.empty((<most>, L), np.int32)
-        least = np.empty(L, F)
-        place = np.empty((<most>, L), np.int32)
-        hit = np.empty((<most>, L), F)
-        paid = np.empty(L, F)
+    flies = np.empty((<most>, L), np.int32)
+    least = np.empty(L, F)
+    place = np.empty((<most>, L), np.int32)
+    hit = np.empty((<most>, L), F)
+    paid = np.empty(L, F)
+    for g in range(first, last):
+        ours = g * racers
 
         # who is in the air: not who was out before this step, or has finished in it
         for a in range(racers):
-            b = first + a
+            b = ours + a
             for l in range(L):
                 finishes = ended[b, l] & (not crashed[b, l])
                 flies[a, l] = np.int32(0) if out[b, l] | finishes else np.int32(1)
@@ -91,8 +94,8 @@ def meet(states, row, way, steps, over, before, out, finish, collided, rank, rew
         # who comes too near to whom
         for a in range(racers):
             for b in range(a + 1, racers):
-                least_apart(before[first + a], before[first + b], states[first + a],
-                            states[first + b], least)
+                least_apart(before[ours + a], before[ours + b], states[ours + a],
+                            states[ours + b], least)
                 for l in range(L):
                     both = (flies[a, l] & flies[b, l]) > 0
                     touch = F(1) if both & (least[l] < too_near) else F(0)
@@ -101,7 +104,7 @@ def meet(states, row, way, steps, over, before, out, finish, collided, rank, rew
 
         # who of them is out, and who has finished
         for a in range(racers):
-            b = first + a
+            b = ours + a
             for l in range(L):
                 touched = hit[a, l] > F(0)
                 # a racer that has hit a frame in this step has paid for a crash already
@@ -117,10 +120,10 @@ def meet(states, row, way, steps, over, before, out, finish, collided, rank, rew
         # who is where, and what the places gained are worth
         for a in range(racers):
             for b in range(a + 1, racers):
-                order(a, b, finish[first : first + racers], row[first : first + racers],
-                      way[first : first + racers], place)
+                order(a, b, finish[ours : ours + racers], row[ours : ours + racers],
+                      way[ours : ours + racers], place)
         for a in range(racers):
-            b = first + a
+            b = ours + a
             for l in range(L):
                 # before the first step there are no places
                 gained = F(rank[b, l] - place[a, l]) if steps[b, l] > 1 else F(0)
@@ -178,23 +181,26 @@ def add_noise(seen, noise, lane, key, call):
             seen[k, l] += drawn_noise[k, l] * seen[here, l]
 
 @kept
-@njit(fastmath=FAST, error_model="numpy", parallel=True)
-def look(states, over, out, obs, others, chosen, noise, key, call, racers):
-    for g in prange(chosen.shape[0]):
+@njit(fastmath=FAST, error_model="numpy")
+def look(run_parts, first, last, states, over, out, obs, others, chosen, noise, key, call, racers):
+    if run_parts:
+        share(run_parts, last)
+        return
+    opponents = racers - 1
+    state = np.empty((<n_x>, L), F)
+    near = np.empty((<most> - 1, 7, L), F)
+    seen = np.empty(((<most> - 1) * <size>, L), F)
+    swaps = np.empty(L, np.int32)
+    for g in range(first, last):
         if chosen[g]:
-            first = g * racers
-            opponents = racers - 1
-            state = np.empty((<n_x>, L), F)
-            near = np.empty((<most> - 1, 7, L), F)
-            seen = np.empty(((<most> - 1) * <size>, L), F)
-            swaps = np.empty(L, np.int32)
+            ours = g * racers
             for a in range(racers):
-                mine = states[first + a]
+                mine = states[ours + a]
                 for k in range(<n_x>):
                     for l in range(L):
                         state[k, l] = mine[k, l]
                 for j in range(opponents):
-                    b = first + (j if j < a else j + 1)
+                    b = ours + (j if j < a else j + 1)
                     apart(state, states[b], over[b], near[j])
                 for end in range(opponents - 1, 0, -1):
                     for j in range(end):
@@ -202,15 +208,15 @@ def look(states, over, out, obs, others, chosen, noise, key, call, racers):
                 for j in range(opponents):
                     observe(state, near[j], j, seen)
                 if noise[1] > F(0):
-                    add_noise(seen[: opponents * <size>], noise, (first + a) * L, key, call)
+                    add_noise(seen[: opponents * <size>], noise, (ours + a) * L, key, call)
 
                 # a racer that was out before sees nothing
-                to = others[first + a]
-                gone = out[first + a]
+                to = others[ours + a]
+                gone = out[ours + a]
                 for k in range(opponents * <size>):
                     for l in range(L):
                         to[k, l] = F(0) if gone[l] else seen[k, l]
-                own = obs[first + a]
+                own = obs[ours + a]
                 for k in range(own.shape[0]):
                     for l in range(L):
                         own[k, l] = F(0) if gone[l] else own[k, l]
@@ -218,11 +224,14 @@ def look(states, over, out, obs, others, chosen, noise, key, call, racers):
 
 ROWS = """
 @kept
-@njit(parallel=True)
-def observations_to_rows(obs, others, rows):
+@njit
+def observations_to_rows(run_parts, first, last, obs, others, rows):
+    if run_parts:
+        share(run_parts, last)
+        return
     races, racers, numbers = rows.shape
     own = obs.shape[1]
-    for g in prange(obs.shape[0] // racers):
+    for g in range(first, last):
         for l in range(min(L, races - g * L)):
             for a in range(racers):
                 for k in range(own):
@@ -231,10 +240,13 @@ def observations_to_rows(obs, others, rows):
                     rows[g * L + l, a, k] = others[g * racers + a, k - own, l]
 
 @kept
-@njit(parallel=True)
-def actions_to_lanes(rows, lanes):
+@njit
+def actions_to_lanes(run_parts, first, last, rows, lanes):
+    if run_parts:
+        share(run_parts, last)
+        return
     races, racers, numbers = rows.shape
-    for g in prange(lanes.shape[0] // racers):
+    for g in range(first, last):
         for l in range(min(L, races - g * L)):
             for a in range(racers):
                 for k in range(numbers):

@@ -3,45 +3,57 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from controllers.lanes import FAST
 from controllers.lanes.compiled import kept
 from controllers.lanes.layout import in_blocks
+from controllers.lanes.sharing import on_threads, share
 
 CHUNK = 25  # steps of the horizon that a thread sums at a time: 6 kB of partial sums
 
 
 @kept
-@njit(fastmath=FAST, error_model="numpy", parallel=True, nogil=True)
-def _lane_sums(noise, ramp, U, low, high, weights, sums):
-    """Fill sums with sums[c, t, l] = sum_b w[b, l] (clip(U + ramp noise) - U).
+@njit(fastmath=FAST, error_model="numpy", nogil=True)
+def _lane_sums(  # noqa: PLR0913 (three are the arguments of each shared loop)
+    run_parts, first, last, noise, ramp, U, low, high, weights, sums
+):
+    """Fill sums with sums[c, t, i] = sum_b w[b, i] (clip(U + ramp noise) - U).
 
-    Blocks are added in their order, so that the sums do not depend on the number of threads.
+    The threads share pairs of a control and CHUNK steps, from the pair `first` to before `last`,
+    see lanes.sharing. Blocks are added in their order, so that the sums do not depend on the number
+    of threads.
     """
-    T, n_u = U.shape
+    if run_parts:
+        share(run_parts, last)  # pyright: ignore[reportCallIssue]
+        return
+    T = U.shape[0]
+    blocks, lanes = weights.shape
     halves = noise.shape[2] // T
     chunks = (T + CHUNK - 1) // CHUNK
-    for k in prange(n_u * chunks):
+    for k in range(first, last):
         c = k // chunks
-        first = k % chunks * CHUNK
-        last = min(first + CHUNK, T)
+        begin = k % chunks * CHUNK
+        end = min(begin + CHUNK, T)
         lo = low[c]
         hi = high[c]
-        sums[c, first:last] = 0
-        for b in range(weights.shape[0]):
-            w = weights[b]
-            if w.max() == 0:
+        for t in range(begin, end):
+            for i in range(lanes):
+                sums[c, t, i] = 0
+        for b in range(blocks):
+            weighs = False
+            for i in range(lanes):
+                weighs |= weights[b, i] != 0
+            if not weighs:
                 continue
-            E = noise[b // halves, c]
+            s = b // halves
             t0 = (b % halves) * T
-            for t in range(first, last):
+            for t in range(begin, end):
                 u = U[t, c]
                 n = ramp[b % 2, t]
-                row = E[t0 + t]
-                s = sums[c, t]
-                for i in range(row.shape[0]):
-                    s[i] += w[i] * (min(max(u + n * row[i], lo), hi) - u)
+                for i in range(lanes):
+                    v = min(max(u + n * noise[s, c, t0 + t, i], lo), hi)
+                    sums[c, t, i] += weights[b, i] * (v - u)
 
 
 def weighted_mean(
@@ -68,5 +80,8 @@ def weighted_mean(
     w_blocks = in_blocks(w).astype(d)
     T, n_u = U.shape
     sums = np.empty((n_u, T, w_blocks.shape[1]), d)
-    _lane_sums(noise, ramp.astype(d), U.astype(d), low.astype(d), high.astype(d), w_blocks, sums)
+    pairs = n_u * -(-T // CHUNK)
+    # For arrays of another order the loop would be compiled anew.
+    numbers = (ramp.astype(d, "C"), U.astype(d, "C"), low.astype(d), high.astype(d))
+    on_threads(_lane_sums, pairs, noise, *numbers, w_blocks, sums)
     return sums.sum(axis=2, dtype=np.float64).T

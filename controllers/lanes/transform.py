@@ -13,7 +13,6 @@ LLVM sees that nothing overlaps.
 from __future__ import annotations
 
 import hashlib
-import inspect
 from collections.abc import Callable
 from functools import cache
 from textwrap import indent
@@ -21,51 +20,55 @@ from types import ModuleType
 
 import numpy as np
 
-from controllers.lanes import FAST, normals
+from controllers.lanes import FAST
 from controllers.lanes.compiled import load_module
 from controllers.lanes.passes import passes
+from controllers.lanes.sharing import on_threads
 
 W = 32  # lanes
 
-MODULE = """# on normals {normals}
+MODULE = """
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from controllers.lanes.compiled import kept
 from controllers.lanes.normals import normal_rows
+from controllers.lanes.sharing import share
 
 F = np.float32
 
-@njit(fastmath=set({fast}), error_model="numpy")
-def settle(z, offset):
-    z1 = z[{W} : 2 * {W}].copy()
-    for t in range(len(offset)):
-        for l in range({W}):
-            z[t * {W} + l] -= offset[t] * z1[l]
-
 @kept
-@njit(fastmath=set({fast}), error_model="numpy", parallel=True, nogil=True)
-def transformed(out, scale, offset, turns, key, call, first):
+@njit(fastmath=set({fast}), error_model="numpy", nogil=True)
+def transformed(run_parts, first, last, out, scale, offset, turns, key, call, first_pair):
+    if run_parts:
+        share(run_parts, last)
+        return
     series, channels, steps, lanes = out.shape
-    for b in prange((series + 1) // 2):
-        x, y = np.empty({size}, F), np.empty({size}, F)
+    x, y = np.empty({size}, F), np.empty({size}, F)
+    for b in range(first, last):
         for c in range(channels):
             for g in range(0, lanes, {W}):
-                normal_rows(x.reshape((2 * {n}, {W})), scale[c], (first + b) * lanes + g,
+                normal_rows(x.reshape((2 * {n}, {W})), scale[c], (first_pair + b) * lanes + g,
                             c * {groups}, key, call)
 {passes}
                 for k in range(2 * b, min(2 * b + 2, series)):
                     z = {result}[k % 2 * {half}:]
-                    if offset[0] > 0:
-                        settle(z, offset)
                     for t in range(steps):
-                        row = out[k, c, t]
                         for l in range({W}):
-                            row[g + l] = z[t * {W} + l]
+                            out[k, c, t, g + l] = z[t * {W} + l]
+                        # z[{W}:] begins with z_1.
+                        if offset[0] > 0:
+                            for l in range({W}):
+                                out[k, c, t, g + l] -= offset[t] * z[{W} + l]
 """
 
 
 def fill_transformed(
-    out: np.ndarray, scale: np.ndarray, offset: np.ndarray, key: np.ndarray, call: int, first: int
+    out: np.ndarray,
+    scale: np.ndarray,
+    offset: np.ndarray,
+    key: np.ndarray,
+    call: int,
+    first_pair: int,
 ) -> None:
     """Fill out with z_t - offset_t z_1, two series from one transform.
 
@@ -76,10 +79,11 @@ def fill_transformed(
         offset: all zero where the first one is  (steps,).
         key: key of the generator  (2,) uint32.
         call: index of the call.
-        first: number of the first pair of series, which the normals depend on.
+        first_pair: number of the first pair of series, which the normals depend on.
     """
     module, turns = _module(scale.shape[1] // 2)
-    module.transformed(out, scale, offset, turns, key, call, first)
+    pairs = (len(out) + 1) // 2
+    on_threads(module.transformed, pairs, out, scale, offset, turns, key, call, first_pair)
 
 
 def transform_loop(n: int) -> Callable:
@@ -99,8 +103,6 @@ def _module(n: int) -> tuple[ModuleType, np.ndarray]:
         groups=-(-2 * n // 4),
         result=result,
         fast=sorted(FAST),
-        # The code is compiled anew where the normals that it inlines have changed.
-        normals=hashlib.sha256(inspect.getsource(normals).encode()).hexdigest(),
         passes=indent(text.strip("\n"), " " * 16),
     )
     digest = hashlib.sha256(source.encode()).hexdigest()[:16]

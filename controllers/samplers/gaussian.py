@@ -30,7 +30,7 @@ class Gaussian:
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
         """Return the source of perturbations, see Sampling."""
         # Imported here, as it loads the compiler
-        from controllers.lanes.normals import fill_normals
+        from controllers.lanes.normals import fill_normals, normal_blocks
 
         noise = np.empty((blocks(samples), len(self.sigma), horizon, LANES), np.float32)
         scale = np.repeat(np.array(self.sigma, np.float32), horizon)  # (n_u * T,)
@@ -40,4 +40,4 @@ class Gaussian:
             fill_normals(z.reshape(len(z), -1, LANES), scale, key, call, first // LANES)
             return z
 
-        return LaneSampler(sample, fill_normals)
+        return LaneSampler(sample, normal_blocks)

@@ -43,7 +43,7 @@ class LogNormal:
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
         """Return the source of perturbations, see Sampling."""
         # Imported here, as it loads the compiler
-        from controllers.lanes.normals import fill_normals
+        from controllers.lanes.normals import fill_normals, normal_blocks
 
         shape = (len(self.sigma), horizon, LANES)
         normals = np.empty((blocks(samples), 2, *shape), np.float32)  # sigma xi, sigma eta
@@ -58,4 +58,4 @@ class LogNormal:
             np.exp(z, out=z)
             return np.multiply(z, n[:, 0], out=z)
 
-        return LaneSampler(sample, fill_normals)
+        return LaneSampler(sample, normal_blocks)

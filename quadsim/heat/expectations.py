@@ -216,6 +216,6 @@ def planned_path(planner: MPPI, estimate: Estimate, ahead: float = 0.0) -> Expec
     dt = planner.config.dt
     acts = estimate.t if estimate.acts is None else estimate.acts
     v = planner.clipped(planner.plan).T[None]  # (1, n_u, T)
-    paths, _ = planner.rollout.paths(estimate.x, v, estimate.target)
-    positions = np.vstack([estimate.x[:3], paths[0]])  # (T + 1, 3)
+    found = planner.rollout.trajectories(estimate.x, v, estimate.target)
+    positions = np.vstack([estimate.x[:3], found.states[0, :, :3]])  # (T + 1, 3)
     return ExpectedPath(acts + ahead, dt, positions.astype(float))

@@ -12,7 +12,7 @@ import numpy as np
 from controllers.costs.race import clearance, progress
 from controllers.lanes.environment import DISABLED, Learning, environment_module
 from controllers.lanes.layout import LANES, blocks
-from controllers.lanes.threads import threads
+from controllers.lanes.sharing import on_threads
 from controllers.learned.observation import GATE_NUMBERS, SIZE, NextGates, observation
 from quadsim.config.settings import SettingError
 from quadsim.learn.reward import RewardParams, RewardWeights, reward
@@ -80,7 +80,6 @@ class Step(NamedTuple):
     noise: np.ndarray  # (SIZE,) standard deviations of the observation; negative: none
     key: np.ndarray  # (2,) of the noise
     call: int  # number of this step since the seed
-    parts: int  # into which the blocks are divided among threads
 
 
 class LaneEnvironments:
@@ -180,15 +179,11 @@ class LaneEnvironments:
     def _load_loops(self) -> None:
         """Take the compiled loops of the task."""
         learning = Learning(observation, NextGates, reward, RewardParams, progress, clearance)
-        module = environment_module(self.task.system, self.task.cost(0), learning)
-        self._module = module
-        self.rows_to_lanes = module.to_lanes
-        self.lanes_to_rows = module.to_rows
+        self._module = environment_module(self.task.system, self.task.cost(0), learning)
 
     def __getstate__(self) -> dict[str, Any]:
         """Return everything but the compiled loops, which a copy takes anew."""
-        loops = ("_module", "rows_to_lanes", "lanes_to_rows")
-        return {name: value for name, value in self.__dict__.items() if name not in loops}
+        return {name: value for name, value in self.__dict__.items() if name != "_module"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -214,7 +209,9 @@ class LaneEnvironments:
         if chosen is None:
             chosen = np.ones_like(self.over)
         beginnings = self._beginnings(self.tables)
-        self._module.begin(*self.episodes, *beginnings, chosen, self.racers)
+        on_threads(
+            self._module.begin, len(self.X), *self.episodes, *beginnings, chosen, self.racers
+        )
 
     def step(self, actions: np.ndarray) -> None:
         """Fly one step of dt.
@@ -240,9 +237,17 @@ class LaneEnvironments:
             noise=self._noise,
             key=observation_noise_key(self.seed),
             call=self._calls,
-            parts=min(len(self.X), 4 * threads()),
         )
-        self._module.advance(*self.episodes, *self._beginnings(self.tables), *step)
+        beginnings = self._beginnings(self.tables)
+        on_threads(self._module.advance, len(self.X), *self.episodes, *beginnings, *step)
+
+    def rows_to_lanes(self, rows: np.ndarray, lanes: np.ndarray) -> None:
+        """Copy numbers of each environment (environments, n) to lanes (blocks, n, LANES)."""
+        on_threads(self._module.to_lanes, len(lanes), rows, lanes)
+
+    def lanes_to_rows(self, lanes: np.ndarray, rows: np.ndarray) -> None:
+        """Copy lanes (blocks, n, LANES) to numbers of each environment (environments, n)."""
+        on_threads(self._module.to_rows, len(lanes), lanes, rows)
 
     def _beginnings(self, found: Tables) -> Beginnings:
         return Beginnings(found.starts, found.targets, self.course, self.seed)

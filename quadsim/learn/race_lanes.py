@@ -14,6 +14,7 @@ import numpy as np
 from controllers.lanes.environment import WAIT
 from controllers.lanes.layout import LANES, blocks
 from controllers.lanes.races import NEVER, Racing, races_module
+from controllers.lanes.sharing import on_threads
 from controllers.learned.observation import SIZE
 from controllers.learned.opponents import OPPONENT_SIZE, Away, seen_opponent
 from quadsim.learn.lanes import LaneEnvironments, check_courses
@@ -90,13 +91,10 @@ class RaceLanes(LaneEnvironments):
         super()._load_loops()
         racing = Racing(nearest_square, seen_opponent, Away, race_reward, RaceRewardParams)
         self._race_module = races_module(self.task.system, racing, SIZE)
-        self.observations_to_rows = self._race_module.observations_to_rows
-        self.actions_to_lanes = self._race_module.actions_to_lanes
 
     def __getstate__(self) -> dict[str, Any]:
         """Return everything but the compiled loops, which a copy takes anew."""
-        loops = ("_race_module", "observations_to_rows", "actions_to_lanes")
-        return {name: v for name, v in super().__getstate__().items() if name not in loops}
+        return {name: v for name, v in super().__getstate__().items() if name != "_race_module"}
 
     def _make_tables(self) -> Tables:
         return race_tables(self.task, self.seed)
@@ -134,7 +132,9 @@ class RaceLanes(LaneEnvironments):
         np.copyto(self.out, self.over)
         np.copyto(self._before, self.X[:, :3])
         super().step(actions)
-        self._race_module.meet(
+        on_threads(
+            self._race_module.meet,
+            len(self.done),
             self.X,
             self.row,
             self.way,
@@ -184,7 +184,9 @@ class RaceLanes(LaneEnvironments):
 
     def _look(self, chosen: Any) -> None:
         """Let the racers of some groups of races see each other.  (groups,)"""
-        self._race_module.look(
+        on_threads(
+            self._race_module.look,
+            len(chosen),
             self.X,
             self.over,
             self.out,
@@ -196,3 +198,11 @@ class RaceLanes(LaneEnvironments):
             self._calls,
             self.racers,
         )
+
+    def actions_to_lanes(self, rows: np.ndarray, lanes: np.ndarray) -> None:
+        """Copy actions (races, racers, n_u) to lanes  (blocks, n_u, LANES)."""
+        on_threads(self._race_module.actions_to_lanes, len(self.done), rows, lanes)
+
+    def observations_to_rows(self, obs: np.ndarray, others: np.ndarray, rows: np.ndarray) -> None:
+        """Copy observations, of themselves and of the others, to rows  (races, racers, numbers)."""
+        on_threads(self._race_module.observations_to_rows, len(self.done), obs, others, rows)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from numba import njit
 
+from controllers.lanes import code_cache
 from controllers.lanes.code_cache import CodeCache
 from controllers.lanes.compiled import interruptible, is_cached, kept, load_module
 from controllers.lanes.trace import TraceError
@@ -103,6 +104,14 @@ def test_code_of_another_text_is_not_taken_for_it(home):
     loaded(fresh())
     other = load_module("kept_code", TEXT.replace("2 * x", "3 * x")).twice
     assert other(21) == 63
+    assert len(files(home)) == 2
+
+
+@pytest.mark.compiled
+def test_code_with_an_older_text_of_inlined_functions_is_not_taken(home, monkeypatch):
+    loaded(fresh())
+    monkeypatch.setattr(code_cache, "_inlined", lambda: "another text")
+    assert not loaded(fresh())
     assert len(files(home)) == 2
 
 

@@ -25,6 +25,7 @@ from controllers.lanes.layout import LANES
 from controllers.lanes.planner_loops import module_source
 from controllers.lanes.trace import TraceError
 from controllers.mppi import MPPI
+from controllers.sampled_trajectories import terms_of
 from controllers.samplers import Gaussian
 from quadsim.dynamics.estimate import Estimate
 from quadsim.paper.integrator import (
@@ -265,13 +266,20 @@ def test_numbers_that_come_a_step_late_are_another_cost():
     assert np.mean(abs(fly_lanes(cost, U, z) / oracle.J - 1) > 2e-4) > 0.9
 
 
+def terms_of_each(rollout, x0, z):
+    """Return the terms of samples as they are displayed.  (samples, n_terms)"""
+    found = rollout.trajectories(x0, z, 0)
+    samples = [terms_of(rollout, x0, z[m], 0, found.sample(m)) for m in range(len(z))]
+    return np.array([list(terms.values()) for terms in samples])
+
+
 @pytest.mark.compiled
-def test_each_term_of_the_paths_agrees_with_the_oracle():
+def test_each_term_of_the_trajectories_agrees_with_the_oracle():
     """Terms that return a condition or a number are among them."""
     cost = steps(FLOWN)
     U, z = controls()
     oracle = fly_rows(SYSTEM, cost, START, 0 * U, z[:LANES])
-    _, terms = Rollout(SYSTEM, cost).paths(START, z[:LANES], 0)
+    terms = terms_of_each(Rollout(SYSTEM, cost), START, z[:LANES])
     np.testing.assert_allclose(terms, oracle.terms, rtol=2e-5, atol=1e-6)
 
 
@@ -347,6 +355,11 @@ def test_a_weight_is_the_first_factor_and_what_the_source_computes_apart_stays_w
     assert expected in [line.strip() for line in source.splitlines()]
 
 
+def on_this_thread(loop, blocks, *arguments):
+    """Run a loop here and now, see controllers.lanes.sharing."""
+    loop(0, 0, blocks, *arguments)
+
+
 @pytest.fixture
 def plain_python(monkeypatch):
     """Let the text of the loops run as Python, which compiles nothing."""
@@ -354,16 +367,16 @@ def plain_python(monkeypatch):
     def interpreted(system, cost, dtype):
         with monkeypatch.context() as patch:
             patch.setattr(numba, "njit", lambda *_, **options: lambda function: function)
-            patch.setattr(numba, "prange", range)
             patch.setattr("controllers.lanes.compiled.kept", lambda function: function)
             names = {}
             exec(module_source(system, cost, dtype), names)
         return SimpleNamespace(**names)
 
     monkeypatch.setattr("controllers.lanes.lanes.compiled_module", interpreted)
+    monkeypatch.setattr("controllers.lanes.lanes.on_threads", on_this_thread)
 
 
-LOOPS = ("rollout", "paths")
+LOOPS = ("rollout",)
 FEW = 6  # steps of a flight in plain Python
 
 
@@ -516,7 +529,7 @@ def test_names_of_the_source_never_collide_with_those_of_the_loops(plain_python)
     np.testing.assert_allclose(fly_lanes(cost, U, z, UNLUCKY_MODEL, x0), oracle.J, rtol=5e-5)
     assert 0.1 < oracle.crashed.mean() < 0.9
     assert (oracle.terms != 0.0).any(axis=0).all()
-    _, terms = Rollout(UNLUCKY_MODEL, cost).paths(x0, z, 0)
+    terms = terms_of_each(Rollout(UNLUCKY_MODEL, cost), x0, z)
     expected = fly_rows(POINT, cost, x0, 0 * U, z).terms
     np.testing.assert_allclose(terms, expected, rtol=5e-5, atol=1e-6)
 

@@ -17,6 +17,9 @@ from controllers.costs.frames import (
     touches_round,
 )
 from controllers.costs.race import RaceWeights, race_cost
+from controllers.lanes.lanes import Rollout
+from controllers.lanes.layout import LANES
+from controllers.sampled_trajectories import terms_of
 from quadsim.course import Box, Cylinder
 from quadsim.course.swept import SweptGate
 from quadsim.course.swept_obstacles import SweptObstacle
@@ -152,3 +155,23 @@ def test_obstacles_are_crashes_in_the_lanes_as_in_the_oracle():
     assert_agree(fly_lanes(cost, x0, *controls(0)), oracle)
     lanes = fly_lanes(cost, x0, *controls(0), dtype=np.float64)
     assert_agree(lanes, oracle, rtol=1e-12, graze=1e-10)
+
+
+@pytest.mark.compiled
+def test_the_terms_that_are_displayed_count_what_is_paid_for_obstacles():
+    """In the loops of the test above."""
+    there = course(gate(40.0), gate(3.0), obstacles=(POLE, WALL))
+    cost = race_cost(there, RADIUS, ALL, 1)
+    x0 = launch((0.0, 0.9, 20.0), (9.0, 0.0, 0.0))
+    U, z = controls(0)
+    v = np.clip(U.T + z[:LANES], np.array(SYSTEM.low)[:, None], np.array(SYSTEM.high)[:, None])
+    oracle = fly_rows(SYSTEM, cost, x0, 0 * U, v, clearance=decision_distance)
+    assert 0.1 < oracle.crashed.mean() < 0.9
+
+    rollout = Rollout(SYSTEM, cost, np.float64)
+    found = rollout.trajectories(x0, v, 0)
+    clear = np.flatnonzero(oracle.clearance > 1e-10)
+    assert len(clear) > LANES / 2
+    for m in clear:
+        terms = terms_of(rollout, x0, v[m], 0, found.sample(m))
+        np.testing.assert_allclose(list(terms.values()), oracle.terms[m], rtol=1e-9, atol=1e-9)

@@ -65,7 +65,7 @@ class Base:
 
     @cached_property
     def cache(self) -> Path:
-        """Return the compiled code of the first flight; making it takes some 20 s."""
+        """Return the compiled code of the first flight; making it takes some 15 s."""
         _do(
             self.folder / "flown",
             ("fly", *FLIGHTS[0], *SHORT),

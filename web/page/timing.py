@@ -56,7 +56,7 @@ def hud(s: Snapshot, timings: list[LapTiming], coming: str = "") -> str:
     coming: what START will fly, as HTML.
     """
     if s.compiling:
-        compiling = "Compiling the planner for this machine: once, it takes some 20 s"
+        compiling = "Compiling the planner for this machine: once, it takes some 15 s"
         return head_up(div(compiling, **CENTRED, color=DIM))
     if not timings:
         return head_up(coming or div("Choose a race and press START", **CENTRED, color=DIM))

@@ -1,0 +1,76 @@
+"""Loops whose blocks are shared among threads."""
+
+import numpy as np
+import pytest
+
+from controllers.lanes.compiled import load_module
+from controllers.lanes.sharing import on_threads, run_parts
+from controllers.lanes.threads import most_threads, use_threads
+
+pytestmark = pytest.mark.compiled
+
+TEXT = """
+import numpy as np
+from numba import njit
+from controllers.lanes.compiled import kept
+from controllers.lanes.sharing import share
+
+@kept
+@njit(nogil=True)
+def scaled(run_parts, first, last, x, y, factor, offset, room):
+    if run_parts:
+        share(run_parts, last)
+        return
+    scratch = np.empty(room, np.int8)
+    scratch[0] = 1
+    for b in range(first, last):
+        y[b] += factor * x[b] + offset + scratch[0]
+"""
+
+
+@pytest.fixture(autouse=True)
+def threads_as_before():
+    yield
+    use_threads(None)
+
+
+@pytest.fixture(scope="module")
+def scaled():
+    return load_module("shared_loop", TEXT).scaled
+
+
+@pytest.mark.parametrize("threads", sorted({1, most_threads()}))
+@pytest.mark.parametrize("blocks", [0, 1, 2, 7, 1000])
+def test_each_block_runs_once_with_the_arguments_of_the_call(scaled, blocks, threads):
+    use_threads(threads)
+    x = np.arange(1000.0)
+    y = np.zeros(1000)
+    on_threads(scaled, blocks, x, y, 3, 0.5, 1)
+    expected = np.where(np.arange(1000) < blocks, 3 * x + 1.5, 0.0)
+    np.testing.assert_array_equal(y, expected)
+
+
+def test_what_shares_the_loops_can_be_kept_on_the_disk(scaled):
+    on_threads(scaled, 1, np.ones(1), np.ones(1), 1, 0.0, 1)
+    (code,) = run_parts.overloads.values()
+    assert not code.library.has_dynamic_globals
+
+
+def test_with_zero_for_run_parts_some_blocks_run_on_the_calling_thread(scaled):
+    y = np.zeros(10)
+    scaled(0, 3, 5, np.ones(10), y, 1, 0.0, 1)
+    np.testing.assert_array_equal(np.flatnonzero(y), (3, 4))
+
+
+def test_arguments_of_another_type_are_shared_too(scaled):
+    y = np.zeros(10, np.float32)
+    on_threads(scaled, 10, np.ones(20, np.float32)[::2], y, np.float32(2.0), np.float32(0.0), 1)
+    np.testing.assert_array_equal(y, np.full(10, 3.0))
+
+
+def test_a_part_without_memory_is_an_error_and_no_wrong_result(scaled):
+    with pytest.raises(MemoryError, match="loop on several threads"):
+        on_threads(scaled, 4, np.ones(4), np.zeros(4), 1, 0.0, 1 << 60)
+    y = np.zeros(4)
+    on_threads(scaled, 4, np.ones(4), y, 1, 0.0, 1)
+    assert (y == 2.0).all(), "the next call works"
