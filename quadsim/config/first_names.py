@@ -11,6 +11,7 @@ from __future__ import annotations
 FIRST_NAMES = {
     "quadsim.config": "quadsim.spec",
     "quadsim.dynamics.named_tuples": "quadsim.dynamics.records",
+    "quadsim.dynamics.system": "quadsim.dynamics",
     "quadsim.firmware.actuators": "quadsim.physics.betaflight",
     "quadsim.firmware.gain_search": "quadsim.physics.gain_search",
     "quadsim.firmware.identification": "quadsim.physics.identification",
