@@ -39,7 +39,7 @@ from quadsim.firmware.actuators import (
 from quadsim.firmware.configuration import eeprom_with_log
 from quadsim.firmware.identified import firmware_for
 from quadsim.physics.actuators import Actuators
-from quadsim.physics.domain_randomization import draw, gusts
+from quadsim.physics.domain_randomization import gusts
 from quadsim.physics.faults import BiasJump, CommandLoss, RotorFault, SensorFault
 from quadsim.physics.link import Link
 from quadsim.physics.plant import (
@@ -209,7 +209,7 @@ def plant_of(spec: Spec, arena: Arena | None = None) -> Plant:
     if spec.randomize == 0:
         return plant(course, spec.vehicle, spec.plant_dt, start=spec.start, faults=faults)
     streams = spec.streams
-    varied = draw(streams.vehicle, spec.randomize)
+    varied = spec.variation
     return plant(
         course,
         varied.vehicle(spec.vehicle),

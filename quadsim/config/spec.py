@@ -49,7 +49,7 @@ from quadsim.firmware.configuration import Text, read_text
 from quadsim.firmware.identified import identified
 from quadsim.firmware.package import built_firmware
 from quadsim.firmware.process import MAIN_LOOP
-from quadsim.physics.domain_randomization import displaced, draw
+from quadsim.physics.domain_randomization import Randomization, displaced, draw
 from quadsim.physics.faults import (
     CommandLoss,
     Fault,
@@ -285,6 +285,11 @@ class Spec:
         return displaced(self.course, self.streams.gates, self.displace_gates)
 
     @property
+    def variation(self) -> Randomization:
+        """What the seed changes of start, vehicle and wind."""
+        return draw(self.streams.vehicle, self.randomize, self.flown_course, self.start)
+
+    @property
     def faults(self) -> tuple[Fault, ...]:
         """The faults as they were given, with gaps where the seed draws."""
         return tuple(parse_fault(text) for text in self.fault)
@@ -322,7 +327,7 @@ class Spec:
             "randomize": self.randomize,
             "clock": self.clock,
             "deadline_ms": self.deadline_ms,
-            "variation": asdict(draw(self.streams.vehicle, self.randomize)),
+            "variation": asdict(self.variation),
             "host": self._host(),
         }
         # Parts that a flight does not use are left out.

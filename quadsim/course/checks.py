@@ -11,6 +11,7 @@ import numpy as np
 from quadsim.course.obstacles import Obstacle
 from quadsim.course.opening import InGate, half_sizes
 from quadsim.course.swept_obstacles import SweptObstacle
+from quadsim.rotation import Vec3
 
 if TYPE_CHECKING:
     from quadsim.course.course import Course, Gate
@@ -49,9 +50,21 @@ def _start_faults(course: Course) -> Iterator[Fault]:
     start = course.start.position
     if start[2] < 0.0:
         yield Fault(key, f"expected z >= 0, on or above the ground [m], got {start[2]:g}")
-    outside = _outside(course, np.array([start]))
+    for problem in start_problems(course, start):
+        yield Fault(key, problem)
+
+
+def start_problems(course: Course, start: Vec3) -> Iterator[str]:
+    """Yield what keeps a vehicle from starting at a place: bounds, frames or obstacles.
+
+    Args:
+        course: the course.
+        start: the place [m].
+    """
+    # A vehicle that stands on the ground is lifted to it by the plant.
+    outside = _outside(course, np.array([(start[0], start[1], max(start[2], 0.0))]))
     if outside:
-        yield Fault(key, outside)
+        yield outside
 
     distances = {
         f"the frame of gate {i}": gate.frame_distance(start)
@@ -61,32 +74,55 @@ def _start_faults(course: Course) -> Iterator[Fault]:
         distances[f"obstacle {i}"] = obstacle.distance(start)
     for name, distance in distances.items():
         if distance < ROOM:
-            yield Fault(key, f"expected {ROOM} m of room, got {distance:.2f} m to {name}")
+            yield f"expected {ROOM} m of room, got {distance:.2f} m to {name}"
+
+
+def misplaced_gates(course: Course) -> dict[int, str]:
+    """Return the problem of each gate that stands where it cannot be flown, by index.
+
+    It is outside the bounds, in the ground, blocked by obstacles, or too near to the start.
+    """
+    found = {}
+    for i, gate in enumerate(course.gates):
+        problems = [fault.problem for fault in _faults_of_gate(course, i, gate)]
+        distance = gate.frame_distance(course.start.position)
+        if distance < ROOM:
+            problems.append(f"expected {ROOM} m of room, got {distance:.2f} m to the start")
+        if course.obstacles and _blocked(gate, course.obstacles):
+            problems.append("expected a free line through the gate, got obstacles across all of it")
+        if problems:
+            found[i] = problems[0]
+    return found
 
 
 def _gate_faults(course: Course) -> Iterator[Fault]:
     """Yield the faults of every gate and of the room before and behind it."""
     for i, gate in enumerate(course.gates):
-        key = f"gates[{i}].position"
-        opening = gate.corners()
-        lowest = opening[:, 2].min()
-        if lowest < -ROUNDING:
-            problem = f"expected an opening above the ground, got its lowest corner at {lowest:.2f}"
-            yield Fault(key, f"{problem} [m]")
-        outside = _outside(course, opening)
-        if outside:
-            yield Fault(key, outside)
+        yield from _faults_of_gate(course, i, gate)
 
-        # The last gate of an open course too: a planner stays within the bounds by the vehicle's
-        # size, and would not reach a gate that stands on them.
-        for where, along in (("before", -ROOM), ("behind", ROOM)):
-            point = gate.to_world(InGate(along, 0.0, 0.0))
-            if point[2] < -ROUNDING:
-                problem = f"expected {ROOM} m of room {where} the gate, got the ground nearer"
-                yield Fault(key, problem)
-            outside = _outside(course, np.array([point]))
-            if outside:
-                yield Fault(key, f"{ROOM} m {where} the gate, along its passage, is {outside}")
+
+def _faults_of_gate(course: Course, i: int, gate: Gate) -> Iterator[Fault]:
+    """Yield the faults of one gate, whose index is i."""
+    key = f"gates[{i}].position"
+    opening = gate.corners()
+    lowest = opening[:, 2].min()
+    if lowest < -ROUNDING:
+        problem = f"expected an opening above the ground, got its lowest corner at {lowest:.2f}"
+        yield Fault(key, f"{problem} [m]")
+    outside = _outside(course, opening)
+    if outside:
+        yield Fault(key, outside)
+
+    # The last gate of an open course too: a planner stays within the bounds by the vehicle's
+    # size, and would not reach a gate that stands on them.
+    for where, along in (("before", -ROOM), ("behind", ROOM)):
+        point = gate.to_world(InGate(along, 0.0, 0.0))
+        if point[2] < -ROUNDING:
+            problem = f"expected {ROOM} m of room {where} the gate, got the ground nearer"
+            yield Fault(key, problem)
+        outside = _outside(course, np.array([point]))
+        if outside:
+            yield Fault(key, f"{ROOM} m {where} the gate, along its passage, is {outside}")
 
 
 def _obstacle_faults(course: Course) -> Iterator[Fault]:
