@@ -25,7 +25,8 @@ from quadsim.config.parts import called, made
 from quadsim.config.reference import reference_of
 from quadsim.config.settings import SETTINGS, SettingError
 from quadsim.config.spec import Spec
-from quadsim.course import Course, Gate
+from quadsim.course import Course
+from quadsim.course.frames import frames
 from quadsim.dynamics import System
 from quadsim.dynamics.quadrotor import State, quadrotor
 from quadsim.files.values import checked
@@ -498,14 +499,14 @@ def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> S
         sensing,
         spec.streams.sensors,
         spec.vehicle,
-        distinct(flown.gates),
+        frames(flown.gates),
         lag,
         flown.obstacles,
         [f for f in spec.drawn_faults if isinstance(f, SensorFault | BiasJump)],
     )
     sensors.warm_up(plant.state, plant.dt)
     sensors.observe(plant.state)
-    gates = distinct(spec.course.gates)
+    gates = frames(spec.course.gates)
     return SensedState(
         sensors,
         Estimator(sensing, gates, spec.start or spec.course.start, -WARM_UP, spec.displace_gates),
@@ -516,11 +517,6 @@ def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> S
         adapts,
         rotor_std(sensing.rotors, spec.vehicle),
     )
-
-
-def distinct(gates: Sequence[Gate]) -> tuple[Gate, ...]:
-    """Return each gate once, in the order of the course."""
-    return tuple(dict.fromkeys(gates))
 
 
 def rotor_std(config: RotorConfig | None, vehicle: Vehicle) -> float:

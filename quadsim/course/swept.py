@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from quadsim.course.frames import frame_numbers
 from quadsim.course.opening import (
     HalfSizes,
     InGate,
@@ -49,11 +50,13 @@ class Incident(NamedTuple):
     offset: Offset = Offset(0.0, 0.0)
     # index; -1: no obstacle
     obstacle: int = -1
+    # index of the first gate of the same physical frame; -1: no gate
+    frame: int = -1
 
     @property
     def touched(self) -> str:
         """The name of the touched object, as contacts have it: "gate 3", "obstacle 2"."""
-        return f"obstacle {self.obstacle + 1}" if self.obstacle >= 0 else f"gate {self.gate + 1}"
+        return f"obstacle {self.obstacle + 1}" if self.obstacle >= 0 else f"gate {self.frame + 1}"
 
 
 def clip(
@@ -123,16 +126,18 @@ def first_within(a0: Vec3, a1: Vec3, b0: Vec3, b1: Vec3, reach: float) -> float 
 class SweptGate:
     """One gate and the radius of what flies through it [m]."""
 
-    def __init__(self, gate: Gate, index: int, radius: float):
+    def __init__(self, gate: Gate, index: int, radius: float, frame: int | None = None):
         """Prepare the tests of one gate.
 
         Args:
             gate: gate of the course.
             index: reported with its incidents.
             radius: radius of the sphere [m].
+            frame: index of the first gate of its physical frame; None: its own.
         """
         self.gate = gate
         self.index = index
+        self.frame = index if frame is None else frame
         # half sizes within which the sphere's centre is free, and outside which it is free [m]
         self.free = free_half_sizes(gate.opening, radius)
         self.outer = outer_half_sizes(gate.opening, gate.frame_width, radius)
@@ -186,19 +191,41 @@ class SweptGate:
         found = []
         touched = self.touch(a, b)
         if touched is not None:
-            found.append(Incident(touched, "touch", self.index, between(a, b, touched).offset))
+            at = between(a, b, touched).offset
+            found.append(Incident(touched, "touch", self.index, at, frame=self.frame))
         crossed = crossing(a, b)
         if crossed is not None:
             kind = "forward" if crossed.forward else "backward"
-            found.append(Incident(crossed.fraction, kind, self.index, crossed.offset))
+            at = crossed.offset
+            found.append(Incident(crossed.fraction, kind, self.index, at, frame=self.frame))
         return found
+
+    def as_own(self, incident: Incident, of: SweptGate, p0: Vec3, p1: Vec3) -> Incident:
+        """Return an incident of this frame as it is in this gate's direction and axes.
+
+        Args:
+            incident: found by another gate of the frame.
+            of: that gate.
+            p0, p1: ends of the segment in the world [m].
+        """
+        at = self.gate.to_local(lerp(p0, p1, incident.s))
+        along = sum(a * b for a, b in zip(self.gate.axes[0], of.gate.axes[0], strict=True))
+        kind = incident.kind
+        if along < 0.0 and kind != "touch":
+            kind = "backward" if kind == "forward" else "forward"
+        return incident._replace(kind=kind, gate=self.index, offset=at.offset)
 
 
 class SweptGates:
     """All gates of a course, for a vehicle of one radius.
 
     A gate that is flown through several times a lap is one SweptGate: `of` has the one of each gate
-    of the course, `all` has each once, with the index of its first pass.
+    of the course. A frame that is flown from both sides has two, one for each side. `all` has the
+    first SweptGate of each frame.
+
+    Attributes:
+        of: the SweptGate of each gate of the course.
+        all: the first SweptGate of each physical frame.
     """
 
     def __init__(self, gates: Sequence[Gate], radius: float):
@@ -208,12 +235,13 @@ class SweptGates:
             gates: gates of the course, in order.
             radius: radius of the vehicle [m].
         """
+        numbers = frame_numbers(gates)
         first: dict[Gate, SweptGate] = {}
         for index, gate in enumerate(gates):
             if gate not in first:
-                first[gate] = SweptGate(gate, index, radius)
+                first[gate] = SweptGate(gate, index, radius, numbers.index(numbers[index]))
         self.of = tuple(first[gate] for gate in gates)
-        self.all = tuple(first.values())
+        self.all = tuple(swept for swept in first.values() if swept.frame == swept.index)
         self._centres = np.array([g.gate.position for g in self.all])  # (gates, 3)
         self._reach = np.array([g.reach for g in self.all])  # (gates,)
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from quadsim.course import Course, Gate, Start
 from quadsim.course.checks import misplaced_gates, start_problems
+from quadsim.course.frames import frame_numbers
 from quadsim.dynamics.first_order import remaining
 from quadsim.files.values import SettingError
 from quadsim.rotation import Vec3
@@ -155,7 +156,7 @@ def gusts(seeds: np.random.SeedSequence, std: float, dt: float) -> Iterator[Vec3
 def displaced(course: Course, seeds: np.random.SeedSequence, size: float) -> Course:
     """Return the course with every gate up to `size` [m] off along x and along y, uniformly.
 
-    A gate that is flown through several times is moved once. Heights stay, as gates stand on the
+    A frame that is flown through several times is moved once. Heights stay, as gates stand on the
     ground, and so that a gate above another stays clear of it. A gate that would stand out of
     bounds, in the start or behind obstacles is drawn again, alone.
 
@@ -163,16 +164,17 @@ def displaced(course: Course, seeds: np.random.SeedSequence, size: float) -> Cou
         SettingError: a gate finds no place in MOST_DRAWS draws (a ValueError).
     """
     rng = np.random.default_rng(seeds)
-    distinct = tuple(dict.fromkeys(course.gates))
-    moves = dict(zip(distinct, size * rng.uniform(-1, 1, (len(distinct), 2)), strict=True))
+    numbers = frame_numbers(course.gates)
+    moves = size * rng.uniform(-1, 1, (max(numbers) + 1, 2))  # of each frame
     problems: dict[int, str] = {}
     for _ in range(MOST_DRAWS):
-        moved = replace(course, gates=tuple(_moved(gate, moves[gate]) for gate in course.gates))
+        gates = zip(course.gates, numbers, strict=True)
+        moved = replace(course, gates=tuple(_moved(gate, moves[k]) for gate, k in gates))
         problems = misplaced_gates(moved)
         if not problems:
             return moved
-        for gate in dict.fromkeys(course.gates[i] for i in problems):
-            moves[gate] = size * rng.uniform(-1, 1, 2)
+        for k in dict.fromkeys(numbers[i] for i in problems):
+            moves[k] = size * rng.uniform(-1, 1, 2)
     (i, problem), *_ = problems.items()
     wanted = f"expected a place for gate {i + 1} in one of {MOST_DRAWS} draws"
     raise SettingError("displace_gates", f"{wanted}, got none: the last: {problem}")
