@@ -12,7 +12,7 @@ from quadsim.cli.commands import COMMANDS
 
 HELP = """usage: race COMMAND [FLAGS]
 
-Quadrotor racing in PyBullet, flown by Model Predictive Path Integral control
+Quadrotor races, flown by Model Predictive Path Integral control
 (MPPI) with Gaussian or colored sampling.
 
 {commands}

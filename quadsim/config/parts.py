@@ -142,8 +142,10 @@ def _named_term(setting: str, function: Any, weight: Weight) -> Term:
 
 def term_of_text(text: str) -> Term:
     """Return the term that "package.module:function=WEIGHT" names. Raises SettingError."""
-    place, _, weight = text.rpartition("=")
+    place, has_weight, weight = text.rpartition("=")
     wanted = f"expected package.module:function=WEIGHT, got {text!r}"
+    if not has_weight:
+        raise SettingError("term", f"{wanted}: the weight is missing, as in {text}=1")
     try:
         function = _imported(place)
         number = float(weight)
@@ -182,6 +184,8 @@ def own_sampler(given: object) -> Sampler | None:
 def reason(error: BaseException) -> str:
     """Return the text of an error on one line, with its type where that says more."""
     text = " ".join(str(error).split())
+    if isinstance(error, ModuleNotFoundError):
+        text += ", in this folder or the environment (PYTHONPATH)"
     is_plain = isinstance(error, ImportError | AttributeError | TypeError | ValueError)
     return text if is_plain and text else f"{type(error).__name__} {text}".rstrip()
 
