@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -19,22 +19,23 @@ from controllers.samplers import SAMPLERS, Sampling
 from quadsim.config.changes import PlannerChange
 from quadsim.config.parts import is_registered, own_sampler, term_of_text, terms_of
 from quadsim.config.reference import followed_problem, followed_reference
-from quadsim.config.settings import SETTINGS, Clock, FlightSettings
-from quadsim.config.spec import PLANTS, Spec
+from quadsim.config.settings import LINK, SETTINGS, FlightNumbers, HostSettings
+from quadsim.config.spec import ALWAYS, PLANTS, Spec
 from quadsim.course import Course, Start, parse_course
 from quadsim.dynamics.quadrotor import ModelParams
+from quadsim.files.json_values import exactly
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.values import checked
 from quadsim.firmware.configuration import Text
 from quadsim.physics.link import WIRE, LinkConfig
 from quadsim.racing.hand import HAND
-from quadsim.record.run import INTERACTIVE, canonical, hostless, own_parts
+from quadsim.record.run import canonical, hostless, own_parts
 from quadsim.sensing import Sensing
 from quadsim.vehicle import Vehicle
 
 WHAT = "the record of a flight, such as run.spec"
 # Settings that change no flight
-HOST = ("threads", "runs_dir")
+HOST = tuple(f.name for f in fields(HostSettings))
 
 
 class RecordError(FileError):
@@ -91,13 +92,15 @@ class RecordedBetaflight(msgspec.Struct):
 class RecordedHost(msgspec.Struct):
     """The files of the machine that flew, none of which changes the flight."""
 
-    runs_dir: str = FlightSettings.runs_dir
+    runs_dir: str = HostSettings.runs_dir
     pilot: str | None = None
-    blackbox: str | None = None
 
 
 class Recorded(msgspec.Struct):
-    """The keys of a record that a Spec is made from; the others follow from them."""
+    """The keys of a record that a Spec is made from, beside those of FlightNumbers.
+
+    The other keys of a record follow from these.
+    """
 
     course: str
     course_text: str
@@ -106,19 +109,12 @@ class Recorded(msgspec.Struct):
     preset: str
     planner: RecordedPlanner
     model: ModelParams
-    seed: int
     laps: int
     timeout: float
-    penalties: bool
     plant: str
-    plant_dt: float
-    randomize: float
-    clock: Clock
-    deadline_ms: float | None
     host: RecordedHost = msgspec.field(default_factory=RecordedHost)
     start: Start | None = None
     sensing: Sensing | None = None
-    displace_gates: float = 0.0
     view_weight: float = 0.0
     faults: tuple[str, ...] = ()
     pilot: RecordedPilot | None = None
@@ -159,13 +155,11 @@ def spec_of_record(record: Mapping[str, Any], runs_dir: str | None = None, **own
     if HAND in record:
         raise RecordError("hand: a person flew the run, which cannot be flown again: replay it")
     try:
-        read = msgspec.convert(dict(record), Recorded)
-        described = set(read.own)
-        _check_own(described, {role: own[role] for role in own.keys() - {"pilot"}})
-        recorded = read.host.runs_dir
-        folders = dict.fromkeys([runs_dir or recorded, recorded])
-        spec = _built(read, own, list(folders))
-        spec = replace(spec, runs_dir=runs_dir or recorded, **_whole_numbers(spec, record))
+        read = exactly(dict(record), Recorded)
+        _check_own(set(read.own), {role: own[role] for role in own.keys() - {"pilot"}})
+        numbers = _numbers(record, read)
+        folders = [runs_dir or read.host.runs_dir, read.host.runs_dir]
+        spec = _built(read, numbers, own, list(dict.fromkeys(folders)))
     except msgspec.ValidationError as error:
         raise RecordError(f"expected {WHAT}: {error}") from None
     _check_same(record, spec)
@@ -187,13 +181,14 @@ def recorded_spec(record: Mapping[str, Any], settings: Mapping[str, Any]) -> Spe
     """
     given, changed = sorted_settings(record, settings)
     own = dict(given)
+    runs_dir = own.pop("runs_dir", None)
     host = {name: own.pop(name) for name in HOST if name in own}
     term = own.pop("term", None)
     if term is not None:
         texts = [term] if isinstance(term, str) else term
         own["terms"] = tuple(map(term_of_text, texts))
-    for name, value in host.items():
-        host[name] = checked(name, value, SETTINGS[name].kind)
+    if runs_dir is not None:
+        runs_dir = str(checked("runs_dir", runs_dir, SETTINGS["runs_dir"].kind))
     # The pilot that flew may lie somewhere else by now
     pilot = changed.get("pilot")
     if isinstance(pilot, str | Path) and isinstance(record.get("pilot"), Mapping):
@@ -201,8 +196,7 @@ def recorded_spec(record: Mapping[str, Any], settings: Mapping[str, Any]) -> Spe
         if pilot.digest == record["pilot"].get("sha256"):
             own["pilot"] = pilot
             del changed["pilot"]
-    threads = host.pop("threads", None)
-    spec = replace(spec_of_record(record, **own, **host), threads=threads)
+    spec = replace(spec_of_record(record, runs_dir, **own), **host)
     return spec.but(**changed) if changed else spec
 
 
@@ -235,13 +229,34 @@ def _check_own(described: set[str], own: Mapping[str, object]) -> None:
         raise RecordError(f"{role}: expected none, as the recorded flight had none of its own")
 
 
-def _built(read: Recorded, own: Mapping[str, Any], folders: Sequence[str]) -> Spec:
+def _numbers(record: Mapping[str, Any], read: Recorded) -> dict[str, Any]:
+    """Return the settings of FlightNumbers as a record has them.
+
+    Raises:
+        RecordError: one that every record has is missing.
+        msgspec.ValidationError: one is of another type or out of range.
+    """
+    for field in fields(FlightNumbers):
+        if field.name in ALWAYS and field.name not in record:
+            raise RecordError(f"expected {WHAT}: no `{field.name}`")
+    numbers = vars(exactly(dict(record), FlightNumbers))
+    # Those that a record has in another form
+    link = {name: getattr(read.link, number) for name, number in LINK.items()}
+    firmware = "betaflight" if read.betaflight else "ideal"
+    return numbers | link | {"fault": read.faults, "flight_controller": firmware}
+
+
+def _built(
+    read: Recorded, numbers: dict[str, Any], own: Mapping[str, Any], folders: Sequence[str]
+) -> Spec:
     """Return the Spec of a record that has been read.
 
     Args:
         read: the record.
+        numbers: its settings of FlightNumbers.
         own: the user's own parts by role.
-        folders: folders of runs in which to look for a solution that was followed.
+        folders: folders of runs in which to look for a solution that was followed; the first is
+            the folder of the Spec.
     """
     course: Course = own.get("course") or parse_course(read.course_text, read.course)
     planner = _planner(read, own)
@@ -259,28 +274,17 @@ def _built(read: Recorded, own: Mapping[str, Any], folders: Sequence[str]) -> Sp
         start=read.start,
         sensing=read.sensing,
         pilot=_pilot(read, own),
-        seed=read.seed,
-        randomize=read.randomize,
-        displace_gates=read.displace_gates,
         view_weight=read.view_weight,
-        penalties=read.penalties,
-        fault=read.faults,
         plant=own.get("plant") or _plant(read.plant),
-        plant_dt=read.plant_dt,
-        flight_controller="betaflight" if read.betaflight else "ideal",
         betaflight=Text(read.betaflight.name, read.betaflight.lines) if read.betaflight else None,
-        link_hz=read.link.rate,
-        link_latency=read.link.latency,
-        link_loss=read.link.loss,
-        link_burst=read.link.burst,
-        clock=read.clock,
-        deadline_ms=read.deadline_ms,
         terms=terms_of(own.get("terms", ())),
         cost=own.get("cost"),
         controller=own.get("controller"),
         referee=own.get("referee"),
         reference=reference,
         changes=tuple(_changes(read, planner)),
+        runs_dir=folders[0],
+        **numbers,
     )
 
 
@@ -305,7 +309,7 @@ def _planner(read: Recorded, own: Mapping[str, Any]) -> Planner:
         vehicle=stored.vehicle,
         sampling=sampling,
         mppi=stored.mppi,
-        cost=msgspec.convert(stored.cost, cost_class),
+        cost=exactly(stored.cost, cost_class),
         preset=read.preset,
     )
 
@@ -320,58 +324,11 @@ def _sampling(name: str, numbers: Any) -> Sampling:
         name = names[0] if names else name
     if name not in SAMPLERS:
         raise RecordError(f"sampler: expected one of {', '.join(SAMPLERS)}, got {name!r}")
-    return msgspec.convert(numbers, SAMPLERS[name])
+    return exactly(numbers, SAMPLERS[name])
 
 
 def _field_names(kind: type) -> set[str]:
     return {field.name for field in fields(kind)}
-
-
-def _whole_numbers(spec: Spec, record: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parts of a Spec that hold numbers, as the record has them."""
-    stored = record["planner"]
-    planner = replace(
-        spec.planner,
-        mppi=_with_whole_numbers(spec.planner.mppi, stored["mppi"]),
-        cost=_with_whole_numbers(spec.planner.cost, stored["cost"]),
-    )
-    if is_registered(planner.sampling):
-        sampling = _with_whole_numbers(planner.sampling, stored["sampling"])
-        planner = replace(planner, sampling=sampling)
-    changes = [
-        _with_whole_numbers(
-            change, {**raw["planner"], "before": raw["from"], "after": raw["to"], "t": raw["t"]}
-        )
-        for change, raw in zip(spec.changes, record.get(INTERACTIVE, ()), strict=True)
-    ]
-    names = ("vehicle", "model", "sensing", "timeout", "plant_dt", "randomize", "deadline_ms")
-    names += ("displace_gates", "view_weight")
-    numbers = {
-        name: _with_whole_numbers(getattr(spec, name), record[name])
-        for name in names
-        if name in record
-    }
-    return numbers | {"planner": planner, "changes": tuple(changes)}
-
-
-def _with_whole_numbers(value: Any, raw: Any) -> Any:
-    """Return a value that was read as floats, with whole numbers where the record has them.
-
-    They are equal, but a record tells 60 from 60.0, and the digest of a run with it.
-    """
-    if isinstance(value, float) and isinstance(raw, int):
-        return raw
-    if isinstance(value, tuple) and isinstance(raw, list):
-        items = [_with_whole_numbers(*pair) for pair in zip(value, raw, strict=True)]
-        return type(value)(*items) if hasattr(value, "_fields") else tuple(items)
-    if is_dataclass(value) and not isinstance(value, type) and isinstance(raw, dict):
-        changed = {
-            field.name: _with_whole_numbers(getattr(value, field.name), raw[field.name])
-            for field in fields(value)
-            if field.name in raw
-        }
-        return replace(value, **changed)
-    return value
 
 
 def _pilot(read: Recorded, own: Mapping[str, Any]) -> Pilot | None:

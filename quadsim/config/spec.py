@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from dataclasses import InitVar, asdict, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, Unpack, get_args
 
@@ -29,22 +29,26 @@ from quadsim.config.presets import PresetSource
 from quadsim.config.reference import followed_problem, stored_reference
 from quadsim.config.settings import (
     CONTROL_UNITS,
+    HELD,
+    LINK,
     SETTINGS,
-    Clock,
+    FlightNumbers,
     FlightSettings,
     Group,
+    HostSettings,
+    LapCount,
     PlantName,
     Setting,
     SettingError,
-    bare,
+    TimeLimit,
+    Weight,
     is_optional,
 )
 from quadsim.course import Course, Start, load_course
 from quadsim.course.course import is_described
 from quadsim.dynamics.quadrotor import Control, ModelParams
-from quadsim.files.values import checked
+from quadsim.files.values import checked, kinds_of
 from quadsim.files.yaml_errors import did_you_mean, shown_value
-from quadsim.firmware import FlightControllerName
 from quadsim.firmware.configuration import Text, read_text
 from quadsim.firmware.identified import identified
 from quadsim.firmware.package import built_firmware
@@ -81,36 +85,28 @@ KEYWORDS = (*SETTINGS, *OBJECTS)
 OBJECT_SETTINGS = ("sampler", "pilot", "vehicle", "sensing", "plant", "preset", "betaflight")
 CONFIGURATION = ".betaflight.txt"  # ends the file of a vehicle's configuration of the firmware
 PLANTS = get_args(PlantName)
-# The settings that a Spec holds as numbers or names, and their kinds. Those of the first row have
-# no default in a Spec: None, which stands for one in FlightSettings, has been resolved.
-NUMBERS = {
-    **{name: bare(SETTINGS[name].kind) for name in ("laps", "timeout", "view_weight")},
-    **{
-        name: SETTINGS[name].kind
-        for name in (
-            "seed",
-            "randomize",
-            "displace_gates",
-            "penalties",
-            "plant_dt",
-            "flight_controller",
-            "blackbox",
-            "link_hz",
-            "link_latency",
-            "link_loss",
-            "link_burst",
-            "clock",
-            "deadline_ms",
-            "threads",
-            "runs_dir",
-        )
-    },
+# Settings that every record has under their own names. Any other is left out at its default, so
+# that records and their hashes stay the same when a setting is added.
+ALWAYS = (
+    "seed",
+    "penalties",
+    "plant_dt",
+    "randomize",
+    "clock",
+    "deadline_ms",
+    "threads",
+    "runs_dir",
+)
+# Settings that a record has in another form -> its key there
+OTHER_FORMS = {
+    "fault": "faults",
+    "flight_controller": "betaflight",
+    **dict.fromkeys(LINK, "link"),
 }
-# Plants whose rotors are those of quadsim.physics.actuators.
+# Plants with the rotors of quadsim.physics.actuators
 PLANTS_WITH_ROTORS = ("bullet", "rigid")
-# Numbers of the model that records had not from the beginning
+# Numbers of the model that were added later; older runs lack them
 ADDED = ("yaw_first", "rate_lag", "delay")
-LINK_SETTINGS = ("link_hz", "link_latency", "link_loss", "link_burst")
 # Physics step with the firmware: its gyro and its link are exchanged in each [s]
 FIRMWARE_STEP = 1e-3
 ROUNDING = 1e-6
@@ -119,7 +115,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Spec:
+class Spec(FlightNumbers, HostSettings):
     """A complete specification of one flight.
 
     The same spec gives the same Run to the last bit on the same machine.
@@ -147,49 +143,35 @@ class Spec:
     vehicle: Vehicle
     planner: Planner
     model: ModelParams  # the planner's model of the vehicle
-    laps: int
-    timeout: float  # [s]
+    laps: LapCount
+    timeout: TimeLimit  # [s]
     start: Start | None = None  # place on a start grid; None: the course's own start
     sensing: Sensing | None = None  # None: the planner is given the true state
     pilot: Pilot | None = None  # a learned pilot in the planner's place
-    seed: int = 0
-    randomize: float = 0.0  # scale of quadsim.physics.domain_randomization
-    displace_gates: float = 0.0  # how far gates may stand off the map, along x and y [m]
-    view_weight: float = 0.0  # weight of the term that keeps the camera along the flight
-    fault: tuple[str, ...] = ()  # texts of quadsim.physics.faults
-    penalties: bool = False
+    view_weight: Weight = 0.0  # of the term that keeps the camera along the flight
     plant: PlantName | Plant | Callable[[Spec], Plant] = field(default_factory=default_plant)
-    plant_dt: float = FlightSettings.plant_dt  # [s]
-    flight_controller: FlightControllerName = "ideal"
-    betaflight: Text | None = None  # configuration of the firmware, where that flies
-    blackbox: str | None = None  # file for the firmware's own log
-    link_hz: float | None = None  # None: a frame in each physics step
-    link_latency: float = 0.0  # beside the vehicle's [s]
-    link_loss: float = 0.0  # share of the frames that are lost
-    link_burst: float | None = None  # mean number of frames lost in a row; None: independent
-    clock: Clock = "simulated"
-    deadline_ms: float | None = None  # longest time of a plan, kept by fewer samples
+    betaflight: Text | None = None  # configuration of the firmware, if that flies
     terms: tuple[Term, ...] = ()  # the user's own, beside those of the cost
     cost: Cost | Callable[[Cost], Cost] | None = None  # replaces or changes the cost
     controller: Controller | ControlLaw | Callable[[Spec], Controller | ControlLaw] | None = None
     referee: RefereeProtocol | Callable[[Spec], RefereeProtocol] | None = None
-    threads: int | None = None  # None: as many as are in use; the number does not change the flight
-    runs_dir: str = FlightSettings.runs_dir  # where solutions of `race limit` are looked for
     # The stored solution that a preset with ReferenceWeights follows
     reference: StoredSolution | None = field(default=None, compare=False)
     # The planner's numbers that change in flight, in the order of their times
     changes: tuple[PlannerChange, ...] = ()
-    # The settings that this spec was made from. Files that they name have been read: `but` does not
-    # read them again.
+    # The settings that this spec is made from; None: its parts
+    settings: InitVar[Mapping[str, Any] | None] = None
+    # The same, which `but` changes. Files that they name have been read and are not read again.
     given: Mapping[str, Any] = field(init=False, repr=False, compare=False)
 
-    def __post_init__(self) -> None:
-        """Check the parts against each other, and keep them as the settings that were given."""
-        for name, kind in NUMBERS.items():
+    def __post_init__(self, settings: Mapping[str, Any] | None) -> None:
+        """Check the numbers, and the parts against each other."""
+        for name, kind in kinds_of(Spec).items():
             object.__setattr__(self, name, checked(name, getattr(self, name), kind))
         validate(self)
-        parts = {f.name: getattr(self, f.name) for f in fields(self) if f.name in KEYWORDS}
-        object.__setattr__(self, "given", parts)
+        if settings is None:
+            settings = {f.name: getattr(self, f.name) for f in fields(self) if f.name in KEYWORDS}
+        object.__setattr__(self, "given", settings)
 
     def __repr__(self) -> str:
         """Return one short line; `record` has all numbers."""
@@ -236,9 +218,7 @@ class Spec:
 
     def on_threads(self, threads: int) -> Spec:
         """Return the spec of the same flight with another number of CPU threads."""
-        spec = replace(self, threads=threads)
-        object.__setattr__(spec, "given", {**self.given, "threads": threads})
-        return spec
+        return replace(self, threads=threads, settings={**self.given, "threads": threads})
 
     @property
     def sampler(self) -> str:
@@ -275,7 +255,7 @@ class Spec:
     @property
     def link(self) -> LinkConfig:
         """The link that carries the commands."""
-        return LinkConfig(self.link_hz, self.link_latency, self.link_loss, self.link_burst)
+        return LinkConfig(**{number: getattr(self, name) for name, number in LINK.items()})
 
     @property
     def flown_course(self) -> Course:
@@ -313,15 +293,9 @@ class Spec:
                 "cost": plain(self.planner.cost),
             },
             "model": _of_model(self.model),
-            "seed": self.seed,
             "laps": self.laps,
             "timeout": self.timeout,
-            "penalties": self.penalties,
             "plant": self.plant if isinstance(self.plant, str) else "own",
-            "plant_dt": self.plant_dt,
-            "randomize": self.randomize,
-            "clock": self.clock,
-            "deadline_ms": self.deadline_ms,
             "variation": asdict(draw(self.streams.vehicle, self.randomize)),
             "host": self._host(),
         }
@@ -329,7 +303,6 @@ class Spec:
         used = {
             "start": plain(self.start),
             "sensing": plain(self.sensing),
-            "displace_gates": self.displace_gates,
             "view_weight": self.view_weight,
             "faults": [str(fault) for fault in self.faults],
             "drawn_faults": [str(fault) for fault in self.drawn_faults],
@@ -341,7 +314,17 @@ class Spec:
             "own": self._own_parts(),
             INTERACTIVE: [change.record() for change in self.changes],
         }
-        return record | {name: value for name, value in used.items() if value}
+        parts = record | {name: value for name, value in used.items() if value}
+        return parts | self._recorded(FlightNumbers)
+
+    def _recorded(self, settings: type) -> dict[str, Any]:
+        """Return the settings of a dataclass that a record has under their own names."""
+        return {
+            f.name: plain(getattr(self, f.name))
+            for f in fields(settings)
+            if f.name not in OTHER_FORMS
+            and (f.name in ALWAYS or getattr(self, f.name) != f.default)
+        }
 
     def own_objects(self) -> dict[str, object]:
         """Return {role: part} of the user's own objects; the role `terms` has a tuple."""
@@ -372,12 +355,8 @@ class Spec:
 
     def _host(self) -> dict[str, Any]:
         """Return the threads and the files of this machine, which do not change the flight."""
-        files = {"runs_dir": self.runs_dir}
-        if self.pilot:
-            files["pilot"] = self.pilot.place
-        if self.blackbox:
-            files["blackbox"] = self.blackbox
-        return {"threads": self.threads} | files
+        pilot = {"pilot": self.pilot.place} if self.pilot else {}
+        return self._recorded(HostSettings) | pilot
 
 
 def _followed(reference: StoredSolution | None) -> dict[str, str] | None:
@@ -501,7 +480,7 @@ def _check_link(spec: Spec) -> None:
         return
     if spec.plant not in PLANTS_WITH_ROTORS:
         plant = spec.plant if isinstance(spec.plant, str) else "a plant of your own"
-        name = next(name for name in LINK_SETTINGS if getattr(spec, name))
+        name = next(name for name in LINK if getattr(spec, name))
         wanted = f"expected plant {' or '.join(PLANTS_WITH_ROTORS)} for a link"
         raise SettingError(name, f"{wanted}, got {plant}")
     if link.rate and link.rate * spec.plant_dt > 1.0 + ROUNDING:
@@ -615,7 +594,6 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
 
     planner = with_numbers(replace(base, vehicle=vehicle.name), given)
     configuration = _configuration(flight, given, vehicle, read)
-    plant_dt = _plant_dt(flight, given)
     laps = flight.laps or course.laps
     view_weight = _view_weight(flight, base, sensing)
     reference = None
@@ -623,6 +601,7 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
         # What can never fly is refused before a solution is asked for.
         _check_beside_reference(flight.displace_gates, view_weight)
         reference = stored_reference(course, vehicle, laps, planner.cost, flight.runs_dir, given)
+    settings = {**given, **read}
     spec = Spec(
         course=course,
         vehicle=vehicle,
@@ -632,44 +611,22 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
         timeout=flight.timeout or default_timeout(course, laps),
         sensing=None if sensing.exact else sensing,
         pilot=pilot,
-        seed=flight.seed,
-        randomize=flight.randomize,
-        displace_gates=flight.displace_gates,
         view_weight=view_weight,
-        fault=flight.fault,
-        penalties=flight.penalties,
         plant=default_plant() if plant is None else plant,
-        plant_dt=plant_dt,
-        flight_controller=flight.flight_controller,
         betaflight=configuration,
-        blackbox=flight.blackbox,
-        link_hz=flight.link_hz,
-        link_latency=flight.link_latency,
-        link_loss=flight.link_loss,
-        link_burst=flight.link_burst,
-        clock=flight.clock,
-        deadline_ms=flight.deadline_ms,
         terms=(*terms_of(() if own_terms is None else own_terms), *map(term_of_text, flight.term)),
         cost=given.get("cost"),
         controller=given.get("controller"),
         referee=given.get("referee"),
-        threads=flight.threads,
-        runs_dir=flight.runs_dir,
         reference=reference,
+        settings=settings,
+        **{name: getattr(flight, name) for name in HELD},
     )
     # The spec is checked by now: what can never fly is refused before the firmware is asked for.
     if configuration is not None and given.get("model") is None:
-        found = identified(vehicle, configuration, plant_dt, planner.mppi.dt).model(vehicle)
-        spec = replace(spec, model=_changed("model", found, given))
-    object.__setattr__(spec, "given", {**given, **read})
+        found = identified(vehicle, configuration, spec.plant_dt, planner.mppi.dt).model(vehicle)
+        return replace(spec, model=_changed("model", found, given), settings=settings)
     return spec
-
-
-def _plant_dt(flight: FlightSettings, given: Mapping[str, Any]) -> float:
-    """Return the physics step [s]; by default the firmware has one of its own."""
-    if given.get("plant_dt") is None and flight.flight_controller != "ideal":
-        return FIRMWARE_STEP
-    return flight.plant_dt
 
 
 def _configuration(
@@ -718,6 +675,9 @@ def _flight_settings(given: Mapping[str, Any]) -> FlightSettings:
         if f.name in ("term", "fault") and isinstance(value, str):
             value = (value,)
         values[f.name] = checked(f.name, value, SETTINGS[f.name].kind)
+    # The firmware has a physics step of its own.
+    if values.get("flight_controller", "ideal") != "ideal":
+        values.setdefault("plant_dt", FIRMWARE_STEP)
     return FlightSettings(**values)
 
 

@@ -9,34 +9,19 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from controllers.learned.pilot import pilot_names
 from quadsim.config.recorded import spec_of_record
-from quadsim.config.settings import FlightSettings, values_of
+from quadsim.config.settings import FlightNumbers, FlightSettings, values_of
 from quadsim.config.spec import Spec
 from quadsim.record.run import hostless
 
-# The settings of a flight that a Spec holds under the same names, and that are worded where they
-# differ from their defaults
-FLIGHT = (
-    "randomize",
-    "displace_gates",
-    "view_weight",
-    "fault",
-    "timeout",
-    "penalties",
-    "plant",
-    "plant_dt",
-    "flight_controller",
-    "link_hz",
-    "link_latency",
-    "link_loss",
-    "link_burst",
-    "clock",
-    "deadline_ms",
-)
+# The settings of a flight that a Spec holds under the same names. They are worded if they differ
+# from those of a flight of the same names.
+FLIGHT = ("view_weight", "timeout", "plant", *(f.name for f in fields(FlightNumbers)))
 IMPORT = "import quadsim\n\n"
 IMPORT_HEAT = """\
 from quadsim.heat.archive import load_heat, spec_of_heat

@@ -2,7 +2,7 @@
 
 import json
 import shutil
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +13,7 @@ import quadsim
 from controllers.learned.pilot import PILOTS
 from quadsim.config.changes import PlannerChange
 from quadsim.config.recorded import RecordError, recorded_spec, spec_of_record
-from quadsim.config.settings import SettingError
+from quadsim.config.settings import FlightNumbers, SettingError
 from quadsim.config.spec import Spec
 from quadsim.course import load_course
 from quadsim.dynamics.quadrotor import CONTROL_UNITS
@@ -95,6 +95,29 @@ def test_a_stored_run_flies_again_to_the_last_bit(name):
 def test_a_record_of_another_view_weight_gives_it_again():
     spec = Spec.of("split_s_swift", sensing="gates", displace_gates=0.3, view_weight=0.7)
     assert spec_of_record(as_stored(spec.record())).view_weight == 0.7
+
+
+def test_every_number_of_a_flight_is_recorded_and_read():
+    numbers = {
+        "seed": 3,
+        "randomize": 0.5,
+        "displace_gates": 0.3,
+        "fault": ("rotor2=0.5@3.2",),
+        "penalties": True,
+        "plant_dt": 0.002,
+        "link_hz": 100.0,
+        "link_latency": 0.01,
+        "link_loss": 0.2,
+        "link_burst": 3.0,
+        "clock": "wall",
+        "deadline_ms": 50.0,
+    }
+    spec = Spec.of("split_s_swift", sensing="gates", plant="rigid", **numbers)
+    again = spec_of_record(as_stored(spec.record()))
+    # Not every machine has the firmware, whose configuration is recorded.
+    names = {field.name for field in fields(FlightNumbers)} - {"flight_controller"}
+    assert names == numbers.keys()
+    assert {name: getattr(again, name) for name in names} == numbers
 
 
 @pytest.mark.compiled
