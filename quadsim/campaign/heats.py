@@ -23,6 +23,7 @@ from quadsim.console import complain
 from quadsim.heat.archive import heat_key
 from quadsim.heat.spec import HeatSpec
 from quadsim.record.run import RunError, canonical
+from quadsim.record.schema import StoredPlacing, StoredResult
 from quadsim.record.statistics import Mean, mean_interval, wilson
 from quadsim.results.heat import Heat, fly_heat
 
@@ -48,34 +49,6 @@ class KeptHeat(NamedTuple):
 
     heat: HeatSpec
     result: Result
-
-
-class StoredPlacing(msgspec.Struct):
-    """The part of a placing that is read back."""
-
-    rank: int
-    name: str
-    outcome: str
-    time: float | None
-
-
-class StoredEvent(msgspec.Struct):
-    """The part of an event that is read back."""
-
-    kind: str
-    name: str
-    other: str
-    gate: int = 0
-    lap: int = 0
-
-
-class StoredResult(msgspec.Struct):
-    """A race as the campaign's file has it."""
-
-    order: list[StoredPlacing]
-    events: list[StoredEvent]
-    digest: str
-    real_time_factor: float = 0.0
 
 
 class HeatStore:

@@ -8,12 +8,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from quadsim.campaign.heats import HeatsSummary, StoredResult, fly_heats, summary
+from quadsim.campaign.heats import HeatsSummary, fly_heats, summary
 from quadsim.config.setting_texts import Place, Settings
 from quadsim.console import complain
 from quadsim.heat.line_up import heats_of, line_up
 from quadsim.heat.spec import HeatSpec
 from quadsim.record.run import RunError
+from quadsim.record.schema import StoredResult
 from quadsim.record.statistics import Mean, mcnemar, mean_interval
 
 

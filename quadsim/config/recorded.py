@@ -3,35 +3,31 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, cast
 
 import msgspec
 
-from controllers.config import MPPIConfig
 from controllers.costs.race import RaceWeights
 from controllers.costs.reference import ReferenceWeights
 from controllers.learned.pilot import Pilot, load_pilot
 from controllers.presets import Planner
 from controllers.samplers import SAMPLERS, Sampling
-from quadsim.config.changes import PlannerChange
-from quadsim.config.parts import is_registered, own_sampler, term_of_text, terms_of
+from quadsim.config.changes import planner_after
+from quadsim.config.parts import own_sampler, term_of_text, terms_of
 from quadsim.config.reference import followed_problem, followed_reference
 from quadsim.config.settings import LINK, SETTINGS, FlightNumbers, HostSettings
 from quadsim.config.spec import ALWAYS, PLANTS, Spec
-from quadsim.course import Course, Start, parse_course
-from quadsim.dynamics.quadrotor import ModelParams
+from quadsim.course import Course, parse_course
 from quadsim.files.json_values import exactly
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.values import checked
 from quadsim.firmware.configuration import Text
-from quadsim.physics.link import WIRE, LinkConfig
 from quadsim.racing.hand import HAND
 from quadsim.record.run import canonical, hostless, own_parts
-from quadsim.sensing import Sensing
-from quadsim.vehicle import Vehicle
+from quadsim.record.schema import FlownSpec, NumberChange
 
 WHAT = "the record of a flight, such as run.spec"
 # Settings that change no flight
@@ -40,89 +36,6 @@ HOST = tuple(f.name for f in fields(HostSettings))
 
 class RecordError(FileError):
     """A recorded flight cannot be flown again. One line: which part of it, and what to do."""
-
-
-class RecordedPlanner(msgspec.Struct):
-    """A planner's numbers in a record; those of a sampler or a cost are read with its class."""
-
-    vehicle: str
-    sampling: Any  # of the user's own sampler: whatever `plain` makes of it
-    mppi: MPPIConfig
-    cost: dict[str, Any]
-
-
-class RecordedPilot(msgspec.Struct):
-    """A pilot in a record."""
-
-    name: str
-    sha256: str
-
-
-class RecordedReference(msgspec.Struct):
-    """The solution of `race limit` that a recorded planner followed."""
-
-    key: str
-    sha256: str
-
-
-class ChangedPlanner(msgspec.Struct):
-    """A planner's numbers after a change in flight."""
-
-    sampling: Any
-    mppi: MPPIConfig
-
-
-class RecordedChange(msgspec.Struct):
-    """A number that was changed in flight, with its time and its values."""
-
-    t: float
-    name: str
-    before: float = msgspec.field(name="from")
-    after: float = msgspec.field(name="to")
-    planner: ChangedPlanner
-
-
-class RecordedBetaflight(msgspec.Struct):
-    """The configuration of the firmware in a record; the firmware itself is compared with it."""
-
-    name: str
-    lines: tuple[str, ...]
-
-
-class RecordedHost(msgspec.Struct):
-    """The files of the machine that flew, none of which changes the flight."""
-
-    runs_dir: str = HostSettings.runs_dir
-    pilot: str | None = None
-
-
-class Recorded(msgspec.Struct):
-    """The keys of a record that a Spec is made from, beside those of FlightNumbers.
-
-    The other keys of a record follow from these.
-    """
-
-    course: str
-    course_text: str
-    vehicle: Vehicle
-    sampler: str
-    preset: str
-    planner: RecordedPlanner
-    model: ModelParams
-    laps: int
-    timeout: float
-    plant: str
-    host: RecordedHost = msgspec.field(default_factory=RecordedHost)
-    start: Start | None = None
-    sensing: Sensing | None = None
-    view_weight: float = 0.0
-    faults: tuple[str, ...] = ()
-    pilot: RecordedPilot | None = None
-    betaflight: RecordedBetaflight | None = None
-    link: LinkConfig = WIRE
-    reference: RecordedReference | None = None
-    own: dict[str, Any] = {}
-    interactive: list[RecordedChange] = []
 
 
 def spec_of_record(record: Mapping[str, Any], runs_dir: str | None = None, **own: object) -> Spec:
@@ -155,7 +68,7 @@ def spec_of_record(record: Mapping[str, Any], runs_dir: str | None = None, **own
     if HAND in record:
         raise RecordError("hand: a person flew the run, which cannot be flown again: replay it")
     try:
-        read = exactly(dict(record), Recorded)
+        read = exactly(dict(record), FlownSpec)
         _check_own(set(read.own), {role: own[role] for role in own.keys() - {"pilot"}})
         numbers = _numbers(record, read)
         folders = [runs_dir or read.host.runs_dir, read.host.runs_dir]
@@ -229,7 +142,7 @@ def _check_own(described: set[str], own: Mapping[str, object]) -> None:
         raise RecordError(f"{role}: expected none, as the recorded flight had none of its own")
 
 
-def _numbers(record: Mapping[str, Any], read: Recorded) -> dict[str, Any]:
+def _numbers(record: Mapping[str, Any], read: FlownSpec) -> dict[str, Any]:
     """Return the settings of FlightNumbers as a record has them.
 
     Raises:
@@ -247,7 +160,7 @@ def _numbers(record: Mapping[str, Any], read: Recorded) -> dict[str, Any]:
 
 
 def _built(
-    read: Recorded, numbers: dict[str, Any], own: Mapping[str, Any], folders: Sequence[str]
+    read: FlownSpec, numbers: dict[str, Any], own: Mapping[str, Any], folders: Sequence[str]
 ) -> Spec:
     """Return the Spec of a record that has been read.
 
@@ -282,7 +195,7 @@ def _built(
         controller=own.get("controller"),
         referee=own.get("referee"),
         reference=reference,
-        changes=tuple(_changes(read, planner)),
+        changes=_changes(read, planner),
         runs_dir=folders[0],
         **numbers,
     )
@@ -296,7 +209,7 @@ def _plant(name: str) -> Any:
     return name
 
 
-def _planner(read: Recorded, own: Mapping[str, Any]) -> Planner:
+def _planner(read: FlownSpec, own: Mapping[str, Any]) -> Planner:
     """Return the planner of a record."""
     stored = read.planner
     if "sampler" in own:
@@ -331,7 +244,7 @@ def _field_names(kind: type) -> set[str]:
     return {field.name for field in fields(kind)}
 
 
-def _pilot(read: Recorded, own: Mapping[str, Any]) -> Pilot | None:
+def _pilot(read: FlownSpec, own: Mapping[str, Any]) -> Pilot | None:
     """Return the pilot of a record: the one given, or that of its file. Raises FileError."""
     if read.pilot is None:
         return None
@@ -344,20 +257,15 @@ def _pilot(read: Recorded, own: Mapping[str, Any]) -> Pilot | None:
     return replace(pilot, name=read.pilot.name)
 
 
-def _changes(read: Recorded, planner: Planner) -> Iterator[PlannerChange]:
-    """Yield the changes that were made in flight."""
+def _changes(read: FlownSpec, planner: Planner) -> tuple[NumberChange, ...]:
+    """Return the changes that were made in flight, all of which can be made again.
+
+    Raises:
+        msgspec.ValidationError: one cannot.
+    """
     for change in read.interactive:
-        sampling = planner.sampling
-        if is_registered(sampling):
-            sampling = _sampling(read.sampler, change.planner.sampling)
-        yield PlannerChange(
-            t=change.t,
-            name=change.name,
-            before=change.before,
-            after=change.after,
-            sampling=sampling,
-            mppi=change.planner.mppi,
-        )
+        planner_after(change, planner)
+    return tuple(read.interactive)
 
 
 def _check_same(record: Mapping[str, Any], spec: Spec) -> None:

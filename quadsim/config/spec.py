@@ -7,13 +7,14 @@ from dataclasses import InitVar, asdict, dataclass, field, fields, is_dataclass,
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, Unpack, get_args
 
+import msgspec
+
 from controllers.costs import Cost, Term
 from controllers.costs.reference import ReferenceWeights
 from controllers.learned.pilot import Pilot, load_pilot
 from controllers.presets import Planner
 from controllers.presets import faults as faults_of_planner
 from controllers.samplers import SAMPLERS
-from quadsim.config.changes import PlannerChange
 from quadsim.config.parts import (
     check_part,
     describe,
@@ -70,6 +71,7 @@ from quadsim.racing.flight import ControlLaw, Controller, RefereeProtocol, whole
 from quadsim.racing.hand import HAND, Hand
 from quadsim.record.limits import StoredSolution
 from quadsim.record.run import INTERACTIVE
+from quadsim.record.schema import NumberChange
 from quadsim.sensing import PERFECT, Sensing, load_sensing
 from quadsim.streams import Streams, quadrotor_streams
 from quadsim.vehicle import VEHICLES, Vehicle, load_vehicle, with_thrust_to_weight
@@ -158,7 +160,7 @@ class Spec(FlightNumbers, HostSettings):
     # The stored solution that a preset with ReferenceWeights follows
     reference: StoredSolution | None = field(default=None, compare=False)
     # The planner's numbers that change in flight, in the order of their times
-    changes: tuple[PlannerChange, ...] = ()
+    changes: tuple[NumberChange, ...] = ()
     # The settings that this spec is made from; None: its parts
     settings: InitVar[Mapping[str, Any] | None] = None
     # The same, which `but` changes. Files that they name have been read and are not read again.
@@ -312,7 +314,7 @@ class Spec(FlightNumbers, HostSettings):
             "link": None if self.link == WIRE else plain(self.link),
             "reference": _followed(self.reference),
             "own": self._own_parts(),
-            INTERACTIVE: [change.record() for change in self.changes],
+            INTERACTIVE: msgspec.to_builtins(self.changes),
         }
         parts = record | {name: value for name, value in used.items() if value}
         return parts | self._recorded(FlightNumbers)

@@ -15,7 +15,7 @@ from rich.markup import escape
 from quadsim.console import as_text, plain_table
 from quadsim.files.extras import imported
 from quadsim.record.archive import list_runs, load_run
-from quadsim.record.run import Outcome
+from quadsim.record.schema import ListedRun
 from quadsim.results.run import Run
 from quadsim.sensing import PERFECT
 
@@ -179,32 +179,6 @@ class StoredRuns(Sequence[StoredRun]):
         return [f"{path}: {problem}" for path, problem in self.damaged.items()]
 
 
-class _Named(msgspec.Struct):
-    name: str
-
-
-class _Spec(msgspec.Struct):
-    """The part of a stored spec that a row shows."""
-
-    course: str
-    vehicle: _Named
-    sampler: str
-    preset: str
-    seed: int
-    laps: int
-    pilot: _Named | None = None
-    sensing: _Named | None = None
-    interactive: list[dict] = []
-
-
-class _Result(msgspec.Struct):
-    """The part of a run.json that a row shows."""
-
-    outcome: Outcome
-    laps: list[float]
-    spec: _Spec
-
-
 def stored_runs(runs_dir: str | Path, **patterns: str | int | None) -> StoredRuns:
     """Return the stored runs of a folder; `quadsim.runs` describes the arguments."""
     rows = []
@@ -233,7 +207,7 @@ def read_row(path: Path, data: bytes | None = None) -> StoredRun:
     """
     if data is None:
         data = (path / "run.json").read_bytes()
-    found = msgspec.json.decode(data, type=_Result)
+    found = msgspec.json.decode(data, type=ListedRun)
     spec = found.spec
     return StoredRun(
         name=path.name,

@@ -13,9 +13,6 @@ import pytest
 from quadsim.campaign.heat_tables import overtakers_table
 from quadsim.campaign.heats import (
     PairStats,
-    StoredEvent,
-    StoredPlacing,
-    StoredResult,
     bradley_terry,
     fly_heats,
     summary,
@@ -26,6 +23,7 @@ from quadsim.cli.cli import race
 from quadsim.files.values import SettingError
 from quadsim.heat.line_up import heats_of, line_up, parse_race_variants
 from quadsim.record.run import RunError
+from quadsim.record.schema import StoredEvent, StoredPlacing, StoredResult
 from quadsim.record.statistics import mean_interval, wilson
 from tests.campaign_cases import RACE
 from tests.small import SHORT, flags

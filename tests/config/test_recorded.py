@@ -11,7 +11,7 @@ from run_cases import two_laps
 
 import quadsim
 from controllers.learned.pilot import PILOTS
-from quadsim.config.changes import PlannerChange
+from quadsim.config.changes import changeable_numbers
 from quadsim.config.recorded import RecordError, recorded_spec, spec_of_record
 from quadsim.config.settings import FlightNumbers, SettingError
 from quadsim.config.spec import Spec
@@ -20,6 +20,7 @@ from quadsim.dynamics.quadrotor import CONTROL_UNITS
 from quadsim.files.strict_yaml import FileError
 from quadsim.record.limits import SOLUTIONS
 from quadsim.record.run import canonical, hostless, why_not_repeatable
+from quadsim.record.schema import NumberChange
 from quadsim.vehicle import load_vehicle
 from tests.small import SHORT
 from web.choices import Choices
@@ -241,7 +242,8 @@ def test_a_part_that_contains_itself_is_recorded_and_given_again():
 def test_changes_in_flight_of_a_sampler_of_ones_own_are_made_again():
     spec = Spec.of("figure8", **BRIEF, sampler=Held(table()))
     mppi = replace(spec.planner.mppi, temperature=0.05)
-    change = PlannerChange(0.05, "temperature", 1.0, 0.05, spec.planner.sampling, mppi)
+    numbers = changeable_numbers(replace(spec.planner, mppi=mppi))
+    change = NumberChange(0.05, "temperature", 1.0, 0.05, numbers)
     run = quadsim.fly(replace(spec, changes=(change,)))
     assert quadsim.fly(stored(run), sampler=Held(table())).digest() == run.digest()
     assert quadsim.fly(spec).digest() != run.digest()
