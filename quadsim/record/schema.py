@@ -5,8 +5,9 @@ smallest struct that has what it needs, so that a list of runs has a row for a r
 this version cannot fly:
 
     ListedSpec    a row of a list
-    StoredSpec    a run that is opened: pictures, replays
+    StoredSpec    a run that is opened, and its pictures
     ReportedSpec  a report
+    ReplayedSpec  a replay on the page
     FlownSpec     a flight that is flown again; quadsim.config.recorded makes a Spec of it
 
 A number keeps its kind: 60 in a file is not 60.0, as the digest of a run tells them apart.
@@ -72,6 +73,19 @@ class FlownPlanner(ChangedPlanner):
     cost: dict[str, Any]  # which class they are of, a reference decides
 
 
+class ReplayedSampling(Struct):
+    """A sampler's numbers that a replay shows."""
+
+    sigma: list[float] = []
+    gamma: list[float] = []
+
+
+class ReplayedPlanner(ReportedPlanner):
+    """A planner's numbers that a replay shows."""
+
+    sampling: ReplayedSampling | str | None = None  # a text describes the user's own sampler
+
+
 class NumberChange(Struct, frozen=True):
     """A number of the planner that was changed in flight."""
 
@@ -112,6 +126,20 @@ class Host(Struct):
 
     runs_dir: str = "runs"
     pilot: str | None = None
+
+
+class StickRates(Struct):
+    """How a vehicle that a person flew followed one stick."""
+
+    most: float  # at the end of the stick [rad/s]
+
+
+class FlownByHand(Struct):
+    """How a vehicle that a person flew followed the sticks."""
+
+    roll: StickRates
+    pitch: StickRates
+    yaw: StickRates
 
 
 class OwnPart(Struct):
@@ -165,7 +193,7 @@ class ListedSpec(Struct, kw_only=True):
 
 
 class StoredSpec(ListedSpec, kw_only=True):
-    """The keys of a spec that replays and pictures read."""
+    """The keys of a spec that pictures read."""
 
     course: PlainText
     course_text: str
@@ -191,6 +219,14 @@ class ReportedSpec(StoredSpec, kw_only=True):
     model: ModelParams
     planner: ReportedPlanner
     randomize: float
+
+
+class ReplayedSpec(ReportedSpec, kw_only=True):
+    """A spec with all that the page shows."""
+
+    planner: ReplayedPlanner
+    hand: FlownByHand | None = None
+    interactive: list[NumberChange] = []
 
 
 class FlownSpec(Struct, kw_only=True):
