@@ -139,7 +139,7 @@ class RunTable:
         return has_changed and self._look()
 
     def path(self, name: str) -> Path | None:
-        """Return the folder of a row; None where no row of the table has this name."""
+        """Return the folder of a row; None if no row of the table has this name."""
         return self._root / name if name in self._read else None
 
     def _look(self) -> bool:
@@ -263,5 +263,5 @@ def _text(when: datetime) -> str:
 
 
 def _cut(text: str) -> str:
-    """Return a name from a file, shortened where it is long."""
+    """Return a name from a file, shortened if it is long."""
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."

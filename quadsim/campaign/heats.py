@@ -30,7 +30,7 @@ from quadsim.results.heat import Heat, fly_heat
 # Points of a rating by which one entrant beats another ten times as often as it loses
 RATING_SCALE = 400.0
 MEAN_RATING = 1500.0
-# Draws that each pair is credited with, so that ratings are finite where one always wins
+# Draws that each pair is credited with, so that ratings are finite if one always wins
 PRIOR_DRAWS = 1.0
 Z = 1.959963984540054  # of a 95 % interval
 
@@ -75,7 +75,7 @@ class HeatStore:
         self._db.close()
 
     def read(self, key: str) -> StoredResult | None:
-        """Return the race of a key, None where it has not been flown. Raises RunError."""
+        """Return the race of a key, None if it has not been flown. Raises RunError."""
         with self._one_line():
             rows = self._db.execute("SELECT result FROM heats WHERE key = ?", (key,)).fetchall()
             return msgspec.json.decode(rows[0][0], type=StoredResult) if rows else None

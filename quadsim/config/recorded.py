@@ -41,15 +41,15 @@ class RecordError(FileError):
 def spec_of_record(record: Mapping[str, Any], runs_dir: str | None = None, **own: object) -> Spec:
     """Return the Spec of a recorded flight, which flies the same to the last bit.
 
-    Files that the flight has followed (a pilot, a solution of `race limit`) are looked for where
-    they were, and have to be the same. A record has the names of the user's own parts and not their
-    code: each is given anew, and has to be the same.
+    Files that the flight has followed (a pilot, a solution of `race limit`) are looked for in their
+    recorded places, and have to be the same. A record has the names of the user's own parts and not
+    their code: each is given anew, and has to be the same.
 
     Args:
         record: the spec of a run.
         runs_dir: folder of runs in place of the recorded one.
         own: {role: part} of the user's own parts that took part in the flight; `pilot`: the pilot,
-            where its file is not where it was.
+            if its file is no longer in its place.
 
     Raises:
         RecordError: a file or a part is missing or differs, or the record is not one of a flight.
@@ -128,7 +128,7 @@ def sorted_settings(
 
 
 def _check_own(described: set[str], own: Mapping[str, object]) -> None:
-    """Raise RecordError unless the user's own parts are those that the record has."""
+    """Raise RecordError unless the user's own parts are the parts that the record has."""
     for role in sorted(described - own.keys()):
         what = "of your own, whose code is not in the record"
         how = f"give it again as {role}=..."
@@ -245,7 +245,7 @@ def _field_names(kind: type) -> set[str]:
 
 
 def _pilot(read: FlownSpec, own: Mapping[str, Any]) -> Pilot | None:
-    """Return the pilot of a record: the one given, or that of its file. Raises FileError."""
+    """Return the pilot of a record: the given one, or the pilot of its file. Raises FileError."""
     if read.pilot is None:
         return None
     path = read.host.pilot or read.pilot.name

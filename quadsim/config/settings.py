@@ -80,7 +80,7 @@ class PartSettings:
         ),
     ] = None
     plant: Annotated[
-        PlantName | None, setting("simulator (default: bullet where PyBullet is installed)")
+        PlantName | None, setting("simulator (default: bullet if PyBullet is installed)")
     ] = None
     betaflight: Annotated[
         str | None,
@@ -202,7 +202,7 @@ class Setting:
 
     @property
     def unit(self) -> str:
-        """The unit of its numbers, "" where they have none."""
+        """The unit of its numbers, "" if they have none."""
         return unit_of(self.kind)
 
     @property
@@ -212,7 +212,7 @@ class Setting:
 
 
 def description(kind: Kind) -> str:
-    """Return the help in an annotation, "" where it has none."""
+    """Return the help in an annotation, "" without one."""
     match kind:
         case inspect.Metadata():
             schema = kind.extra_json_schema or {}
@@ -223,7 +223,7 @@ def description(kind: Kind) -> str:
 
 
 def unit_of(kind: Kind) -> str:
-    """Return the unit in an annotation, "" where it has none."""
+    """Return the unit in an annotation, "" without one."""
     match kind:
         case inspect.Metadata():
             return (kind.extra or {}).get("unit") or unit_of(kind.type)

@@ -153,7 +153,7 @@ class Spec(FlightNumbers, HostSettings):
     view_weight: Weight = 0.0  # of the term that keeps the camera along the flight
     plant: PlantName | Plant | Callable[[Spec], Plant] = field(default_factory=default_plant)
     betaflight: Text | None = None  # configuration of the firmware, if that flies
-    terms: tuple[Term, ...] = ()  # the user's own, beside those of the cost
+    terms: tuple[Term, ...] = ()  # the user's own, beside the terms of the cost
     cost: Cost | Callable[[Cost], Cost] | None = None  # replaces or changes the cost
     controller: Controller | ControlLaw | Callable[[Spec], Controller | ControlLaw] | None = None
     referee: RefereeProtocol | Callable[[Spec], RefereeProtocol] | None = None
@@ -231,7 +231,7 @@ class Spec(FlightNumbers, HostSettings):
 
     @property
     def hand(self) -> Hand | None:
-        """The controller by which a person flies, None where nobody does."""
+        """The controller by which a person flies, None if nobody does."""
         return self.controller if isinstance(self.controller, Hand) else None
 
     @property
@@ -369,7 +369,8 @@ def _followed(reference: StoredSolution | None) -> dict[str, str] | None:
 def _of_model(model: ModelParams) -> dict[str, Any]:
     """Return the numbers of a model as a record has them.
 
-    Those of ADDED are left out at their defaults, so that records and their hashes stay the same.
+    Numbers in ADDED are left out at their defaults, so that records and their hashes stay the
+    same.
     """
     nominal = {f.name: f.default for f in fields(model) if f.name in ADDED}
     numbers: dict[str, Any] = plain(model)
@@ -654,7 +655,7 @@ def _configuration(
 
 
 def shipped_configuration(vehicle: Vehicle) -> Text | None:
-    """Return the firmware's configuration that comes with a vehicle, None where there is none."""
+    """Return the firmware's configuration that comes with a vehicle, None if none does."""
     path = VEHICLES / f"{vehicle.name.partition('-twr')[0]}{CONFIGURATION}"
     return read_text(path) if path.exists() else None
 
@@ -698,7 +699,7 @@ def _loaded(
         name: name of the setting.
         kind: type of the object.
         load: reads the part that a name or path stands for; raises FileError.
-        default: name to load where none is given.
+        default: name to load if no part is given.
         read: collects the parts that were loaded by a given name.
 
     Raises:
@@ -724,7 +725,7 @@ def _part(
 
 
 def _check_numbers(name: str, part: object) -> None:
-    """Check the numbers of a vehicle or a sensing as those of a file are. Raises SettingError."""
+    """Check the numbers of a vehicle or a sensing as in a file. Raises SettingError."""
     if not isinstance(part, Vehicle | Sensing):
         return
     try:
@@ -814,7 +815,7 @@ def _owners(setting: Setting) -> str:
 def _view_weight(flight: FlightSettings, base: Planner, sensing: Sensing) -> float:
     """Return the weight of the cost term that makes the camera look along the flight.
 
-    It helps where a camera has to find displaced gates; elsewhere a flight without yaw is faster.
+    It helps if a camera has to find displaced gates; otherwise a flight without yaw is faster.
     """
     if flight.view_weight is not None:
         return flight.view_weight

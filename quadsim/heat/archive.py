@@ -150,7 +150,7 @@ def _json(heat: HeatSpec, runs: tuple[Run, ...], folders: list[str]) -> bytes:
 
 
 def is_heat(path: str | Path) -> bool:
-    """Return whether a folder is that of a race."""
+    """Return whether a folder holds a race of several."""
     return (Path(path) / HEAT).is_file()
 
 

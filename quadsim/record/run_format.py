@@ -62,7 +62,7 @@ def expect_reportable(run: Run, path: object) -> None:
         for text in spec.drawn_faults:
             parse_fault(text)
     except (msgspec.ValidationError, ValueError) as error:
-        raise RunError(f"{path}: spec: expected that of a flight: {error}") from error
+        raise RunError(f"{path}: spec: expected the spec of a flight: {error}") from error
 
 
 def write_json(run: Run, provenance: dict) -> bytes:
@@ -106,7 +106,7 @@ def read_json(data: bytes, path: object) -> StoredRecord:
     try:
         msgspec.convert(record.spec, StoredSpec)
     except msgspec.ValidationError as error:
-        raise RunError(f"{path}: spec: expected that of a flight: {error}") from error
+        raise RunError(f"{path}: spec: expected the spec of a flight: {error}") from error
     return record
 
 
