@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from quadsim.course.gate import Gate, Start
 from quadsim.course.obstacles import Obstacle
 from quadsim.course.opening import InGate, half_sizes
 from quadsim.course.swept_obstacles import SweptObstacle
-
-if TYPE_CHECKING:
-    from quadsim.course.course import Course, Gate
 
 # [m] around the start, and before and behind gates: the largest vehicle (.25) and half a bar (.05)
 ROOM = 0.3
@@ -23,6 +21,28 @@ ROUNDING = 1e-6
 LINES = 9
 
 
+class Layout(Protocol):
+    """The parts of a Course that have to fit together."""
+
+    @property
+    def gates(self) -> tuple[Gate, ...]: ...
+
+    @property
+    def obstacles(self) -> tuple[Obstacle, ...]: ...
+
+    @property
+    def start(self) -> Start: ...
+
+    @property
+    def bounds(self) -> tuple[tuple[float, float], ...]: ...
+
+    @property
+    def loop(self) -> bool: ...
+
+    @property
+    def laps(self) -> int: ...
+
+
 class Fault(NamedTuple):
     """A key of the course file, and the problem with it."""
 
@@ -30,7 +50,7 @@ class Fault(NamedTuple):
     problem: str
 
 
-def faults(course: Course) -> Iterator[Fault]:
+def faults(course: Layout) -> Iterator[Fault]:
     """Yield all faults of a course; the first is the one to show."""
     if course.laps > 1 and not course.loop:
         yield Fault("laps", f"expected 1 on an open course (or loop: true), got {course.laps}")
@@ -43,7 +63,7 @@ def faults(course: Course) -> Iterator[Fault]:
     yield from _obstacle_faults(course)
 
 
-def _start_faults(course: Course) -> Iterator[Fault]:
+def _start_faults(course: Layout) -> Iterator[Fault]:
     """Yield the faults of the start."""
     key = "start.position"
     start = course.start.position
@@ -64,7 +84,7 @@ def _start_faults(course: Course) -> Iterator[Fault]:
             yield Fault(key, f"expected {ROOM} m of room, got {distance:.2f} m to {name}")
 
 
-def _gate_faults(course: Course) -> Iterator[Fault]:
+def _gate_faults(course: Layout) -> Iterator[Fault]:
     """Yield the faults of every gate and of the room before and behind it."""
     for i, gate in enumerate(course.gates):
         key = f"gates[{i}].position"
@@ -89,7 +109,7 @@ def _gate_faults(course: Course) -> Iterator[Fault]:
                 yield Fault(key, f"{ROOM} m {where} the gate, along its passage, is {outside}")
 
 
-def _obstacle_faults(course: Course) -> Iterator[Fault]:
+def _obstacle_faults(course: Layout) -> Iterator[Fault]:
     """Yield the faults of obstacles, and the gates that they block."""
     for i, obstacle in enumerate(course.obstacles):
         key = f"obstacles[{i}]"
@@ -123,7 +143,7 @@ def _blocked(gate: Gate, obstacles: Sequence[Obstacle]) -> bool:
     return True
 
 
-def _outside(course: Course, points: np.ndarray) -> str:
+def _outside(course: Layout, points: np.ndarray) -> str:
     """Return the problem with points (n, 3) that lie outside the bounds, "" where none does."""
     for axis, values, (low, high) in zip("xyz", points.T, course.bounds, strict=True):
         for value in (values.min(), values.max()):

@@ -13,10 +13,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import dist, hypot, inf, sqrt
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from quadsim.course.gate import Gate
 from quadsim.course.opening import (
     HalfSizes,
     InGate,
@@ -31,9 +32,6 @@ from quadsim.course.opening import (
     outer_half_sizes,
 )
 from quadsim.rotation import Vec3
-
-if TYPE_CHECKING:
-    from quadsim.course.course import Gate
 
 
 class Incident(NamedTuple):
