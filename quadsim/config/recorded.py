@@ -16,10 +16,11 @@ from controllers.learned.pilot import Pilot, load_pilot
 from controllers.presets import Planner
 from controllers.samplers import SAMPLERS, Sampling
 from quadsim.config.changes import planner_after
+from quadsim.config.checks import PLANTS
 from quadsim.config.parts import own_sampler, term_of_text, terms_of
 from quadsim.config.reference import followed_problem, followed_reference
 from quadsim.config.settings import LINK, SETTINGS, FlightNumbers, HostSettings
-from quadsim.config.spec import ALWAYS, PLANTS, Spec
+from quadsim.config.spec import ALWAYS, Spec
 from quadsim.course import Course, parse_course
 from quadsim.files.json_values import exactly
 from quadsim.files.strict_yaml import FileError
