@@ -12,7 +12,7 @@ from controllers.plan import PlannerSnapshot, PlanStats
 from controllers.presets import Planner
 from quadsim.config.parts import is_registered, plain
 from quadsim.dynamics.estimate import Estimate
-from quadsim.files.json_values import exactly
+from quadsim.files.exact_json import exactly
 from quadsim.record.schema import ChangedPlanner, NumberChange
 
 if TYPE_CHECKING:

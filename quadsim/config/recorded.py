@@ -22,7 +22,7 @@ from quadsim.config.reference import followed_problem, followed_reference
 from quadsim.config.settings import LINK, SETTINGS, FlightNumbers, HostSettings
 from quadsim.config.spec import ALWAYS, Spec
 from quadsim.course import Course, parse_course
-from quadsim.files.json_values import exactly
+from quadsim.files.exact_json import exactly
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.values import checked
 from quadsim.firmware.configuration import Text
