@@ -144,7 +144,7 @@ def _blocked(gate: Gate, obstacles: Sequence[Obstacle]) -> bool:
 
 
 def _outside(course: Layout, points: np.ndarray) -> str:
-    """Return the problem with points (n, 3) that lie outside the bounds, "" where none does."""
+    """Return the problem with points (n, 3) that lie outside the bounds, "" if none does."""
     for axis, values, (low, high) in zip("xyz", points.T, course.bounds, strict=True):
         for value in (values.min(), values.max()):
             if not low - ROUNDING <= value <= high + ROUNDING:

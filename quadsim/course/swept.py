@@ -4,7 +4,7 @@ The rules, what a contact or a crossing means, are the referee's.
 
 In the gate frame (x along the legal passage) the vehicle is a sphere of radius r whose centre moves
 on a segment. The four bars, as boxes grown by r, are a slab around a free shaft: the sphere touches
-a bar where its centre is in the slab and not in the shaft. See quadsim.course.opening for both.
+a bar if its centre is in the slab and not in the shaft. See quadsim.course.opening for both.
 Grown boxes stick out where a sphere would round an edge: contact is found up to .42 r early at the
 bars' edges, .73 r at their corners. On their faces, and straight through the opening, it is exact.
 """
@@ -100,7 +100,7 @@ def first_within(a0: Vec3, a1: Vec3, b0: Vec3, b1: Vec3, reach: float) -> float 
         reach: distance [m].
 
     Returns:
-        0 where they are within reach from the beginning; None where they never are.
+        0 if they are within reach from the beginning; None if they never are.
     """
     way = (b0[0] - a0[0], b0[1] - a0[1], b0[2] - a0[2])
     change = (b1[0] - a1[0] - way[0], b1[1] - a1[1] - way[1], b1[2] - a1[2] - way[2])
