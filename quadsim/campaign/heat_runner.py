@@ -11,19 +11,20 @@ from quadsim.campaign.attempt import (
     with_fresh_parts,
 )
 from quadsim.campaign.database import code_of
-from quadsim.campaign.heat_store import HeatResult, HeatRow, HeatStore, key_of, result_of
+from quadsim.campaign.heat_store import HeatRow, HeatStore, key_of, result_of
 from quadsim.campaign.pool import run_all
 from quadsim.campaign.runner import CampaignRunner, Tally, expect_same_libraries, expect_same_parts
 from quadsim.campaign.variants import expect_identity, expect_importable
 from quadsim.console import complain, uninterrupted
 from quadsim.heat.spec import HeatSpec
+from quadsim.record.schema import StoredResult
 from quadsim.results.heat import fly_heat
 
 
 class FlownHeat(NamedTuple):
     """A heat that a worker has flown."""
 
-    result: HeatResult
+    result: StoredResult
     # the record of its specification, as the worker had it
     record: dict[str, Any]
     # versions, commit and processor of the worker

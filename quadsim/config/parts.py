@@ -182,7 +182,7 @@ def own_sampler(given: object) -> Sampler | None:
 
 
 def reason(error: BaseException) -> str:
-    """Return the text of an error on one line, with its type where that says more."""
+    """Return the text of an error on one line, with its type if that says more."""
     text = " ".join(str(error).split())
     if isinstance(error, ModuleNotFoundError):
         text += ", in this folder or the environment (PYTHONPATH)"
@@ -220,7 +220,7 @@ def is_registered(sampler: Sampler) -> bool:
 def describe(part: object) -> dict[str, Json]:
     """Return {class, parameters, sha256} of one of the user's own objects.
 
-    The hash is that of `identity_of`, None for an object without an identity.
+    The hash comes from `identity_of`; it is None for an object without an identity.
     """
     kind = part if _is_maker(part) else type(part)
     values = {} if kind is part else getattr(part, "__dict__", {})
@@ -246,7 +246,7 @@ def describe_term(term: Term) -> dict[str, Json]:
 
 
 def _identity(part: object) -> str | None:
-    """Return the identity of an object, None where it has none."""
+    """Return the identity of an object, None if it has none."""
     try:
         return identity_of(part)
     except IdentityError:
@@ -256,7 +256,7 @@ def _identity(part: object) -> str | None:
 def qualified_name(kind: Any) -> str:
     """Return the module and name of a class or function.
 
-    A functools.partial has those of its function, any other object those of its class.
+    A functools.partial has the names of its function, any other object the names of its class.
     """
     while isinstance(kind, partial):
         kind = kind.func

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from quadsim.course.gate import Gate, Start
 from quadsim.course.obstacles import Obstacle
 from quadsim.course.opening import InGate, half_sizes
 from quadsim.course.swept_obstacles import SweptObstacle
 from quadsim.rotation import Vec3
-
-if TYPE_CHECKING:
-    from quadsim.course.course import Course, Gate
 
 # [m] around the start, and before and behind gates: the largest vehicle (.25) and half a bar (.05)
 ROOM = 0.3
@@ -24,6 +22,28 @@ ROUNDING = 1e-6
 LINES = 9
 
 
+class Layout(Protocol):
+    """The parts of a Course that have to fit together."""
+
+    @property
+    def gates(self) -> tuple[Gate, ...]: ...
+
+    @property
+    def obstacles(self) -> tuple[Obstacle, ...]: ...
+
+    @property
+    def start(self) -> Start: ...
+
+    @property
+    def bounds(self) -> tuple[tuple[float, float], ...]: ...
+
+    @property
+    def loop(self) -> bool: ...
+
+    @property
+    def laps(self) -> int: ...
+
+
 class Fault(NamedTuple):
     """A key of the course file, and the problem with it."""
 
@@ -31,7 +51,7 @@ class Fault(NamedTuple):
     problem: str
 
 
-def faults(course: Course) -> Iterator[Fault]:
+def faults(course: Layout) -> Iterator[Fault]:
     """Yield all faults of a course; the first is the one to show."""
     if course.laps > 1 and not course.loop:
         yield Fault("laps", f"expected 1 on an open course (or loop: true), got {course.laps}")
@@ -44,7 +64,7 @@ def faults(course: Course) -> Iterator[Fault]:
     yield from _obstacle_faults(course)
 
 
-def _start_faults(course: Course) -> Iterator[Fault]:
+def _start_faults(course: Layout) -> Iterator[Fault]:
     """Yield the faults of the start."""
     key = "start.position"
     start = course.start.position
@@ -54,7 +74,7 @@ def _start_faults(course: Course) -> Iterator[Fault]:
         yield Fault(key, problem)
 
 
-def start_problems(course: Course, start: Vec3) -> Iterator[str]:
+def start_problems(course: Layout, start: Vec3) -> Iterator[str]:
     """Yield what keeps a vehicle from starting at a place: bounds, frames or obstacles.
 
     Args:
@@ -77,7 +97,7 @@ def start_problems(course: Course, start: Vec3) -> Iterator[str]:
             yield f"expected {ROOM} m of room, got {distance:.2f} m to {name}"
 
 
-def misplaced_gates(course: Course) -> dict[int, str]:
+def misplaced_gates(course: Layout) -> dict[int, str]:
     """Return the problem of each gate that stands where it cannot be flown, by index.
 
     It is outside the bounds, in the ground, blocked by obstacles, or too near to the start.
@@ -95,13 +115,13 @@ def misplaced_gates(course: Course) -> dict[int, str]:
     return found
 
 
-def _gate_faults(course: Course) -> Iterator[Fault]:
+def _gate_faults(course: Layout) -> Iterator[Fault]:
     """Yield the faults of every gate and of the room before and behind it."""
     for i, gate in enumerate(course.gates):
         yield from _faults_of_gate(course, i, gate)
 
 
-def _faults_of_gate(course: Course, i: int, gate: Gate) -> Iterator[Fault]:
+def _faults_of_gate(course: Layout, i: int, gate: Gate) -> Iterator[Fault]:
     """Yield the faults of one gate, whose index is i."""
     key = f"gates[{i}].position"
     opening = gate.corners()
@@ -125,7 +145,7 @@ def _faults_of_gate(course: Course, i: int, gate: Gate) -> Iterator[Fault]:
             yield Fault(key, f"{ROOM} m {where} the gate, along its passage, is {outside}")
 
 
-def _obstacle_faults(course: Course) -> Iterator[Fault]:
+def _obstacle_faults(course: Layout) -> Iterator[Fault]:
     """Yield the faults of obstacles, and the gates that they block."""
     for i, obstacle in enumerate(course.obstacles):
         key = f"obstacles[{i}]"
@@ -159,8 +179,8 @@ def _blocked(gate: Gate, obstacles: Sequence[Obstacle]) -> bool:
     return True
 
 
-def _outside(course: Course, points: np.ndarray) -> str:
-    """Return the problem with points (n, 3) that lie outside the bounds, "" where none does."""
+def _outside(course: Layout, points: np.ndarray) -> str:
+    """Return the problem with points (n, 3) that lie outside the bounds, "" if none does."""
     for axis, values, (low, high) in zip("xyz", points.T, course.bounds, strict=True):
         for value in (values.min(), values.max()):
             if not low - ROUNDING <= value <= high + ROUNDING:

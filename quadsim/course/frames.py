@@ -9,12 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import dist
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from quadsim.course.course import Gate
+from quadsim.course.gate import Gate
 
 # Two frames whose corners lie this near to each other are one [m]. Two could not stand there, and
 # angles that are rounded differently move a corner by some millimetres.

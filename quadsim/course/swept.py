@@ -4,7 +4,7 @@ The rules, what a contact or a crossing means, are the referee's.
 
 In the gate frame (x along the legal passage) the vehicle is a sphere of radius r whose centre moves
 on a segment. The four bars, as boxes grown by r, are a slab around a free shaft: the sphere touches
-a bar where its centre is in the slab and not in the shaft. See quadsim.course.opening for both.
+a bar if its centre is in the slab and not in the shaft. See quadsim.course.opening for both.
 Grown boxes stick out where a sphere would round an edge: contact is found up to .42 r early at the
 bars' edges, .73 r at their corners. On their faces, and straight through the opening, it is exact.
 """
@@ -13,11 +13,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import dist, hypot, inf, sqrt
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from quadsim.course.frames import frame_numbers
+from quadsim.course.gate import Gate
 from quadsim.course.opening import (
     HalfSizes,
     InGate,
@@ -32,9 +33,6 @@ from quadsim.course.opening import (
     outer_half_sizes,
 )
 from quadsim.rotation import Vec3
-
-if TYPE_CHECKING:
-    from quadsim.course.course import Gate
 
 
 class Incident(NamedTuple):
@@ -105,7 +103,7 @@ def first_within(a0: Vec3, a1: Vec3, b0: Vec3, b1: Vec3, reach: float) -> float 
         reach: distance [m].
 
     Returns:
-        0 where they are within reach from the beginning; None where they never are.
+        0 if they are within reach from the beginning; None if they never are.
     """
     way = (b0[0] - a0[0], b0[1] - a0[1], b0[2] - a0[2])
     change = (b1[0] - a1[0] - way[0], b1[1] - a1[1] - way[1], b1[2] - a1[2] - way[2])

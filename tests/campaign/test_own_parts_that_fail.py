@@ -45,9 +45,9 @@ def test_a_controller_that_raises_at_once_is_one_line_with_the_seed():
 
 def test_a_part_of_a_notebook_is_refused_where_workers_fly(monkeypatch):
     spec = Spec.of("figure8", controller=Level())
-    expect_importable(spec)
+    monkeypatch.setattr(sys.modules["__main__"], "__file__", "script.py", raising=False)
     monkeypatch.setattr(Level, "__module__", "__main__")
     expect_importable(spec)  # a script: workers read it again
-    monkeypatch.delattr(sys.modules["__main__"], "__file__", raising=False)
+    monkeypatch.delattr(sys.modules["__main__"], "__file__")
     with pytest.raises(SettingError, match="expected a controller that workers can import"):
         expect_importable(spec)
