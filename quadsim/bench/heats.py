@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from quadsim.bench.cases import QUADROTOR, WARM_UP, median_ms, paper_case, starting
-from quadsim.config.build import planner_of
+from quadsim.config.build import planner_in_flight, planner_of
 from quadsim.config.spec import Spec
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import State
@@ -121,10 +121,8 @@ class Case:
         awareness = heat.awareness(0)
         terms = other_vehicles(heat, 0, awareness)
         minds = replace(spec, terms=tuple(other.term for other in terms.values()))
-        mppi = planner_of(minds)
         self._planner = AwarePlanner(
-            mppi,
-            lambda: mppi,
+            planner_in_flight(minds, planner_of(minds)),
             Eyes(0, self._traffic, 0.0, spec.course),
             expectation_of(heat, 0, awareness, self._traffic),
             terms,

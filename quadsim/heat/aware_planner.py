@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import dist
-from time import perf_counter
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from controllers.costs.keep_clear import OtherVehicle
+from controllers.in_flight import PlannerInFlight
 from controllers.plan import PlanStats
 from quadsim.course import Course
 from quadsim.dynamics.estimate import Estimate
@@ -17,35 +16,10 @@ from quadsim.heat.expectations import Expectation, Outlook, planned_path
 from quadsim.heat.patience import Patience
 from quadsim.heat.rules import Progress
 from quadsim.heat.traffic import ExpectedPath, Sighting, Traffic
-from quadsim.racing.clock import Clock
-from quadsim.racing.flight import Controller
 from quadsim.racing.referee import way_left
-
-if TYPE_CHECKING:
-    from controllers.mppi import MPPI
 
 # Distance within which a vehicle ahead is followed [m]
 CLOSE = 3.0
-
-
-class PlanningClock(Clock):
-    """The clock of a vehicle with a computer of its own.
-
-    The vehicles of a race are planned one after the other here. On this clock each pays for its own
-    planning time alone, measured on the wall clock.
-    """
-
-    def __init__(self) -> None:
-        # how long the last plan took [s]
-        self.spent = 0.0
-
-    def now(self, t: float) -> float:
-        """Return the time at which the last plan was ready [s].
-
-        Args:
-            t: when the planning started [s].
-        """
-        return t + self.spent
 
 
 class Eyes:
@@ -99,36 +73,29 @@ class AwarePlanner:
 
     def __init__(
         self,
-        controller: Controller,
-        planner: Callable[[], MPPI],
+        planner: PlannerInFlight,
         eyes: Eyes,
         expectation: Expectation | None,
         others: dict[int, OtherVehicle],
         racecraft: Racecraft | None = None,
         tells: bool = False,
-        clock: PlanningClock | None = None,
     ):
         """Wrap a planner.
 
         Args:
-            controller: plans, and returns the control.
-            planner: returns the MPPI that plans at present.
+            planner: the planner.
             eyes: what is seen of the others.
             expectation: what is expected of them; None: they are ignored.
             others: number -> term of the planner's cost, for each other vehicle.
             racecraft: its rules for vehicles ahead and behind; None: all are alike.
             tells: whether the others are told the plan.
-            clock: is told the planning time; None: that costs no time.
         """
-        self._controller = controller
         self._planner = planner
         self._eyes = eyes
         self._expectation = expectation
         self._others = others
         self._racecraft = racecraft or Racecraft()
         self._tells = tells
-        self._clock = clock
-        self._is_first = True
         self._last: Estimate | None = None  # that was planned from
         # the paths that were expected for the last plan, for display
         self.expected: dict[int, ExpectedPath] = {}
@@ -136,23 +103,14 @@ class AwarePlanner:
     @property
     def rest(self) -> np.ndarray:
         """The planner's control at rest.  (n_u,)"""
-        return self._controller.rest
-
-    @property
-    def is_cached(self) -> bool:
-        """Whether the planner was compiled on this machine before."""
-        return self._planner().is_cached
+        return self._planner.rest
 
     def control(self, estimate: Estimate, /) -> tuple[np.ndarray, PlanStats]:
         """Return the control to apply and statistics of the plan; see MPPI.control."""
-        began = perf_counter()
         if self._expectation:
             self._mind_others(estimate, self._expectation)
-        answer = self._controller.control(estimate)
+        answer = self._planner.control(estimate)
         self._last = estimate
-        if self._clock and not self._is_first:
-            self._clock.spent = perf_counter() - began
-        self._is_first = False
         path = self._own_path() if self._tells else None
         if path:
             self._eyes.traffic.tell(self._eyes.number, path)
@@ -162,7 +120,7 @@ class AwarePlanner:
         """Return the path of the last plan, in the time of the race."""
         if self._last is None:
             return None
-        return planned_path(self._planner(), self._last, self._eyes.start_time)
+        return planned_path(self._planner.planner, self._last, self._eyes.start_time)
 
     def _mind_others(self, estimate: Estimate, expectation: Expectation) -> None:
         """Let the terms of the cost know where the others are expected."""
@@ -171,7 +129,7 @@ class AwarePlanner:
         self.expected = expectation.paths(Outlook(seen, behind, self._own_path))
 
         # The times at which the steps of the horizon end
-        config = self._planner().config
+        config = self._planner.planner.config
         acts = estimate.t if estimate.acts is None else estimate.acts
         steps = np.arange(1, config.horizon + 1)
         times = self._eyes.start_time + acts + config.dt * steps

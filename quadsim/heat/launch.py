@@ -9,10 +9,11 @@ from functools import partial
 from typing import cast
 
 from controllers.costs.keep_clear import OtherVehicle, Room
+from controllers.in_flight import PlannerInFlight
 from controllers.samplers import Sampling
 from quadsim.config.build import build, flight_frames, launched, planner_of
 from quadsim.config.spec import Spec
-from quadsim.heat.aware_planner import AwarePlanner, Eyes, PlanningClock, Racecraft
+from quadsim.heat.aware_planner import AwarePlanner, Eyes, Racecraft
 from quadsim.heat.expectations import (
     OPPONENT_STEPS,
     ConstantVelocity,
@@ -38,6 +39,7 @@ from quadsim.heat.spec import HeatSpec
 from quadsim.heat.traffic import Traffic
 from quadsim.physics.downwash import Downwash
 from quadsim.physics.plant import Arena, new_arena
+from quadsim.racing.clock import PlanningClock
 from quadsim.racing.flight import flight
 from quadsim.racing.referee import Referee
 from quadsim.streams import opponent_stream, sighting_stream
@@ -139,21 +141,18 @@ def _start(
     parts = build(minds, arena, referee)
     steps = launched(minds, parts)
 
-    controller = steps.controller
-    planner = steps.planner
-    if planner is not None:
-        clock = PlanningClock() if spec.clock == "wall" else None
+    planner = steps.controller
+    if isinstance(planner, PlannerInFlight):
+        clock = PlanningClock() if spec.clock == "wall" else steps.clock
         controller = AwarePlanner(
-            controller,
             planner,
             Eyes(k, traffic, heat.start_time(k), spec.course),
             expectation_of(heat, k, awareness, traffic),
             others,
             racecraft=_racecraft_of(awareness),
             tells=_is_asked_for_plans(heat, k),
-            clock=clock,
         )
-        steps = replace(steps, controller=controller, clock=clock or steps.clock)
+        steps = replace(steps, controller=controller, clock=clock)
         if watched is not None:
             watched[k] = controller
     # The plants of an arena can be pushed

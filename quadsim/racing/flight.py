@@ -168,8 +168,8 @@ class Plan(NamedTuple):
     # control to apply  (n_u,)
     u: tuple[float, ...]
     stats: PlanStats
-    # planning time on the wall clock [ms]
-    ms: float
+    # planning time on the wall clock [s]
+    spent: float
 
 
 class Planning:
@@ -214,9 +214,9 @@ class Planning:
         """
         before = perf_counter()
         answer = self._controller.control(self._navigation.estimate(self._t))
-        ms = 1e3 * (perf_counter() - before)
+        spent = perf_counter() - before
         u, stats = checked_plan(self._controller, answer, self._controls)
-        self._plan = Plan(u, stats, ms)
+        self._plan = Plan(u, stats, spent)
 
     @property
     def plan(self) -> Plan:
@@ -321,7 +321,7 @@ def flight(
             yield planning
             plan = planning.plan
         # The clock is read before the frame is yielded, as its consumer may take a while.
-        ready = clock.now(state.t)
+        ready = clock.ready(state.t, 0.0 if k == 0 else plan.spent)
         taken = snapshot() if snapshot and flying and k % SNAPSHOT_EVERY == 0 else None
         navigation.commanded(state.t, ready, plan.u)
 
@@ -336,7 +336,7 @@ def flight(
             ess=plan.stats.ess,
             temperature=plan.stats.temperature,
             cost=plan.stats.cost,
-            plan_ms=plan.ms,
+            plan_ms=1e3 * plan.spent,
             elapsed=perf_counter() - began,
             events=tuple(events),
             outcome=outcome,

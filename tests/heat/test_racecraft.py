@@ -55,10 +55,10 @@ def kept(racecraft):
     """
     traffic = Traffic(2, Sight(), [np.random.SeedSequence(k) for k in range(2)])
     mppi = SimpleNamespace(config=SimpleNamespace(horizon=HORIZON, dt=0.1))
+    plans = SimpleNamespace(planner=mppi, control=lambda estimate: None)
     other = OtherVehicle(1, Room(200.0, 0.6, 0.8, 0.4), HORIZON)
     planner = AwarePlanner(
-        SimpleNamespace(control=lambda estimate: None),
-        lambda: mppi,
+        plans,
         Eyes(0, traffic, 0.0, COURSE),
         ConstantVelocity(),
         {1: other},
