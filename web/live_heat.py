@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from quadsim.heat.archive import entrant_folder
-from quadsim.heat.aware_planner import AwarePlanner
 from quadsim.heat.launch import heat_frames, is_compiled
 from quadsim.heat.loop import RaceFrame
 from quadsim.heat.result import HeatRecorder, run_records
@@ -49,8 +48,7 @@ class LiveHeat:
             bases = [flight.base for flight in choices.flights]
         else:
             bases = [entrant.spec.planner for entrant in self._spec.entrants]
-        self._planners: dict[int, AwarePlanner] = {}
-        self._frames = heat_frames(self._spec, self._planners)
+        self._frames = heat_frames(self._spec)
         self._ahead: RaceFrame | None = None  # that belongs to the next period
         self._recorder = HeatRecorder(self._spec)
         self._root: str | None = None
@@ -128,16 +126,8 @@ class LiveHeat:
             events=events,
             laps=laps_so_far(events, entry.legs.gates),
             outcome=frame.frame.outcome,
-            expected=() if over else self._expected(frame),
+            expected=() if over else _expected(frame),
         )
-
-    def _expected(self, frame: RaceFrame) -> tuple[np.ndarray, ...]:
-        """Return the paths that a vehicle expects the others to fly.  (points, 3) each"""
-        planner = self._planners.get(frame.number)
-        if planner is None:
-            return ()
-        paths = planner.expected.values()
-        return tuple(path.at(frame.t + AHEAD) for path in paths)
 
     def change(self, change: Change) -> None:
         """Refuse: the numbers of a race in one world stay those of its start.
@@ -179,3 +169,8 @@ class LiveHeat:
     def close(self) -> None:
         """Free the world."""
         self._frames.close()
+
+
+def _expected(frame: RaceFrame) -> tuple[np.ndarray, ...]:
+    """Return the paths that a vehicle expects the others to fly [m]  (points, 3) each."""
+    return tuple(path.at(frame.t + AHEAD) for _, path in frame.others)

@@ -18,14 +18,17 @@ See quadsim.dynamics for the arithmetic that these functions may use.
 from __future__ import annotations
 
 from collections import namedtuple
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, NamedTuple, NoReturn, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, Protocol
 
 import numpy as np
 
 from quadsim.files.yaml_errors import did_you_mean, shown_value
+
+if TYPE_CHECKING:
+    from quadsim.dynamics.estimate import Estimate
 
 Weight = float | np.ndarray  # one number, or one for each step of the horizon (T,)
 
@@ -166,6 +169,26 @@ class Term:
         return f"Term({self.name}, {shown})"
 
 
+class EstimatedTerm(Term):
+    """A term some of whose numbers follow from the estimate with which a plan begins.
+
+    The planner asks for these numbers before each plan and keeps a copy of them, so that the term
+    itself never changes. `but` returns a Term without such numbers.
+    """
+
+    def numbers_from(self, estimate: Estimate, times: np.ndarray) -> dict[str, Weight]:
+        """Return the numbers that follow from an estimate: name of a parameter -> its value.
+
+        The name "weight" stands for the weight.
+
+        Args:
+            estimate: what is known.
+            times: at which the steps of the horizon end, in the time of the others' paths [s]
+                (T,).
+        """
+        raise NotImplementedError
+
+
 class _ByIdentity:
     """A function in a key, equal to itself alone; an object that can be called may have no hash."""
 
@@ -177,6 +200,16 @@ class _ByIdentity:
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _ByIdentity) and self.function is other.function
+
+
+def number_name(term: str, name: str) -> str:
+    """Return the name of a term's number among all numbers of a cost; see Cost.number_names.
+
+    Args:
+        term: name of the term.
+        name: "weight", or the name of a parameter.
+    """
+    return f"weight_{term}" if name == "weight" else f"p_{term}_{name}"
 
 
 def _name_of(function: Any) -> str:
@@ -320,29 +353,41 @@ class Cost:
     @cached_property
     def number_names(self) -> tuple[str, ...]:
         """The names of the numbers that the compiled loops take: weights, then parameters."""
-        names = [f"weight_{term.name}" for term in self.terms]
+        names = [number_name(term.name, "weight") for term in self.terms]
         names += [f"p_{name}" for name in self.params._fields]
         for term in self.terms:
             if term.parameters:
-                names += [f"p_{term.name}_{name}" for name in term.parameters._fields]
+                names += [number_name(term.name, name) for name in term.parameters._fields]
         return tuple(names)
 
-    def numbers(self, horizon: int) -> np.ndarray:
+    @cached_property
+    def number_index(self) -> dict[str, int]:
+        """The index of each of these numbers, by its name."""
+        return {name: k for k, name in enumerate(self.number_names)}
+
+    def numbers(self, horizon: int, given: Mapping[str, Weight] | None = None) -> np.ndarray:
         """Return weights and parameters as the compiled loops take them.
 
+        Args:
+            horizon: T.
+            given: values in place of the cost's own, by the names of number_names; None: there are
+                none.
+
         Returns:
-            (1, n), or (T, n) where one of them depends on the step of the horizon.
+            (1, n), or (T, n) if one of them depends on the step of the horizon.
 
         Raises:
             ValueError: an array of another length than the horizon.
         """
-        if not self._by_step:
+        columns = {k: self._numbers[k] for k in self._by_step}
+        for name, value in (given or {}).items():
+            columns[self.number_index[name]] = value
+        if not columns:
             return np.array([self._numbers], float)
         rows = np.empty((horizon, len(self._numbers)))
         rows[:] = self._constants
-        for k in self._by_step:
-            value = self._numbers[k]
-            if np.shape(value) != (horizon,):
+        for k, value in columns.items():
+            if np.shape(value) not in ((), (horizon,)):
                 name = self.number_names[k]
                 raise ValueError(
                     f"cost {self.name}: {name}: expected one number or one for each of "

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import hashlib
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import ModuleType
 
 import numpy as np
 
-from controllers.costs import Cost
+from controllers.costs import Cost, Weight, number_name
 from controllers.lanes.compiled import is_cached, load_module
 from controllers.lanes.planner_loops import module_source, steps_between
 from controllers.schedule import Schedule
@@ -30,6 +31,8 @@ class Rollout:
     cost: Cost
     dtype: type = np.float32
     schedule: Schedule = field(default_factory=Schedule)
+    # Weights and parameters in place of the cost's own, see Cost.numbers
+    given: Mapping[str, Weight] = field(default_factory=dict, repr=False, compare=False)
     # The numbers for the last state, see `_numbers`
     _found: dict = field(default_factory=dict, repr=False, compare=False)
 
@@ -105,19 +108,20 @@ class Rollout:
             d(system.dt),
             cost.targets_from(target, x0, d),
             np.asarray(system.params, d),
-            cost.numbers(horizon).astype(d),
+            cost.numbers(horizon, self.given).astype(d),
         )
         if cost.obstacles is None:
             return numbers
         near = cost.obstacles.near(np.asarray(x0, float), horizon * system.dt).astype(d)
         crash_term = cost.crash_term
         term = cost.terms[crash_term]
-        if np.ndim(term.weight):
+        weight = self.given.get(number_name(term.name, "weight"), term.weight)
+        if np.ndim(weight):
             raise ValueError(
                 f"cost {cost.name}: weight_{term.name}: expected one number, as there are "
-                f"obstacles, got shape {np.shape(term.weight)}"
+                f"obstacles, got shape {np.shape(weight)}"
             )
-        return *numbers, near, steps_between(system.dt), crash_term, d(term.weight)
+        return *numbers, near, steps_between(system.dt), crash_term, d(weight)
 
     @cached_property
     def _module(self) -> ModuleType:

@@ -10,6 +10,7 @@ from __future__ import annotations
 # The first name of each module that has moved. A move adds a line and never changes one.
 FIRST_NAMES = {
     "quadsim.config": "quadsim.spec",
+    "quadsim.dynamics.expected_path": "quadsim.racing.traffic",
     "quadsim.dynamics.named_tuples": "quadsim.dynamics.records",
     "quadsim.firmware.actuators": "quadsim.physics.betaflight",
     "quadsim.firmware.gain_search": "quadsim.physics.gain_search",

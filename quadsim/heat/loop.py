@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import chain, count
 from typing import NamedTuple, Protocol
 
+from quadsim.dynamics.expected_path import OtherVehicle
 from quadsim.dynamics.quadrotor import State
 from quadsim.heat.marshal import Marshal, Move, RaceReferee
 from quadsim.heat.traffic import Traffic
@@ -54,6 +55,8 @@ class Started(NamedTuple):
     plant: PlantInArena
     # the frames and the requests of the flight, see quadsim.racing.flight.flight
     steps: Iterator[Frame | Planning | PhysicsStep]
+    # returns the other vehicles as the last plan of the flight expected them
+    others: Callable[[], tuple[OtherVehicle, ...]]
 
 
 class Starter(NamedTuple):
@@ -86,6 +89,8 @@ class RaceFrame(NamedTuple):
     # time of the race [s]
     t: float
     frame: Frame
+    # the other vehicles as the plan of this step expects them; times of their paths are of the race
+    others: tuple[OtherVehicle, ...] = ()
 
 
 def race_frames(
@@ -138,7 +143,7 @@ def _race(
         # The vehicles whose control period has ended plan.
         first_items = {k: next(started[k].steps) for k in sorted(flying)}
         make_plans([item for item in first_items.values() if isinstance(item, Planning)])
-        traffic.pass_on()
+        traffic.publish()
 
         # Each flight goes on until it needs the next physics step. A flight that has ended leaves.
         commands: dict[int, tuple[float, ...]] = {}
@@ -148,7 +153,7 @@ def _race(
                     commands[k] = item.u
                     break
                 if isinstance(item, Frame):
-                    yield RaceFrame(k, t, item)
+                    yield RaceFrame(k, t, item, started[k].others())
             else:
                 flying.discard(k)
                 started[k].plant.remove()
