@@ -154,7 +154,7 @@ class MPPI:
             self.beyond = config.overshoot * drawn.std(axis=(0, 2, 3), dtype=float)
         trace_anew(system, cost)
         self.set_model(system)
-        # The control at rest; that of a quadrotor is hover: no rates, thrust g  (n_u,)
+        # The control at rest; for a quadrotor it is hover: no rates, thrust g  (n_u,)
         self.rest = np.array(system.rest)
         self.plan = np.tile(self.rest, (config.horizon, 1))  # U (T, n_u)
         self.guide = self.plan  # the sequence that the last samples perturb  (T, n_u)
@@ -259,7 +259,7 @@ class MPPI:
 
         Returns:
             The nominal sequence, and the alternative that the last rest_fraction of the samples
-            perturb: the plan and the guide, or plan + momentum and the plan where the sampler has
+            perturb: the plan and the guide, or plan + momentum and the plan if the sampler has
             momentum.  (T, n_u) each
         """
         momentum = self.sampler.momentum
@@ -412,11 +412,12 @@ class MPPI:
     def set_cost(self, cost: Cost) -> None:
         """Use this cost from now on.
 
-        Terms that were used before are not compiled again, even where their weights and parameters
-        change. Numbers that a function holds itself stay those of the planner's beginning.
+        Terms that were used before are not compiled again, even if their weights and parameters
+        change. Numbers that a function holds itself stay as they were when the planner was made.
         """
         self.cost = cost
-        self._keep_numbers(self.numbers)
+        self.numbers = self._known_numbers(self.numbers)
+        self.rollout = self._new_rollout()
 
     def set_numbers(self, term: str, **numbers: Weight) -> None:
         """Use other numbers of one term of the cost from the next plan on.
@@ -455,13 +456,13 @@ class MPPI:
             for term, own in numbers.items()
             for name, value in own.items()
         }
-        self._keep_numbers({**self.numbers, **copies})
-
-    def _keep_numbers(self, numbers: Mapping[str, Weight]) -> None:
-        """Use those of these numbers that the cost has."""
-        index = self.cost.number_index
-        self.numbers = {name: value for name, value in numbers.items() if name in index}
+        self.numbers = {**self.numbers, **copies}
         self.rollout = self._new_rollout()
+
+    def _known_numbers(self, numbers: Mapping[str, Weight]) -> dict[str, Weight]:
+        """Return these numbers, apart from any that the cost does not have."""
+        index = self.cost.number_index
+        return {name: value for name, value in numbers.items() if name in index}
 
     def _new_rollout(self) -> Rollout:
         """Return the rollout of the present model, cost and numbers."""
@@ -473,7 +474,8 @@ class MPPI:
         Args:
             planner: a planner with the same system and horizon.
         """
-        self._keep_numbers(planner.numbers)
+        self.numbers = self._known_numbers(planner.numbers)
+        self.rollout = self._new_rollout()
         self.plan = planner.plan
         self.executed = planner.executed
         self.periods = planner.periods

@@ -42,7 +42,7 @@ class LiveFlight:
         now: the flight as the page shows it; any thread may read it.
         period: control period [s].
         is_cached: False if the first plan has to compile, which takes some 20 s.
-        hand: the controller by which a person flies, None where nobody does.
+        hand: the controller by which a person flies; None: nobody does.
 
     Args:
         choices: what is to be flown.
@@ -240,7 +240,7 @@ class LiveFlight:
         return sampled_trajectories(self._planner.planner) if self._planner else None
 
     def _corners(self) -> Corners | None:
-        """Return the corners in the last picture, where the vehicle has a gate camera."""
+        """Return the corners in the last picture; None without a gate camera."""
         return self._navigation.corners
 
     def close(self) -> None:

@@ -33,7 +33,7 @@ class LiveHeat:
         entries: the flights as the page shows them; any thread may read them.
         period: the shortest control period [s].
         is_cached: False if planners have to be compiled.
-        hand: the controller by which a person flies, None where nobody does.
+        hand: the controller by which a person flies; None: nobody does.
 
     Args:
         choices: what is to be flown.
@@ -49,7 +49,7 @@ class LiveHeat:
         else:
             bases = [entrant.spec.planner for entrant in self._spec.entrants]
         self._frames = heat_frames(self._spec)
-        self._ahead: RaceFrame | None = None  # that belongs to the next period
+        self._ahead: RaceFrame | None = None  # the first frame of the next period
         self._recorder = HeatRecorder(self._spec)
         self._root: str | None = None
         self.is_cached = is_compiled(self._spec)
@@ -130,7 +130,7 @@ class LiveHeat:
         )
 
     def change(self, change: Change) -> None:
-        """Refuse: the numbers of a race in one world stay those of its start.
+        """Refuse: the numbers of a race in one world stay as they were at its start.
 
         Raises:
             ValueError: always, with what to do instead.

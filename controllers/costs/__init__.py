@@ -76,7 +76,7 @@ def crash(x, x_next, u, target, p):
 def is_weight(value: object) -> bool:
     """Return whether a value is a finite number, or an array or a list of finite numbers.
 
-    Its length is checked where the horizon is known, see Cost.numbers.
+    Its length is checked when the horizon is known, see Cost.numbers.
     """
     try:
         numbers = np.asarray(value)
@@ -93,8 +93,8 @@ class Term:
             be a lambda, a closure, a method, a functools.partial or an object that can be called;
             numbers that it holds are compiled into the rollouts.
         weight: factor on its number; a term of weight zero is left out of the rollouts.
-        name: the name in telemetry and reports, an identifier; default: that of the function, or of
-            the class of an object.
+        name: the name in telemetry and reports, an identifier; default: the name of the function,
+            or of the class of an object.
         parameters: numbers of its own, which `p` then holds in place of the cost's. Each is a
             number, or an array (T,) with one number for each step of the horizon. They can be
             changed without compiling again.
@@ -213,14 +213,14 @@ def number_name(term: str, name: str) -> str:
 
 
 def _name_of(function: Any) -> str:
-    """Return a function's name, "lambda" for one without, for an object that of its class."""
+    """Return the name of a function, or of an object's class; a lambda's is "lambda"."""
     while isinstance(function, partial):
         function = function.func
     return getattr(function, "__name__", type(function).__name__).strip("<>")
 
 
 def _term(function: StepFunction, weight: Weight, name: str, parameters: dict[str, Weight]) -> Term:
-    """Make a Term again in another process, where pickle does not find the type of its record."""
+    """Make a Term again in another process, as pickle does not find the type of its record."""
     return Term(function, weight, name, **parameters)
 
 
@@ -249,7 +249,7 @@ class Obstacles:
     # NamedTuple: the names of a row's numbers, first the corners of a box around the obstacle [m]
     row: type[Record]
     rows: np.ndarray  # (obstacles, n_obstacle)
-    # (x, seconds) -> those rows that may be reached from x in this time
+    # (x, seconds) -> the rows that may be reached from x in this time
     near: Callable[[np.ndarray, float], np.ndarray]
 
 
@@ -278,14 +278,14 @@ class Cost:
     # NamedTuple: the names of a target row's numbers; `to_go`, if any, is the distance still to fly
     row: type[Record]
     targets: np.ndarray  # the target rows, from the first target on  (targets, n_target)
-    # NamedTuple of numbers, or of arrays (T,) where they depend on the step of the horizon
+    # NamedTuple of numbers, or of arrays (T,) if they depend on the step of the horizon
     params: Record = NO_PARAMS
     reached: StepFunction | None = None  # whether the sample has reached its target
     crash: StepFunction | None = None  # whether the sample crashes in this step
     obstacles: Obstacles | None = None
     # (x, row) -> whether x has not left the gate of the target just reached
     still_in_gate: Callable[[np.ndarray, np.ndarray], bool] | None = None
-    # (target, x) -> index of the row to fly to, where there are more rows than targets
+    # (target, x) -> index of the row to fly to, if there are more rows than targets
     row_ahead: Callable[[int, np.ndarray], int] | None = None
     # (target, x, T) -> controls (T, n_u) to perturb beside the plan, in place of rest
     guide: Callable[[int, np.ndarray, int], np.ndarray] | None = None
@@ -296,7 +296,7 @@ class Cost:
         self._check_names("weights and parameters", self.number_names)
 
     def _check_types(self) -> None:
-        """Raise ValueError where a field is of another type than its annotation."""
+        """Raise ValueError if a field is of another type than its annotation."""
         if not isinstance(self.terms, tuple) or not all(isinstance(t, Term) for t in self.terms):
             others = self.terms
             if isinstance(others, tuple):
@@ -324,7 +324,7 @@ class Cost:
         raise ValueError(f"cost {self.name}: {field}: {problem}")
 
     def _check_names(self, what: str, names: Sequence[str]) -> None:
-        """Raise ValueError where two of the names are equal."""
+        """Raise ValueError if two of the names are equal."""
         twice = [name for name in names if names.count(name) > 1]
         if twice:
             raise ValueError(
@@ -444,7 +444,7 @@ class Cost:
         return rows
 
     def _row(self, target: int, x: np.ndarray) -> int:
-        """Return the index of the current row where there is one for each target."""
+        """Return the index of the current row if there is one row for each target."""
         target = min(target, len(self.targets) - 1)
         if target == 0 or self.still_in_gate is None:
             return target
@@ -477,7 +477,7 @@ def evaluate(
         u: record of the control.
         target: a target row's numbers.
         crashed: whether the sample had crashed before, 0.0 or 1.0.
-        t: step of the horizon, where parameters depend on it.
+        t: step of the horizon, if parameters depend on it.
     """
     gate = cost.row._make(target)
     shared = at_step(cost.params, t)

@@ -136,7 +136,7 @@ OWN_PACKAGES = ("controllers", "quadsim")
 def compiled_module(system: System, cost: Cost, dtype: type) -> ModuleType:
     """Return the compiled loops for a model and a cost.
 
-    They come from the disk's cache where they were built before. Only the inputs of their text
+    They come from the disk's cache if they were built before. Only the inputs of their text
     matter, not the numbers: parameters and weights may change.
 
     Args:
@@ -168,7 +168,7 @@ def trace_anew(system: System, cost: Cost, dtype: type = np.float32) -> None:
 
 
 def _is_of_project(function: object) -> bool:
-    """Return whether a function is of this project, where none takes a number that changes."""
+    """Return whether a function is of this project, which has none that takes a changing number."""
     module = getattr(function, "__module__", None) or ""
     return function is None or module.partition(".")[0] in OWN_PACKAGES
 
@@ -192,7 +192,7 @@ def _shape(system: System, cost: Cost, dtype: type) -> tuple:
 
 
 def _load(system: System, cost: Cost, dtype: type) -> ModuleType:
-    """Return the module of the compiled loops, the loaded one where their text is the same."""
+    """Return the module of the compiled loops, the loaded one if their text is the same."""
     source = module_source(system, cost, dtype)
     digest = hashlib.sha256(source.encode()).hexdigest()[:16]
     name = f"rollout_{system.step.__module__.split('.')[-1]}_{digest}"

@@ -43,7 +43,7 @@ class OthersTime(NamedTuple):
     others: int
     ms_p50: float
     ms_least: float
-    # p50 over that without others, timed in turn with it
+    # p50 over the p50 without others, measured in turn with it
     ratio: float
 
 
@@ -65,7 +65,7 @@ class RaceTime(NamedTuple):
     ms: float
     # race time over wall-clock time
     real_time: float
-    # ms over that of a control step at the paper's budget, timed just before
+    # ms over the time of a control step at the paper's budget, measured just before
     full_steps: float
 
 

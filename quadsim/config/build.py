@@ -123,7 +123,7 @@ def build(
     Args:
         spec: specification of the flight.
         arena: the world that its vehicle shares with others; None: a world of its own.
-        referee: the referee; None: that of the spec.
+        referee: the referee; None: the referee of the spec.
 
     Raises:
         SettingError: an object of the user's own cannot take its part (a ValueError).

@@ -31,7 +31,7 @@ class Estimate:
 
     # time at which the control is asked for [s]
     t: float
-    # state in which the control will act, later than t where commands act late  (n_x,)
+    # state in which the control will act, later than t if commands act late  (n_x,)
     x: np.ndarray
     # gates passed by then since the start: the row of the cost's targets
     target: int = 0

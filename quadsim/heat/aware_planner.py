@@ -115,9 +115,13 @@ class AwarePlanner:
 
     def control(self, estimate: Estimate, /) -> tuple[np.ndarray, PlanStats]:
         """Return the control to apply and statistics of the plan; see MPPI.control."""
-        known = replace(estimate, start_time=self._perception.start_time)
+        others: tuple[OtherVehicle, ...] = ()
         if self._expectation:
-            known = self._with_others(known, self._expectation)
+            perceived = self._perceived(estimate)
+            paths = self._expectation.paths(perceived)
+            others = tuple(OtherVehicle(m, paths[m]) for m in paths)
+            self._use_tactics(perceived, estimate)
+        known = replace(estimate, others=others, start_time=self._perception.start_time)
         answer = self._planner.control(known)
         self._last = known
         path = self._own_path() if self._announces else None
@@ -129,29 +133,27 @@ class AwarePlanner:
         """Return the other vehicles as the last plan expected them."""
         return self._last.others if self._last else ()
 
-    def _with_others(self, estimate: Estimate, expectation: Expectation) -> Estimate:
-        """Return the estimate with the paths that are expected of the others."""
+    def _perceived(self, estimate: Estimate) -> Perceived:
+        """Return what is perceived of the others at the time of an estimate."""
         seen = self._perception.sightings(estimate.t)
         behind = frozenset(m for m in seen if self._perception.is_behind(seen[m], estimate))
-        paths = expectation.paths(Perceived(seen, behind, self._own_path))
-        for m in self._terms:
-            if m in seen:
-                self._use_tactics(m, seen[m], m in behind, estimate)
-        return replace(estimate, others=tuple(OtherVehicle(m, paths[m]) for m in paths))
+        return Perceived(seen, behind, self._own_path)
 
-    def _use_tactics(self, m: int, seen: Sighting, is_behind: bool, estimate: Estimate) -> None:
-        """Set the weight and the distance with which the planner keeps clear of vehicle m."""
+    def _use_tactics(self, perceived: Perceived, estimate: Estimate) -> None:
+        """Set the weights and the distances with which the planner keeps clear of the others."""
         ahead_share, patience = self._tactics
-        weight_share = ahead_share if is_behind else 1.0
-        keep_share = 1.0
-        if patience:
-            follows = self._perception.follows(seen, estimate)
-            keep_share = patience.share(m, estimate.t, follows)
-        shares = weight_share, keep_share
-        if shares != self._shares.get(m, (1.0, 1.0)):
-            self._shares[m] = shares
-            term = self._terms[m]
-            self._planner.planner.set_numbers(term.name, **term.scaled(*shares))
+        for m, term in self._terms.items():
+            if m not in perceived.seen:
+                continue
+            weight_share = ahead_share if m in perceived.behind else 1.0
+            keep_share = 1.0
+            if patience:
+                follows = self._perception.follows(perceived.seen[m], estimate)
+                keep_share = patience.share(m, estimate.t, follows)
+            shares = weight_share, keep_share
+            if shares != self._shares.get(m, (1.0, 1.0)):
+                self._shares[m] = shares
+                self._planner.planner.set_numbers(term.name, **term.scaled(*shares))
 
     def _own_path(self) -> ExpectedPath | None:
         """Return the path of the last plan; None before the first one."""

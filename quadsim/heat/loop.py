@@ -1,9 +1,9 @@
 """The loop of a race: several flights in one world, which is stepped once for all of them.
 
-In each physics step every flight goes on until it needs the next one. Those whose control period
-has ended plan first, all of them from what is known at that instant (quadsim.racing.flight). Then
-all forces act, the world makes its step, and the marshal looks at all vehicles before their own
-referees do.
+In each physics step every flight goes on until it needs the next step. The vehicles whose control
+period has ended plan first, all of them from what is known at that instant (quadsim.racing.flight).
+Then all forces act, the world makes its step, and the marshal looks at all vehicles before their
+own referees do.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from quadsim.rotation import Vec3
 
 
 class PlantInArena(Protocol):
-    """A plant that another one steps; see quadsim.physics.plant.SharedPlant."""
+    """A plant that is stepped with its world; see quadsim.physics.plant.SharedPlant."""
 
     @property
     def state(self) -> PlantState[State]:
@@ -62,10 +62,10 @@ class Started(NamedTuple):
 class Starter(NamedTuple):
     """A vehicle on the start grid."""
 
-    # of its flight, whose own time counts from there [s]
+    # when its flight starts, in the time of the race [s]
     start_time: float
     referee: RaceReferee
-    # its jet and its rotors' discs; None: the race has no downwash
+    # the flow below its rotors; None: the race has no downwash
     downwash: Downwash | None
     # puts the vehicle into the world
     start: Callable[[], Started]
@@ -107,7 +107,7 @@ def race_frames(
         arena: the world, which the caller closes.
         starters: the vehicles.
         marshal: watches their contacts.
-        traffic: what they know of each other.
+        traffic: what the vehicles know of each other.
         dt: physics step [s].
         make_plans: function that makes all plans of one instant.
     """
@@ -183,7 +183,7 @@ def _downwash(
 
     Args:
         starters: the vehicles.
-        states: states of those that fly.
+        states: states of the vehicles in flight.
         k: index of the vehicle.
     """
     below = starters[k].downwash

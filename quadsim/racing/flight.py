@@ -66,8 +66,8 @@ class Controller(Protocol):
         """Return the control to apply from now on, and statistics of the plan.
 
         Args:
-            estimate: time, state (n_x,) and gates passed; the model and the course, where they are
-                estimated in flight.
+            estimate: time, state (n_x,) and gates passed; the model and the course if they are
+                estimated in flight; the other vehicles of a race.
 
         Returns:
             The control u (n_u,), for a quadrotor the body rates [rad/s] and the thrust [m/s^2],
@@ -258,7 +258,7 @@ def simulate(
     Args:
         plant, controller, referee: the parts, which serve for one flight only.
         period: control period [s], a whole multiple of the plant's step.
-        clock: tells when a plan is ready; None: the simulated clock, on which it is at once.
+        clock: returns when a plan is ready; None: the simulated clock, on which it is at once.
         snapshot: called every SNAPSHOT_EVERY periods; the result is stored in the frame.
         navigation: source of the controller's estimates; None: the true state and the referee's
             count of gates.
@@ -293,7 +293,7 @@ def flight(
     """Yield the frames of a flight, and between them a request for each plan and physics step.
 
     The caller runs the plan, or steps the plant once, before it asks for the next item. Arguments
-    and errors are those of `simulate`.
+    and errors are the same as for `simulate`.
     """
     whole_multiple(period, plant.dt)
     began = perf_counter()
