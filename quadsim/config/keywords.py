@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from controllers.learned.pilot import Pilot
     from controllers.presets import Planner
     from controllers.samplers import PlainSampler, Sampling
+    from quadsim.config.spec import Spec
     from quadsim.course import Course
     from quadsim.dynamics.quadrotor import ModelParams
     from quadsim.firmware.configuration import Text
     from quadsim.physics.plant import Plant
     from quadsim.racing.flight import ControlLaw, Controller, RefereeProtocol
     from quadsim.sensing import Sensing
-    from quadsim.config.spec import Spec
     from quadsim.vehicle import Vehicle
 
     CourseLike = str | Path | Course
