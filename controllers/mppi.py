@@ -25,9 +25,9 @@ There are extensions, most of them optional in MPPIConfig:
 * The temperature is adapted to an effective sample size (target_ess).
 * The plan is filtered (smooth), and a sampler may have momentum (controllers.samplers.smooth).
 
-A model and a course that are estimated in flight come with the state, in an Estimate
-(quadsim.dynamics.estimate). The memory layout of the samples, and the reason why they are drawn in
-chunks, are described in controllers.lanes.layout.
+A model, a course and other vehicles that are estimated in flight come with the state, in an
+Estimate (quadsim.dynamics.estimate). The memory layout of the samples, and the reason why they are
+drawn in chunks, are described in controllers.lanes.layout.
 
 Source: B. Vlahov, J. Gibson, D. D. Fan, P. Spieler, A. Agha-mohammadi and E. A. Theodorou, "Low
 Frequency Sampling in Model Predictive Path Integral Control", IEEE Robotics and Automation Letters
@@ -36,14 +36,14 @@ Frequency Sampling in Model Predictive Path Integral Control", IEEE Robotics and
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from controllers.config import MPPIConfig
-from controllers.costs import Cost
+from controllers.costs import Cost, EstimatedTerm, Weight, is_weight, number_name
 from controllers.lanes import layout
 from controllers.lanes.compiled import is_cached
 from controllers.lanes.lanes import Rollout, trace_anew
@@ -57,6 +57,7 @@ from quadsim.course import Course
 from quadsim.dynamics import System
 from quadsim.dynamics.control_periods import ControlPeriods
 from quadsim.dynamics.estimate import Estimate
+from quadsim.files.yaml_errors import shown_value
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -139,6 +140,8 @@ class MPPI:
         self.config = config
         self.cost = cost
         self.cost_of = cost_of
+        # Weights and parameters in place of the cost's own, by the names of cost.number_names
+        self.numbers: dict[str, Weight] = {}
         # The last estimated course; None: the course that `cost` was made for
         self.course: Course | None = None
         self.periods = ControlPeriods(config.dt)
@@ -160,7 +163,7 @@ class MPPI:
             self.beyond = config.overshoot * drawn.std(axis=(0, 2, 3), dtype=float)
         trace_anew(system, cost)
         self.set_model(system)
-        # The control at rest; that of a quadrotor is hover: no rates, thrust g  (n_u,)
+        # The control at rest; for a quadrotor it is hover: no rates, thrust g  (n_u,)
         self.rest = np.array(system.rest)
         self.plan = np.tile(self.rest, (config.horizon, 1))  # U (T, n_u)
         self.guide = self.plan  # the sequence that the last samples perturb  (T, n_u)
@@ -269,7 +272,7 @@ class MPPI:
 
         Returns:
             The nominal sequence, and the alternative that the last rest_fraction of the samples
-            perturb: the plan and the guide, or plan + momentum and the plan where the sampler has
+            perturb: the plan and the guide, or plan + momentum and the plan if the sampler has
             momentum.  (T, n_u) each
         """
         momentum = self.sampler.momentum
@@ -344,13 +347,18 @@ class MPPI:
     # From one control step to the next
 
     def use_estimates(self, estimate: Estimate) -> None:
-        """Replace the cost and the model where the estimated course or model has changed."""
+        """Use what is estimated: a new course or model, and the other vehicles."""
         course, model = estimate.course, estimate.model
         if self.cost_of and course is not None and course is not self.course:
             self.course = course
             self.set_cost(self.cost_of(course))
         if model is not None and model != self.model:
             self.set_model(model)
+        terms = [term for term in self.cost.terms if isinstance(term, EstimatedTerm)]
+        if terms:
+            steps = np.arange(1, self.config.horizon + 1)
+            times = estimate.begins + self.config.dt * steps  # at which the steps end
+            self._use_numbers({term.name: term.numbers_from(estimate, times) for term in terms})
 
     def warm_start(self, estimate: Estimate) -> int:
         """Shift the plan to the present time, and return the number of iterations to run."""
@@ -408,7 +416,7 @@ class MPPI:
         """Use this system as the model: the same states and controls with other parameters."""
         self.model = system
         self.system = system.tightened(self.config.tighten)
-        self.rollout = Rollout(self.system, self.cost, schedule=self.schedule)
+        self.rollout = self._new_rollout()
         self.low = np.array(self.system.low)
         self.high = np.array(self.system.high)
         self.plan_low = self.low - self.beyond
@@ -417,22 +425,74 @@ class MPPI:
     def set_cost(self, cost: Cost) -> None:
         """Use this cost from now on.
 
-        Terms that were used before are not compiled again, even where their weights and parameters
-        change. Numbers that a function holds itself stay those of the planner's beginning.
+        Terms that were used before are not compiled again, even if their weights and parameters
+        change. Numbers that a function holds itself stay as they were when the planner was made.
 
         Raises:
             ValueError: cost is no Cost.
         """
         expect_kinds(cost=(cost, Cost))
         self.cost = cost
-        self.rollout = Rollout(self.system, cost, schedule=self.schedule)
+        self.numbers = self._known_numbers(self.numbers)
+        self.rollout = self._new_rollout()
+
+    def set_numbers(self, term: str, **numbers: Weight) -> None:
+        """Use other numbers of one term of the cost from the next plan on.
+
+        They are copied, and nothing is compiled again. A term whose weight is zero in the cost is
+        left out of the rollouts, whatever numbers it is given here.
+
+        Args:
+            term: name of the term.
+            numbers: its weight, as `weight`, or its parameters by their names: one number, or one
+                for each step of the horizon  (T,).
+
+        Raises:
+            ValueError: the term has no such number, or a number is not finite.
+
+        Examples:
+            >>> from quadsim import MPPI, Gaussian, MPPIConfig, Term
+            >>> from quadsim.paper.integrator import double_integrator, quadratic_cost
+            >>> system, cost = double_integrator(dt=0.05), quadratic_cost(goal=(0.0, 0.0))
+            >>> config = MPPIConfig(samples=512, horizon=40, dt=0.05)
+            >>> mppi = MPPI(system, cost, Gaussian(sigma=(1.0, 1.0)), config)
+            >>> mppi.set_numbers(cost.term_names[0], weight=2.0)
+        """
+        for name, value in numbers.items():
+            if number_name(term, name) not in self.cost.number_index:
+                raise ValueError(f"cost {self.cost.name}: no number {name!r} of a term {term!r}")
+            if not is_weight(value):
+                wanted = "expected a finite number, or an array (T,) of them"
+                raise ValueError(f"term {term}: {name}: {wanted}, got {shown_value(value)}")
+        self._use_numbers({term: numbers})
+
+    def _use_numbers(self, numbers: Mapping[str, Mapping[str, Weight]]) -> None:
+        """Use copies of these numbers: name of a term -> name of a number -> its value."""
+        copies = {
+            number_name(term, name): np.array(value, float)
+            for term, own in numbers.items()
+            for name, value in own.items()
+        }
+        self.numbers = {**self.numbers, **copies}
+        self.rollout = self._new_rollout()
+
+    def _known_numbers(self, numbers: Mapping[str, Weight]) -> dict[str, Weight]:
+        """Return these numbers, apart from any that the cost does not have."""
+        index = self.cost.number_index
+        return {name: value for name, value in numbers.items() if name in index}
+
+    def _new_rollout(self) -> Rollout:
+        """Return the rollout of the present model, cost and numbers."""
+        return Rollout(self.system, self.cost, schedule=self.schedule, given=self.numbers)
 
     def continue_from(self, planner: MPPI) -> None:
-        """Take over another planner's plan, momentum and time.
+        """Take over another planner's plan, momentum, time and numbers of terms.
 
         Args:
             planner: a planner with the same system and horizon.
         """
+        self.numbers = self._known_numbers(planner.numbers)
+        self.rollout = self._new_rollout()
         self.plan = planner.plan
         self.executed = planner.executed
         self.periods = planner.periods

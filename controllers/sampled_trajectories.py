@@ -76,7 +76,8 @@ def terms_of(
         target: number of targets reached.
         found: the trajectory of these controls, one sample.
     """
-    system, cost, d = rollout.system, rollout.cost, rollout.dtype
+    system, d = rollout.system, rollout.dtype
+    cost = rollout.cost.with_numbers(rollout.given)
     T = v.shape[1]
     before = np.vstack([x0.astype(d), found.states[:-1]])
     u = np.clip(v, np.array(system.low)[:, None], np.array(system.high)[:, None])

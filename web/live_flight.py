@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 
+from controllers.in_flight import PlannerInFlight
 from controllers.presets import Planner
-from quadsim.config.build import build, changeable_planner, navigation_of
-from quadsim.config.changes import ChangeablePlanner, changeable_numbers
-from quadsim.heat.aware_planner import PlanningClock
+from quadsim.config.build import build, launched
+from quadsim.config.changes import changeable_numbers
+from quadsim.racing.clock import PlanningClock
 from quadsim.racing.events import Event, Frame, flown_laps, lap_penalties
 from quadsim.racing.flight import simulate
 from quadsim.record.archive import RunFolder, remove_unfinished
@@ -24,7 +25,6 @@ from web.choices import Choices
 from web.competitor import Competitor
 from web.legs import Legs
 from web.numbers import Change, numbers_of, with_change
-from web.planning_time import TimedController
 
 if TYPE_CHECKING:
     from controllers.sampled_trajectories import SampledTrajectories
@@ -215,39 +215,19 @@ class LiveFlight:
 
     def _take_off(self) -> Iterator[Frame]:
         """Build plant, planner and referee. Return the frames of the flight."""
-        # here, as they load the compiler
-        from controllers.deadline import Deadline
-        from controllers.mppi import MPPI
-
         parts = build(self._spec)
         self._plant = parts.plant
-        controller = parts.controller
-        snapshot = None
-        # None: a learned pilot flies, which has no numbers to change
-        self._planner: ChangeablePlanner | None = None
-        if isinstance(controller, MPPI):
-            self.is_cached = controller.is_cached
-            controller = self._planner = changeable_planner(self._spec, controller)
-            snapshot = self._planner.snapshot
-            if self._spec.deadline_ms:
-                present = self._planner.present
-                controller = Deadline(controller, self._spec.deadline_ms, planner=present)
-        else:
-            self.is_cached = True
-        clock = None
+        steps = launched(self._spec, parts)
         if self._spec.clock == "wall":
-            clock = PlanningClock()
-            controller = TimedController(controller, clock)
-        self._navigation = navigation_of(self._spec, parts)
-        return simulate(
-            parts.plant,
-            controller=controller,
-            referee=parts.referee,
-            period=self.period,
-            clock=clock,
-            snapshot=snapshot,
-            navigation=self._navigation,
-        )
+            steps = replace(steps, clock=PlanningClock())
+        self._navigation = steps.navigation
+        # None: a learned pilot or a person flies, without numbers to change
+        self._planner: PlannerInFlight | None = None
+        self.is_cached = True
+        if isinstance(steps.controller, PlannerInFlight):
+            self._planner = steps.controller
+            self.is_cached = self._planner.planner.is_cached
+        return simulate(**steps.arguments)
 
     def _replan(self, numbers: Planner) -> None:
         """Plan with other numbers from the next plan on."""

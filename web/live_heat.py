@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from quadsim.heat.archive import entrant_folder
-from quadsim.heat.aware_planner import AwarePlanner
 from quadsim.heat.launch import heat_frames, is_compiled
 from quadsim.heat.loop import RaceFrame
 from quadsim.heat.result import HeatRecorder, run_records
@@ -34,7 +33,7 @@ class LiveHeat:
         entries: the flights as the page shows them; any thread may read them.
         period: the shortest control period [s].
         is_cached: False if planners have to be compiled.
-        hand: the controller by which a person flies, None where nobody does.
+        hand: the controller by which a person flies; None: nobody does.
 
     Args:
         choices: what is to be flown.
@@ -49,9 +48,8 @@ class LiveHeat:
             bases = [flight.base for flight in choices.flights]
         else:
             bases = [entrant.spec.planner for entrant in self._spec.entrants]
-        self._planners: dict[int, AwarePlanner] = {}
-        self._frames = heat_frames(self._spec, self._planners)
-        self._ahead: RaceFrame | None = None  # that belongs to the next period
+        self._frames = heat_frames(self._spec)
+        self._ahead: RaceFrame | None = None  # the first frame of the next period
         self._recorder = HeatRecorder(self._spec)
         self._root: str | None = None
         self.is_cached = is_compiled(self._spec)
@@ -128,19 +126,11 @@ class LiveHeat:
             events=events,
             laps=laps_so_far(events, entry.legs.gates),
             outcome=frame.frame.outcome,
-            expected=() if over else self._expected(frame),
+            expected=() if over else _expected(frame),
         )
 
-    def _expected(self, frame: RaceFrame) -> tuple[np.ndarray, ...]:
-        """Return the paths that a vehicle expects the others to fly.  (points, 3) each"""
-        planner = self._planners.get(frame.number)
-        if planner is None:
-            return ()
-        paths = planner.expected.values()
-        return tuple(path.at(frame.t + AHEAD) for path in paths)
-
     def change(self, change: Change) -> None:
-        """Refuse: the numbers of a race in one world stay those of its start.
+        """Refuse: the numbers of a race in one world stay as they were at its start.
 
         Raises:
             ValueError: always, with what to do instead.
@@ -179,3 +169,8 @@ class LiveHeat:
     def close(self) -> None:
         """Free the world."""
         self._frames.close()
+
+
+def _expected(frame: RaceFrame) -> tuple[np.ndarray, ...]:
+    """Return the paths that a vehicle expects the others to fly [m]  (points, 3) each."""
+    return tuple(path.at(frame.t + AHEAD) for _, path in frame.others)

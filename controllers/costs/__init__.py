@@ -18,14 +18,17 @@ See quadsim.dynamics for the arithmetic that these functions may use.
 from __future__ import annotations
 
 from collections import namedtuple
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any, NamedTuple, NoReturn, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, Protocol
 
 import numpy as np
 
 from quadsim.files.yaml_errors import did_you_mean, shown_value
+
+if TYPE_CHECKING:
+    from quadsim.dynamics.estimate import Estimate
 
 Weight = float | np.ndarray  # one number, or one for each step of the horizon (T,)
 
@@ -73,7 +76,7 @@ def crash(x, x_next, u, target, p):
 def is_weight(value: object) -> bool:
     """Return whether a value is a finite number, or an array or a list of finite numbers.
 
-    Its length is checked where the horizon is known, see Cost.numbers.
+    Its length is checked when the horizon is known, see Cost.numbers.
     """
     try:
         numbers = np.asarray(value)
@@ -90,8 +93,8 @@ class Term:
             be a lambda, a closure, a method, a functools.partial or an object that can be called;
             numbers that it holds are compiled into the rollouts.
         weight: factor on its number; a term of weight zero is left out of the rollouts.
-        name: the name in telemetry and reports, an identifier; default: that of the function, or of
-            the class of an object.
+        name: the name in telemetry and reports, an identifier; default: the name of the function,
+            or of the class of an object.
         parameters: numbers of its own, which `p` then holds in place of the cost's. Each is a
             number, or an array (T,) with one number for each step of the horizon. They can be
             changed without compiling again.
@@ -166,6 +169,26 @@ class Term:
         return f"Term({self.name}, {shown})"
 
 
+class EstimatedTerm(Term):
+    """A term some of whose numbers follow from the estimate with which a plan begins.
+
+    The planner asks for these numbers before each plan and keeps a copy of them, so that the term
+    itself never changes. `but` returns a Term without such numbers.
+    """
+
+    def numbers_from(self, estimate: Estimate, times: np.ndarray) -> dict[str, Weight]:
+        """Return the numbers that follow from an estimate: name of a parameter -> its value.
+
+        The name "weight" stands for the weight.
+
+        Args:
+            estimate: what is known.
+            times: at which the steps of the horizon end, in the time of the others' paths [s]
+                (T,).
+        """
+        raise NotImplementedError
+
+
 class _ByIdentity:
     """A function in a key, equal to itself alone; an object that can be called may have no hash."""
 
@@ -179,15 +202,25 @@ class _ByIdentity:
         return isinstance(other, _ByIdentity) and self.function is other.function
 
 
+def number_name(term: str, name: str) -> str:
+    """Return the name of a term's number among all numbers of a cost; see Cost.number_names.
+
+    Args:
+        term: name of the term.
+        name: "weight", or the name of a parameter.
+    """
+    return f"weight_{term}" if name == "weight" else f"p_{term}_{name}"
+
+
 def _name_of(function: Any) -> str:
-    """Return a function's name, "lambda" for one without, for an object that of its class."""
+    """Return the name of a function, or of an object's class; a lambda's is "lambda"."""
     while isinstance(function, partial):
         function = function.func
     return getattr(function, "__name__", type(function).__name__).strip("<>")
 
 
 def _term(function: StepFunction, weight: Weight, name: str, parameters: dict[str, Weight]) -> Term:
-    """Make a Term again in another process, where pickle does not find the type of its record."""
+    """Make a Term again in another process, as pickle does not find the type of its record."""
     return Term(function, weight, name, **parameters)
 
 
@@ -252,7 +285,7 @@ class Cost:
     obstacles: Obstacles | None = None
     # (x, row) -> whether x has not left the gate of the target just reached
     still_in_gate: Callable[[np.ndarray, np.ndarray], bool] | None = None
-    # (target, x) -> index of the row to fly to, where there are more rows than targets
+    # (target, x) -> index of the row to fly to, if there are more rows than targets
     row_ahead: Callable[[int, np.ndarray], int] | None = None
     # (target, x, T) -> controls (T, n_u) to perturb beside the plan, in place of rest
     guide: Callable[[int, np.ndarray, int], np.ndarray] | None = None
@@ -263,7 +296,7 @@ class Cost:
         self._check_names("weights and parameters", self.number_names)
 
     def _check_types(self) -> None:
-        """Raise ValueError where a field is of another type than its annotation."""
+        """Raise ValueError if a field is of another type than its annotation."""
         if not isinstance(self.terms, tuple) or not all(isinstance(t, Term) for t in self.terms):
             others = self.terms
             if isinstance(others, tuple):
@@ -291,7 +324,7 @@ class Cost:
         raise ValueError(f"cost {self.name}: {field}: {problem}")
 
     def _check_names(self, what: str, names: Sequence[str]) -> None:
-        """Raise ValueError where two of the names are equal."""
+        """Raise ValueError if two of the names are equal."""
         twice = [name for name in names if names.count(name) > 1]
         if twice:
             raise ValueError(
@@ -320,29 +353,41 @@ class Cost:
     @cached_property
     def number_names(self) -> tuple[str, ...]:
         """The names of the numbers that the compiled loops take: weights, then parameters."""
-        names = [f"weight_{term.name}" for term in self.terms]
+        names = [number_name(term.name, "weight") for term in self.terms]
         names += [f"p_{name}" for name in self.params._fields]
         for term in self.terms:
             if term.parameters:
-                names += [f"p_{term.name}_{name}" for name in term.parameters._fields]
+                names += [number_name(term.name, name) for name in term.parameters._fields]
         return tuple(names)
 
-    def numbers(self, horizon: int) -> np.ndarray:
+    @cached_property
+    def number_index(self) -> dict[str, int]:
+        """The index of each of these numbers, by its name."""
+        return {name: k for k, name in enumerate(self.number_names)}
+
+    def numbers(self, horizon: int, given: Mapping[str, Weight] | None = None) -> np.ndarray:
         """Return weights and parameters as the compiled loops take them.
 
+        Args:
+            horizon: T.
+            given: values in place of the cost's own, by the names of number_names; None: there are
+                none.
+
         Returns:
-            (1, n), or (T, n) where one of them depends on the step of the horizon.
+            (1, n), or (T, n) if one of them depends on the step of the horizon.
 
         Raises:
             ValueError: an array of another length than the horizon.
         """
-        if not self._by_step:
+        columns = {k: self._numbers[k] for k in self._by_step}
+        for name, value in (given or {}).items():
+            columns[self.number_index[name]] = value
+        if not columns:
             return np.array([self._numbers], float)
         rows = np.empty((horizon, len(self._numbers)))
         rows[:] = self._constants
-        for k in self._by_step:
-            value = self._numbers[k]
-            if np.shape(value) != (horizon,):
+        for k, value in columns.items():
+            if np.shape(value) not in ((), (horizon,)):
                 name = self.number_names[k]
                 raise ValueError(
                     f"cost {self.name}: {name}: expected one number or one for each of "
@@ -350,6 +395,27 @@ class Cost:
                 )
             rows[:, k] = value
         return rows
+
+    def with_numbers(self, given: Mapping[str, Weight]) -> Cost:
+        """Return the cost with other weights and parameters.
+
+        Args:
+            given: values by the names of number_names. A term of weight zero keeps it, as it is
+                left out of the rollouts.
+        """
+        if not given:
+            return self
+        terms = []
+        for term in self.terms:
+            weight = term.weight
+            if np.any(weight):
+                weight = given.get(number_name(term.name, "weight"), weight)
+            own = term.parameters._asdict() if term.parameters else {}
+            numbers = {name: given.get(number_name(term.name, name), own[name]) for name in own}
+            terms.append(Term(term.function, weight, term.name, **numbers))
+        values = zip(self.params._fields, self.params, strict=True)
+        shared = (given.get(f"p_{name}", value) for name, value in values)
+        return replace(self, terms=tuple(terms), params=self.params._make(shared))
 
     @cached_property
     def _numbers(self) -> list[float | np.ndarray]:
@@ -399,7 +465,7 @@ class Cost:
         return rows
 
     def _row(self, target: int, x: np.ndarray) -> int:
-        """Return the index of the current row where there is one for each target."""
+        """Return the index of the current row if there is one row for each target."""
         target = min(target, len(self.targets) - 1)
         if target == 0 or self.still_in_gate is None:
             return target

@@ -2,26 +2,31 @@
 
     a_k keep max(0, 1 - d^2 / keep^2),   d^2 = dx^2 + dy^2 + (h dz)^2
 
-Where the other vehicle is expected depends on the step of the horizon, so its position is an array
-of parameters. h is smaller than 1, so that the room around a vehicle is an ellipsoid taller than
-wide. Below the vehicle h is `below`, as its downwash reaches far down; above it, h is `above`.
+The expected position of the other vehicle depends on the step of the horizon, so it is an array of
+parameters. It comes with the estimate of each plan.
+
+h is smaller than 1, so that the room around a vehicle is an ellipsoid taller than wide. Below the
+vehicle h is `below`, as its downwash reaches far down; above it, h is `above`.
 Crazyswarm uses such ellipsoids, of 0.12 x 0.12 x 0.30 m (Preiss et al., ICRA 2017).
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy import maximum, where
 
-from controllers.costs import Term
+from controllers.costs import EstimatedTerm, Weight
 
-# [m] Where a vehicle is expected that is not there: no sample comes near.
+if TYPE_CHECKING:
+    from quadsim.dynamics.estimate import Estimate
+
+# Coordinates of a vehicle that is not there [m]
 NOWHERE = 1e4
 
 
-class Room(NamedTuple):
+class Clearance(NamedTuple):
     """The room around another vehicle that is kept clear."""
 
     # weight of each metre that is missing, at the ellipsoid's edge half of that
@@ -43,55 +48,78 @@ def keep_clear(x, x_next, u, gate, p):
     return p.keep * maximum(1.0 - square * p.per_square, 0.0)
 
 
-class OtherVehicle:
-    """The term that keeps clear of one other vehicle, wherever that is expected."""
+class KeepClear(EstimatedTerm):
+    """The term that keeps clear of one other vehicle, by the path that an estimate has of it.
 
-    def __init__(self, number: int, room: Room, horizon: int):
+    Examples:
+        >>> from controllers.costs.keep_clear import Clearance, KeepClear
+        >>> clearance = Clearance(weight=200.0, keep=0.6, above=0.8, below=0.4)
+        >>> term = KeepClear(vehicle=3, name="clear_of_1", clearance=clearance, horizon=150)
+        >>> term.scaled(weight_share=0.5)["weight"]
+        100.0
+    """
+
+    def __init__(self, vehicle: int, name: str, clearance: Clearance, horizon: int):
         """Begin with a vehicle that is nowhere.
 
         Args:
-            number: tells the terms of several vehicles apart.
-            room: the room around it.
+            vehicle: number of the other vehicle in its race.
+            name: name of the term. Planners whose terms have the same names share compiled loops.
+            clearance: the room around the vehicle that is kept clear.
             horizon: T.
         """
-        self._room = room
-        self._x = np.full(horizon, NOWHERE)
-        self._y = np.full(horizon, NOWHERE)
-        self._z = np.full(horizon, NOWHERE)
-        # One weight and one distance for each step: they may be others in each plan.
-        self._weight = np.full(horizon, float(room.weight))
-        self._keep = np.full(horizon, float(room.keep))
-        self._per_square = np.full(horizon, 1.0 / room.keep**2)
-        self.term = Term(
+        self.vehicle = vehicle
+        self.clearance = clearance
+        self._horizon = horizon
+        scaled = self.scaled()
+        super().__init__(
             keep_clear,
-            self._weight,
-            name=f"clear_of_{number}",
-            x=self._x,
-            y=self._y,
-            z=self._z,
-            keep=self._keep,
-            per_square=self._per_square,
-            above=room.above,
-            below=room.below,
+            scaled["weight"],
+            name,
+            **self._nowhere(),
+            keep=scaled["keep"],
+            per_square=scaled["per_square"],
+            above=clearance.above,
+            below=clearance.below,
         )
 
-    def expect(self, positions: np.ndarray, share: float = 1.0, keep_share: float = 1.0) -> None:
-        """Expect the vehicle at these places from the next plan on.
+    def __reduce__(self) -> tuple:
+        return KeepClear, (self.vehicle, self.name, self.clearance, self._horizon)
+
+    def numbers_from(self, estimate: Estimate, times: np.ndarray) -> dict[str, Weight]:
+        """Return the positions that are expected of the vehicle at these times.
+
+        A vehicle that the estimate does not have is nowhere: it has not started, or has left.
 
         Args:
-            positions: position at the end of each step of the horizon [m]  (T, 3).
-            share: factor on the weight.
+            estimate: what is known.
+            times: at which the steps of the horizon end, in the time of the others' paths [s]
+                (T,).
+
+        Returns:
+            The parameters x, y and z [m]  (T,) each.
+        """
+        for other in estimate.others:
+            if other.number == self.vehicle:
+                x, y, z = other.path.at(times).T
+                return {"x": x, "y": y, "z": z}
+        return self._nowhere()
+
+    def scaled(self, weight_share: float = 1.0, keep_share: float = 1.0) -> dict[str, float]:
+        """Return the weight, and the parameters keep and per_square.
+
+        Args:
+            weight_share: factor on the weight.
             keep_share: factor on the distance that is kept.
         """
-        # The arrays are those of the term, whose numbers are read anew for each plan.
-        self._x[:] = positions[:, 0]
-        self._y[:] = positions[:, 1]
-        self._z[:] = positions[:, 2]
-        self._weight[:] = share * self._room.weight
-        keep = keep_share * self._room.keep
-        self._keep[:] = keep
-        self._per_square[:] = 1.0 / keep**2
+        keep = keep_share * self.clearance.keep
+        return {
+            "weight": weight_share * self.clearance.weight,
+            "keep": keep,
+            "per_square": 1.0 / keep**2,
+        }
 
-    def expect_nowhere(self) -> None:
-        """Expect the vehicle nowhere, as it has left the race."""
-        self._x[:] = NOWHERE
+    def _nowhere(self) -> dict[str, Weight]:
+        """Return positions that no sample comes near [m]  (T,) each."""
+        nowhere = np.full(self._horizon, NOWHERE)
+        return {"x": nowhere, "y": nowhere, "z": nowhere}

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import ModuleType
@@ -16,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.costs import Cost
+from controllers.costs import Cost, Weight, number_name
 from controllers.lanes.compiled import is_cached, load_module
 from controllers.lanes.layout import LANES
 from controllers.lanes.planner_loops import module_source, steps_between
@@ -46,6 +47,8 @@ class Rollout:
     cost: Cost
     dtype: type = np.float32
     schedule: Schedule = field(default_factory=Schedule)
+    # Weights and parameters in place of the cost's own, see Cost.numbers
+    given: Mapping[str, Weight] = field(default_factory=dict, repr=False, compare=False)
     # The numbers for the last state, see `_numbers`
     _found: dict = field(default_factory=dict, repr=False, compare=False)
 
@@ -133,18 +136,19 @@ class Rollout:
             d(system.dt),
             cost.targets_from(target, x0, d),
             np.asarray(system.params, d),
-            cost.numbers(horizon).astype(d),
+            cost.numbers(horizon, self.given).astype(d),
         )
         if cost.obstacles is None:
             return numbers
         near = cost.obstacles.near(np.asarray(x0, float), horizon * system.dt).astype(d)
         term = cost.terms[cost.crash_term]
-        if np.ndim(term.weight):
+        weight = self.given.get(number_name(term.name, "weight"), term.weight)
+        if np.ndim(weight):
             raise ValueError(
                 f"cost {cost.name}: weight_{term.name}: expected one number, as there are "
-                f"obstacles, got shape {np.shape(term.weight)}"
+                f"obstacles, got shape {np.shape(weight)}"
             )
-        return *numbers, near, steps_between(system.dt), d(term.weight)
+        return *numbers, near, steps_between(system.dt), d(weight)
 
     @cached_property
     def _module(self) -> ModuleType:
@@ -159,7 +163,7 @@ OWN_PACKAGES = ("controllers", "quadsim")
 def compiled_module(system: System, cost: Cost, dtype: type) -> ModuleType:
     """Return the compiled loops for a model and a cost.
 
-    They come from the disk's cache where they were built before. Only the inputs of their text
+    They come from the disk's cache if they were built before. Only the inputs of their text
     matter, not the numbers: parameters and weights may change.
 
     Args:
@@ -191,7 +195,7 @@ def trace_anew(system: System, cost: Cost, dtype: type = np.float32) -> None:
 
 
 def _is_of_project(function: object) -> bool:
-    """Return whether a function is of this project, where none takes a number that changes."""
+    """Return whether a function is of this project, which has none that takes a changing number."""
     module = getattr(function, "__module__", None) or ""
     return function is None or module.partition(".")[0] in OWN_PACKAGES
 
@@ -215,7 +219,7 @@ def _shape(system: System, cost: Cost, dtype: type) -> tuple:
 
 
 def _load(system: System, cost: Cost, dtype: type) -> ModuleType:
-    """Return the module of the compiled loops, the loaded one where their text is the same."""
+    """Return the module of the compiled loops, the loaded one if their text is the same."""
     source = module_source(system, cost, dtype)
     digest = hashlib.sha256(source.encode()).hexdigest()[:16]
     name = f"rollout_{digest}"

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import replace
 from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
 
 from quadsim.bench.cases import QUADROTOR, WARM_UP, median_ms, paper_case, starting
-from quadsim.config.build import planner_of
+from quadsim.config.build import planner_in_flight, planner_of
 from quadsim.config.spec import Spec
 from quadsim.dynamics.estimate import Estimate
+from quadsim.dynamics.expected_path import ExpectedPath
 from quadsim.dynamics.quadrotor import State
-from quadsim.heat.aware_planner import AwarePlanner, Eyes
-from quadsim.heat.launch import expectation_of, heat_frames, other_vehicles
+from quadsim.heat.aware_planner import AwarePlanner, Perception
+from quadsim.heat.launch import expectation_of, heat_frames, keep_clear_terms, with_terms
 from quadsim.heat.loop import RaceFrame
 from quadsim.heat.settings import Expect, HeatSettings
 from quadsim.heat.spec import Entrant, HeatSpec
-from quadsim.heat.traffic import ExpectedPath, Traffic
+from quadsim.heat.traffic import Traffic
 from quadsim.physics.plant import SharedPlant, has_bullet, new_arena
 from quadsim.physics.plant_state import start_state
 from quadsim.streams import sighting_stream
@@ -43,7 +43,7 @@ class OthersTime(NamedTuple):
     others: int
     ms_p50: float
     ms_least: float
-    # p50 over that without others, timed in turn with it
+    # p50 over the p50 without others, measured in turn with it
     ratio: float
 
 
@@ -65,7 +65,7 @@ class RaceTime(NamedTuple):
     ms: float
     # race time over wall-clock time
     real_time: float
-    # ms over that of a control step at the paper's budget, timed just before
+    # ms over the time of a control step at the paper's budget, measured just before
     full_steps: float
 
 
@@ -118,15 +118,12 @@ class Case:
             heat.settings.sight,
             [sighting_stream(0, k) for k in range(others + 1)],
         )
-        awareness = heat.awareness(0)
-        terms = other_vehicles(heat, 0, awareness)
-        minds = replace(spec, terms=tuple(other.term for other in terms.values()))
-        mppi = planner_of(minds)
+        terms = keep_clear_terms(heat, 0)
+        flown = with_terms(spec, terms)
         self._planner = AwarePlanner(
-            mppi,
-            lambda: mppi,
-            Eyes(0, self._traffic, 0.0, spec.course),
-            expectation_of(heat, 0, awareness, self._traffic),
+            planner_in_flight(flown, planner_of(flown)),
+            Perception(0, self._traffic, 0.0, spec.course),
+            expectation_of(heat, 0, self._traffic),
             terms,
         )
         self._others = others
@@ -141,8 +138,8 @@ class Case:
             x = self._moved(ahead, t)
             self._traffic.note(m, t, x, 0)
             away = np.outer(self._dt * np.arange(151), x.velocity)  # (T + 1, 3)
-            self._traffic.tell(m, ExpectedPath(t, self._dt, np.array(x.position) + away))
-        self._traffic.pass_on()
+            self._traffic.announce(m, ExpectedPath(t, self._dt, np.array(x.position) + away))
+        self._traffic.publish()
         estimate = Estimate(t, np.array(self._moved((0.0, 0.0, 0.0), t)))
         began = perf_counter()
         self._planner.control(estimate)

@@ -17,10 +17,11 @@ from controllers.costs import Cost
 from controllers.costs.race import race_cost
 from controllers.costs.race_view import with_view
 from controllers.costs.reference import ReferenceWeights, reference_cost
+from controllers.in_flight import PlannerInFlight
 from controllers.learned.pilot import PilotController
 from controllers.plan import PlannerSnapshot
 from controllers.presets import Planner
-from quadsim.config.changes import ChangeablePlanner
+from quadsim.config.changes import planner_after
 from quadsim.config.parts import called, made
 from quadsim.config.reference import reference_of
 from quadsim.config.settings import SETTINGS, SettingError
@@ -59,6 +60,7 @@ from quadsim.racing.events import Frame
 from quadsim.racing.flight import Controller, PlainController, RefereeProtocol, rest_of, simulate
 from quadsim.racing.own_parts import check_counts, checked_control
 from quadsim.racing.referee import Referee
+from quadsim.record.schema import NumberChange
 from quadsim.sensing import Sensing
 from quadsim.sensing.config import ImuConfig, RotorConfig
 from quadsim.sensing.estimation.body_rates import BodyRates
@@ -67,9 +69,11 @@ from quadsim.sensing.estimation.prediction import Commands, GateCounter
 from quadsim.sensing.estimation.vehicle_learner import VehicleLearner
 from quadsim.sensing.navigation import (
     CourseEstimate,
+    GateCount,
     Navigation,
     RefereeCount,
     SensedState,
+    StateSource,
     TrueState,
 )
 from quadsim.sensing.sensors import WARM_UP, Sensors
@@ -122,7 +126,7 @@ def build(
     Args:
         spec: specification of the flight.
         arena: the world that its vehicle shares with others; None: a world of its own.
-        referee: the referee; None: that of the spec.
+        referee: the referee; None: the referee of the spec.
 
     Raises:
         SettingError: an object of the user's own cannot take its part (a ValueError).
@@ -393,7 +397,7 @@ class Launched:
     """The parts of a flight that is about to begin, and what `simulate` needs beside them."""
 
     plant: Plant
-    # plans the flight, and makes the changes of its spec
+    # a PlannerInFlight[NumberChange] if the controller is an MPPI
     controller: Controller
     referee: RefereeProtocol
     period: float  # [s]
@@ -401,13 +405,11 @@ class Launched:
     snapshot: Callable[[], PlannerSnapshot | None] | None
     navigation: Navigation
     time_limit: float | None  # [s]
-    # returns the MPPI that plans at present; None: no MPPI flies
-    planner: Callable[[], MPPI] | None
 
     @property
     def arguments(self) -> dict[str, Any]:
         """The arguments of `simulate`, by name."""
-        return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "planner"}
+        return {f.name: getattr(self, f.name) for f in fields(self)}
 
 
 def launch(spec: Spec, parts: FlightParts, navigation: Navigation | None = None) -> Iterator[Frame]:
@@ -423,21 +425,14 @@ def launch(spec: Spec, parts: FlightParts, navigation: Navigation | None = None)
 
 def launched(spec: Spec, parts: FlightParts, navigation: Navigation | None = None) -> Launched:
     """Return what `simulate` needs for a flight; see `launch` for the arguments."""
-    from controllers.deadline import Deadline
-    from controllers.mppi import MPPI
+    from controllers.mppi import MPPI  # here: it loads the compiler
 
     plant, controller, referee = parts
     navigation = navigation or navigation_of(spec, parts)
     snapshot = None
-    planner = None
     if isinstance(controller, MPPI):
-        changeable = changeable_planner(spec, controller)
-        snapshot = changeable.snapshot
-        planner = changeable.present
-        if spec.changes:
-            controller = changeable
-        if spec.deadline_ms:
-            controller = Deadline(controller, spec.deadline_ms, planner=planner)
+        controller = planner_in_flight(spec, controller)
+        snapshot = controller.snapshot
     return Launched(
         plant=plant,
         controller=controller,
@@ -448,75 +443,116 @@ def launched(spec: Spec, parts: FlightParts, navigation: Navigation | None = Non
         navigation=navigation,
         # The racing referee has this limit of its own.
         time_limit=None if spec.referee is None else spec.timeout,
-        planner=planner,
     )
 
 
-def changeable_planner(spec: Spec, planner: MPPI) -> ChangeablePlanner:
-    """Return the planner of a flight whose numbers may change, with the changes of the spec."""
+def planner_in_flight(spec: Spec, planner: MPPI) -> PlannerInFlight[NumberChange]:
+    """Return the planner of a flight with the changes and the deadline of the spec."""
 
     def make(numbers: Planner) -> MPPI:
         return planner_of(replace(spec, planner=numbers))
 
-    return ChangeablePlanner(planner, spec.planner, make, spec.changes)
+    return PlannerInFlight(
+        planner=planner,
+        numbers=spec.planner,
+        make=make,
+        changes=spec.changes,
+        after=planner_after,
+        deadline_ms=spec.deadline_ms,
+    )
 
 
 def navigation_of(spec: Spec, parts: FlightParts) -> Navigation:
     """Return the navigation of a flight, which makes the estimates for the controller."""
-    dt = spec.planner.mppi.dt
-    rest = rest_of(parts.controller)
+    return Navigation(
+        source=_state_source(spec, parts.plant),
+        gates=_gate_count(spec, parts.referee),
+        commands=Commands(rest_of(parts.controller), _latency(spec), spec.link.period),
+        dt=spec.planner.mppi.dt,
+        nominal=spec.model,
+    )
+
+
+def _latency(spec: Spec) -> float:
+    """Return the time from a command to its effect, apart from the wait for the link [s]."""
+    return spec.vehicle.latency + spec.link.latency + spec.model.delay
+
+
+def _gate_count(spec: Spec, referee: RefereeProtocol) -> GateCount:
+    """Return the count of the gates passed.
+
+    The referee counts them unless the state is estimated, or is predicted ahead of the referee.
+    """
+    is_ahead = _latency(spec) or spec.link.rate or spec.clock == "wall"
+    if spec.sensing or is_ahead:
+        return GateCounter(spec.course, spec.laps)
+    return RefereeCount(referee)
+
+
+def _state_source(spec: Spec, plant: Plant) -> StateSource:
+    """Return the source of the present state: the true state, or an estimate by the sensors."""
     # A pilot has no model that could be adapted.
     adapts = spec.planner.mppi.adapt and spec.pilot is None
     if spec.sensing:
-        source = _sensed_state(spec, spec.sensing, parts.plant, adapts)
-    else:
-        learner = VehicleLearner.for_exact_states(spec.model, dt) if adapts else None
-        source = TrueState(parts.plant.state, dt, learner)
-
-    # A state that is predicted ahead of the referee needs its own count of gates.
-    link = spec.link
-    latency = spec.vehicle.latency + link.latency + spec.model.delay
-    is_late = latency or link.rate or spec.clock == "wall"
-    if spec.sensing or is_late:
-        gates = GateCounter(spec.course, spec.laps)
-    else:
-        gates = RefereeCount(parts.referee)
-    return Navigation(source, gates, Commands(rest, latency, link.period), dt, spec.model)
+        return _sensed_state(spec, spec.sensing, plant, adapts)
+    dt = spec.planner.mppi.dt
+    learner = VehicleLearner.for_exact_states(spec.model, dt) if adapts else None
+    return TrueState(plant.state, dt, learner)
 
 
 def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> SensedState:
     """Return the source of the state that is estimated from the sensors of a flight.
 
-    adapts: whether the planner uses the vehicle parameters estimated in flight.
+    Args:
+        spec: specification of the flight.
+        sensing: its sensors.
+        plant: its plant.
+        adapts: whether the planner uses the vehicle parameters estimated in flight.
+
+    Raises:
+        SettingError: there is no inertial measurement unit among the sensors.
     """
     imu = sensing.imu
     if imu is None:
         raise SettingError("sensing", f"expected an imu, got none in {sensing.name}")
     dt = spec.planner.mppi.dt
+
+    # A learned pilot flies by the map.
+    course = None if spec.pilot else CourseEstimate(spec.course)
+    estimator = Estimator(
+        sensing,
+        gates=frames(spec.course.gates),
+        start=spec.start or spec.course.start,
+        t=-WARM_UP,
+        displaced=spec.displace_gates,
+    )
+    return SensedState(
+        sensors=_sensors(spec, sensing, plant),
+        estimator=estimator,
+        body_rates=BodyRates(spec.model, dt, imu),
+        learner=VehicleLearner.for_sensors(spec.model, dt, imu),
+        course=course,
+        dt=dt,
+        adapt=adapts,
+        rotor_std=rotor_std(sensing.rotors, spec.vehicle),
+    )
+
+
+def _sensors(spec: Spec, sensing: Sensing, plant: Plant) -> Sensors:
+    """Return the sensors of a flight after their warm-up, at the first state of the plant."""
     flown = spec.flown_course
-    lag = getattr(plant, "velocity_lag", 0.0)
     sensors = Sensors(
         sensing,
         spec.streams.sensors,
         spec.vehicle,
-        frames(flown.gates),
-        lag,
-        flown.obstacles,
-        [f for f in spec.drawn_faults if isinstance(f, SensorFault | BiasJump)],
+        gates=frames(flown.gates),
+        velocity_lag=getattr(plant, "velocity_lag", 0.0),
+        obstacles=flown.obstacles,
+        faults=[f for f in spec.drawn_faults if isinstance(f, SensorFault | BiasJump)],
     )
     sensors.warm_up(plant.state, plant.dt)
     sensors.observe(plant.state)
-    gates = frames(spec.course.gates)
-    return SensedState(
-        sensors,
-        Estimator(sensing, gates, spec.start or spec.course.start, -WARM_UP, spec.displace_gates),
-        BodyRates(spec.model, dt, imu),
-        VehicleLearner.for_sensors(spec.model, dt, imu),
-        None if spec.pilot else CourseEstimate(spec.course),  # a pilot uses the map
-        dt,
-        adapts,
-        rotor_std(sensing.rotors, spec.vehicle),
-    )
+    return sensors
 
 
 def rotor_std(config: RotorConfig | None, vehicle: Vehicle) -> float:

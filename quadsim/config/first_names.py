@@ -14,6 +14,7 @@ FIRST_NAMES = {
     "quadsim.config.resolve": "quadsim.spec.spec",
     "quadsim.course.course_file": "quadsim.course.course",
     "quadsim.course.gate": "quadsim.course.course",
+    "quadsim.dynamics.expected_path": "quadsim.racing.traffic",
     "quadsim.dynamics.named_tuples": "quadsim.dynamics.records",
     "quadsim.dynamics.system": "quadsim.dynamics",
     "quadsim.firmware.actuators": "quadsim.physics.betaflight",

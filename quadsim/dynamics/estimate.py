@@ -8,11 +8,15 @@ import numpy as np
 
 from quadsim.course import Course
 from quadsim.dynamics import System
+from quadsim.dynamics.expected_path import OtherVehicle
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """An estimate of the vehicle and its surroundings: state, next target, model and course.
+    """An estimate of the vehicle and its surroundings.
+
+    It holds the state, the next target, the model, the course and the other vehicles. It shares no
+    array that is written to later, so a stored estimate gives a planner the same control again.
 
     A flight makes one for each control period (quadsim.sensing.navigation). In a loop of one's own
     it is enough to give the time and the state: `mppi.control(Estimate(t, x))`.
@@ -27,7 +31,7 @@ class Estimate:
 
     # time at which the control is asked for [s]
     t: float
-    # state in which the control will act, later than t where commands act late  (n_x,)
+    # state in which the control will act, later than t if commands act late  (n_x,)
     x: np.ndarray
     # gates passed by then since the start: the row of the cost's targets
     target: int = 0
@@ -37,3 +41,13 @@ class Estimate:
     course: Course | None = None
     # time at which the control will act [s]; None: at t
     acts: float | None = None
+    # the other vehicles of a race; a planner keeps clear of the paths expected of them
+    others: tuple[OtherVehicle, ...] = ()
+    # when the flight started, in the time of these paths [s]
+    start_time: float = 0.0
+
+    @property
+    def begins(self) -> float:
+        """When a plan from this estimate begins to act, in the time of the others' paths [s]."""
+        acts = self.t if self.acts is None else self.acts
+        return self.start_time + acts

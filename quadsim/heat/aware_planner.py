@@ -1,55 +1,32 @@
-"""A planner that minds the other vehicles of its race."""
+"""AwarePlanner: a planner that keeps clear of the other vehicles of its race."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping
+from dataclasses import replace
 from math import dist
-from time import perf_counter
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from controllers.costs.keep_clear import OtherVehicle
+from controllers.costs.keep_clear import KeepClear
+from controllers.in_flight import PlannerInFlight
 from controllers.plan import PlanStats
 from quadsim.course import Course
 from quadsim.dynamics.estimate import Estimate
-from quadsim.heat.expectations import Expectation, Outlook, planned_path
+from quadsim.dynamics.expected_path import ExpectedPath, OtherVehicle
+from quadsim.heat.expectations import Expectation, Perceived, planned_path
 from quadsim.heat.patience import Patience
 from quadsim.heat.rules import Progress
-from quadsim.heat.traffic import ExpectedPath, Sighting, Traffic
-from quadsim.racing.clock import Clock
-from quadsim.racing.flight import Controller
+from quadsim.heat.traffic import Sighting, Traffic
 from quadsim.racing.referee import way_left
-
-if TYPE_CHECKING:
-    from controllers.mppi import MPPI
 
 # Distance within which a vehicle ahead is followed [m]
 CLOSE = 3.0
 
 
-class PlanningClock(Clock):
-    """The clock of a vehicle with a computer of its own.
-
-    The vehicles of a race are planned one after the other here. On this clock each pays for its own
-    planning time alone, measured on the wall clock.
-    """
-
-    def __init__(self) -> None:
-        # how long the last plan took [s]
-        self.spent = 0.0
-
-    def now(self, t: float) -> float:
-        """Return the time at which the last plan was ready [s].
-
-        Args:
-            t: when the planning started [s].
-        """
-        return t + self.spent
-
-
-class Eyes:
-    """Eyes see the other vehicles of a race, in the time of their own vehicle's flight."""
+class Perception:
+    """What one vehicle of a race perceives of the others, in the time of its own flight."""
 
     def __init__(self, number: int, traffic: Traffic, start_time: float, course: Course):
         """Take the place of a vehicle in a race.
@@ -58,14 +35,14 @@ class Eyes:
             number: index of the vehicle.
             traffic: what is known of all vehicles.
             start_time: when its flight starts, in the time of the race [s].
-            course: the map, by which it sees who is ahead.
+            course: the map, which says which vehicle is ahead.
         """
         self.number = number
         self.traffic = traffic
         self.start_time = start_time
         self._course = course
 
-    def look(self, t: float) -> dict[int, Sighting]:
+    def sightings(self, t: float) -> dict[int, Sighting]:
         """Return what is seen of the others at t [s] of the flight: number -> Sighting."""
         return self.traffic.sightings(self.number, t + self.start_time)
 
@@ -75,7 +52,7 @@ class Eyes:
         return self._progress(seen.passed, seen.position).is_behind(own)
 
     def follows(self, seen: Sighting, estimate: Estimate) -> bool:
-        """Return whether another vehicle is closely ahead of this one."""
+        """Return whether this vehicle is closely behind another one."""
         near = dist(seen.position, estimate.x[:3].tolist()) < CLOSE
         return near and not self.is_behind(seen, estimate)
 
@@ -85,8 +62,8 @@ class Eyes:
         return Progress(passed, way_left(gates[passed % len(gates)], (x, y, z)))
 
 
-class Racecraft(NamedTuple):
-    """Rules for vehicles ahead and behind."""
+class Tactics(NamedTuple):
+    """How much a vehicle keeps clear of vehicles ahead and behind."""
 
     # factor on the weight of keeping clear of vehicles that are behind
     ahead_share: float = 1.0
@@ -95,96 +72,91 @@ class Racecraft(NamedTuple):
 
 
 class AwarePlanner:
-    """A controller whose planner keeps clear of where the others are expected."""
+    """A controller that adds the other vehicles to its estimate, and plans with that.
+
+    The paths of the others come with the estimate. Tactics change only the weights of the terms
+    that keep clear of them.
+    """
 
     def __init__(
         self,
-        controller: Controller,
-        planner: Callable[[], MPPI],
-        eyes: Eyes,
+        planner: PlannerInFlight,
+        perception: Perception,
         expectation: Expectation | None,
-        others: dict[int, OtherVehicle],
-        racecraft: Racecraft | None = None,
-        tells: bool = False,
-        clock: PlanningClock | None = None,
+        terms: Mapping[int, KeepClear],
+        tactics: Tactics | None = None,
+        announces: bool = False,
     ):
-        """Wrap a planner.
+        """Put a planner into a race.
 
         Args:
-            controller: plans, and returns the control.
-            planner: returns the MPPI that plans at present.
-            eyes: what is seen of the others.
-            expectation: what is expected of them; None: they are ignored.
-            others: number -> term of the planner's cost, for each other vehicle.
-            racecraft: its rules for vehicles ahead and behind; None: all are alike.
-            tells: whether the others are told the plan.
-            clock: is told the planning time; None: that costs no time.
+            planner: the planner.
+            perception: what it perceives of the others.
+            expectation: how their paths are expected; None: they are ignored.
+            terms: number -> term of the planner's cost that keeps clear of that vehicle.
+            tactics: how much it keeps clear of vehicles ahead and behind; None: alike.
+            announces: whether it announces its plans to the others.
         """
-        self._controller = controller
         self._planner = planner
-        self._eyes = eyes
+        self._perception = perception
         self._expectation = expectation
-        self._others = others
-        self._racecraft = racecraft or Racecraft()
-        self._tells = tells
-        self._clock = clock
-        self._is_first = True
-        self._last: Estimate | None = None  # that was planned from
-        # the paths that were expected for the last plan, for display
-        self.expected: dict[int, ExpectedPath] = {}
+        self._terms = terms
+        self._tactics = tactics or Tactics()
+        self._announces = announces
+        # number -> factors on weight and distance that the planner uses at present
+        self._shares: dict[int, tuple[float, float]] = {}
+        # from which the last plan was made
+        self._last: Estimate | None = None
 
     @property
     def rest(self) -> np.ndarray:
         """The planner's control at rest.  (n_u,)"""
-        return self._controller.rest
-
-    @property
-    def is_cached(self) -> bool:
-        """Whether the planner was compiled on this machine before."""
-        return self._planner().is_cached
+        return self._planner.rest
 
     def control(self, estimate: Estimate, /) -> tuple[np.ndarray, PlanStats]:
         """Return the control to apply and statistics of the plan; see MPPI.control."""
-        began = perf_counter()
+        others: tuple[OtherVehicle, ...] = ()
         if self._expectation:
-            self._mind_others(estimate, self._expectation)
-        answer = self._controller.control(estimate)
-        self._last = estimate
-        if self._clock and not self._is_first:
-            self._clock.spent = perf_counter() - began
-        self._is_first = False
-        path = self._own_path() if self._tells else None
+            perceived = self._perceived(estimate)
+            paths = self._expectation.paths(perceived)
+            others = tuple(OtherVehicle(m, paths[m]) for m in paths)
+            self._use_tactics(perceived, estimate)
+        known = replace(estimate, others=others, start_time=self._perception.start_time)
+        answer = self._planner.control(known)
+        self._last = known
+        path = self._own_path() if self._announces else None
         if path:
-            self._eyes.traffic.tell(self._eyes.number, path)
+            self._perception.traffic.announce(self._perception.number, path)
         return answer
 
+    def last_others(self) -> tuple[OtherVehicle, ...]:
+        """Return the other vehicles as the last plan expected them."""
+        return self._last.others if self._last else ()
+
+    def _perceived(self, estimate: Estimate) -> Perceived:
+        """Return what is perceived of the others at the time of an estimate."""
+        seen = self._perception.sightings(estimate.t)
+        behind = frozenset(m for m in seen if self._perception.is_behind(seen[m], estimate))
+        return Perceived(seen, behind, self._own_path)
+
+    def _use_tactics(self, perceived: Perceived, estimate: Estimate) -> None:
+        """Set the weights and the distances with which the planner keeps clear of the others."""
+        ahead_share, patience = self._tactics
+        for m, term in self._terms.items():
+            if m not in perceived.seen:
+                continue
+            weight_share = ahead_share if m in perceived.behind else 1.0
+            keep_share = 1.0
+            if patience:
+                follows = self._perception.follows(perceived.seen[m], estimate)
+                keep_share = patience.share(m, estimate.t, follows)
+            shares = weight_share, keep_share
+            if shares != self._shares.get(m, (1.0, 1.0)):
+                self._shares[m] = shares
+                self._planner.planner.set_numbers(term.name, **term.scaled(*shares))
+
     def _own_path(self) -> ExpectedPath | None:
-        """Return the path of the last plan, in the time of the race."""
+        """Return the path of the last plan; None before the first one."""
         if self._last is None:
             return None
-        return planned_path(self._planner(), self._last, self._eyes.start_time)
-
-    def _mind_others(self, estimate: Estimate, expectation: Expectation) -> None:
-        """Let the terms of the cost know where the others are expected."""
-        seen = self._eyes.look(estimate.t)
-        behind = frozenset(m for m in seen if self._eyes.is_behind(seen[m], estimate))
-        self.expected = expectation.paths(Outlook(seen, behind, self._own_path))
-
-        # The times at which the steps of the horizon end
-        config = self._planner().config
-        acts = estimate.t if estimate.acts is None else estimate.acts
-        steps = np.arange(1, config.horizon + 1)
-        times = self._eyes.start_time + acts + config.dt * steps
-
-        ahead_share, patience = self._racecraft
-        for m, other in self._others.items():
-            if m not in seen:
-                other.expect_nowhere()
-                continue
-            share = keep_share = 1.0
-            if m in behind:
-                share = ahead_share
-            if patience:
-                follows = self._eyes.follows(seen[m], estimate)
-                keep_share = patience.share(m, estimate.t, follows)
-            other.expect(self.expected[m].at(times), share, keep_share)
+        return planned_path(self._planner.planner, self._last)

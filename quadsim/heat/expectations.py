@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from controllers.costs.keep_clear import OtherVehicle
 from quadsim.dynamics.estimate import Estimate
+from quadsim.dynamics.expected_path import ExpectedPath, OtherVehicle
 from quadsim.dynamics.quadrotor import Control, ModelParams, State
-from quadsim.heat.traffic import ExpectedPath, Sighting, Traffic
+from quadsim.heat.traffic import Sighting, Traffic
 from quadsim.rotation import between, to_world
 from quadsim.vehicle import GRAVITY
 
@@ -21,44 +21,45 @@ if TYPE_CHECKING:
 OwnPath = Callable[[], ExpectedPath | None]
 
 
-class Outlook(NamedTuple):
-    """An outlook holds what a vehicle knows of its race when it predicts the others' paths."""
+class Perceived(NamedTuple):
+    """What a vehicle perceives of its race when it predicts the paths of the others."""
 
     # what is seen of the others now: number -> Sighting
     seen: dict[int, Sighting]
-    # the numbers of those that are behind it
+    # the numbers of the vehicles behind it
     behind: frozenset[int]
-    # returns the path that it has planned
+    # returns the path that it has planned for itself
     own: OwnPath
 
 
 class Expectation(Protocol):
-    """A way to expect the paths of other vehicles."""
+    """A prediction of the paths of other vehicles."""
 
-    def paths(self, outlook: Outlook) -> dict[int, ExpectedPath]:
+    def paths(self, perceived: Perceived) -> dict[int, ExpectedPath]:
         """Return the path of each vehicle that is seen: number -> path."""
         ...
 
 
 class ConstantVelocity:
-    """Expects that the others go on at the velocity that is seen."""
+    """Expects that the others keep the velocity that is seen."""
 
-    def paths(self, outlook: Outlook) -> dict[int, ExpectedPath]:
+    def paths(self, perceived: Perceived) -> dict[int, ExpectedPath]:
         """Return straight lines."""
-        return {m: straight(sighting) for m, sighting in outlook.seen.items()}
+        return {m: straight(sighting) for m, sighting in perceived.seen.items()}
 
 
-class ToldPlans:
-    """Expects that the others fly the plans that they have told."""
+class AnnouncedPlans:
+    """Expects that the others fly the plans that they have announced."""
 
     def __init__(self, traffic: Traffic):
-        """Take what is told from the traffic."""
+        """Take the announced plans from the traffic."""
         self._traffic = traffic
 
-    def paths(self, outlook: Outlook) -> dict[int, ExpectedPath]:
-        """Return the told plans; a straight line for who has told none."""
+    def paths(self, perceived: Perceived) -> dict[int, ExpectedPath]:
+        """Return the announced plans, and a straight line for a vehicle without one."""
         return {
-            m: self._traffic.told(m) or straight(sighting) for m, sighting in outlook.seen.items()
+            m: self._traffic.announced(m) or straight(sighting)
+            for m, sighting in perceived.seen.items()
         }
 
 
@@ -69,51 +70,54 @@ OPPONENT_STEPS = 3
 THRUST_ERROR = 10.0
 
 
-class Opponent(NamedTuple):
-    """How the flight of another vehicle is planned."""
+class OpponentModel(NamedTuple):
+    """The planner that predicts the flight of another vehicle."""
 
+    # its cost has terms that keep clear of all vehicles but the opponent itself
     planner: MPPI
     model: ModelParams
-    # the terms by which it keeps clear of all vehicles but itself: number -> term
-    others: dict[int, OtherVehicle]
 
 
 class OwnPlans:
-    """Plans the others' flights by itself, with its own model, cost and sampling.
+    """Plans the flights of the others with the vehicle's own model, cost and sampling.
 
-    Nothing is told: each plan starts from where the other vehicle is seen, and keeps clear of what
-    is expected of the rest. A vehicle that is behind also keeps clear of what this one has planned.
-    A vehicle that is ahead is not expected to: it has not agreed to make room, so an overtake that
-    relied on it would end in a contact.
+    No plan is announced: each plan of an opponent starts from where it is seen, and keeps clear of
+    the paths that are expected of the other vehicles. An opponent behind also keeps clear of the
+    path that the vehicle itself has planned. An opponent ahead is not expected to do so: it has not
+    agreed to make room, so an overtake that relied on it would end in a contact.
 
-    The others are planned in turn, at most one of them in a control period, so that the time does
-    not grow with their number. Meanwhile a vehicle is expected to follow its last plan.
+    Opponents are planned in turn, at most one of them in a control period, so that the time does
+    not grow with their number. Meanwhile an opponent is expected to follow its last plan.
 
     Body rates and thrust are not seen: they follow from how attitude and velocity change.
     """
 
     def __init__(
-        self, number: int, opponent: Callable[[int], Opponent], velocity_noise: float = 0.0
+        self, number: int, opponent: Callable[[int], OpponentModel], velocity_noise: float = 0.0
     ):
         """Begin without a plan.
 
         Args:
             number: index of the vehicle itself.
-            opponent: returns how the flight of a vehicle is planned.
+            opponent: returns the planner for the flight of another vehicle, by its number.
             velocity_noise: standard deviation of the velocities that are seen, per axis [m/s].
         """
         self._velocity_noise = velocity_noise
         self._number = number
         self._new_opponent = opponent
-        self._opponents: dict[int, Opponent] = {}
+        self._opponents: dict[int, OpponentModel] = {}
+        # number -> last planned path
         self._paths: dict[int, ExpectedPath] = {}
-        self._own: ExpectedPath | None = None  # that the vehicle itself has planned, not long ago
-        self._before: dict[int, Sighting] = {}  # what was seen a control period ago
-        self._periods = 0  # that have passed
+        # a recent plan of the vehicle itself
+        self._own: ExpectedPath | None = None
+        # what was seen a control period ago
+        self._before: dict[int, Sighting] = {}
+        # number of control periods so far
+        self._periods = 0
 
-    def paths(self, outlook: Outlook) -> dict[int, ExpectedPath]:
-        """Return the planned paths, of which at most one is new, but for the first time."""
-        seen = outlook.seen
+    def paths(self, perceived: Perceived) -> dict[int, ExpectedPath]:
+        """Return the planned paths. One vehicle is planned again per call; all in the first."""
+        seen = perceived.seen
         numbers = sorted(seen)
         new = [m for m in numbers if m not in self._paths]
         self._periods += 1
@@ -122,11 +126,11 @@ class OwnPlans:
             new = [numbers[turn]]
         if new:
             if turn == 0 or self._own is None:
-                self._own = outlook.own()
+                self._own = perceived.own()
             around = {m: self._paths[m] for m in numbers if m in self._paths}
             for m in new:
                 # Only a vehicle that is behind keeps clear of this one.
-                if m in outlook.behind and self._own is not None:
+                if m in perceived.behind and self._own is not None:
                     around_it = {**around, self._number: self._own}
                 else:
                     around_it = around
@@ -147,17 +151,9 @@ class OwnPlans:
             opponent = self._opponents[m] = self._new_opponent(m)
             acting = Control(*opponent.planner.rest)
         else:
-            # the first control of the plan so far
+            # the first control of the last plan
             acting = Control(*opponent.planner.clipped(opponent.planner.plan[0]))
         acting = self._seen_to_act(m, seen, acting, opponent.model)
-        planner = opponent.planner
-        times = seen.t + planner.config.dt * np.arange(1, planner.config.horizon + 1)
-        for n, other in opponent.others.items():
-            if n in around:
-                other.expect(around[n].at(times))
-            else:
-                other.expect_nowhere()
-
         x = State.of(
             position=seen.position,
             velocity=seen.velocity,
@@ -166,17 +162,18 @@ class OwnPlans:
             thrust=acting.thrust,
             angular_acceleration=(0.0, 0.0, 0.0),
         )
-        estimate = Estimate(seen.t, np.array(x), seen.passed)
-        planner.control(estimate)
-        return planned_path(planner, estimate)
+        others = tuple(OtherVehicle(n, around[n]) for n in around)
+        estimate = Estimate(seen.t, np.array(x), seen.passed, others=others)
+        opponent.planner.control(estimate)
+        return planned_path(opponent.planner, estimate)
 
     def _seen_to_act(self, m: int, seen: Sighting, planned: Control, model: ModelParams) -> Control:
-        """Return the body rates and the thrust of another vehicle, by how its flight changes.
+        """Return the body rates and the thrust of another vehicle, from how its flight changes.
 
         Args:
             m: its number.
             seen: where it is seen.
-            planned: its control by the plan so far.
+            planned: its control by the last plan.
             model: the model of a vehicle.
         """
         before = self._before.get(m)
@@ -192,7 +189,7 @@ class OwnPlans:
         measured = float(lift @ np.array(to_world(seen.attitude, (0.0, 0.0, 1.0))))
         measured /= model.thrust_gain
 
-        # The plan counts as much as the noise of the measurement makes it the better guess.
+        # Weigh measurement and plan by their variances.
         variance = 2.0 * (self._velocity_noise / dt) ** 2
         trust = THRUST_ERROR**2 / (THRUST_ERROR**2 + variance)
         thrust = planned.thrust + trust * (measured - planned.thrust)
@@ -205,17 +202,14 @@ def straight(seen: Sighting) -> ExpectedPath:
     return ExpectedPath(seen.t, 1.0, np.array([here, here + np.array(seen.velocity)]))
 
 
-def planned_path(planner: MPPI, estimate: Estimate, ahead: float = 0.0) -> ExpectedPath:
-    """Return the path of a planner's present plan.
+def planned_path(planner: MPPI, estimate: Estimate) -> ExpectedPath:
+    """Return the path of a planner's present plan, in the time of the race.
 
     Args:
-        planner: the planner, which has planned from this estimate.
-        estimate: state in which its plan begins to act.
-        ahead: added to the times of the path [s].
+        planner: the planner.
+        estimate: the estimate from which it has planned.
     """
-    dt = planner.config.dt
-    acts = estimate.t if estimate.acts is None else estimate.acts
     v = planner.clipped(planner.plan).T[None]  # (1, n_u, T)
     found = planner.rollout.trajectories(estimate.x, v, estimate.target)
     positions = np.vstack([estimate.x[:3], found.states[0, :, :3]])  # (T + 1, 3)
-    return ExpectedPath(acts + ahead, dt, positions.astype(float))
+    return ExpectedPath(estimate.begins, planner.config.dt, positions.astype(float))

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterable, Mapping
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from typing import cast
 
-from controllers.costs.keep_clear import OtherVehicle, Room
+from controllers.costs.keep_clear import Clearance, KeepClear
+from controllers.in_flight import PlannerInFlight
 from controllers.samplers import Sampling
-from quadsim.config.build import build, flight_frames, launched, planner_of
+from quadsim.config.build import Launched, build, flight_frames, launched, planner_of
 from quadsim.config.spec import Spec
-from quadsim.heat.aware_planner import AwarePlanner, Eyes, PlanningClock, Racecraft
+from quadsim.dynamics.expected_path import OtherVehicle
+from quadsim.heat.aware_planner import AwarePlanner, Perception, Tactics
 from quadsim.heat.expectations import (
     OPPONENT_STEPS,
+    AnnouncedPlans,
     ConstantVelocity,
     Expectation,
-    Opponent,
+    OpponentModel,
     OwnPlans,
-    ToldPlans,
 )
 from quadsim.heat.loop import (
     PlantInArena,
@@ -38,27 +40,21 @@ from quadsim.heat.spec import HeatSpec
 from quadsim.heat.traffic import Traffic
 from quadsim.physics.downwash import Downwash
 from quadsim.physics.plant import Arena, new_arena
+from quadsim.racing.clock import PlanningClock
 from quadsim.racing.flight import flight
 from quadsim.racing.referee import Referee
 from quadsim.streams import opponent_stream, sighting_stream
 
-# Iterations of the first plan of another vehicle's flight
+# Iterations of the first plan of an opponent's flight
 FIRST_ITERATIONS = 20
-# Its effective sample size: a small one, as a poor plan gains more from the best samples
+# Effective sample size of such plans: a small one, as a poor plan gains more from the best samples
 OPPONENT_ESS = 5.0
 
 
-def heat_frames(
-    heat: HeatSpec, watched: dict[int, AwarePlanner] | None = None
-) -> Generator[RaceFrame, None, None]:
+def heat_frames(heat: HeatSpec) -> Generator[RaceFrame, None, None]:
     """Build and simulate a race; yield a frame for each control step of each vehicle.
 
     A race of one is the flight of its spec.
-
-    Args:
-        heat: the race.
-        watched: is given the planner of each vehicle when it starts, by number; a learned pilot has
-            none.
     """
     if len(heat.entrants) == 1:
         for frame in flight_frames(heat.flown_spec(0)):
@@ -72,7 +68,7 @@ def heat_frames(
         entrants = range(len(heat.entrants))
         streams = [sighting_stream(heat.seed, k) for k in entrants]
         traffic = Traffic(len(heat.entrants), heat.settings.sight, streams)
-        starters = [_starter(heat, k, arena, traffic, watched) for k in entrants]
+        starters = [_starter(heat, k, arena, traffic) for k in entrants]
         radii = [entrant.spec.vehicle.radius for entrant in heat.entrants]
         marshal = Marshal(rules, [starter.referee for starter in starters], radii)
         make_plans = side_by_side if _may_plan_side_by_side(heat) else in_turn
@@ -94,13 +90,7 @@ def _may_plan_side_by_side(heat: HeatSpec) -> bool:
     return not on_wall_clock and not has_own_parts
 
 
-def _starter(
-    heat: HeatSpec,
-    k: int,
-    arena: Arena,
-    traffic: Traffic,
-    watched: dict[int, AwarePlanner] | None,
-) -> Starter:
+def _starter(heat: HeatSpec, k: int, arena: Arena, traffic: Traffic) -> Starter:
     """Return entrant k on the start grid.
 
     Raises:
@@ -119,112 +109,139 @@ def _starter(
         )
     )
     downwash = Downwash(spec.vehicle) if heat.settings.downwash else None
-    start = partial(_start, heat, k, arena, traffic, referee, watched)
-    return Starter(heat.start_time(k), referee, downwash, start)
+    return Starter(
+        start_time=heat.start_time(k),
+        referee=referee,
+        downwash=downwash,
+        start=partial(_start, heat, k, arena, traffic, referee),
+    )
 
 
-def _start(
+def _start(heat: HeatSpec, k: int, arena: Arena, traffic: Traffic, referee: RaceReferee) -> Started:
+    """Put entrant k into the world, and begin its flight."""
+    # The planner's cost has a term for each other vehicle.
+    terms = keep_clear_terms(heat, k)
+    spec = with_terms(heat.flown_spec(k), terms)
+    parts = build(spec, arena, referee)
+    steps = launched(spec, parts)
+
+    others = _no_others
+    if isinstance(steps.controller, PlannerInFlight):
+        planner = aware_planner(heat, k, steps.controller, traffic, terms)
+        others = planner.last_others
+        steps = _with_planner(steps, planner, spec.clock)
+    # The plants of an arena can be pushed.
+    plant = cast(PlantInArena, parts.plant)
+    return Started(plant, flight(**steps.arguments), others)
+
+
+def _no_others() -> tuple[OtherVehicle, ...]:
+    """Return no vehicle, as a learned pilot and a controller of the user's own expect none."""
+    return ()
+
+
+def _with_planner(steps: Launched, planner: AwarePlanner, clock: str) -> Launched:
+    """Return a flight with this planner, which pays for its own planning time alone."""
+    if clock == "wall":
+        return replace(steps, controller=planner, clock=PlanningClock())
+    return replace(steps, controller=planner)
+
+
+def aware_planner(
     heat: HeatSpec,
     k: int,
-    arena: Arena,
+    planner: PlannerInFlight,
     traffic: Traffic,
-    referee: RaceReferee,
-    watched: dict[int, AwarePlanner] | None,
-) -> Started:
-    """Put entrant k into the world, and begin its flight."""
-    spec = heat.flown_spec(k)
+    terms: Mapping[int, KeepClear],
+) -> AwarePlanner:
+    """Return the planner of entrant k, which keeps clear of the others.
+
+    Args:
+        heat: the race.
+        k: index of the entrant.
+        planner: its planner, whose cost has these terms.
+        traffic: what the vehicles know of each other.
+        terms: number -> term that keeps clear of that vehicle.
+    """
     awareness = heat.awareness(k)
-    others = other_vehicles(heat, k, awareness)
-    minds = _minding(spec, others)
-    parts = build(minds, arena, referee)
-    steps = launched(minds, parts)
-
-    controller = steps.controller
-    planner = steps.planner
-    if planner is not None:
-        clock = PlanningClock() if spec.clock == "wall" else None
-        controller = AwarePlanner(
-            controller,
-            planner,
-            Eyes(k, traffic, heat.start_time(k), spec.course),
-            expectation_of(heat, k, awareness, traffic),
-            others,
-            racecraft=_racecraft_of(awareness),
-            tells=_is_asked_for_plans(heat, k),
-            clock=clock,
-        )
-        steps = replace(steps, controller=controller, clock=clock or steps.clock)
-        if watched is not None:
-            watched[k] = controller
-    # The plants of an arena can be pushed
-    return Started(cast(PlantInArena, parts.plant), flight(**steps.arguments))
+    return AwarePlanner(
+        planner,
+        Perception(k, traffic, heat.start_time(k), heat.course),
+        expectation_of(heat, k, traffic),
+        terms,
+        tactics=_tactics(awareness),
+        announces=_announces(heat, k),
+    )
 
 
-def _racecraft_of(awareness: Awareness) -> Racecraft:
-    """Return the rules that an awareness asks for."""
-    return Racecraft(
+def _tactics(awareness: Awareness) -> Tactics:
+    """Return the tactics that an awareness asks for."""
+    return Tactics(
         ahead_share=awareness.ahead_share,
         patience=Patience(awareness.patience) if awareness.patience else None,
     )
 
 
-def _minding(spec: Spec, others: dict[int, OtherVehicle]) -> Spec:
-    """Return the flight whose planner also has the terms of other vehicles."""
-    return replace(spec, terms=(*spec.terms, *(other.term for other in others.values())))
+def _announces(heat: HeatSpec, k: int) -> bool:
+    """Return whether entrant k announces its plans, as another entrant expects them."""
+    others = [m for m in range(len(heat.entrants)) if m != k]
+    return any(heat.awareness(m).expect == "plans" for m in others)
 
 
 def is_compiled(heat: HeatSpec) -> bool:
     """Return whether all planners of a race were compiled on this machine before."""
-    if len(heat.entrants) == 1:
-        planners = [heat.flown_spec(0)]
-    else:
-        planners = [
-            _minding(heat.flown_spec(k), other_vehicles(heat, k, heat.awareness(k)))
-            for k in range(len(heat.entrants))
-        ]
-    return all(not spec.has_planner or planner_of(spec).is_cached for spec in planners)
+    entrants = range(len(heat.entrants))
+    specs = [with_terms(heat.flown_spec(k), keep_clear_terms(heat, k)) for k in entrants]
+    return all(not spec.has_planner or planner_of(spec).is_cached for spec in specs)
 
 
-def other_vehicles(heat: HeatSpec, k: int, awareness: Awareness) -> dict[int, OtherVehicle]:
+def with_terms(spec: Spec, terms: Mapping[int, KeepClear]) -> Spec:
+    """Return a flight whose planner's cost also has these terms."""
+    return replace(spec, terms=(*spec.terms, *terms.values()))
+
+
+def keep_clear_terms(heat: HeatSpec, k: int) -> dict[int, KeepClear]:
     """Return the terms by which entrant k keeps clear of the others: number -> term."""
     spec = heat.entrants[k].spec
+    awareness = heat.awareness(k)
     if awareness.expect == "nothing" or spec.pilot or spec.controller:
         return {}
-    numbers = [m for m in range(len(heat.entrants)) if m != k]
-    return _clear_of(numbers, spec.planner.mppi.horizon, awareness)
+    others = [m for m in range(len(heat.entrants)) if m != k]
+    return _keep_clear_of(others, spec.planner.mppi.horizon, awareness)
 
 
-def _clear_of(
-    numbers: Sequence[int], horizon: int, awareness: Awareness
-) -> dict[int, OtherVehicle]:
+def _keep_clear_of(
+    vehicles: Iterable[int], horizon: int, awareness: Awareness
+) -> dict[int, KeepClear]:
     """Return terms that keep clear of some vehicles: number -> term."""
-    room = Room(
+    clearance = Clearance(
         weight=awareness.keep_weight,
         keep=awareness.keep,
         above=awareness.keep_above,
         below=awareness.keep_below,
     )
-    # Terms are named by their order, so that the compiled loops are those of the number of others.
-    return {m: OtherVehicle(n, room, horizon) for n, m in enumerate(numbers, 1)}
+    # Terms are named by their order, so that all races of as many vehicles share compiled loops.
+    return {m: KeepClear(m, f"clear_of_{n}", clearance, horizon) for n, m in enumerate(vehicles, 1)}
 
 
-def expectation_of(
-    heat: HeatSpec, k: int, awareness: Awareness, traffic: Traffic
-) -> Expectation | None:
-    """Return what entrant k expects of the others; None where it ignores them."""
-    match awareness.expect:
+def expectation_of(heat: HeatSpec, k: int, traffic: Traffic) -> Expectation | None:
+    """Return how entrant k expects the paths of the others; None if it ignores them."""
+    match heat.awareness(k).expect:
         case "nothing":
             return None
         case "velocity":
             return ConstantVelocity()
         case "plans":
-            return ToldPlans(traffic)
+            return AnnouncedPlans(traffic)
     noise = heat.settings.seen_velocity_noise
     return OwnPlans(k, partial(_opponent, heat, k), noise)
 
 
-def _opponent(heat: HeatSpec, k: int, m: int) -> Opponent:
-    """Return how entrant k plans the flight of entrant m: as its own, with fewer samples."""
+def _opponent(heat: HeatSpec, k: int, m: int) -> OpponentModel:
+    """Return the planner with which entrant k predicts the flight of entrant m.
+
+    It is the planner of entrant k with fewer samples.
+    """
     spec = heat.entrants[k].spec
     awareness = heat.awareness(k)
     mppi = replace(
@@ -236,18 +253,13 @@ def _opponent(heat: HeatSpec, k: int, m: int) -> Opponent:
         first_iterations=FIRST_ITERATIONS,
         target_ess=OPPONENT_ESS,
     )
-    others = _clear_of([n for n in range(len(heat.entrants)) if n != m], mppi.horizon, awareness)
+    others = [n for n in range(len(heat.entrants)) if n != m]
+    terms = _keep_clear_of(others, mppi.horizon, awareness)
     small = replace(
         spec,
         planner=replace(spec.planner, mppi=mppi),
-        terms=tuple(other.term for other in others.values()),
+        terms=tuple(terms.values()),
         cost=None,
     )
     planner = planner_of(small, opponent_stream(heat.seed, k, m))
-    return Opponent(planner, small.model, others)
-
-
-def _is_asked_for_plans(heat: HeatSpec, k: int) -> bool:
-    """Return whether another entrant expects to be told the plan of entrant k."""
-    others = [m for m in range(len(heat.entrants)) if m != k]
-    return any(heat.awareness(m).expect == "plans" for m in others)
+    return OpponentModel(planner, small.model)

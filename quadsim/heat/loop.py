@@ -1,9 +1,9 @@
 """The loop of a race: several flights in one world, which is stepped once for all of them.
 
-In each physics step every flight goes on until it needs the next one. Those whose control period
-has ended plan first, all of them from what is known at that instant (quadsim.racing.flight). Then
-all forces act, the world makes its step, and the marshal looks at all vehicles before their own
-referees do.
+In each physics step every flight goes on until it needs the next step. The vehicles whose control
+period has ended plan first, all of them from what is known at that instant (quadsim.racing.flight).
+Then all forces act, the world makes its step, and the marshal looks at all vehicles before their
+own referees do.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import chain, count
 from typing import NamedTuple, Protocol
 
+from quadsim.dynamics.expected_path import OtherVehicle
 from quadsim.dynamics.quadrotor import State
 from quadsim.heat.marshal import Marshal, Move, RaceReferee
 from quadsim.heat.traffic import Traffic
@@ -24,7 +25,7 @@ from quadsim.rotation import Vec3
 
 
 class PlantInArena(Protocol):
-    """A plant that another one steps; see quadsim.physics.plant.SharedPlant."""
+    """A plant that is stepped with its world; see quadsim.physics.plant.SharedPlant."""
 
     @property
     def state(self) -> PlantState[State]:
@@ -54,15 +55,17 @@ class Started(NamedTuple):
     plant: PlantInArena
     # the frames and the requests of the flight, see quadsim.racing.flight.flight
     steps: Iterator[Frame | Planning | PhysicsStep]
+    # returns the other vehicles as the last plan of the flight expected them
+    others: Callable[[], tuple[OtherVehicle, ...]]
 
 
 class Starter(NamedTuple):
     """A vehicle on the start grid."""
 
-    # of its flight, whose own time counts from there [s]
+    # when its flight starts, in the time of the race [s]
     start_time: float
     referee: RaceReferee
-    # its jet and its rotors' discs; None: the race has no downwash
+    # the flow below its rotors; None: the race has no downwash
     downwash: Downwash | None
     # puts the vehicle into the world
     start: Callable[[], Started]
@@ -86,6 +89,8 @@ class RaceFrame(NamedTuple):
     # time of the race [s]
     t: float
     frame: Frame
+    # the other vehicles as the plan of this step expects them; times of their paths are of the race
+    others: tuple[OtherVehicle, ...] = ()
 
 
 def race_frames(
@@ -102,7 +107,7 @@ def race_frames(
         arena: the world, which the caller closes.
         starters: the vehicles.
         marshal: watches their contacts.
-        traffic: what they know of each other.
+        traffic: what the vehicles know of each other.
         dt: physics step [s].
         make_plans: function that makes all plans of one instant.
     """
@@ -138,7 +143,7 @@ def _race(
         # The vehicles whose control period has ended plan.
         first_items = {k: next(started[k].steps) for k in sorted(flying)}
         make_plans([item for item in first_items.values() if isinstance(item, Planning)])
-        traffic.pass_on()
+        traffic.publish()
 
         # Each flight goes on until it needs the next physics step. A flight that has ended leaves.
         commands: dict[int, tuple[float, ...]] = {}
@@ -148,7 +153,7 @@ def _race(
                     commands[k] = item.u
                     break
                 if isinstance(item, Frame):
-                    yield RaceFrame(k, t, item)
+                    yield RaceFrame(k, t, item, started[k].others())
             else:
                 flying.discard(k)
                 started[k].plant.remove()
@@ -178,7 +183,7 @@ def _downwash(
 
     Args:
         starters: the vehicles.
-        states: states of those that fly.
+        states: states of the vehicles in flight.
         k: index of the vehicle.
     """
     below = starters[k].downwash

@@ -1,8 +1,8 @@
-"""A racer keeps less distance from a vehicle that it has followed for a while."""
+"""Patience: less distance is kept from a vehicle that has been followed for a while."""
 
 from __future__ import annotations
 
-# What is left of the distance when all patience is lost
+# Share of the distance that is kept when all patience is lost
 LEAST_SHARE = 0.5
 
 
@@ -10,7 +10,7 @@ class Patience:
     """The share of the distance that is kept from each vehicle, by the time lost behind it.
 
     It falls from 1 to a half within `seconds` behind a vehicle, and rises again as fast when that
-    one is past or away.
+    vehicle is passed or far ahead.
 
     Examples:
         >>> from quadsim.heat.patience import Patience
@@ -28,7 +28,7 @@ class Patience:
         self._seconds = seconds
         # number -> time lost behind that vehicle, at most `seconds` [s]
         self._lost: dict[int, float] = {}
-        # number -> when it was looked at last [s]
+        # number -> time of the last call for that vehicle [s]
         self._looked: dict[int, float] = {}
 
     def share(self, m: int, t: float, follows: bool) -> float:
@@ -37,7 +37,7 @@ class Patience:
         Args:
             m: its number.
             t: now [s].
-            follows: whether it is closely ahead.
+            follows: whether that vehicle is closely ahead.
         """
         passed = t - self._looked.get(m, t)
         lost = self._lost.get(m, 0.0) + (passed if follows else -passed)

@@ -1,7 +1,7 @@
 """Traffic: what each vehicle of a race knows of the others.
 
-Everybody sees where the others are, with noise and late. A vehicle may also tell the others its
-plan. Times are those of the race, which count from the first start.
+A vehicle sees where the others are, with noise and late. It may also announce its plan to them.
+Times count from the first start of the race.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import SeedSequence
 
+from quadsim.dynamics.expected_path import ExpectedPath
 from quadsim.dynamics.quadrotor import State
 from quadsim.rotation import Quaternion, Vec3
 
@@ -24,12 +25,12 @@ class Sight(NamedTuple):
     # standard deviations of the noise, per axis [m], [m/s]
     position_noise: float = 0.0
     velocity_noise: float = 0.0
-    # how old what it sees is [s]
+    # age of what it sees [s]
     delay: float = 0.0
 
 
 class Sighting(NamedTuple):
-    """A vehicle as another one sees it."""
+    """A vehicle as another vehicle sees it."""
 
     # when it was there [s]
     t: float
@@ -43,32 +44,6 @@ class Sighting(NamedTuple):
     passed: int
 
 
-class ExpectedPath(NamedTuple):
-    """A path that a vehicle is expected to fly."""
-
-    # time of the first position [s]
-    t0: float
-    # time from one position to the next [s]
-    dt: float
-    # [m]  (n, 3), at least two
-    positions: np.ndarray
-
-    def at(self, times: np.ndarray) -> np.ndarray:
-        """Return the positions at some times [m]  (len(times), 3).
-
-        Between positions it is a straight line, and beyond them the line goes on.
-
-        Args:
-            times: [s].
-        """
-        k = (times - self.t0) / self.dt
-        # Conversion to int rounds down, as none of these is negative.
-        first = np.minimum(np.maximum(k, 0.0), len(self.positions) - 2).astype(int)
-        start = self.positions[first]
-        share = (k - first)[:, None]
-        return start + share * (self.positions[first + 1] - start)
-
-
 class Noted(NamedTuple):
     """The state of a vehicle after a physics step."""
 
@@ -78,34 +53,35 @@ class Noted(NamedTuple):
 
 
 class Traffic:
-    """Keeps where all vehicles are, and what they have told the others."""
+    """Keeps where all vehicles are, and the plans that they have announced."""
 
     def __init__(self, vehicles: int, sight: Sight, streams: list[SeedSequence]):
         """Begin before the start.
 
         Args:
-            vehicles: their number.
-            sight: how well they see each other.
-            streams: the stream of the noise of each vehicle's sightings.
+            vehicles: number of vehicles.
+            sight: how well the vehicles see each other.
+            streams: stream of the noise with which each vehicle sees.
         """
         self._sight = sight
         self._noted: list[deque[Noted]] = [deque() for _ in range(vehicles)]
         self._left = [False] * vehicles
         self._rngs = [np.random.default_rng(stream) for stream in streams]
-        self._told: list[ExpectedPath | None] = [None] * vehicles
-        self._to_tell: dict[int, ExpectedPath] = {}
+        self._announced: list[ExpectedPath | None] = [None] * vehicles
+        # plans that are not yet known to the others
+        self._pending: dict[int, ExpectedPath] = {}
 
     def note(self, k: int, t: float, x: State, passed: int) -> None:
         """Note the state of vehicle k at t [s], and the gates that it has passed."""
         noted = self._noted[k]
         noted.append(Noted(t, x, passed))
-        # The newest that has been seen, and those after it, are kept.
+        # Keep the newest state that can be seen, and all later states.
         seen_until = t - self._sight.delay + ROUNDING
         while len(noted) > 1 and noted[1].t <= seen_until:
             noted.popleft()
 
     def leave(self, k: int) -> None:
-        """Take vehicle k out of the traffic, as it is out or has finished."""
+        """Take vehicle k out of the traffic, as its flight has ended."""
         self._left[k] = True
 
     def sightings(self, k: int, t: float) -> dict[int, Sighting]:
@@ -139,20 +115,20 @@ class Traffic:
             velocity = (a, b, c)
         return Sighting(noted.t, position, velocity, x.attitude, noted.passed)
 
-    def tell(self, k: int, path: ExpectedPath) -> None:
-        """Let vehicle k tell its plan, which the others know from the next instant on."""
-        self._to_tell[k] = path
+    def announce(self, k: int, path: ExpectedPath) -> None:
+        """Announce the plan of vehicle k, which the others know from the next instant on."""
+        self._pending[k] = path
 
-    def pass_on(self) -> None:
-        """Let everybody know the plans told so far.
+    def publish(self) -> None:
+        """Make the plans announced so far known to all vehicles.
 
-        It is called when all have planned that plan at an instant, so that none of them knows more
-        than the others because of the order in which they are computed.
+        It is called when all vehicles that plan at an instant have planned, so that what a vehicle
+        knows does not depend on the order in which the plans are computed.
         """
-        for k, path in self._to_tell.items():
-            self._told[k] = path
-        self._to_tell.clear()
+        for k, path in self._pending.items():
+            self._announced[k] = path
+        self._pending.clear()
 
-    def told(self, m: int) -> ExpectedPath | None:
-        """Return the last plan that vehicle m has told; None where it has told none."""
-        return self._told[m]
+    def announced(self, m: int) -> ExpectedPath | None:
+        """Return the last known plan of vehicle m; None if it has announced none."""
+        return self._announced[m]

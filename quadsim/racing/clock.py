@@ -13,11 +13,13 @@ class Clock:
     flight.
     """
 
-    def now(self, t: float) -> float:
-        """Return the time at which planning has ended [s].
+    def ready(self, t: float, spent: float) -> float:
+        """Return the time at which a plan is ready [s].
 
         Args:
-            t: when the planning started [s].
+            t: when its planning started [s].
+            spent: how long it took on the wall clock [s]; 0 for the first plan of a flight, which
+                may include compiling.
         """
         return t
 
@@ -41,7 +43,7 @@ class WallClock(Clock):
         self._sleep = sleep
         self._began: float | None = None
 
-    def now(self, t: float) -> float:
+    def ready(self, t: float, spent: float) -> float:
         """Return the time that has passed since the first plan was ready [s].
 
         The first plan takes no time, as it may include compiling.
@@ -52,7 +54,20 @@ class WallClock(Clock):
 
     def wait(self, t: float) -> None:
         """Wait until the time is t [s]."""
-        self._sleep(max(t - self.now(t), 0.0))
+        self._sleep(max(t - self.ready(t, 0.0), 0.0))
+
+
+class PlanningClock(Clock):
+    """A clock on which planning takes as long as it takes on the wall clock, and nothing else does.
+
+    The vehicles of a race are planned one after the other, though each has a computer of its own;
+    the page pauses flights and flies them in slow motion. On this clock a vehicle pays for its own
+    planning time alone.
+    """
+
+    def ready(self, t: float, spent: float) -> float:
+        """Return the time at which a plan is ready [s]."""
+        return t + spent
 
 
 CLOCKS: dict[str, type[Clock]] = {"simulated": Clock, "wall": WallClock}

@@ -66,8 +66,8 @@ class Controller(Protocol):
         """Return the control to apply from now on, and statistics of the plan.
 
         Args:
-            estimate: time, state (n_x,) and gates passed; the model and the course, where they are
-                estimated in flight.
+            estimate: time, state (n_x,) and gates passed; the model and the course if they are
+                estimated in flight; the other vehicles of a race.
 
         Returns:
             The control u (n_u,), for a quadrotor the body rates [rad/s] and the thrust [m/s^2],
@@ -168,8 +168,8 @@ class Plan(NamedTuple):
     # control to apply  (n_u,)
     u: tuple[float, ...]
     stats: PlanStats
-    # planning time on the wall clock [ms]
-    ms: float
+    # planning time on the wall clock [s]
+    spent: float
 
 
 class Planning:
@@ -214,9 +214,9 @@ class Planning:
         """
         before = perf_counter()
         answer = self._controller.control(self._navigation.estimate(self._t))
-        ms = 1e3 * (perf_counter() - before)
+        spent = perf_counter() - before
         u, stats = checked_plan(self._controller, answer, self._controls)
-        self._plan = Plan(u, stats, ms)
+        self._plan = Plan(u, stats, spent)
 
     @property
     def plan(self) -> Plan:
@@ -258,7 +258,7 @@ def simulate(
     Args:
         plant, controller, referee: the parts, which serve for one flight only.
         period: control period [s], a whole multiple of the plant's step.
-        clock: tells when a plan is ready; None: the simulated clock, on which it is at once.
+        clock: returns when a plan is ready; None: the simulated clock, on which it is at once.
         snapshot: called every SNAPSHOT_EVERY periods; the result is stored in the frame.
         navigation: source of the controller's estimates; None: the true state and the referee's
             count of gates.
@@ -293,7 +293,7 @@ def flight(
     """Yield the frames of a flight, and between them a request for each plan and physics step.
 
     The caller runs the plan, or steps the plant once, before it asks for the next item. Arguments
-    and errors are those of `simulate`.
+    and errors are the same as for `simulate`.
     """
     whole_multiple(period, plant.dt)
     began = perf_counter()
@@ -321,7 +321,7 @@ def flight(
             yield planning
             plan = planning.plan
         # The clock is read before the frame is yielded, as its consumer may take a while.
-        ready = clock.now(state.t)
+        ready = clock.ready(state.t, 0.0 if k == 0 else plan.spent)
         taken = snapshot() if snapshot and flying and k % SNAPSHOT_EVERY == 0 else None
         navigation.commanded(state.t, ready, plan.u)
 
@@ -336,7 +336,7 @@ def flight(
             ess=plan.stats.ess,
             temperature=plan.stats.temperature,
             cost=plan.stats.cost,
-            plan_ms=plan.ms,
+            plan_ms=1e3 * plan.spent,
             elapsed=perf_counter() - began,
             events=tuple(events),
             outcome=outcome,

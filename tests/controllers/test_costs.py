@@ -161,6 +161,42 @@ def test_a_planner_refuses_numbers_of_another_length_than_its_horizon():
         mppi.control(START)
 
 
+SMALLEST = MPPIConfig(samples=64, horizon=T, dt=SYSTEM.dt)
+
+
+def planner(cost):
+    return MPPI(SYSTEM, cost, Gaussian((1.0, 1.0)), SMALLEST)
+
+
+@pytest.mark.compiled
+def test_a_planner_that_is_given_numbers_of_a_term_plans_as_with_that_term():
+    high = np.linspace(0.5, 2.0, T)
+    band = TERMS[2].but(weight=5.0, high=high)
+    wanted = planner(replace(COST, terms=(*TERMS[:2], band))).control(START)
+
+    given = planner(COST)
+    given.set_numbers("band", weight=5.0, high=high)
+    high[:] = 0.0  # the planner has a copy
+    successor = planner(COST)
+    successor.continue_from(given)
+    for mppi in (given, successor):
+        u, stats = mppi.control(START)
+        np.testing.assert_array_equal(u, wanted[0])
+        assert stats == wanted[1]
+    assert COST.terms == TERMS
+    assert TERMS[2].parameters.high == 1.5
+
+
+@pytest.mark.compiled
+def test_numbers_that_a_term_does_not_have_are_refused():
+    mppi = planner(COST)
+    for term, name in (("band", "hihg"), ("bnad", "high"), ("near", "x")):
+        with pytest.raises(ValueError, match=f"cost moving: no number '{name}' of a term '{term}'"):
+            mppi.set_numbers(term, **{name: 1.0})
+    with pytest.raises(ValueError, match=r"term band: high: expected a finite number, .*got nan"):
+        mppi.set_numbers("band", high=np.nan)
+
+
 def test_a_term_with_other_numbers_keeps_all_else():
     band = TERMS[2]
     wider = band.but(high=2.0)

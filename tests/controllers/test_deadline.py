@@ -7,8 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from controllers.deadline import Deadline
+from controllers.in_flight import PlannerInFlight
 from controllers.lanes.layout import LANES
+from quadsim.dynamics.estimate import Estimate
 
 MOST = 32 * LANES
 
@@ -28,10 +29,12 @@ class FakeMPPI:
 
 def samples_after(mppi, plans, deadline_ms=10.0):
     """Numbers of samples after each of the plans."""
-    planner = Deadline(mppi, deadline_ms, time=lambda: mppi.seconds)
+    planner = PlannerInFlight(
+        mppi, numbers=None, make=None, deadline_ms=deadline_ms, time=lambda: mppi.seconds
+    )
     counts = []
-    for _ in range(plans):
-        planner.control(np.zeros(17))
+    for t in range(plans):
+        planner.control(Estimate(float(t), np.zeros(17)))
         counts.append(mppi.samples)
     return counts
 

@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
-import quadsim
 from quadsim.dynamics.quadrotor import Control, ModelParams, State, quadrotor
-from quadsim.heat import aware_planner
-from quadsim.heat.expectations import ConstantVelocity, Outlook, OwnPlans, straight
+from quadsim.heat.expectations import ConstantVelocity, OwnPlans, Perceived, straight
+from quadsim.heat.launch import heat_frames
+from quadsim.heat.line_up import line_up
+from quadsim.heat.result import HeatRecorder
+from quadsim.heat.spec import HeatSpec
 from quadsim.heat.traffic import Sighting
 from quadsim.vehicle import load_vehicle
 from tests.small import SMALL
@@ -57,7 +59,7 @@ def test_the_thrust_of_the_plan_counts_where_velocities_are_seen_with_noise():
 
 def test_constant_velocity_is_a_straight_line():
     seen = Sighting(1.0, (1.0, 2.0, 3.0), (4.0, 0.0, -1.0), (1.0, 0.0, 0.0, 0.0), 0)
-    path = ConstantVelocity().paths(Outlook({3: seen}, frozenset(), lambda: None))[3]
+    path = ConstantVelocity().paths(Perceived({3: seen}, frozenset(), lambda: None))[3]
     assert path.at(np.array([1.5])) == pytest.approx(np.array([[3.0, 2.0, 2.5]]))
     assert straight(seen).at(np.array([1.0])) == pytest.approx(np.array([[1.0, 2.0, 3.0]]))
 
@@ -81,27 +83,26 @@ def test_a_vehicle_behind_is_expected_to_make_way_and_one_ahead_is_not():
     own = straight(seen[2])
     expectation = Noted()
     for _ in range(4):  # each in its turn
-        expectation.paths(Outlook(seen, frozenset({3}), lambda: own))
+        expectation.paths(Perceived(seen, frozenset({3}), lambda: own))
     assert expectation.keeps_clear_of == {1: {1, 2, 3}, 2: {1, 2, 3}, 3: {0, 1, 2, 3}}
 
 
-def errors(expect, monkeypatch):
+def errors(expect):
     """Return how far the other one was from where it was expected .2 s before [m]."""
     ahead = 0.2
-    expected = []
-    minds = aware_planner.AwarePlanner._mind_others
-
-    def noted(planner, estimate, expectation):
-        minds(planner, estimate, expectation)
-        for m, path in planner.expected.items():
-            expected.append((m, estimate.t + ahead, path.at(np.array([estimate.t + ahead]))[0]))
-
-    monkeypatch.setattr(aware_planner.AwarePlanner, "_mind_others", noted)
     small = {**SMALL, "laps": 1, "timeout": 0.8}
-    heat = quadsim.race(["colored", "colored"], "split_s_swift", expect=expect, **small)
+    entrants, settings = line_up("split_s_swift", ["colored"] * 2, small | {"expect": expect})
+    heat = HeatSpec(entrants, settings)
+    recorder = HeatRecorder(heat)
+    expected = []
+    for frame in heat_frames(heat):
+        recorder.add(frame)
+        t = frame.t + ahead
+        expected += [(m, t, path.at(np.array([t]))[0]) for m, path in frame.others]
+    runs = recorder.runs()
     found = []
     for m, t, place in expected:
-        columns = heat.runs[m].telemetry
+        columns = runs[m].telemetry
         if 0.3 < t < columns["t"][-1]:
             there = [np.interp(t, columns["t"], columns[axis]) for axis in ("px", "py", "pz")]
             found.append(np.linalg.norm(place - there))
@@ -109,9 +110,8 @@ def errors(expect, monkeypatch):
 
 
 @pytest.mark.compiled
-def test_plans_of_ones_own_are_nearer_the_truth_than_constant_velocity(monkeypatch):
-    own = errors("own", monkeypatch)
-    monkeypatch.undo()
-    velocity = errors("velocity", monkeypatch)
+def test_plans_of_ones_own_are_nearer_the_truth_than_constant_velocity():
+    own = errors("own")
+    velocity = errors("velocity")
     assert len(own) > 50
     assert np.median(own) < 0.7 * np.median(velocity)

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from quadsim.dynamics.expected_path import ExpectedPath
 from quadsim.dynamics.quadrotor import State
-from quadsim.heat.traffic import ExpectedPath, Sight, Traffic
+from quadsim.heat.traffic import Sight, Traffic
 from quadsim.streams import sighting_stream
 
 DT = 0.0025
@@ -63,13 +64,13 @@ def test_the_noise_of_one_vehicle_does_not_depend_on_the_others_looks():
     assert alone.sightings(0, 0.0) == beside.sightings(0, 0.0)
 
 
-def test_a_plan_is_known_after_the_instant_at_which_it_was_told():
+def test_a_plan_is_known_after_the_instant_at_which_it_was_announced():
     known = traffic()
     path = ExpectedPath(0.0, 0.01, np.zeros((2, 3)))
-    known.tell(1, path)
-    assert known.told(1) is None
-    known.pass_on()
-    assert known.told(1) is path
+    known.announce(1, path)
+    assert known.announced(1) is None
+    known.publish()
+    assert known.announced(1) is path
 
 
 def test_who_has_not_started_or_has_left_is_not_seen():
@@ -86,3 +87,12 @@ def test_an_expected_path_is_interpolated_and_goes_on_straight():
     times = np.array([0.75, 1.0, 1.25, 1.5, 1.75, 2.0, 2.5])
     expected = [[-0.5, 0], [0, 0], [0.5, 0], [1, 0], [1, 1], [1, 2], [1, 4]]
     np.testing.assert_allclose(path.at(times)[:, :2], expected)
+
+
+def test_an_expected_path_keeps_positions_of_its_own():
+    positions = np.zeros((2, 3))
+    path = ExpectedPath(0.0, 1.0, positions)
+    positions[:] = 7.0
+    assert (path.positions == 0.0).all()
+    with pytest.raises(ValueError, match="read-only"):
+        path.positions[0, 0] = 1.0

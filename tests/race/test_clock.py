@@ -126,8 +126,8 @@ def test_under_the_simulated_clock_no_plan_is_ever_late():
 def test_wall_clock_waits_for_a_later_time_and_returns_at_once_for_an_earlier_one():
     time = FakeTime()
     clock = WallClock(time, time.pass_by)
-    assert clock.now(0.0) == 0.0
+    assert clock.ready(0.0, 0.0) == 0.0
     clock.wait(0.25)
-    assert clock.now(0.0) == pytest.approx(0.25)
+    assert clock.ready(0.0, 0.0) == pytest.approx(0.25)
     clock.wait(0.1)
-    assert clock.now(0.0) == pytest.approx(0.25)
+    assert clock.ready(0.0, 0.0) == pytest.approx(0.25)

@@ -162,7 +162,7 @@ def test_on_the_wall_clock_planning_takes_time_and_a_pause_does_not():
         with pytest.MonkeyPatch.context() as patch:
             # A visitor looks away for minutes, and each plan takes 50 ms.
             now = SimpleNamespace(t=0.0)
-            patch.setattr("web.planning_time.perf_counter", lambda: now.t)
+            patch.setattr("quadsim.racing.flight.perf_counter", lambda: now.t)
             inner = flight._planner.control
 
             def slow(estimate):

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import quadsim
-from controllers.costs.keep_clear import OtherVehicle, Room
+from controllers.costs.keep_clear import Clearance, KeepClear
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import State
-from quadsim.heat.aware_planner import CLOSE, AwarePlanner, Eyes, Racecraft
+from quadsim.heat.aware_planner import CLOSE, AwarePlanner, Perception, Tactics
 from quadsim.heat.expectations import ConstantVelocity
 from quadsim.heat.patience import Patience
 from quadsim.heat.traffic import Sight, Sighting, Traffic
@@ -17,7 +17,6 @@ from quadsim.physics.plant import start_state
 
 COURSE = quadsim.load_course("split_s_swift")
 HERE = np.array(start_state(COURSE.start, 0.1))
-HORIZON = 4
 
 
 def nearer_to_gate(meters):
@@ -44,41 +43,56 @@ def test_patience_is_lost_behind_a_vehicle_and_comes_back_when_that_is_past():
 )
 def test_a_vehicle_is_followed_that_is_near_and_has_come_farther(ahead, passed, follows):
     seen = Sighting(0.0, nearer_to_gate(ahead), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), passed)
-    eyes = Eyes(0, SimpleNamespace(), 0.0, COURSE)
-    assert eyes.follows(seen, Estimate(0.0, HERE, 0)) is follows
+    perception = Perception(0, SimpleNamespace(), 0.0, COURSE)
+    assert perception.follows(seen, Estimate(0.0, HERE, 0)) is follows
 
 
-def kept(racecraft):
-    """Return the distance that is kept from a vehicle in five plans, a second apart.
+class Numbers:
+    """A planner that plans nothing, and keeps the numbers of its term."""
+
+    def __init__(self, term):
+        self.numbers = term.scaled()
+
+    def set_numbers(self, name, **numbers):
+        self.numbers = numbers
+
+
+def kept(tactics):
+    """Return the numbers of the term that keeps clear of a vehicle in five plans, a second apart.
 
     The vehicle is a metre ahead in the first three plans, and a metre behind in the others.
     """
     traffic = Traffic(2, Sight(), [np.random.SeedSequence(k) for k in range(2)])
-    mppi = SimpleNamespace(config=SimpleNamespace(horizon=HORIZON, dt=0.1))
-    other = OtherVehicle(1, Room(200.0, 0.6, 0.8, 0.4), HORIZON)
+    term = KeepClear(1, "clear_of_1", Clearance(200.0, 0.6, 0.8, 0.4), horizon=4)
+    mppi = Numbers(term)
     planner = AwarePlanner(
-        SimpleNamespace(control=lambda estimate: None),
-        lambda: mppi,
-        Eyes(0, traffic, 0.0, COURSE),
+        SimpleNamespace(planner=mppi, control=lambda estimate: None),
+        Perception(0, traffic, 0.0, COURSE),
         ConstantVelocity(),
-        {1: other},
-        racecraft=racecraft,
+        {1: term},
+        tactics=tactics,
     )
     found = []
     for t, ahead in enumerate([1.0, 1.0, 1.0, -1.0, -1.0]):
         x, y, z = nearer_to_gate(ahead)
         traffic.note(1, float(t), State(*HERE)._replace(px=x, py=y, pz=z), 0)
         planner.control(Estimate(float(t), HERE, 0))
-        keep = other.term.parameters.keep
-        assert (keep == keep[0]).all()
-        found.append(keep[0])
+        found.append(mppi.numbers)
     return found
 
 
-def test_a_planner_keeps_less_distance_from_who_is_ahead_for_long():
-    with_patience = kept(Racecraft(patience=Patience(2.0)))
-    assert with_patience == pytest.approx([0.6, 0.45, 0.3, 0.45, 0.6])
+def test_a_planner_keeps_less_distance_from_a_vehicle_that_is_ahead_for_long():
+    numbers = kept(Tactics(patience=Patience(2.0)))
+    assert [one["keep"] for one in numbers] == pytest.approx([0.6, 0.45, 0.3, 0.45, 0.6])
+    assert all(one["per_square"] == 1.0 / one["keep"] ** 2 for one in numbers)
+    assert {one["weight"] for one in numbers} == {200.0}
 
 
 def test_without_patience_the_distance_is_always_the_same():
-    assert kept(None) == [0.6] * 5
+    assert [one["keep"] for one in kept(None)] == [0.6] * 5
+
+
+def test_a_vehicle_that_is_behind_weighs_by_the_share_of_those_ahead():
+    numbers = kept(Tactics(ahead_share=0.25))
+    assert [one["weight"] for one in numbers] == [200.0, 200.0, 200.0, 50.0, 50.0]
+    assert {one["keep"] for one in numbers} == {0.6}

@@ -1,0 +1,120 @@
+"""PlannerInFlight: the planner of one flight, with its changes and its deadline."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from time import perf_counter
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
+
+import numpy as np
+
+from controllers.deadline import next_samples
+from controllers.plan import PlannerSnapshot, PlanStats
+from controllers.presets import Planner
+from quadsim.dynamics.estimate import Estimate
+
+if TYPE_CHECKING:
+    from controllers.mppi import MPPI
+
+
+class Change(Protocol):
+    """A change of a planner's numbers at some time of its flight."""
+
+    @property
+    def t(self) -> float:
+        """Time of the first plan with the new numbers [s]."""
+        ...
+
+
+def _no_changes(change: Change, planner: Planner) -> Planner:
+    """Stand for the numbers after a change of a flight without changes."""
+    raise NotImplementedError("expected a function `after` beside the changes of a flight")
+
+
+AnyChange = TypeVar("AnyChange", bound=Change)
+
+
+class PlannerInFlight(Generic[AnyChange]):
+    """A planner whose numbers may change between two plans, and whose samples follow a deadline.
+
+    It is a controller, see quadsim.racing.flight.Controller.
+
+    Attributes:
+        planner: the MPPI that plans at present. A change replaces it.
+    """
+
+    def __init__(
+        self,
+        planner: MPPI,
+        numbers: Planner,
+        make: Callable[[Planner], MPPI],
+        changes: Sequence[AnyChange] = (),
+        after: Callable[[AnyChange, Planner], Planner] = _no_changes,
+        deadline_ms: float | None = None,
+        time: Callable[[], float] = perf_counter,
+    ):
+        """Begin with the planner of the start.
+
+        Args:
+            planner: the planner.
+            numbers: its numbers.
+            make: function that makes a planner of this flight with other numbers.
+            changes: changes to make in flight, in the order of their times.
+            after: function that returns a planner's numbers after a change.
+            deadline_ms: time allowed for one plan [ms], which the number of samples follows; None:
+                there is no deadline.
+            time: function that returns the time since any instant [s].
+        """
+        self.planner = planner
+        self._numbers = numbers
+        self._make = make
+        self._coming = iter(changes)
+        self._after = after
+        self._next = next(self._coming, None)
+        self._deadline_ms = deadline_ms
+        self._time = time
+        self._is_first = True
+
+    @property
+    def rest(self) -> np.ndarray:
+        """The control at rest, which is applied until the first plan is ready.  (n_u,)"""
+        return self.planner.rest
+
+    def control(self, estimate: Estimate, /) -> tuple[np.ndarray, PlanStats]:
+        """Make the changes that are due, and return the control and statistics of the plan."""
+        began = self._time()
+        self._make_changes(estimate.t)
+        answer = self.planner.control(estimate)
+        # The first plan may have to compile.
+        if self._deadline_ms and not self._is_first:
+            plan_ms = 1e3 * (self._time() - began)
+            mppi = self.planner
+            most = mppi.config.samples
+            mppi.samples = next_samples(mppi.samples, most, plan_ms, self._deadline_ms)
+        self._is_first = False
+        return answer
+
+    def change(self, numbers: Planner) -> None:
+        """Plan with other numbers from the next plan on, which begins with the last one."""
+        planner = self._make(numbers)
+        planner.continue_from(self.planner)
+        # If the new numbers have the same temperature, keep the one adapted to the target ESS.
+        if numbers.mppi.temperature == self._numbers.mppi.temperature:
+            planner.temperature = self.planner.temperature
+        self.planner = planner
+        self._numbers = numbers
+
+    def snapshot(self) -> PlannerSnapshot | None:
+        """Return the snapshot of the last plan that is stored with the run; None before it."""
+        from controllers.sampled_trajectories import take_snapshot  # here: it loads the compiler
+
+        return take_snapshot(self.planner)
+
+    def _make_changes(self, t: float) -> None:
+        """Make the changes that are due at t [s]. The last of them has all numbers."""
+        due = None
+        while self._next is not None and self._next.t <= t:
+            due = self._next
+            self._next = next(self._coming, None)
+        if due is not None:
+            self.change(self._after(due, self._numbers))
