@@ -64,8 +64,7 @@ class System:
         """Check the system.
 
         Raises:
-            ValueError: a limit or `rest` has the wrong length, a limit is not finite, low exceeds
-                high, `rest` is outside the limits, or dt is no positive number.
+            ValueError: a limit or `rest` has the wrong length, a limit is NaN, low exceeds high, `rest` is outside the limits, or dt is no positive number.
         """
         for kind, role in ((self.state, "state"), (self.control, "control")):
             if not hasattr(kind, "_fields"):
@@ -81,10 +80,8 @@ class System:
         for name, low, high, rest in zip(
             self.controls, self.low, self.high, self.rest, strict=True
         ):
-            if not (isfinite(low) and isfinite(high) and low <= high):
-                raise self._wrong(
-                    "low", f"finite limits with low <= high for {name}", f"{low:g}, {high:g}"
-                )
+            if not low <= high:
+                raise self._wrong("low", f"low <= high for {name}", f"{low:g} and {high:g}")
             if not low <= rest <= high:
                 raise self._wrong("rest", f"{low:g} to {high:g} for {name}", f"{rest:g}")
 

@@ -24,7 +24,7 @@ def test_weights_survive_huge_costs_and_overflowed_rollouts():
     np.testing.assert_allclose(
         weights(np.array([1e6, 1e6 + 0.3]), 0.3), np.array([1, np.exp(-1)]) / (1 + np.exp(-1))
     )
-    with pytest.raises(FloatingPointError, match="got none in 2 rollouts"):
+    with pytest.raises(FloatingPointError, match="expected a finite J in one of 2 rollouts"):
         weights(np.array([np.inf, np.nan]), 0.3)
 
 

@@ -129,7 +129,7 @@ def test_cost_of_the_nominal_plan_is_that_of_sample_zero():
 def test_temperature_meets_the_mean_over_the_horizon(horizon):
     """A constant cost c per step is J = c however long the horizon: here a point that stays 2 m
     off."""
-    still = replace(POINT, low=(0.0, 0.0), high=(0.0, 0.0))
+    still = replace(POINT, low=(0.0, 0.0), high=(0.0, 0.0), rest=(0.0, 0.0))
     mppi = make(horizon=horizon, system=still)
     assert mppi.iterate(np.array([2.0, 0.0, 0.0, 0.0]), 0).cost == pytest.approx(4.0)
 

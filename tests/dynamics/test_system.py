@@ -11,11 +11,14 @@ from tests.point import POINT, State
 @pytest.mark.parametrize(
     ("changes", "problem"),
     [
-        ({"low": (3.0, 0.5), "high": (-3.0, -0.5)}, "low: expected finite limits with low <= high"),
+        (
+            {"low": (3.0, 0.5), "high": (-3.0, -0.5)},
+            "low: expected low <= high for ax, got 3 and -3",
+        ),
         ({"rest": (9.0, 0.5)}, "rest: expected"),
         ({"low": (-3.0,)}, "low: expected 2 numbers, one for each of ax, ay, got 1"),
         ({"rest": (0.0, 0.5, 0.0)}, "rest: expected 2 numbers"),
-        ({"high": (float("nan"), 3.0)}, "low: expected finite limits"),
+        ({"high": (float("nan"), 3.0)}, "low: expected low <= high for ax"),
         ({"dt": 0.0}, "dt: expected a number of seconds > 0, got 0"),
         ({"state": dict}, "state: expected a NamedTuple"),
     ],

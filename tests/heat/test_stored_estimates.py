@@ -86,8 +86,8 @@ def test_one_planner_forgets_the_others_of_the_estimate_before(raced):
     def cost(estimate):
         """Return the cost of hovering where the vehicle last was, beside these others."""
         planner.use_estimates(estimate)
-        _, terms = planner.rollout.paths(beside.x, planner.plan.T[None], beside.target)
-        return float(terms.sum())
+        found = planner.rollout.trajectories(beside.x, planner.plan.T[None], beside.target)
+        return float(found.J[0])
 
     near, none = cost(beside), cost(alone)
     assert near > none
