@@ -9,15 +9,15 @@ from time import perf_counter, sleep
 class Clock:
     """Simulated clock: planning takes no simulated time.
 
-    With it every flight is reproducible to the last bit. Time t [s] counts from the start of the
-    flight.
+    With this clock, flights are reproducible to the last bit. Time t [s] counts from the start of
+    the flight.
     """
 
     def now(self, t: float) -> float:
         """Return the time at which planning has ended [s].
 
         Args:
-            t: when the planning started [s].
+            t: time at which the planning started [s].
         """
         return t
 
@@ -31,18 +31,18 @@ class WallClock(Clock):
     def __init__(
         self, time: Callable[[], float] = perf_counter, sleep: Callable[[float], None] = sleep
     ):
-        """Make a clock of two functions.
+        """Make a clock from two functions.
 
         Args:
-            time: returns the time from any origin [s].
-            sleep: waits for a number of seconds.
+            time: function that returns the time from any origin [s].
+            sleep: function that waits for a number of seconds.
         """
         self._time = time
         self._sleep = sleep
         self._began: float | None = None
 
     def now(self, t: float) -> float:
-        """Return the time that has passed since the first plan was ready [s].
+        """Return the time since the first plan was ready [s].
 
         The first plan takes no time, as it may include compiling.
         """
