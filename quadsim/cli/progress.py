@@ -14,13 +14,13 @@ from quadsim.console import progress_console
 from quadsim.dynamics.quadrotor import State
 from quadsim.racing.events import Frame
 
-PERIOD = 0.1  # from one drawing of the line to the next [s]
+PERIOD = 0.1  # time between two updates of the line [s]
 
 
 class Progress:
     """The live line: `with Progress(spec) as line: line.show(frame)`.
 
-    Nothing is drawn where stderr is no terminal.
+    Nothing is drawn unless stderr is a terminal.
     """
 
     def __init__(self, spec: Spec, quiet: bool = False):
@@ -45,7 +45,7 @@ class Progress:
             self._live.stop()
 
     def show(self, frame: Frame) -> None:
-        """Draw the frame, unless another was drawn just before."""
+        """Draw the frame, unless the last update is more recent than PERIOD."""
         now = perf_counter()
         if self._live and now - self._drawn >= PERIOD:
             self._live.update(self._line(frame), refresh=True)
