@@ -1,8 +1,8 @@
-"""A recorded flight as a command line, and as lines of Python, that fly it again.
+"""Commands that repeat a recorded flight: a command line and lines of Python.
 
-Both have the settings of the flight, so that they work where the run is not stored. They are made
-only where these settings give the very flight that is recorded; otherwise both name the run's
-folder, from which `race fly --from` and `quadsim.fly` read the flight.
+Both contain the settings of the flight, so that they work without the stored run. If the settings
+do not reproduce the recorded flight exactly, both name the run's folder instead, from which
+`race fly --from` and `quadsim.fly` read the flight.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from quadsim.config.settings import FlightSettings, values_of
 from quadsim.config.spec import Spec
 from quadsim.record.run import hostless
 
-# The settings of a flight that a Spec holds under the same names, and that are worded where they
-# differ from their defaults
+# Settings that a Spec holds under the same names; they are written only if they differ from their
+# defaults
 FLIGHT = (
     "randomize",
     "displace_gates",
@@ -41,14 +41,14 @@ IMPORT = "import quadsim\n\n"
 
 
 class Wording(NamedTuple):
-    """The texts that fly a recorded flight again."""
+    """The commands that repeat a recorded flight."""
 
     command: str
     python: str
 
 
 def wording(record: Mapping[str, Any], folder: Path) -> Wording:
-    """Return the texts that fly a recorded flight again.
+    """Return the commands that repeat a recorded flight.
 
     Args:
         record: the spec of a run.
@@ -71,10 +71,10 @@ def wording(record: Mapping[str, Any], folder: Path) -> Wording:
 
 
 def settings_of(record: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the keywords of `quadsim.fly` that give a recorded flight, its course included.
+    """Return the keywords of `quadsim.fly` that repeat a recorded flight, with its course.
 
-    It is None where no such keywords do: changes in flight, parts of the user's own, and files that
-    a record does not name.
+    Return None if no keywords can repeat it: settings changed in flight, the user's own parts, or
+    files that the record does not name.
 
     Args:
         record: the spec of a run.
@@ -98,7 +98,7 @@ def settings_of(record: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def _named(spec: Spec) -> dict[str, Any]:
-    """Return the settings that choose what flies where: they are worded even at their defaults."""
+    """Return course, vehicle, preset and similar names, which are always written."""
     settings: dict[str, Any] = {"course": spec.course.name}
     if spec.pilot:
         known = spec.pilot.name in pilot_names()
@@ -114,12 +114,12 @@ def _named(spec: Spec) -> dict[str, Any]:
 
 
 def _differing(spec: Spec, usual: Spec) -> Iterator[tuple[str, Any]]:
-    """Yield the settings in which a flight differs from that of its names alone."""
+    """Yield the settings in which a flight differs from the flight given by its names alone."""
     for name in FLIGHT:
         value = getattr(spec, name)
         if value != getattr(usual, name):
             yield name, value
-    # A pilot flies without the planner's numbers
+    # A pilot does not use the planner's numbers
     if spec.pilot:
         return
     others = values_of(usual.planner, usual.model)
@@ -129,7 +129,7 @@ def _differing(spec: Spec, usual: Spec) -> Iterator[tuple[str, Any]]:
 
 
 def _flag(name: str, value: Any) -> list[str]:
-    """Return a setting as words of a command line."""
+    """Return a setting as arguments of a command line."""
     flag = name.replace("_", "-")
     match value:
         case True:
@@ -137,7 +137,7 @@ def _flag(name: str, value: Any) -> list[str]:
         case False:
             return [f"--no-{flag}"]
         case tuple() if name == "fault":
-            # It takes one text, and is repeated for several
+            # The flag takes one text, and is repeated for several
             return [word for text in value for word in (f"--{flag}", text)]
         case tuple():
             return [f"--{flag}", *map(str, value)]
@@ -145,7 +145,7 @@ def _flag(name: str, value: Any) -> list[str]:
 
 
 def heat_wording(folder: Path) -> Wording:
-    """Return the texts that fly a stored race of several again. folder: the folder of the race."""
+    """Return the commands that repeat a stored race of several vehicles from its folder."""
     place = str(folder.resolve())
     return Wording(
         command=f"race heat --from {shlex.quote(place)}",
