@@ -1,4 +1,4 @@
-"""A deadline for plans: fewer samples after a late plan, more after one that was early."""
+"""A deadline for plans: fewer samples after a late plan, more samples after an early plan."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Planning(Protocol):
 class Deadline:
     """A planner whose number of samples follows its planning time.
 
-    The number lies between one block of lanes and the configuration's.
+    The number lies between one block of lanes and the number in the configuration.
     """
 
     def __init__(
@@ -49,9 +49,9 @@ class Deadline:
         Args:
             controller: the planner, or a controller that plans with one.
             deadline_ms: the time for one plan [ms].
-            time: returns seconds since any instant.
-            planner: returns the MPPI with which the controller plans at present; None: the
-                controller is the MPPI itself.
+            time: function that returns the time since any instant [s].
+            planner: function that returns the controller's present MPPI; None: the controller is
+                the MPPI itself.
         """
         self._controller = controller
         self._planner = planner or (lambda: cast(MPPI, controller))
@@ -75,9 +75,10 @@ class Deadline:
         return answer
 
     def next_samples(self, plan_ms: float) -> int:
-        """Return the samples of the next plan, after one that took plan_ms [ms].
+        """Return the number of samples of the next plan, after a plan of plan_ms [ms].
 
-        They are whole blocks of lanes, so that a smaller budget is never slower than a larger one.
+        The samples fill whole blocks of lanes, so that a smaller budget is never slower than a
+        larger one.
         """
         mppi = self._planner()
         now = mppi.samples

@@ -3,9 +3,9 @@
     q = sum_k w_k term_k(x, x_next, u, target, p),     J = (1/T) sum_t q_t
 
 A term returns one number for one step of one sample, which leads from x to x_next under the control
-u. `target` is the sample's target row, the numbers that describe the place it flies to, and `p` the
-parameters of the cost. Two more functions of the same kind decide the fate of the sample: `reached`
-moves it to its next target row, `crash` marks it as crashed for the rest of its rollout.
+u. `target` is the sample's target row, the numbers that describe its current target, and `p` the
+parameters of the cost. Two more functions of the same kind control the sample: `reached` moves the
+sample to its next target row, `crash` marks it as crashed for the rest of its rollout.
 
     def clearance(x, x_next, u, gate, p):
         step = at_gate(x, x_next, gate)
@@ -34,7 +34,7 @@ StepFunction = Callable[[Any, Any, Any, Any, Any], Any]
 
 
 class Record(Protocol):
-    """A NamedTuple of numbers, by the members that all NamedTuples have."""
+    """The members of every NamedTuple, for a NamedTuple of numbers."""
 
     _fields: tuple[str, ...]
 
@@ -49,17 +49,17 @@ class Record(Protocol):
 
 
 class NoParams(NamedTuple):
-    """The parameters of a cost that has none."""
+    """The parameters of a cost without parameters."""
 
 
 NO_PARAMS = NoParams()
 
 
 def crash(x, x_next, u, target, p):
-    """Stand for the flag of a sample that has crashed: 1 from the crash on, 0 before.
+    """Represent the crash flag of a sample: 1 from a crash on, 0 before.
 
-    As a term it is the cost of a crash, per step. It is never called: the rollout puts the sample's
-    flag in its place.
+    As a term it is the cost of a crash, per step. The function is never called: the rollout uses
+    the sample's flag instead.
 
     Examples:
         >>> from quadsim import Term
@@ -73,7 +73,7 @@ def crash(x, x_next, u, target, p):
 def is_weight(value: object) -> bool:
     """Return whether a value is a finite number, or an array or a list of finite numbers.
 
-    Its length is checked where the horizon is known, see Cost.numbers.
+    The length of an array is checked in Cost.numbers, when the horizon is known.
     """
     try:
         numbers = np.asarray(value)
@@ -87,17 +87,17 @@ class Term:
 
     Args:
         function: (x, x_next, u, target, p) -> number, a plain function over named scalars. It may
-            be a lambda, a closure, a method, a functools.partial or an object that can be called;
-            numbers that it holds are compiled into the rollouts.
-        weight: factor on its number; a term of weight zero is left out of the rollouts.
-        name: the name in telemetry and reports, an identifier; default: that of the function, or of
-            the class of an object.
-        parameters: numbers of its own, which `p` then holds in place of the cost's. Each is a
-            number, or an array (T,) with one number for each step of the horizon. They can be
-            changed without compiling again.
+            be a lambda, a closure, a method, a functools.partial or a callable object; numbers that
+            it holds are compiled into the rollouts.
+        weight: factor on the returned number; a term of weight zero is left out of the rollouts.
+        name: the name in telemetry and reports, an identifier; default: the name of the function,
+            or of a callable object's class.
+        parameters: the term's own parameters, which replace the cost's parameters in `p`. Each is a
+            number, or an array (T,) with one number for each step of the horizon. Their values can
+            change without compiling again.
 
     Raises:
-        ValueError: the name is not an identifier, the function none, or a number not finite.
+        ValueError: the name is no identifier, the function not callable, or a number not finite.
 
     Examples:
         >>> from numpy import maximum
@@ -135,7 +135,7 @@ class Term:
             self.parameters = record(**parameters)
 
     def but(self, weight: Weight | None = None, **parameters: Weight) -> Term:
-        """Return the term with another weight or other parameters.
+        """Return the term with a changed weight or changed parameters.
 
         Raises:
             ValueError: the term has no such parameter, or a number is not finite.
@@ -154,7 +154,7 @@ class Term:
 
     @cached_property
     def shape(self) -> tuple:
-        """The key of the compiled loop: function and names of the parameters, not their values."""
+        """The key of the compiled loop: function and parameter names, without values."""
         own = self.parameters._fields if self.parameters else None
         has_weight = bool(np.any(self.weight))
         return self.name, _ByIdentity(self.function), own, has_weight
@@ -167,7 +167,7 @@ class Term:
 
 
 class _ByIdentity:
-    """A function in a key, equal to itself alone; an object that can be called may have no hash."""
+    """A function in a key, compared by identity, as a callable object may have no hash."""
 
     def __init__(self, function: StepFunction):
         self.function = function
@@ -180,19 +180,19 @@ class _ByIdentity:
 
 
 def _name_of(function: Any) -> str:
-    """Return a function's name, "lambda" for one without, for an object that of its class."""
+    """Return a function's name, "lambda" if it has none; for an object its class's name."""
     while isinstance(function, partial):
         function = function.func
     return getattr(function, "__name__", type(function).__name__).strip("<>")
 
 
 def _term(function: StepFunction, weight: Weight, name: str, parameters: dict[str, Weight]) -> Term:
-    """Make a Term again in another process, where pickle does not find the type of its record."""
+    """Rebuild a Term in another process, as pickle cannot find the type of its record."""
     return Term(function, weight, name, **parameters)
 
 
 def is_record_type(kind: object) -> bool:
-    """Return whether an object is a NamedTuple's class."""
+    """Return whether an object is a NamedTuple class."""
     return isinstance(kind, type) and issubclass(kind, tuple) and hasattr(kind, "_fields")
 
 
@@ -205,10 +205,10 @@ def is_record_of_numbers(record: object) -> bool:
 
 @dataclass(frozen=True)
 class Obstacles:
-    """Obstacles in the way of samples, whatever target these fly to.
+    """Obstacles for all samples, independent of their targets.
 
-    A sample that touches an obstacle has crashed. A sample on the way to its last target is past
-    the finish and touches nothing.
+    A sample that touches an obstacle has crashed. A sample on the way to its last target has
+    finished the race and is not tested.
     """
 
     # (p0, p1, row) -> whether the straight line between two positions touches the obstacle
@@ -216,16 +216,15 @@ class Obstacles:
     # NamedTuple: the names of a row's numbers, first the corners of a box around the obstacle [m]
     row: type[Record]
     rows: np.ndarray  # (obstacles, n_obstacle)
-    # (x, seconds) -> those rows that may be reached from x in this time
+    # (x, seconds) -> the rows that can be reached from x in this time
     near: Callable[[np.ndarray, float], np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
 class Cost:
-    """A cost with its numbers.
+    """A cost: terms, parameters and targets.
 
-    `reached` and `crash` are functions as the terms are, and return a condition; None: it never
-    holds.
+    `reached` and `crash` are functions like the terms, and return a condition; None: always false.
 
     Examples:
         >>> from typing import NamedTuple
@@ -242,19 +241,19 @@ class Cost:
 
     name: str
     terms: tuple[Term, ...]
-    # NamedTuple: the names of a target row's numbers; `to_go`, if any, is the distance still to fly
+    # NamedTuple: the names of a target row's numbers; `to_go`, if any, is the remaining distance
     row: type[Record]
     targets: np.ndarray  # the target rows, from the first target on  (targets, n_target)
-    # NamedTuple of numbers, or of arrays (T,) where they depend on the step of the horizon
+    # NamedTuple of numbers, or of arrays (T,) if they depend on the step of the horizon
     params: Record = NO_PARAMS
     reached: StepFunction | None = None  # whether the sample has reached its target
     crash: StepFunction | None = None  # whether the sample crashes in this step
     obstacles: Obstacles | None = None
     # (x, row) -> whether x has not left the gate of the target just reached
     still_in_gate: Callable[[np.ndarray, np.ndarray], bool] | None = None
-    # (target, x) -> index of the row to fly to, where there are more rows than targets
+    # (target, x) -> index of the current row, if there are more rows than targets
     row_ahead: Callable[[int, np.ndarray], int] | None = None
-    # (target, x, T) -> controls (T, n_u) to perturb beside the plan, in place of rest
+    # (target, x, T) -> controls (T, n_u) that a fraction of the samples perturbs instead of rest
     guide: Callable[[int, np.ndarray, int], np.ndarray] | None = None
 
     def __post_init__(self) -> None:
@@ -263,7 +262,7 @@ class Cost:
         self._check_names("weights and parameters", self.number_names)
 
     def _check_types(self) -> None:
-        """Raise ValueError where a field is of another type than its annotation."""
+        """Raise ValueError if the type of a field does not match its annotation."""
         if not isinstance(self.terms, tuple) or not all(isinstance(t, Term) for t in self.terms):
             others = self.terms
             if isinstance(others, tuple):
@@ -291,7 +290,7 @@ class Cost:
         raise ValueError(f"cost {self.name}: {field}: {problem}")
 
     def _check_names(self, what: str, names: Sequence[str]) -> None:
-        """Raise ValueError where two of the names are equal."""
+        """Raise ValueError if two of the names are equal."""
         twice = [name for name in names if names.count(name) > 1]
         if twice:
             raise ValueError(
@@ -319,7 +318,7 @@ class Cost:
 
     @cached_property
     def number_names(self) -> tuple[str, ...]:
-        """The names of the numbers that the compiled loops take: weights, then parameters."""
+        """The names of the arguments of the compiled loops: weights, then parameters."""
         names = [f"weight_{term.name}" for term in self.terms]
         names += [f"p_{name}" for name in self.params._fields]
         for term in self.terms:
@@ -328,13 +327,13 @@ class Cost:
         return tuple(names)
 
     def numbers(self, horizon: int) -> np.ndarray:
-        """Return weights and parameters as the compiled loops take them.
+        """Return weights and parameters as an array for the compiled loops.
 
         Returns:
-            (1, n), or (T, n) where one of them depends on the step of the horizon.
+            (1, n), or (T, n) if one of the numbers depends on the step of the horizon.
 
         Raises:
-            ValueError: an array of another length than the horizon.
+            ValueError: the length of an array differs from the horizon.
         """
         if not self._by_step:
             return np.array([self._numbers], float)
@@ -367,14 +366,14 @@ class Cost:
 
     @cached_property
     def _constants(self) -> np.ndarray:
-        """The numbers, with a zero in place of each one that depends on the step.  (n,)"""
+        """The numbers, with zeros for the ones that depend on the step.  (n,)"""
         numbers = [0.0 if np.ndim(value) else value for value in self._numbers]
         return np.array(numbers, float)
 
     def targets_from(self, target: int, x: np.ndarray, dtype: type = np.float32) -> np.ndarray:
         """Return the target rows from the current one on.
 
-        The distance to go counts from the current target, which keeps its numbers small.
+        The distance to go counts from the current target, which keeps the numbers small.
 
         Args:
             target: number of targets reached so far.
@@ -399,7 +398,7 @@ class Cost:
         return rows
 
     def _row(self, target: int, x: np.ndarray) -> int:
-        """Return the index of the current row where there is one for each target."""
+        """Return the index of the current row if there is one row for each target."""
         target = min(target, len(self.targets) - 1)
         if target == 0 or self.still_in_gate is None:
             return target
@@ -424,15 +423,15 @@ def evaluate(
     crashed: Any = 0.0,
     t: int | np.ndarray = 0,
 ) -> Evaluated:
-    """Return the weighted terms of one step, by the same functions that the rollouts inline.
+    """Return the weighted terms of one step, by the functions that the rollouts inline.
 
     Args:
-        cost: the cost, whose terms of any weight are returned.
+        cost: the cost; its terms of weight zero are returned too.
         x, x_next: records of the system's state, of numbers or of arrays.
         u: record of the control.
         target: a target row's numbers.
         crashed: whether the sample had crashed before, 0.0 or 1.0.
-        t: step of the horizon, if parameters depend on it; an array, if the records are of arrays
+        t: step of the horizon, if parameters depend on it; an array, if the records hold arrays
             over several steps.
     """
     gate = cost.row._make(target)
@@ -459,6 +458,6 @@ def at_step(parameters: Record, t: int | np.ndarray) -> Any:
 def number_at_step(value: Weight, t: int | np.ndarray) -> Any:
     """Return a weight or parameter at step t of the horizon.
 
-    It is the number itself, or its entry of an array (T,).
+    A number is returned as it is; an array (T,) is indexed by t.
     """
     return value if np.ndim(value) == 0 else np.asarray(value)[t]

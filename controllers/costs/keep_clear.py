@@ -1,10 +1,10 @@
-"""A cost term for races: the distance that is kept from another vehicle.
+"""A cost term for races: the clearance to another vehicle.
 
     a_k keep max(0, 1 - d^2 / keep^2),   d^2 = dx^2 + dy^2 + (h dz)^2
 
-Where the other vehicle is expected depends on the step of the horizon, so its position is an array
-of parameters. h is smaller than 1, so that the room around a vehicle is an ellipsoid taller than
-wide. Below the vehicle h is `below`, as its downwash reaches far down; above it, h is `above`.
+The predicted position of the other vehicle depends on the step of the horizon, so it is an array of
+parameters. h is smaller than 1, so that the room around a vehicle is an ellipsoid taller than wide.
+Below the other vehicle h is `below`, as its downwash reaches far down; above it, h is `above`.
 Crazyswarm uses such ellipsoids, of 0.12 x 0.12 x 0.30 m (Preiss et al., ICRA 2017).
 """
 
@@ -17,24 +17,24 @@ from numpy import maximum, where
 
 from controllers.costs import Term
 
-# [m] Where a vehicle is expected that is not there: no sample comes near.
+# [m] Position of a vehicle that has left the race, out of reach of all samples
 NOWHERE = 1e4
 
 
 class Room(NamedTuple):
-    """The room around another vehicle that is kept clear."""
+    """The ellipsoid around another vehicle that is kept clear."""
 
-    # weight of each metre that is missing, at the ellipsoid's edge half of that
+    # cost per metre inside the ellipsoid; half of it at the ellipsoid's edge
     weight: float
-    # half of the room's width [m]
+    # horizontal half axis of the ellipsoid [m]
     keep: float
-    # keep over half of the room's height, above the other vehicle and below it
+    # ratio of keep to the vertical half axis, above and below the other vehicle
     above: float
     below: float
 
 
 def keep_clear(x, x_next, u, gate, p):
-    """Return how deep the sample is in the room around another vehicle [m]."""
+    """Return the depth of the sample in the room around another vehicle [m]."""
     dx = x_next.px - p.x
     dy = x_next.py - p.y
     dz = x_next.pz - p.z
@@ -44,21 +44,21 @@ def keep_clear(x, x_next, u, gate, p):
 
 
 class OtherVehicle:
-    """The term that keeps clear of one other vehicle, wherever that is expected."""
+    """The term that keeps clear of the predicted path of one other vehicle."""
 
     def __init__(self, number: int, room: Room, horizon: int):
-        """Begin with a vehicle that is nowhere.
+        """Begin without a prediction of the vehicle.
 
         Args:
-            number: tells the terms of several vehicles apart.
-            room: the room around it.
+            number: number of the vehicle, for the term's name.
+            room: the room around the vehicle.
             horizon: T.
         """
         self._room = room
         self._x = np.full(horizon, NOWHERE)
         self._y = np.full(horizon, NOWHERE)
         self._z = np.full(horizon, NOWHERE)
-        # One weight and one distance for each step: they may be others in each plan.
+        # One weight and one distance per step, as they may change from plan to plan.
         self._weight = np.full(horizon, float(room.weight))
         self._keep = np.full(horizon, float(room.keep))
         self._per_square = np.full(horizon, 1.0 / room.keep**2)
@@ -76,14 +76,14 @@ class OtherVehicle:
         )
 
     def expect(self, positions: np.ndarray, share: float = 1.0, keep_share: float = 1.0) -> None:
-        """Expect the vehicle at these places from the next plan on.
+        """Set the predicted positions of the vehicle for the next plans.
 
         Args:
             positions: position at the end of each step of the horizon [m]  (T, 3).
             share: factor on the weight.
-            keep_share: factor on the distance that is kept.
+            keep_share: factor on the clearance.
         """
-        # The arrays are those of the term, whose numbers are read anew for each plan.
+        # The term shares these arrays, and they are read again for each plan.
         self._x[:] = positions[:, 0]
         self._y[:] = positions[:, 1]
         self._z[:] = positions[:, 2]
@@ -93,5 +93,5 @@ class OtherVehicle:
         self._per_square[:] = 1.0 / keep**2
 
     def expect_nowhere(self) -> None:
-        """Expect the vehicle nowhere, as it has left the race."""
+        """Remove the prediction, as the vehicle has left the race."""
         self._x[:] = NOWHERE
