@@ -23,24 +23,24 @@ from web.legs import Legs
 from web.live_flight import Flown, laps_so_far
 from web.numbers import SLIDERS, Change, numbers_of
 
-# Times ahead at which expected paths are drawn [s]
+# Times ahead at which predicted paths are drawn [s]
 AHEAD = np.linspace(0.0, 1.0, 11)
 
 
 class LiveHeat:
-    """A race of several vehicles. One thread uses it.
+    """A race of several vehicles, for use by one thread.
 
     Attributes:
-        entries: the flights as the page shows them; any thread may read them.
+        entries: the flights for display; any thread may read them.
         period: the shortest control period [s].
         is_cached: False if planners have to be compiled.
-        hand: the controller by which a person flies, None where nobody does.
+        hand: the controller of a manual flight, else None.
 
     Args:
-        choices: what is to be flown.
+        choices: the choices of the race.
 
     Raises:
-        ValueError: the choices cannot be flown; one line says why.
+        ValueError: the choices cannot be flown; the message is one line.
     """
 
     def __init__(self, choices: HeatChoices | HeatAgainChoices):
@@ -51,7 +51,7 @@ class LiveHeat:
             bases = [entrant.spec.planner for entrant in self._spec.entrants]
         self._planners: dict[int, AwarePlanner] = {}
         self._frames = heat_frames(self._spec, self._planners)
-        self._ahead: RaceFrame | None = None  # that belongs to the next period
+        self._ahead: RaceFrame | None = None  # a frame that belongs to the next period
         self._recorder = HeatRecorder(self._spec)
         self._root: str | None = None
         self.is_cached = is_compiled(self._spec)
@@ -132,7 +132,7 @@ class LiveHeat:
         )
 
     def _expected(self, frame: RaceFrame) -> tuple[np.ndarray, ...]:
-        """Return the paths that a vehicle expects the others to fly.  (points, 3) each"""
+        """Return a vehicle's predicted paths of the other vehicles.  (points, 3) each"""
         planner = self._planners.get(frame.number)
         if planner is None:
             return ()
@@ -143,7 +143,7 @@ class LiveHeat:
         """Refuse: the numbers of a race in one world stay those of its start.
 
         Raises:
-            ValueError: always, with what to do instead.
+            ValueError: always; the message suggests an alternative.
         """
         label = SLIDERS[change.name].label
         raise ValueError(
@@ -152,10 +152,10 @@ class LiveHeat:
         )
 
     def update_trajectories(self) -> None:
-        """Draw no sampled trajectories: the lines of a race are what is expected of the others."""
+        """Do nothing, as a race shows predicted paths instead of sampled trajectories."""
 
     def end(self) -> None:
-        """Store the race, unless it was interrupted before anybody passed a gate."""
+        """Store the race, unless interrupted before the first gate pass of any vehicle."""
         interrupted = not self.is_over
         self.entries = tuple(
             replace(entry, outcome=entry.outcome or "interrupted", expected=())

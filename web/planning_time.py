@@ -1,7 +1,7 @@
-"""The wall clock of a flight on the page: planning takes time, and nothing else does.
+"""The wall clock of a flight on the page, on which only planning takes time.
 
-The page pauses flights, flies some in slow motion, and plans several in turns. None of that may
-pass for planning time.
+The page pauses flights, flies some in slow motion, and plans several in turns. None of this counts
+as planning time.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from quadsim.racing.flight import Controller
 
 
 class TimedController:
-    """A controller that tells the clock of its flight how long each plan took.
+    """A controller that passes the duration of each plan to the clock of its flight.
 
     The first plan takes no time, as it may include compiling.
     """

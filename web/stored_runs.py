@@ -23,7 +23,7 @@ from web.numbers import slider_values
 
 
 class StoredMPPI(msgspec.Struct):
-    """The update's numbers that the page shows."""
+    """The displayed numbers of the update."""
 
     samples: int
     temperature: float = 1.0
@@ -31,7 +31,7 @@ class StoredMPPI(msgspec.Struct):
 
 
 class StoredSampling(msgspec.Struct):
-    """The sampler's numbers that the page shows."""
+    """The displayed numbers of the sampler."""
 
     sigma: list[float] = []
     gamma: list[float] = []
@@ -41,7 +41,7 @@ class StoredPlanner(msgspec.Struct):
     """The planner of a run."""
 
     mppi: StoredMPPI
-    # a text describes a sampler of the user's own
+    # a text describes a user's own sampler
     sampling: StoredSampling | str | None = None
 
 
@@ -55,13 +55,13 @@ class StoredChange(msgspec.Struct):
 
 
 class StoredRates(msgspec.Struct):
-    """How a person's vehicle follows one stick."""
+    """The map from one stick to the body rate."""
 
     most: float  # [rad/s]
 
 
 class StoredHand(msgspec.Struct):
-    """The rates of a person who flew."""
+    """The stick maps of a manual flight."""
 
     roll: StoredRates
     pitch: StoredRates
@@ -69,7 +69,7 @@ class StoredHand(msgspec.Struct):
 
 
 class ReplaySchema(msgspec.Struct):
-    """The parts of a spec that the page shows. A run may have been made by hand."""
+    """The displayed parts of a spec, checked, as a user may have edited a run's file."""
 
     course: str
     sampler: str
@@ -83,7 +83,7 @@ class ReplaySchema(msgspec.Struct):
 
 
 def runs_at(path: Path) -> list[Path]:
-    """Return the folders of runs at a path: those of a race of several, or the run itself.
+    """Return the folders of runs at a path: the runs of a race, or the run itself.
 
     Raises:
         RunError: the race has no runs.
@@ -95,8 +95,8 @@ def stored_competitor(path: Path) -> Competitor:
     """Load a run from the disk.
 
     Raises:
-        RunError: the run is damaged, or its spec lacks what the page shows.
-        FileError: its course cannot be read.
+        RunError: the run is damaged, or its spec lacks displayed parts.
+        FileError: the course cannot be read.
     """
     run = load_reportable(path)
     try:
@@ -108,7 +108,7 @@ def stored_competitor(path: Path) -> Competitor:
 
 
 def run_competitor(run: Run, course: Course, path: Path | None) -> Competitor:
-    """Return a run as a competitor. path: its folder, if it has one."""
+    """Return a run as a competitor. path: folder of the run, None if it is not stored."""
     spec = run.spec
     return Competitor(
         name=spec["sampler"],
@@ -128,7 +128,7 @@ def run_competitor(run: Run, course: Course, path: Path | None) -> Competitor:
 
 
 def _root_of(path: Path) -> Path:
-    """Return the folder of runs that a run lies in, alone or in the folder of a race."""
+    """Return the folder of runs for a run that lies in it directly or in a race's folder."""
     return path.parent.parent if is_heat(path.parent) else path.parent
 
 
@@ -149,7 +149,7 @@ def stored_numbers(spec: dict) -> dict[str, float]:
 
 
 def _preset_sigma(preset: str, sampler: str) -> Sequence[float]:
-    """Return the preset's standard deviations; none where the preset was a file."""
+    """Return the preset's standard deviations; none if the preset was a file."""
     planners = PRESETS.get(preset, {})
     return planners[sampler].sampling.sigma if sampler in planners else ()
 
@@ -157,11 +157,11 @@ def _preset_sigma(preset: str, sampler: str) -> Sequence[float]:
 def titled_runs(root: str, most: int) -> dict[str, Path]:
     """Return the latest stored runs by title, as "16:15 split_s_swift colored 16.378 s".
 
-    A race of several vehicles is one of them, with the folder of the race.
+    A race of several vehicles is one entry, with the folder of the race.
 
     Args:
         root: the folder of runs.
-        most: how many runs are listed, the latest first.
+        most: largest number of runs, the latest first.
     """
     found: dict[str, Path] = {}
     stored = sorted([*list_runs(root), *list_heats(root)])
@@ -181,7 +181,7 @@ def titled_runs(root: str, most: int) -> dict[str, Path]:
 
 @cache
 def _result(path: Path) -> str:
-    """Return course, sampler and time or outcome; the folder's name where they are not readable."""
+    """Return course, sampler and time or outcome; the folder's name if unreadable."""
     if is_heat(path):
         return heat_title(path)
     try:
