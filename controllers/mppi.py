@@ -207,7 +207,7 @@ class MPPI:
         J = it.J  # (M,)
 
         # Samples come in chunks that fit the processor's caches. The perturbations of a chunk are
-        # overwritten by those of the next one, so each chunk is averaged at once.
+        # overwritten by the next chunk, so each chunk is averaged at once.
         means = []  # weighted mean of v - U of each chunk  (T, n_u)
         for chunk in layout.chunks(self.samples):
             # Draw the perturbations z, eq. (1).

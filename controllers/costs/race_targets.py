@@ -97,7 +97,7 @@ def targets(
 
     Returns:
         Rows of `GateTarget` (rows, 20), and the index at which the rows of each gate begin
-        (gates of all laps + 2,), followed by those of the finish and of the end.
+        (gates of all laps + 2,), where the last two are the indices of the finish and of the end.
     """
     stops = []
     for gate in course.gates * laps:

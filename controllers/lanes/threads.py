@@ -29,7 +29,7 @@ def most_threads() -> int:
 def can_run_side_by_side() -> bool:
     """Return whether loops may run on several threads for several callers at once.
 
-    numba's own threads ("workqueue") serve one caller at a time; those of OpenMP and TBB serve
+    numba's own threads ("workqueue") serve one caller at a time; OpenMP and TBB threads serve
     several. Which of these is used depends on the machine, and is known after the first loop.
     """
     if lost_threads() or not parallel._is_initialized:
