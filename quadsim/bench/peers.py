@@ -154,7 +154,7 @@ def stabilize(x, x_next, u, point, p):
 
 
 def array_backend(library: ModuleType) -> dict[str, Callable]:
-    """Return a library's functions in place of NumPy's, by name, as far as they are called here."""
+    """Return a library's equivalents, by name, of the NumPy functions that are called here."""
     functions = {name: getattr(library, name) for name in ("minimum", "maximum", "sqrt", "where")}
     if library.__name__ == "torch":  # torch's minimum and maximum take no plain numbers
         for name in ("minimum", "maximum"):

@@ -58,7 +58,7 @@ class Outcome(NamedTuple):
 
 
 class Step(NamedTuple):
-    """The arguments of `advance` after those of the episodes and their beginnings, in its order."""
+    """The further arguments of `advance`, after the episodes and their beginnings, in order."""
 
     p_cost: np.ndarray  # (courses, n_q)
     dt: np.float32  # [s]

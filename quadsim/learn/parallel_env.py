@@ -170,7 +170,7 @@ class RacingParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         self._renderer.close()
 
     def _checked(self, actions: Any) -> np.ndarray:
-        """Return the actions of all racers, zeros for those that are out.  (racers, 4)"""
+        """Return the actions of all racers, zeros for racers that are out.  (racers, 4)"""
         if not isinstance(actions, Mapping):
             wanted = f"expected a dict with an action for each of {', '.join(self.agents)}"
             raise ValueError(f"actions: {wanted}, got {shown_value(actions)}")

@@ -91,7 +91,7 @@ class Flown(NamedTuple):
     """The races of an evaluation."""
 
     finished: float  # share of the races
-    lap: float  # mean of those that finished [s]; 0 without one
+    lap: float  # mean lap time of finished races [s]; 0 without one
     gates: float  # mean share of the gates passed
 
 

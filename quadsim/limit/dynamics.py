@@ -36,7 +36,7 @@ from quadsim.physics.allocation import mixer
 from quadsim.rotation import quaternion_rate, to_body, to_world
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
-# CasADi 3.8 warns unless told that numpy's functions in `step` stand for CasADi's own
+# Without this setting, CasADi 3.8 warns that `step` calls numpy's functions on its symbols
 if hasattr(casadi.GlobalOptions, "setNumpyMode"):
     casadi.GlobalOptions.setNumpyMode(-1)
 

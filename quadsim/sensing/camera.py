@@ -81,7 +81,7 @@ class Camera:
             q: attitude of the vehicle, wxyz.
 
         Returns:
-            Pixels (u, v) (n, 2), nan where the depth is not positive, as such a point is not in
+            Pixels (u, v) (n, 2), nan if the depth is not positive, as such a point is not in
             front of the camera; and the depth along the optical axis [m] (n,).
         """
         position, axes = self.pose(p, q)

@@ -157,7 +157,7 @@ class Sensors:
             sensing: the set of sensors, with their parameters.
             seeds: the flight's random stream for sensors.
             vehicle: the true vehicle, as in the plant.
-            gates: the gates where they truly stand, each once.
+            gates: the gates at their true positions, each once.
             velocity_lag: time by which the plant's velocity lags [s], see
                 quadsim.physics.plant.Plant.
             obstacles: obstacles on the course.

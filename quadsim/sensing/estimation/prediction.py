@@ -107,7 +107,7 @@ def predict(
 class GateCounter:
     """Counts the gates passed by the estimated path.
 
-    The path passes a gate where it crosses the gate's plane within the frame.
+    The path passes a gate if it crosses the gate's plane within the frame.
     """
 
     def __init__(self, course: Course, laps: int):

@@ -209,7 +209,7 @@ class VehicleLearner:
 
     @property
     def model(self) -> ModelParams:
-        """The nominal parameters, replaced by the estimates where there are any."""
+        """The nominal model with the present estimates of its parameters."""
         now = self.numbers
         tilt_first = self._nominal.tilt_first
         if self._delivered is not None:
