@@ -140,7 +140,7 @@ class LiveHeat:
         return tuple(path.at(frame.t + AHEAD) for path in paths)
 
     def change(self, change: Change) -> None:
-        """Refuse: the numbers of a race in one world stay those of its start.
+        """Refuse the change, as the numbers of a race in one world are fixed at its start.
 
         Raises:
             ValueError: always; the message suggests an alternative.

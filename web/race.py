@@ -142,7 +142,7 @@ class PageRace:
         self._playing = False
         self._trajectories_at = 0.0
         self._pace = Pace()
-        self._speed = 1.0  # asked for, for races in which nobody flies by hand
+        self._speed = 1.0  # requested real-time factor, for races without a manual flight
         self._cockpit = cockpit or Cockpit()
         self._hand: Hand | None = None
         self._waiting = False

@@ -53,7 +53,7 @@ class Drawn(NamedTuple):
     """The drawn sampled trajectories."""
 
     live: SampledTrajectories | None
-    stored: float | None  # time of those of a stored run [s]
+    stored: float | None  # time of the trajectories of a stored run [s]
 
 
 class RaceScene:
