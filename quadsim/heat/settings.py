@@ -30,7 +30,9 @@ class Awareness:
             " the planner itself), velocity (constant velocity) or nothing (ignored)"
         ),
     ] = "own"
-    keep: Annotated[float, setting("clearance to other vehicles", unit="m", gt=0, le=10)] = 0.6
+    keep: Annotated[
+        float, setting("horizontal clearance to other vehicles", unit="m", gt=0, le=10)
+    ] = 0.6
     keep_weight: Annotated[float, setting("cost per metre inside that clearance", ge=0, le=1e6)] = (
         200.0
     )
