@@ -45,7 +45,7 @@ LOWEST = 0.3  # least height of the film camera [m]
 # Standard deviations of the filters that smooth the motion of the film camera [s]
 CALM_DIRECTION = 0.25
 CALM_PLACE = 0.07
-SLOW = 1.0  # speed below which the film camera follows the heading, not the velocity [m/s]
+SLOW = 1.0  # weight of the heading beside the velocity in the direction of the view [m/s]
 WIDEST = 5  # largest width of the path in the picture [px]
 
 

@@ -40,7 +40,7 @@ class RotorSpeeds:
         thrust = state.x.thrust
         rotors = self._rotors
         if rotors:
-            # The noise is linearised about the mean of the four speeds.
+            # Each rotor is at the common speed of this thrust, plus its own noise.
             speed = rotors.speed(max(0.25 * self._mass * thrust, rotors.thrust_map[2]))
             thrusts = [rotors.thrust(speed + self._noise * error) for error in errors]
             thrust = sum(thrusts) / self._mass
