@@ -27,11 +27,13 @@ bench: $(VENV)/.app
 quick: $(VENV)/.dev
 	$(PYTEST) -m "$(QUICK)" --durations=5 --durations-min=0.5
 
-# Some minutes. What needs the firmware or a browser is skipped, with the reason, where there is none.
+# Some minutes. What needs the firmware, a browser or an extra is skipped where it is missing; the last lines say why.
 # The browser draws in software, on both cores: its tests have the machine to themselves.
 test: $(VENV)/.dev
-	$(PYTEST) --ignore tests/web/browser
-	$(PYTEST) -n 0 tests/web/browser
+	@failed=0; \
+	$(PYTEST) -rs --ignore tests/web/browser || failed=$$?; \
+	$(PYTEST) -rs -n 0 tests/web/browser || failed=$$?; \
+	exit $$failed
 
 # All tests of the page in a browser (Debian's chromium): some minutes.
 page: $(VENV)/.dev
@@ -78,6 +80,7 @@ fix: $(VENV)/.dev
 # The documentation site, into site/: open site/index.html.
 docs: $(VENV)/.dev
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	@echo "the site is in site/: open site/index.html"
 
 # Fly and draw the figures of README.md and docs/ anew: hours, most of them for the trainings, campaigns and the paper, which
 # continue where they were interrupted. The other numbers of a page come from the commands beside them.

@@ -36,7 +36,7 @@ Frequency Sampling in Model Predictive Path Integral Control", IEEE Robotics and
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -83,6 +83,14 @@ class DrawnChunk(NamedTuple):
     z: np.ndarray  # (series, n_u, halves * T, LANES)
 
 
+def expect_kinds(**given: tuple[object, type]) -> None:
+    """Raise ValueError unless each argument, by name, is of its type."""
+    for name, (value, kind) in given.items():
+        if not isinstance(value, kind):
+            wanted = f"expected a {kind.__name__}"
+            raise ValueError(f"MPPI: {name}: {wanted}, got {type(value).__name__}")
+
+
 class MPPI:
     """A receding-horizon controller that keeps its plan U (T, n_u) between calls.
 
@@ -124,6 +132,7 @@ class MPPI:
         seed: int | np.random.SeedSequence = 0,
         cost_of: Callable[[Course], Cost] | None = None,
     ):
+        expect_kinds(system=(system, System), cost=(cost, Cost), config=(config, MPPIConfig))
         if config.dt != system.dt:
             raise ValueError(f"dt: expected the system's {system.dt:g} s, got {config.dt:g}")
         n_u = len(system.controls)
@@ -164,7 +173,9 @@ class MPPI:
         # The chunk in the sampler's memory, until the next draw overwrites it
         self._drawn: DrawnChunk | None = None
 
-    def control(self, known: Estimate | np.ndarray) -> tuple[np.ndarray, PlanStats]:
+    def control(
+        self, known: Estimate | Sequence[float] | np.ndarray
+    ) -> tuple[np.ndarray, PlanStats]:
         """Plan, and return the control to apply.
 
         The plan is shifted by as many steps as control periods have passed since the last call.
@@ -181,7 +192,9 @@ class MPPI:
             ValueError: x has the wrong length or is not finite, as when the plant has diverged.
             FloatingPointError: no sample has a finite cost.
         """
-        estimate = known if isinstance(known, Estimate) else Estimate(self.periods.next, known)
+        estimate = known
+        if not isinstance(estimate, Estimate):
+            estimate = Estimate(self.periods.next, self.system.checked_state(known))
         self.system.check(estimate.x)
         self.use_estimates(estimate)
         iterations = self.warm_start(estimate)
@@ -404,9 +417,13 @@ class MPPI:
     def set_cost(self, cost: Cost) -> None:
         """Set the cost.
 
-        Terms that were used before are not compiled again, even if their weights and parameters
-        change. Numbers that a function holds itself keep their values of the first compilation.
+        Terms that were used before are not compiled again, even where their weights and parameters
+        change. Numbers that a function holds itself stay those of the planner's beginning.
+
+        Raises:
+            ValueError: cost is no Cost.
         """
+        expect_kinds(cost=(cost, Cost))
         self.cost = cost
         self.rollout = Rollout(self.system, cost, schedule=self.schedule)
 

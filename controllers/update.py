@@ -26,9 +26,12 @@ def weights(J: np.ndarray, temperature: float) -> np.ndarray:
     """
     w = softmax_weights(J, temperature)
     if not w.any():
-        raise FloatingPointError(
-            f"MPPI: cost: expected a finite J, got none in {len(J)} rollouts; lower the weights"
-        )
+        undefined = int(np.isnan(J).sum())
+        problem = "none: lower the weights"
+        if undefined:
+            problem = f"{undefined} times NaN: does a term divide by zero or take a negative root?"
+        wanted = f"expected a finite J in one of {len(J)} rollouts"
+        raise FloatingPointError(f"MPPI: cost: {wanted}, got {problem}")
     return w
 
 

@@ -65,8 +65,9 @@ class Fence:
 
     def fail(self, what: str) -> None:
         """Fail the running test for what it does, in one line."""
+        __tracebackhide__ = True
         self.done.add(what)
-        pytest.fail(f"it {DOES[what]}: mark it @pytest.mark.{what}, or let it do without")
+        pytest.fail(f"mark it @pytest.mark.{what}: it {DOES[what]}", pytrace=False)
 
     def _watch_compiler(self) -> None:
         """See each function that is compiled, or read from the cache of compiled code."""

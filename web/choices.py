@@ -9,8 +9,9 @@ from typing import Any
 
 from controllers.presets import Planner, preset
 from quadsim.config.presets import PresetSource
+from quadsim.config.resolve import with_numbers
 from quadsim.config.settings import SETTINGS, Clock, FlightSettings, SettingValue, values_of
-from quadsim.config.spec import Spec, with_numbers
+from quadsim.config.spec import Spec
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.firmware import FlightControllerName
 from quadsim.heat.rules import RulesName

@@ -15,7 +15,8 @@ import msgspec
 from msgspec import Struct
 
 from quadsim.course import Course, Gate
-from quadsim.course.course import (
+from quadsim.course.course import course_entries, course_errors, course_of
+from quadsim.course.course_file import (
     BoxEntry,
     CourseFile,
     CylinderEntry,
@@ -23,9 +24,6 @@ from quadsim.course.course import (
     ObstacleEntry,
     Point,
     StartEntry,
-    course_entries,
-    course_errors,
-    course_of,
 )
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.yaml_text import dump

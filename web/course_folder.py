@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 
 from quadsim.course import course_names
-from quadsim.course.course import Name
+from quadsim.course.course_file import Name
 from quadsim.record.whole_files import write_whole
 from web.course_draft import Draft
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from quadsim.course.course import (
+from quadsim.course.course_file import (
     BoxEntry,
     CylinderEntry,
     GateEntry,

@@ -7,15 +7,18 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
+import msgspec
+
 from controllers.presets import Planner
 from quadsim.config.build import build, changeable_planner, navigation_of
-from quadsim.config.changes import ChangeablePlanner, PlannerChange
+from quadsim.config.changes import ChangeablePlanner, changeable_numbers
 from quadsim.heat.aware_planner import PlanningClock
 from quadsim.racing.events import Event, Frame, flown_laps, lap_penalties
 from quadsim.racing.flight import simulate
 from quadsim.record.archive import RunFolder, remove_unfinished
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import INTERACTIVE, Recorder, columns_of
+from quadsim.record.schema import NumberChange
 from web.again import AgainChoices
 from web.choices import Choices
 from web.competitor import Competitor
@@ -42,7 +45,7 @@ class LiveFlight:
         now: the flight for display; any thread may read it.
         period: control period [s].
         is_cached: False if the first plan has to compile, which takes some 15 s.
-        hand: the controller of a manual flight, else None.
+        hand: the controller by which a person flies, None if nobody does.
 
     Args:
         choices: the choices of the flight.
@@ -131,7 +134,7 @@ class LiveFlight:
         )
         # A change is recorded when a plan has used it.
         if changes and not self.is_over:
-            noted = [change(frame.t).record() for change in changes]
+            noted = [msgspec.to_builtins(change(frame.t)) for change in changes]
             spec = {**self.now.spec, INTERACTIVE: [*self.now.changes, *noted]}
             self.now = replace(self.now, spec=spec)
         return frame
@@ -181,8 +184,8 @@ class LiveFlight:
             planner = with_change(planner, self._preset, change)
         return planner
 
-    def _use_pending(self) -> list[Callable[[float], PlannerChange]]:
-        """Use the requested numbers from the next plan on.
+    def _use_pending(self) -> list[Callable[[float], NumberChange]]:
+        """Plan with the numbers that are asked for, from the next plan on.
 
         Returns:
             For each changed number, a function from the time of the plan [s] to the change.
@@ -199,12 +202,11 @@ class LiveFlight:
             self._replan(after)
         return [
             partial(
-                PlannerChange,
+                NumberChange,
                 name=name,
                 before=old[name],
                 after=new[name],
-                sampling=after.sampling,
-                mppi=after.mppi,
+                planner=changeable_numbers(after),
             )
             for name in differing
         ]
@@ -260,7 +262,7 @@ class LiveFlight:
         return sampled_trajectories(self._planner.planner) if self._planner else None
 
     def _corners(self) -> Corners | None:
-        """Return the corners in the last picture, None without a gate camera."""
+        """Return the corners in the last picture, if the vehicle has a gate camera."""
         return self._navigation.corners
 
     def close(self) -> None:

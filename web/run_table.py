@@ -19,10 +19,11 @@ import msgspec
 
 from quadsim.files.arrays import read_bytes
 from quadsim.files.strict_yaml import FileError
-from quadsim.heat.archive import HEAT, TitledPlacing
+from quadsim.heat.archive import HEAT
 from quadsim.record.archive import PART
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import canonical
+from quadsim.record.schema import AnyRun, ListedEntrant, ListedHeat
 from quadsim.results.stored_runs import StoredRun, flown_at, read_row
 from quadsim.sensing import PERFECT
 
@@ -138,7 +139,7 @@ class RunTable:
         return has_changed and self._look()
 
     def path(self, name: str) -> Path | None:
-        """Return the folder of a row; None if no row has this name."""
+        """Return the folder of a row; None if no row of the table has this name."""
         return self._root / name if name in self._read else None
 
     def _look(self) -> bool:
@@ -197,16 +198,10 @@ def _read(path: Path, record: str) -> _Read:
         return _Read(row, "", {})
 
 
-class _AnyRecord(msgspec.Struct):
-    """The spec of a run.json, whatever it holds."""
-
-    spec: dict[str, Any]
-
-
 def _run(path: Path, data: bytes) -> _Read:
     """Return the row of a run. data: its run.json."""
     run = read_row(path, data)
-    spec = msgspec.json.decode(data, type=_AnyRecord).spec
+    spec = msgspec.json.decode(data, type=AnyRun).spec
     row = RunRow(
         name=path.name,
         when=_text(run.when),
@@ -228,43 +223,11 @@ def _flown_by(run: StoredRun) -> str:
     return f"pilot {run.pilot}" if run.pilot else run.sampler
 
 
-class _Named(msgspec.Struct):
-    name: str
-
-
-class _EntrantSpec(msgspec.Struct):
-    """The part of an entrant's spec that a row shows."""
-
-    vehicle: _Named
-    preset: str
-    laps: int
-    pilot: _Named | None = None
-    sensing: _Named | None = None
-
-
-class _Entrant(msgspec.Struct):
-    name: str
-    spec: dict[str, Any]
-
-
-class _HeatSpec(msgspec.Struct):
-    seed: int
-    entrants: list[_Entrant]
-
-
-class _HeatRecord(msgspec.Struct):
-    """The part of a heat.json that a row shows."""
-
-    course: str
-    order: list[TitledPlacing]
-    spec: _HeatSpec
-
-
 def _race(name: str, when: datetime, data: bytes) -> _Read:
     """Return the row of a race of several: the time is the winner's. data: its heat.json."""
-    race = msgspec.json.decode(data, type=_HeatRecord)
+    race = msgspec.json.decode(data, type=ListedHeat)
     specs = {entrant.name: entrant.spec for entrant in race.spec.entrants}
-    shown = [msgspec.convert(spec, _EntrantSpec) for spec in specs.values()]
+    shown = [msgspec.convert(spec, ListedEntrant) for spec in specs.values()]
     winner = race.order[0]
     finished = sum(placing.time is not None for placing in race.order)
     row = RunRow(

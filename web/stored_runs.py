@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from datetime import datetime
 from functools import cache
 from pathlib import Path
-from typing import Annotated
 
 import msgspec
 
@@ -16,74 +15,15 @@ from quadsim.heat.archive import heat_title, is_heat, list_heats, runs_of_heat
 from quadsim.record.archive import list_runs, load_reportable
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import Run, RunError
+from quadsim.record.schema import ReplayedPlanner, ReplayedSampling, ReplayedSpec
 from quadsim.results.stored_runs import flown_at, read_row
 from web.competitor import Competitor
 from web.legs import Legs
 from web.numbers import slider_values
 
 
-class StoredMPPI(msgspec.Struct):
-    """The displayed numbers of the update."""
-
-    samples: int
-    temperature: float = 1.0
-    target_ess: float | None = None
-
-
-class StoredSampling(msgspec.Struct):
-    """The displayed numbers of the sampler."""
-
-    sigma: list[float] = []
-    gamma: list[float] = []
-
-
-class StoredPlanner(msgspec.Struct):
-    """The planner of a run."""
-
-    mppi: StoredMPPI
-    # a text describes a user's own sampler
-    sampling: StoredSampling | str | None = None
-
-
-class StoredChange(msgspec.Struct):
-    """A change of a number in flight."""
-
-    t: float
-    name: str
-    before: float = msgspec.field(name="from")
-    after: float = msgspec.field(name="to")
-
-
-class StoredRates(msgspec.Struct):
-    """The map from one stick to the body rate."""
-
-    most: float  # [rad/s]
-
-
-class StoredHand(msgspec.Struct):
-    """The stick maps of a manual flight."""
-
-    roll: StoredRates
-    pitch: StoredRates
-    yaw: StoredRates
-
-
-class ReplaySchema(msgspec.Struct):
-    """The displayed parts of a spec, checked, as a user may have edited a run's file."""
-
-    course: str
-    sampler: str
-    preset: str
-    seed: int
-    laps: Annotated[int, msgspec.Meta(ge=1)]
-    vehicle: dict
-    planner: StoredPlanner
-    hand: StoredHand | None = None
-    interactive: list[StoredChange] = []
-
-
 def runs_at(path: Path) -> list[Path]:
-    """Return the folders of runs at a path: the runs of a race, or the run itself.
+    """Return the folders of the runs of a race of several, or the folder of a run itself.
 
     Raises:
         RunError: the race has no runs.
@@ -100,7 +40,7 @@ def stored_competitor(path: Path) -> Competitor:
     """
     run = load_reportable(path)
     try:
-        msgspec.convert(run.spec, ReplaySchema)
+        msgspec.convert(run.spec, ReplayedSpec)
     except msgspec.ValidationError as error:
         raise RunError(f"{path}: its spec lacks what the page shows: {error}") from error
     course = parse_course(run.spec["course_text"], run.spec["course"])
@@ -134,10 +74,10 @@ def _root_of(path: Path) -> Path:
 
 def stored_numbers(spec: dict) -> dict[str, float]:
     """Return the values of the sliders for a run's planner at its start."""
-    planner = msgspec.convert(spec["planner"], StoredPlanner)
+    planner = msgspec.convert(spec["planner"], ReplayedPlanner)
     sampling = planner.sampling
-    if not isinstance(sampling, StoredSampling):
-        sampling = StoredSampling()
+    if not isinstance(sampling, ReplayedSampling):
+        sampling = ReplayedSampling()
     return slider_values(
         sigma=sampling.sigma,
         preset_sigma=_preset_sigma(spec["preset"], spec["sampler"]),
@@ -181,7 +121,7 @@ def titled_runs(root: str, most: int) -> dict[str, Path]:
 
 @cache
 def _result(path: Path) -> str:
-    """Return course, sampler and time or outcome; the folder's name if unreadable."""
+    """Return course, sampler and time or outcome; the folder's name if they are not readable."""
     if is_heat(path):
         return heat_title(path)
     try:

@@ -33,8 +33,8 @@ Weight = float | np.ndarray  # one number, or one for each step of the horizon (
 StepFunction = Callable[[Any, Any, Any, Any, Any], Any]
 
 
-class Record(Protocol):
-    """The members of every NamedTuple, for a NamedTuple of numbers."""
+class Numbers(Protocol):
+    """A NamedTuple of numbers, by the members that all NamedTuples have."""
 
     _fields: tuple[str, ...]
 
@@ -129,10 +129,10 @@ class Term:
             if not is_weight(number):
                 wanted = "expected a finite number, or an array (T,) of them"
                 raise ValueError(f"term {self.name}: {wanted}, got {shown_value(number)}")
-        self.parameters: Record | None = None
+        self.parameters: Numbers | None = None
         if parameters:
-            record: Any = namedtuple(f"{self.name}_parameters", tuple(parameters))
-            self.parameters = record(**parameters)
+            kind: Any = namedtuple(f"{self.name}_parameters", tuple(parameters))
+            self.parameters = kind(**parameters)
 
     def but(self, weight: Weight | None = None, **parameters: Weight) -> Term:
         """Return the term with a changed weight or changed parameters.
@@ -214,9 +214,9 @@ class Obstacles:
     # (p0, p1, row) -> whether the straight line between two positions touches the obstacle
     touches: Callable[[Any, Any, Any], Any]
     # NamedTuple: the names of a row's numbers, first the corners of a box around the obstacle [m]
-    row: type[Record]
+    row: type[Numbers]
     rows: np.ndarray  # (obstacles, n_obstacle)
-    # (x, seconds) -> the rows that can be reached from x in this time
+    # (x, seconds) -> the rows that may be reached from x in this time
     near: Callable[[np.ndarray, float], np.ndarray]
 
 
@@ -241,11 +241,11 @@ class Cost:
 
     name: str
     terms: tuple[Term, ...]
-    # NamedTuple: the names of a target row's numbers; `to_go`, if any, is the remaining distance
-    row: type[Record]
+    # NamedTuple: the names of a target row's numbers; `to_go`, if any, is the distance still to fly
+    row: type[Numbers]
     targets: np.ndarray  # the target rows, from the first target on  (targets, n_target)
     # NamedTuple of numbers, or of arrays (T,) if they depend on the step of the horizon
-    params: Record = NO_PARAMS
+    params: Numbers = NO_PARAMS
     reached: StepFunction | None = None  # whether the sample has reached its target
     crash: StepFunction | None = None  # whether the sample crashes in this step
     obstacles: Obstacles | None = None
@@ -450,8 +450,8 @@ def evaluate(
     return Evaluated(terms, reached, crashed)
 
 
-def at_step(parameters: Record, t: int | np.ndarray) -> Any:
-    """Return a record of parameters at step t of the horizon."""
+def at_step(parameters: Numbers, t: int | np.ndarray) -> Any:
+    """Return parameters at step t of the horizon, by the same names."""
     return parameters._make(number_at_step(value, t) for value in parameters)
 
 

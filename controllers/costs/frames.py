@@ -17,6 +17,7 @@ from numpy import maximum, minimum, where
 
 from controllers.costs import Obstacles
 from quadsim.course import Course, Cylinder, Gate, Obstacle, in_frame
+from quadsim.course.frames import frames
 from quadsim.course.opening import (
     HalfSizes,
     free_half_sizes,
@@ -178,17 +179,17 @@ def _table(course: Course, radius: float, inner_share: float, outer: float) -> n
     """Return the rows of all frames and obstacles of a course.
 
     Args:
-        course: the course; each gate and each obstacle has one row.
+        course: its gates, whose frames have one row each, and its obstacles.
         radius: radius of the vehicle [m].
         inner_share: share of the safety margin that is used inside openings.
         outer: margin around frames and obstacles [m].
     """
-    frames = []
-    for gate in dict.fromkeys(course.gates):
+    rows = []
+    for gate in frames(course.gates):
         inner = inner_share * inner_margin(gate, radius)
-        frames.append(frame_row(gate, radius, inner, outer))
+        rows.append(frame_row(gate, radius, inner, outer))
     others = [obstacle_row(obstacle, radius + outer) for obstacle in course.obstacles]
-    return as_rows([*frames, *others], ObstacleRow)
+    return as_rows([*rows, *others], ObstacleRow)
 
 
 def obstacle_rows(obstacles: Sequence[Obstacle], grown: float) -> np.ndarray:

@@ -13,7 +13,6 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse.csgraph import csgraph_from_dense, dijkstra
 
 from controllers.costs.frames import ObstacleRow, obstacle_rows, touches_round
 from controllers.costs.room import Room
@@ -116,6 +115,9 @@ def shortest(lengths: np.ndarray) -> tuple[list[int], float]:
     Returns:
         The nodes of the path and its length, inf if there is no path.
     """
+    # Imported here, as commands that plan nothing need not wait for it
+    from scipy.sparse.csgraph import csgraph_from_dense, dijkstra
+
     graph = csgraph_from_dense(lengths, null_value=np.inf)
     far, before = dijkstra(graph, indices=0, return_predecessors=True)
     path = [1]

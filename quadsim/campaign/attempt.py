@@ -86,12 +86,12 @@ def _hash(record: dict) -> str:
 def fly_attempt(spec: Spec) -> Flown:
     """Fly an attempt, in a worker process on one thread.
 
-    A planner that raises an error in flight has crashed. A flight whose firmware has ended has not:
-    that says nothing of the variant, so it is no result to keep.
+    A planner or a part of the user's own that raises an error in flight has crashed. A flight whose
+    firmware has ended has not: that says nothing of the variant, so it is no result to keep.
 
     Raises:
         FirmwareError: the firmware does not run, or has ended in flight.
-        ValueError, FloatingPointError: the planner raised an error before the flight.
+        Exception: the planner or a part of the user's own raised an error before the flight.
     """
     use_one_thread_in_a_worker()
     if spec.own_objects():
@@ -112,6 +112,11 @@ def fly_attempt(spec: Spec) -> Flown:
             if not len(recorder):
                 raise
             fault = str(error)
+        except Exception as error:
+            # The user's own parts may raise anything.
+            if not len(recorder) or not spec.own_objects():
+                raise
+            fault = f"{type(error).__name__}: {error}"
     run = recorder.run(record)
     if fault is not None:
         run = replace(run, outcome="crashed")

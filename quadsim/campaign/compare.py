@@ -41,7 +41,7 @@ from quadsim.figures import html
 from quadsim.figures.style import save_figure, write_figure
 from quadsim.files.extras import imported
 from quadsim.files.json_values import without_nan
-from quadsim.record.run import canonical
+from quadsim.record.run import RunError, canonical
 from quadsim.record.whole_files import write_whole
 
 if TYPE_CHECKING:
@@ -166,7 +166,10 @@ def compare(
     path = Path(folder.name) / "campaign.sqlite" if folder else Path(campaign or "")
     with Runner(path, jobs or 0, temporary=folder is not None) as runner:
         rows = runner(made, attempts)
-    return comparison(made, rows, path.parent, folder)
+    found = comparison(made, rows, path.parent, folder)
+    if not found.sections:
+        raise RunError("no attempt was flown: nothing to compare")
+    return found
 
 
 def _with_sampler(name: str, settings: Settings) -> Settings:

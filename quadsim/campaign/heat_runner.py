@@ -11,19 +11,20 @@ from quadsim.campaign.attempt import (
     with_fresh_parts,
 )
 from quadsim.campaign.database import code_of
-from quadsim.campaign.heat_store import HeatResult, HeatRow, HeatStore, key_of, result_of
+from quadsim.campaign.heat_store import HeatRow, HeatStore, key_of, result_of
 from quadsim.campaign.pool import run_all
 from quadsim.campaign.runner import CampaignRunner, Tally, expect_same_libraries, expect_same_parts
-from quadsim.campaign.variants import expect_identity
+from quadsim.campaign.variants import expect_identity, expect_importable
 from quadsim.console import complain, uninterrupted
 from quadsim.heat.spec import HeatSpec
+from quadsim.record.schema import StoredResult
 from quadsim.results.heat import fly_heat
 
 
 class FlownHeat(NamedTuple):
     """A heat that a worker has flown."""
 
-    result: HeatResult
+    result: StoredResult
     # the record of its specification, as the worker had it
     record: dict[str, Any]
     # versions, commit and processor of the worker
@@ -67,6 +68,9 @@ class HeatRunner(CampaignRunner):
         rows = self._rows(wanted)
         self._kept += len(rows)
         missing = [heat for key, heat in wanted.items() if key not in rows]
+        if missing and not self.pool.in_this_process:
+            for entrant in missing[0].entrants:
+                expect_importable(entrant.spec)
         if missing:
             with Tally(len(wanted), len(rows)) as tally:
                 self._fly(missing, tally)

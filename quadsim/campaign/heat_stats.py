@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import Any, NamedTuple
 
-from quadsim.campaign.heat_store import HeatResult, StoredPlacing
 from quadsim.campaign.rating import HeadToHead, bradley_terry
 from quadsim.files.json_values import without_nan
+from quadsim.record.schema import StoredPlacing, StoredResult
 from quadsim.record.statistics import Mean, mean_interval, wilson
 
 
@@ -62,7 +62,7 @@ class HeatsSummary(NamedTuple):
     overtakes: Mean  # in a race
 
 
-def summary(names: Sequence[str], results: Sequence[HeatResult], gates: int) -> HeatsSummary:
+def summary(names: Sequence[str], results: Sequence[StoredResult], gates: int) -> HeatsSummary:
     """Return the numbers of many races, at least one.
 
     Args:
@@ -102,7 +102,7 @@ def summary(names: Sequence[str], results: Sequence[HeatResult], gates: int) -> 
 def _entrant_stats(
     name: str,
     ranks: Sequence[dict[str, StoredPlacing]],
-    results: Sequence[HeatResult],
+    results: Sequence[StoredResult],
     rating: float,
     rating_error: float,
 ) -> EntrantStats:
@@ -134,7 +134,7 @@ def _entrant_stats(
     )
 
 
-def _overtakers(results: Sequence[HeatResult], gates: int) -> Iterator[OvertakeStats]:
+def _overtakers(results: Sequence[StoredResult], gates: int) -> Iterator[OvertakeStats]:
     """Yield the numbers of each pair of entrants of which one overtook the other."""
     first: dict[tuple[str, str], list[float]] = {}
     for result in results:

@@ -15,35 +15,8 @@ from quadsim.campaign.database import Database, code_of
 from quadsim.heat.archive import heat_key
 from quadsim.heat.spec import HeatSpec
 from quadsim.record.run import canonical
+from quadsim.record.schema import StoredEvent, StoredPlacing, StoredResult
 from quadsim.results.heat import Heat
-
-
-class StoredPlacing(msgspec.Struct):
-    """The part of a placing that a campaign keeps; see quadsim.heat.result.Placing."""
-
-    rank: int
-    name: str
-    outcome: str
-    time: float | None
-
-
-class StoredEvent(msgspec.Struct):
-    """The part of an event that a campaign keeps; see quadsim.heat.result.HeatEvent."""
-
-    kind: str
-    name: str
-    other: str
-    gate: int = 0
-    lap: int = 0
-
-
-class HeatResult(msgspec.Struct):
-    """The numbers of a heat that reports are made of."""
-
-    order: list[StoredPlacing]
-    events: list[StoredEvent]
-    digest: str
-    real_time_factor: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -55,7 +28,7 @@ class HeatRow:
     entrants: list[str]  # JSON
     seed: int
     rotation: int
-    result: HeatResult  # JSON
+    result: StoredResult  # JSON
     flown_at: str  # UTC
 
 
@@ -77,7 +50,7 @@ class HeatStore(Database[HeatRow]):
         self._create_table()
         for key, seed, rotation, code, result in rows:
             try:
-                order = msgspec.json.decode(result, type=HeatResult).order
+                order = msgspec.json.decode(result, type=StoredResult).order
                 names = sorted(placing.name for placing in order)
             except (msgspec.MsgspecError, TypeError):
                 continue  # a damaged row is flown again
@@ -97,7 +70,7 @@ class HeatStore(Database[HeatRow]):
             raise ValueError(f"expected a place of each of {row.entrants}, got {placed}")
         return row
 
-    def add(self, heat: HeatSpec, result: HeatResult, provenance: Mapping[str, Any]) -> bool:
+    def add(self, heat: HeatSpec, result: StoredResult, provenance: Mapping[str, Any]) -> bool:
         """Keep a heat, and return whether it was new. Raises RunError."""
         row = HeatRow(
             key=key_of(heat, provenance["versions"]),
@@ -123,10 +96,10 @@ def key_of(heat: HeatSpec, versions: Mapping[str, str | None] | None = None) -> 
     return sha256(heat_key(heat).encode() + canonical(libraries)).hexdigest()
 
 
-def result_of(heat: Heat) -> HeatResult:
+def result_of(heat: Heat) -> StoredResult:
     """Return the numbers of a heat that a campaign keeps."""
     factors = [run.wall["real_time_factor"] for run in heat.runs]
-    return HeatResult(
+    return StoredResult(
         order=[StoredPlacing(p.rank, p.name, p.outcome, p.time) for p in heat.order],
         events=[StoredEvent(e.kind, e.name, e.other, e.gate, e.lap) for e in heat.events],
         digest=heat.digest(),

@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 
 from quadsim.campaign.heat_runner import HeatRunner
 from quadsim.campaign.heat_stats import HeatsSummary, summary
-from quadsim.campaign.heat_store import HeatResult
 from quadsim.config.setting_texts import Place, Settings
 from quadsim.console import complain
 from quadsim.heat.line_up import Entrants, heats_of, line_up
 from quadsim.heat.spec import HeatSpec
 from quadsim.record.run import RunError
+from quadsim.record.schema import StoredResult
 from quadsim.record.statistics import Mean, mcnemar, mean_interval
 
 
@@ -34,7 +34,7 @@ class FlownHeats:
     entrants: Sequence[str]
     # number of gates of the course
     gates: int
-    results: list[HeatResult | None]
+    results: list[StoredResult | None]
     # that flew them
     commits: tuple[str, ...] = ()
 
@@ -150,17 +150,17 @@ def difference(a: FlownHeats, b: FlownHeats) -> HeatsDifference:
     )
 
 
-def _events(result: HeatResult, kind: str) -> int:
+def _events(result: StoredResult, kind: str) -> int:
     """Return the number of events of a kind."""
     return sum(event.kind == kind for event in result.events)
 
 
-def _times(result: HeatResult) -> dict[str, float]:
+def _times(result: StoredResult) -> dict[str, float]:
     """Return the race time of each entrant that finished [s]."""
     return {placing.name: placing.time for placing in result.order if placing.time is not None}
 
 
-def _later(a: HeatResult, b: HeatResult) -> list[float]:
+def _later(a: StoredResult, b: StoredResult) -> list[float]:
     """Return how much later each entrant finished in b, of those that finished in both [s]."""
     of_a = _times(a)
     of_b = _times(b)

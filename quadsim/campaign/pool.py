@@ -5,9 +5,13 @@ from __future__ import annotations
 import multiprocessing as mp
 import os
 import signal
+import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
+from contextlib import suppress
+from multiprocessing.process import BaseProcess
+from pathlib import Path
 from socket import create_connection
 from threading import Thread
 from typing import Any, NamedTuple, Self, TypeVar
@@ -15,12 +19,17 @@ from urllib.parse import urlsplit
 
 from quadsim.campaign.attempt import Flown, fly_attempt
 from quadsim.config.spec import Spec
+from quadsim.console import complain
 from quadsim.files.extras import needs_extra
+from quadsim.files.strict_yaml import FileError
+from quadsim.files.values import SettingError
+from quadsim.firmware.process import FirmwareError
 from quadsim.record.run import RunError
 
 # How long the main thread waits before it looks for a signal that another thread received [s].
 WAKE = 0.5
 NO_LIMIT = 10**6
+UNGUARDED = 78  # exit code of a worker whose script has no main guard
 Job = TypeVar("Job")
 Answer = TypeVar("Answer")
 ANSWER = 5.0  # how long a Dask scheduler may take to answer [s]
@@ -40,8 +49,15 @@ class Pool:
     def submit(self, fly: Callable[[Any], Any], job: Any) -> Future:
         """Begin one job. Return the future of what `fly` returns."""
         done: Future = Future()
-        done.set_result(fly(job))
+        try:
+            done.set_result(fly(job))
+        except Exception as error:
+            done.set_exception(error)
         return done
+
+    def error_of(self, future: Future) -> BaseException | None:
+        """Return what a job has raised. Raises RunError if the workers are gone."""
+        return future.exception()
 
     def close(self) -> None:
         """End the workers at once; what they have not finished is lost."""
@@ -63,20 +79,41 @@ class Processes(Pool):
     in_this_process = False
 
     def __init__(self, jobs: int | None = None):
-        """Start a number of workers; None: one for each core."""
+        """Start a number of workers; None: one for each core.
+
+        Raises:
+            RunError: the running script is standard input, which workers cannot read.
+        """
+        _leave_a_worker_that_starts()
+        _expect_a_script_that_workers_can_read()
         self.size = jobs or _cores()
         self.window = self.size
+        self._workers: list[BaseProcess] = []
         self._executor = self._start()
 
     def submit(self, fly: Callable[[Any], Any], job: Any) -> Future:
-        """Begin one job in a worker."""
-        try:
-            return self._executor.submit(fly, job)
-        except BrokenExecutor:
+        """Begin one job in a worker. Raises RunError if the script has no main guard."""
+        future = None
+        with suppress(BrokenExecutor):
+            future = self._executor.submit(fly, job)
+        if future is None:
             # After one worker is lost the executor cannot be used any more.
+            self._expect_a_guard()
             self.close()
             self._executor = self._start()
-            return self._executor.submit(fly, job)
+            future = self._executor.submit(fly, job)
+        self._workers = list((self._executor._processes or {}).values())
+        return future
+
+    def _expect_a_guard(self) -> None:
+        """Raise RunError if a worker has ended because it came to the start of workers itself."""
+        for worker in self._workers:
+            worker.join(timeout=1.0)
+            if worker.exitcode == UNGUARDED:
+                raise RunError(
+                    "jobs: each worker runs the script again up to here: put what the script does "
+                    'below `if __name__ == "__main__":`, or leave out jobs'
+                )
 
     def _start(self) -> ProcessPoolExecutor:
         # The workers' BLAS threads would compete for the cores.
@@ -93,6 +130,24 @@ class Processes(Pool):
         for worker in list(workers.values()):
             worker.terminate()
         self._executor.shutdown(wait=True, cancel_futures=True)
+
+
+def _leave_a_worker_that_starts() -> None:
+    """End this process if it is a worker that still runs the script of its parent.
+
+    A script without a main guard starts workers again in each worker.
+    """
+    if getattr(mp.current_process(), "_inheriting", False):
+        os._exit(UNGUARDED)
+
+
+def _expect_a_script_that_workers_can_read() -> None:
+    """Raise RunError if the running script is no file: a worker begins with reading it."""
+    script = getattr(sys.modules["__main__"], "__file__", None)
+    is_run_by_name = getattr(sys.modules["__main__"], "__spec__", None) is not None
+    if script is not None and not is_run_by_name and not Path(script).exists():
+        advice = "save the script as a file, or leave out jobs"
+        raise RunError(f"jobs: workers cannot read the script {script}: {advice}")
 
 
 def _cores() -> int:
@@ -119,6 +174,9 @@ class Cluster(Pool):
             self._client: Any = Client(address, timeout=2 * ANSWER, set_as_default=False)
         except (OSError, ValueError) as error:
             raise RunError(f"no Dask scheduler at {address!r}: {error}") from None
+        self._address = address
+        if not self._client.scheduler_info()["workers"]:
+            complain(f"waiting for workers of {address}: dask worker {address}")
         self.lost = (KilledWorker,)
         self._executor: Any = self._client.get_executor(pure=False)
 
@@ -130,6 +188,23 @@ class Cluster(Pool):
     def submit(self, fly: Callable[[Any], Any], job: Any) -> Future:
         """Hand one job to the scheduler."""
         return self._executor.submit(fly, job)
+
+    def error_of(self, future: Future) -> BaseException | None:
+        """Return what a job has raised.
+
+        Raises:
+            RunError: the scheduler is gone, or a worker lacks a module of the user's.
+        """
+        if future.cancelled():
+            raise RunError(f"the Dask scheduler at {self._address} is gone")
+        error = future.exception()
+        cause: BaseException | None = error
+        while cause is not None:
+            if isinstance(cause, ModuleNotFoundError):
+                advice = "put it on the PYTHONPATH of scheduler and workers"
+                raise RunError(f"a worker has no module {cause.name!r}: {advice}")
+            cause = cause.__cause__ or cause.__context__
+        return error
 
     def close(self) -> None:
         """Leave the cluster; what its workers have not finished is lost."""
@@ -199,12 +274,30 @@ def run_all(
             running[pool.submit(fly, job.spec)] = job
         for future in finished(running):
             job = running.pop(future)
-            if not isinstance(future.exception(), pool.lost):
-                yield job.spec, future.result()
+            error = pool.error_of(future)
+            if not isinstance(error, pool.lost):
+                yield job.spec, _answer(future, job.spec)
             elif job.again:
                 yield job.spec, None
             else:
                 waiting.append(_Job(job.spec, again=True))
+
+
+def _answer(future: Future, spec: Any) -> Any:
+    """Return the answer of a job.
+
+    Raises:
+        RunError: the job has raised what no command expects, such as an error in a part of the
+            user's own; the message names the seed.
+        Exception: what else the job has raised.
+    """
+    try:
+        return future.result()
+    except (RunError, FileError, SettingError, FirmwareError):
+        raise
+    except Exception as error:
+        seed = f"seed {spec.seed}: " if hasattr(spec, "seed") else ""
+        raise RunError(f"{seed}{type(error).__name__}: {error}") from error
 
 
 def _may_submit(pool: Pool, running: dict[Future, _Job], job: _Job) -> bool:

@@ -17,7 +17,7 @@ from quadsim.campaign.attempt import LIBRARIES, Flown, attempt_key, this_provena
 from quadsim.campaign.database import code_of
 from quadsim.campaign.pool import Pool, fly_all, open_pool
 from quadsim.campaign.store import Row, Store
-from quadsim.campaign.variants import Variant, expect_identities
+from quadsim.campaign.variants import Variant, expect_identities, expect_importable
 from quadsim.config.spec import Spec
 from quadsim.console import complain, progress_console, uninterrupted
 from quadsim.record.run import RunError
@@ -211,6 +211,9 @@ class Runner(CampaignRunner):
         rows = self._rows(in_order)
         self._kept += len(rows)
         missing = [attempt for key, attempt in in_order.items() if key not in rows]
+        if missing and not self.pool.in_this_process:
+            for variant in variants:
+                expect_importable(variant.spec)
         if missing:
             with nullcontext() if quiet else Tally(len(in_order), len(rows)) as tally:
                 for variant, spec, flown in fly_attempts(self.pool, missing, tally):

@@ -23,6 +23,7 @@ from optuna.trial import FrozenTrial, Trial, TrialState
 
 from quadsim.campaign.database import BUSY_TIMEOUT
 from quadsim.campaign.parameters import Parameter
+from quadsim.files.locks import in_turn
 from quadsim.record.run import RunError
 
 STARTUP = 12  # trials drawn at random before optuna models the good ones
@@ -76,12 +77,14 @@ class Search:
             campaign.parent.mkdir(parents=True, exist_ok=True)
             # A file's name may hold what means something in a URL, so that it is not part of one.
             connect = partial(sqlite3.connect, campaign, timeout=BUSY_TIMEOUT)
-            self._storage = optuna.storages.RDBStorage(
-                "sqlite:///campaign", engine_kwargs={"creator": connect}
-            )
-            self._study = optuna.create_study(
-                storage=self._storage, study_name=name, load_if_exists=True
-            )
+            # One process at a time makes the tables.
+            with in_turn(campaign.parent):
+                self._storage = optuna.storages.RDBStorage(
+                    "sqlite:///campaign", engine_kwargs={"creator": connect}
+                )
+                self._study = optuna.create_study(
+                    storage=self._storage, study_name=name, load_if_exists=True
+                )
             self._reopen()
             if not self._asked and not self._trials(TrialState.WAITING):
                 self._enqueue({p.name: p.start for p in parameters})

@@ -17,8 +17,10 @@ from quadsim.campaign.store import Row
 from quadsim.campaign.summary_stats import VariantStats, lap_limit, variant_stats
 from quadsim.campaign.variants import Variant
 from quadsim.console import complain
+from quadsim.record.run import RunError
 
 # The best of many trials is also one with lucky seeds: the best few are flown again on fresh ones.
+MOST_LOST = 5  # trials in a row that are lost with their workers before a search ends
 FINALISTS = 3
 FRESH = 10**6  # offset of the fresh seeds
 REPEAT = 4  # times the attempts of a trial
@@ -93,6 +95,7 @@ def tune(
 
 def _search(search: Search, base: Variant, goal: Goal, runner: Runner) -> None:
     """Fly trials, as many at once as keep the workers busy."""
+    lost = 0  # trials in a row that were not flown
     while search.done < goal.trials:
         at_once = min(runner.pool.size // goal.attempts, goal.trials - search.done)
         trials = search.ask(max(1, at_once))
@@ -101,7 +104,11 @@ def _search(search: Search, base: Variant, goal: Goal, runner: Runner) -> None:
         for trial, variant, rows in zip(trials, variants, flown, strict=True):
             if len(rows) < goal.attempts:
                 search.give_up(trial)
+                lost += 1
+                if lost >= MOST_LOST:
+                    raise RunError(f"{lost} trials in a row were lost with their workers")
                 continue
+            lost = 0
             stats = _stats(variant, rows)
             lap = stats.lap_mean if stats.finished else None
             trial_stats = TrialStats(lap, stats.finished, stats.thrust_tv)

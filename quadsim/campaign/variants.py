@@ -10,8 +10,10 @@ pilot=split_s.npz             a learned pilot in the planner's place: a file, or
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import FunctionType
 from typing import Any
 
 from quadsim.campaign.attempt import planner_key
@@ -138,3 +140,22 @@ def expect_identity(spec: Spec) -> None:
         except IdentityError as error:
             wanted = f"expected a {role} that can be told from others"
             raise SettingError("campaign", f"{wanted}, got {error}") from None
+
+
+def expect_importable(spec: Spec) -> None:
+    """Check that worker processes can import the own parts of a flight.
+
+    Raises:
+        SettingError: a part is defined in a notebook or a shell, which have no file.
+    """
+    if hasattr(sys.modules["__main__"], "__file__"):
+        return
+    for role, part in spec.own_objects().items():
+        parts = part if isinstance(part, tuple) else (part,)
+        for one in parts:
+            made = getattr(one, "function", one)  # of a Term
+            kind = made if isinstance(made, type | FunctionType) else type(made)
+            if kind.__module__ == "__main__":
+                advice = "save it in a file and import it, or leave out jobs"
+                wanted = f"expected a {role} that workers can import"
+                raise SettingError("jobs", f"{wanted}, got one of a notebook or shell: {advice}")

@@ -12,7 +12,7 @@ from quadsim.cli.commands import COMMANDS
 
 HELP = """usage: race COMMAND [FLAGS]
 
-Quadrotor racing in PyBullet, flown by Model Predictive Path Integral control
+Quadrotor races, flown by Model Predictive Path Integral control
 (MPPI) with Gaussian or colored sampling.
 
 {commands}
@@ -56,7 +56,7 @@ def race(argv: list[str]) -> int:
         _drop_stdout()
         return _complain(f"race {name}: {error.filename or 'stdout'}: {error.strerror}", 2)
     except KeyboardInterrupt as stop:
-        return _complain(str(stop) or f"race {name}: interrupted, nothing to keep", 130)
+        return _complain(str(stop) or f"race {name}: interrupted", 130)
 
 
 def _run(argv: list[str]) -> int:

@@ -33,7 +33,7 @@ COMMANDS = {
         "pictures with labels for perception: colour, depth, segmentation",
     ),
     "export": Command(
-        "quadsim.cli.stored:export", "a stored run as a page that plays offline, as CSV, as a zip"
+        "quadsim.cli.stored:export", "a stored run as an offline page, CSV, MCAP or zip"
     ),
     "courses": Command("quadsim.cli.listing:courses", "the courses that come with the project"),
     "vehicles": Command("quadsim.cli.listing:vehicles", "the vehicles that come with the project"),

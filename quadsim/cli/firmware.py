@@ -136,7 +136,8 @@ def _identify(vehicle: str | None, betaflight: str | None, json: bool) -> int:
 def _tune(vehicle: str | None, betaflight: str | None, out: str | None, json: bool) -> int:
     """Search gains for a vehicle, and show or write the configuration with these gains."""
     # imported here, as show and build need no spec
-    from quadsim.config.spec import FIRMWARE_STEP, Spec
+    from quadsim.config.resolve import FIRMWARE_STEP
+    from quadsim.config.spec import Spec
     from quadsim.config.tuned_gains import first_configuration, tuned
     from quadsim.record.whole_files import expect_writable, write_whole
 

@@ -160,7 +160,7 @@ def _recorded(flight: Iterable[Frame], spec: Spec, quiet: bool) -> Recorder:
             recorder.add(frame)
             line.show(frame)
     if not len(recorder):
-        raise KeyboardInterrupt
+        raise KeyboardInterrupt("race fly: interrupted, nothing to keep")
     return recorder
 
 

@@ -211,7 +211,7 @@ def _flown(spec: HeatSpec, quiet: bool) -> Heat:
         if live:
             live.stop()
     if not all(map(len, recorder.recorders)):
-        raise KeyboardInterrupt
+        raise KeyboardInterrupt("race heat: interrupted, nothing to keep")
     return Heat.flown(spec, recorder)
 
 

@@ -10,7 +10,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 
 from quadsim.config.spec import Spec
-from quadsim.console import progress_console
+from quadsim.console import complain, progress_console
 from quadsim.dynamics.quadrotor import State
 from quadsim.racing.events import Frame
 
@@ -20,7 +20,7 @@ PERIOD = 0.1  # time between two updates of the line [s]
 class Progress:
     """The live line: `with Progress(spec) as line: line.show(frame)`.
 
-    Nothing is drawn unless stderr is a terminal.
+    If stderr is no terminal, each lap but the last is one line instead.
     """
 
     def __init__(self, spec: Spec, quiet: bool = False):
@@ -31,7 +31,9 @@ class Progress:
         self._live = None
         if console.is_terminal and not quiet:
             self._live = Live(console=console, auto_refresh=False, transient=True)
+        self._in_lines = not console.is_terminal and not quiet
         self._drawn = -PERIOD
+        self._lap = 1
 
     def __enter__(self) -> Progress:
         """Start to draw."""
@@ -47,6 +49,10 @@ class Progress:
     def show(self, frame: Frame) -> None:
         """Draw the frame, unless the last update is more recent than PERIOD."""
         now = perf_counter()
+        if self._in_lines and frame.lap > self._lap:
+            speed = f"{frame.t / frame.elapsed:.2f} x real time" if frame.elapsed else ""
+            complain(f"lap {self._lap} of {self._laps} flown at {frame.t:.1f} s, {speed}")
+            self._lap = frame.lap
         if self._live and now - self._drawn >= PERIOD:
             self._live.update(self._line(frame), refresh=True)
             self._drawn = now

@@ -25,7 +25,8 @@ from quadsim.config.parts import called, made
 from quadsim.config.reference import reference_of
 from quadsim.config.settings import SETTINGS, SettingError
 from quadsim.config.spec import Spec
-from quadsim.course import Course, Gate
+from quadsim.course import Course
+from quadsim.course.frames import frames
 from quadsim.dynamics import System
 from quadsim.dynamics.quadrotor import State, quadrotor
 from quadsim.files.values import checked
@@ -39,7 +40,7 @@ from quadsim.firmware.actuators import (
 from quadsim.firmware.configuration import eeprom_with_log
 from quadsim.firmware.identified import firmware_for
 from quadsim.physics.actuators import Actuators
-from quadsim.physics.domain_randomization import draw, gusts
+from quadsim.physics.domain_randomization import gusts
 from quadsim.physics.faults import BiasJump, CommandLoss, RotorFault, SensorFault
 from quadsim.physics.link import Link
 from quadsim.physics.plant import (
@@ -209,7 +210,7 @@ def plant_of(spec: Spec, arena: Arena | None = None) -> Plant:
     if spec.randomize == 0:
         return plant(course, spec.vehicle, spec.plant_dt, start=spec.start, faults=faults)
     streams = spec.streams
-    varied = draw(streams.vehicle, spec.randomize)
+    varied = spec.variation
     return plant(
         course,
         varied.vehicle(spec.vehicle),
@@ -498,14 +499,14 @@ def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> S
         sensing,
         spec.streams.sensors,
         spec.vehicle,
-        distinct(flown.gates),
+        frames(flown.gates),
         lag,
         flown.obstacles,
         [f for f in spec.drawn_faults if isinstance(f, SensorFault | BiasJump)],
     )
     sensors.warm_up(plant.state, plant.dt)
     sensors.observe(plant.state)
-    gates = distinct(spec.course.gates)
+    gates = frames(spec.course.gates)
     return SensedState(
         sensors,
         Estimator(sensing, gates, spec.start or spec.course.start, -WARM_UP, spec.displace_gates),
@@ -516,11 +517,6 @@ def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> S
         adapts,
         rotor_std(sensing.rotors, spec.vehicle),
     )
-
-
-def distinct(gates: Sequence[Gate]) -> tuple[Gate, ...]:
-    """Return each gate once, in the order of the course."""
-    return tuple(dict.fromkeys(gates))
 
 
 def rotor_std(config: RotorConfig | None, vehicle: Vehicle) -> float:

@@ -3,46 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controllers.config import MPPIConfig
 from controllers.plan import PlannerSnapshot, PlanStats
 from controllers.presets import Planner
-from controllers.samplers import Sampling
-from quadsim.config.parts import plain
+from quadsim.config.parts import is_registered, plain
 from quadsim.dynamics.estimate import Estimate
+from quadsim.files.exact_json import exactly
+from quadsim.record.schema import ChangedPlanner, NumberChange
 
 if TYPE_CHECKING:
     from controllers.mppi import MPPI
 
 
-@dataclass(frozen=True)
-class PlannerChange:
-    """A number that was changed in flight, and the planner's numbers after it."""
+def changeable_numbers(planner: Planner) -> dict[str, Any]:
+    """Return the numbers of a planner that may change in flight, as a NumberChange has them."""
+    return {"sampling": plain(planner.sampling), "mppi": plain(planner.mppi)}
 
-    t: float  # of the first plan with the number [s]
-    name: str  # of the page's slider
-    before: float
-    after: float
-    sampling: Sampling
-    mppi: MPPIConfig
 
-    def record(self) -> dict[str, Any]:
-        """Return the change as JSON."""
-        return {
-            "t": self.t,
-            "name": self.name,
-            "from": self.before,
-            "to": self.after,
-            "planner": {"sampling": plain(self.sampling), "mppi": plain(self.mppi)},
-        }
+def planner_after(change: NumberChange, planner: Planner) -> Planner:
+    """Return a planner with its numbers after a change.
 
-    def of(self, planner: Planner) -> Planner:
-        """Return the planner with the numbers after this change."""
-        return replace(planner, sampling=self.sampling, mppi=self.mppi)
+    Raises:
+        msgspec.ValidationError: the change was read from a file that is damaged.
+    """
+    numbers = exactly(change.planner, ChangedPlanner)
+    sampling = planner.sampling
+    if is_registered(sampling):
+        sampling = exactly(numbers.sampling, type(sampling))
+    return replace(planner, sampling=sampling, mppi=numbers.mppi)
 
 
 class ChangeablePlanner:
@@ -57,7 +49,7 @@ class ChangeablePlanner:
         planner: MPPI,
         numbers: Planner,
         make: Callable[[Planner], MPPI],
-        changes: Sequence[PlannerChange] = (),
+        changes: Sequence[NumberChange] = (),
     ):
         """Begin with the planner of the start.
 
@@ -89,7 +81,7 @@ class ChangeablePlanner:
             due = self._next
             self._next = next(self._coming, None)
         if due is not None:
-            self.change(due.of(self._numbers))
+            self.change(planner_after(due, self._numbers))
         return self.planner.control(estimate)
 
     def change(self, numbers: Planner) -> None:

@@ -10,6 +10,10 @@ from __future__ import annotations
 # The first name of each module that has moved. A move adds a line and never changes one.
 FIRST_NAMES = {
     "quadsim.config": "quadsim.spec",
+    "quadsim.config.checks": "quadsim.spec.spec",
+    "quadsim.config.resolve": "quadsim.spec.spec",
+    "quadsim.course.course_file": "quadsim.course.course",
+    "quadsim.course.gate": "quadsim.course.course",
     "quadsim.dynamics.named_tuples": "quadsim.dynamics.records",
     "quadsim.dynamics.system": "quadsim.dynamics",
     "quadsim.firmware.actuators": "quadsim.physics.betaflight",

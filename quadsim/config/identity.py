@@ -1,6 +1,6 @@
 """The identity of an object: a hash of all that it computes with.
 
-Two of the user's own parts have the same identity only where they behave alike: arrays count whole,
+Two of the user's own parts have the same identity only if they behave alike: arrays count whole,
 functions by their compiled code, their closure, their defaults and the globals that they use,
 classes by their methods, objects by their class and state, and the user's own modules whole. An
 object whose state Python cannot tell, such as an open file or a running generator, has no identity.
@@ -141,7 +141,7 @@ class _Walk:
             found = _hash(*self._parts(value, place))
         finally:
             self._path.pop()
-        # A digest that names an object above holds only where it was met
+        # A digest that names an object above holds only in this place
         if self._highest >= depth:
             self._known[id(value)] = found
             self._highest = MOST_DEPTH
@@ -338,7 +338,7 @@ class _Walk:
         if kind.__module__.partition(".")[0] == "numba":
             yield from self._compiled(value, place)
             return
-        # The state of a user's object by name, even where it says how it wants to be pickled
+        # The state of a user's object by name, even if it says how it wants to be pickled
         if not _is_of_library(kind):
             state = _without_caches(kind, getattr(value, "__dict__", {}))
             state |= {slot: getattr(value, slot) for slot in _slots(kind) if hasattr(value, slot)}

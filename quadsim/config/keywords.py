@@ -38,27 +38,27 @@ class Keywords(TypedDict, total=False):
     vehicle: str | Path | Vehicle | None
     thrust_to_weight: float | None
     laps: int | None
+    timeout: float | None
+    sensing: str | Path | Sensing | None
+    view_weight: float | None
+    plant: Literal["bullet", "rigid", "rotorpy"] | Plant | Callable[[Spec], Plant] | None
+    betaflight: str | Path | Text | None
+    term: str | Sequence[str] | None
     seed: int | None
     randomize: float | None
-    sensing: str | Path | Sensing | None
     displace_gates: float | None
-    view_weight: float | None
-    term: str | Sequence[str] | None
     fault: str | Sequence[str] | None
-    timeout: float | None
-    threads: int | None
     penalties: bool | None
-    plant: Literal["bullet", "rigid", "rotorpy"] | Plant | Callable[[Spec], Plant] | None
     plant_dt: float | None
     flight_controller: Literal["betaflight", "ideal"] | None
-    betaflight: str | Path | Text | None
-    blackbox: str | None
     link_hz: float | None
     link_latency: float | None
     link_loss: float | None
     link_burst: float | None
     clock: Literal["simulated", "wall"] | None
     deadline_ms: float | None
+    threads: int | None
+    blackbox: str | None
     runs_dir: str | Path | None
     sigma: Numbers | None
     gamma: Numbers | None

@@ -142,8 +142,10 @@ def _named_term(setting: str, function: Any, weight: Weight) -> Term:
 
 def term_of_text(text: str) -> Term:
     """Return the term that "package.module:function=WEIGHT" names. Raises SettingError."""
-    place, _, weight = text.rpartition("=")
+    place, has_weight, weight = text.rpartition("=")
     wanted = f"expected package.module:function=WEIGHT, got {text!r}"
+    if not has_weight:
+        raise SettingError("term", f"{wanted}: the weight is missing, as in {text}=1")
     try:
         function = _imported(place)
         number = float(weight)
@@ -180,8 +182,10 @@ def own_sampler(given: object) -> Sampler | None:
 
 
 def reason(error: BaseException) -> str:
-    """Return the text of an error on one line, with its type where that says more."""
+    """Return the text of an error on one line, with its type if that says more."""
     text = " ".join(str(error).split())
+    if isinstance(error, ModuleNotFoundError):
+        text += ", in this folder or the environment (PYTHONPATH)"
     is_plain = isinstance(error, ImportError | AttributeError | TypeError | ValueError)
     return text if is_plain and text else f"{type(error).__name__} {text}".rstrip()
 
@@ -216,7 +220,7 @@ def is_registered(sampler: Sampler) -> bool:
 def describe(part: object) -> dict[str, Json]:
     """Return {class, parameters, sha256} of one of the user's own objects.
 
-    The hash is that of `identity_of`, None for an object without an identity.
+    The hash comes from `identity_of`; it is None for an object without an identity.
     """
     kind = part if _is_maker(part) else type(part)
     values = {} if kind is part else getattr(part, "__dict__", {})
@@ -242,7 +246,7 @@ def describe_term(term: Term) -> dict[str, Json]:
 
 
 def _identity(part: object) -> str | None:
-    """Return the identity of an object, None where it has none."""
+    """Return the identity of an object, None if it has none."""
     try:
         return identity_of(part)
     except IdentityError:
@@ -252,7 +256,7 @@ def _identity(part: object) -> str | None:
 def qualified_name(kind: Any) -> str:
     """Return the module and name of a class or function.
 
-    A functools.partial has those of its function, any other object those of its class.
+    A functools.partial has the names of its function, any other object the names of its class.
     """
     while isinstance(kind, partial):
         kind = kind.func

@@ -3,144 +3,54 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields, is_dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, cast
 
 import msgspec
 
-from controllers.config import MPPIConfig
 from controllers.costs.race import RaceWeights
 from controllers.costs.reference import ReferenceWeights
 from controllers.learned.pilot import Pilot, load_pilot
 from controllers.presets import Planner
 from controllers.samplers import SAMPLERS, Sampling
-from quadsim.config.changes import PlannerChange
-from quadsim.config.parts import is_registered, own_sampler, term_of_text, terms_of
+from quadsim.config.changes import planner_after
+from quadsim.config.checks import PLANTS
+from quadsim.config.parts import own_sampler, term_of_text, terms_of
 from quadsim.config.reference import followed_problem, followed_reference
-from quadsim.config.settings import SETTINGS, Clock, FlightSettings
-from quadsim.config.spec import PLANTS, Spec
-from quadsim.course import Course, Start, parse_course
-from quadsim.dynamics.quadrotor import ModelParams
+from quadsim.config.settings import LINK, SETTINGS, FlightNumbers, HostSettings
+from quadsim.config.spec import ALWAYS, Spec
+from quadsim.course import Course, parse_course
+from quadsim.files.exact_json import exactly
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.values import checked
 from quadsim.firmware.configuration import Text
-from quadsim.physics.link import WIRE, LinkConfig
 from quadsim.racing.hand import HAND
-from quadsim.record.run import INTERACTIVE, canonical, hostless, own_parts
-from quadsim.sensing import Sensing
-from quadsim.vehicle import Vehicle
+from quadsim.record.run import canonical, hostless, own_parts
+from quadsim.record.schema import FlownSpec, NumberChange
 
 WHAT = "the record of a flight, such as run.spec"
 # Settings that change no flight
-HOST = ("threads", "runs_dir")
+HOST = tuple(f.name for f in fields(HostSettings))
 
 
 class RecordError(FileError):
     """A recorded flight cannot be flown again. One line: which part of it, and what to do."""
 
 
-class RecordedPlanner(msgspec.Struct):
-    """A planner's numbers in a record; those of a sampler or a cost are read with its class."""
-
-    vehicle: str
-    sampling: Any  # of the user's own sampler: whatever `plain` makes of it
-    mppi: MPPIConfig
-    cost: dict[str, Any]
-
-
-class RecordedPilot(msgspec.Struct):
-    """A pilot in a record."""
-
-    name: str
-    sha256: str
-
-
-class RecordedReference(msgspec.Struct):
-    """The solution of `race limit` that a recorded planner followed."""
-
-    key: str
-    sha256: str
-
-
-class ChangedPlanner(msgspec.Struct):
-    """A planner's numbers after a change in flight."""
-
-    sampling: Any
-    mppi: MPPIConfig
-
-
-class RecordedChange(msgspec.Struct):
-    """A number that was changed in flight, with its time and its values."""
-
-    t: float
-    name: str
-    before: float = msgspec.field(name="from")
-    after: float = msgspec.field(name="to")
-    planner: ChangedPlanner
-
-
-class RecordedBetaflight(msgspec.Struct):
-    """The configuration of the firmware in a record; the firmware itself is compared with it."""
-
-    name: str
-    lines: tuple[str, ...]
-
-
-class RecordedHost(msgspec.Struct):
-    """The files of the machine that flew, none of which changes the flight."""
-
-    runs_dir: str = FlightSettings.runs_dir
-    pilot: str | None = None
-    blackbox: str | None = None
-
-
-class Recorded(msgspec.Struct):
-    """The keys of a record that a Spec is made from; the others follow from them."""
-
-    course: str
-    course_text: str
-    vehicle: Vehicle
-    sampler: str
-    preset: str
-    planner: RecordedPlanner
-    model: ModelParams
-    seed: int
-    laps: int
-    timeout: float
-    penalties: bool
-    plant: str
-    plant_dt: float
-    randomize: float
-    clock: Clock
-    deadline_ms: float | None
-    host: RecordedHost = msgspec.field(default_factory=RecordedHost)
-    start: Start | None = None
-    sensing: Sensing | None = None
-    displace_gates: float = 0.0
-    view_weight: float = 0.0
-    faults: tuple[str, ...] = ()
-    pilot: RecordedPilot | None = None
-    betaflight: RecordedBetaflight | None = None
-    link: LinkConfig = WIRE
-    reference: RecordedReference | None = None
-    own: dict[str, Any] = {}
-    interactive: list[RecordedChange] = []
-
-
 def spec_of_record(record: Mapping[str, Any], runs_dir: str | None = None, **own: object) -> Spec:
     """Return the Spec of a recorded flight, which flies the same to the last bit.
 
-    Files that the flight has followed (a pilot, a solution of `race limit`) are looked for where
-    they were, and have to be the same. A record has the names of the user's own parts and not their
-    code: each is given anew, and has to be the same.
+    Files that the flight has followed (a pilot, a solution of `race limit`) are looked for in their
+    recorded places, and have to be the same. A record has the names of the user's own parts and not
+    their code: each is given anew, and has to be the same.
 
     Args:
         record: the spec of a run.
         runs_dir: folder of runs in place of the recorded one.
         own: {role: part} of the user's own parts that took part in the flight; `pilot`: the pilot,
-            where its file is not where it was.
+            if its file is no longer in its place.
 
     Raises:
         RecordError: a file or a part is missing or differs, or the record is not one of a flight.
@@ -159,13 +69,11 @@ def spec_of_record(record: Mapping[str, Any], runs_dir: str | None = None, **own
     if HAND in record:
         raise RecordError("hand: a person flew the run, which cannot be flown again: replay it")
     try:
-        read = msgspec.convert(dict(record), Recorded)
-        described = set(read.own)
-        _check_own(described, {role: own[role] for role in own.keys() - {"pilot"}})
-        recorded = read.host.runs_dir
-        folders = dict.fromkeys([runs_dir or recorded, recorded])
-        spec = _built(read, own, list(folders))
-        spec = replace(spec, runs_dir=runs_dir or recorded, **_whole_numbers(spec, record))
+        read = exactly(dict(record), FlownSpec)
+        _check_own(set(read.own), {role: own[role] for role in own.keys() - {"pilot"}})
+        numbers = _numbers(record, read)
+        folders = [runs_dir or read.host.runs_dir, read.host.runs_dir]
+        spec = _built(read, numbers, own, list(dict.fromkeys(folders)))
     except msgspec.ValidationError as error:
         raise RecordError(f"expected {WHAT}: {error}") from None
     _check_same(record, spec)
@@ -187,13 +95,14 @@ def recorded_spec(record: Mapping[str, Any], settings: Mapping[str, Any]) -> Spe
     """
     given, changed = sorted_settings(record, settings)
     own = dict(given)
+    runs_dir = own.pop("runs_dir", None)
     host = {name: own.pop(name) for name in HOST if name in own}
     term = own.pop("term", None)
     if term is not None:
         texts = [term] if isinstance(term, str) else term
         own["terms"] = tuple(map(term_of_text, texts))
-    for name, value in host.items():
-        host[name] = checked(name, value, SETTINGS[name].kind)
+    if runs_dir is not None:
+        runs_dir = str(checked("runs_dir", runs_dir, SETTINGS["runs_dir"].kind))
     # The pilot that flew may lie somewhere else by now
     pilot = changed.get("pilot")
     if isinstance(pilot, str | Path) and isinstance(record.get("pilot"), Mapping):
@@ -201,8 +110,7 @@ def recorded_spec(record: Mapping[str, Any], settings: Mapping[str, Any]) -> Spe
         if pilot.digest == record["pilot"].get("sha256"):
             own["pilot"] = pilot
             del changed["pilot"]
-    threads = host.pop("threads", None)
-    spec = replace(spec_of_record(record, **own, **host), threads=threads)
+    spec = replace(spec_of_record(record, runs_dir, **own), **host)
     return spec.but(**changed) if changed else spec
 
 
@@ -221,7 +129,7 @@ def sorted_settings(
 
 
 def _check_own(described: set[str], own: Mapping[str, object]) -> None:
-    """Raise RecordError unless the user's own parts are those that the record has."""
+    """Raise RecordError unless the user's own parts are the parts that the record has."""
     for role in sorted(described - own.keys()):
         what = "of your own, whose code is not in the record"
         how = f"give it again as {role}=..."
@@ -235,13 +143,34 @@ def _check_own(described: set[str], own: Mapping[str, object]) -> None:
         raise RecordError(f"{role}: expected none, as the recorded flight had none of its own")
 
 
-def _built(read: Recorded, own: Mapping[str, Any], folders: Sequence[str]) -> Spec:
+def _numbers(record: Mapping[str, Any], read: FlownSpec) -> dict[str, Any]:
+    """Return the settings of FlightNumbers as a record has them.
+
+    Raises:
+        RecordError: one that every record has is missing.
+        msgspec.ValidationError: one is of another type or out of range.
+    """
+    for field in fields(FlightNumbers):
+        if field.name in ALWAYS and field.name not in record:
+            raise RecordError(f"expected {WHAT}: no `{field.name}`")
+    numbers = vars(exactly(dict(record), FlightNumbers))
+    # Those that a record has in another form
+    link = {name: getattr(read.link, number) for name, number in LINK.items()}
+    firmware = "betaflight" if read.betaflight else "ideal"
+    return numbers | link | {"fault": read.faults, "flight_controller": firmware}
+
+
+def _built(
+    read: FlownSpec, numbers: dict[str, Any], own: Mapping[str, Any], folders: Sequence[str]
+) -> Spec:
     """Return the Spec of a record that has been read.
 
     Args:
         read: the record.
+        numbers: its settings of FlightNumbers.
         own: the user's own parts by role.
-        folders: folders of runs in which to look for a solution that was followed.
+        folders: folders of runs in which to look for a solution that was followed; the first is
+            the folder of the Spec.
     """
     course: Course = own.get("course") or parse_course(read.course_text, read.course)
     planner = _planner(read, own)
@@ -259,28 +188,17 @@ def _built(read: Recorded, own: Mapping[str, Any], folders: Sequence[str]) -> Sp
         start=read.start,
         sensing=read.sensing,
         pilot=_pilot(read, own),
-        seed=read.seed,
-        randomize=read.randomize,
-        displace_gates=read.displace_gates,
         view_weight=read.view_weight,
-        penalties=read.penalties,
-        fault=read.faults,
         plant=own.get("plant") or _plant(read.plant),
-        plant_dt=read.plant_dt,
-        flight_controller="betaflight" if read.betaflight else "ideal",
         betaflight=Text(read.betaflight.name, read.betaflight.lines) if read.betaflight else None,
-        link_hz=read.link.rate,
-        link_latency=read.link.latency,
-        link_loss=read.link.loss,
-        link_burst=read.link.burst,
-        clock=read.clock,
-        deadline_ms=read.deadline_ms,
         terms=terms_of(own.get("terms", ())),
         cost=own.get("cost"),
         controller=own.get("controller"),
         referee=own.get("referee"),
         reference=reference,
-        changes=tuple(_changes(read, planner)),
+        changes=_changes(read, planner),
+        runs_dir=folders[0],
+        **numbers,
     )
 
 
@@ -292,7 +210,7 @@ def _plant(name: str) -> Any:
     return name
 
 
-def _planner(read: Recorded, own: Mapping[str, Any]) -> Planner:
+def _planner(read: FlownSpec, own: Mapping[str, Any]) -> Planner:
     """Return the planner of a record."""
     stored = read.planner
     if "sampler" in own:
@@ -305,7 +223,7 @@ def _planner(read: Recorded, own: Mapping[str, Any]) -> Planner:
         vehicle=stored.vehicle,
         sampling=sampling,
         mppi=stored.mppi,
-        cost=msgspec.convert(stored.cost, cost_class),
+        cost=exactly(stored.cost, cost_class),
         preset=read.preset,
     )
 
@@ -320,62 +238,15 @@ def _sampling(name: str, numbers: Any) -> Sampling:
         name = names[0] if names else name
     if name not in SAMPLERS:
         raise RecordError(f"sampler: expected one of {', '.join(SAMPLERS)}, got {name!r}")
-    return msgspec.convert(numbers, SAMPLERS[name])
+    return exactly(numbers, SAMPLERS[name])
 
 
 def _field_names(kind: type) -> set[str]:
     return {field.name for field in fields(kind)}
 
 
-def _whole_numbers(spec: Spec, record: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parts of a Spec that hold numbers, as the record has them."""
-    stored = record["planner"]
-    planner = replace(
-        spec.planner,
-        mppi=_with_whole_numbers(spec.planner.mppi, stored["mppi"]),
-        cost=_with_whole_numbers(spec.planner.cost, stored["cost"]),
-    )
-    if is_registered(planner.sampling):
-        sampling = _with_whole_numbers(planner.sampling, stored["sampling"])
-        planner = replace(planner, sampling=sampling)
-    changes = [
-        _with_whole_numbers(
-            change, {**raw["planner"], "before": raw["from"], "after": raw["to"], "t": raw["t"]}
-        )
-        for change, raw in zip(spec.changes, record.get(INTERACTIVE, ()), strict=True)
-    ]
-    names = ("vehicle", "model", "sensing", "timeout", "plant_dt", "randomize", "deadline_ms")
-    names += ("displace_gates", "view_weight")
-    numbers = {
-        name: _with_whole_numbers(getattr(spec, name), record[name])
-        for name in names
-        if name in record
-    }
-    return numbers | {"planner": planner, "changes": tuple(changes)}
-
-
-def _with_whole_numbers(value: Any, raw: Any) -> Any:
-    """Return a value that was read as floats, with whole numbers where the record has them.
-
-    They are equal, but a record tells 60 from 60.0, and the digest of a run with it.
-    """
-    if isinstance(value, float) and isinstance(raw, int):
-        return raw
-    if isinstance(value, tuple) and isinstance(raw, list):
-        items = [_with_whole_numbers(*pair) for pair in zip(value, raw, strict=True)]
-        return type(value)(*items) if hasattr(value, "_fields") else tuple(items)
-    if is_dataclass(value) and not isinstance(value, type) and isinstance(raw, dict):
-        changed = {
-            field.name: _with_whole_numbers(getattr(value, field.name), raw[field.name])
-            for field in fields(value)
-            if field.name in raw
-        }
-        return replace(value, **changed)
-    return value
-
-
-def _pilot(read: Recorded, own: Mapping[str, Any]) -> Pilot | None:
-    """Return the pilot of a record: the one given, or that of its file. Raises FileError."""
+def _pilot(read: FlownSpec, own: Mapping[str, Any]) -> Pilot | None:
+    """Return the pilot of a record: the given one, or the pilot of its file. Raises FileError."""
     if read.pilot is None:
         return None
     path = read.host.pilot or read.pilot.name
@@ -387,20 +258,15 @@ def _pilot(read: Recorded, own: Mapping[str, Any]) -> Pilot | None:
     return replace(pilot, name=read.pilot.name)
 
 
-def _changes(read: Recorded, planner: Planner) -> Iterator[PlannerChange]:
-    """Yield the changes that were made in flight."""
+def _changes(read: FlownSpec, planner: Planner) -> tuple[NumberChange, ...]:
+    """Return the changes that were made in flight, all of which can be made again.
+
+    Raises:
+        msgspec.ValidationError: one cannot.
+    """
     for change in read.interactive:
-        sampling = planner.sampling
-        if is_registered(sampling):
-            sampling = _sampling(read.sampler, change.planner.sampling)
-        yield PlannerChange(
-            t=change.t,
-            name=change.name,
-            before=change.before,
-            after=change.after,
-            sampling=sampling,
-            mppi=change.planner.mppi,
-        )
+        planner_after(change, planner)
+    return tuple(read.interactive)
 
 
 def _check_same(record: Mapping[str, Any], spec: Spec) -> None:

@@ -41,11 +41,11 @@ Milliseconds = Annotated[float, unit("ms", gt=0, le=1e4)]
 CONTROL_UNITS = ", ".join(units_of(Control).values())
 
 
-@dataclass(frozen=True)
-class FlightSettings:
-    """The settings of a flight apart from its planner's.
+@dataclass(frozen=True, kw_only=True)
+class PartSettings:
+    """The settings that choose the parts of a flight. None stands for the default of the help.
 
-    None stands for the default that the help names.
+    A Spec holds what they stand for: a vehicle in place of its name, the laps of the course.
     """
 
     sampler: Annotated[
@@ -66,16 +66,12 @@ class FlightSettings:
     laps: Annotated[
         LapCount | None, setting("laps from a standing start (default: the course's)")
     ] = None
-    seed: Annotated[int, setting("random seed", ge=0, le=10**9)] = 0
-    randomize: Annotated[
-        float, setting("scale of domain randomization: start, vehicle and gusts", ge=0, le=3)
-    ] = 0.0
+    timeout: Annotated[
+        TimeLimit | None, setting("time limit (default: by the course's length)")
+    ] = None
     sensing: Annotated[
         str, setting("sensors: a name or a FILE.yaml; perfect gives the planner the true state")
     ] = PERFECT
-    displace_gates: Annotated[
-        float, setting("gates stand up to this far off the map along x and y", "m", ge=0, le=1)
-    ] = 0.0
     view_weight: Annotated[
         Weight | None,
         setting(
@@ -83,10 +79,33 @@ class FlightSettings:
             " preset's with displaced gates, else 0)"
         ),
     ] = None
+    plant: Annotated[
+        PlantName | None, setting("simulator (default: bullet if PyBullet is installed)")
+    ] = None
+    betaflight: Annotated[
+        str | None,
+        setting("Betaflight's configuration, FILE.txt of its CLI (default: the vehicle's)"),
+    ] = None
     term: Annotated[
         tuple[str, ...],
         setting("cost term of your own, package.module:function=WEIGHT; may be repeated"),
     ] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightNumbers:
+    """The settings that a Spec holds as they are given, and that a run records.
+
+    A new one needs no more than its field here and the place where it acts.
+    """
+
+    seed: Annotated[int, setting("random seed", ge=0, le=10**9)] = 0
+    randomize: Annotated[
+        float, setting("scale of domain randomization: start, vehicle and gusts", ge=0, le=3)
+    ] = 0.0
+    displace_gates: Annotated[
+        float, setting("gates stand up to this far off the map along x and y", "m", ge=0, le=1)
+    ] = 0.0
     fault: Annotated[
         tuple[str, ...],
         setting(
@@ -94,16 +113,7 @@ class FlightSettings:
             " commands=lost@2~.1; the seed draws what is left out; may be repeated"
         ),
     ] = ()
-    timeout: Annotated[
-        TimeLimit | None, setting("time limit (default: by the course's length)")
-    ] = None
-    threads: Annotated[
-        ThreadCount | None, setting("CPU threads, which do not change results (default: all)")
-    ] = None
     penalties: Annotated[bool, setting("a hit adds 3 s and does not end the flight")] = False
-    plant: Annotated[
-        PlantName | None, setting("simulator (default: bullet where PyBullet is installed)")
-    ] = None
     plant_dt: Annotated[
         float, setting("physics step, .001 behind betaflight", "s", ge=1e-4, le=0.02)
     ] = 1 / 400
@@ -111,13 +121,6 @@ class FlightSettings:
         FlightControllerName,
         setting("ideal: a first-order rate loop; betaflight: the firmware, in lock step"),
     ] = "ideal"
-    betaflight: Annotated[
-        str | None,
-        setting("Betaflight's configuration, FILE.txt of its CLI (default: the vehicle's)"),
-    ] = None
-    blackbox: Annotated[
-        str | None, setting("keeps the firmware's own log of the flight, FILE.bbl (default: none)")
-    ] = None
     link_hz: Annotated[
         FrameRate | None,
         setting("frames a second in which commands arrive (default: one in each physics step)"),
@@ -139,7 +142,35 @@ class FlightSettings:
         Milliseconds | None,
         setting("longest time of a plan, kept by fewer samples (default: none)"),
     ] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class HostSettings:
+    """The settings that a Spec holds as they are given, and that change no flight."""
+
+    threads: Annotated[
+        ThreadCount | None, setting("CPU threads, which do not change results (default: all)")
+    ] = None
+    blackbox: Annotated[
+        str | None, setting("keeps the firmware's own log of the flight, FILE.bbl (default: none)")
+    ] = None
     runs_dir: Annotated[str, setting("folder of runs and of the solutions of race limit")] = "runs"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlightSettings(HostSettings, FlightNumbers, PartSettings):
+    """The settings of a flight apart from its planner's."""
+
+
+# Setting of the link -> its number in a LinkConfig
+LINK = {
+    "link_hz": "rate",
+    "link_latency": "latency",
+    "link_loss": "loss",
+    "link_burst": "burst",
+}
+# The settings that a Spec holds as they are given
+HELD = tuple(f.name for f in (*fields(FlightNumbers), *fields(HostSettings)))
 
 
 Group = Literal["flight", "sampling", "mppi", "cost", "model"]
@@ -171,7 +202,7 @@ class Setting:
 
     @property
     def unit(self) -> str:
-        """The unit of its numbers, "" where they have none."""
+        """The unit of its numbers, "" if they have none."""
         return unit_of(self.kind)
 
     @property
@@ -181,7 +212,7 @@ class Setting:
 
 
 def description(kind: Kind) -> str:
-    """Return the help in an annotation, "" where it has none."""
+    """Return the help in an annotation, "" without one."""
     match kind:
         case inspect.Metadata():
             schema = kind.extra_json_schema or {}
@@ -192,7 +223,7 @@ def description(kind: Kind) -> str:
 
 
 def unit_of(kind: Kind) -> str:
-    """Return the unit in an annotation, "" where it has none."""
+    """Return the unit in an annotation, "" without one."""
     match kind:
         case inspect.Metadata():
             return (kind.extra or {}).get("unit") or unit_of(kind.type)

@@ -3,123 +3,121 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from dataclasses import InitVar, asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, Unpack, get_args
+from typing import TYPE_CHECKING, Any, Unpack
+
+import msgspec
 
 from controllers.costs import Cost, Term
 from controllers.costs.reference import ReferenceWeights
 from controllers.learned.pilot import Pilot, load_pilot
 from controllers.presets import Planner
-from controllers.presets import faults as faults_of_planner
-from controllers.samplers import SAMPLERS
-from quadsim.config.changes import PlannerChange
+from quadsim.config.checks import (
+    check_beside_pilot,
+    check_beside_reference,
+    check_classes,
+    check_cost,
+    check_faults,
+    check_firmware,
+    check_link,
+    check_no_firmware,
+    check_period,
+    check_planner,
+    check_plant,
+    check_reference,
+    check_type,
+    check_view,
+)
 from quadsim.config.parts import (
     check_part,
     describe,
     describe_term,
     is_registered,
-    own_sampler,
     plain,
     sampler_name,
     term_of_text,
     terms_of,
 )
-from quadsim.config.presets import PresetSource
 from quadsim.config.reference import followed_problem, stored_reference
+from quadsim.config.resolve import (
+    DEFAULT_COURSE,
+    KEYWORDS,
+    base_planner,
+    check_names,
+    configuration_of,
+    default_timeout,
+    flight_settings,
+    given_part,
+    loaded_part,
+    nominal_model,
+    view_weight_of,
+    with_numbers,
+    with_settings,
+)
 from quadsim.config.settings import (
-    CONTROL_UNITS,
-    SETTINGS,
-    Clock,
-    FlightSettings,
-    Group,
+    HELD,
+    LINK,
+    FlightNumbers,
+    HostSettings,
+    LapCount,
     PlantName,
-    Setting,
-    SettingError,
-    bare,
-    is_optional,
+    TimeLimit,
+    Weight,
 )
 from quadsim.course import Course, Start, load_course
 from quadsim.course.course import is_described
-from quadsim.dynamics.quadrotor import Control, ModelParams
-from quadsim.files.values import checked
-from quadsim.files.yaml_errors import did_you_mean, shown_value
-from quadsim.firmware import FlightControllerName
-from quadsim.firmware.configuration import Text, read_text
+from quadsim.dynamics.quadrotor import ModelParams
+from quadsim.files.values import checked, kinds_of
+from quadsim.firmware.configuration import Text
 from quadsim.firmware.identified import identified
 from quadsim.firmware.package import built_firmware
-from quadsim.firmware.process import MAIN_LOOP
-from quadsim.physics.domain_randomization import displaced, draw
+from quadsim.physics.domain_randomization import Randomization, displaced, draw
 from quadsim.physics.faults import (
-    CommandLoss,
     Fault,
-    RotorFault,
     drawn,
     first_lap,
     parse_fault,
-    sensor_key,
 )
 from quadsim.physics.link import WIRE, LinkConfig
 from quadsim.physics.plant import Plant, default_plant
 from quadsim.racing.events import NO_PROGRESS, NO_PROGRESS_BY_HAND
-from quadsim.racing.flight import ControlLaw, Controller, RefereeProtocol, whole_multiple
+from quadsim.racing.flight import ControlLaw, Controller, RefereeProtocol
 from quadsim.racing.hand import HAND, Hand
 from quadsim.record.limits import StoredSolution
 from quadsim.record.run import INTERACTIVE
+from quadsim.record.schema import NumberChange
 from quadsim.sensing import PERFECT, Sensing, load_sensing
 from quadsim.streams import Streams, quadrotor_streams
-from quadsim.vehicle import VEHICLES, Vehicle, load_vehicle, with_thrust_to_weight
+from quadsim.vehicle import Vehicle, load_vehicle, with_thrust_to_weight
 
 if TYPE_CHECKING:
     from quadsim.config.keywords import CourseLike, Keywords
 
-DEFAULT_COURSE = "split_s_swift"
-# Keywords that take an object and are not settings.
-OBJECTS = ("course", "planner", "model", "controller", "referee", "cost", "terms")
-KEYWORDS = (*SETTINGS, *OBJECTS)
-# Settings that take an object in place of a name
-OBJECT_SETTINGS = ("sampler", "pilot", "vehicle", "sensing", "plant", "preset", "betaflight")
-CONFIGURATION = ".betaflight.txt"  # ends the file of a vehicle's configuration of the firmware
-PLANTS = get_args(PlantName)
-# The settings that a Spec holds as numbers or names, and their kinds. Those of the first row have
-# no default in a Spec: None, which stands for one in FlightSettings, has been resolved.
-NUMBERS = {
-    **{name: bare(SETTINGS[name].kind) for name in ("laps", "timeout", "view_weight")},
-    **{
-        name: SETTINGS[name].kind
-        for name in (
-            "seed",
-            "randomize",
-            "displace_gates",
-            "penalties",
-            "plant_dt",
-            "flight_controller",
-            "blackbox",
-            "link_hz",
-            "link_latency",
-            "link_loss",
-            "link_burst",
-            "clock",
-            "deadline_ms",
-            "threads",
-            "runs_dir",
-        )
-    },
+# Settings that every record has under their own names. Any other is left out at its default, so
+# that records and their hashes stay the same when a setting is added.
+ALWAYS = (
+    "seed",
+    "penalties",
+    "plant_dt",
+    "randomize",
+    "clock",
+    "deadline_ms",
+    "threads",
+    "runs_dir",
+)
+# Settings that a record has in another form -> its key there
+OTHER_FORMS = {
+    "fault": "faults",
+    "flight_controller": "betaflight",
+    **dict.fromkeys(LINK, "link"),
 }
-# Plants whose rotors are those of quadsim.physics.actuators.
-PLANTS_WITH_ROTORS = ("bullet", "rigid")
-# Numbers of the model that records had not from the beginning
+# Numbers of the model that were added later; older runs lack them
 ADDED = ("yaw_first", "rate_lag", "delay")
-LINK_SETTINGS = ("link_hz", "link_latency", "link_loss", "link_burst")
-# Physics step with the firmware: its gyro and its link are exchanged in each [s]
-FIRMWARE_STEP = 1e-3
-ROUNDING = 1e-6
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Spec:
+class Spec(FlightNumbers, HostSettings):
     """A complete specification of one flight.
 
     The same spec gives the same Run to the last bit on the same machine.
@@ -147,49 +145,35 @@ class Spec:
     vehicle: Vehicle
     planner: Planner
     model: ModelParams  # the planner's model of the vehicle
-    laps: int
-    timeout: float  # [s]
+    laps: LapCount
+    timeout: TimeLimit  # [s]
     start: Start | None = None  # place on a start grid; None: the course's own start
     sensing: Sensing | None = None  # None: the planner is given the true state
     pilot: Pilot | None = None  # a learned pilot in the planner's place
-    seed: int = 0
-    randomize: float = 0.0  # scale of quadsim.physics.domain_randomization
-    displace_gates: float = 0.0  # how far gates may stand off the map, along x and y [m]
-    view_weight: float = 0.0  # weight of the term that keeps the camera along the flight
-    fault: tuple[str, ...] = ()  # texts of quadsim.physics.faults
-    penalties: bool = False
+    view_weight: Weight = 0.0  # of the term that keeps the camera along the flight
     plant: PlantName | Plant | Callable[[Spec], Plant] = field(default_factory=default_plant)
-    plant_dt: float = FlightSettings.plant_dt  # [s]
-    flight_controller: FlightControllerName = "ideal"
-    betaflight: Text | None = None  # configuration of the firmware, where that flies
-    blackbox: str | None = None  # file for the firmware's own log
-    link_hz: float | None = None  # None: a frame in each physics step
-    link_latency: float = 0.0  # beside the vehicle's [s]
-    link_loss: float = 0.0  # share of the frames that are lost
-    link_burst: float | None = None  # mean number of frames lost in a row; None: independent
-    clock: Clock = "simulated"
-    deadline_ms: float | None = None  # longest time of a plan, kept by fewer samples
-    terms: tuple[Term, ...] = ()  # the user's own, beside those of the cost
+    betaflight: Text | None = None  # configuration of the firmware, if that flies
+    terms: tuple[Term, ...] = ()  # the user's own, beside the terms of the cost
     cost: Cost | Callable[[Cost], Cost] | None = None  # replaces or changes the cost
     controller: Controller | ControlLaw | Callable[[Spec], Controller | ControlLaw] | None = None
     referee: RefereeProtocol | Callable[[Spec], RefereeProtocol] | None = None
-    threads: int | None = None  # None: as many as are in use; the number does not change the flight
-    runs_dir: str = FlightSettings.runs_dir  # where solutions of `race limit` are looked for
     # The stored solution that a preset with ReferenceWeights follows
     reference: StoredSolution | None = field(default=None, compare=False)
     # The planner's numbers that change in flight, in the order of their times
-    changes: tuple[PlannerChange, ...] = ()
-    # The settings that this spec was made from. Files that they name have been read: `but` does not
-    # read them again.
+    changes: tuple[NumberChange, ...] = ()
+    # The settings that this spec is made from; None: its parts
+    settings: InitVar[Mapping[str, Any] | None] = None
+    # The same, which `but` changes. Files that they name have been read and are not read again.
     given: Mapping[str, Any] = field(init=False, repr=False, compare=False)
 
-    def __post_init__(self) -> None:
-        """Check the parts against each other, and keep them as the settings that were given."""
-        for name, kind in NUMBERS.items():
+    def __post_init__(self, settings: Mapping[str, Any] | None) -> None:
+        """Check the numbers, and the parts against each other."""
+        for name, kind in kinds_of(Spec).items():
             object.__setattr__(self, name, checked(name, getattr(self, name), kind))
         validate(self)
-        parts = {f.name: getattr(self, f.name) for f in fields(self) if f.name in KEYWORDS}
-        object.__setattr__(self, "given", parts)
+        if settings is None:
+            settings = {f.name: getattr(self, f.name) for f in fields(self) if f.name in KEYWORDS}
+        object.__setattr__(self, "given", settings)
 
     def __repr__(self) -> str:
         """Return one short line; `record` has all numbers."""
@@ -236,9 +220,7 @@ class Spec:
 
     def on_threads(self, threads: int) -> Spec:
         """Return the spec of the same flight with another number of CPU threads."""
-        spec = replace(self, threads=threads)
-        object.__setattr__(spec, "given", {**self.given, "threads": threads})
-        return spec
+        return replace(self, threads=threads, settings={**self.given, "threads": threads})
 
     @property
     def sampler(self) -> str:
@@ -249,7 +231,7 @@ class Spec:
 
     @property
     def hand(self) -> Hand | None:
-        """The controller by which a person flies, None where nobody does."""
+        """The controller by which a person flies, None if nobody does."""
         return self.controller if isinstance(self.controller, Hand) else None
 
     @property
@@ -275,7 +257,7 @@ class Spec:
     @property
     def link(self) -> LinkConfig:
         """The link that carries the commands."""
-        return LinkConfig(self.link_hz, self.link_latency, self.link_loss, self.link_burst)
+        return LinkConfig(**{number: getattr(self, name) for name, number in LINK.items()})
 
     @property
     def flown_course(self) -> Course:
@@ -283,6 +265,11 @@ class Spec:
         if not self.displace_gates:
             return self.course
         return displaced(self.course, self.streams.gates, self.displace_gates)
+
+    @property
+    def variation(self) -> Randomization:
+        """What the seed changes of start, vehicle and wind."""
+        return draw(self.streams.vehicle, self.randomize, self.flown_course, self.start)
 
     @property
     def faults(self) -> tuple[Fault, ...]:
@@ -313,23 +300,16 @@ class Spec:
                 "cost": plain(self.planner.cost),
             },
             "model": _of_model(self.model),
-            "seed": self.seed,
             "laps": self.laps,
             "timeout": self.timeout,
-            "penalties": self.penalties,
             "plant": self.plant if isinstance(self.plant, str) else "own",
-            "plant_dt": self.plant_dt,
-            "randomize": self.randomize,
-            "clock": self.clock,
-            "deadline_ms": self.deadline_ms,
-            "variation": asdict(draw(self.streams.vehicle, self.randomize)),
+            "variation": asdict(self.variation),
             "host": self._host(),
         }
         # Parts that a flight does not use are left out.
         used = {
             "start": plain(self.start),
             "sensing": plain(self.sensing),
-            "displace_gates": self.displace_gates,
             "view_weight": self.view_weight,
             "faults": [str(fault) for fault in self.faults],
             "drawn_faults": [str(fault) for fault in self.drawn_faults],
@@ -339,9 +319,19 @@ class Spec:
             "link": None if self.link == WIRE else plain(self.link),
             "reference": _followed(self.reference),
             "own": self._own_parts(),
-            INTERACTIVE: [change.record() for change in self.changes],
+            INTERACTIVE: msgspec.to_builtins(self.changes),
         }
-        return record | {name: value for name, value in used.items() if value}
+        parts = record | {name: value for name, value in used.items() if value}
+        return parts | self._recorded(FlightNumbers)
+
+    def _recorded(self, settings: type) -> dict[str, Any]:
+        """Return the settings of a dataclass that a record has under their own names."""
+        return {
+            f.name: plain(getattr(self, f.name))
+            for f in fields(settings)
+            if f.name not in OTHER_FORMS
+            and (f.name in ALWAYS or getattr(self, f.name) != f.default)
+        }
 
     def own_objects(self) -> dict[str, object]:
         """Return {role: part} of the user's own objects; the role `terms` has a tuple."""
@@ -372,12 +362,8 @@ class Spec:
 
     def _host(self) -> dict[str, Any]:
         """Return the threads and the files of this machine, which do not change the flight."""
-        files = {"runs_dir": self.runs_dir}
-        if self.pilot:
-            files["pilot"] = self.pilot.place
-        if self.blackbox:
-            files["blackbox"] = self.blackbox
-        return {"threads": self.threads} | files
+        pilot = {"pilot": self.pilot.place} if self.pilot else {}
+        return self._recorded(HostSettings) | pilot
 
 
 def _followed(reference: StoredSolution | None) -> dict[str, str] | None:
@@ -388,7 +374,8 @@ def _followed(reference: StoredSolution | None) -> dict[str, str] | None:
 def _of_model(model: ModelParams) -> dict[str, Any]:
     """Return the numbers of a model as a record has them.
 
-    Those of ADDED are left out at their defaults, so that records and their hashes stay the same.
+    Numbers in ADDED are left out at their defaults, so that records and their hashes stay the
+    same.
     """
     nominal = {f.name: f.default for f in fields(model) if f.name in ADDED}
     numbers: dict[str, Any] = plain(model)
@@ -404,464 +391,92 @@ def _of_firmware(text: Text | None) -> dict[str, Any] | None:
 
 
 def validate(spec: Spec) -> None:
-    """Check the parts of a spec against each other.
+    """Check the parts of a spec, each by itself and against the others.
 
     Raises:
         SettingError: some parts do not fit together.
         FileError: the pilot is for another vehicle or control period.
     """
-    _check_types(spec)
-    dt = spec.planner.mppi.dt
-    try:
-        whole_multiple(dt, spec.plant_dt)
-    except ValueError:
-        wanted = f"expected a whole multiple of the plant's step {spec.plant_dt:g} [s]"
-        raise SettingError("dt", f"{wanted}, got {dt:g}") from None
-    _check_channels(spec.planner)
-    for path, problem in faults_of_planner(spec.planner):
-        raise SettingError(path.partition(".")[2], problem)
-    if spec.view_weight and not (spec.sensing and spec.sensing.camera):
-        name = spec.sensing.name if spec.sensing else PERFECT
-        raise SettingError("view_weight", f"expected a sensing with a camera, got {name}")
-    if isinstance(spec.planner.cost, ReferenceWeights):
-        _check_beside_reference(spec.displace_gates, spec.view_weight)
-        _check_reference(spec, spec.planner.cost)
-    _check_faults(spec)
-    _check_flight_controller(spec)
-    _check_link(spec)
-    if spec.pilot:
-        _check_beside_pilot(spec)
-        spec.pilot.check(spec.vehicle.name, dt)
-
-
-def _check_beside_reference(displace_gates: float, view_weight: float) -> None:
-    """Check that no setting is given that a reference does not know. Raises SettingError."""
-    for name, number in (("displace_gates", displace_gates), ("view_weight", view_weight)):
-        if number:
-            why = "for a preset whose reference ignores displaced gates and the camera"
-            raise SettingError(name, f"expected 0 {why}, got {number:g}")
-
-
-def _check_reference(spec: Spec, weights: ReferenceWeights) -> None:
-    """Check that the solution to be followed is one of this race. Raises SettingError."""
-    problem = followed_problem(spec.course, spec.vehicle, spec.laps, weights)
-    if spec.reference is None or spec.reference.key != problem.key:
-        got = spec.reference.key if spec.reference else None
-        raise SettingError("reference", f"expected a solution of {problem.file_name}, got {got}")
-
-
-def _check_beside_pilot(spec: Spec) -> None:
-    """Check that no part is given that a flight with a pilot would ignore. Raises SettingError."""
-    if spec.controller is not None:
-        problem = f"expected none beside a pilot, got {shown_value(spec.controller)}"
-        raise SettingError("controller", problem)
-    if spec.deadline_ms is not None:
-        problem = f"expected none beside a pilot, which has no samples, got {spec.deadline_ms:g}"
-        raise SettingError("deadline_ms", problem)
-
-
-def _check_flight_controller(spec: Spec) -> None:
-    """Check that the firmware has all that it needs. Raises SettingError."""
-    if spec.flight_controller == "ideal":
-        if spec.betaflight is not None:
-            wanted = "expected none beside the flight controller 'ideal'"
-            raise SettingError("betaflight", f"{wanted}, got {spec.betaflight.name!r}")
-        if spec.blackbox is not None:
-            wanted = "expected none without the flight controller 'betaflight'"
-            raise SettingError("blackbox", f"{wanted}, got {spec.blackbox!r}")
-        return
-    if spec.blackbox is not None and not Path(spec.blackbox).absolute().parent.is_dir():
-        wanted = "expected a file in a folder that exists"
-        raise SettingError("blackbox", f"{wanted}, got {spec.blackbox!r}")
-    name = "flight_controller"
-    if spec.vehicle.rotors is None:
-        wanted = "expected a vehicle with rotors for 'betaflight'"
-        raise SettingError(name, f"{wanted}, got {spec.vehicle.name}")
-    if spec.plant not in PLANTS_WITH_ROTORS:
-        plant = spec.plant if isinstance(spec.plant, str) else "a plant of your own"
-        wanted = f"expected plant {' or '.join(PLANTS_WITH_ROTORS)} for 'betaflight'"
-        raise SettingError(name, f"{wanted}, got {plant}")
-    if not is_whole(spec.plant_dt / MAIN_LOOP):
-        wanted = f"expected a whole multiple of {MAIN_LOOP:g} s for 'betaflight'"
-        raise SettingError("plant_dt", f"{wanted}, got {spec.plant_dt:g}")
-    if spec.betaflight is None:
-        wanted = f"expected FILE.txt of Betaflight's CLI for the vehicle {spec.vehicle.name}"
-        raise SettingError("betaflight", f"{wanted}, as none comes with the project")
-
-
-def is_whole(number: float) -> bool:
-    """Return whether a number is a whole one from 1 on, up to rounding."""
-    return abs(number - round(number)) < ROUNDING and round(number) >= 1
-
-
-def _check_link(spec: Spec) -> None:
-    """Check that the plant has a link, and that its numbers agree. Raises SettingError."""
-    link = spec.link
-    if link == WIRE:
-        return
-    if spec.plant not in PLANTS_WITH_ROTORS:
-        plant = spec.plant if isinstance(spec.plant, str) else "a plant of your own"
-        name = next(name for name in LINK_SETTINGS if getattr(spec, name))
-        wanted = f"expected plant {' or '.join(PLANTS_WITH_ROTORS)} for a link"
-        raise SettingError(name, f"{wanted}, got {plant}")
-    if link.rate and link.rate * spec.plant_dt > 1.0 + ROUNDING:
-        wanted = f"expected at most {1.0 / spec.plant_dt:g} Hz, a frame in each physics step"
-        raise SettingError("link_hz", f"{wanted}, got {link.rate:g}")
-    if link.burst is not None:
-        # A channel that is bad after each good frame loses bursts of no less than this.
-        shortest = link.loss / (1.0 - link.loss)
-        if not link.loss or link.burst < shortest:
-            wanted = f"at least {shortest:.3g} frames with" if link.loss else "none without"
-            raise SettingError("link_burst", f"expected {wanted} link_loss, got {link.burst:g}")
-
-
-def _check_faults(spec: Spec) -> None:
-    """Check that the parts that fail are there. Raises SettingError."""
-    for text in spec.fault:
-        try:
-            fault = parse_fault(text)
-        except ValueError as error:
-            raise SettingError("fault", str(error)) from None
-        if isinstance(fault, RotorFault):
-            if spec.vehicle.rotors is None:
-                wanted = "expected a vehicle with rotors"
-                raise SettingError("fault", f"{wanted} for {text!r}, got {spec.vehicle.name}")
-            if spec.plant not in PLANTS_WITH_ROTORS:
-                plant = spec.plant if isinstance(spec.plant, str) else "a plant of your own"
-                wanted = f"expected plant {' or '.join(PLANTS_WITH_ROTORS)}"
-                raise SettingError("fault", f"{wanted} for {text!r}, got {plant}")
-        elif not isinstance(fault, CommandLoss):
-            key = sensor_key(fault)
-            if spec.sensing is None or getattr(spec.sensing, key) is None:
-                name = spec.sensing.name if spec.sensing else PERFECT
-                wanted = f"expected a sensing with {key!r}"
-                raise SettingError("fault", f"{wanted} for {text!r}, got {name}")
-
-
-def _check_types(spec: Spec) -> None:
-    """Check that the parts are objects of the right type. Raises SettingError."""
     wanted = {"course": Course, "vehicle": Vehicle, "planner": Planner, "model": ModelParams}
     for name, kind in wanted.items():
-        _check_type(name, getattr(spec, name), kind)
+        check_type(name, getattr(spec, name), kind)
     for name in ("vehicle", "model", "sensing"):
-        _check_classes(name, getattr(spec, name))
-    if isinstance(spec.plant, str):
-        if spec.plant not in PLANTS:
-            known = " or ".join(map(repr, PLANTS))
-            raise SettingError("plant", f"expected {known}, got {spec.plant!r}")
+        check_classes(name, getattr(spec, name))
+    check_plant(spec.plant)
+    check_cost(spec.cost)
+    for role in ("controller", "referee"):
+        if getattr(spec, role) is not None:
+            check_part(role, getattr(spec, role))
+    dt = spec.planner.mppi.dt
+    check_period(dt, spec.plant_dt)
+    check_planner(spec.planner)
+    check_view(spec.view_weight, spec.sensing)
+    if isinstance(spec.planner.cost, ReferenceWeights):
+        check_beside_reference(spec.displace_gates, spec.view_weight)
+        problem = followed_problem(spec.course, spec.vehicle, spec.laps, spec.planner.cost)
+        check_reference(spec.reference, problem)
+    check_faults(spec.fault, spec.vehicle, spec.plant, spec.sensing)
+    if spec.flight_controller == "ideal":
+        check_no_firmware(spec.betaflight, spec.blackbox)
     else:
-        check_part("plant", spec.plant)
-    if not (spec.cost is None or isinstance(spec.cost, Cost) or callable(spec.cost)):
-        wanted = "expected a Cost, or a function of the default Cost that returns one"
-        raise SettingError("cost", f"{wanted}, got {shown_value(spec.cost)}")
-    if spec.controller is not None:
-        check_part("controller", spec.controller)
-    if spec.referee is not None:
-        check_part("referee", spec.referee)
-
-
-def _check_type(name: str, part: object, kind: type) -> None:
-    """Raise SettingError unless a part is an object of its type."""
-    if not isinstance(part, kind):
-        raise SettingError(name, f"expected a {kind.__name__}, got {shown_value(part)}")
-
-
-def _check_classes(name: str, part: object) -> None:
-    """Check that a part and all in it are of the project's own classes. Raises SettingError.
-
-    A record has their numbers alone, which would fly without a subclass's methods.
-    """
-    if not is_dataclass(part):
-        return
-    kind = type(part)
-    if kind.__module__.partition(".")[0] != "quadsim":
-        wanted = "expected one of quadsim's own classes, whose methods need not be recorded"
-        raise SettingError(name, f"{wanted}, got {kind.__name__}")
-    for inner in fields(part):
-        _check_classes(name, getattr(part, inner.name))
-
-
-def _check_channels(planner: Planner) -> None:
-    """Check that a registered sampler has one number for each control. Raises SettingError."""
-    if not is_registered(planner.sampling):
-        return
-    wanted = len(Control._fields)
-    for name in ("sigma", "gamma"):
-        numbers = getattr(planner.sampling, name, None)
-        if numbers is not None and len(numbers) != wanted:
-            units = f" [{CONTROL_UNITS}]" if name == "sigma" else ""
-            shown = " ".join(map(str, numbers))
-            raise SettingError(name, f"expected {wanted} numbers{units}, got {shown}")
+        check_firmware(spec.betaflight, spec.blackbox, spec.vehicle, spec.plant, spec.plant_dt)
+    check_link(spec.link, spec.plant, spec.plant_dt)
+    if spec.pilot:
+        check_beside_pilot(spec.controller, spec.deadline_ms)
+        spec.pilot.check(spec.vehicle.name, dt)
 
 
 def _resolved(given: Mapping[str, Any]) -> Spec:
     """Return the spec of these settings; the others come from preset, course and vehicle."""
-    _check_names(given)
-    flight = _flight_settings(given)
+    check_names(given)
+    flight = flight_settings(given)
     plant = given.get("plant")
     own_terms = given.get("terms")
 
     # Each file is read once; `but` uses the objects that were read.
     read: dict[str, Any] = {}
-    course = _loaded(given, "course", Course, load_course, DEFAULT_COURSE, read)
+    course = loaded_part(given, "course", Course, load_course, DEFAULT_COURSE, read)
     own_pilot = given.get("pilot")
-    pilot = None if own_pilot is None else _part("pilot", own_pilot, Pilot, load_pilot, read)
-    sensing = _loaded(given, "sensing", Sensing, load_sensing, PERFECT, read)
-    base = _base_planner(given, flight, read)
+    pilot = None if own_pilot is None else given_part("pilot", own_pilot, Pilot, load_pilot, read)
+    sensing = loaded_part(given, "sensing", Sensing, load_sensing, PERFECT, read)
+    base = base_planner(given, flight, read)
     default_vehicle = pilot.about.vehicle if pilot else base.vehicle
-    vehicle = _loaded(given, "vehicle", Vehicle, load_vehicle, default_vehicle, read)
+    vehicle = loaded_part(given, "vehicle", Vehicle, load_vehicle, default_vehicle, read)
     if flight.thrust_to_weight:
         vehicle = with_thrust_to_weight(vehicle, flight.thrust_to_weight)
 
     planner = with_numbers(replace(base, vehicle=vehicle.name), given)
-    configuration = _configuration(flight, given, vehicle, read)
-    plant_dt = _plant_dt(flight, given)
+    configuration = configuration_of(flight, given, vehicle, read)
     laps = flight.laps or course.laps
-    view_weight = _view_weight(flight, base, sensing)
+    view_weight = view_weight_of(flight, base, sensing)
     reference = None
     if isinstance(planner.cost, ReferenceWeights):
         # What can never fly is refused before a solution is asked for.
-        _check_beside_reference(flight.displace_gates, view_weight)
+        check_beside_reference(flight.displace_gates, view_weight)
         reference = stored_reference(course, vehicle, laps, planner.cost, flight.runs_dir, given)
+    settings = {**given, **read}
     spec = Spec(
         course=course,
         vehicle=vehicle,
         planner=planner,
-        model=_nominal_model(given, vehicle),
+        model=nominal_model(given, vehicle),
         laps=laps,
         timeout=flight.timeout or default_timeout(course, laps),
         sensing=None if sensing.exact else sensing,
         pilot=pilot,
-        seed=flight.seed,
-        randomize=flight.randomize,
-        displace_gates=flight.displace_gates,
         view_weight=view_weight,
-        fault=flight.fault,
-        penalties=flight.penalties,
         plant=default_plant() if plant is None else plant,
-        plant_dt=plant_dt,
-        flight_controller=flight.flight_controller,
         betaflight=configuration,
-        blackbox=flight.blackbox,
-        link_hz=flight.link_hz,
-        link_latency=flight.link_latency,
-        link_loss=flight.link_loss,
-        link_burst=flight.link_burst,
-        clock=flight.clock,
-        deadline_ms=flight.deadline_ms,
         terms=(*terms_of(() if own_terms is None else own_terms), *map(term_of_text, flight.term)),
         cost=given.get("cost"),
         controller=given.get("controller"),
         referee=given.get("referee"),
-        threads=flight.threads,
-        runs_dir=flight.runs_dir,
         reference=reference,
+        settings=settings,
+        **{name: getattr(flight, name) for name in HELD},
     )
     # The spec is checked by now: what can never fly is refused before the firmware is asked for.
     if configuration is not None and given.get("model") is None:
-        found = identified(vehicle, configuration, plant_dt, planner.mppi.dt).model(vehicle)
-        spec = replace(spec, model=_changed("model", found, given))
-    object.__setattr__(spec, "given", {**given, **read})
+        found = identified(vehicle, configuration, spec.plant_dt, planner.mppi.dt).model(vehicle)
+        return replace(spec, model=with_settings("model", found, given), settings=settings)
     return spec
-
-
-def _plant_dt(flight: FlightSettings, given: Mapping[str, Any]) -> float:
-    """Return the physics step [s]; by default the firmware has one of its own."""
-    if given.get("plant_dt") is None and flight.flight_controller != "ideal":
-        return FIRMWARE_STEP
-    return flight.plant_dt
-
-
-def _configuration(
-    flight: FlightSettings, given: Mapping[str, Any], vehicle: Vehicle, read: dict[str, Any]
-) -> Text | None:
-    """Return the firmware's configuration: the one given, or the vehicle's, which may be missing.
-
-    Raises:
-        SettingError: it is no file.
-        FileError: its file cannot be read.
-    """
-    own = given.get("betaflight")
-    if isinstance(own, Text):
-        return own
-    if own is not None:
-        if not isinstance(own, str | Path):
-            raise SettingError("betaflight", f"expected a FILE.txt, got {shown_value(own)}")
-        read["betaflight"] = read_text(Path(own))
-        return read["betaflight"]
-    if flight.flight_controller == "ideal":
-        return None
-    return shipped_configuration(vehicle)
-
-
-def shipped_configuration(vehicle: Vehicle) -> Text | None:
-    """Return the firmware's configuration that comes with a vehicle, None where there is none."""
-    path = VEHICLES / f"{vehicle.name.partition('-twr')[0]}{CONFIGURATION}"
-    return read_text(path) if path.exists() else None
-
-
-def _check_names(given: Mapping[str, Any]) -> None:
-    """Check that each name is a setting's. Raises SettingError."""
-    for name in given:
-        if name not in KEYWORDS:
-            raise SettingError(name, f"no such setting, {did_you_mean(name, KEYWORDS)}")
-
-
-def _flight_settings(given: Mapping[str, Any]) -> FlightSettings:
-    """Return the flight's settings except those given as objects. Raises SettingError."""
-    values: dict[str, Any] = {}
-    for f in fields(FlightSettings):
-        value = given.get(f.name)
-        is_object = f.name in OBJECT_SETTINGS
-        if value is None or (is_object and not isinstance(value, str | Path)):
-            continue
-        if f.name in ("term", "fault") and isinstance(value, str):
-            value = (value,)
-        values[f.name] = checked(f.name, value, SETTINGS[f.name].kind)
-    return FlightSettings(**values)
-
-
-def _loaded(
-    given: Mapping[str, Any],
-    name: str,
-    kind: type[T],
-    load: Callable[[str], T],
-    default: str,
-    read: dict[str, Any],
-) -> T:
-    """Return a part that was given by name, as a FILE.yaml or as an object, or the default.
-
-    Args:
-        given: the settings.
-        name: name of the setting.
-        kind: type of the object.
-        load: reads the part that a name or path stands for; raises FileError.
-        default: name to load where none is given.
-        read: collects the parts that were loaded by a given name.
-
-    Raises:
-        SettingError: the part is neither a name nor an object of its type.
-    """
-    part = given.get(name)
-    return load(default) if part is None else _part(name, part, kind, load, read)
-
-
-def _part(
-    name: str, part: object, kind: type[T], load: Callable[[str], T], read: dict[str, Any]
-) -> T:
-    """Return a part that was given, see `_loaded`. Raises SettingError."""
-    if isinstance(part, kind):
-        _check_numbers(name, part)
-        return part
-    if not isinstance(part, str | Path):
-        wanted = f"expected a name, a FILE.yaml or a {kind.__name__}"
-        raise SettingError(name, f"{wanted}, got {shown_value(part)}")
-    loaded = load(str(part))
-    read[name] = loaded
-    return loaded
-
-
-def _check_numbers(name: str, part: object) -> None:
-    """Check the numbers of a vehicle or a sensing as those of a file are. Raises SettingError."""
-    if not isinstance(part, Vehicle | Sensing):
-        return
-    try:
-        part.but()
-    except SettingError as error:
-        raise SettingError(name, str(error)) from None
-
-
-def _base_planner(
-    given: Mapping[str, Any], flight: FlightSettings, read: dict[str, Any]
-) -> Planner:
-    """Return the preset's planner for the sampler, before single numbers are changed.
-
-    read: collects the text of a preset file, and the user's own sampler.
-    """
-    sampling = own_sampler(given["sampler"]) if given.get("sampler") is not None else None
-    planner = given.get("planner")
-    if planner is not None:
-        for name in ("sampler", "preset"):
-            if given.get(name) is not None:
-                wanted = "expected none: the planner of a stored run, or planner=, has its own"
-                raise SettingError(name, wanted)
-        _check_type("planner", planner, Planner)
-        return planner
-    preset = given.get("preset")
-    if not isinstance(preset, PresetSource):
-        if not (preset is None or isinstance(preset, str | Path)):
-            raise SettingError(
-                "preset", f"expected a name or a FILE.yaml, got {shown_value(preset)}"
-            )
-        preset = PresetSource.read(flight.preset)
-        read |= {"preset": preset} if "preset" in given else {}
-    firmware = flight.flight_controller != "ideal"
-    if sampling is None:
-        return preset.planner(flight.sampler, firmware)
-    read["sampler"] = sampling
-    # The user's own sampler gets the MPPI and cost numbers of the default sampler.
-    name = sampler_name(sampling) if is_registered(sampling) else FlightSettings.sampler
-    return replace(preset.planner(name, firmware), sampling=sampling)
-
-
-def with_numbers(planner: Planner, given: Mapping[str, Any]) -> Planner:
-    """Return the planner with the given numbers of its sampler, MPPI and cost."""
-    groups: tuple[Group, ...] = ("sampling", "mppi", "cost")
-    changed = {group: _changed(group, getattr(planner, group), given) for group in groups}
-    return replace(planner, **changed)
-
-
-def _nominal_model(given: Mapping[str, Any], vehicle: Vehicle) -> ModelParams:
-    """Return the planner's model: the vehicle's nominal one with the given numbers.
-
-    Behind the firmware it is replaced by the model that a flight on the test bench shows.
-    """
-    model = given.get("model")
-    if model is None:
-        model = ModelParams.of(vehicle)
-    _check_type("model", model, ModelParams)
-    return _changed("model", model, given)
-
-
-def _changed(group: Group, values: Any, given: Mapping[str, Any]) -> Any:
-    """Return a group's dataclass with the settings that were given. Raises SettingError."""
-    owner: type[object] = values.__class__
-    changes: dict[str, object] = {}
-    for name, value in given.items():
-        setting = SETTINGS.get(name)
-        if setting is None or setting.group != group:
-            continue
-        kind = setting.kinds.get(owner)
-        if value is None and (kind is None or not is_optional(kind)):
-            continue  # the default
-        if kind is None:
-            raise SettingError(name, _owners(setting))
-        changes[setting.field] = checked(name, value, kind)
-    return replace(values, **changes) if changes else values
-
-
-def _owners(setting: Setting) -> str:
-    """Return an error's text with the samplers or costs that have this setting."""
-    names = [name for name, cls in SAMPLERS.items() if cls in setting.kinds]
-    if names:
-        return f"expected none, it is a setting of {' and '.join(names)} sampling only"
-    owners = " and ".join(owner.__name__ for owner in setting.kinds)
-    return f"expected none, it is a setting of {owners} only"
-
-
-def _view_weight(flight: FlightSettings, base: Planner, sensing: Sensing) -> float:
-    """Return the weight of the cost term that makes the camera look along the flight.
-
-    It helps where a camera has to find displaced gates; elsewhere a flight without yaw is faster.
-    """
-    if flight.view_weight is not None:
-        return flight.view_weight
-    return base.view_weight if sensing.camera and flight.displace_gates else 0.0
-
-
-def default_timeout(course: Course, laps: int) -> float:
-    """Return the time limit [s]: 10 s, and the laps at 2 m/s along the lines between gates.
-
-    It is at most the largest `timeout` that may be given.
-    """
-    return min(10.0 + laps * course.lap_length / 2.0, 1e5)

@@ -7,7 +7,7 @@ from functools import partial
 from math import ceil, degrees
 from typing import Any, NamedTuple
 
-from quadsim.config.spec import shipped_configuration
+from quadsim.config.resolve import shipped_configuration
 from quadsim.files.values import SettingError
 from quadsim.firmware.actuators import BetaflightActuators, motors_reversed
 from quadsim.firmware.configuration import Text, with_other_gains

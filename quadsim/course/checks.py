@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from quadsim.course.gate import Gate, Start
 from quadsim.course.obstacles import Obstacle
 from quadsim.course.opening import InGate, half_sizes
 from quadsim.course.swept_obstacles import SweptObstacle
-
-if TYPE_CHECKING:
-    from quadsim.course.course import Course, Gate
+from quadsim.rotation import Vec3
 
 # [m] around the start, and before and behind gates: the largest vehicle (.25) and half a bar (.05)
 ROOM = 0.3
@@ -23,6 +22,28 @@ ROUNDING = 1e-6
 LINES = 9
 
 
+class Layout(Protocol):
+    """The parts of a Course that have to fit together."""
+
+    @property
+    def gates(self) -> tuple[Gate, ...]: ...
+
+    @property
+    def obstacles(self) -> tuple[Obstacle, ...]: ...
+
+    @property
+    def start(self) -> Start: ...
+
+    @property
+    def bounds(self) -> tuple[tuple[float, float], ...]: ...
+
+    @property
+    def loop(self) -> bool: ...
+
+    @property
+    def laps(self) -> int: ...
+
+
 class Fault(NamedTuple):
     """A key of the course file, and the problem with it."""
 
@@ -30,7 +51,7 @@ class Fault(NamedTuple):
     problem: str
 
 
-def faults(course: Course) -> Iterator[Fault]:
+def faults(course: Layout) -> Iterator[Fault]:
     """Yield all faults of a course; the first is the one to show."""
     if course.laps > 1 and not course.loop:
         yield Fault("laps", f"expected 1 on an open course (or loop: true), got {course.laps}")
@@ -43,15 +64,27 @@ def faults(course: Course) -> Iterator[Fault]:
     yield from _obstacle_faults(course)
 
 
-def _start_faults(course: Course) -> Iterator[Fault]:
+def _start_faults(course: Layout) -> Iterator[Fault]:
     """Yield the faults of the start."""
     key = "start.position"
     start = course.start.position
     if start[2] < 0.0:
         yield Fault(key, f"expected z >= 0, on or above the ground [m], got {start[2]:g}")
-    outside = _outside(course, np.array([start]))
+    for problem in start_problems(course, start):
+        yield Fault(key, problem)
+
+
+def start_problems(course: Layout, start: Vec3) -> Iterator[str]:
+    """Yield what keeps a vehicle from starting at a place: bounds, frames or obstacles.
+
+    Args:
+        course: the course.
+        start: the place [m].
+    """
+    # A vehicle that stands on the ground is lifted to it by the plant.
+    outside = _outside(course, np.array([(start[0], start[1], max(start[2], 0.0))]))
     if outside:
-        yield Fault(key, outside)
+        yield outside
 
     distances = {
         f"the frame of gate {i}": gate.frame_distance(start)
@@ -61,35 +94,58 @@ def _start_faults(course: Course) -> Iterator[Fault]:
         distances[f"obstacle {i}"] = obstacle.distance(start)
     for name, distance in distances.items():
         if distance < ROOM:
-            yield Fault(key, f"expected {ROOM} m of room, got {distance:.2f} m to {name}")
+            yield f"expected {ROOM} m of room, got {distance:.2f} m to {name}"
 
 
-def _gate_faults(course: Course) -> Iterator[Fault]:
+def misplaced_gates(course: Layout) -> dict[int, str]:
+    """Return the problem of each gate that stands where it cannot be flown, by index.
+
+    It is outside the bounds, in the ground, blocked by obstacles, or too near to the start.
+    """
+    found = {}
+    for i, gate in enumerate(course.gates):
+        problems = [fault.problem for fault in _faults_of_gate(course, i, gate)]
+        distance = gate.frame_distance(course.start.position)
+        if distance < ROOM:
+            problems.append(f"expected {ROOM} m of room, got {distance:.2f} m to the start")
+        if course.obstacles and _blocked(gate, course.obstacles):
+            problems.append("expected a free line through the gate, got obstacles across all of it")
+        if problems:
+            found[i] = problems[0]
+    return found
+
+
+def _gate_faults(course: Layout) -> Iterator[Fault]:
     """Yield the faults of every gate and of the room before and behind it."""
     for i, gate in enumerate(course.gates):
-        key = f"gates[{i}].position"
-        opening = gate.corners()
-        lowest = opening[:, 2].min()
-        if lowest < -ROUNDING:
-            problem = f"expected an opening above the ground, got its lowest corner at {lowest:.2f}"
-            yield Fault(key, f"{problem} [m]")
-        outside = _outside(course, opening)
+        yield from _faults_of_gate(course, i, gate)
+
+
+def _faults_of_gate(course: Layout, i: int, gate: Gate) -> Iterator[Fault]:
+    """Yield the faults of one gate, whose index is i."""
+    key = f"gates[{i}].position"
+    opening = gate.corners()
+    lowest = opening[:, 2].min()
+    if lowest < -ROUNDING:
+        problem = f"expected an opening above the ground, got its lowest corner at {lowest:.2f}"
+        yield Fault(key, f"{problem} [m]")
+    outside = _outside(course, opening)
+    if outside:
+        yield Fault(key, outside)
+
+    # The last gate of an open course too: a planner stays within the bounds by the vehicle's
+    # size, and would not reach a gate that stands on them.
+    for where, along in (("before", -ROOM), ("behind", ROOM)):
+        point = gate.to_world(InGate(along, 0.0, 0.0))
+        if point[2] < -ROUNDING:
+            problem = f"expected {ROOM} m of room {where} the gate, got the ground nearer"
+            yield Fault(key, problem)
+        outside = _outside(course, np.array([point]))
         if outside:
-            yield Fault(key, outside)
-
-        # The last gate of an open course too: a planner stays within the bounds by the vehicle's
-        # size, and would not reach a gate that stands on them.
-        for where, along in (("before", -ROOM), ("behind", ROOM)):
-            point = gate.to_world(InGate(along, 0.0, 0.0))
-            if point[2] < -ROUNDING:
-                problem = f"expected {ROOM} m of room {where} the gate, got the ground nearer"
-                yield Fault(key, problem)
-            outside = _outside(course, np.array([point]))
-            if outside:
-                yield Fault(key, f"{ROOM} m {where} the gate, along its passage, is {outside}")
+            yield Fault(key, f"{ROOM} m {where} the gate, along its passage, is {outside}")
 
 
-def _obstacle_faults(course: Course) -> Iterator[Fault]:
+def _obstacle_faults(course: Layout) -> Iterator[Fault]:
     """Yield the faults of obstacles, and the gates that they block."""
     for i, obstacle in enumerate(course.obstacles):
         key = f"obstacles[{i}]"
@@ -123,8 +179,8 @@ def _blocked(gate: Gate, obstacles: Sequence[Obstacle]) -> bool:
     return True
 
 
-def _outside(course: Course, points: np.ndarray) -> str:
-    """Return the problem with points (n, 3) that lie outside the bounds, "" where none does."""
+def _outside(course: Layout, points: np.ndarray) -> str:
+    """Return the problem with points (n, 3) that lie outside the bounds, "" if none does."""
     for axis, values, (low, high) in zip("xyz", points.T, course.bounds, strict=True):
         for value in (values.min(), values.max()):
             if not low - ROUNDING <= value <= high + ROUNDING:

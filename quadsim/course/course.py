@@ -1,7 +1,6 @@
-"""Course: gates, obstacles, start, bounds and laps as plain values, and the files that hold them.
+"""Course: gates, obstacles, start, bounds and laps, read from a course file and written to one.
 
-A course file has the keys of CourseFile, with units, ranges and defaults. `parse_course` reads it,
-and `Course.to_yaml` writes it.
+A course file has the keys of CourseFile. `parse_course` reads it, and `Course.to_yaml` writes it.
 """
 
 from __future__ import annotations
@@ -13,171 +12,25 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from math import degrees, dist, inf, nextafter, radians
 from pathlib import Path
-from typing import Annotated, Any, TypedDict, Unpack
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
-from msgspec import Meta, Struct
 
 from quadsim.course.checks import faults
+from quadsim.course.course_file import CourseFile, GateEntry, ObstacleEntry, Published
+from quadsim.course.gate import Gate, Start
 from quadsim.course.obstacles import Box, Cylinder, Obstacle
-from quadsim.course.opening import (
-    Bar,
-    InGate,
-    distance_to_frame,
-    frame_bars,
-    outer_half_sizes,
-    rectangle_corners,
-)
 from quadsim.files.data_files import locate, names, read_text
-from quadsim.files.strict_yaml import Document, FileError, parse, setting, unit
+from quadsim.files.strict_yaml import Document, FileError, parse
 from quadsim.files.yaml_text import dump, remade, written
-from quadsim.rotation import Vec3, euler_matrix, in_frame
 
 COURSES = Path(__file__).parents[2] / "courses"
 # [m] of default bounds around start, gates and obstacles
 MARGIN = 10.0
 # [m] of default bounds below the ground, so that the ground ends a flight and not the bounds
 BELOW_GROUND = 1.0
-# Keys whose change makes published times those of another course
+# Keys with whose change a course loses its published times
 DECIDE_TIMES = ("gates", "opening", "frame_width", "obstacles", "start", "loop")
-
-Metre = Annotated[float, unit("m", ge=-1e4, le=1e4)]
-Size = Annotated[float, unit("m", gt=0, le=100)]
-Degree = Annotated[float, unit("deg", ge=-360, le=360)]
-Point = tuple[Metre, Metre, Metre]
-Span = tuple[Metre, Metre]
-# Folders of runs have the name of their course.
-Name = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
-Second = Annotated[float, unit("s", gt=0)]
-
-
-@dataclass(frozen=True)
-class Gate:
-    """A rectangular opening in a flat frame.
-
-    The gate frame has x along the legal passage, y to the left and z up. Sizes, planes and sides of
-    the opening are computed in quadsim.course.opening.
-
-    Examples:
-        >>> from quadsim import Gate
-        >>> level = {"yaw": 0.0, "pitch": 0.0, "roll": 0.0}  # [rad]
-        >>> gate = Gate((5.0, 0.0, 2.0), **level, opening=(1.5, 1.5), frame_width=0.2)
-        >>> gate.to_local((6.0, 0.5, 2.0))
-        InGate(along=1.0, left=0.5, up=0.0)
-    """
-
-    # centre of the opening, ENU [m]
-    position: Vec3
-    # [rad]; a positive pitch turns the passage down
-    yaw: float
-    pitch: float
-    roll: float
-    # width (y) and height (z) [m]
-    opening: tuple[float, float]
-    # width of the bars around the opening [m]
-    frame_width: float
-
-    @cached_property
-    def rotation(self) -> np.ndarray:
-        """The rotation world from gate, with the columns passage, left and up.  (3, 3)"""
-        return euler_matrix(self.yaw, self.pitch, self.roll)
-
-    @cached_property
-    def axes(self) -> tuple[Vec3, Vec3, Vec3]:
-        """The gate's axes passage, left and up in the world, as plain floats."""
-        passage, left, up = self.rotation.T.tolist()
-        return tuple(passage), tuple(left), tuple(up)
-
-    def to_local(self, p: Vec3) -> InGate:
-        """Return a point of the world in the gate frame [m]."""
-        c = self.position
-        return InGate(*in_frame((p[0] - c[0], p[1] - c[1], p[2] - c[2]), *self.axes))
-
-    def to_local_rows(self, points: np.ndarray) -> InGate:
-        """Return points of the world in the gate frame [m].
-
-        Args:
-            points: (n, 3) [m].
-
-        Returns:
-            An InGate of three arrays (n,).
-        """
-        away = points - self.position
-        return InGate(*(away @ self.rotation).T)
-
-    def to_world(self, p: InGate) -> Vec3:
-        """Return a point of the gate frame in the world [m]."""
-        x, y, z = (self.position + self.rotation @ p).tolist()
-        return x, y, z
-
-    @property
-    def bars(self) -> tuple[Bar, Bar, Bar, Bar]:
-        """The four bars of the frame, in the gate frame."""
-        return frame_bars(self.opening, self.frame_width)
-
-    def corners(self, border: float = 0.0) -> np.ndarray:
-        """Return the corners of the opening, `border` [m] farther out, in the world.  (4, 3)"""
-        local = rectangle_corners(outer_half_sizes(self.opening, border))
-        return self.position + local @ self.rotation.T
-
-    def frame_distance(self, point: Vec3) -> float:
-        """Return the distance from a point of the world to the nearest bar [m].
-
-        Bars are taken as flat; the distance is 0 on a bar.
-        """
-        return distance_to_frame(self.to_local(point), self.opening, self.frame_width)
-
-
-@dataclass(frozen=True)
-class EstimatedGate(Gate):
-    """A gate at its estimated position, with the uncertainty of the estimate."""
-
-    # standard deviation of the position relative to the vehicle, the largest of x, y and z [m]
-    std: float = 0.0
-
-    @classmethod
-    def of(cls, gate: Gate, moved: Vec3, std: float) -> EstimatedGate:
-        """Return a gate that is estimated to stand off the map.
-
-        Args:
-            gate: gate of the map.
-            moved: its displacement from the map [m].
-            std: standard deviation of its position relative to the vehicle [m].
-        """
-        x, y, z = gate.position
-        dx, dy, dz = moved
-        return cls(
-            position=(x + dx, y + dy, z + dz),
-            yaw=gate.yaw,
-            pitch=gate.pitch,
-            roll=gate.roll,
-            opening=gate.opening,
-            frame_width=gate.frame_width,
-            std=std,
-        )
-
-
-@dataclass(frozen=True)
-class Start:
-    """The pose in which a flight begins, at rest.
-
-    Examples:
-        >>> from quadsim import Start
-        >>> start = Start(position=(0.0, 0.0, 1.0), yaw=1.57)
-    """
-
-    # [m]
-    position: Vec3
-    # [rad]
-    yaw: float
-
-
-@dataclass(frozen=True)
-class Published:
-    """A time on these gates that others have published."""
-
-    who: Annotated[str, setting("authors of the time")]
-    time: Annotated[float, setting("time on these gates", unit="s", gt=0)]
 
 
 class CourseChanges(TypedDict, total=False):
@@ -245,8 +98,8 @@ class Course:
     def but(self, **changes: Unpack[CourseChanges]) -> Course:
         """Return the course with other gates, obstacles or laps, checked as a course file is.
 
-        Default bounds are computed anew. Published times are dropped where gates or obstacles
-        change, as they are times on the gates of before.
+        Default bounds are computed anew. Published times are dropped if gates or obstacles
+        change, as they are times on the old gates.
 
         Args:
             changes: keys of a course file, see docs/courses.md. `gates` and `obstacles` take Gate,
@@ -270,8 +123,8 @@ class Course:
     def to_yaml(self, path: str | Path | None = None) -> str:
         """Return the course as a course file, which `load_course` reads to an equal course.
 
-        That is the course's text where it describes the course; otherwise angles are equal up to
-        the rounding of degrees.
+        It is the course's text if this describes the course; otherwise angles are equal up to the
+        rounding of degrees.
 
         Args:
             path: a file to write; its name becomes the course's if the text has none. None writes
@@ -304,75 +157,6 @@ class Course:
         of_gates = [gate.corners(gate.frame_width) for gate in self.gates]
         of_obstacles = [obstacle.corners() for obstacle in self.obstacles]
         return np.vstack([start, *of_gates, *of_obstacles])
-
-
-class GateEntry(Struct, frozen=True, kw_only=True):
-    """A gate of a course file."""
-
-    position: Annotated[Point, setting("centre of the opening: x east, y north, z up")]
-    yaw_deg: Annotated[Degree, setting("direction of the passage: 0 east, 90 north")]
-    pitch_deg: Annotated[Degree, setting("pitch of the passage, positive down")] = 0.0
-    roll_deg: Annotated[Degree, setting("roll about the passage")] = 0.0
-    opening: Annotated[
-        tuple[Size, Size] | None, setting("width and height; default: the course's")
-    ] = None
-    frame_width: Annotated[
-        Size | None, setting("width of the bars around the opening; default: the course's")
-    ] = None
-
-
-class StartEntry(Struct, frozen=True, kw_only=True):
-    """The start of a course file."""
-
-    position: Annotated[Point, setting("position at rest")]
-    yaw_deg: Annotated[Degree, setting("heading: 0 east, 90 north")]
-
-
-class BoxEntry(Struct, frozen=True, kw_only=True):
-    """A box of a course file."""
-
-    centre: Annotated[Point, setting("centre of the box")]
-    size: Annotated[tuple[Size, Size, Size], setting("size along the box's own x, y and z")]
-    yaw_deg: Annotated[Degree, setting("direction of the box's x axis")] = 0.0
-
-
-class CylinderEntry(Struct, frozen=True, kw_only=True):
-    """An upright cylinder of a course file."""
-
-    base: Annotated[Point, setting("centre of the lower end")]
-    radius: Annotated[Size, setting("radius")]
-    height: Annotated[Size, setting("height")]
-
-
-class ObstacleEntry(Struct, frozen=True, kw_only=True):
-    """An obstacle of a course file: a box or a cylinder."""
-
-    box: BoxEntry | None = None
-    cylinder: CylinderEntry | None = None
-
-
-class CourseFile(Struct, frozen=True, kw_only=True):
-    """The keys of a course file."""
-
-    name: Annotated[Name | None, setting("name of the course; default: the file's")] = None
-    source: Annotated[str, setting("where the course comes from")] = ""
-    loop: Annotated[bool, setting("whether the first gate comes after the last")] = False
-    laps: Annotated[int, setting("laps of a race on a loop", ge=1, le=1000)] = 1
-    opening: Annotated[tuple[Size, Size], setting("width and height of gates' openings")]
-    # Swift's gates have openings of 1.5 m in a frame of 2.05 m.
-    frame_width: Annotated[Size, setting("width of the bars around an opening")] = 0.275
-    bounds: Annotated[
-        tuple[Span, Span, Span] | None,
-        setting("spans of x, y and z; default: around start, gates and obstacles, with room"),
-    ] = None
-    start: Annotated[StartEntry, setting("place and heading at rest")]
-    gates: Annotated[tuple[GateEntry, ...], setting("gates in the order of flight", min_length=1)]
-    obstacles: Annotated[
-        tuple[ObstacleEntry, ...], setting("boxes and cylinders to keep clear of")
-    ] = ()
-    published: Annotated[
-        tuple[Published, ...], setting("times that reports show beside yours")
-    ] = ()
 
 
 def course_names() -> tuple[str, ...]:
@@ -558,7 +342,7 @@ def _item_entry(item: Any, defaults: Mapping[str, Any]) -> Any:
 
 
 def _entries(course: Course) -> dict[str, Any]:
-    """Return the entries of a course file; most of those at their default are left out."""
+    """Return the entries of a course file; most entries at their default are left out."""
     # The opening and the frame that most gates have
     opening = Counter(gate.opening for gate in course.gates).most_common(1)[0][0]
     frame_width = Counter(gate.frame_width for gate in course.gates).most_common(1)[0][0]
@@ -608,7 +392,7 @@ def _obstacle_entry(obstacle: Obstacle) -> dict[str, Any]:
 def in_degrees(angle: float) -> float:
     """Return an angle [rad] in degrees, the shortest number that gives it to the last bit.
 
-    Where none does, as for most angles that were not read in degrees, it is the nearest.
+    If no number does, as for most angles that were not read in degrees, it is the nearest.
     """
     nearest = degrees(angle)
     rounded = (round(nearest, digits) for digits in range(16))

@@ -4,7 +4,7 @@ The rules, what a contact or a crossing means, are the referee's.
 
 In the gate frame (x along the legal passage) the vehicle is a sphere of radius r whose centre moves
 on a segment. The four bars, as boxes grown by r, are a slab around a free shaft: the sphere touches
-a bar where its centre is in the slab and not in the shaft. See quadsim.course.opening for both.
+a bar if its centre is in the slab and not in the shaft. See quadsim.course.opening for both.
 Grown boxes stick out where a sphere would round an edge: contact is found up to .42 r early at the
 bars' edges, .73 r at their corners. On their faces, and straight through the opening, it is exact.
 """
@@ -13,10 +13,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import dist, hypot, inf, sqrt
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from quadsim.course.frames import frame_numbers
+from quadsim.course.gate import Gate
 from quadsim.course.opening import (
     HalfSizes,
     InGate,
@@ -32,9 +34,6 @@ from quadsim.course.opening import (
 )
 from quadsim.rotation import Vec3
 
-if TYPE_CHECKING:
-    from quadsim.course.course import Gate
-
 
 class Incident(NamedTuple):
     """A contact or a crossing within one step, to which the rules are still to be applied."""
@@ -49,11 +48,13 @@ class Incident(NamedTuple):
     offset: Offset = Offset(0.0, 0.0)
     # index; -1: no obstacle
     obstacle: int = -1
+    # index of the first gate of the same physical frame; -1: no gate
+    frame: int = -1
 
     @property
     def touched(self) -> str:
         """The name of the touched object, as contacts have it: "gate 3", "obstacle 2"."""
-        return f"obstacle {self.obstacle + 1}" if self.obstacle >= 0 else f"gate {self.gate + 1}"
+        return f"obstacle {self.obstacle + 1}" if self.obstacle >= 0 else f"gate {self.frame + 1}"
 
 
 def clip(
@@ -102,7 +103,7 @@ def first_within(a0: Vec3, a1: Vec3, b0: Vec3, b1: Vec3, reach: float) -> float 
         reach: distance [m].
 
     Returns:
-        0 where they are within reach from the beginning; None where they never are.
+        0 if they are within reach from the beginning; None if they never are.
     """
     way = (b0[0] - a0[0], b0[1] - a0[1], b0[2] - a0[2])
     change = (b1[0] - a1[0] - way[0], b1[1] - a1[1] - way[1], b1[2] - a1[2] - way[2])
@@ -123,16 +124,18 @@ def first_within(a0: Vec3, a1: Vec3, b0: Vec3, b1: Vec3, reach: float) -> float 
 class SweptGate:
     """One gate and the radius of what flies through it [m]."""
 
-    def __init__(self, gate: Gate, index: int, radius: float):
+    def __init__(self, gate: Gate, index: int, radius: float, frame: int | None = None):
         """Prepare the tests of one gate.
 
         Args:
             gate: gate of the course.
             index: reported with its incidents.
             radius: radius of the sphere [m].
+            frame: index of the first gate of its physical frame; None: its own.
         """
         self.gate = gate
         self.index = index
+        self.frame = index if frame is None else frame
         # half sizes within which the sphere's centre is free, and outside which it is free [m]
         self.free = free_half_sizes(gate.opening, radius)
         self.outer = outer_half_sizes(gate.opening, gate.frame_width, radius)
@@ -186,19 +189,41 @@ class SweptGate:
         found = []
         touched = self.touch(a, b)
         if touched is not None:
-            found.append(Incident(touched, "touch", self.index, between(a, b, touched).offset))
+            at = between(a, b, touched).offset
+            found.append(Incident(touched, "touch", self.index, at, frame=self.frame))
         crossed = crossing(a, b)
         if crossed is not None:
             kind = "forward" if crossed.forward else "backward"
-            found.append(Incident(crossed.fraction, kind, self.index, crossed.offset))
+            at = crossed.offset
+            found.append(Incident(crossed.fraction, kind, self.index, at, frame=self.frame))
         return found
+
+    def as_own(self, incident: Incident, of: SweptGate, p0: Vec3, p1: Vec3) -> Incident:
+        """Return an incident of this frame as it is in this gate's direction and axes.
+
+        Args:
+            incident: found by another gate of the frame.
+            of: that gate.
+            p0, p1: ends of the segment in the world [m].
+        """
+        at = self.gate.to_local(lerp(p0, p1, incident.s))
+        along = sum(a * b for a, b in zip(self.gate.axes[0], of.gate.axes[0], strict=True))
+        kind = incident.kind
+        if along < 0.0 and kind != "touch":
+            kind = "backward" if kind == "forward" else "forward"
+        return incident._replace(kind=kind, gate=self.index, offset=at.offset)
 
 
 class SweptGates:
     """All gates of a course, for a vehicle of one radius.
 
     A gate that is flown through several times a lap is one SweptGate: `of` has the one of each gate
-    of the course, `all` has each once, with the index of its first pass.
+    of the course. A frame that is flown from both sides has two, one for each side. `all` has the
+    first SweptGate of each frame.
+
+    Attributes:
+        of: the SweptGate of each gate of the course.
+        all: the first SweptGate of each physical frame.
     """
 
     def __init__(self, gates: Sequence[Gate], radius: float):
@@ -208,12 +233,13 @@ class SweptGates:
             gates: gates of the course, in order.
             radius: radius of the vehicle [m].
         """
+        numbers = frame_numbers(gates)
         first: dict[Gate, SweptGate] = {}
         for index, gate in enumerate(gates):
             if gate not in first:
-                first[gate] = SweptGate(gate, index, radius)
+                first[gate] = SweptGate(gate, index, radius, numbers.index(numbers[index]))
         self.of = tuple(first[gate] for gate in gates)
-        self.all = tuple(first.values())
+        self.all = tuple(swept for swept in first.values() if swept.frame == swept.index)
         self._centres = np.array([g.gate.position for g in self.all])  # (gates, 3)
         self._reach = np.array([g.reach for g in self.all])  # (gates,)
 

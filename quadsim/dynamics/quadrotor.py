@@ -447,6 +447,8 @@ def quadrotor(model: ModelParams, dt: float) -> System:
         yaw_reserve=model.yaw_cost if model.yaw_first else 0.0,
         thrust_max=model.thrust_max,
     )
+    # A vehicle that has lost rotors may not be able to hover.
+    hover = min(max(GRAVITY, model.thrust_min), model.thrust_max)
     return System(
         name="quadrotor",
         state=State,
@@ -456,6 +458,6 @@ def quadrotor(model: ModelParams, dt: float) -> System:
         dt=dt,
         low=Control._make((*(-rate for rate in model.rate_max), model.thrust_min)),
         high=Control(*model.rate_max, thrust=model.thrust_max),
-        rest=Control(0.0, 0.0, 0.0, GRAVITY),
+        rest=Control(0.0, 0.0, 0.0, hover),
         attainable=None if model.tilt_first else attainable,
     )

@@ -60,6 +60,37 @@ class System:
     # cannot follow it
     attainable: Callable[[Any, Any, Any], Any] | None = None
 
+    def __post_init__(self) -> None:
+        """Check the system.
+
+        Raises:
+            ValueError: a limit or `rest` has the wrong length, a limit is not finite, low exceeds
+                high, `rest` is outside the limits, or dt is no positive number.
+        """
+        for kind, role in ((self.state, "state"), (self.control, "control")):
+            if not hasattr(kind, "_fields"):
+                raise self._wrong(role, "a NamedTuple of numbers", repr(kind))
+        if not (isfinite(self.dt) and self.dt > 0.0):
+            raise self._wrong("dt", "a number of seconds > 0", f"{self.dt:g}")
+        for role in ("low", "high", "rest"):
+            numbers = getattr(self, role)
+            if len(numbers) != len(self.controls):
+                names = ", ".join(self.controls)
+                wanted = f"{len(self.controls)} numbers, one for each of {names}"
+                raise self._wrong(role, wanted, str(len(numbers)))
+        for name, low, high, rest in zip(
+            self.controls, self.low, self.high, self.rest, strict=True
+        ):
+            if not (isfinite(low) and isfinite(high) and low <= high):
+                raise self._wrong(
+                    "low", f"finite limits with low <= high for {name}", f"{low:g}, {high:g}"
+                )
+            if not low <= rest <= high:
+                raise self._wrong("rest", f"{low:g} to {high:g} for {name}", f"{rest:g}")
+
+    def _wrong(self, role: str, wanted: str, found: str) -> ValueError:
+        return ValueError(f"{self.name}: {role}: expected {wanted}, got {found}")
+
     @property
     def states(self) -> tuple[str, ...]:
         """The names of the state's numbers."""
@@ -95,6 +126,22 @@ class System:
             )
 
         return replace(self, low=tighter(self.low), high=tighter(self.high))
+
+    def checked_state(self, x: Any) -> np.ndarray:
+        """Return a state that was given as an array, a list or a NamedTuple as an array  (n_x,).
+
+        Raises:
+            ValueError: x does not hold one number for each state.
+        """
+        wanted = f"{len(self.states)} numbers: {', '.join(self.states)}"
+        try:
+            numbers = np.asarray(x, float)
+        except (TypeError, ValueError):
+            raise self._wrong("state", wanted, type(x).__name__) from None
+        if numbers.shape != (len(self.states),):
+            got = f"an array of shape {numbers.shape}" if numbers.ndim else type(x).__name__
+            raise self._wrong("state", wanted, got)
+        return numbers
 
     def check(self, x: Sequence[float] | np.ndarray) -> None:
         """Raise ValueError unless x holds one finite number for each state."""

@@ -49,7 +49,7 @@ class _Unfit(Exception):  # noqa: N818 (it never leaves this module)
 def checked(name: str, given: object, kind: Kind) -> object:
     """Return the value as a setting holds it.
 
-    Text is read as a number where one is asked for. A list, a tuple or an array becomes a tuple.
+    Text is read as a number if a number is asked for. A list, a tuple or an array becomes a tuple.
 
     Args:
         name: name of the setting, for the error.
@@ -196,7 +196,7 @@ def _items(given: object) -> list[object]:
 
 
 def _within(number: Number, kind: inspect.IntType | inspect.FloatType) -> Number:
-    """Return the number. Raises _Unfit where it lies outside the range of its kind."""
+    """Return the number. Raises _Unfit if it lies outside the range of its kind."""
     above = (kind.ge is None or number >= kind.ge) and (kind.gt is None or number > kind.gt)
     below = (kind.le is None or number <= kind.le) and (kind.lt is None or number < kind.lt)
     if not (above and below):

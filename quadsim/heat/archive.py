@@ -38,34 +38,31 @@ from quadsim.record.archive import (
 )
 from quadsim.record.provenance import provenance
 from quadsim.record.run import Run, RunError, canonical
+from quadsim.record.schema import HEAT_FORMAT, StoredEntrant, StoredHeatSpec, TitledHeat
 from quadsim.record.whole_files import one_line, write_whole
 
-FORMAT = "quadsim heat 1"
 HEAT = "heat.json"
 
 
-class StoredEntrant(msgspec.Struct):
-    """An entrant in heat.json."""
+class RecordedEntrant(StoredEntrant):
+    """An entrant in heat.json, with all that its flight is made from."""
 
-    name: str
     place: int
     awareness: Awareness
-    spec: dict[str, Any]
 
 
-class StoredHeatSpec(msgspec.Struct):
-    """The specification of a race in heat.json."""
+class RecordedHeatSpec(StoredHeatSpec):
+    """The specification of a race in heat.json, with all that the race is made from."""
 
-    seed: int
     rotation: int
     settings: HeatSettings
-    entrants: list[StoredEntrant]
+    entrants: list[RecordedEntrant]
 
 
-class StoredHeat(msgspec.Struct):
+class RecordedHeat(msgspec.Struct):
     """The part of heat.json that is read back; the rest follows from the runs."""
 
-    spec: StoredHeatSpec
+    spec: RecordedHeatSpec
     start_times: list[float]
     runs: list[str]
     digest: str
@@ -75,7 +72,7 @@ class StoredHeat(msgspec.Struct):
 class LoadedHeat(NamedTuple):
     """A race from the disk."""
 
-    spec: StoredHeatSpec
+    spec: RecordedHeatSpec
     runs: tuple[Run, ...]
     start_times: tuple[float, ...]
 
@@ -141,7 +138,7 @@ def _json(heat: HeatSpec, runs: tuple[Run, ...], folders: list[str]) -> bytes:
     """Return heat.json."""
     start_times = [heat.start_time(k) for k in range(len(runs))]
     record = {
-        "format": FORMAT,
+        "format": HEAT_FORMAT,
         "course": heat.course.name,
         "order": [placing._asdict() for placing in placings(heat.names, runs, heat.course)],
         "events": [event._asdict() for event in heat_events(heat.names, runs, start_times)],
@@ -155,7 +152,7 @@ def _json(heat: HeatSpec, runs: tuple[Run, ...], folders: list[str]) -> bytes:
 
 
 def is_heat(path: str | Path) -> bool:
-    """Return whether a folder is that of a race."""
+    """Return whether a folder holds a race of several."""
     return (Path(path) / HEAT).is_file()
 
 
@@ -182,7 +179,7 @@ def runs_of_heat(path: str | Path) -> list[Path]:
 def heat_title(path: str | Path) -> str:
     """Return a stored race in a few words: course, the number of entrants, the winner.
 
-    It is the folder's name where the race is not readable.
+    It is the folder's name if the race is not readable.
     """
     try:
         stored = msgspec.json.decode(read_bytes(Path(path) / HEAT, "a race"), type=TitledHeat)
@@ -191,21 +188,6 @@ def heat_title(path: str | Path) -> str:
         return Path(path).name
     ended = f"{winner.time:.3f} s" if winner.time is not None else winner.outcome
     return f"{stored.course} race of {len(stored.order)}: {winner.name} {ended}"
-
-
-class TitledPlacing(msgspec.Struct):
-    """The part of a placing that a title names."""
-
-    name: str
-    outcome: str
-    time: float | None
-
-
-class TitledHeat(msgspec.Struct):
-    """The part of heat.json that a title names."""
-
-    course: str
-    order: list[TitledPlacing]
 
 
 def find_heat(wanted: str, root: str) -> Path:
@@ -233,7 +215,7 @@ def find_heat(wanted: str, root: str) -> Path:
 
 
 def heat_folder(wanted: str, root: str) -> Path | None:
-    """Return the folder of a stored race that is meant as a whole; None where a run is meant.
+    """Return the folder of a stored race that is meant as a whole; None if a run is meant.
 
     Args:
         wanted: a folder, a part of the name of a race, or "last": the last that was flown.
@@ -262,13 +244,13 @@ def load_heat(path: str | Path) -> LoadedHeat:
     path = Path(path)
     file = path / HEAT
     try:
-        stored = msgspec.json.decode(read_bytes(file, "the record of a race"), type=StoredHeat)
+        stored = msgspec.json.decode(read_bytes(file, "the record of a race"), type=RecordedHeat)
     except FileError as error:
         raise RunError(str(error)) from None
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
         raise RunError(f"{file}: damaged: {error}") from None
-    if stored.format != FORMAT:
-        raise RunError(f"{file}: expected format {FORMAT!r}, got {stored.format!r}")
+    if stored.format != HEAT_FORMAT:
+        raise RunError(f"{file}: expected format {HEAT_FORMAT!r}, got {stored.format!r}")
     count = len(stored.spec.entrants)
     if not count or len(stored.runs) != count or len(stored.start_times) != count:
         raise RunError(f"{file}: damaged: expected a run and a start time for each entrant")
@@ -318,7 +300,7 @@ def recorded_heat(
             race.
     """
     try:
-        stored = msgspec.convert(record, StoredHeatSpec)
+        stored = msgspec.convert(record, RecordedHeatSpec)
     except msgspec.ValidationError as error:
         raise RecordError(f"expected the record of a race: {error}") from None
     names = [entrant.name for entrant in stored.entrants]
@@ -333,7 +315,7 @@ def recorded_heat(
 
 
 def _heat_spec(
-    stored: StoredHeatSpec,
+    stored: RecordedHeatSpec,
     parts: Mapping[str, Mapping[str, Any]],
     settings: Mapping[str, Any],
 ) -> HeatSpec:

@@ -16,9 +16,10 @@ from typing import Any, NamedTuple
 
 from msgspec import inspect
 
+from quadsim.config.resolve import DEFAULT_COURSE, KEYWORDS
 from quadsim.config.setting_texts import Place, Settings, parse_parts, resolve, with_shared
 from quadsim.config.settings import SETTINGS
-from quadsim.config.spec import DEFAULT_COURSE, KEYWORDS, Spec
+from quadsim.config.spec import Spec
 from quadsim.files.values import SettingError, checked
 from quadsim.files.yaml_errors import did_you_mean
 from quadsim.heat.settings import Awareness, HeatSettings

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-from quadsim.config.spec import PLANTS_WITH_ROTORS, Spec
+from quadsim.config.checks import PLANTS_WITH_ROTORS, plant_name
+from quadsim.config.spec import Spec
 from quadsim.course import Course, Start
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import shown_value
@@ -176,9 +177,8 @@ def _check_world(entrants: Sequence[Entrant]) -> None:
             wanted = f"expected the control period {first.planner.mppi.dt:g} s {who}"
             raise SettingError("entrants", f"{wanted}, got {spec.planner.mppi.dt:g}")
         if spec.plant not in PLANTS_WITH_ROTORS:
-            plant = spec.plant if isinstance(spec.plant, str) else "a plant of your own"
             wanted = f"expected {' or '.join(PLANTS_WITH_ROTORS)} for a race of several"
-            raise SettingError("plant", f"{wanted}, got {plant}")
+            raise SettingError("plant", f"{wanted}, got {plant_name(spec.plant)}")
         for name in ("displace_gates", "referee", "blackbox"):
             if getattr(spec, name):
                 raise SettingError(name, "expected none for a race of several vehicles")

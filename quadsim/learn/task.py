@@ -16,8 +16,8 @@ from msgspec import inspect
 from controllers.costs import Cost
 from controllers.costs.race import RaceWeights, race_cost
 from controllers.learned.observation import gate_rows
+from quadsim.config.resolve import default_timeout
 from quadsim.config.settings import LapCount
-from quadsim.config.spec import default_timeout
 from quadsim.course import Course, load_course
 from quadsim.course.swept import SweptGates
 from quadsim.dynamics import System

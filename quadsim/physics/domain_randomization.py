@@ -13,8 +13,11 @@ from math import radians, sqrt
 
 import numpy as np
 
-from quadsim.course import Course, Start
+from quadsim.course import Course, Gate, Start
+from quadsim.course.checks import misplaced_gates, start_problems
+from quadsim.course.frames import frame_numbers
 from quadsim.dynamics.first_order import remaining
+from quadsim.files.values import SettingError
 from quadsim.rotation import Vec3
 from quadsim.vehicle import Vehicle, scale_thrust
 from quadsim.vehicle.tolerances import VehicleTolerances
@@ -24,6 +27,8 @@ from quadsim.vehicle.tolerances import VehicleTolerances
 OFFSET = 0.2
 TURN = radians(10)
 VEHICLE = VehicleTolerances()
+# Draws of a start, or of the places of gates, until they pass the checks of a course file
+MOST_DRAWS = 100
 
 
 @dataclass(frozen=True)
@@ -67,21 +72,37 @@ class Randomization:
         return replace(vehicle, mass=vehicle.mass * (1 + self.mass), inertia=inertia)
 
 
-def draw(seeds: np.random.SeedSequence, size: float) -> Randomization:
-    """Draw the changes of a flight from independent uniform distributions.
+def draw(
+    seeds: np.random.SeedSequence,
+    size: float,
+    course: Course | None = None,
+    start: Start | None = None,
+) -> Randomization:
+    """Return the changes of a flight: uniform distributions, all independent.
 
-    The order of the draws must not change, as it decides the meaning of a seed.
+    The order in which the numbers are drawn is part of the meaning of a seed. A start in a frame,
+    in an obstacle or out of bounds is drawn again, alone.
 
     Args:
         seeds: the stream of the vehicle.
         size: scale of all changes; 0: none.
+        course: the course as it stands; None: any start will do.
+        start: the nominal start; None: that of the course.
+
+    Raises:
+        SettingError: no start of MOST_DRAWS has room (a ValueError).
     """
     if size == 0:
         return Randomization()
-    drawn = (size * np.random.default_rng(seeds).uniform(-1, 1, 9)).tolist()
-    dx, dy, dz, turn, mass, thrust, rate_lag, motor_lag, drag = drawn
+    rng = np.random.default_rng(seeds)
+    dx, dy, dz, turn, mass, thrust, rate_lag, motor_lag, drag = (
+        size * rng.uniform(-1, 1, 9)
+    ).tolist()
+    offset = (OFFSET * dx, OFFSET * dy, OFFSET * dz)
+    if course is not None:
+        offset = _with_room(offset, size, rng, course, start or course.start)
     return Randomization(
-        offset=(OFFSET * dx, OFFSET * dy, OFFSET * dz),
+        offset=offset,
         turn=TURN * turn,
         mass=VEHICLE.mass * mass,
         thrust=VEHICLE.thrust * thrust,
@@ -90,6 +111,22 @@ def draw(seeds: np.random.SeedSequence, size: float) -> Randomization:
         drag=VEHICLE.drag * drag,
         gust=VEHICLE.gust * size,
     )
+
+
+def _with_room(
+    offset: Vec3, size: float, rng: np.random.Generator, course: Course, start: Start
+) -> Vec3:
+    """Return a displacement of the start that has room, the one given if it has. [m]"""
+    problem = ""
+    for _ in range(MOST_DRAWS):
+        moved = Randomization(offset).start(start)
+        problem = next(start_problems(course, moved.position), "")
+        if not problem:
+            return offset
+        x, y, z = (OFFSET * size * rng.uniform(-1, 1, 3)).tolist()
+        offset = (x, y, z)
+    wanted = f"expected room for the vehicle in one of {MOST_DRAWS} starts that are drawn"
+    raise SettingError("randomize", f"{wanted}, got none: the last: {problem}")
 
 
 def gusts(seeds: np.random.SeedSequence, std: float, dt: float) -> Iterator[Vec3]:
@@ -119,13 +156,32 @@ def gusts(seeds: np.random.SeedSequence, std: float, dt: float) -> Iterator[Vec3
 def displaced(course: Course, seeds: np.random.SeedSequence, size: float) -> Course:
     """Return the course with every gate displaced along x and y, uniformly within +-size [m].
 
-    A gate with several passes is moved once. Heights stay, as gates stand on the ground, and to
-    keep stacked gates clear of each other.
+    A frame that is flown through several times is moved once. Heights stay, as gates stand on the
+    ground, and so that a gate above another stays clear of it. A gate that would stand out of
+    bounds, in the start or behind obstacles is drawn again, alone.
+
+    Raises:
+        SettingError: a gate finds no place in MOST_DRAWS draws (a ValueError).
     """
-    distinct = tuple(dict.fromkeys(course.gates))
-    moves = size * np.random.default_rng(seeds).uniform(-1, 1, (len(distinct), 2))
-    moved = {}
-    for gate, (dx, dy) in zip(distinct, moves.tolist(), strict=True):
-        x, y, z = gate.position
-        moved[gate] = replace(gate, position=(x + dx, y + dy, z))
-    return replace(course, gates=tuple(moved[gate] for gate in course.gates))
+    rng = np.random.default_rng(seeds)
+    numbers = frame_numbers(course.gates)
+    moves = size * rng.uniform(-1, 1, (max(numbers) + 1, 2))  # of each frame
+    problems: dict[int, str] = {}
+    for _ in range(MOST_DRAWS):
+        gates = zip(course.gates, numbers, strict=True)
+        moved = replace(course, gates=tuple(_moved(gate, moves[k]) for gate, k in gates))
+        problems = misplaced_gates(moved)
+        if not problems:
+            return moved
+        for k in dict.fromkeys(numbers[i] for i in problems):
+            moves[k] = size * rng.uniform(-1, 1, 2)
+    (i, problem), *_ = problems.items()
+    wanted = f"expected a place for gate {i + 1} in one of {MOST_DRAWS} draws"
+    raise SettingError("displace_gates", f"{wanted}, got none: the last: {problem}")
+
+
+def _moved(gate: Gate, move: np.ndarray) -> Gate:
+    """Return a gate that is moved along x and y [m]."""
+    x, y, z = gate.position
+    dx, dy = move.tolist()
+    return replace(gate, position=(x + dx, y + dy, z))

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from quadsim.course import Course, Gate, Obstacle
+from quadsim.course.frames import frames
 from quadsim.course.obstacles import Cylinder
 from quadsim.rotation import Quaternion, Vec3, to_body
 from quadsim.vehicle import GRAVITY, Vehicle
@@ -67,12 +68,9 @@ class Arena:
         # body -> its name in contacts
         self.names = {bullet.createMultiBody(0.0, plane, **self.at): "ground"}
 
-        # Each gate stands once, however often a lap leads through it, with its first number.
-        first_number: dict[Gate, int] = {}
-        for number, gate in enumerate(course.gates, 1):
-            first_number.setdefault(gate, number)
-        self._gates = tuple(first_number)
-        self._numbers = tuple(first_number.values())
+        # Each frame stands once, however often a lap leads through it, with its first number.
+        self._gates = frames(course.gates)
+        self._numbers = tuple(course.gates.index(gate) + 1 for gate in self._gates)
         # gates near a vehicle: place in _gates -> body
         self._standing: dict[int, int] = {}
         self._centres = np.array([gate.position for gate in self._gates])  # (gates, 3)

@@ -156,8 +156,13 @@ class Referee:
     def _incidents(self, t0: float, p0: Vec3, t1: float, p1: Vec3) -> list[Incident]:
         """Return all incidents within a step, unordered."""
         found = []
-        for swept in self._swept.near(p0, p1):
-            found += swept.incidents(p0, p1)
+        following = self._gates[self.next_gate]
+        for frame in self._swept.near(p0, p1):
+            incidents = frame.incidents(p0, p1)
+            # The next gate may be another side of a frame.
+            if following is not frame and following.frame == frame.frame:
+                incidents = [following.as_own(each, frame, p0, p1) for each in incidents]
+            found += incidents
         found += self._obstacles.incidents(p0, p1)
 
         # The ground, once the vehicle has taken off.
@@ -210,7 +215,8 @@ class Referee:
         gate = self._gates[incident.gate]
         through = gate.on_passage(incident.offset)
         if kind == "backward":
-            return "wrong_way" if through else None
+            is_wrong = gate is self._gates[self.next_gate] or not self._goes_both_ways(gate)
+            return "wrong_way" if through and is_wrong else None
         if gate is self._gates[self.next_gate] and through and self._airborne:
             return None if self._leaving else "pass"
         missed = (
@@ -219,6 +225,12 @@ class Referee:
             and gate.is_near(incident.offset)
         )
         return "miss" if missed else None
+
+    def _goes_both_ways(self, gate: SweptGate) -> bool:
+        """Return whether the course leads through the frame of a gate from both sides."""
+        ways = [other.gate.axes[0] for other in self._gates if other.frame == gate.frame]
+        along = gate.gate.axes[0]
+        return any(sum(a * b for a, b in zip(way, along, strict=True)) < 0.0 for way in ways)
 
     def _call(self, kind: str, t: float, position: Vec3, speed: float, incident: Incident) -> None:
         """Record an event, and update count and outcome."""
@@ -280,7 +292,8 @@ class Referee:
         if kind == "obstacle":
             return Incident(1.0, "contact", obstacle=index)
         offset = self._gates[index].gate.to_local(position).offset
-        return Incident(1.0, "contact", gate=index, offset=offset)
+        frame = self._gates[index].frame
+        return Incident(1.0, "contact", gate=index, offset=offset, frame=frame)
 
 
 def check(course: Course, laps: int, gates: Sequence[SweptGate], radius: float) -> None:

@@ -9,24 +9,9 @@ import msgspec
 import numpy as np
 
 from quadsim.record.run import INTERACTIVE, RunError
+from quadsim.record.schema import NumberChange
 
-# columns of events.csv that only runs with changes have
-CHANGE_COLUMNS = ("number", "from", "to")
 SAME_TIME = 1e-9  # [s] by which times of one control step may differ
-
-
-class NumberChange(msgspec.Struct):
-    """A number of the planner that was changed in flight."""
-
-    t: float  # of the first plan with the number [s]
-    name: str
-    before: float = msgspec.field(name="from")
-    after: float = msgspec.field(name="to")
-
-    def row(self) -> dict[str, object]:
-        """Return the change as a row of events.csv; it has no gate and no place."""
-        values = (self.t, "change", self.name, self.before, self.after)
-        return dict(zip(("t", "kind", *CHANGE_COLUMNS), values, strict=True))
 
 
 def changes_of(spec: dict[str, Any]) -> list[NumberChange]:
@@ -46,12 +31,12 @@ def values_in_flight(changes: Sequence[NumberChange], name: str, t: np.ndarray) 
     """Return the value of a number at each control step.
 
     Args:
-        changes: those of the run, in the order of their times.
+        changes: the changes of the run, in the order of their times.
         name: the number.
         t: times of the steps [s]  (frames,)
 
     Returns:
-        The values; nan where the number was not changed in this flight.  (frames,)
+        The values, or nan if the number was not changed in this flight.  (frames,)
     """
     own = [change for change in changes if change.name == name]
     values = np.full(len(t), own[0].before if own else np.nan)

@@ -29,11 +29,17 @@ def preset_changes(spec: dict[str, Any]) -> str:
 
 def _changes(spec: dict[str, Any]) -> Iterator[str]:
     """Yield each number that differs, as its name and value."""
-    base = PRESETS.get(spec.get("preset", ""), {}).get(spec.get("sampler", ""))
+    of_samplers = PRESETS.get(spec.get("preset", ""), {})
+    base = of_samplers.get(spec.get("sampler", ""))
+    parts = ("sampling", "mppi", "cost")
+    if base is None:
+        # A sampler of the user's own flies with the numbers of colored sampling, but for its own.
+        base = of_samplers.get("colored")
+        parts = ("mppi", "cost")
     if base is None:
         return
     recorded = spec.get("planner", {})
-    for part in ("sampling", "mppi", "cost"):
+    for part in parts:
         numbers = recorded.get(part, {})
         for name, usual in asdict(getattr(base, part)).items():
             value = numbers.get(name)

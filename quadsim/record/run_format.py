@@ -4,38 +4,37 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from dataclasses import dataclass
 from hashlib import sha256
 from operator import itemgetter
-from typing import Annotated, Any
 
 import msgspec
 import numpy as np
 
-from controllers.config import MPPIConfig
-from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.arrays import Declared, arrays_of, npz_bytes
 from quadsim.files.csv_rows import csv_text
 from quadsim.files.json_values import without_nan
 from quadsim.files.strict_yaml import FileError
 from quadsim.physics.faults import parse_fault
-from quadsim.physics.link import LinkConfig
 from quadsim.racing.events import Event
 from quadsim.record.metrics import chatter
-from quadsim.record.number_changes import CHANGE_COLUMNS, changes_of
+from quadsim.record.number_changes import changes_of
 from quadsim.record.planner_snapshot import BEST, FRAMES, TERM, PlannerSnapshots
 from quadsim.record.run import (
     COUNTS,
-    Outcome,
-    PlanTime,
     Run,
     RunError,
     columns_of,
     why_not_repeatable,
 )
-from quadsim.vehicle import Vehicle
+from quadsim.record.schema import (
+    CHANGE_COLUMNS,
+    RUN_FORMAT,
+    Header,
+    ReportedSpec,
+    StoredRecord,
+    StoredSpec,
+)
 
-FORMAT = "quadsim run 1"
 CSV_COLUMNS = (
     "t",
     "kind",
@@ -52,108 +51,6 @@ CSV_COLUMNS = (
 )
 
 
-@dataclass(frozen=True)
-class Record:
-    """The part of run.json that is read back; the rest follows from it or is for people."""
-
-    spec: dict[str, Any]
-    outcome: Outcome
-    events: tuple[Event, ...]
-    plan_ms: PlanTime
-    real_time_factor: float
-    digest: str
-
-
-@dataclass(frozen=True)
-class Header:
-    """The keys of run.json that say how to read the others."""
-
-    format: str | None = None
-    # The commit that flew the run
-    git: str | None = None
-
-
-class StoredVehicle(msgspec.Struct):
-    """The part of a vehicle that every report names."""
-
-    name: str
-
-
-class StoredPart(msgspec.Struct):
-    """The class that a spec names for one of the user's own parts."""
-
-    kind: str = msgspec.field(name="class")
-
-
-class StoredTerm(msgspec.Struct):
-    """The name and the weight that a spec has of one of the user's own terms."""
-
-    name: str
-    weight: float | list[float]
-
-
-class StoredRules(msgspec.Struct):
-    """The rules of a race that the reports of its runs name."""
-
-    rules: str
-
-
-class StoredHeat(msgspec.Struct):
-    """The race of several vehicles in which a run was flown."""
-
-    name: str
-    names: list[str]
-    number: Annotated[int, msgspec.Meta(ge=1)]
-    settings: StoredRules
-    sha256: str
-
-    def __post_init__(self) -> None:
-        if self.number > len(self.names):
-            raise ValueError(f"expected a number of {len(self.names)} entrants")
-
-
-class StoredSpec(msgspec.Struct, kw_only=True):
-    """The keys of a spec that reports and pictures read. A spec has more of them."""
-
-    course: Annotated[str, msgspec.Meta(pattern=r"^[^\x00-\x1f\x7f]*$")]
-    course_text: str
-    vehicle: StoredVehicle
-    sampler: str
-    preset: str
-    seed: int
-    laps: Annotated[int, msgspec.Meta(ge=1, le=1000)]
-    penalties: bool
-    plant: str
-    clock: str
-    planner: dict[str, Any]
-    model: dict[str, Any]
-    host: dict[str, Any]
-    sensing: dict[str, Any] | None = None
-    pilot: dict[str, str] | None = None
-    own: dict[str, StoredPart | list[StoredTerm]] = {}
-    faults: list[str] = []
-    drawn_faults: list[str] = []
-    interactive: list[dict[str, Any]] = []
-    betaflight: dict[str, Any] | None = None
-    link: LinkConfig | None = None
-    heat: StoredHeat | None = None
-
-
-class ReportedPlanner(msgspec.Struct):
-    """The part of a planner's numbers that a report reads."""
-
-    mppi: MPPIConfig
-
-
-class ReportedSpec(StoredSpec, kw_only=True):
-    """A spec with all that a report reads, to the last number."""
-
-    vehicle: Vehicle
-    model: ModelParams
-    planner: ReportedPlanner
-    randomize: float
-
-
 def expect_reportable(run: Run, path: object) -> None:
     """Check that a report can be made of a run, whose spec may have been written by hand.
 
@@ -165,13 +62,13 @@ def expect_reportable(run: Run, path: object) -> None:
         for text in spec.drawn_faults:
             parse_fault(text)
     except (msgspec.ValidationError, ValueError) as error:
-        raise RunError(f"{path}: spec: expected that of a flight: {error}") from error
+        raise RunError(f"{path}: spec: expected the spec of a flight: {error}") from error
 
 
 def write_json(run: Run, provenance: dict) -> bytes:
     """Return run.json."""
     record = {
-        "format": FORMAT,
+        "format": RUN_FORMAT,
         "outcome": run.outcome,
         "laps": run.laps,
         "penalties": run.penalties,
@@ -189,7 +86,7 @@ def write_json(run: Run, provenance: dict) -> bytes:
     return json.dumps(record, indent=1, allow_nan=False).encode()
 
 
-def read_json(data: bytes, path: object) -> Record:
+def read_json(data: bytes, path: object) -> StoredRecord:
     """Read run.json.
 
     Args:
@@ -201,21 +98,21 @@ def read_json(data: bytes, path: object) -> Record:
     """
     try:
         header = msgspec.json.decode(data, type=Header)
-        if header.format != FORMAT:
+        if header.format != RUN_FORMAT:
             raise RunError(f"{path}: {_other_format(header)}")
-        record = msgspec.json.decode(data, type=Record)
+        record = msgspec.json.decode(data, type=StoredRecord)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise RunError(f"{path}: damaged: {error}") from error
     try:
         msgspec.convert(record.spec, StoredSpec)
     except msgspec.ValidationError as error:
-        raise RunError(f"{path}: spec: expected that of a flight: {error}") from error
+        raise RunError(f"{path}: spec: expected the spec of a flight: {error}") from error
     return record
 
 
 def _other_format(header: Header) -> str:
     """Return the error for a run in another format than this version's."""
-    wanted = f"expected format {FORMAT!r}"
+    wanted = f"expected format {RUN_FORMAT!r}"
     if header.format is not None:
         return f"{wanted}, got {header.format!r}: the version of quadsim that wrote it can read it"
     commit = f", commit {header.git}" if header.git else ""
@@ -231,7 +128,7 @@ def write_npz(run: Run) -> bytes:
 def read_npz(
     data: bytes, spec: dict, path: object
 ) -> tuple[dict[str, np.ndarray], PlannerSnapshots | None]:
-    """Return telemetry by column, and the planner's snapshots where the run has them.
+    """Return telemetry by column, and the planner's snapshots if the run has any.
 
     Raises:
         RunError: the content is damaged, or not what a run with this spec leaves behind.

@@ -14,6 +14,7 @@ from dataclasses import asdict
 import numpy as np
 
 from quadsim.course import Course
+from quadsim.course.frames import frames
 from quadsim.render.poses import Pose
 from quadsim.sensing.camera import Camera
 from quadsim.sensing.visibility import hidden_corners
@@ -46,9 +47,9 @@ def label(course: Course, camera: Camera, pose: Pose, segmentation: np.ndarray) 
 
 
 def _gates(course: Course, camera: Camera, pose: Pose, segmentation: np.ndarray) -> Iterator[dict]:
-    """Yield the label of every gate with a corner or a pixel in the picture."""
-    # each gate once, even if a lap passes it several times
-    gates = tuple(dict.fromkeys(course.gates))
+    """Yield the label of every gate of which a corner or a pixel is in the picture."""
+    # each once, however often a lap leads through it
+    gates = frames(course.gates)
     pixels, depth = camera.gate_corners(gates, pose.p, pose.q)
     eye, _ = camera.pose(pose.p, pose.q)
     behind = hidden_corners(gates, eye, course.obstacles)
@@ -121,7 +122,7 @@ def _gates_of(course: Course) -> list[dict]:
     Corners are in the order of the key points.
     """
     found: list[dict] = []
-    for gate in dict.fromkeys(course.gates):
+    for gate in frames(course.gates):
         number = course.gates.index(gate) + 1
         found.append({"gate": number, "corners": gate.corners().tolist()})
     return found

@@ -13,6 +13,7 @@ import numpy as np
 from PIL import Image
 
 from quadsim.course import Course, Gate
+from quadsim.course.frames import frames
 from quadsim.course.obstacles import Cylinder, Obstacle
 from quadsim.physics.world import bullet
 from quadsim.render.look import TEXTURES, Look, Paint, textures
@@ -96,8 +97,8 @@ class Scene:
 
     def __init__(self, course: Course, camera: Camera, radius: float | None = None):
         self.course = course
-        # each gate once, even if a lap passes it several times
-        gates = tuple(dict.fromkeys(course.gates))
+        # each once, however often a lap leads through it
+        gates = frames(course.gates)
         if len(gates) > LAST_GATE:
             raise ValueError(f"{course.name}: expected at most {LAST_GATE} gates, got {len(gates)}")
         self._camera = camera

@@ -15,7 +15,7 @@ from rich.markup import escape
 from quadsim.console import as_text, plain_table
 from quadsim.files.extras import imported
 from quadsim.record.archive import list_runs, load_run
-from quadsim.record.run import Outcome
+from quadsim.record.schema import ListedRun
 from quadsim.results.run import Run
 from quadsim.sensing import PERFECT
 
@@ -42,7 +42,7 @@ class StoredRun:
         vehicle: name of the vehicle.
         sampler: name of the sampler, or of the user's own class.
         preset: name of the preset.
-        pilot: name of the learned pilot that flew; None where a planner did.
+        pilot: name of the learned pilot that flew; None if a planner did.
         seed: the seed.
         outcome: finished, crashed, stuck, timeout or interrupted.
         laps: times of the completed laps, penalties included [s].
@@ -75,7 +75,7 @@ class StoredRun:
 
     @property
     def time(self) -> float | None:
-        """All laps from the standing start [s]; None where the race was not finished."""
+        """All laps from the standing start [s]; None if the race was not finished."""
         return sum(self.laps) if self.outcome == "finished" else None
 
     def load(self) -> Run:
@@ -160,7 +160,7 @@ class StoredRuns(Sequence[StoredRun]):
         return block(table(HEADS, rows, TEXTS), *map(paragraph, self._damaged_lines()))
 
     def to_pandas(self) -> DataFrame:
-        """Return the runs as a DataFrame, one row each; the column `time` is that of the race [s].
+        """Return the runs as a DataFrame, one row each, with the time of all laps as `time` [s].
 
         Raises:
             ModuleNotFoundError: pandas is not installed; the message says what to do.
@@ -177,32 +177,6 @@ class StoredRuns(Sequence[StoredRun]):
 
     def _damaged_lines(self) -> list[str]:
         return [f"{path}: {problem}" for path, problem in self.damaged.items()]
-
-
-class _Named(msgspec.Struct):
-    name: str
-
-
-class _Spec(msgspec.Struct):
-    """The part of a stored spec that a row shows."""
-
-    course: str
-    vehicle: _Named
-    sampler: str
-    preset: str
-    seed: int
-    laps: int
-    pilot: _Named | None = None
-    sensing: _Named | None = None
-    interactive: list[dict] = []
-
-
-class _Result(msgspec.Struct):
-    """The part of a run.json that a row shows."""
-
-    outcome: Outcome
-    laps: list[float]
-    spec: _Spec
 
 
 def stored_runs(runs_dir: str | Path, **patterns: str | int | None) -> StoredRuns:
@@ -229,11 +203,11 @@ def read_row(path: Path, data: bytes | None = None) -> StoredRun:
 
     Raises:
         OSError: the file cannot be read.
-        msgspec.MsgspecError: the file is not that of a run.
+        msgspec.MsgspecError: the file is not the file of a run.
     """
     if data is None:
         data = (path / "run.json").read_bytes()
-    found = msgspec.json.decode(data, type=_Result)
+    found = msgspec.json.decode(data, type=ListedRun)
     spec = found.spec
     return StoredRun(
         name=path.name,

@@ -23,7 +23,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from quadsim.course import Course, EstimatedGate, Gate
+from quadsim.course import Course, EstimatedGate
+from quadsim.course.frames import frame_numbers
 from quadsim.dynamics.control_periods import ControlPeriods
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import Control, ModelParams, State, quadrotor
@@ -332,7 +333,7 @@ class CourseEstimate:
         """
         self._map = course
         self._course = course
-        self._distinct: tuple[Gate, ...] = tuple(dict.fromkeys(course.gates))
+        self._numbers = frame_numbers(course.gates)
         # displacements of gates from the map, and their standard deviations [m]  (gates, 4)
         self._offsets: np.ndarray | None = None
 
@@ -341,15 +342,18 @@ class CourseEstimate:
 
         The same object is returned until a gate has moved by more than MOVED.
         """
-        gates = len(self._distinct)
+        gates = len(set(self._numbers))
         moves = state.gates if len(state.gates) else np.zeros((gates, 3))
         offsets = np.column_stack([moves, state.gate_std(gates)])
         if self._offsets is not None and abs(offsets - self._offsets).max() < MOVED:
             return self._course
         self._offsets = offsets
-        rows = zip(self._distinct, offsets.tolist(), strict=True)
-        moved = {gate: EstimatedGate.of(gate, (x, y, z), std) for gate, (x, y, z, std) in rows}
-        self._course = replace(self._map, gates=tuple(moved[gate] for gate in self._map.gates))
+        rows = offsets.tolist()
+        moved = []
+        for gate, number in zip(self._map.gates, self._numbers, strict=True):
+            x, y, z, std = rows[number]
+            moved.append(EstimatedGate.of(gate, (x, y, z), std))
+        self._course = replace(self._map, gates=tuple(moved))
         return self._course
 
 

@@ -1,42 +1,27 @@
 """Commands that repeat a recorded flight: a command line and lines of Python.
 
-Both contain the settings of the flight, so that they work without the stored run. If the settings
-do not reproduce the recorded flight exactly, both name the run's folder instead, from which
-`race fly --from` and `quadsim.fly` read the flight.
+Both have the settings of the flight, so that they work without the stored run. They are made only
+if these settings give the very flight that is recorded; otherwise both name the run's folder, from
+which `race fly --from` and `quadsim.fly` read the flight.
 """
 
 from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator, Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from controllers.learned.pilot import pilot_names
 from quadsim.config.recorded import spec_of_record
-from quadsim.config.settings import FlightSettings, values_of
+from quadsim.config.settings import FlightNumbers, FlightSettings, values_of
 from quadsim.config.spec import Spec
 from quadsim.record.run import hostless
 
-# Settings that a Spec holds under the same names; they are written only if they differ from their
-# defaults
-FLIGHT = (
-    "randomize",
-    "displace_gates",
-    "view_weight",
-    "fault",
-    "timeout",
-    "penalties",
-    "plant",
-    "plant_dt",
-    "flight_controller",
-    "link_hz",
-    "link_latency",
-    "link_loss",
-    "link_burst",
-    "clock",
-    "deadline_ms",
-)
+# The settings of a flight that a Spec holds under the same names. They are worded if they differ
+# from a flight with the same course, planner, vehicle and sensing.
+FLIGHT = ("view_weight", "timeout", "plant", *(f.name for f in fields(FlightNumbers)))
 IMPORT = "import quadsim\n\n"
 
 
@@ -73,8 +58,8 @@ def wording(record: Mapping[str, Any], folder: Path) -> Wording:
 def settings_of(record: Mapping[str, Any]) -> dict[str, Any] | None:
     """Return the keywords of `quadsim.fly` that repeat a recorded flight, with its course.
 
-    Return None if no keywords can repeat it: settings changed in flight, the user's own parts, or
-    files that the record does not name.
+    It is None if no such keywords do: changes in flight, parts of the user's own, and files that
+    a record does not name.
 
     Args:
         record: the spec of a run.
@@ -114,7 +99,7 @@ def _named(spec: Spec) -> dict[str, Any]:
 
 
 def _differing(spec: Spec, usual: Spec) -> Iterator[tuple[str, Any]]:
-    """Yield the settings in which a flight differs from the flight given by its names alone."""
+    """Yield the settings in which a flight differs from the flight of its names alone."""
     for name in FLIGHT:
         value = getattr(spec, name)
         if value != getattr(usual, name):

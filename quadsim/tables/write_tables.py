@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from quadsim.config.settings import OWNERS, SETTINGS
-from quadsim.course.course import CourseFile
+from quadsim.course.course_file import CourseFile
 from quadsim.sensing.sensing_file import SensingFile
 from quadsim.tables.settings_table import key_rows, markdown, setting_rows
 from quadsim.vehicle.vehicle import VehicleFile

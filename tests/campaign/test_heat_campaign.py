@@ -16,13 +16,7 @@ from quadsim.campaign.compare_heats import fly_comparison
 from quadsim.campaign.database import code_of
 from quadsim.campaign.heat_runner import FlownHeat, HeatRunner
 from quadsim.campaign.heat_stats import summary
-from quadsim.campaign.heat_store import (
-    HeatResult,
-    HeatStore,
-    StoredEvent,
-    StoredPlacing,
-    key_of,
-)
+from quadsim.campaign.heat_store import HeatStore, key_of
 from quadsim.campaign.heat_tables import overtakers_table
 from quadsim.campaign.paired_heats import FlownHeats, HeatVariant, difference
 from quadsim.campaign.pool import Pool
@@ -32,6 +26,7 @@ from quadsim.files.values import SettingError
 from quadsim.heat.line_up import heats_of, line_up, parse_race_variants
 from quadsim.heat.spec import HeatSpec
 from quadsim.record.run import RunError
+from quadsim.record.schema import StoredEvent, StoredPlacing, StoredResult
 from quadsim.record.statistics import mean_interval, wilson
 from tests.campaign_cases import RACE
 from tests.small import SHORT, flags
@@ -79,7 +74,7 @@ def test_who_always_wins_has_a_finite_rating():
 
 def stored(order, *events):
     placings = [StoredPlacing(k, name, "finished", 10.0 + k) for k, name in enumerate(order, 1)]
-    return HeatResult(placings, [StoredEvent(*event) for event in events], "")
+    return StoredResult(placings, [StoredEvent(*event) for event in events], "")
 
 
 def of_setting(name, *results):

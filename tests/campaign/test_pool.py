@@ -4,16 +4,19 @@ left out."""
 import multiprocessing as mp
 import os
 import signal
+import subprocess
+import sys
 from concurrent.futures import BrokenExecutor, Future
 from threading import Lock, Timer
 
 import pytest
 
-from quadsim.campaign.pool import Processes, fly_all, run_all
+from quadsim.campaign.pool import Cluster, Pool, Processes, fly_all, run_all
+from quadsim.record.run import RunError
 from tests.campaign_cases import after_a_moment, specs
 
 
-class Scripted:
+class Scripted(Pool):
     """A pool that loses the worker of some seeds.
 
     `losses` says how often it does so for each seed. It also loses flights that run at that time.
@@ -67,7 +70,7 @@ def test_an_attempt_that_always_loses_its_worker_is_given_up_and_costs_no_other_
 def test_what_an_attempt_raises_is_raised():
     pool = Scripted({})
     pool.end = lambda future, *_: future.set_exception(ValueError("expected more"))
-    with pytest.raises(ValueError, match="expected more"):
+    with pytest.raises(RunError, match="seed 0: ValueError: expected more"):
         list(fly_all(pool, specs(3)))
 
 
@@ -81,3 +84,52 @@ def test_killing_a_worker_in_mid_campaign_loses_nothing():
                 os.kill(mp.active_children()[0].pid, signal.SIGKILL)
     assert sorted(finished) == [(job, job) for job in range(12)]
     assert not mp.active_children(), "no worker stays behind"
+
+
+GUARDLESS = """
+import quadsim
+found = quadsim.compare("figure8", ("gaussian", "colored"), attempts=1, jobs=1, laps=1, samples=64)
+print("flown", found.attempts)
+"""
+
+
+@pytest.mark.process
+def test_a_script_without_a_main_guard_is_one_line_and_no_result(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(GUARDLESS)
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True)
+    assert done.returncode == 1
+    assert done.stdout == ""
+    assert done.stderr.count("Traceback") == 1
+    assert "put what the script does below `if __name__" in done.stderr.splitlines()[-1]
+
+
+@pytest.mark.process
+def test_a_script_on_standard_input_is_refused_in_one_line():
+    done = subprocess.run([sys.executable, "-"], input=GUARDLESS, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert "workers cannot read the script <stdin>" in done.stderr.splitlines()[-1]
+
+
+def test_a_scheduler_that_is_gone_is_one_line():
+    cluster = Cluster.__new__(Cluster)
+    cluster._address = "tcp://127.0.0.1:8786"
+    gone = Future()
+    gone.cancel()
+    with pytest.raises(RunError, match=r"the Dask scheduler at tcp://127\.0\.0\.1:8786 is gone"):
+        cluster.error_of(gone)
+
+
+def test_a_worker_without_a_module_of_the_users_names_it():
+    cluster = Cluster.__new__(Cluster)
+    failed = Future()
+    try:
+        try:
+            raise ModuleNotFoundError("No module named 'mine'", name="mine")
+        except ModuleNotFoundError as missing:
+            raise RuntimeError("Error during deserialization of the task graph.") from missing
+    except RuntimeError as error:
+        failed.set_exception(error)
+    with pytest.raises(RunError, match="a worker has no module 'mine'") as found:
+        cluster.error_of(failed)
+    assert "\n" not in str(found.value)

@@ -27,15 +27,16 @@ from quadsim.campaign.parameters import (
     with_parameters,
 )
 from quadsim.campaign.pool import Pool
+from quadsim.campaign.runner import Runner
 from quadsim.campaign.search import Search, TrialStats
 from quadsim.campaign.summary_stats import variant_stats
-from quadsim.campaign.tune import objective, pareto
+from quadsim.campaign.tune import Goal, objective, pareto, tune
 from quadsim.cli.cli import race
 from quadsim.config.presets import parse_planner
 from quadsim.config.spec import Spec
 from quadsim.racing.events import Event
 from quadsim.record.run import RunError
-from tests.campaign_cases import COURSE, FLIGHT, row
+from tests.campaign_cases import COURSE, FLIGHT, row, variant
 
 COLORED = PRESETS["race"]["colored"]
 MARGINS = list(parameters(COLORED, ["margin"]))
@@ -279,3 +280,16 @@ def test_where_the_preset_cannot_be_written_nothing_is_flown(tmp_path, capsys, m
         assert race(["tune", *FLIGHT, "--out", out]) == 2, out
         assert capsys.readouterr().err.count("\n") == 1, out
         assert [p.name for p in tmp_path.iterdir()] == ["file"], out
+
+
+def test_a_search_whose_workers_die_ends_in_one_line(tmp_path, monkeypatch):
+    asked = []
+
+    def all_lost(runner, variants, attempts, quiet=False):
+        asked.extend(variants)
+        return [[] for _ in variants]
+
+    monkeypatch.setattr(Runner, "__call__", all_lost)
+    with pytest.raises(RunError, match="5 trials in a row were lost with their workers"):
+        tune(variant("colored"), MARGINS, Goal(20, 2, 0.5), tmp_path / "t.sqlite", jobs=0)
+    assert len(asked) == 5

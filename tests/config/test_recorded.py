@@ -2,7 +2,7 @@
 
 import json
 import shutil
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,15 +11,16 @@ from run_cases import two_laps
 
 import quadsim
 from controllers.learned.pilot import PILOTS
-from quadsim.config.changes import PlannerChange
+from quadsim.config.changes import changeable_numbers
 from quadsim.config.recorded import RecordError, recorded_spec, spec_of_record
-from quadsim.config.settings import SettingError
+from quadsim.config.settings import FlightNumbers, SettingError
 from quadsim.config.spec import Spec
 from quadsim.course import load_course
 from quadsim.dynamics.quadrotor import CONTROL_UNITS
 from quadsim.files.strict_yaml import FileError
 from quadsim.record.limits import SOLUTIONS
 from quadsim.record.run import canonical, hostless, why_not_repeatable
+from quadsim.record.schema import NumberChange
 from quadsim.vehicle import load_vehicle
 from tests.small import SHORT
 from web.choices import Choices
@@ -95,6 +96,29 @@ def test_a_stored_run_flies_again_to_the_last_bit(name):
 def test_a_record_of_another_view_weight_gives_it_again():
     spec = Spec.of("split_s_swift", sensing="gates", displace_gates=0.3, view_weight=0.7)
     assert spec_of_record(as_stored(spec.record())).view_weight == 0.7
+
+
+def test_every_number_of_a_flight_is_recorded_and_read():
+    numbers = {
+        "seed": 3,
+        "randomize": 0.5,
+        "displace_gates": 0.3,
+        "fault": ("rotor2=0.5@3.2",),
+        "penalties": True,
+        "plant_dt": 0.002,
+        "link_hz": 100.0,
+        "link_latency": 0.01,
+        "link_loss": 0.2,
+        "link_burst": 3.0,
+        "clock": "wall",
+        "deadline_ms": 50.0,
+    }
+    spec = Spec.of("split_s_swift", sensing="gates", plant="rigid", **numbers)
+    again = spec_of_record(as_stored(spec.record()))
+    # Not every machine has the firmware, whose configuration is recorded.
+    names = {field.name for field in fields(FlightNumbers)} - {"flight_controller"}
+    assert names == numbers.keys()
+    assert {name: getattr(again, name) for name in names} == numbers
 
 
 @pytest.mark.compiled
@@ -218,7 +242,8 @@ def test_a_part_that_contains_itself_is_recorded_and_given_again():
 def test_changes_in_flight_of_a_sampler_of_ones_own_are_made_again():
     spec = Spec.of("figure8", **BRIEF, sampler=Held(table()))
     mppi = replace(spec.planner.mppi, temperature=0.05)
-    change = PlannerChange(0.05, "temperature", 1.0, 0.05, spec.planner.sampling, mppi)
+    numbers = changeable_numbers(replace(spec.planner, mppi=mppi))
+    change = NumberChange(0.05, "temperature", 1.0, 0.05, numbers)
     run = quadsim.fly(replace(spec, changes=(change,)))
     assert quadsim.fly(stored(run), sampler=Held(table())).digest() == run.digest()
     assert quadsim.fly(spec).digest() != run.digest()

@@ -8,7 +8,7 @@ import quadsim
 from controllers import PRESETS
 from quadsim.cli.cli import race
 from quadsim.config.settings import SETTINGS
-from quadsim.course.course import CourseFile
+from quadsim.course.course_file import CourseFile
 from quadsim.sensing.camera import Camera
 from quadsim.sensing.sensing_file import SensingFile
 from quadsim.tables.settings_table import key_rows, setting_rows

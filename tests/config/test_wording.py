@@ -8,10 +8,11 @@ import pytest
 
 import quadsim
 from quadsim.cli.cli import race
-from quadsim.config.changes import PlannerChange
+from quadsim.config.changes import changeable_numbers
 from quadsim.config.spec import Spec
 from quadsim.record.archive import list_runs, load_run
 from quadsim.record.run import hostless, same_flight
+from quadsim.record.schema import NumberChange
 from quadsim.tables.wording import settings_of, wording
 from tests.small import SHORT
 
@@ -68,7 +69,8 @@ def test_the_command_flies_the_same_bits(tmp_path, capsys):
 def test_what_settings_cannot_give_names_the_folder(tmp_path):
     spec = Spec.of("figure8", **SHORT)
     after = replace(spec.planner.mppi, temperature=2.0)
-    change = PlannerChange(0.1, "temperature", 1.0, 2.0, spec.planner.sampling, after)
+    numbers = changeable_numbers(replace(spec.planner, mppi=after))
+    change = NumberChange(0.1, "temperature", 1.0, 2.0, numbers)
     changed = replace(spec, changes=(change,))
     mine = tmp_path / "mine.yaml"
     mine.write_text(spec.course.text)

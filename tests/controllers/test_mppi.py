@@ -25,7 +25,7 @@ from controllers.costs import Term
 from controllers.lanes.lanes import compiled_module
 from controllers.mppi import MPPI
 from controllers.samplers import SAMPLERS, Gaussian
-from controllers.update import SAVITZKY_GOLAY, savitzky_golay
+from controllers.update import SAVITZKY_GOLAY, savitzky_golay, weights
 from quadsim.dynamics.estimate import Estimate
 
 EVERY = [*SAMPLERS, White((0.8, 0.5))]
@@ -284,7 +284,7 @@ def test_plan_is_a_function_of_the_seed_for_any_number_of_threads(sampler, on_th
     ("x", "found"),
     [
         ((0.0, np.nan, 0.0, np.inf), "got py = nan, vy = inf;"),
-        ((0.0, 1.0), "expected 4 finite numbers, got 2 numbers;"),
+        ((0.0, 1.0), "expected 4 numbers: px, py, vx, vy, got an array of shape "),
     ],
 )
 def test_state_that_is_no_state_is_refused_by_name(x, found):
@@ -308,3 +308,18 @@ def test_numbers_that_do_not_go_together_are_refused():
         MPPI(POINT, GOAL, Gaussian((1.0, 1.0)))
     with pytest.raises(ValueError, match="sigma: expected 2 numbers, one per control, got 3"):
         MPPI(POINT, GOAL, Gaussian((1.0, 1.0, 1.0)), PLAIN)
+
+
+def test_arguments_of_the_wrong_kind_are_named():
+    cost = np.array([[1.0, 2.0]])
+    with pytest.raises(ValueError, match="MPPI: cost: expected a Cost, got ndarray"):
+        make().set_cost(cost)
+    with pytest.raises(ValueError, match="MPPI: system: expected a System, got Cost"):
+        MPPI(GOAL, POINT, Gaussian(sigma=(1.0, 1.0)))
+
+
+def test_a_cost_that_is_not_a_number_is_named_as_such():
+    with pytest.raises(FloatingPointError, match="3 times NaN"):
+        weights(np.array([np.nan, np.nan, np.nan, np.inf]), 1.0)
+    with pytest.raises(FloatingPointError, match="none: lower the weights"):
+        weights(np.full(4, np.inf), 1.0)

@@ -8,7 +8,8 @@ import pytest
 
 import quadsim
 from quadsim.course import Box, Cylinder, Gate, Start, course_names, load_course, parse_course
-from quadsim.course.course import CourseChanges, CourseFile, in_degrees
+from quadsim.course.course import CourseChanges, in_degrees
+from quadsim.course.course_file import CourseFile
 from quadsim.course.random_courses import random_courses
 from quadsim.files.values import SettingError
 

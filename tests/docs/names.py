@@ -217,7 +217,7 @@ def _exists(name: str) -> bool:
     if TEST.fullmatch(name):
         return name in _tests()
     if FILE.fullmatch(name) and name.partition("/")[0] in FOLDERS:
-        return any(ROOT.glob(name.rstrip("/")))
+        return any(map(_holds_something, ROOT.glob(name.rstrip("/"))))
     if BARE_FILE.fullmatch(name):
         return name in _files()
     if match := DOTTED.match(name):
@@ -225,6 +225,13 @@ def _exists(name: str) -> bool:
     if (match := MEMBER.match(name)) and _classes(match[1]):
         return any(match[2] in _members_of_class(node) for node in _classes(match[1]))
     return True
+
+
+def _holds_something(path: Path) -> bool:
+    """Return whether a path is a file, or a folder with more than what Python has left there."""
+    if not path.is_dir():
+        return path.exists()
+    return any("__pycache__" not in found.parts for found in path.rglob("*") if found.is_file())
 
 
 def is_taken(command: str) -> bool:

@@ -10,9 +10,17 @@ import pytest
 
 from quadsim.config.build import build, plant_of
 from quadsim.config.spec import Spec
-from quadsim.course import load_course
+from quadsim.course import load_course, parse_course
+from quadsim.course.checks import misplaced_gates, start_problems
 from quadsim.dynamics.quadrotor import ModelParams
-from quadsim.physics.domain_randomization import VEHICLE, Randomization, draw, gusts
+from quadsim.files.values import SettingError
+from quadsim.physics.domain_randomization import (
+    VEHICLE,
+    Randomization,
+    displaced,
+    draw,
+    gusts,
+)
 from quadsim.physics.plant import PLANTS, default_plant
 from quadsim.streams import quadrotor_streams
 from quadsim.vehicle import GRAVITY, load_vehicle, with_thrust_to_weight
@@ -100,3 +108,58 @@ def test_thrust_to_weight_scales_map_and_limit_alike(name):
     assert v.name == f"{name}-twr3.3"
     if v.rotors:
         assert 4 * v.rotors.thrust(v.rotors.omega_max) / v.mass == pytest.approx(v.thrust_max)
+
+
+BESIDE_A_FRAME = """
+opening: [1.6, 1.6]
+start: {position: [-0.35, 0.9, 1.5], yaw_deg: 0}
+gates:
+  - {position: [0, 0, 1.5], yaw_deg: 0}
+  - {position: [8, 0, 1.5], yaw_deg: 0}
+"""
+
+
+def test_a_start_without_room_is_drawn_again_and_every_other_one_stays():
+    course = parse_course(BESIDE_A_FRAME, "beside")
+    drawn_again = 0
+    for seed in range(60):
+        seeds = quadrotor_streams(seed).vehicle
+        free, kept = draw(seeds, 1.0), draw(seeds, 1.0, course)
+        assert not list(start_problems(course, kept.start(course.start).position))
+        blocked = bool(list(start_problems(course, free.start(course.start).position)))
+        assert (kept.offset != free.offset) == blocked
+        assert replace(kept, offset=free.offset) == free
+        drawn_again += blocked
+    assert drawn_again >= 6  # the check can fail
+
+
+def test_a_start_that_cannot_have_room_is_one_line():
+    course = parse_course(BESIDE_A_FRAME, "beside")
+    walls = tuple(replace(gate, position=course.start.position) for gate in course.gates)
+    narrow = replace(course, gates=tuple(replace(w, opening=(0.2, 0.2)) for w in walls))
+    with pytest.raises(SettingError, match=r"^randomize: expected room .* of 100 starts") as error:
+        draw(quadrotor_streams(0).vehicle, 1e-3, narrow)
+    assert "\n" not in str(error.value)
+
+
+def test_displaced_gates_stand_where_a_course_file_may_have_them():
+    course = load_course("lsy_level2")
+    drawn_again = 0
+    for seed in range(40):
+        seeds = quadrotor_streams(seed).gates
+        assert not misplaced_gates(displaced(course, seeds, 1.0))
+        distinct = tuple(dict.fromkeys(course.gates))
+        moves = np.random.default_rng(seeds).uniform(-1, 1, (len(distinct), 2))
+        first = dict(zip(distinct, moves, strict=True))
+        moved = displaced(course, seeds, 1.0)
+        same = [
+            np.array_equal(now.position[:2], np.array(gate.position[:2]) + first[gate])
+            for gate, now in zip(course.gates, moved.gates, strict=True)
+        ]
+        drawn_again += not all(same)
+    assert 5 <= drawn_again < 40
+
+
+def test_gates_without_a_place_are_one_line():
+    with pytest.raises(SettingError, match=r"^displace_gates: expected a place for gate \d"):
+        displaced(load_course("lsy_level2"), quadrotor_streams(0).gates, 1000.0)

@@ -92,7 +92,7 @@ def test_a_spec_written_by_hand_is_one_line(tmp_path, capsys, run):
         for command in ("show", "plot"):
             assert race([command, str(folder)]) == 2, what
             error = capsys.readouterr().err.strip()
-            assert "spec: expected that of a flight" in error, what
+            assert "spec: expected the spec of a flight" in error, what
             assert "\n" not in error, what
         with pytest.raises(RunError):
             stored_competitor(folder)

@@ -35,3 +35,16 @@ def test_at_most_four_numbers_are_named():
 def test_a_preset_of_another_version_and_a_sampler_of_ones_own_have_none():
     assert preset_changes(recorded() | {"preset": "old"}) == ""
     assert preset_changes({"preset": "race", "sampler": "HaltonSpline"}) == ""
+
+
+class White:
+    """A sampler of one's own."""
+
+    def sample(self, rng, samples, horizon, controls):
+        return rng.normal(size=(samples, horizon, controls))
+
+
+def test_a_sampler_of_ones_own_shows_what_differs_from_the_preset_that_it_flies_with():
+    assert preset_changes(recorded(sampler=White())) == ""
+    changed = preset_changes(recorded(sampler=White(), samples=512, margin=0.45))
+    assert changed == "samples 512, margin 0.45"

@@ -9,9 +9,10 @@ import pytest
 
 import quadsim
 from controllers.costs.race_targets import GateTarget
-from quadsim.config.build import FlightParts, build, distinct, flight_frames, navigation_of
+from quadsim.config.build import FlightParts, build, flight_frames, navigation_of
 from quadsim.config.spec import Spec
 from quadsim.course import EstimatedGate, load_course
+from quadsim.course.frames import frames
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import Control, ModelParams, State
 from quadsim.files.strict_yaml import FileError
@@ -127,7 +128,7 @@ def test_the_planner_keeps_farther_from_a_gate_whose_place_is_uncertain(moved):
     plant, controller, _ = build(spec)
     plant.close()
     margin = GateTarget(*controller.cost.targets[0]).margin
-    estimator = Estimator(spec.sensing, distinct(spec.course.gates), spec.course.start, 0.0, moved)
+    estimator = Estimator(spec.sensing, frames(spec.course.gates), spec.course.start, 0.0, moved)
     course, state = CourseEstimate(spec.course), estimator.state
     controller.use_estimates(Estimate(0.0, START, course=course.updated(state)))
     target = GateTarget(*controller.cost.targets[0])

@@ -7,10 +7,11 @@ from web_cases import Glider, choices, competitor, run_of, store, stored, until
 from wire import link
 
 import quadsim
-from quadsim.config.changes import PlannerChange
+from quadsim.config.changes import changeable_numbers
 from quadsim.config.spec import Spec
 from quadsim.record.archive import list_runs, load_run
 from quadsim.record.run import same_flight
+from quadsim.record.schema import NumberChange
 from tests.small import SHORT
 from web.again import AgainChoices, HeatAgainChoices
 from web.live_flight import LiveFlight
@@ -117,7 +118,8 @@ def changed_flight():
     """A flight whose temperature changes."""
     spec = Spec.of("figure8", **SHORT)
     after = replace(spec.planner.mppi, temperature=3.0)
-    change = PlannerChange(0.1, "temperature", 1.0, 3.0, spec.planner.sampling, after)
+    numbers = changeable_numbers(replace(spec.planner, mppi=after))
+    change = NumberChange(0.1, "temperature", 1.0, 3.0, numbers)
     return replace(spec, changes=(change,))
 
 

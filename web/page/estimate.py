@@ -11,6 +11,7 @@ import numpy as np
 import viser
 from viser.transforms import SO3
 
+from quadsim.course.frames import frames
 from quadsim.sensing.config import GateCameraConfig
 from quadsim.sensing.measurements import Corners
 from web.competitor import POSITION, QUATERNION, Competitor
@@ -114,8 +115,8 @@ def sensed_corners(entry: Competitor, seen: Corners) -> np.ndarray:
     # lines of sight
     local = (seen.pixels - (camera.width / 2, camera.height / 2)) / (camera.fx, camera.fy)
     rays = np.column_stack([local, np.ones(len(local))]) @ axes.T
-    # the associated corners
-    gates = tuple(dict.fromkeys(entry.course.gates))
+    # the corners that they are taken for
+    gates = frames(entry.course.gates)
     known = np.array([gate.corners() for gate in gates])[seen.gates, seen.corners]
     distance = np.linalg.norm(known - eye, axis=1)[:, None]
     at = eye + distance * rays / np.linalg.norm(rays, axis=1)[:, None]

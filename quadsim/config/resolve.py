@@ -1,0 +1,237 @@
+"""The parts of a flight that its settings stand for: files are read, and defaults are found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+from controllers.presets import Planner
+from controllers.samplers import SAMPLERS
+from quadsim.config.checks import check_type
+from quadsim.config.parts import is_registered, own_sampler, sampler_name
+from quadsim.config.presets import PresetSource
+from quadsim.config.settings import (
+    SETTINGS,
+    FlightSettings,
+    Group,
+    Setting,
+    SettingError,
+    is_optional,
+)
+from quadsim.course import Course
+from quadsim.dynamics.quadrotor import ModelParams
+from quadsim.files.values import checked
+from quadsim.files.yaml_errors import did_you_mean, shown_value
+from quadsim.firmware.configuration import Text, read_text
+from quadsim.sensing import Sensing
+from quadsim.vehicle import VEHICLES, Vehicle
+
+DEFAULT_COURSE = "split_s_swift"
+# Keywords that take an object and are not settings.
+OBJECTS = ("course", "planner", "model", "controller", "referee", "cost", "terms")
+KEYWORDS = (*SETTINGS, *OBJECTS)
+# Settings that take an object in place of a name
+OBJECT_SETTINGS = ("sampler", "pilot", "vehicle", "sensing", "plant", "preset", "betaflight")
+CONFIGURATION = ".betaflight.txt"  # ends the file of a vehicle's configuration of the firmware
+# Physics step with the firmware: its gyro and its link are exchanged in each [s]
+FIRMWARE_STEP = 1e-3
+
+T = TypeVar("T")
+
+
+def check_names(given: Mapping[str, Any]) -> None:
+    """Check that each name is a setting's. Raises SettingError."""
+    for name in given:
+        if name not in KEYWORDS:
+            raise SettingError(name, f"no such setting, {did_you_mean(name, KEYWORDS)}")
+
+
+def flight_settings(given: Mapping[str, Any]) -> FlightSettings:
+    """Return the flight's settings except those given as objects. Raises SettingError."""
+    values: dict[str, Any] = {}
+    for f in fields(FlightSettings):
+        value = given.get(f.name)
+        is_object = f.name in OBJECT_SETTINGS
+        if value is None or (is_object and not isinstance(value, str | Path)):
+            continue
+        if f.name in ("term", "fault") and isinstance(value, str):
+            value = (value,)
+        values[f.name] = checked(f.name, value, SETTINGS[f.name].kind)
+    # The firmware has a physics step of its own.
+    if values.get("flight_controller", "ideal") != "ideal":
+        values.setdefault("plant_dt", FIRMWARE_STEP)
+    return FlightSettings(**values)
+
+
+def loaded_part(
+    given: Mapping[str, Any],
+    name: str,
+    kind: type[T],
+    load: Callable[[str], T],
+    default: str,
+    read: dict[str, Any],
+) -> T:
+    """Return a part that was given by name, as a FILE.yaml or as an object, or the default.
+
+    Args:
+        given: the settings.
+        name: name of the setting.
+        kind: type of the object.
+        load: reads the part that a name or path stands for; raises FileError.
+        default: name to load if no part is given.
+        read: collects the parts that were loaded by a given name.
+
+    Raises:
+        SettingError: the part is neither a name nor an object of its type.
+    """
+    found = given.get(name)
+    return load(default) if found is None else given_part(name, found, kind, load, read)
+
+
+def given_part(
+    name: str, given: object, kind: type[T], load: Callable[[str], T], read: dict[str, Any]
+) -> T:
+    """Return a part that was given, see `loaded_part`. Raises SettingError."""
+    if isinstance(given, kind):
+        _check_numbers(name, given)
+        return given
+    if not isinstance(given, str | Path):
+        wanted = f"expected a name, a FILE.yaml or a {kind.__name__}"
+        raise SettingError(name, f"{wanted}, got {shown_value(given)}")
+    loaded = load(str(given))
+    read[name] = loaded
+    return loaded
+
+
+def _check_numbers(name: str, part: object) -> None:
+    """Check the numbers of a vehicle or a sensing as in a file. Raises SettingError."""
+    if not isinstance(part, Vehicle | Sensing):
+        return
+    try:
+        part.but()
+    except SettingError as error:
+        raise SettingError(name, str(error)) from None
+
+
+def configuration_of(
+    flight: FlightSettings, given: Mapping[str, Any], vehicle: Vehicle, read: dict[str, Any]
+) -> Text | None:
+    """Return the firmware's configuration: the one given, or the vehicle's, which may be missing.
+
+    Raises:
+        SettingError: it is no file.
+        FileError: its file cannot be read.
+    """
+    own = given.get("betaflight")
+    if isinstance(own, Text):
+        return own
+    if own is not None:
+        if not isinstance(own, str | Path):
+            raise SettingError("betaflight", f"expected a FILE.txt, got {shown_value(own)}")
+        read["betaflight"] = read_text(Path(own))
+        return read["betaflight"]
+    if flight.flight_controller == "ideal":
+        return None
+    return shipped_configuration(vehicle)
+
+
+def shipped_configuration(vehicle: Vehicle) -> Text | None:
+    """Return the firmware's configuration that comes with a vehicle, None if none does."""
+    path = VEHICLES / f"{vehicle.name.partition('-twr')[0]}{CONFIGURATION}"
+    return read_text(path) if path.exists() else None
+
+
+def base_planner(given: Mapping[str, Any], flight: FlightSettings, read: dict[str, Any]) -> Planner:
+    """Return the preset's planner for the sampler, before single numbers are changed.
+
+    read: collects the text of a preset file, and the user's own sampler.
+    """
+    sampling = own_sampler(given["sampler"]) if given.get("sampler") is not None else None
+    planner = given.get("planner")
+    if planner is not None:
+        for name in ("sampler", "preset"):
+            if given.get(name) is not None:
+                wanted = "expected none: the planner of a stored run, or planner=, has its own"
+                raise SettingError(name, wanted)
+        check_type("planner", planner, Planner)
+        return planner
+    preset = given.get("preset")
+    if not isinstance(preset, PresetSource):
+        if not (preset is None or isinstance(preset, str | Path)):
+            raise SettingError(
+                "preset", f"expected a name or a FILE.yaml, got {shown_value(preset)}"
+            )
+        preset = PresetSource.read(flight.preset)
+        read |= {"preset": preset} if "preset" in given else {}
+    firmware = flight.flight_controller != "ideal"
+    if sampling is None:
+        return preset.planner(flight.sampler, firmware)
+    read["sampler"] = sampling
+    # The user's own sampler gets the MPPI and cost numbers of the default sampler.
+    name = sampler_name(sampling) if is_registered(sampling) else FlightSettings.sampler
+    return replace(preset.planner(name, firmware), sampling=sampling)
+
+
+def with_numbers(planner: Planner, given: Mapping[str, Any]) -> Planner:
+    """Return the planner with the given numbers of its sampler, MPPI and cost."""
+    groups: tuple[Group, ...] = ("sampling", "mppi", "cost")
+    parts = {group: with_settings(group, getattr(planner, group), given) for group in groups}
+    return replace(planner, **parts)
+
+
+def nominal_model(given: Mapping[str, Any], vehicle: Vehicle) -> ModelParams:
+    """Return the planner's model: the vehicle's nominal one with the given numbers.
+
+    Behind the firmware it is replaced by the model that a flight on the test bench shows.
+    """
+    model = given.get("model")
+    if model is None:
+        model = ModelParams.of(vehicle)
+    check_type("model", model, ModelParams)
+    return with_settings("model", model, given)
+
+
+def with_settings(group: Group, values: Any, given: Mapping[str, Any]) -> Any:
+    """Return a group's dataclass with the settings that were given. Raises SettingError."""
+    owner: type[object] = values.__class__
+    changes: dict[str, object] = {}
+    for name, value in given.items():
+        setting = SETTINGS.get(name)
+        if setting is None or setting.group != group:
+            continue
+        kind = setting.kinds.get(owner)
+        if value is None and (kind is None or not is_optional(kind)):
+            continue  # the default
+        if kind is None:
+            raise SettingError(name, _owners(setting))
+        changes[setting.field] = checked(name, value, kind)
+    return replace(values, **changes) if changes else values
+
+
+def _owners(setting: Setting) -> str:
+    """Return an error's text with the samplers or costs that have this setting."""
+    names = [name for name, cls in SAMPLERS.items() if cls in setting.kinds]
+    if names:
+        return f"expected none, it is a setting of {' and '.join(names)} sampling only"
+    owners = " and ".join(owner.__name__ for owner in setting.kinds)
+    return f"expected none, it is a setting of {owners} only"
+
+
+def view_weight_of(flight: FlightSettings, base: Planner, sensing: Sensing) -> float:
+    """Return the weight of the cost term that makes the camera look along the flight.
+
+    It helps if a camera has to find displaced gates; otherwise a flight without yaw is faster.
+    """
+    if flight.view_weight is not None:
+        return flight.view_weight
+    return base.view_weight if sensing.camera and flight.displace_gates else 0.0
+
+
+def default_timeout(course: Course, laps: int) -> float:
+    """Return the time limit [s]: 10 s, and the laps at 2 m/s along the lines between gates.
+
+    It is at most the largest `timeout` that may be given.
+    """
+    return min(10.0 + laps * course.lap_length / 2.0, 1e5)

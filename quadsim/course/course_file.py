@@ -1,0 +1,96 @@
+"""The keys of a course file, with their units, ranges and defaults."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from msgspec import Meta, Struct
+
+from quadsim.files.strict_yaml import setting, unit
+
+Metre = Annotated[float, unit("m", ge=-1e4, le=1e4)]
+Size = Annotated[float, unit("m", gt=0, le=100)]
+Degree = Annotated[float, unit("deg", ge=-360, le=360)]
+Point = tuple[Metre, Metre, Metre]
+Span = tuple[Metre, Metre]
+# Folders of runs have the name of their course.
+Name = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
+Second = Annotated[float, unit("s", gt=0)]
+
+
+@dataclass(frozen=True)
+class Published:
+    """A time on these gates that others have published."""
+
+    who: Annotated[str, setting("authors of the time")]
+    time: Annotated[float, setting("time on these gates", unit="s", gt=0)]
+
+
+class GateEntry(Struct, frozen=True, kw_only=True):
+    """A gate of a course file."""
+
+    position: Annotated[Point, setting("centre of the opening: x east, y north, z up")]
+    yaw_deg: Annotated[Degree, setting("direction of the passage: 0 east, 90 north")]
+    pitch_deg: Annotated[Degree, setting("pitch of the passage, positive down")] = 0.0
+    roll_deg: Annotated[Degree, setting("roll about the passage")] = 0.0
+    opening: Annotated[
+        tuple[Size, Size] | None, setting("width and height; default: the course's")
+    ] = None
+    frame_width: Annotated[
+        Size | None, setting("width of the bars around the opening; default: the course's")
+    ] = None
+
+
+class StartEntry(Struct, frozen=True, kw_only=True):
+    """The start of a course file."""
+
+    position: Annotated[Point, setting("position at rest")]
+    yaw_deg: Annotated[Degree, setting("heading: 0 east, 90 north")]
+
+
+class BoxEntry(Struct, frozen=True, kw_only=True):
+    """A box of a course file."""
+
+    centre: Annotated[Point, setting("centre of the box")]
+    size: Annotated[tuple[Size, Size, Size], setting("size along the box's own x, y and z")]
+    yaw_deg: Annotated[Degree, setting("direction of the box's x axis")] = 0.0
+
+
+class CylinderEntry(Struct, frozen=True, kw_only=True):
+    """An upright cylinder of a course file."""
+
+    base: Annotated[Point, setting("centre of the lower end")]
+    radius: Annotated[Size, setting("radius")]
+    height: Annotated[Size, setting("height")]
+
+
+class ObstacleEntry(Struct, frozen=True, kw_only=True):
+    """An obstacle of a course file: a box or a cylinder."""
+
+    box: BoxEntry | None = None
+    cylinder: CylinderEntry | None = None
+
+
+class CourseFile(Struct, frozen=True, kw_only=True):
+    """The keys of a course file."""
+
+    name: Annotated[Name | None, setting("name of the course; default: the file's")] = None
+    source: Annotated[str, setting("where the course comes from")] = ""
+    loop: Annotated[bool, setting("whether the first gate comes after the last")] = False
+    laps: Annotated[int, setting("laps of a race on a loop", ge=1, le=1000)] = 1
+    opening: Annotated[tuple[Size, Size], setting("width and height of gates' openings")]
+    # Swift's gates have openings of 1.5 m in a frame of 2.05 m.
+    frame_width: Annotated[Size, setting("width of the bars around an opening")] = 0.275
+    bounds: Annotated[
+        tuple[Span, Span, Span] | None,
+        setting("spans of x, y and z; default: around start, gates and obstacles, with room"),
+    ] = None
+    start: Annotated[StartEntry, setting("place and heading at rest")]
+    gates: Annotated[tuple[GateEntry, ...], setting("gates in the order of flight", min_length=1)]
+    obstacles: Annotated[
+        tuple[ObstacleEntry, ...], setting("boxes and cylinders to keep clear of")
+    ] = ()
+    published: Annotated[
+        tuple[Published, ...], setting("times that reports show beside yours")
+    ] = ()

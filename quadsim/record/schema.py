@@ -1,0 +1,351 @@
+"""What lies on the disk: the keys of run.json and heat.json that this version reads.
+
+A file has more keys than these, which follow from them or are for people. Each reader decodes the
+smallest struct that has what it needs, so that a list of runs has a row for a run whose planner
+this version cannot fly:
+
+    ListedSpec    a row of a list
+    StoredSpec    a run that is opened, and its pictures
+    ReportedSpec  a report
+    ReplayedSpec  a replay on the page
+    FlownSpec     a flight that is flown again; quadsim.config.recorded makes a Spec of it
+
+A number keeps its kind: 60 in a file is not 60.0, as the digest of a run tells them apart.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from msgspec import Meta, Struct, field
+
+from controllers.config import MPPIConfig
+from quadsim.course import Start
+from quadsim.dynamics.quadrotor import ModelParams
+from quadsim.physics.link import WIRE, LinkConfig
+from quadsim.racing.events import Event
+from quadsim.record.run import Outcome, PlanTime
+from quadsim.sensing import Sensing
+from quadsim.vehicle import Vehicle
+
+RUN_FORMAT = "quadsim run 1"
+HEAT_FORMAT = "quadsim heat 1"
+# columns of events.csv that only runs with changes in flight have
+CHANGE_COLUMNS = ("number", "from", "to")
+
+Number = int | float
+PlainText = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f]*$")]
+LapCount = Annotated[int, Meta(ge=1, le=1000)]
+
+
+class Header(Struct):
+    """The keys of a run.json that say how to read the others."""
+
+    format: str | None = None
+    git: str | None = None  # the commit that flew the run
+
+
+class Named(Struct):
+    """The name of a part: a vehicle, a sensing or a pilot."""
+
+    name: str
+
+
+# The parts of a spec
+
+
+class ReportedPlanner(Struct):
+    """The part of a planner's numbers that a report reads."""
+
+    mppi: MPPIConfig
+
+
+class ChangedPlanner(ReportedPlanner):
+    """The planner's numbers that a change in flight may differ in."""
+
+    sampling: Any  # numbers of a registered sampler; of the user's own, whatever describes it
+
+
+class FlownPlanner(ChangedPlanner):
+    """All numbers of a planner."""
+
+    vehicle: str
+    cost: dict[str, Any]  # which class they are of, a reference decides
+
+
+class ReplayedSampling(Struct):
+    """A sampler's numbers that a replay shows."""
+
+    sigma: list[float] = []
+    gamma: list[float] = []
+
+
+class ReplayedPlanner(ReportedPlanner):
+    """A planner's numbers that a replay shows."""
+
+    sampling: ReplayedSampling | str | None = None  # a text describes the user's own sampler
+
+
+class NumberChange(Struct, frozen=True):
+    """A number of the planner that was changed in flight."""
+
+    t: Number  # time of the first plan with the number [s]
+    name: str  # of the page's slider
+    before: Number = field(name="from")
+    after: Number = field(name="to")
+    planner: dict[str, Any] = {}  # numbers after it, see ChangedPlanner
+
+    def row(self) -> dict[str, object]:
+        """Return the change as a row of events.csv; it has no gate and no place."""
+        values = (float(self.t), "change", self.name, float(self.before), float(self.after))
+        return dict(zip(("t", "kind", *CHANGE_COLUMNS), values, strict=True))
+
+
+class FlownPilot(Named):
+    """The learned pilot that flew."""
+
+    sha256: str
+
+
+class FlownReference(Struct):
+    """The solution of `race limit` that the planner followed."""
+
+    key: str
+    sha256: str
+
+
+class FlownFirmware(Struct):
+    """The configuration of the firmware; a flight that is made again compares the firmware."""
+
+    name: str
+    lines: tuple[str, ...]
+
+
+class Host(Struct):
+    """The files of the machine that flew, none of which changes the flight."""
+
+    runs_dir: str = "runs"
+    pilot: str | None = None
+
+
+class StickRates(Struct):
+    """How a vehicle that a person flew followed one stick."""
+
+    most: float  # at the end of the stick [rad/s]
+
+
+class FlownByHand(Struct):
+    """How a vehicle that a person flew followed the sticks."""
+
+    roll: StickRates
+    pitch: StickRates
+    yaw: StickRates
+
+
+class OwnPart(Struct):
+    """The class of one of the user's own parts."""
+
+    kind: str = field(name="class")
+
+
+class OwnTerm(Struct):
+    """The name and the weight of one of the user's own cost terms."""
+
+    name: str
+    weight: float | list[float]
+
+
+class Rules(Struct):
+    """The rules of a race of several."""
+
+    rules: str
+
+
+class FlownAmong(Struct):
+    """The race of several in which a run was flown."""
+
+    name: str  # of this run's entrant
+    names: list[str]
+    number: Annotated[int, Meta(ge=1)]  # of this run's entrant
+    settings: Rules
+    sha256: str
+
+    def __post_init__(self) -> None:
+        if self.number > len(self.names):
+            raise ValueError(f"expected a number of {len(self.names)} entrants")
+
+
+# The spec of a run
+
+
+class ListedSpec(Struct, kw_only=True):
+    """The keys of a spec that a row of a list shows."""
+
+    course: str
+    vehicle: Named
+    sampler: str
+    preset: str
+    seed: int
+    laps: int
+    pilot: Named | None = None
+    sensing: Named | None = None
+    interactive: list[dict[str, Any]] = []
+
+
+class StoredSpec(ListedSpec, kw_only=True):
+    """The keys of a spec that pictures read."""
+
+    course: PlainText
+    course_text: str
+    laps: LapCount
+    penalties: bool
+    plant: str
+    clock: str
+    planner: dict[str, Any]
+    model: dict[str, Any]
+    host: dict[str, Any]
+    own: dict[str, OwnPart | list[OwnTerm]] = {}
+    faults: list[str] = []
+    drawn_faults: list[str] = []
+    betaflight: dict[str, Any] | None = None
+    link: LinkConfig | None = None
+    heat: FlownAmong | None = None
+
+
+class ReportedSpec(StoredSpec, kw_only=True):
+    """A spec with all that a report reads, to the last number."""
+
+    vehicle: Vehicle
+    model: ModelParams
+    planner: ReportedPlanner
+    randomize: float
+
+
+class ReplayedSpec(ReportedSpec, kw_only=True):
+    """A spec with all that the page shows."""
+
+    planner: ReplayedPlanner
+    hand: FlownByHand | None = None
+    interactive: list[NumberChange] = []
+
+
+class FlownSpec(Struct, kw_only=True):
+    """The keys of a spec that a flight is made from, beside the numbers of FlightNumbers."""
+
+    course: str
+    course_text: str
+    vehicle: Vehicle
+    sampler: str
+    preset: str
+    planner: FlownPlanner
+    model: ModelParams
+    laps: int
+    timeout: float
+    plant: str
+    host: Host = field(default_factory=Host)
+    start: Start | None = None
+    sensing: Sensing | None = None
+    view_weight: float = 0.0
+    faults: tuple[str, ...] = ()
+    pilot: FlownPilot | None = None
+    betaflight: FlownFirmware | None = None
+    link: LinkConfig = WIRE
+    reference: FlownReference | None = None
+    own: dict[str, Any] = {}
+    interactive: list[NumberChange] = []
+
+
+# run.json
+
+
+class ListedRun(Struct):
+    """The keys of a run.json that a row of a list shows."""
+
+    outcome: Outcome
+    laps: list[float]
+    spec: ListedSpec
+
+
+class StoredRecord(Struct):
+    """The keys of a run.json that a Run is made from."""
+
+    spec: dict[str, Any]
+    outcome: Outcome
+    events: tuple[Event, ...]
+    plan_ms: PlanTime
+    real_time_factor: float
+    digest: str
+
+
+class AnyRun(Struct):
+    """A run.json with any spec."""
+
+    spec: dict[str, Any]
+
+
+# heat.json, and the result of a race in the file of a campaign
+
+
+class StoredPlacing(Struct):
+    """The result of one entrant."""
+
+    rank: int
+    name: str
+    outcome: str
+    time: float | None  # None: the entrant has not finished [s]
+
+
+class StoredEvent(Struct):
+    """Something that happened between entrants, see quadsim.heat.result.HeatEvent."""
+
+    kind: str
+    name: str
+    other: str
+    gate: int = 0
+    lap: int = 0
+
+
+class StoredResult(Struct):
+    """The result of a race in the file of a campaign."""
+
+    order: list[StoredPlacing]
+    events: list[StoredEvent]
+    digest: str
+    real_time_factor: float = 0.0
+
+
+class StoredEntrant(Struct):
+    """One entrant of a race, and the spec of its flight."""
+
+    name: str
+    spec: dict[str, Any]
+
+
+class StoredHeatSpec(Struct):
+    """The specification of a race of several."""
+
+    seed: int
+    entrants: list[StoredEntrant]
+
+
+class TitledHeat(Struct):
+    """The keys of a heat.json that a title names."""
+
+    course: str
+    order: list[StoredPlacing]
+
+
+class ListedHeat(TitledHeat):
+    """The keys of a heat.json that a row of a list shows."""
+
+    spec: StoredHeatSpec
+
+
+class ListedEntrant(Struct):
+    """The keys of an entrant's spec that a row of a list shows."""
+
+    vehicle: Named
+    preset: str
+    laps: int
+    pilot: Named | None = None
+    sensing: Named | None = None
