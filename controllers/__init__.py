@@ -6,10 +6,10 @@ The public names of this package are
     Cost, Term, crash                      costs as tuples of terms, see controllers.costs
     Gaussian, Colored, LogNormal, Smooth, SmoothStar
                                            samplers, see controllers.samplers
-    PlainSampler                           the interface of a sampler of one's own
+    PlainSampler                           the interface of a user's own sampler
     Planner, PRESETS, preset               numbers of the planner by name, see controllers.presets
 
-They are loaded when they are first used, so that `import controllers` takes milliseconds.
+They are loaded on first use, so that `import controllers` takes milliseconds.
 Everything else is internal and may change.
 """
 

@@ -17,7 +17,7 @@ class MPPIConfig:
     controllers/presets.py.
 
     Raises:
-        SettingError: a number is of another type or out of its range (a ValueError).
+        SettingError: a number has a wrong type or is out of its range (a ValueError).
 
     Examples:
         >>> from quadsim import MPPIConfig
@@ -54,7 +54,7 @@ class MPPIConfig:
     step_size: Annotated[
         float, setting("fraction alpha of the update that is applied", gt=0, le=1)
     ] = 1.0
-    # With a smooth sampler these samples perturb the plan without its momentum instead, see
+    # With a smooth sampler these samples perturb the plan without momentum instead, see
     # MPPI.nominals in mppi.py.
     rest_fraction: Annotated[
         float,
@@ -68,7 +68,7 @@ class MPPIConfig:
         float,
         setting("unused fraction of the range from the control at rest to each limit", ge=0, lt=1),
     ] = 0.0
-    # The mean of clipped samples stays within the limits, but a time-optimal control lies at them
+    # The mean of clipped samples lies inside the limits, but a time-optimal control is saturated
     # most of the time.
     overshoot: Annotated[
         float,

@@ -1,4 +1,4 @@
-"""A deadline for plans: fewer samples after a late plan, more after one that was early."""
+"""A deadline for plans: fewer samples after a late plan, more samples after an early plan."""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ class Iteration:
 
 
 class DrawnChunk(NamedTuple):
-    """A DrawnChunk holds the perturbations that were drawn for one chunk of an iteration."""
+    """The perturbations drawn for one chunk of an iteration."""
 
     iteration: Iteration
     chunk: slice
@@ -158,7 +158,7 @@ class MPPI:
         # Amount by which the plan may exceed the control limits  (n_u,)
         self.beyond = np.zeros(n_u)
         if config.overshoot:
-            # overshoot is in standard deviations of the perturbations; draw some to measure them.
+            # overshoot is in standard deviations of the perturbations, measured on some draws.
             drawn = self.sampler.sample(0)
             self.beyond = config.overshoot * drawn.std(axis=(0, 2, 3), dtype=float)
         trace_anew(system, cost)
@@ -167,13 +167,13 @@ class MPPI:
         self.rest = np.array(system.rest)
         self.plan = np.tile(self.rest, (config.horizon, 1))  # U (T, n_u)
         self.guide = self.plan  # the sequence that the last samples perturb  (T, n_u)
-        # The last two controls, which stand before the plan in the smoothing filter  (2, n_u)
+        # The last two controls, which precede the plan in the smoothing filter  (2, n_u)
         self.executed = np.tile(self.rest, (2, 1))
         self.temperature = config.temperature
         self.samples = config.samples  # M, which a deadline may change
         self.last: Iteration | None = None
         self._calls = 0
-        # The chunk that is in the sampler's memory, until the next draw overwrites it
+        # The chunk in the sampler's memory, until the next draw overwrites it
         self._drawn: DrawnChunk | None = None
 
     def control(
@@ -184,9 +184,9 @@ class MPPI:
         The plan is shifted by as many steps as control periods have passed since the last call.
 
         Args:
-            known: an estimate of the vehicle, or its state x (n_x,) alone. A bare state is taken
-                to be one control period after the last call, with row 0 of the cost's targets as
-                the target.
+            known: an estimate of the vehicle, or only its state x (n_x,). A bare state counts as
+                one control period after the last call, with row 0 of the cost's targets as the
+                target.
 
         Returns:
             The control (n_u,) and statistics of the plan.
@@ -223,7 +223,7 @@ class MPPI:
         J = it.J  # (M,)
 
         # Samples come in chunks that fit the processor's caches. The perturbations of a chunk are
-        # overwritten by those of the next one, so each chunk is averaged at once.
+        # overwritten by the next chunk, so each chunk is averaged at once.
         means = []  # weighted mean of v - U of each chunk  (T, n_u)
         for chunk in layout.chunks(self.samples):
             # Draw the perturbations z, eq. (1).
@@ -242,14 +242,14 @@ class MPPI:
         # Move the plan by a step along the weighted mean of v - U, eq. (5).
         self.update(U + self.config.step_size * layout.mean_of_chunks(means, w))
 
-        # Adapt the temperature to the wanted effective sample size.
+        # Adapt the temperature to the target effective sample size.
         ess = float(1 / np.sum(w * w))
         stats = PlanStats(cost=float(J[0]), ess=ess, temperature=self.temperature)
         self.temperature = adapt_temperature(self.temperature, ess, self.config.target_ess)
         return stats
 
     def begin_iteration(self, x: np.ndarray, target: int) -> Iteration:
-        """Return the inputs of the next iteration, its costs not yet computed.
+        """Return the inputs of the next iteration, with costs still to be computed.
 
         Args:
             x: state that the rollouts start from  (n_x,).
@@ -283,8 +283,8 @@ class MPPI:
     def perturbations(self, it: Iteration, chunk: slice) -> np.ndarray:
         """Return the perturbations z of a chunk's samples, relative to the nominal sequence.
 
-        Those of sample 0 are zero, so that the nominal sequence itself is rolled out. The chunk
-        that was drawn last is not drawn again.
+        The perturbations of sample 0 are zero, so that the nominal sequence itself is rolled out.
+        The last drawn chunk is not drawn again.
 
         Args:
             it: the iteration.
@@ -293,7 +293,7 @@ class MPPI:
         Returns:
             Perturbations  (series, n_u, halves * T, LANES), see controllers.lanes.layout.
         """
-        # A display asks for the samples of the last iteration, which are still in memory.
+        # A display requests the samples of the last iteration, which are still in memory.
         drawn = self._drawn
         if drawn and drawn.iteration is it and drawn.chunk == chunk:
             return drawn.z
@@ -374,7 +374,7 @@ class MPPI:
         return self.config.iterations
 
     def shift(self, steps: int) -> None:
-        """Drop the plan's first `steps` controls, which are past, and append the guide's last."""
+        """Drop the plan's first `steps` controls, and append the guide's last control."""
         self.executed = np.vstack([self.executed, self.clipped(self.plan[:steps])])[-2:]
         self.plan = np.vstack([self.plan[steps:], self.guide[-steps:]])
         if self.sampler.momentum:
@@ -393,7 +393,7 @@ class MPPI:
         return np.tile(self.rest, (T, 1))
 
     def command(self, x: np.ndarray) -> np.ndarray:
-        """Return the plan's first control, limited to what the vehicle can attain.  (n_u,)
+        """Return the plan's first control, limited to the attainable controls.  (n_u,)
 
         Args:
             x: state  (n_x,).
@@ -407,13 +407,13 @@ class MPPI:
         return np.array(attainable(state, control, self.system.params))
 
     def clipped(self, u: np.ndarray) -> np.ndarray:
-        """Return controls (..., n_u) clipped to the control limits, which the plan may exceed."""
+        """Return controls (..., n_u) clipped to the control limits, without overshoot."""
         return np.clip(u, self.low, self.high)
 
     # Model, cost and state of the planner
 
     def set_model(self, system: System) -> None:
-        """Use this system as the model: the same states and controls with other parameters."""
+        """Set the model: the same states and controls with changed parameters."""
         self.model = system
         self.system = system.tightened(self.config.tighten)
         self.rollout = self._new_rollout()
@@ -423,7 +423,7 @@ class MPPI:
         self.plan_high = self.high + self.beyond
 
     def set_cost(self, cost: Cost) -> None:
-        """Use this cost from now on.
+        """Set the cost.
 
         Terms that were used before are not compiled again, even if their weights and parameters
         change. Numbers that a function holds itself stay as they were when the planner was made.
@@ -502,7 +502,7 @@ class MPPI:
 
     @property
     def is_cached(self) -> bool:
-        """Whether the loops were compiled on this machine before.
+        """Whether the compiled loops are in this machine's cache.
 
         If they were not, the first plan takes some 15 s longer.
         """

@@ -25,7 +25,7 @@ class PlanStats:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlannerSnapshot:
-    """The planner at one control step, kept for display."""
+    """The state of the planner at one control step, for display."""
 
     best: np.ndarray  # paths of the samples with the least cost, best first [m]  (8, points, 3)
     # Cost of the updated plan by term, horizon means that sum to its J; empty: not stored

@@ -1,6 +1,6 @@
-"""Presets: a planner's numbers by name and sampler.
+"""Presets: planner parameters by name and sampler.
 
-The numbers of `paper` are those of the cited paper, those of `race` were tuned on this project's
+The numbers of `paper` are from the cited paper; the numbers of `race` were tuned on this project's
 courses.
 """
 
@@ -22,7 +22,7 @@ STEPS_MAX = 10**8  # samples x horizon of one iteration: more than half a second
 
 @dataclass(frozen=True)
 class Planner:
-    """Everything that MPPI is given besides the course and the model.
+    """All inputs of MPPI besides the course and the model.
 
     Examples:
         >>> from controllers import preset
@@ -31,20 +31,20 @@ class Planner:
         ('swift', 4096)
     """
 
-    vehicle: str  # the vehicle to fly unless another is asked for
+    vehicle: str  # the default vehicle
     sampling: Sampling
     mppi: MPPIConfig
     cost: RaceWeights | ReferenceWeights
-    preset: str = "own"  # the preset that its numbers started from
-    # Weight of the view term, for flights by camera among gates that are off the map
+    preset: str = "own"  # the preset from which the numbers were derived
+    # Weight of the view term, for flights by camera with gates displaced from the map
     view_weight: float = 1.0
 
 
 # Section IV-B: "I = 2 iterations, M = 4096 samples, lambda = 0.3, dt = 0.01 s, and T = 150";
 # Gaussian "standard deviations of [0.3, 0.3, 0.3, 3.5] for the angular rates and thrust"; colored
 # "[0.2, 0.2, 0.2, 0.5] and exponents gamma of [0.01, 0.01, 0.01, 0.5]"; "a desired velocity of 9
-# m/s". The weights are not published; these are ours, chosen on paper_flat so that both samplers
-# pass every gate at about the paper's lap times, and for both alike.
+# m/s". The paper does not publish the weights; these were chosen on paper_flat, equal for both
+# samplers, so that both pass every gate at about the paper's lap times.
 _PAPER = Planner(
     vehicle="paper",
     sampling=Gaussian(sigma=(0.3, 0.3, 0.3, 3.5)),
@@ -62,12 +62,12 @@ _PAPER = Planner(
     ),
 )
 
-# Sampling as `race tune split_s_swift --laps 1` found it, 48 trials for each of the two samplers.
-# The tuned horizon of 1.2 s is too short to brake from 38 m/s on alphapilot, so it is 1.5 s here.
-# The weights along the horizon, the overshoot, the ESS and the margin were chosen by hand on
-# split_s_swift and alphapilot, for each sampler its own, see docs/results.md. So was the yaw noise
-# of colored sampling: nothing in a race asks for yaw, and with 0.5 rad/s body rates vary by a third
-# more.
+# Sampling was tuned by `race tune split_s_swift --laps 1`, with 48 trials for each of the two
+# samplers. The tuned horizon of 1.2 s is too short to brake from 38 m/s on alphapilot, so it is
+# 1.5 s here. The weights along the horizon, the overshoot, the ESS and the margin were chosen by
+# hand on split_s_swift and alphapilot, separately for each sampler, see docs/results.md, and so was
+# the yaw noise of colored sampling: a race does not require yaw, and with 0.5 rad/s body rates vary
+# by a third more.
 _RACE = Planner(
     vehicle="swift",
     sampling=Colored(sigma=(0.86, 0.86, 0.1, 4.4), gamma=(0.8, 0.8, 0.8, 2.0)),
@@ -91,20 +91,20 @@ _RACE = Planner(
 )
 
 # The samplers that the paper does not fly were tuned by hand.
-# Log-normal: its standard deviation sigma exp(sigma^2) is the Gaussian's.
-# Smooth: its sigma is a fifth of the Gaussian's, as a plan with momentum adds up the changes of all
+# Log-normal: the standard deviation sigma exp(sigma^2) equals the Gaussian's.
+# Smooth: sigma is a fifth of the Gaussian's, as a plan with momentum accumulates the changes of all
 # iterations; in races the sigma of the body rates is half of the Gaussian's. The plan is filtered,
-# as nothing damps the momentum. The sigma of `smooth` is that of the derivatives [rad/s^2, m/s^3],
-# so it is divided by dt: `smooth` and `smooth_star` fly alike until one changes dt.
+# as the momentum has no damping. The sigma of `smooth` refers to the derivatives [rad/s^2, m/s^3],
+# so it is divided by dt: `smooth` and `smooth_star` behave alike unless dt is changed.
 
 
 def _smooth(base: Planner, sampling: Smooth | SmoothStar) -> Planner:
-    """Return the planner with a sampler that has momentum, and with a filtered plan."""
+    """Return the planner with this momentum sampler and a filtered plan."""
     return replace(base, sampling=sampling, mppi=replace(base.mppi, smooth=True))
 
 
 def _race(sampling: Sampling, **mppi: float) -> Planner:
-    """Return the preset `race` with another sampler and other parameters of MPPI."""
+    """Return the preset `race` with this sampler and changed parameters of MPPI."""
     return replace(_RACE, sampling=sampling, mppi=replace(_RACE.mppi, **mppi))
 
 
@@ -129,11 +129,11 @@ PRESETS: dict[str, dict[str, Planner]] = {
 
 
 # `race_small` is for gates of less than a metre and vehicles of some ten centimetres, such as
-# `lsy_level2` and `crazyflie`. The margin is one that the openings leave, and weighs more. The
-# horizon is two thirds of that of `race`, as a course of 7 m is soon flown: with all of it 6 of 15
-# flights of lsy_level2 got nowhere or crashed. With the yaw noise of `race` 94 of 100 finished,
-# with this one all 100, and 97 since the model limits yaw. There is no view term: the gates face
-# all ways, a metre apart, so turning the nose to each costs more than it shows of them.
+# `lsy_level2` and `crazyflie`. The margin fits the openings, and has a larger weight. The horizon
+# is two thirds of the horizon of `race`, as a course of 7 m is short: with the full horizon 6 of 15
+# flights of lsy_level2 got stuck or crashed. With the yaw noise of `race` 94 of 100 finished, with
+# this yaw noise all 100, and 97 since the model limits yaw. There is no view term: the gates face
+# all directions, a metre apart, so turning the nose to each costs more than it improves the view.
 _SMALL_SIGMA = (0.86, 0.86, 0.5, 4.4)  # of colored sampling
 
 
@@ -156,13 +156,13 @@ def _small(planner: Planner) -> Planner:
 PRESETS["race_small"] = {name: _small(planner) for name, planner in PRESETS["race"].items()}
 
 
-# `race_informed` follows the solution of an optimiser, which looks further ahead than any plan
-# does. So its horizon is two fifths of that of `race`, with more iterations and less noise. The
-# numbers were chosen by hand on `alphapilot` and `split_s_swift`, see docs/results.md.
-_CALMER = 0.7  # standard deviations over those of `race`
+# `race_informed` follows the solution of an optimiser, which covers the whole race and not only a
+# horizon. So the horizon is two fifths of the horizon of `race`, with more iterations and less
+# noise. The numbers were chosen by hand on `alphapilot` and `split_s_swift`, see docs/results.md.
+_CALMER = 0.7  # factor on the standard deviations of `race`
 
-# Numbers of samplers whose sigma is not simply scaled: log-normal keeps the Gaussian's standard
-# deviation, and `smooth_star` keeps that of `smooth`, as above.
+# Samplers whose sigma is not simply scaled: log-normal keeps the Gaussian's standard deviation, and
+# `smooth_star` stays equal to `smooth`, as above.
 _CALM: dict[str, Sampling] = {
     "log_normal": LogNormal((0.566, 0.566, 0.769, 1.07)),
     "smooth_star": SmoothStar((0.42, 0.42, 0.084, 0.84)),
@@ -197,7 +197,7 @@ PRESETS["race_informed"] = {
 }
 
 
-# A planner says which preset its numbers started from.
+# Each planner records the preset from which its numbers were derived.
 PRESETS = {
     name: {sampler: replace(planner, preset=name) for sampler, planner in samplers.items()}
     for name, samplers in PRESETS.items()
@@ -229,12 +229,12 @@ def preset(name: str, sampler: str) -> Planner:
 
 
 def per_channel(rates: float, thrust: float) -> tuple[float, float, float, float]:
-    """Return one number for each of the three body rates and another one for the thrust."""
+    """Return `rates` for each of the three body rates, followed by `thrust`."""
     return rates, rates, rates, thrust
 
 
 def faults(planner: Planner) -> Iterator[tuple[str, str]]:
-    """Yield the contradictions between several numbers of a planner.
+    """Yield the contradictions between numbers of a planner.
 
     Yields:
         The key of a number, and the problem.

@@ -31,7 +31,7 @@ def sampled_trajectories(
 ) -> SampledTrajectories | None:
     """Draw the best samples of the last iteration and roll them out again.
 
-    The planner does not change.
+    The planner is not changed.
 
     Args:
         mppi: the planner.
@@ -45,7 +45,7 @@ def sampled_trajectories(
     if last is None:
         return None
 
-    # The best samples, and behind them the updated plan
+    # The best samples, followed by the updated plan
     best = np.argsort(last.J)[: min(samples, MOST)]
     plan = mppi.plan.T[None]  # (1, n_u, T)
     v = np.concatenate([controls(mppi, last, best), plan])  # (samples + 1, n_u, T)
@@ -66,8 +66,8 @@ def terms_of(
 ) -> dict[str, float]:
     """Return the horizon mean of each term of the cost along a trajectory, by name.
 
-    The loops add up all terms. So the terms are computed here once more, on arrays over all steps
-    and by the functions that the loops inline.
+    The compiled loops only return the sum of all terms. So the terms are computed again here, on
+    arrays over all steps and by the functions that the loops inline.
 
     Args:
         rollout: the rollout.
@@ -83,7 +83,7 @@ def terms_of(
     u = np.clip(v, np.array(system.low)[:, None], np.array(system.high)[:, None])
     rows = cost.targets_from(target, x0, d)[found.rows]
 
-    # Numbers overflow in silence here, as they do in the loops.
+    # Overflows are silent here, as in the loops.
     with np.errstate(all="ignore"):
         stage = evaluate(
             _terms_alone(cost),
@@ -99,8 +99,9 @@ def terms_of(
     for name, value in stage.terms.items():
         means[name] = float(np.mean(weights * value))
 
-    # A crash into an obstacle is found some steps late, and is paid at once for these steps, each
-    # as much as the weight of crashes. So they are what J has beyond the terms, but for rounding.
+    # A crash into an obstacle is found some steps late, and the loops then charge the weight of
+    # crashes for each of these steps. So this cost is the difference of J to the sum of the terms,
+    # up to rounding.
     if cost.obstacles is not None:
         crash = cost.terms[cost.crash_term]
         beyond = (float(found.J) - sum(means.values())) * T
@@ -111,9 +112,9 @@ def terms_of(
 
 
 def _terms_alone(cost: Cost) -> Cost:
-    """Return a cost of the terms that weigh something, without what decides on crashes and targets.
+    """Return a cost with the terms of nonzero weight, without crashes and targets.
 
-    The loops leave the other terms out, whose values need not be finite.
+    The loops leave the terms of weight zero out, and their values may be infinite or nan.
     """
     terms = tuple(term for term in cost.terms if np.any(term.weight))
     return replace(cost, terms=terms, reached=None, crash=None)
@@ -124,7 +125,7 @@ def controls(mppi: MPPI, last: Iteration, which: np.ndarray) -> np.ndarray:
 
     Args:
         mppi: the planner.
-        last: the iteration that the samples belong to.
+        last: the iteration of the samples.
         which: indices of the samples  (samples,).
 
     Returns:
@@ -140,13 +141,13 @@ def controls(mppi: MPPI, last: Iteration, which: np.ndarray) -> np.ndarray:
         z = mppi.perturbations(last, chunk)
         for k in inside:
             m = which[k]
-            ramp = mppi.ramp[m // LANES % 2]  # of even and odd blocks  (T,)
+            ramp = mppi.ramp[m // LANES % 2]  # factors of even and odd blocks  (T,)
             v[k] = U + ramp * sample(z, m - chunk.start, T)
     return np.clip(v, mppi.low[:, None], mppi.high[:, None])
 
 
 def take_snapshot(mppi: MPPI, samples: int = 8, points: int = 16) -> PlannerSnapshot | None:
-    """Return the snapshot that is stored with a run, None before the first plan.
+    """Return the snapshot for the record of a run, None before the first plan.
 
     Paths are rounded to a centimetre, which compresses well.
 

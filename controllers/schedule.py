@@ -6,12 +6,12 @@
 The factor n_t rises linearly from first_noise at t = 0 to 1 at the last step, or is 1 throughout.
 The factor s_t is ((t + 1) / T)^cost_rise, divided by its mean.
 
-The plan is kept from one control step to the next, shifted: its first controls have been improved
-by a hundred updates, its last by few. Perturbing the first controls less leaves more of the
-search to the later ones and makes the executed control smoother. Every second block of samples is
-still perturbed in full: where the plan no longer leads through a gate, as after a gust, these
-samples find another way. A cost that rises over the horizon gives the place that a sample reaches
-more weight than the beginning of its path.
+The plan is shifted and kept from one control step to the next: its first controls have been
+improved by a hundred updates, its last controls by few. Perturbing the first controls less
+concentrates the search on the later ones and makes the executed control smoother. Every second
+block of samples is still perturbed in full: if the plan no longer leads through a gate, e.g. after
+a gust, these samples find a different path. A cost that rises over the horizon gives the end of a
+sample's path more weight than its beginning.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Schedule:
-    """The two weights along the horizon; the default weighs all steps alike, as the paper does."""
+    """The two weights along the horizon; by default they are constant, as in the paper."""
 
     first_noise: float = 1.0  # in (0, 1]
     cost_rise: float = 0.0  # at least 0
@@ -33,8 +33,7 @@ class Schedule:
         """Return n_t, the factors on the perturbations. The array is read-only.
 
         Returns:
-            Factors of the blocks of samples with an even index, and of those with an odd one
-            (2, T).
+            Factors of the blocks of samples with an even and with an odd index  (2, T).
         """
         return _noise(self.first_noise, horizon)
 
@@ -46,7 +45,7 @@ class Schedule:
         return _cost(self.cost_rise, horizon)
 
 
-# A planner asks for these factors and weights in each control step, so they are kept.
+# Cached, as a planner uses these factors and weights in each control step
 @lru_cache(maxsize=64)
 def _noise(first_noise: float, horizon: int) -> np.ndarray:
     """Return the factors on the perturbations, see Schedule.noise.  (2, T)"""

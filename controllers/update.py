@@ -12,7 +12,7 @@ SAVITZKY_GOLAY = np.array([-3, 12, 17, 12, -3]) / 35  # 5 points, order 2
 
 
 def weights(J: np.ndarray, temperature: float) -> np.ndarray:
-    """Return w^m = exp(-(J^m - rho) / lambda) / eta with rho = min J, zero where J is not finite.
+    """Return w^m = exp(-(J^m - rho) / lambda) / eta with rho = min J; zero if J is not finite.
 
     Args:
         J: cost of each sample  (M,).
@@ -36,7 +36,7 @@ def weights(J: np.ndarray, temperature: float) -> np.ndarray:
 
 
 def softmax_weights(J: np.ndarray, temperature: float) -> np.ndarray:
-    """Return the weights of a chunk of samples, normalised within it.
+    """Return the weights of a chunk of samples, normalised within the chunk.
 
     `layout.mean_of_chunks` recombines the chunks.
 
@@ -45,7 +45,7 @@ def softmax_weights(J: np.ndarray, temperature: float) -> np.ndarray:
         temperature: lambda.
 
     Returns:
-        (n,), of sum 1; zeros where no sample has a finite cost.
+        (n,), of sum 1; zeros if no sample has a finite cost.
     """
     if not isfinite(J.min()):
         J = np.where(np.isnan(J), np.inf, J)
@@ -75,8 +75,8 @@ def savitzky_golay(plan: np.ndarray, executed: np.ndarray) -> np.ndarray:
     """Return the plan filtered over time.
 
     Args:
-        plan: U  (T, n_u); its last row pads its right.
-        executed: the last two controls, which pad its left  (2, n_u).
+        plan: U  (T, n_u), padded at the end by its last row.
+        executed: the last two executed controls, which pad the beginning  (2, n_u).
 
     Returns:
         (T, n_u)

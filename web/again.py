@@ -1,4 +1,4 @@
-"""AgainChoices: a stored run or race that is flown again on the page, as START flies it."""
+"""AgainChoices: a stored run or race, to be repeated on the page by START."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class AgainChoices:
     """A stored run that is to be flown again, changes in flight included."""
 
     folder: Path
-    # folder of runs, where solutions that were followed are looked for
+    # folder of runs with the solutions that planners follow
     root: str
 
     def base_spec(self) -> Spec:
@@ -25,19 +25,19 @@ class AgainChoices:
 
         Raises:
             RunError: the run is damaged.
-            ValueError: the page cannot fly it; one line says why.
+            ValueError: the page cannot fly the run; the message is one line.
         """
         run = load_reportable(self.folder)
         return spec_of_record(run.spec, self.root)
 
     def flown(self, base: Spec) -> Spec:
-        """Return the flight with the numbers of the sliders, which are those of the record."""
+        """Return the flight with the recorded numbers of the sliders."""
         return base
 
 
 @dataclass(frozen=True)
 class HeatAgainChoices:
-    """A stored race of several that is to be flown again."""
+    """A stored race of several vehicles, to be repeated."""
 
     folder: Path
     root: str

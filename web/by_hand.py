@@ -1,4 +1,4 @@
-"""Flights that a person flies: behind Betaflight where that is built, with its default rates."""
+"""Manual flights, with Betaflight if it is built, and with its default rates."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from quadsim.vehicle import load_vehicle
 
 
 def flight_controller_of(vehicle: str) -> FlightControllerName:
-    """Return "betaflight" where it is built and the vehicle comes with a configuration of it.
+    """Return "betaflight" if it is built and there is a configuration for the vehicle.
 
     vehicle: a name or a FILE.yaml.
     """
@@ -28,5 +28,5 @@ def flight_controller_of(vehicle: str) -> FlightControllerName:
 
 
 def flown_by_hand(spec: Spec) -> Spec:
-    """Return the flight with a person's sticks in the planner's place."""
+    """Return the flight with manual sticks instead of the planner."""
     return replace(spec, controller=Hand(HandRates.of(spec.vehicle)))

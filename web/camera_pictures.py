@@ -1,7 +1,7 @@
-"""Pictures of what a vehicle's camera sees, drawn for the page as `race render` draws them.
+"""Pictures of a vehicle's camera for the page, rendered as by `race render`.
 
-PyBullet's renderer takes a tenth of a second and holds Python's lock meanwhile, so that it would
-hold up a flight. It runs in a process of its own, with a low priority.
+PyBullet's renderer takes a tenth of a second and holds Python's global lock, which would delay a
+flight. So the renderer runs in a process of its own, with a low priority.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ from web.competitor import POSITION, QUATERNION, Competitor
 if TYPE_CHECKING:
     from quadsim.render.scene import Scene
 
-DEFAULT_CAMERA = "aigp"  # of a vehicle that flies without one, as in `race render`
-WIDTH = 400  # a picture is drawn about as wide [px]
-PERIOD = 0.25  # least time from one picture to the next [s]
-SHOWN = 0.25  # [s] before the shown moment in which corners were found that are drawn
+DEFAULT_CAMERA = "aigp"  # camera for a vehicle without one, as in `race render`
+WIDTH = 400  # approximate width of a picture [px]
+PERIOD = 0.25  # least time between two pictures [s]
+SHOWN = 0.25  # largest age of corners that are drawn [s]
 NICE = 10
-QUALITY = 80  # of the JPEG
+QUALITY = 80  # quality of the JPEG
 ENDED = "the process that draws the pictures has ended"
 
 
 class View(NamedTuple):
-    """What is to be drawn: a course from a vehicle's camera."""
+    """A view to draw: a course from a vehicle's camera."""
 
     course_name: str
     course_text: str
@@ -57,13 +57,13 @@ class Moment(NamedTuple):
     name: str
     t: float  # [s]
     view: View
-    # size of the camera's own pictures, in which the corners are given [px]
+    # size of the camera's own pictures, to which the corners refer [px]
     size: tuple[int, int]
-    corners: Corners | None  # that were found in this very picture
+    corners: Corners | None  # corners found in this picture
 
 
 class CameraPicture(NamedTuple):
-    """A picture of a moment, or why there is none."""
+    """A picture of a moment, or the reason why there is none."""
 
     moment: Moment
     jpeg: bytes
@@ -71,21 +71,21 @@ class CameraPicture(NamedTuple):
 
 
 class CameraPictures:
-    """Pictures of one moment after another. One thread uses it, and never waits.
+    """A sequence of pictures. Only one thread uses it, and calls never wait.
 
     Attributes:
-        last: the last picture; None: there is none yet.
+        last: the last picture; None: none yet.
     """
 
     def __init__(self) -> None:
         self.last: CameraPicture | None = None
         self._process: BaseProcess | None = None
         self._pipe: Connection | None = None
-        self._asked: Moment | None = None  # that is being drawn
+        self._asked: Moment | None = None  # the moment that is being drawn
         self._asked_at = -PERIOD  # [s]
 
     def show(self, entry: Competitor, t: float) -> None:
-        """Take the picture that is ready, and ask for one of this moment when that is due."""
+        """Take a finished picture, and request the next one when it is due."""
         self._take()
         if self._asked or perf_counter() - self._asked_at < PERIOD:
             return
@@ -109,7 +109,7 @@ class CameraPictures:
         self._asked = None
 
     def _ask(self, moment: Moment) -> None:
-        """Ask the process for a picture; start it if there is none."""
+        """Request a picture from the process, which is started if needed."""
         self._asked = moment
         self._asked_at = perf_counter()
         pipe = self._pipe or self._start()
@@ -119,7 +119,7 @@ class CameraPictures:
             self._took(b"", ENDED)
 
     def _take(self) -> None:
-        """Take the picture that was asked for, if it is ready."""
+        """Take the requested picture if it is ready."""
         if self._asked is None or self._pipe is None:
             return
         try:
@@ -131,7 +131,7 @@ class CameraPictures:
         self._took(jpeg, problem)
 
     def _took(self, jpeg: bytes, problem: str) -> None:
-        """Keep the picture that was asked for. Where there is none, the process begins anew."""
+        """Keep the requested picture. If there is none, restart the process."""
         assert self._asked is not None
         self.last = CameraPicture(self._asked, jpeg, problem)
         self._asked = None
@@ -142,13 +142,13 @@ class CameraPictures:
         """Start the process, and return the pipe to it."""
         # Python would look for its own modules in the current folder first.
         os.environ["PYTHONSAFEPATH"] = "1"
-        # A fork would inherit the locks of threads that it does not have.
+        # A fork would inherit the locks of its parent's threads.
         spawn = mp.get_context("spawn")
         self._pipe, theirs = spawn.Pipe()
         process = spawn.Process(target=draw_all, args=(theirs,), daemon=True)
         process.start()
         self._process = process
-        # Without this copy each side learns when the other has ended.
+        # Close this copy, so that each side notices the end of the other.
         theirs.close()
         return self._pipe
 
@@ -156,8 +156,8 @@ class CameraPictures:
 def moment_of(entry: Competitor, t: float) -> Moment:
     """Return the moment of a competitor to be drawn.
 
-    Where its camera has just found corners of gates it is that of the camera's last picture, so
-    that the corners lie on it.
+    If the vehicle's camera has just found corners, the moment is the time of the camera's last
+    picture, so that the corners match it.
     """
     camera = camera_of(entry)
     corners = entry.corners
@@ -171,11 +171,11 @@ def moment_of(entry: Competitor, t: float) -> Moment:
 
 
 def camera_of(entry: Competitor) -> Camera:
-    """Return the camera that a vehicle flies with; where it has none, that of `race render`."""
+    """Return the camera of a vehicle; if it has none, the default camera of `race render`."""
     sensing = entry.spec.get("sensing") or {}
     try:
         return msgspec.convert(sensing.get("camera"), GateCameraConfig)
-    except msgspec.ValidationError:  # it has none, or one that was written by hand
+    except msgspec.ValidationError:  # no camera, or a record edited by hand
         return load_camera(DEFAULT_CAMERA)
 
 
@@ -202,7 +202,7 @@ def pose_at(entry: Competitor, t: float) -> tuple[Vec3, Quaternion]:
     share = float(np.clip((t - times[0]) / max(times[1] - times[0], 1e-9), 0.0, 1.0))
     p0, p1 = entry.rows(POSITION, rows)
     q0, q1 = entry.rows(QUATERNION, rows)
-    # q and -q are one attitude
+    # q and -q are the same attitude
     q1 = q1 if q0 @ q1 >= 0.0 else -q1
     q = q0 + share * (q1 - q0)
     x, y, z = (p0 + share * (p1 - p0)).tolist()
@@ -218,9 +218,9 @@ def _is_same(one: Moment, other: Moment) -> bool:
 
 
 def draw_all(views: Connection) -> None:
-    """Draw one view after another, in a process of its own, until the other side is closed.
+    """Draw views one after another in a separate process, until the other side is closed.
 
-    Each is answered with a JPEG and a text; one of them is empty.
+    The answer is a JPEG and a text with a problem; one of the two is empty.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent
     os.nice(NICE)
@@ -237,7 +237,7 @@ def draw_all(views: Connection) -> None:
 
 
 class Painter:
-    """Draws views. It keeps the last scene, which takes longer to set up than to draw."""
+    """Draws views, and caches the last scene, as its set-up takes longer than a picture."""
 
     def __init__(self) -> None:
         self._scene: Scene | None = None
@@ -247,9 +247,9 @@ class Painter:
         """Return a view as a JPEG.
 
         Raises:
-            ValueError: the course has more gates than a picture tells apart.
+            ValueError: the course has too many gates for a picture.
         """
-        from quadsim.render.scene import Scene  # here, as it loads PyBullet
+        from quadsim.render.scene import Scene  # imported here, as it loads PyBullet
 
         if self._scene is None or self._of != (view.course_text, view.camera):
             if self._scene:

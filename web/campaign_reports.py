@@ -1,7 +1,7 @@
-"""CampaignReports: the campaigns beside the folder of runs, and what `race compare` wrote of them.
+"""CampaignReports: the campaigns beside the folder of runs, and the reports of `race compare`.
 
-A report has the tables and the figure of one comparison; a campaign's file has everything that was
-flown, shown as by `race results`.
+A report has the tables and the figure of one comparison; a campaign's file has all its flights,
+shown as by `race results`.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from quadsim.campaign.store import is_campaign
 from quadsim.campaign.tables import TextTable, as_markdown
 from quadsim.files.arrays import read_bytes
 
-# The folder of campaigns beside that of runs, as `race compare` makes it
+# The folder of campaigns beside the folder of runs, as made by `race compare`
 CAMPAIGNS = "campaigns"
 SUFFIX = ".sqlite"
 PNG = b"\x89PNG\r\n\x1a\n"
 # Largest report and largest figure that are shown [bytes]
 LARGEST_TEXT = 1_000_000
 LARGEST_FIGURE = 8_000_000
-# Reports that are listed, the latest
+# Number of the latest reports in the list
 MOST = 200
 
 
 class ReportRow(msgspec.Struct, frozen=True):
     """A report or a campaign in the list."""
 
-    # by which a page names it
+    # identifier for the page
     name: str
-    # local time at which it was written
+    # local time of writing
     when: str
     # the file of the campaign
     campaign: str
@@ -44,7 +44,7 @@ class ReportRow(msgspec.Struct, frozen=True):
 
 
 class Report(NamedTuple):
-    """A report as it was written, or a campaign's table."""
+    """A stored report, or a campaign's table."""
 
     markdown: str
     # PNG as a data URI; empty: there is none
@@ -52,10 +52,10 @@ class Report(NamedTuple):
 
 
 class CampaignReports:
-    """The reports of campaigns. One thread uses it.
+    """The reports of campaigns, for use by one thread.
 
-    They lie in `campaigns/` beside the folder of runs, or right beside it: NAME.sqlite and the
-    reports in NAME.report/.
+    The campaigns lie in `campaigns/` beside the folder of runs, or directly beside it: NAME.sqlite,
+    with the reports in NAME.report/.
 
     Args:
         root: the folder of runs.
@@ -71,7 +71,7 @@ class CampaignReports:
         self._paths: dict[str, Path] = {}
 
     def refresh(self) -> None:
-        """List the reports that are there now."""
+        """Update the list of reports."""
         found = sorted(self._found(), reverse=True)[:MOST]
         self._paths = {path.relative_to(self._beside).as_posix(): path for _, path in found}
         self.rows = tuple(
@@ -88,7 +88,7 @@ class CampaignReports:
         """Read a report.
 
         Raises:
-            ValueError, RunError: there is none of this name, or it cannot be read.
+            ValueError, RunError: there is no report of this name, or it cannot be read.
         """
         path = self._paths.get(name)
         if path is None:
@@ -105,7 +105,7 @@ class CampaignReports:
         return Report(text, figure)
 
     def _table(self, path: Path) -> str:
-        """Return all that a campaign has flown as Markdown. Raises RunError."""
+        """Return the table of all flights of a campaign as Markdown. Raises RunError."""
         groups = stored([str(path)], self._root)
         if not groups:
             return "No attempt has been flown yet."
@@ -113,7 +113,7 @@ class CampaignReports:
         return f"## {path.name}\n\n{as_markdown(TextTable.of(groups, COLUMNS, texts))}\n"
 
     def _found(self) -> Iterator[tuple[float, Path]]:
-        """Yield each report with the time at which it was written [s since 1970]."""
+        """Yield each report with its time of writing [s since 1970]."""
         for folder in (self._beside / CAMPAIGNS, self._beside):
             for path in folder.glob("*.report/*.md"):
                 if path.is_file() and path.name.isprintable():

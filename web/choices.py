@@ -1,4 +1,4 @@
-"""Choices: what a person chooses on the page before START, and the flights it stands for."""
+"""Choices: the visitor's choices on the page before START, and the resulting flights."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from quadsim.vehicle import load_vehicle
 from web.by_hand import flown_by_hand
 from web.numbers import SLIDERS, Change, with_change
 
-# HAND, too, may stand where a sampler may: a person flies
-PILOT = "pilot "  # stands before the name of a learned pilot, where a sampler may stand
-# What all competitors of a race have
+# HAND may take the place of a sampler for a manual flight
+PILOT = "pilot "  # prefix of a learned pilot's name, which takes the place of a sampler
+# Fields that are common to all competitors of a race
 OF_THE_RACE = ("course", "seed", "laps", "clock", "deadline_ms", "runs_dir")
 OF_THE_PLANNER = {name for name, setting in SETTINGS.items() if setting.group != "flight"}
 
 
 @dataclass(frozen=True)
 class Choices:
-    """One flight, as it is chosen on the page: a row of the table of competitors."""
+    """The choices of one flight: a row of the table of competitors."""
 
     course: str = "split_s_swift"
     vehicle: str = "swift"
@@ -43,28 +43,28 @@ class Choices:
     seed: int | str = 0  # a text is checked when the flight begins
     laps: int = 0  # 0: the course's
     clock: Clock = "simulated"
-    # the longest time of a plan [ms], as a text of the page; "none": it has none
+    # the deadline of a plan [ms], as a text of the page; "none": no deadline
     deadline_ms: float | str = "none"
-    # folder of runs, where solutions of `race limit` are looked for
+    # folder of runs with the solutions of `race limit`
     runs_dir: str = FlightSettings.runs_dir
-    # numbers of web.numbers.SLIDERS that differ from those of preset and settings
+    # numbers of web.numbers.SLIDERS that differ from preset and settings
     numbers: Mapping[str, float] = field(default_factory=dict)
     # any other settings of quadsim.fly
     settings: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def kind(self) -> str:
-        """The name of its sampler, `pilot` or `hand`."""
+        """The name of the sampler, `pilot` or `hand`."""
         return "pilot" if self.sampler.startswith(PILOT) else self.sampler
 
     @property
     def has_planner(self) -> bool:
-        """Whether a planner flies; a learned pilot or a person has no planner's numbers."""
+        """Whether a planner flies, and not a learned pilot or a person."""
         return is_planner(self.sampler)
 
     @property
     def known_settings(self) -> dict[str, Any]:
-        """The changed settings that its planner has; others wait for a sampler that has them."""
+        """The changed settings of the present planner; the rest applies to other samplers."""
         known = planner_settings(self.preset, self.vehicle, self.sampler)
         return {
             name: value
@@ -74,7 +74,7 @@ class Choices:
 
     @property
     def idle_settings(self) -> list[str]:
-        """The names of changed settings that its planner has not."""
+        """The names of changed settings that the present planner lacks."""
         planner_has = planner_settings(self.preset, self.vehicle, self.sampler)
         asked = [*self.settings, *(SLIDERS[name].setting for name in self.numbers)]
         return [name for name in dict.fromkeys(asked) if name in OF_THE_PLANNER - set(planner_has)]
@@ -104,9 +104,9 @@ class Choices:
         return replace(self, numbers={**self.numbers, name: value})
 
     def with_setting(self, name: str, value: Any) -> Choices:
-        """Return the choices with another setting, in place of what its sliders have changed.
+        """Return the choices with a changed setting, which overrides its sliders.
 
-        A value that is the preset's is no change.
+        A value equal to the preset's is no change.
         """
         numbers = {n: x for n, x in self.numbers.items() if SLIDERS[n].setting != name}
         settings = {key: x for key, x in self.settings.items() if key != name}
@@ -116,10 +116,10 @@ class Choices:
         return replace(self, numbers=numbers, settings=settings)
 
     def base_spec(self) -> Spec:
-        """Return the flight that is chosen, without the numbers of the sliders.
+        """Return the chosen flight without the numbers of the sliders.
 
         Raises:
-            ValueError: the choices do not fit together; one line says why.
+            ValueError: the choices do not fit together; the message is one line.
         """
         spec = Spec.of(
             self.course,
@@ -139,36 +139,36 @@ class Choices:
 
     @property
     def _deadline(self) -> float | str | None:
-        """The deadline as a setting of quadsim.fly; only a planner has samples to keep one."""
+        """The deadline as a setting of quadsim.fly, which only a planner has."""
         return None if not self.has_planner or self.deadline_ms == "none" else self.deadline_ms
 
     def flown(self, base: Spec) -> Spec:
         """Return the flight with the numbers of the sliders, which only a planner has.
 
-        base: what `base_spec` has returned.
+        base: result of `base_spec`.
         """
         if not base.has_planner:
             return base
         return replace(base, planner=self._with_numbers(base.planner))
 
     def spec(self) -> Spec:
-        """Return the flight that is chosen. Raises ValueError, as base_spec does."""
+        """Return the chosen flight. Raises ValueError, as base_spec does."""
         return self.flown(self.base_spec())
 
 
 @dataclass(frozen=True)
 class HeatChoices:
-    """A race of several vehicles in one world, as it is chosen on the page."""
+    """The choices of a race of several vehicles in one world."""
 
     flights: tuple[Choices, ...]
     expect: Expect = HeatSettings.expect
     rules: RulesName = HeatSettings.rules
 
     def spec(self) -> HeatSpec:
-        """Return the race that is chosen.
+        """Return the chosen race.
 
         Raises:
-            ValueError: the choices do not fit together; one line says why.
+            ValueError: the choices do not fit together; the message is one line.
         """
         specs = specs_of(self.flights)
         names = names_of(self.flights)
@@ -182,7 +182,7 @@ def names_of(flights: Sequence[Choices]) -> list[str]:
 
 
 def numbered(kinds: Sequence[str]) -> list[str]:
-    """Return names that differ: the second "colored" is "colored 2"."""
+    """Return distinct names: the second "colored" becomes "colored 2"."""
     seen: Counter[str] = Counter()
     names = []
     for kind in kinds:
@@ -192,10 +192,10 @@ def numbered(kinds: Sequence[str]) -> list[str]:
 
 
 def specs_of(flights: Sequence[Choices]) -> list[Spec]:
-    """Return the flights that are chosen.
+    """Return the chosen flights.
 
     Raises:
-        ValueError: one of them cannot be flown; one line says which, and why.
+        ValueError: a flight cannot be flown; the message names it in one line.
     """
     expect_one_hand(flights)
     specs = []
@@ -208,14 +208,14 @@ def specs_of(flights: Sequence[Choices]) -> list[Spec]:
 
 
 def expect_one_hand(flights: Sequence[Choices]) -> None:
-    """Raise ValueError where a person would have to fly several vehicles."""
+    """Raise ValueError if more than one vehicle is flown by hand."""
     hands = [flight for flight in flights if flight.sampler == HAND]
     if len(hands) > 1:
         raise ValueError(f"sampler: expected one competitor by hand at most, got {len(hands)}")
 
 
 def differences(flights: Sequence[Choices]) -> list[str]:
-    """Return what competitors differ in: "sampler", "vehicle" or the name of a number."""
+    """Return the differences between competitors: "sampler", "vehicle" or names of numbers."""
     rows = [_flown_names(flight) for flight in flights]
     names = dict.fromkeys(name for row in rows for name in row)
     different = [name for name in names if len({row.get(name) for row in rows}) > 1]
@@ -223,7 +223,7 @@ def differences(flights: Sequence[Choices]) -> list[str]:
 
 
 def _flown_names(flight: Choices) -> dict[str, str]:
-    """Return what is flown of a competitor's own choices, as texts by name."""
+    """Return the effective choices of a competitor, as texts by name."""
     own = asdict(flight)
     left_out = (*OF_THE_RACE, "numbers", "settings")
     found = {name: str(value) for name, value in own.items() if name not in left_out}
@@ -236,7 +236,7 @@ def _flown_names(flight: Choices) -> dict[str, str]:
 
 
 def planner_choice(sampler: str) -> dict[str, str]:
-    """Return the settings of quadsim.fly that a sampler or a learned pilot stands for."""
+    """Return the settings of quadsim.fly for a sampler or a learned pilot."""
     if sampler.startswith(PILOT):
         return {"sampler": "colored", "pilot": sampler.removeprefix(PILOT)}
     return {"sampler": "colored" if sampler == HAND else sampler}
@@ -248,7 +248,7 @@ def is_planner(sampler: str) -> bool:
 
 
 def preset_of(name: str, sampler: str) -> Planner:
-    """Return the preset's planner for a sampler; that of a pilot, for colored sampling."""
+    """Return the preset's planner for a sampler; for a pilot, with colored sampling."""
     return preset(name, planner_choice(sampler)["sampler"])
 
 

@@ -1,7 +1,7 @@
-"""Cockpit: who holds the sticks, and the flight that follows them.
+"""Cockpit: the visitor who holds the sticks, and the flight that follows them.
 
-Several visitors watch a race and one of them flies. The others' sticks are ignored until that one
-lets go, leaves, or has been silent for a while.
+Several visitors watch a race and one of them flies. The sticks of the other visitors are ignored
+until the flying visitor lets go, leaves, or has been silent for a while.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ from time import perf_counter
 
 from quadsim.racing.hand import Hand, Sticks
 
-# Throttle below which it counts as down
+# Throttle below which the stick counts as down
 DOWN = 0.05
-# Share of the throttle for hovering from which on a flight begins
+# Share of the hover throttle at which a flight begins
 ENOUGH = 0.95
-# Time without sticks after which another visitor may take them [s]
+# Time without stick input after which another visitor may take the sticks [s]
 ABANDONED = 5.0
 
 
 class Cockpit:
-    """The place from which one visitor flies. Any thread may use it.
+    """The sticks of the flying visitor. Any thread may use it.
 
     Args:
         clock: returns the time on the wall clock [s].
@@ -37,29 +37,29 @@ class Cockpit:
 
     @property
     def pilot(self) -> int | None:
-        """The number of the visitor who holds the sticks, None where nobody does."""
+        """The number of the visitor who holds the sticks, None if nobody does."""
         return self._pilot
 
     @property
     def sticks(self) -> Sticks | None:
-        """The sticks as they are now; None: none have come for a while, or no flight follows."""
+        """The present stick positions; None: no recent input, or no flight by hand."""
         hand = self._hand
         return hand.sticks if hand else None
 
     @property
     def hover(self) -> float:
-        """The throttle at which the vehicle hovers; one half without a flight."""
+        """The hover throttle of the vehicle; one half without a flight."""
         hand = self._hand
         return hand.rates.hover if hand else 0.5
 
     def serve(self, hand: Hand | None) -> None:
-        """Let a flight follow the sticks, which stands until it is told to begin; None: none."""
+        """Connect a flight to the sticks, at rest until it begins; None: disconnect."""
         with self._lock:
             self._hand = hand
             self._was_down = False
 
     def take(self, visitor: int) -> bool:
-        """Give the sticks to a visitor, unless another one holds them; return whether."""
+        """Give the sticks to a visitor unless another one holds them; return the success."""
         with self._lock:
             now = self._clock()
             abandoned = now - self._moved_at > ABANDONED
@@ -76,7 +76,7 @@ class Cockpit:
                 self._pilot = None
 
     def move(self, visitor: int, sticks: Sticks) -> bool:
-        """Move the sticks; return whether this visitor holds them. Others' are ignored."""
+        """Move the sticks if this visitor holds them; return whether that is so."""
         with self._lock:
             if self._pilot != visitor:
                 return False
@@ -88,12 +88,12 @@ class Cockpit:
 
     @property
     def was_down(self) -> bool:
-        """Whether the throttle has been down since the flight stands on its start."""
+        """Whether the throttle has been down since the flight was connected."""
         return self._was_down
 
     @property
     def is_ready(self) -> bool:
-        """Whether the throttle was down, and is now raised so far that the vehicle hovers.
+        """Whether the throttle was down, and is now raised to about hover.
 
         A gamepad's stick rests in the middle: it must not begin a flight by itself.
         """

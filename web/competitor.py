@@ -1,4 +1,4 @@
-"""Competitor: one flight as the page shows it, live or stored."""
+"""Competitor: one flight on the page, live or stored."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ QUATERNION = ("qw", "qx", "qy", "qz")
 CRASHES = ("hit", "ground", "bounds", "contact")
 MISSES = ("miss", "wrong_way")
 
-SAME_TIME = 1e-9  # [s] by which times of one frame may differ
+SAME_TIME = 1e-9  # [s] Times that differ by less belong to one frame.
 
 Rows = int | slice | np.ndarray
 ALL = slice(None)
 
 
 class State(NamedTuple):
-    """A value that differs where anything that is shown of a competitor differs."""
+    """A value that changes with anything that is shown of a competitor."""
 
     frames: int
     outcome: str | None
@@ -48,7 +48,7 @@ class State(NamedTuple):
 
 
 class Past(NamedTuple):
-    """A value that differs where the events, laps or changes until some time differ."""
+    """A value that changes with the events, laps or changes until a given time."""
 
     events: int
     changes: int
@@ -61,17 +61,17 @@ class Past(NamedTuple):
 class Competitor:
     """A flight at one moment.
 
-    Rows that its arrays show are never written again: any thread may read them.
+    Rows of its arrays are never written again, so any thread may read them.
     """
 
     name: str
-    spec: dict  # as its run keeps it
+    spec: dict  # spec as in the record of a run
     course: Course
     legs: Legs
     x: dict[str, np.ndarray]  # columns of the telemetry so far  (frames,)
     events: tuple[Event, ...]
     laps: tuple[float, ...]  # [s]
-    outcome: str | None  # None: it is flying
+    outcome: str | None  # None: still flying
     live: bool
     snapshots: PlannerSnapshots | None = None  # of the planner, once the flight has ended
     sampled_trajectories: SampledTrajectories | None = None  # while it flies
@@ -79,16 +79,16 @@ class Competitor:
     start_numbers: Mapping[str, float] = field(default_factory=dict)  # of web.numbers.SLIDERS
     # numbers that the next plan will use
     pending_numbers: Mapping[str, float] = field(default_factory=dict)
-    own_style: Style | None = None  # its colour and line among others; None: its sampler's
-    limit: StoredSolution | None = None  # the best known of its race
-    # the paths on which it expects the other vehicles of its race, while it flies  (points, 3) each
+    own_style: Style | None = None  # distinct colour and line; None: the sampler's style
+    limit: StoredSolution | None = None  # the best known solution of its race
+    # its predicted paths of the other vehicles of its race, while it flies  (points, 3) each
     expected: tuple[np.ndarray, ...] = ()
     # corners of gates in the last picture of its camera, while it flies
     corners: Corners | None = None
 
     @cached_property
     def progress(self) -> np.ndarray:
-        """The way along the race at each frame [m].  (frames,)"""
+        """The distance along the race at each frame [m].  (frames,)"""
         return self.legs.progress(self.rows(POSITION), self.x["passed"])
 
     @property
@@ -98,7 +98,7 @@ class Competitor:
 
     @property
     def has_planner(self) -> bool:
-        """Whether a planner flies it: neither a learned pilot nor a person."""
+        """Whether a planner flies, and not a learned pilot or a person."""
         return has_planner(self.spec)
 
     @property
@@ -108,12 +108,12 @@ class Competitor:
 
     @property
     def sensed(self) -> bool:
-        """Whether it has an estimate beside the truth."""
+        """Whether the flight has an estimated state besides the true one."""
         return bool(self.spec.get("sensing")) and "est_px" in self.x
 
     @property
     def style(self) -> Style:
-        """Its colour and line style, which no other competitor of the race has."""
+        """The colour and line style, unique among the competitors of the race."""
         return self.own_style or style(self.sampler)
 
     @property
@@ -128,7 +128,7 @@ class Competitor:
 
     @property
     def state(self) -> State:
-        """A value that differs where anything that is shown differs."""
+        """A value that changes with anything that is shown."""
         return State(len(self.t), self.outcome, len(self.changes))
 
     @property
@@ -142,7 +142,7 @@ class Competitor:
         return list(accumulate(self.laps, initial=0.0))
 
     def past(self, t: float) -> Past:
-        """Return a value that differs where what has happened until t differs."""
+        """Return a value that changes with the events, laps and changes until t."""
         return Past(
             events=len(self.events),
             changes=len(self.changes),
@@ -161,7 +161,7 @@ class Competitor:
         return tuple(lap for lap, end in zip(self.laps, ends, strict=True) if end <= t + SAME_TIME)
 
     def numbers(self, t: float) -> dict[str, float]:
-        """Return the planner's numbers at t, with those that its next plan will use."""
+        """Return the planner's numbers at t, including changes for its next plan."""
         changed = {change["name"]: change["to"] for change in self.changes if change["t"] <= t}
         return {**self.start_numbers, **changed, **self.pending_numbers}
 
@@ -184,7 +184,7 @@ class Competitor:
         return int(np.clip(frame, 0, len(self.t) - 1))
 
     def until(self, t: float) -> Competitor:
-        """Return the flight as it was at t, without later frames, events, laps and the outcome."""
+        """Return the flight at t, without later frames, events, laps and the outcome."""
         if t >= self.last_t - SAME_TIME:
             return self
         seen = slice(self.at(t) + 1)
@@ -206,14 +206,14 @@ class Competitor:
 
 
 def heat_of(entries: Sequence[Competitor]) -> str:
-    """Return what identifies the race in which all of these flew; "" where there is none."""
+    """Return the identifier of the common race of several vehicles; "" if there is none."""
     heats = {(entry.spec.get("heat") or {}).get("sha256", "") for entry in entries}
     numbers = {(entry.spec.get("heat") or {}).get("number") for entry in entries}
     return heats.pop() if len(heats) == 1 and len(numbers) == len(entries) else ""
 
 
 def named(entries: Sequence[Competitor]) -> tuple[Competitor, ...]:
-    """Return the competitors with names and styles that differ."""
+    """Return the competitors with distinct names and styles."""
     names = _names(entries)
     styles = styles_on_dark([entry.sampler for entry in entries])
     return tuple(
@@ -225,10 +225,10 @@ def named(entries: Sequence[Competitor]) -> tuple[Competitor, ...]:
 
 
 def _names(entries: Sequence[Competitor]) -> list[str]:
-    """Return names that differ.
+    """Return distinct names.
 
-    In a race of several they are those of the entrants. Otherwise a name is the sampler's, with the
-    seed or a number where that is not enough.
+    In a race of several vehicles they are the entrants' names. Otherwise a name is the sampler's,
+    with the seed or a number appended if needed.
     """
     if entries and heat_of(entries):
         return [entry.spec["heat"]["name"] for entry in entries]

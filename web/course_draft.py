@@ -1,7 +1,7 @@
 """Draft: a course that is being edited, as an immutable record.
 
 A draft has the entries of a course file, in the file's units, and may have faults. Every edit
-returns another draft, so that undo is the draft before. `errors` are those of `race check`.
+returns a new draft, so that undo returns to the previous draft. `errors` match `race check`.
 """
 
 from __future__ import annotations
@@ -39,16 +39,16 @@ from web.course_numbers import (
     with_numbers,
 )
 
-# [m] from one gate to a new one behind it
+# distance from a gate to a new gate behind it [m]
 APART = 5.0
-# [m] from a gate to a new obstacle, to the left
+# distance from a gate to a new obstacle on its left [m]
 BESIDE = 3.0
-# Most gates, and most obstacles, that a draft takes
+# Largest number of gates, and of obstacles, of a draft
 MOST = 100
-# A handle moves items in steps of this [m, deg]
+# Steps of a handle [m, deg]
 STEP = 0.01
 TURN = 0.1
-# [m] Sizes are drawn with at least this: one of 0 may be typed, and is then an error
+# Smallest drawn size [m]; a size of 0 may be typed, and is then an error
 DRAWN = 0.01
 
 Kind = Literal["start", "bounds", "gate", "obstacle"]
@@ -58,11 +58,11 @@ class Item(NamedTuple):
     """A part of a course that can be chosen."""
 
     kind: Kind
-    # among its kind, from 0
+    # index within its kind, from 0
     index: int = 0
 
     def __str__(self) -> str:
-        """Return the name by which the page offers it; gates and obstacles count from 1."""
+        """Return the name on the page; gates and obstacles count from 1."""
         return f"{self.kind} {self.index + 1}" if self.kind in ("gate", "obstacle") else self.kind
 
 
@@ -71,7 +71,7 @@ BOUNDS = Item("bounds")
 
 
 class Pose(NamedTuple):
-    """A position [m] and an attitude, as a handle in the scene has them."""
+    """The position [m] and the attitude of a handle in the scene."""
 
     position: Point
     attitude: Quaternion
@@ -79,9 +79,9 @@ class Pose(NamedTuple):
 
 @dataclass(frozen=True)
 class Draft:
-    """The entries of a course file, and the item that is chosen.
+    """The entries of a course file, and the chosen item.
 
-    A draft's gates have openings and frames of their own, and its obstacles are boxes or cylinders.
+    Every gate of a draft has its own opening and frame; obstacles are boxes or cylinders.
     """
 
     entries: CourseFile
@@ -95,7 +95,7 @@ class Draft:
 
     @classmethod
     def copy_of(cls, course: Course) -> Draft:
-        """Return a copy of a course; published times are left out, as they are times of its gates.
+        """Return a copy of a course without published times, which apply to its gates only.
 
         Raises:
             FileError: the course's text is not a course.
@@ -123,17 +123,17 @@ class Draft:
         return (START, *gates, *obstacles, BOUNDS)
 
     def choose(self, item: Item) -> Draft:
-        """Choose an item; the start, where there is none of this number."""
+        """Choose an item, or the start if there is no item of this number."""
         return replace(self, item=item if item in self.items else START)
 
-    # What is typed.
+    # Numbers that are typed.
 
     def numbers(self) -> dict[Number, float]:
         """Return the numbers of the chosen item."""
         return numbers_of(self._chosen)
 
     def with_numbers(self, changed: Values) -> Draft:
-        """Return the draft with other numbers of the chosen item.
+        """Return the draft with changed numbers of the chosen item.
 
         Raises:
             KeyError: the item has no such number.
@@ -153,14 +153,14 @@ class Draft:
         return self.with_course(bounds=part)
 
     def with_course(self, **changed: Any) -> Draft:
-        """Return the draft with other entries of the course as a whole, such as laps."""
+        """Return the draft with changed entries of the whole course, such as laps."""
         return replace(self, entries=msgspec.structs.replace(self.entries, **changed))
 
-    # What is moved by its handle.
+    # Moves by a handle.
 
     @property
     def pose(self) -> Pose | None:
-        """The pose of the chosen item; None: the bounds have none."""
+        """The pose of the chosen item; None for the bounds."""
         numbers = self.numbers()
         if self.item == BOUNDS:
             return None
@@ -187,13 +187,13 @@ class Draft:
                     changed[angle] = _stepped(degrees(new), TURN)
         return self.with_numbers(changed) if changed else self
 
-    # What is added, put elsewhere and deleted.
+    # Items that are added, reordered and deleted.
 
     def add_gate(self) -> Draft:
-        """Return the draft with a gate behind the chosen one, or behind the last, chosen.
+        """Add and choose a gate behind the chosen gate, or behind the last one.
 
         Raises:
-            ValueError: the draft has as many gates as it may have.
+            ValueError: the draft has the largest number of gates.
         """
         gates = self.entries.gates
         _expect_room(gates, "gates")
@@ -209,36 +209,36 @@ class Draft:
         )
         ahead = radians(last.yaw_deg)
         x, y, z = last.position
-        # Level ground: a gate that is turned down does not lead below it
+        # Horizontal direction only, so that a gate that points down does not lead below the ground
         position = (x + APART * cos(ahead), y + APART * sin(ahead), max(z, 1.5 * _half(last)))
         rounded = tuple(_stepped(each, STEP) for each in position)
         gate = msgspec.structs.replace(last, position=rounded, pitch_deg=0.0, roll_deg=0.0)
         return self._with_gates((*gates[:index], gate, *gates[index:]), index)
 
     def add_box(self) -> Draft:
-        """Return the draft with a box on the ground, left of the chosen item.
+        """Add a box on the ground, left of the chosen item.
 
         Raises:
-            ValueError: the draft has as many obstacles as it may have.
+            ValueError: the draft has the largest number of obstacles.
         """
         x, y = self._beside()
         box = BoxEntry(centre=(x, y, 1.0), size=(0.5, 0.5, 2.0))
         return self._with_obstacle(ObstacleEntry(box=box))
 
     def add_pole(self) -> Draft:
-        """Return the draft with a pole on the ground, left of the chosen item.
+        """Add a pole on the ground, left of the chosen item.
 
         Raises:
-            ValueError: the draft has as many obstacles as it may have.
+            ValueError: the draft has the largest number of obstacles.
         """
         x, y = self._beside()
         pole = CylinderEntry(base=(x, y, 0.0), radius=0.1, height=3.0)
         return self._with_obstacle(ObstacleEntry(cylinder=pole))
 
     def shift(self, by: int) -> Draft:
-        """Return the draft with the chosen gate flown earlier (-1) or later (1).
+        """Move the chosen gate to an earlier (-1) or later (1) place in the order.
 
-        The first and the last gate, and other items, stay where they are.
+        A move beyond the first or the last place, and a move of another item, have no effect.
         """
         index = self.item.index + by
         gates = list(self.entries.gates)
@@ -266,28 +266,28 @@ class Draft:
                 return self.with_course(bounds=None)
         return self
 
-    # What it describes.
+    # The described course.
 
     def text(self) -> str:
-        """Return the course file: entries at their defaults are left out."""
+        """Return the text of the course file, without entries at their defaults."""
         shared = {key: getattr(self.entries, key) for key in ("opening", "frame_width")}
         gates = []
         for gate in self.entries.gates:
-            # An opening and a frame as the course's are left out, too
+            # An opening and a frame equal to the course's are left out, too
             as_course = {key: None for key, value in shared.items() if getattr(gate, key) == value}
             gates.append(msgspec.structs.replace(gate, **as_course))
         return dump(_written(msgspec.structs.replace(self.entries, gates=tuple(gates))))
 
     def errors(self, name: str) -> list[FileError]:
-        """Return all that `race check` would say of the file, the first one first."""
+        """Return the errors that `race check` would report for the file, in its order."""
         return course_errors(self.text(), f"{name}.yaml")
 
     def course(self, name: str = "draft") -> Course:
-        """Return the course, also one with errors."""
+        """Return the course, even if it has errors."""
         return course_of(self.entries, name, self.text())
 
     def drawn(self) -> Course:
-        """Return the course as it can be drawn: sizes are DRAWN at least [m]."""
+        """Return the course for drawing, with sizes of at least DRAWN [m]."""
         course = self.course()
         return replace(
             course,
@@ -314,18 +314,18 @@ class Draft:
         return x, y, z
 
     def _with_gates(self, gates: tuple[GateEntry, ...], index: int) -> Draft:
-        """Return the draft with other gates, of which one is chosen."""
+        """Return the draft with these gates, of which one is chosen."""
         return self.with_course(gates=gates).choose(Item("gate", min(index, len(gates) - 1)))
 
     def _with_obstacle(self, obstacle: ObstacleEntry) -> Draft:
-        """Return the draft with one more obstacle, chosen."""
+        """Return the draft with an additional obstacle, which is chosen."""
         obstacles = self.entries.obstacles
         _expect_room(obstacles, "obstacles")
         draft = self.with_course(obstacles=(*obstacles, obstacle))
         return draft.choose(Item("obstacle", len(obstacles)))
 
     def _beside(self) -> tuple[float, float]:
-        """Return a place left of the chosen item; for the bounds, left of the start [m]."""
+        """Return a position left of the chosen item; for the bounds, left of the start [m]."""
         pose = self.pose or self.choose(START).pose
         if pose is None:
             return 0.0, BESIDE
@@ -351,7 +351,7 @@ def _half(gate: GateEntry) -> float:
 
 
 def _expect_room(present: Sequence[Struct], what: str) -> None:
-    """Raise ValueError where there are as many as there may be."""
+    """Raise ValueError if the largest number is reached."""
     if len(present) >= MOST:
         raise ValueError(f"{what}: expected at most {MOST} on the page, got {len(present)} already")
 
@@ -362,14 +362,14 @@ def _fields(kind: type[Struct]) -> dict[str, Any]:
 
 
 def _written(entry: Struct) -> dict[str, Any]:
-    """Return an entry as it is written: without what is at its default."""
+    """Return an entry for the file, without fields at their defaults."""
     defaults = _fields(type(entry))
     given = {name: getattr(entry, name) for name in defaults}
     return {name: _plain(value) for name, value in given.items() if value != defaults[name]}
 
 
 def _plain(value: Any) -> Any:
-    """Return a value with mappings in place of records."""
+    """Return a value with records converted to mappings."""
     if isinstance(value, Struct):
         return _written(value)
     if isinstance(value, tuple):
@@ -387,7 +387,7 @@ def _drawn_gate(gate: Gate) -> Gate:
 
 
 def _drawn_sizes(obstacle: Any) -> dict[str, Any]:
-    """Return the sizes of an obstacle as they can be drawn."""
+    """Return the sizes of an obstacle for drawing."""
     if hasattr(obstacle, "size"):
         return {"size": tuple(max(size, DRAWN) for size in obstacle.size)}
     return {name: max(getattr(obstacle, name), DRAWN) for name in ("radius", "height")}

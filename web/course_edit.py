@@ -1,4 +1,4 @@
-"""CourseEdit: the course that the visitors of a page edit together, its checks, file and limit.
+"""CourseEdit: the course that visitors edit together, with its checks, file and limit.
 
 Changes come from one thread, viser's event loop; any thread may read.
 """
@@ -27,19 +27,19 @@ KEYS = re.compile(r"\b(gate|obstacle)s\[(\d+)\]|\b(start)\b")
 
 
 class Checked(NamedTuple):
-    """What `race check` would say of a draft beside a vehicle, and the limit that is known."""
+    """The result of `race check` for a draft and a vehicle, and the known limit."""
 
     # one line each; empty: the draft can be flown
     errors: tuple[str, ...]
-    # items that the errors name
+    # items named by the errors
     wrong: frozenset[Item]
-    # the course in a few words; "" with errors
+    # a summary of the course; "" with errors
     summary: str
     limit: StoredSolution | None = None
 
 
 class CourseEdit:
-    """One draft with its history, until another one is begun; that can be undone, too.
+    """One draft with its history; beginning a new draft can be undone, too.
 
     Args:
         runs_dir: the folder of runs.
@@ -55,12 +55,12 @@ class CourseEdit:
 
     @property
     def draft(self) -> Draft:
-        """The draft as it is now."""
+        """The present draft."""
         return self.history.draft
 
     @property
     def saved_as(self) -> str:
-        """The path of the file that has this draft, "" where none was written."""
+        """The path of the file with this draft, "" if it was not saved."""
         if self._saved and self._saved[0].entries == self.draft.entries:
             return self._saved[1]
         return ""
@@ -75,7 +75,7 @@ class CourseEdit:
         self.is_open = True
 
     def change(self, draft: Draft, what: object = None) -> None:
-        """Take a changed draft; what: see History.change."""
+        """Replace the draft by a changed one; what: see History.change."""
         self.history = self.history.change(draft, what, perf_counter())
 
     def undo(self) -> None:
@@ -83,7 +83,7 @@ class CourseEdit:
         self.history = self.history.undo()
 
     def redo(self) -> None:
-        """Do again what was undone last."""
+        """Redo the last undone change."""
         self.history = self.history.redo()
 
     def save(self, name: str) -> str:
@@ -94,7 +94,7 @@ class CourseEdit:
         return path
 
     def check(self, name: str, vehicle: str) -> Checked:
-        """Return what `race check NAME.yaml VEHICLE` would say of the draft."""
+        """Return the result of `race check NAME.yaml VEHICLE` for the draft."""
         draft = self.draft
         errors = draft.errors(name)
         lines = [str(error) for error in errors]
@@ -109,10 +109,10 @@ class CourseEdit:
         return Checked((), frozenset(), summary(course), self._known_limit(course, vehicle))
 
     def begin_search(self, name: str, vehicle: str) -> None:
-        """Search the limit of the draft as it is now.
+        """Search the limit of the present draft.
 
         Raises:
-            ValueError: a search is on, the draft has errors, or the optimiser is not installed.
+            ValueError: a search is running, the draft has errors, or the optimiser is missing.
         """
         if self.search and self.search.is_on:
             raise ValueError("a search is on: cancel it first")
@@ -124,19 +124,19 @@ class CourseEdit:
         self.search = LimitSearch(problem, self._runs_dir)
 
     def cancel_search(self) -> None:
-        """End the search, if one is on."""
+        """End a running search."""
         if self.search and self.search.is_on:
             self.search.cancel()
 
     def _misfit(self, course: Course, vehicle: str) -> str:
-        """Return why the vehicle cannot fly the course, "" where it can."""
+        """Return the reason why the vehicle cannot fly the course, "" if it can."""
         try:
             return misfit(course, load_vehicle(vehicle))
         except FileError as error:
             return str(error)
 
     def _known_limit(self, course: Course, vehicle: str) -> StoredSolution | None:
-        """Return the fastest race that is known; a damaged solution is none."""
+        """Return the best known solution, None if there is none or it is damaged."""
         problem = LimitProblem.of(course, load_vehicle(vehicle), course.laps)
         try:
             return problem.best_known(limits_folder(self._runs_dir))
@@ -145,7 +145,7 @@ class CourseEdit:
 
 
 def items_in(texts: list[str]) -> frozenset[Item]:
-    """Return the items that keys of a course file name, such as "gates[3].position"."""
+    """Return the items named by keys of a course file, such as "gates[3].position"."""
     found = set()
     for text in texts:
         for kind, index, start in KEYS.findall(text):

@@ -1,4 +1,4 @@
-"""CourseFolder: the folder beside the runs in which courses that were made on the page are kept."""
+"""CourseFolder: the folder beside the runs for courses made on the page."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LONGEST_NAME = 64
 
 
 class CourseFolder:
-    """The courses that were made on the page. Nothing is written outside of their folder.
+    """The courses made on the page. Nothing is written outside of their folder.
 
     Args:
         runs_dir: the folder of runs.
@@ -25,7 +25,7 @@ class CourseFolder:
 
     def __init__(self, runs_dir: str | Path):
         self._folder = Path(runs_dir) / COURSES
-        # Texts that this folder was given, by file: these files may be written over
+        # Texts written by this object, by file, as these files may be overwritten
         self._own: dict[Path, str] = {}
 
     def files(self) -> tuple[str, ...]:
@@ -33,13 +33,13 @@ class CourseFolder:
         return tuple(str(path) for path in sorted(self._folder.glob("*.yaml")))
 
     def save(self, draft: Draft, name: str) -> str:
-        """Write a draft whole or not at all, and return its path, which names it as a course.
+        """Write a draft atomically, and return its path, which serves as the course's name.
 
-        A file is written over only where it is what this folder wrote last.
+        A file is overwritten only if its content was last written here.
 
         Args:
             draft: the course.
-            name: the name of its file, without .yaml.
+            name: the name of the file, without .yaml.
 
         Raises:
             ValueError: the name or the draft cannot be used.
@@ -58,7 +58,7 @@ class CourseFolder:
         return str(path)
 
     def _may_write(self, path: Path) -> bool:
-        """Return whether a path is free, or a file that is as it was saved here."""
+        """Return whether a path is free, or a file with the content that was last saved here."""
         if not path.is_symlink() and not path.exists():
             return True
         try:
@@ -68,7 +68,7 @@ class CourseFolder:
 
 
 def _check_name(name: str) -> None:
-    """Raise ValueError unless a name is that of a file for a course, and of no shipped course."""
+    """Raise ValueError unless a name is valid for a file and differs from shipped courses."""
     try:
         msgspec.convert(name, Name)
     except msgspec.ValidationError:

@@ -16,7 +16,7 @@ from quadsim.course.course_file import (
 )
 
 Bounds = tuple[Span, Span, Span]
-# A part of a course file, whose numbers are all given
+# A part of a course file with all its numbers
 Part = GateEntry | StartEntry | BoxEntry | CylinderEntry | Bounds
 
 
@@ -41,7 +41,7 @@ def _angle(label: str) -> Number:
 
 
 def _size(label: str) -> Number:
-    # 0 can be typed, and is an error that the checks name
+    # 0 can be typed, and the checks report it as an error
     return Number(f"{label} [m]", 0.0, 100.0, 0.1)
 
 
@@ -61,7 +61,7 @@ def numbers_of(part: Part) -> dict[Number, float]:
     """Return the numbers of a part of a course.
 
     Raises:
-        ValueError: a gate has no opening or frame of its own.
+        ValueError: a gate lacks its own opening or frame.
     """
     match part:
         case GateEntry(opening=None) | GateEntry(frame_width=None):
@@ -81,7 +81,7 @@ def numbers_of(part: Part) -> dict[Number, float]:
 
 
 def with_numbers(part: Part, changed: Values) -> Part:
-    """Return a part of a course with other numbers.
+    """Return a part of a course with changed numbers.
 
     Raises:
         KeyError: the part has no such number.

@@ -13,14 +13,14 @@ from quadsim.record.metrics import total_variation
 from web.competitor import CRASHES, MISSES, Competitor
 from web.race import Snapshot
 
-LAP_MARGIN = 0.02  # [s] around a lap, so that its frames reach both of its ends
+LAP_MARGIN = 0.02  # time around a lap, so that its frames cover both ends [s]
 
 
 class Way(NamedTuple):
-    """The way of a flight or of a lap."""
+    """The progress of a flight or of a lap over time."""
 
     t: np.ndarray  # times [s]  (frames,)
-    progress: np.ndarray  # how far along it is at each [m]  (frames,)
+    progress: np.ndarray  # distance along the race at these times [m]  (frames,)
 
 
 @dataclass(frozen=True)
@@ -30,21 +30,21 @@ class LapTiming:
     entry: Competitor
     i: int  # frame
     lap: int
-    lap_time: float  # so far in this lap [s]
-    gate: int  # the next one, 1-based; 0: the race is over
+    lap_time: float  # elapsed time of this lap [s]
+    gate: int  # the next gate, 1-based; 0: the race is over
     gap: float  # behind the leader at the same place [s]; 0 for the leader
-    last: float | None  # lap [s]
-    best: float | None  # lap [s]
+    last: float | None  # last lap [s]
+    best: float | None  # best lap [s]
     chatter: float  # total variation of the commanded thrust so far [m/s^2/s]
     hits: int
     misses: int
     sectors: list[list[float]]  # seconds from gate to gate, a row a lap
-    place: float  # how far along the race it is [m]
-    over: bool  # this is its last frame
+    place: float  # distance along the race [m]
+    over: bool  # whether this is the last frame
 
     @property
     def progress(self) -> float:
-        """The share of its race that is flown."""
+        """The finished share of the race."""
         return self.place / self.entry.legs.length
 
     @property
@@ -54,7 +54,7 @@ class LapTiming:
 
     @property
     def next_gate(self) -> int:
-        """The number of the next gate; 0 where the flight is over."""
+        """The number of the next gate; 0 if the flight is over."""
         return 0 if self.over else self.gate
 
     @property
@@ -70,7 +70,8 @@ def lap_timings(s: Snapshot, by_place: bool) -> list[LapTiming]:
     """Return a LapTiming of each competitor that has a frame, in their order.
 
     Args:
-        by_place: show the others where they pass the place of the first, else all at one time.
+        by_place: whether to take the other competitors at the place of the first; otherwise all are
+            taken at the same time.
     """
     entries = [entry for entry in s.competitors if len(entry.t)]
     if not entries:
@@ -84,7 +85,7 @@ def lap_timings(s: Snapshot, by_place: bool) -> list[LapTiming]:
 
 
 def _leader(entries: Sequence[Competitor], frames: Sequence[int]) -> Competitor:
-    """Return the competitor that is farthest along, the earlier one of two at the same place."""
+    """Return the competitor that is farthest along; at the same place, the earlier one."""
 
     def rank(pair: tuple[Competitor, int]) -> tuple[float, float]:
         entry, i = pair
@@ -97,13 +98,13 @@ def _leader(entries: Sequence[Competitor], frames: Sequence[int]) -> Competitor:
 def order(timings: Sequence[LapTiming]) -> list[LapTiming]:
     """Return the timings, the leader first.
 
-    It is the one farthest along the course, whatever the number of laps each has to fly.
+    The leader is farthest along the course, regardless of the numbers of laps.
     """
     return sorted(timings, key=lambda timing: (-timing.place, timing.t))
 
 
 def crashed_gates(timings: Sequence[LapTiming]) -> set[int]:
-    """Return the 1-based numbers of the gates that were hit so far."""
+    """Return the 1-based numbers of the gates hit so far."""
     return {
         event.gate
         for timing in timings
@@ -143,8 +144,8 @@ def _lap_timing(entry: Competitor, i: int, leader: Competitor) -> LapTiming:
 
 
 def time_at(place: np.ndarray, way: Way) -> np.ndarray:
-    """Return when a way first came this far [s]; nan where it has not.  (n,)"""
-    # Frames without progress would make the way impossible to invert.
+    """Return the times at which a way first reached places [s]; nan if not reached.  (n,)"""
+    # Drop frames without progress, so that the way can be inverted.
     first = np.flatnonzero(np.diff(way.progress, prepend=-1.0) > 0)
     if not len(first):
         return np.full(len(place), np.nan)
@@ -152,14 +153,14 @@ def time_at(place: np.ndarray, way: Way) -> np.ndarray:
 
 
 def gap(place: np.ndarray, way: Way, reference: Way) -> np.ndarray:
-    """Return the seconds behind the reference at each place; negative is ahead.  (n,)"""
+    """Return the time behind the reference at each place [s], negative if ahead.  (n,)"""
     return time_at(place, way) - time_at(place, reference)
 
 
 def best_lap(entries: Sequence[Competitor]) -> Way | None:
     """Return the way of the fastest lap of all, from its beginning."""
     best: tuple[float, Competitor, int] | None = None
-    # Among laps of the same time the one with the lowest number is taken.
+    # Of laps with equal times, take the first.
     for entry in entries:
         for k, lap in enumerate(entry.laps):
             if best is None or (lap, k) < (best[0], best[2]):

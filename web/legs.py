@@ -1,4 +1,4 @@
-"""Legs: how far along a race a vehicle is."""
+"""Legs: the distance of a vehicle along a race."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Legs:
         gates = [gate.position for gate in course.gates]
         centres = np.array([course.start.position, *gates * laps])
         self._from = centres
-        # After the finish comes a leg of no length at the last gate.
+        # After the finish follows a leg of zero length at the last gate.
         self._to = np.vstack([centres[1:], centres[-1]])
         lengths = np.linalg.norm(np.diff(centres, axis=0), axis=1)
         self.gates = len(course.gates)
@@ -32,8 +32,9 @@ class Legs:
     def progress(self, p: np.ndarray, passed: np.ndarray) -> np.ndarray:
         """Return the distances of positions along the race.
 
-        On a leg it is the share d0 / (d0 + d1) of the leg, by the distances from its two ends: it
-        grows right after a gate, also where the path makes a detour, and never decreases.
+        On a leg the distance is the share d0 / (d0 + d1) of the leg, by the distances d0 and d1
+        from its two ends: the result grows right after a gate, even on a detour, and never
+        decreases.
 
         Args:
             p: positions [m]  (n, 3)

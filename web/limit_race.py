@@ -1,4 +1,4 @@
-"""The best known race of `race limit` as a competitor: a ghost, gaps to it, its sectors."""
+"""The best known race of `race limit` as a competitor, for the ghost, gaps and sectors."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ _made: WeakKeyDictionary[StoredSolution, Competitor] = WeakKeyDictionary()
 
 
 def limit_race(entry: Competitor) -> Competitor | None:
-    """Return the best known race that a competitor could have flown, None where none is known.
+    """Return the best known solution of a competitor's race, None if none is known.
 
-    It is a finished flight by the name `limit`. A solution is turned into one once.
+    The result is a finished flight with the name `limit`. The conversion is cached.
     """
     stored = entry.limit
     if stored is None:
@@ -34,7 +34,7 @@ def limit_race(entry: Competitor) -> Competitor | None:
 
 
 def _competitor(entry: Competitor, stored: StoredSolution) -> Competitor:
-    """Return a solution as a competitor in the race of another one."""
+    """Return a solution as a competitor in the race of `entry`."""
     solution = stored.solution
     end = float(solution.t[-1])
     t = np.append(np.arange(0.0, end - 0.5 / RATE, 1.0 / RATE), end)
@@ -69,13 +69,13 @@ def _competitor(entry: Competitor, stored: StoredSolution) -> Competitor:
         own_style=None,
         expected=(),
         corners=None,
-        # A reference to the solution would keep it in _made for ever.
+        # A reference to the solution would keep the solution in _made for ever.
         limit=None,
     )
 
 
 def _pass(stored: StoredSolution, k: int, t: float, gates: int) -> Event:
-    """Return the event of the k-th gate that is passed, from 0, at t [s]. gates: those of a lap."""
+    """Return the event of the k-th gate pass, from 0, at t [s]. gates: number per lap."""
     lap, gate = divmod(k, gates)
     x, y, z = stored.solution.position(np.array([t]))[0].tolist()
     nearest = int(np.searchsorted(stored.solution.t, t))

@@ -1,7 +1,7 @@
-"""LimitSearch: the search of a course's least time, in a process of its own.
+"""LimitSearch: the search of a course's least time in a separate process.
 
-It is the search of `race limit`: what it finds is kept in the folder of limits among the runs. A
-flight on the page is not slowed down by the interpreter that both would share.
+The search is the same as in `race limit`, and stores its solutions in the folder of limits among
+the runs. In a separate process it does not slow down flights on the page.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from quadsim.record.limits import LimitProblem, limits_folder
 from quadsim.record.run import RunError
 from quadsim.record.whole_files import try_writing
 
-# Nodes on the way to a gate, as by `race limit`
+# Nodes on the way to a gate, as in `race limit`
 NODES = 20
-# The process gives way to flights
+# Low priority of the process beside flights
 NICE = 10
 
 
 class Progress(NamedTuple):
-    """How far a search is."""
+    """The progress of a search."""
 
-    # one line, also what went wrong
+    # state or error in one line
     text: str
-    # least time found so far [s], None: none yet
+    # least time so far [s], None: none yet
     best: float | None = None
     is_over: bool = False
 
@@ -56,23 +56,23 @@ class LimitSearch:
         self._is_cancelled = False
         context = mp.get_context("spawn")
         self._reports, reports = context.Pipe(duplex=False)
-        # daemon: it ends with the page
+        # daemon: the process ends with the page
         self._process = context.Process(
             target=_search, args=(problem, runs_dir, NODES, reports), daemon=True
         )
         self._process.start()
-        # Only the process writes to it, so that its end ends what is read here
+        # Close the writing end here, so that reading ends with the process
         reports.close()
         self._reader = threading.Thread(target=self._read, name="limit", daemon=True)
         self._reader.start()
 
     @property
     def is_on(self) -> bool:
-        """Whether it still searches."""
+        """Whether the search is running."""
         return not self.progress.is_over
 
     def cancel(self) -> None:
-        """End the search; what it has found is kept."""
+        """End the search; stored solutions are kept."""
         self._is_cancelled = True
         self._process.terminate()
         self._reader.join()
@@ -84,7 +84,7 @@ class LimitSearch:
                 self.progress = self._reports.recv()
         self._process.join()
         if self.is_on:
-            # The process has not said how it ended
+            # The process has ended without a report
             how = "cancelled" if self._is_cancelled else "the search broke off: try it again"
             self.progress = Progress(how, self.progress.best, is_over=True)
 

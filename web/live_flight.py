@@ -1,4 +1,4 @@
-"""LiveFlight: a flight that is flown frame by frame on the page and stored when it ends."""
+"""LiveFlight: a flight that the page flies frame by frame and stores at its end."""
 
 from __future__ import annotations
 
@@ -32,26 +32,26 @@ if TYPE_CHECKING:
 
 
 class Flown(NamedTuple):
-    """A frame that has been flown."""
+    """A flown frame."""
 
     entry: Competitor  # with this frame
     frame: Frame
 
 
 class LiveFlight:
-    """A flight whose numbers may change while it is on. One thread uses it.
+    """A flight whose numbers may change in flight, for use by one thread.
 
     Attributes:
-        now: the flight as the page shows it; any thread may read it.
+        now: the flight for display; any thread may read it.
         period: control period [s].
         is_cached: False if the first plan has to compile, which takes some 15 s.
         hand: the controller by which a person flies, None if nobody does.
 
     Args:
-        choices: what is to be flown.
+        choices: the choices of the flight.
 
     Raises:
-        ValueError: the choices cannot be flown; one line says why.
+        ValueError: the choices cannot be flown; the message is one line.
     """
 
     is_cached: bool
@@ -61,7 +61,7 @@ class LiveFlight:
         self._preset = base.planner  # the scale of the standard deviations multiplies its own
         self._spec = spec = choices.flown(base)
         self.hand = spec.hand
-        # The numbers that fly at present
+        # The numbers in use at present
         self._numbers = planner = spec.planner
         self.period = planner.mppi.dt
         self._pending: dict[str, Change] = {}
@@ -95,7 +95,7 @@ class LiveFlight:
 
     @property
     def entries(self) -> tuple[Competitor, ...]:
-        """The flight as the page shows it, alone."""
+        """The flight for display, as the only entry."""
         return (self.now,)
 
     def show_as(self, entries: Sequence[Competitor]) -> None:
@@ -108,16 +108,16 @@ class LiveFlight:
         return [Flown(self.now, frame)]
 
     def keep_in(self, root: str) -> None:
-        """Claim a folder among the runs, for the run that the flight will be."""
+        """Claim a folder among the runs for the resulting run."""
         remove_unfinished(root)
         self._folder = RunFolder.open(root, self.now.spec)
         self.now = replace(self.now, limit=limit_of(self.now.spec, limits_folder(root)))
 
     def advance(self) -> Frame:
-        """Plan with the numbers that are asked for and fly one period.
+        """Plan with the requested numbers and fly one period.
 
         Returns:
-            The frame of this plan. The last frame of a flight has its outcome, and no plan.
+            The frame of this plan. The last frame of a flight has the outcome, and no plan.
         """
         changes = self._use_pending()
         frame = next(self._frames)
@@ -132,7 +132,7 @@ class LiveFlight:
             corners=self._corners(),
             pending_numbers={},
         )
-        # A change is on the record once a plan has used it.
+        # A change is recorded when a plan has used it.
         if changes and not self.is_over:
             noted = [msgspec.to_builtins(change(frame.t)) for change in changes]
             spec = {**self.now.spec, INTERACTIVE: [*self.now.changes, *noted]}
@@ -142,8 +142,8 @@ class LiveFlight:
     def change(self, change: Change) -> None:
         """Use a number from the next plan on.
 
-        Only a planner has these numbers, and a flight that makes recorded changes again makes no
-        others.
+        Only a planner has these numbers, and a flight that repeats recorded changes accepts no
+        further changes.
         """
         if not self._spec.has_planner or self._spec.changes:
             return
@@ -158,7 +158,7 @@ class LiveFlight:
         self.now = replace(self.now, sampled_trajectories=self.sampled_trajectories())
 
     def end(self) -> None:
-        """Free the plant and store the run, unless it was interrupted before its first gate."""
+        """Free the plant and store the run, unless interrupted before the first gate."""
         outcome = self.now.outcome or "interrupted"
         self.now = replace(
             self.now,
@@ -178,7 +178,7 @@ class LiveFlight:
                 self.now = replace(self.now, snapshots=run.snapshots, folder=path)
 
     def _asked_planner(self) -> Planner:
-        """Return the planner with the numbers that are asked for."""
+        """Return the planner with the requested numbers."""
         planner = self._numbers
         for change in self._pending.values():
             planner = with_change(planner, self._preset, change)
@@ -188,7 +188,7 @@ class LiveFlight:
         """Plan with the numbers that are asked for, from the next plan on.
 
         Returns:
-            For each number that differs, a function from the time of this plan [s] to its change.
+            For each changed number, a function from the time of the plan [s] to the change.
         """
         if not self._pending:
             return []
@@ -230,12 +230,12 @@ class LiveFlight:
         return simulate(**steps.arguments)
 
     def _replan(self, numbers: Planner) -> None:
-        """Plan with other numbers from the next plan on."""
+        """Use these numbers from the next plan on."""
         if self._planner:
             self._planner.change(numbers)
 
     def sampled_trajectories(self) -> SampledTrajectories | None:
-        """Return the sampled trajectories of the last plan; a learned pilot has none."""
+        """Return the sampled trajectories of the last plan, None for a learned pilot."""
         # imported here, as it loads the compiler
         from controllers.sampled_trajectories import sampled_trajectories
 

@@ -22,24 +22,24 @@ from web.legs import Legs
 from web.live_flight import Flown, laps_so_far
 from web.numbers import SLIDERS, Change, numbers_of
 
-# Times ahead at which expected paths are drawn [s]
+# Times ahead at which predicted paths are drawn [s]
 AHEAD = np.linspace(0.0, 1.0, 11)
 
 
 class LiveHeat:
-    """A race of several vehicles. One thread uses it.
+    """A race of several vehicles, for use by one thread.
 
     Attributes:
-        entries: the flights as the page shows them; any thread may read them.
+        entries: the flights for display; any thread may read them.
         period: the shortest control period [s].
         is_cached: False if planners have to be compiled.
         hand: the controller by which a person flies; None: nobody does.
 
     Args:
-        choices: what is to be flown.
+        choices: the choices of the race.
 
     Raises:
-        ValueError: the choices cannot be flown; one line says why.
+        ValueError: the choices cannot be flown; the message is one line.
     """
 
     def __init__(self, choices: HeatChoices | HeatAgainChoices):
@@ -133,7 +133,7 @@ class LiveHeat:
         """Refuse: the numbers of a race in one world stay as they were at its start.
 
         Raises:
-            ValueError: always, with what to do instead.
+            ValueError: always; the message suggests an alternative.
         """
         label = SLIDERS[change.name].label
         raise ValueError(
@@ -142,10 +142,10 @@ class LiveHeat:
         )
 
     def update_trajectories(self) -> None:
-        """Draw no sampled trajectories: the lines of a race are what is expected of the others."""
+        """Do nothing, as a race shows predicted paths instead of sampled trajectories."""
 
     def end(self) -> None:
-        """Store the race, unless it was interrupted before anybody passed a gate."""
+        """Store the race, unless interrupted before the first gate pass of any vehicle."""
         interrupted = not self.is_over
         self.entries = tuple(
             replace(entry, outcome=entry.outcome or "interrupted", expected=())

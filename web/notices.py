@@ -11,8 +11,8 @@ from quadsim.racing.events import Event, Frame
 from web.competitor import Competitor
 
 Kind = Literal["error", "crash", "lap", "wait"]
-KEPT = 20  # the last ones
-LAP_END = 0.02  # [s] before a frame in which a lap can have ended
+KEPT = 20  # number of the last notices
+LAP_END = 0.02  # time before a frame in which a lap can have ended [s]
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Notices:
         self._recent.append(Notice(next(self._numbers), kind, title, text))
 
     def add_events(self, entry: Competitor, frame: Frame) -> None:
-        """Add what a frame has: a crash, a best lap, the end of the race."""
+        """Add the notices of a frame: a crash, a best lap, the end of the race."""
         for event in frame.events:
             self._add_end(entry.name, event)
         passed = any(event.kind == "pass" for event in frame.events)

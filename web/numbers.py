@@ -1,7 +1,7 @@
-"""Numbers of the planner that have a slider on the page and may change while a flight is on.
+"""Numbers of the planner with a slider on the page, which may change in flight.
 
-A slider stands for a setting of the planner, or for a part of one: `sigma` scales the standard
-deviations of the preset, `gamma` has one slider for the body rates and one for the thrust.
+A slider controls a setting of the planner, or a part of it: `sigma` scales the standard deviations
+of the preset, `gamma` has one slider for the body rates and one for the thrust.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from quadsim.dynamics.quadrotor import Control
 
 
 class Change(NamedTuple):
-    """A number that is asked for in flight."""
+    """A requested change of a number in flight."""
 
     name: str  # of SLIDERS
-    value: float | None  # None: the preset's
+    value: float | None  # None: the preset's value
 
 
 @dataclass(frozen=True)
 class Slider:
-    """The range of a slider, and what its number does."""
+    """The range of a slider, and the effect of its number."""
 
     setting: str  # name of the annotated setting
     label: str
@@ -103,9 +103,9 @@ def slider_values(
     """Return the values of the sliders for a planner with these numbers.
 
     Args:
-        sigma, preset_sigma: standard deviations of the controls, and those that the scale 1 stands
-            for; empty: unknown.
-        gamma: color exponents, of the body rates first and of the thrust last; empty: it has none.
+        sigma, preset_sigma: standard deviations of the controls, and the ones at scale 1; empty:
+            unknown.
+        gamma: color exponents, of the body rates first and of the thrust last; empty: no gamma.
     """
     known = len(sigma) > 0 and len(preset_sigma) > 0
     return {
@@ -119,7 +119,7 @@ def slider_values(
 
 
 def numbers_of(planner: Planner, preset: Planner) -> dict[str, float]:
-    """Return the values of the sliders for a planner that was made from a preset."""
+    """Return the values of the sliders for a planner derived from a preset."""
     return slider_values(
         sigma=planner.sampling.sigma,
         preset_sigma=preset.sampling.sigma,
@@ -131,7 +131,7 @@ def numbers_of(planner: Planner, preset: Planner) -> dict[str, float]:
 
 
 def with_change(planner: Planner, preset: Planner, change: Change) -> Planner:
-    """Return the planner with a number changed; unchanged where its sampler has no such number."""
+    """Return the planner with a changed number; unchanged if its sampler lacks the number."""
     value = change.value
     if value is None:
         value = numbers_of(preset, preset)[change.name]
@@ -147,7 +147,7 @@ def with_change(planner: Planner, preset: Planner, change: Change) -> Planner:
             thrust = value if change.name == "gamma_thrust" else gamma.thrust
             return _with_sampling(planner, gamma=per_channel(rates, thrust))
         case "target_ess":
-            # less than one sample cannot be asked for: the temperature is fixed
+            # a target below one sample means a fixed temperature
             mppi = replace(planner.mppi, target_ess=value if value >= 1 else None)
         case "samples":
             mppi = replace(planner.mppi, samples=int(value))
@@ -156,7 +156,7 @@ def with_change(planner: Planner, preset: Planner, change: Change) -> Planner:
         case _:
             raise ValueError(f"{change.name}: expected one of {', '.join(SLIDERS)}")
     if mppi.target_ess:
-        # the planner needs fewer effective samples than it draws
+        # the target must be below the number of samples
         mppi = replace(mppi, target_ess=min(mppi.target_ess, mppi.samples / 2))
     return replace(planner, mppi=mppi)
 

@@ -1,4 +1,4 @@
-"""Which presets a page offers for a race: all but those that could not fly it."""
+"""The presets that a page offers for a race: all presets that can fly the race."""
 
 from __future__ import annotations
 
@@ -22,17 +22,16 @@ def offered_presets(
     laps: int,
     runs_dir: str,
 ) -> tuple[str, ...]:
-    """Return the presets that can fly a race, and those that are chosen at present.
+    """Return the presets that can fly a race, and the presently chosen ones.
 
     A preset that follows a solution of `race limit` needs one of this course, vehicle and number of
     laps.
 
     Args:
         names: presets to choose from, each of PRESETS.
-        chosen: those that are chosen; they are not taken away from a person who looks at them,
-            and the page says what they lack.
+        chosen: presently chosen presets, which stay in the list; the page says what they lack.
         course, vehicle, laps: the race.
-        runs_dir: folder of runs; solutions are looked for there, beside those of the project.
+        runs_dir: folder of runs with solutions, in addition to the project's solutions.
     """
     return tuple(
         name for name in names if name in chosen or _can_fly(name, course, vehicle, laps, runs_dir)
@@ -40,7 +39,7 @@ def offered_presets(
 
 
 def _can_fly(preset: str, course: Course, vehicle: str, laps: int, runs_dir: str) -> bool:
-    """Return whether a preset follows nothing, or a solution of this race is stored."""
+    """Return whether a preset needs no solution, or a solution of this race is stored."""
     weights = PRESETS[preset][FlightSettings.sampler].cost
     if not isinstance(weights, ReferenceWeights):
         return True
@@ -48,7 +47,7 @@ def _can_fly(preset: str, course: Course, vehicle: str, laps: int, runs_dir: str
     return bool(problem.files(limits_folder(runs_dir)))
 
 
-# A page asks once a second; the problem's name is a hash of course and vehicle.
+# Cached, as a page calls this once a second and the problem's name is a hash of course and vehicle.
 @lru_cache(maxsize=16)
 def _problem(weights: ReferenceWeights, course: Course, vehicle: str, laps: int) -> LimitProblem:
     """Return the race whose solution a preset follows."""

@@ -1,4 +1,4 @@
-"""Pace: when race time is due on the wall clock."""
+"""Pace: the relation of race time to the wall clock."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from collections.abc import Callable
 from time import perf_counter
 from typing import NamedTuple
 
-LATE = 0.1  # [s] behind the wall clock, after which the race no longer tries to catch up
+LATE = 0.1  # delay behind the wall clock beyond which the race does not catch up [s]
 WINDOW = 1.0  # [s] over which the real-time factor is measured
 
 
 class Mark(NamedTuple):
-    """A moment at which the race had come to t."""
+    """A moment at which the race had reached t."""
 
     wall: float  # [s]
     t: float  # [s]
 
 
 class Pace:
-    """Race time t is due at `speed` race seconds a second.
+    """A clock of race time that runs at `speed` race seconds per second.
 
     Args:
         clock: returns the wall clock [s].
@@ -32,7 +32,7 @@ class Pace:
         self.anchor(0.0)
 
     def anchor(self, t: float) -> None:
-        """Let the race time be t now."""
+        """Set the present race time to t."""
         self._anchored = Mark(self._clock(), t)
         self._marks.clear()
 
@@ -43,7 +43,7 @@ class Pace:
     def until(self, t: float) -> float:
         """Return the wall-clock time until t is due; at most 0 if it is [s].
 
-        A long delay is not caught up with later.
+        A delay of more than LATE is dropped.
         """
         wait = (t - self.now()) / self.speed
         if wait < -LATE:
@@ -51,7 +51,7 @@ class Pace:
         return wait
 
     def mark(self, t: float) -> None:
-        """Note that the race has come to t."""
+        """Note that the race has reached t."""
         wall = self._clock()
         self._marks.append(Mark(wall, t))
         while len(self._marks) > 2 and wall - self._marks[0].wall > WINDOW:
@@ -59,7 +59,7 @@ class Pace:
 
     @property
     def factor(self) -> float:
-        """The race seconds a second of late; 0 while nothing moves."""
+        """The recent race seconds per second; 0 while nothing moves."""
         if len(self._marks) < 2:
             return 0.0
         first, last = self._marks[0], self._marks[-1]

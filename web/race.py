@@ -37,16 +37,16 @@ class Snapshot:
 
     t: float = 0.0  # race time [s]
     end: float = 0.0  # end of the longest competitor so far [s]
-    flown: float = 0.0  # last time that can be shown [s]; `end` is later beside a longer run
+    flown: float = 0.0  # last time that can be shown [s]; `end` may be later with stored runs
     playing: bool = False
-    flying: bool = False  # whether some live competitor has not ended
+    flying: bool = False  # whether a live competitor is still flying
     factor: float = 0.0  # measured real-time factor: race time per wall-clock time
     competitors: tuple[Competitor, ...] = ()
     race: int = 0  # number of the race; a page draws a new scene when it changes
     notices: tuple[Notice, ...] = ()
     compiling: bool = False  # whether a flight waits for its planner to be compiled
-    by_hand: bool = False  # whether a person flies in this race, which then runs at real time
-    waiting: bool = False  # whether the race stands on its start until that person is ready
+    by_hand: bool = False  # whether a competitor is flown by hand; the race then runs in real time
+    waiting: bool = False  # whether the race waits for the start of the manual flight
 
     @property
     def next_event(self) -> float | None:
@@ -63,11 +63,11 @@ class Snapshot:
 
 
 class Flyer(Protocol):
-    """A Flyer flies on the page: it is a flight alone in its world, or several in one."""
+    """A live flight, or a race of several vehicles in one world."""
 
     period: float  # [s]
     is_cached: bool
-    hand: Hand | None  # the controller by which a person flies
+    hand: Hand | None  # the controller of a manual flight
 
     @property
     def t(self) -> float:
@@ -76,12 +76,12 @@ class Flyer(Protocol):
 
     @property
     def entries(self) -> tuple[Competitor, ...]:
-        """The flights as the page shows them."""
+        """The flights for display."""
         ...
 
     @property
     def is_over(self) -> bool:
-        """Whether all of them have ended."""
+        """Whether all flights have ended."""
         ...
 
     def show_as(self, entries: Sequence[Competitor]) -> None:
@@ -89,7 +89,7 @@ class Flyer(Protocol):
         ...
 
     def keep_in(self, root: str) -> None:
-        """Store them in this folder of runs when they end."""
+        """Store the flights in this folder of runs when they end."""
         ...
 
     def turn(self) -> list[Flown]:
@@ -97,7 +97,7 @@ class Flyer(Protocol):
         ...
 
     def change(self, change: Change) -> None:
-        """Use another number from the next plan on."""
+        """Use a changed number from the next plan on."""
         ...
 
     def update_trajectories(self) -> None:
@@ -105,7 +105,7 @@ class Flyer(Protocol):
         ...
 
     def end(self) -> None:
-        """Store what was flown."""
+        """Store the flights."""
         ...
 
     def close(self) -> None:
@@ -114,19 +114,19 @@ class Flyer(Protocol):
 
 
 def take_off(choices: AnyChoices) -> Flyer:
-    """Begin what was chosen. Raises ValueError, RunError."""
+    """Begin the chosen flight or race. Raises ValueError, RunError."""
     if isinstance(choices, HeatChoices | HeatAgainChoices):
         return LiveHeat(choices)
     return LiveFlight(choices)
 
 
 class PageRace:
-    """Live flights side by side with stored runs. One thread uses it.
+    """Live flights together with stored runs, for use by one thread.
 
     Args:
         root: the folder of runs.
         take_off: function that starts a live flight from its choices.
-        cockpit: has the sticks of the person who flies; None: one of its own.
+        cockpit: source of the sticks of a manual flight; None: a new one.
     """
 
     def __init__(self, root: str, take_off: TakeOff = take_off, cockpit: Cockpit | None = None):
@@ -142,13 +142,13 @@ class PageRace:
         self._playing = False
         self._trajectories_at = 0.0
         self._pace = Pace()
-        self._speed = 1.0  # asked for, for races in which nobody flies by hand
+        self._speed = 1.0  # requested real-time factor, for races without a manual flight
         self._cockpit = cockpit or Cockpit()
         self._hand: Hand | None = None
         self._waiting = False
 
     def start(self, choices: Sequence[AnyChoices], runs: Sequence[Path] = ()) -> None:
-        """Fly the choices side by side with stored runs.
+        """Fly the choices together with stored runs.
 
         Raises:
             ValueError, RunError: a flight or run cannot be flown or shown; the old race continues.
@@ -178,10 +178,10 @@ class PageRace:
         self._begin()
 
     def _built(self, choices: Sequence[AnyChoices]) -> list[Flyer]:
-        """Return the flights of choices, ready to begin; none is left over where one cannot be.
+        """Return the flights of choices, ready to begin; if one fails, all are closed.
 
         Raises:
-            ValueError: a flight cannot be flown; one line says which and why.
+            ValueError: a flight cannot be flown; the message names it in one line.
         """
         alone = [one for one in choices if isinstance(one, Choices)]
         expect_one_hand(alone)
@@ -200,7 +200,7 @@ class PageRace:
         return flights
 
     def replay(self, runs: Sequence[Path], t: float | None = None) -> None:
-        """Show stored runs side by side: from the start, or paused at t [s].
+        """Show stored runs together: from the start, or paused at t [s].
 
         Raises:
             ValueError, RunError: see `start`.
@@ -273,17 +273,17 @@ class PageRace:
         self._pace.anchor(self._t)
 
     def jump(self) -> None:
-        """Go to the next event of any competitor, if there is one so far."""
+        """Go to the next event of any competitor, if there is one."""
         t = self.snapshot().next_event
         if t is not None:
             self._playing = False
             self.scrub(t)
 
     def set_speed(self, factor: float) -> None:
-        """Set the real-time factor; a live flight comes as near to it as the machine can.
+        """Set the real-time factor, which a live flight reaches if the machine is fast enough.
 
         Raises:
-            ValueError: a person flies, whose race runs at real time.
+            ValueError: a competitor is flown by hand, in real time.
         """
         self._speed = factor
         if self._hand and self._flying:
@@ -299,7 +299,7 @@ class PageRace:
 
         Args:
             change: the number.
-            name: name of the competitor whose number it is; "": every one's that flies.
+            name: name of the competitor; "": all live competitors.
 
         Raises:
             ValueError: a race in one world keeps the numbers of its start.
@@ -343,7 +343,7 @@ class PageRace:
         self._pace.anchor(0.0)
 
     def _begins_by_hand(self) -> bool:
-        """Return whether the person who flies is ready, and begin then."""
+        """Return whether the manual pilot is ready; if so, begin."""
         if not self._cockpit.is_ready:
             return False
         assert self._hand
@@ -378,7 +378,7 @@ class PageRace:
         self._pace.mark(t)
 
     def _next_to_fly(self) -> Flyer | None:
-        """Return the live flight whose time is the least."""
+        """Return the live flight with the earliest time."""
         return min(self._flying, key=lambda flight: flight.t, default=None)
 
     @property
@@ -388,7 +388,7 @@ class PageRace:
 
     @property
     def _flown(self) -> float:
-        """The time that the farthest of the running flights has reached [s]."""
+        """The latest time of the running flights [s]."""
         return max((flight.t for flight in self._flying), default=0.0)
 
     @property

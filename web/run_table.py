@@ -1,8 +1,8 @@
 """RunTable: every stored run and race of a folder as a row, read once and kept.
 
-A folder of runs gets its name when all its files are written, so the table is read again when the
-names in the folder have changed, and then only what is new: while nothing arrives, a look at 200
-runs is a look at one folder's time.
+A folder gets its final name when all its files are written. So the table is updated only when the
+names in the folder of runs have changed, and reads only new folders: without changes, an update
+takes a single look at the folder's time.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from quadsim.results.stored_runs import StoredRun, flown_at, read_row
 from quadsim.sensing import PERFECT
 
 RECORD = "run.json"
-# Largest run.json or heat.json that is read [bytes]; one of 100 laps has a tenth
+# Largest run.json or heat.json that is read [bytes]; a run of 100 laps takes a tenth
 LARGEST = 20_000_000
 # Longest name in a row [characters]
 LONGEST = 80
-# A folder whose time is so near to now [s] may change once more without getting another time
+# A folder modified less than this time ago [s] may change again without a new time
 RECENT = 2.0
 # Parts of a spec that decide the limit of its race
 OF_LIMIT = ("course", "course_text", "vehicle", "laps", "plant", "penalties", "own")
@@ -41,29 +41,29 @@ OF_LIMIT = ("course", "course_text", "vehicle", "laps", "plant", "penalties", "o
 class RunRow(msgspec.Struct, frozen=True):
     """A row of the table: a run, a race of several, or a folder that cannot be read."""
 
-    # name of the folder, by which a page names the row
+    # name of the folder, which identifies the row
     name: str
     # local time of the flight, as "2026-11-20 16:15:07"
     when: str
     course: str = ""
-    # the sampler, or `pilot NAME`; of a race, the entrants
+    # the sampler, or `pilot NAME`; for a race, the entrants
     flown_by: str = ""
     vehicle: str = ""
     preset: str = ""
     sensing: str = ""
     seed: int | None = None
-    # laps completed and wanted
+    # completed and required laps
     laps: str = ""
     # numbers changed in flight
     changes: int = 0
     outcome: str = ""
-    # of the whole race, for a run that finished [s]
+    # time of the whole race, for a finished run [s]
     time: float | None = None
-    # by how much that is above the best known limit [%]
+    # excess of the time over the best known limit [%]
     above: float | None = None
-    # vehicles in one world
+    # number of vehicles in one world
     vehicles: int = 1
-    # what is wrong with a folder that cannot be read, in one line
+    # error of an unreadable folder, in one line
     problem: str = ""
 
 
@@ -83,12 +83,12 @@ class _Stamp(NamedTuple):
 
 
 class FolderWatch:
-    """Tells whether the names in a folder have changed since the last call.
+    """Detects changes of the names in a folder since the last call.
 
-    A call asks for the folder's time alone.
+    A call reads only the folder's modification time.
 
     Args:
-        folder: the folder; it need not be there.
+        folder: the folder, which may be missing.
     """
 
     def __init__(self, folder: Path):
@@ -104,7 +104,7 @@ class FolderWatch:
 
 
 class _Read(NamedTuple):
-    """A row as it was read, and the race whose limit it is compared with; empty: none."""
+    """A row as read, and the identifier of the race for its limit; empty: none."""
 
     row: RunRow
     race: str
@@ -112,7 +112,7 @@ class _Read(NamedTuple):
 
 
 class RunTable:
-    """The stored runs and races of a folder. One thread uses it.
+    """The stored runs and races of a folder, for use by one thread.
 
     Args:
         root: the folder of runs.
@@ -131,7 +131,7 @@ class RunTable:
         self._limits: dict[str, float | None] = {}
 
     def refresh(self) -> bool:
-        """Read what has arrived since the last call; return whether the rows have changed."""
+        """Read new folders since the last call; return whether the rows have changed."""
         has_changed = self._watch.has_changed()
         if self._limits_watch.has_changed():
             self._limits.clear()
@@ -143,7 +143,7 @@ class RunTable:
         return self._root / name if name in self._read else None
 
     def _look(self) -> bool:
-        """Look for folders that are new or gone; return whether the rows have changed."""
+        """Look for new and removed folders; return whether the rows have changed."""
         found = dict(sorted(self._folders(), reverse=True))
         self._read = {
             name: self._read.get(name) or _read(path, record)
@@ -187,7 +187,7 @@ class RunTable:
 
 
 def _read(path: Path, record: str) -> _Read:
-    """Read the row of a folder; a damaged one is a row that says so."""
+    """Read the row of a folder; for a damaged folder the row has the error."""
     when = flown_at(path)
     try:
         data = read_bytes(path / record, "the record of a flight", LARGEST)
@@ -253,7 +253,7 @@ def _each(names: Iterator[str]) -> str:
 
 
 def _of_limit(spec: dict[str, Any]) -> tuple[str, dict[str, Any]]:
-    """Return what identifies the race of a spec, and the parts of the spec that decide it."""
+    """Return an identifier of the race of a spec, and the parts of the spec that decide it."""
     parts = {name: spec[name] for name in OF_LIMIT if name in spec}
     return sha256(canonical(parts)).hexdigest(), parts
 

@@ -1,4 +1,4 @@
-"""Session: a race on a thread of its own, which takes commands and publishes snapshots.
+"""Session: a race on its own thread, which executes commands and publishes snapshots.
 
 A flight never waits for a page.
 """
@@ -22,15 +22,15 @@ Arguments = ParamSpec("Arguments")
 class Session:
     """A race that any thread may command and look at.
 
-    `session.tell(PageRace.start, choices)` queues a command; `session.snapshot` is the race as it
-    is now.
+    `session.tell(PageRace.start, choices)` queues a command; `session.snapshot` is the present
+    state of the race.
 
     Args:
         root: the folder of runs.
         take_off: function that begins a live flight of the given choices.
 
     Attributes:
-        cockpit: takes the sticks of a visitor who flies.
+        cockpit: receives the sticks of the flying visitor.
     """
 
     def __init__(self, root: str, take_off: TakeOff = take_off):
@@ -49,15 +49,15 @@ class Session:
         *arguments: Arguments.args,
         **keywords: Arguments.kwargs,
     ) -> None:
-        """Queue a call of a method of PageRace. Errors that it raises become notices."""
+        """Queue a call of a method of PageRace. Its errors become notices."""
         self._commands.put(partial(command, self._race, *arguments, **keywords))
 
     def show_trajectories(self, on: bool) -> None:
-        """Switch the sampled trajectories on or off: each of their updates takes 0.3 ms."""
+        """Switch the sampled trajectories on or off; each update takes 0.3 ms."""
         self._race.show_trajectories = on
 
     def close(self) -> None:
-        """End every flight, store those that have passed a gate, and end the thread."""
+        """End every flight, store the flights with a passed gate, and end the thread."""
         self.tell(PageRace.end_flights)
         self._commands.put(self._end)
         self._worker.join()
@@ -70,7 +70,7 @@ class Session:
             self.snapshot = self._race.snapshot()
 
     def _next(self, wait: float) -> Callable[[], float | None]:
-        """Return the next command, or a turn of the race after `wait` seconds without one."""
+        """Return the next command, or a turn of the race after `wait` seconds."""
         try:
             return self._commands.get(timeout=wait)
         except queue.Empty:

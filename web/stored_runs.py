@@ -35,8 +35,8 @@ def stored_competitor(path: Path) -> Competitor:
     """Load a run from the disk.
 
     Raises:
-        RunError: the run is damaged, or its spec lacks what the page shows.
-        FileError: its course cannot be read.
+        RunError: the run is damaged, or its spec lacks displayed parts.
+        FileError: the course cannot be read.
     """
     run = load_reportable(path)
     try:
@@ -48,7 +48,7 @@ def stored_competitor(path: Path) -> Competitor:
 
 
 def run_competitor(run: Run, course: Course, path: Path | None) -> Competitor:
-    """Return a run as a competitor. path: its folder, if it has one."""
+    """Return a run as a competitor. path: folder of the run, None if it is not stored."""
     spec = run.spec
     return Competitor(
         name=spec["sampler"],
@@ -68,7 +68,7 @@ def run_competitor(run: Run, course: Course, path: Path | None) -> Competitor:
 
 
 def _root_of(path: Path) -> Path:
-    """Return the folder of runs that a run lies in, alone or in the folder of a race."""
+    """Return the folder of runs for a run that lies in it directly or in a race's folder."""
     return path.parent.parent if is_heat(path.parent) else path.parent
 
 
@@ -97,11 +97,11 @@ def _preset_sigma(preset: str, sampler: str) -> Sequence[float]:
 def titled_runs(root: str, most: int) -> dict[str, Path]:
     """Return the latest stored runs by title, as "16:15 split_s_swift colored 16.378 s".
 
-    A race of several vehicles is one of them, with the folder of the race.
+    A race of several vehicles is one entry, with the folder of the race.
 
     Args:
         root: the folder of runs.
-        most: how many runs are listed, the latest first.
+        most: largest number of runs, the latest first.
     """
     found: dict[str, Path] = {}
     stored = sorted([*list_runs(root), *list_heats(root)])

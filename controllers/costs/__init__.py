@@ -3,9 +3,9 @@
     q = sum_k w_k term_k(x, x_next, u, target, p),     J = (1/T) sum_t q_t
 
 A term returns one number for one step of one sample, which leads from x to x_next under the control
-u. `target` is the sample's target row, the numbers that describe the place it flies to, and `p` the
-parameters of the cost. Two more functions of the same kind decide the fate of the sample: `reached`
-moves it to its next target row, `crash` marks it as crashed for the rest of its rollout.
+u. `target` is the sample's target row, the numbers that describe its current target, and `p` the
+parameters of the cost. Two more functions of the same kind control the sample: `reached` moves the
+sample to its next target row, `crash` marks it as crashed for the rest of its rollout.
 
     def clearance(x, x_next, u, gate, p):
         step = at_gate(x, x_next, gate)
@@ -52,17 +52,17 @@ class Numbers(Protocol):
 
 
 class NoParams(NamedTuple):
-    """The parameters of a cost that has none."""
+    """The parameters of a cost without parameters."""
 
 
 NO_PARAMS = NoParams()
 
 
 def crash(x, x_next, u, target, p):
-    """Stand for the flag of a sample that has crashed: 1 from the crash on, 0 before.
+    """Represent the crash flag of a sample: 1 from a crash on, 0 before.
 
-    As a term it is the cost of a crash, per step. It is never called: the rollout puts the sample's
-    flag in its place.
+    As a term it is the cost of a crash, per step. The function is never called: the rollout uses
+    the sample's flag instead.
 
     Examples:
         >>> from quadsim import Term
@@ -100,7 +100,7 @@ class Term:
             changed without compiling again.
 
     Raises:
-        ValueError: the name is not an identifier, the function none, or a number not finite.
+        ValueError: the name is no identifier, the function not callable, or a number not finite.
 
     Examples:
         >>> from numpy import maximum
@@ -138,7 +138,7 @@ class Term:
             self.parameters = kind(**parameters)
 
     def but(self, weight: Weight | None = None, **parameters: Weight) -> Term:
-        """Return the term with another weight or other parameters.
+        """Return the term with a changed weight or changed parameters.
 
         Raises:
             ValueError: the term has no such parameter, or a number is not finite.
@@ -157,7 +157,7 @@ class Term:
 
     @cached_property
     def shape(self) -> tuple:
-        """The key of the compiled loop: function and names of the parameters, not their values."""
+        """The key of the compiled loop: function and parameter names, without values."""
         own = self.parameters._fields if self.parameters else None
         has_weight = bool(np.any(self.weight))
         return self.name, _ByIdentity(self.function), own, has_weight
@@ -190,7 +190,7 @@ class EstimatedTerm(Term):
 
 
 class _ByIdentity:
-    """A function in a key, equal to itself alone; an object that can be called may have no hash."""
+    """A function in a key, compared by identity, as a callable object may have no hash."""
 
     def __init__(self, function: StepFunction):
         self.function = function
@@ -225,7 +225,7 @@ def _term(function: StepFunction, weight: Weight, name: str, parameters: dict[st
 
 
 def is_record_type(kind: object) -> bool:
-    """Return whether an object is a NamedTuple's class."""
+    """Return whether an object is a NamedTuple class."""
     return isinstance(kind, type) and issubclass(kind, tuple) and hasattr(kind, "_fields")
 
 
@@ -238,10 +238,10 @@ def is_record_of_numbers(record: object) -> bool:
 
 @dataclass(frozen=True)
 class Obstacles:
-    """Obstacles in the way of samples, whatever target these fly to.
+    """Obstacles for all samples, independent of their targets.
 
-    A sample that touches an obstacle has crashed. A sample on the way to its last target is past
-    the finish and touches nothing.
+    A sample that touches an obstacle has crashed. A sample on the way to its last target has
+    finished the race and is not tested.
     """
 
     # (p0, p1, row) -> whether the straight line between two positions touches the obstacle
@@ -255,10 +255,9 @@ class Obstacles:
 
 @dataclass(frozen=True, eq=False)
 class Cost:
-    """A cost with its numbers.
+    """A cost: terms, parameters and targets.
 
-    `reached` and `crash` are functions as the terms are, and return a condition; None: it never
-    holds.
+    `reached` and `crash` are functions like the terms, and return a condition; None: always false.
 
     Examples:
         >>> from typing import NamedTuple
@@ -287,7 +286,7 @@ class Cost:
     still_in_gate: Callable[[np.ndarray, np.ndarray], bool] | None = None
     # (target, x) -> index of the row to fly to, if there are more rows than targets
     row_ahead: Callable[[int, np.ndarray], int] | None = None
-    # (target, x, T) -> controls (T, n_u) to perturb beside the plan, in place of rest
+    # (target, x, T) -> controls (T, n_u) that a fraction of the samples perturbs instead of rest
     guide: Callable[[int, np.ndarray, int], np.ndarray] | None = None
 
     def __post_init__(self) -> None:
@@ -377,7 +376,7 @@ class Cost:
             (1, n), or (T, n) if one of them depends on the step of the horizon.
 
         Raises:
-            ValueError: an array of another length than the horizon.
+            ValueError: the length of an array differs from the horizon.
         """
         columns = {k: self._numbers[k] for k in self._by_step}
         for name, value in (given or {}).items():
@@ -433,14 +432,14 @@ class Cost:
 
     @cached_property
     def _constants(self) -> np.ndarray:
-        """The numbers, with a zero in place of each one that depends on the step.  (n,)"""
+        """The numbers, with zeros for the ones that depend on the step.  (n,)"""
         numbers = [0.0 if np.ndim(value) else value for value in self._numbers]
         return np.array(numbers, float)
 
     def targets_from(self, target: int, x: np.ndarray, dtype: type = np.float32) -> np.ndarray:
         """Return the target rows from the current one on.
 
-        The distance to go counts from the current target, which keeps its numbers small.
+        The distance to go counts from the current target, which keeps the numbers small.
 
         Args:
             target: number of targets reached so far.
@@ -490,15 +489,15 @@ def evaluate(
     crashed: Any = 0.0,
     t: int | np.ndarray = 0,
 ) -> Evaluated:
-    """Return the weighted terms of one step, by the same functions that the rollouts inline.
+    """Return the weighted terms of one step, by the functions that the rollouts inline.
 
     Args:
-        cost: the cost, whose terms of any weight are returned.
+        cost: the cost; its terms of weight zero are returned too.
         x, x_next: records of the system's state, of numbers or of arrays.
         u: record of the control.
         target: a target row's numbers.
         crashed: whether the sample had crashed before, 0.0 or 1.0.
-        t: step of the horizon, if parameters depend on it; an array, if the records are of arrays
+        t: step of the horizon, if parameters depend on it; an array, if the records hold arrays
             over several steps.
     """
     gate = cost.row._make(target)
@@ -525,6 +524,6 @@ def at_step(parameters: Numbers, t: int | np.ndarray) -> Any:
 def number_at_step(value: Weight, t: int | np.ndarray) -> Any:
     """Return a weight or parameter at step t of the horizon.
 
-    It is the number itself, or its entry of an array (T,).
+    A number is returned as it is; an array (T,) is indexed by t.
     """
     return value if np.ndim(value) == 0 else np.asarray(value)[t]

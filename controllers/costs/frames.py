@@ -1,9 +1,9 @@
-"""Frames of gates and obstacles in a rollout: rows of numbers, and the test of a straight line.
+"""Frames of gates and obstacles in rollouts: rows of numbers, and a test of line segments.
 
 The vehicle is a sphere whose centre moves on the line. The four bars of a frame, as boxes grown by
 the sphere's radius and a margin, fill a slab around the gate's plane from a free shaft to the outer
-edge, as for the referee (quadsim.course.swept). A box is a slab without a shaft. A cylinder is one
-too, with a round outline, and the slab's axis is the cylinder's.
+edge, as for the referee (quadsim.course.swept). A box is a slab without a shaft. A cylinder is a
+slab without a shaft and with a round outline, along the cylinder's axis.
 """
 
 from __future__ import annotations
@@ -28,23 +28,23 @@ from quadsim.course.opening import (
 from quadsim.dynamics.named_tuples import as_rows, columns
 from quadsim.rotation import Vec3
 
-# Distance kept between vehicle and frame [m]; where a gate is narrow, at most half of the room
+# Clearance between vehicle and frame [m]; in a narrow gate at most half of the free space
 SAFETY_MARGIN = 0.02
-ACCELERATION = 40.0  # [m/s^2] with which frames may be reached
-# Axes of the slab of a cylinder, as those of a frame: its own axis comes first
+ACCELERATION = 40.0  # [m/s^2] largest acceleration in the test whether a frame can be reached
+# Axes of a cylinder's slab in the order of a frame's: the cylinder's axis comes first
 UPRIGHT = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 NO_SHAFT = HalfSizes(-1.0, -1.0)  # half sizes of the shaft of a slab without one [m]
 NOT_ROUND = 1e12  # square of the radius of an outline with corners [m^2]
 
 
 class ObstacleRow(NamedTuple):
-    """The numbers of a gate's frame, or of an obstacle, that a line is tested against.
+    """The numbers of a gate's frame or of an obstacle for the line test.
 
     Both are slabs; see quadsim.course.opening for the terms of a frame. All sizes are grown by the
     vehicle's radius and a margin [m].
     """
 
-    # Corners of the upright box around it
+    # Corners of the axis-aligned bounding box
     x_low: float
     y_low: float
     z_low: float
@@ -57,8 +57,8 @@ class ObstacleRow(NamedTuple):
     y: float
     z: float
 
-    # Unit vectors along the slab's axis, left and up: along the passage of a gate, the x axis of a
-    # box, the axis of a cylinder
+    # Unit vectors along the slab's axis, left and up. The axis is the passage of a gate, the x axis
+    # of a box, the axis of a cylinder
     nx: float
     ny: float
     nz: float
@@ -71,13 +71,13 @@ class ObstacleRow(NamedTuple):
 
     # Half the depth of the slab
     half: float
-    # Half width and half height of the free shaft through it, NO_SHAFT where there is none
+    # Half width and half height of the free shaft, NO_SHAFT if there is none
     free_y: float
     free_z: float
     # Half width and half height of the slab
     out_y: float
     out_z: float
-    # Square of the radius of the slab's outline [m^2], NOT_ROUND where it has corners
+    # Square of the radius of the slab's outline [m^2], NOT_ROUND if the outline has corners
     radius2: float
 
 
@@ -91,7 +91,7 @@ def in_slab(p, row):
 def touches(p0, p1, row):
     """Return whether the line from p0 to p1 touches a slab with corners.
 
-    It does unless its part within the slab lies in the shaft, or on one side of the outer edge.
+    It does not if the part of the line within the slab lies in the shaft, or beyond one outer edge.
     """
     s0, y0, z0 = in_slab(p0, row)
     s1, y1, z1 = in_slab(p1, row)
@@ -119,10 +119,10 @@ def touches(p0, p1, row):
 
 
 def touches_round(p0, p1, row):
-    """Return whether the line from p0 to p1 touches a slab, with corners or round.
+    """Return whether the line from p0 to p1 touches a slab with a rectangular or round outline.
 
-    Beyond the test of `touches`, the line has to meet the slab's outline, not only the ranges of
-    its two sides. Only a course with obstacles pays for it.
+    In addition to the test of `touches`, the line has to meet the round outline. Only courses with
+    obstacles use this slower test.
     """
     s0, y0, z0 = in_slab(p0, row)
     s1, y1, z1 = in_slab(p1, row)
@@ -149,7 +149,7 @@ def touches_round(p0, p1, row):
 
 
 def away_from_zero(d):
-    """Return a difference that can be divided by [m]."""
+    """Return a difference that is safe as a divisor [m]."""
     return where(abs(d) < 1e-6, 1e-6, d)
 
 
@@ -159,13 +159,13 @@ def inner_margin(gate: Gate, radius: float) -> float:
 
 
 def course_obstacles(course: Course, radius: float) -> Obstacles:
-    """Return every frame of the course once, and its obstacles, as obstacles of samples.
+    """Return the frames, each once, and the obstacles of a course as obstacles for samples.
 
-    Lines run beside the curve that is flown, by .008 m at 40 m/s^2 over .04 s: half of the safety
-    margin is left to that, so that a gate flown through as the racing cost allows is no crash here.
+    The tested lines deviate from the flown curve by .008 m at 40 m/s^2 over .04 s. Only half of the
+    safety margin is used here, so that a gate pass within the racing cost's limits is no crash.
 
     Args:
-        course: its gates and obstacles.
+        course: the course with gates and obstacles.
         radius: radius of the vehicle [m].
     """
     with_margins = _table(course, radius, inner_share=0.5, outer=SAFETY_MARGIN / 2)
@@ -181,7 +181,7 @@ def _table(course: Course, radius: float, inner_share: float, outer: float) -> n
     Args:
         course: its gates, whose frames have one row each, and its obstacles.
         radius: radius of the vehicle [m].
-        inner_share: share of the safety margin that is kept inside openings.
+        inner_share: share of the safety margin that is used inside openings.
         outer: margin around frames and obstacles [m].
     """
     rows = []
@@ -232,7 +232,7 @@ def frame_row(gate: Gate, radius: float, inner: float, outer: float) -> Obstacle
     out = outer_half_sizes(gate.opening, gate.frame_width, radius, outer)
     half = half_depth(radius, outer)
 
-    # The upright box around the grown frame
+    # The axis-aligned bounding box of the grown frame
     centre = np.array(gate.position)
     reach = abs(gate.rotation) @ np.array([half, out.left, out.up])
     return _slab_row(
@@ -260,14 +260,14 @@ def _slab_row(
     """Return the row of a slab with a shaft.
 
     Args:
-        low: lower corner of the upright box around it [m]  (3,).
-        high: upper corner of that box [m]  (3,).
+        low: lower corner of the axis-aligned bounding box [m]  (3,).
+        high: upper corner of the bounding box [m]  (3,).
         centre: centre of the slab [m].
-        axes: unit vectors along its axis, left and up.
-        half: half of its depth [m].
+        axes: unit vectors along the slab's axis, left and up.
+        half: half of the slab's depth [m].
         free: half sizes of the shaft [m].
         out: half sizes of the slab [m].
-        radius2: square of the radius of its outline [m^2].
+        radius2: square of the radius of the outline [m^2].
     """
     x_low, y_low, z_low = low.tolist()
     x_high, y_high, z_high = high.tolist()
@@ -297,12 +297,12 @@ def in_reach(
 ) -> np.ndarray:
     """Return the rows that can be reached from x in this time.
 
-    A row whose margin x is within is returned without its margin.
+    If x lies within the margin of a row, the row is returned without its margin.
 
     Args:
         test: `touches` or `touches_round`.
         rows: frames and obstacles, with their margins.
-        bare: the same without margins.
+        bare: the same rows without margins.
         x: state, position and velocity first [m, m/s].
         seconds: time [s].
 
@@ -313,7 +313,7 @@ def in_reach(
     way = x[3:6] * seconds
     turn = 0.5 * ACCELERATION * seconds**2
 
-    # Boxes that meet the vehicle's straight way, widened by the distance it can turn aside
+    # Bounding boxes that meet the vehicle's straight path, widened by its reach to either side
     box_low = columns(rows, ObstacleRow, "x_low", "z_low")
     box_high = columns(rows, ObstacleRow, "x_high", "z_high")
     low = box_low - np.maximum(way, 0.0) - turn
@@ -322,7 +322,7 @@ def in_reach(
     near = np.flatnonzero(x_near & y_near & z_near)
     found = rows[near]
 
-    # A vehicle that touches a row is within its margin already
+    # A vehicle that touches a row is already within the row's margin
     inside = ((box_low[near] <= p) & (p <= box_high[near])).all(axis=1)
     for k in near[inside]:
         if test(p, p, ObstacleRow(*rows[k])):

@@ -1,4 +1,4 @@
-"""A cost term for races: the distance that is kept from another vehicle.
+"""A cost term for races: the clearance to another vehicle.
 
     a_k keep max(0, 1 - d^2 / keep^2),   d^2 = dx^2 + dy^2 + (h dz)^2
 
@@ -29,17 +29,17 @@ NOWHERE = 1e4
 class Clearance(NamedTuple):
     """The room around another vehicle that is kept clear."""
 
-    # weight of each metre that is missing, at the ellipsoid's edge half of that
+    # cost per metre inside the ellipsoid; half of it at the ellipsoid's edge
     weight: float
-    # half of the room's width [m]
+    # horizontal half axis of the ellipsoid [m]
     keep: float
-    # keep over half of the room's height, above the other vehicle and below it
+    # ratio of keep to the vertical half axis, above and below the other vehicle
     above: float
     below: float
 
 
 def keep_clear(x, x_next, u, gate, p):
-    """Return how deep the sample is in the room around another vehicle [m]."""
+    """Return the depth of the sample in the room around another vehicle [m]."""
     dx = x_next.px - p.x
     dy = x_next.py - p.y
     dz = x_next.pz - p.z

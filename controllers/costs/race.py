@@ -3,8 +3,8 @@
     q = a_0 Progress + a_1 Heading + a_2 Height + a_3 Speed + a_4 Stabilize
         + a_5 Crash - a_6 Waypoint + a_7 Path + a_8 Clearance
 
-a_1 to a_7 are the paper's terms, a_0 and a_8 are ours: the distance still to fly, and the margin
-within a gate.
+a_1 to a_7 weigh the paper's terms. a_0 and a_8 weigh additional terms: the remaining distance to
+fly, and the margin within a gate.
 
 A gate from above; the vehicle's centre flies from left to right, along the passage:
 
@@ -60,7 +60,7 @@ Weight = Annotated[float, Meta(ge=0, le=1e6)]
 
 @dataclass(frozen=True)
 class RaceWeights:
-    """Weights a_0..a_8 of the terms, and the numbers they refer to.
+    """Weights a_0..a_8 and parameters of the terms.
 
     Examples:
         >>> from dataclasses import replace
@@ -73,44 +73,46 @@ class RaceWeights:
         >>> fast = spec.but(planner=replace(spec.planner, cost=near))
     """
 
-    progress: Annotated[Weight, setting("weight of each metre still to fly")] = 1.0
+    progress: Annotated[Weight, setting("weight per metre still to fly")] = 1.0
     heading: Annotated[
         Weight,
-        setting("weight of 1 - cos of the angle from horizontal velocity to the gate's bearing"),
+        setting("weight of 1 - cos of the angle between horizontal velocity and gate bearing"),
     ] = 0.0
-    height: Annotated[Weight, setting("weight of each m^2 off the height of the leg")] = 0.0
+    height: Annotated[Weight, setting("weight per m^2 of squared height error to the leg")] = 0.0
     speed: Annotated[
-        Weight, setting("weight of each (m/s)^2 of horizontal speed off desired_speed")
+        Weight, setting("weight per (m/s)^2 of squared error of horizontal speed to desired_speed")
     ] = 0.0
     stabilize: Annotated[Weight, setting("weight of 1 - cos of the tilt")] = 0.0
-    crash: Annotated[Weight, setting("weight of each step after a crash")] = 1000.0
+    crash: Annotated[Weight, setting("weight per step after a crash")] = 1000.0
     waypoint: Annotated[
-        Weight, setting("reward for each step within waypoint_radius of the gate's exit")
+        Weight, setting("reward per step within waypoint_radius of the gate's exit")
     ] = 0.0
-    path: Annotated[Weight, setting("weight of each m^2 off the straight leg")] = 0.0
+    path: Annotated[Weight, setting("weight per m^2 of squared distance to the straight leg")] = 0.0
     clearance: Annotated[
         Weight,
-        setting("weight of each metre that the margin lacks, per metre flown within a gate"),
+        setting("weight per metre short of the margin, per metre flown within a gate"),
     ] = 2000.0
     desired_speed: Annotated[
         float,
-        setting("horizontal speed that the speed term asks for", unit="m/s", ge=0, le=100),
+        setting("desired horizontal speed of the speed term", unit="m/s", ge=0, le=100),
     ] = 9.0
     waypoint_radius: Annotated[
         float,
-        setting("distance to a gate's exit that is rewarded", unit="m", gt=0, le=100),
+        setting(
+            "distance to a gate's exit within which samples are rewarded", unit="m", gt=0, le=100
+        ),
     ] = 0.5
     margin: Annotated[
         float,
-        setting("wanted distance to the frame within a gate", unit="m", ge=0, le=10),
+        setting("desired distance to the frame within a gate", unit="m", ge=0, le=10),
     ] = 0.25
     margin_share: Annotated[
         float,
-        setting("largest share of half the free opening that the margin takes", ge=0, le=1),
+        setting("upper limit of the margin, as a share of half the free opening", ge=0, le=1),
     ] = 0.5
     opening: Annotated[
         float,
-        setting("share of the opening whose nearest point progress aims at", ge=0, le=1),
+        setting("share of the opening to whose nearest point progress is measured", ge=0, le=1),
     ] = 0.0
 
     def __post_init__(self) -> None:
@@ -118,11 +120,11 @@ class RaceWeights:
 
 
 class RaceParams(NamedTuple):
-    """The numbers that the terms refer to, and the room in which samples may fly [m]."""
+    """The parameters of the terms, and the room in which samples may fly [m]."""
 
     desired_speed: float  # [m/s]
     waypoint_radius: float  # [m]
-    opening: float  # share of the opening whose nearest point progress aims at
+    opening: float  # share of the opening to whose nearest point progress is measured
 
     # The fields of controllers.costs.room.Room
     floor: float
@@ -136,15 +138,15 @@ class RaceParams(NamedTuple):
 class StepAtGate(NamedTuple):
     """One step of a sample at its gate."""
 
-    # Whether it leads through the exit plane within the free opening
+    # Whether the step crosses the exit plane within the free opening
     reached: Any
-    # Whether it touches the frame
+    # Whether the step touches the frame
     clipped: Any
-    # Whether it ends between entry and exit, or crosses the exit, not outside the frame
+    # Whether the step ends between entry and exit, or crosses the exit, not outside the frame
     within: Any
-    # Distance outside the free opening at which it does so, negative inside, times span [m^2]
+    # Distance of that point outside the free opening, negative inside, times span [m^2]
     outside: Any
-    # Way along the passage [m]
+    # Displacement along the passage [m]
     span: Any
 
 
@@ -156,19 +158,19 @@ def in_gate(p, gate):
 
 
 def off_exit(p, gate):
-    """Return the way from the gate's exit to the position p, along the world's axes."""
+    """Return the vector from the gate's exit to the position p, world frame."""
     x, y, z = p
     return x - gate.x, y - gate.y, z - gate.z
 
 
 def at_gate(x, x_next, gate):
-    """Return the outcome of the step from x to x_next at its gate, a StepAtGate.
+    """Return the StepAtGate of the step from x to x_next.
 
-    The step is checked where it crosses the entry and the exit plane and at its end, which is
-    enough as the free opening is convex: at 50 m/s a step is longer than a gate is deep. `at_exit`
-    and `at_entry` are the distances outside the free opening at these crossings, times span: such
-    products need no division, and summed over the steps within a gate they do not depend on the
-    speed.
+    The step is checked at its crossings of the entry and the exit plane and at its end. These
+    points suffice, as the free opening is convex; at 50 m/s a step is longer than the depth of a
+    gate. `at_exit` and `at_entry` are the distances outside the free opening at these crossings,
+    times span: such products need no division, and their sum over the steps within a gate does not
+    depend on the speed.
     """
     before = in_gate(x.position, gate)
     after = in_gate(x_next.position, gate)
@@ -178,13 +180,13 @@ def at_gate(x, x_next, gate):
     through_entry = (before.along <= -depth) != (after.along <= -depth)
     span = abs(after.along - before.along)
 
-    # Where the step crosses the exit plane
+    # Crossing of the exit plane
     at_exit = maximum(
         abs(before.left * after.along - after.left * before.along) - free_y * span,
         abs(before.up * after.along - after.up * before.along) - free_z * span,
     )
 
-    # Where it crosses the entry plane
+    # Crossing of the entry plane
     entry_before = before.along + depth
     entry_after = after.along + depth
     at_entry = maximum(
@@ -192,12 +194,12 @@ def at_gate(x, x_next, gate):
         abs(before.up * entry_after - after.up * entry_before) - free_z * span,
     )
 
-    # Where it ends
+    # End of the step
     at_end = maximum(abs(after.left) - free_y, abs(after.up) - free_z)
     ends_in = (after.along > -depth) & (after.along < 0.0) & (at_end < bar)
 
-    # The frame is touched at the exit, from either side, at the entry, or by a step that ends
-    # within the frame.
+    # The step touches the frame at the exit, from either side, at the entry, or by ending within
+    # the frame.
     clipped = (forward & (at_exit >= 0.0) & (at_exit < bar * span)) | (
         backward & (at_exit < bar * span)
     )
@@ -216,7 +218,7 @@ def at_gate(x, x_next, gate):
 
 
 def off_leg(x_next, gate):
-    """Return the way from the nearest point of the straight leg to the sample.  (3,)
+    """Return the vector from the nearest point of the straight leg to the sample.  (3,)
 
     The leg ends at the gate's exit and leads along (ex, ey, ez).
     """
@@ -232,7 +234,7 @@ def to_exit(x_next, gate):
 
 
 def reached(x, x_next, u, gate, p):
-    """Return whether the step leads through the gate."""
+    """Return whether the step passes the gate."""
     return at_gate(x, x_next, gate).reached
 
 
@@ -244,16 +246,17 @@ def crashes(x, x_next, u, gate, p):
 
 
 def progress(x, x_next, u, gate, p):
-    """Return the distance still to fly: to the gate, and from there on to the finish [m].
+    """Return the remaining distance to fly: to the gate, and from there to the finish [m].
 
-    It is measured to the nearest point of the opening within the margin. For a sample behind the
-    exit that has not passed, the way leads round to a point in front of the gate.
+    The distance is measured to the nearest point of the opening within the margin. For a sample
+    behind the exit that has not passed the gate, the way leads through a point in front of the
+    gate.
     """
     place = in_gate(x_next.position, gate)
     past_exit = place.along > 0.0
     along = where(past_exit, place.along + gate.approach, place.along)
 
-    # In front of the exit, the part of the opening that progress aims at is no way.
+    # In front of the exit, lateral offsets within this part of the opening do not count.
     off_left = maximum(abs(place.left) - p.opening * (gate.free_y - gate.margin), 0.0)
     off_up = maximum(abs(place.up) - p.opening * (gate.free_z - gate.margin), 0.0)
     left = where(past_exit, place.left, off_left)
@@ -273,13 +276,13 @@ def heading(x, x_next, u, gate, p):
 
 
 def height(x, x_next, u, gate, p):
-    """Return the square of the distance off the height of the leg [m^2]."""
+    """Return the squared height difference to the leg [m^2]."""
     _, _, off_z = off_leg(x_next, gate)
     return off_z * off_z
 
 
 def speed(x, x_next, u, gate, p):
-    """Return the square of the horizontal speed off the desired one [(m/s)^2]."""
+    """Return the squared difference of horizontal and desired speed [(m/s)^2]."""
     off_speed = sqrt(x_next.vx * x_next.vx + x_next.vy * x_next.vy + 1e-6) - p.desired_speed
     return off_speed * off_speed
 
@@ -295,13 +298,13 @@ def waypoint(x, x_next, u, gate, p):
 
 
 def path(x, x_next, u, gate, p):
-    """Return the square of the distance off the straight leg [m^2]."""
+    """Return the squared distance to the straight leg [m^2]."""
     off_x, off_y, off_z = off_leg(x_next, gate)
     return off_x * off_x + off_y * off_y + off_z * off_z
 
 
 def clearance(x, x_next, u, gate, p):
-    """Return the metres that the margin lacks, times the metres flown within the gate [m^2]."""
+    """Return the shortfall of the margin times the distance flown within the gate [m^2]."""
     step = at_gate(x, x_next, gate)
     missing = maximum(step.outside + gate.margin * step.span, 0.0)
     return where(step.within, missing, 0.0)
@@ -318,7 +321,7 @@ def race_cost(course: Course, radius: float, weights: RaceWeights, laps: int) ->
     Args:
         course: the course.
         radius: radius of the vehicle [m].
-        weights: weights of the terms, and the numbers they refer to.
+        weights: weights and parameters of the terms.
         laps: number of laps.
     """
     room = room_to_fly(course, radius, weights.margin)
@@ -342,7 +345,7 @@ def race_cost(course: Course, radius: float, weights: RaceWeights, laps: int) ->
         still_in_gate=still_in_gate,
     )
 
-    # Only where obstacles put rows between gates does a sample choose among several.
+    # A sample chooses among several rows only if obstacles add rows between gates.
     rows_between_gates = len(rows) > len(first) - 1
     if not rows_between_gates:
         return cost

@@ -21,24 +21,25 @@ from quadsim.course.opening import (
 )
 from quadsim.dynamics.named_tuples import as_rows, columns
 
-GATE_STDS = 2.5  # standard deviations of a gate's estimated position that are added to the margin
-MARGIN_LIMIT = 0.7  # share of half the free opening that margin and uncertainty take at most
-# Distance from the last gate to a last target behind it, so that plans do not end there [m]
+GATE_STDS = 2.5  # number of standard deviations of a gate's position added to the margin
+MARGIN_LIMIT = 0.7  # largest share of half the free opening for margin and uncertainty
+# Distance from the last gate to a further target behind it, so that plans continue there [m]
 RUN_OUT = 100.0
 
 
 class Margin(NamedTuple):
-    """The wanted distance between vehicle and frame within a gate."""
+    """The desired distance between vehicle and frame within a gate."""
 
     wanted: float  # [m]
-    share: float  # share of half the free opening that it takes at most
+    share: float  # upper limit, as a share of half the free opening
 
 
 class GateTarget(NamedTuple):
     """A target row describes a place that a sample flies to.
 
-    It is the exit of a gate, a point beside an obstacle, or a point behind the finish. The picture
-    in controllers.costs.race shows the sizes. Positions and directions are those of the world.
+    The place is the exit of a gate, a point beside an obstacle, or a point behind the finish. The
+    drawing in controllers.costs.race shows the sizes. Positions and directions are in the world
+    frame.
     """
 
     # Position of the exit: the middle of the opening, where the vehicle is clear of the frame
@@ -59,18 +60,18 @@ class GateTarget(NamedTuple):
 
     free_y: float  # half width and half height of the free opening [m]
     free_z: float
-    bar: float  # thickness of the bars around it, grown by radius and margins [m]
+    bar: float  # thickness of the surrounding bars, grown by radius and margins [m]
     to_go: float  # from this exit to the last one, along the rows between them [m]
-    # from the gate to the point in front of it to which a vehicle behind it flies first [m]
+    # distance to the point in front of the gate where a vehicle behind the gate turns back [m]
     approach: float
 
-    # Unit vector along the leg, which leads from the exit before to this one, and its length [m]
+    # Unit vector and length of the leg, from the previous exit to this one [m]
     ex: float
     ey: float
     ez: float
     leg: float
 
-    margin: float  # wanted between vehicle and frame [m]
+    margin: float  # desired distance between vehicle and frame [m]
     depth: float  # from entry plane to exit plane [m]
 
 
@@ -84,19 +85,19 @@ def targets(
 ) -> tuple[np.ndarray, list[int]]:
     """Return the target rows of a race.
 
-    There is one row for each gate of every lap, before it one for each point of the way round
-    obstacles to it, and one behind the finish.
+    There is one row for each gate of every lap, preceded by one row for each point of a way round
+    obstacles, and one row behind the finish.
 
     Args:
-        course: its start, gates and obstacles.
+        course: the course with start, gates and obstacles.
         radius: radius of the vehicle [m].
-        margin: wanted distance between vehicle and frame.
+        margin: desired distance between vehicle and frame.
         room: the room in which the vehicle may fly.
         laps: number of laps.
 
     Returns:
         Rows of `GateTarget` (rows, 20), and the index at which the rows of each gate begin
-        (gates of all laps + 2,), followed by those of the finish and of the end.
+        (gates of all laps + 2,), where the last two are the indices of the finish and of the end.
     """
     stops = []
     for gate in course.gates * laps:
@@ -120,15 +121,14 @@ def gate_stop(gate: Gate, radius: float, margin: Margin, behind: float) -> Stop:
     Args:
         gate: the gate to fly through.
         radius: radius of the vehicle [m].
-        margin: wanted distance between vehicle and frame.
+        margin: desired distance between vehicle and frame.
         behind: distance from the gate's plane to the exit [m].
     """
     passage, left = gate.rotation[:, 0], gate.rotation[:, 1]
     inner = inner_margin(gate, radius)
     free = free_half_sizes(gate.opening, radius, inner)
 
-    # A narrow gate leaves less than the margin. A gate whose place is not known exactly asks for
-    # more.
+    # A narrow gate has less space than the margin. An uncertain gate position needs a larger one.
     wanted = min(margin.wanted, margin.share * min(free))
     uncertain = GATE_STDS * (gate.std if isinstance(gate, EstimatedGate) else 0.0)
     wanted = max(wanted, min(wanted + uncertain, MARGIN_LIMIT * min(free)))
@@ -145,23 +145,23 @@ def gate_stop(gate: Gate, radius: float, margin: Margin, behind: float) -> Stop:
 
 
 def finish_stop(last: Gate, radius: float, margin: Margin) -> Stop:
-    """Return the stop far behind the last gate, where no frame stands.
+    """Return the stop far behind the last gate, without a frame.
 
     Args:
         last: the last gate.
         radius: radius of the vehicle [m].
-        margin: wanted distance between vehicle and frame.
+        margin: desired distance between vehicle and frame.
     """
     stop = gate_stop(last, radius, margin, RUN_OUT)
     return stop._replace(free=HalfSizes(RUN_OUT, RUN_OUT))
 
 
 def target_rows(course: Course, stops: Sequence[Stop]) -> np.ndarray:
-    """Return the target rows of stops, with the legs that lead to them from the start on.
+    """Return the target rows of stops, with the legs that lead to them from the start.
 
     Args:
-        course: its start.
-        stops: stops in the order in which they are flown to.
+        course: the course with the start.
+        stops: stops in the order of the flight.
 
     Returns:
         Rows of `GateTarget`  (stops, 20)
@@ -173,8 +173,8 @@ def target_rows(course: Course, stops: Sequence[Stop]) -> np.ndarray:
     lengths = np.maximum(np.linalg.norm(legs, axis=1), 1e-6)
     directions = legs / lengths[:, None]
 
-    # The ways from gate to gate as the term `progress` measures them, round a gate that faces away,
-    # so that the cost does not jump at a gate
+    # Distances between gates, measured as in the term `progress`, around a gate that faces away, so
+    # that the cost is continuous at a gate
     faces_away = (legs * passages).sum(axis=1) < 1e-6
     ways_round = np.linalg.norm(approaches[:, None] * passages - legs, axis=1) + approaches
     ways = np.where(faces_away, ways_round, lengths)
@@ -210,7 +210,7 @@ def clear_of_frame(radius: float) -> float:
 def exit_distance(gate: Gate, radius: float, room: Room) -> float:
     """Return the distance from a gate's plane to its exit [m].
 
-    Where the room ends sooner, it is half of the way to that end.
+    If the room ends before, the exit lies half-way to that end.
 
     Args:
         gate: the gate to fly through.
@@ -256,9 +256,10 @@ def row_ahead(
     target: int,
     x: np.ndarray,
 ) -> int:
-    """Return the row to fly to on the way to a target, where rows stand between gates.
+    """Return the current row on the way to a target, if there are rows between gates.
 
-    It is the last that is in sight of x, or the first whose plane x has not crossed.
+    It is the last row with a free line of sight from x, or else the first row whose plane x has not
+    crossed.
 
     Args:
         still_in_gate: (x, row) -> whether x has not left the gate of that row.
@@ -282,7 +283,7 @@ def row_ahead(
 
     nearest = ahead[0] if ahead else at_gate
 
-    # The first in sight, from the gate back to the nearest of them
+    # The first row in sight, searching backwards from the gate
     later = np.arange(at_gate, nearest, -1)
     here = np.repeat(p[None], len(later), axis=0)
     in_sight = later[sees(here, exits[later], obstacles)]

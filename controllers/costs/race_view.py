@@ -1,14 +1,14 @@
-"""A cost term for flights by camera: the nose points where the vehicle flies.
+"""A cost term for flights by camera: the nose points along the direction of flight.
 
     a_v (|b_xy| - b_x) / sqrt(|v|^2 + 1),   b = R(q)^T v
 
-Where the velocity lies in the body's x-y plane, that is a_v (1 - cos of the angle about the body's
-z axis between its x axis and the velocity). A direction that yaw cannot change costs nothing, and
-neither does hovering. Perception-aware planning as in PAMPC (Falanga, Foehn, Lu and Scaramuzza,
+If the velocity lies in the body's x-y plane and is large, the term is a_v (1 - cos of the angle
+between the body's x axis and the velocity). A direction that yaw cannot change has no cost, and
+neither has hovering. Perception-aware planning as in PAMPC (Falanga, Foehn, Lu and Scaramuzza,
 IROS 2018) and in Swift's reward (Kaufmann et al., Nature 2023) keeps a point of interest, the next
-gate, in the middle of the picture. Here it is the direction of flight: the gate after the next one
-may stand behind the vehicle, and a cost of the bearing to the next gate would jump up when a gate
-is passed.
+gate, in the middle of the picture. Here the direction of flight takes its place: the gate after the
+next one may lie behind the vehicle, and a cost of the bearing to the next gate would jump up when a
+gate is passed.
 """
 
 from __future__ import annotations

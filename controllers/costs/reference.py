@@ -3,14 +3,14 @@
     q = a_1 (1 + a_g g) |e_c|^2 + a_2 |v - v_r|^2 - a_3 tau + a_4 Crash,    p - p_r = e_c + tau v_r
 
 The reference is one state for each control period, p_r and v_r; e_c is the distance across its
-path, tau the time by which a sample is ahead on it [s], g is 1 at a gate and falls off before and
-behind it. That is contouring control (Lam, Manzie and Good, CDC 2010) with the reference's own
-timing, and, as in MPCC for quadrotors (Romero, Sun, Foehn and Scaramuzza, T-RO 2022), with a weight
-that rises at gates. Every plan begins at the state of the reference nearest to the vehicle, so that
-a vehicle that is late follows the same path later.
+path, tau the time by which a sample is ahead of the reference [s], g is 1 at a gate and decays
+before and behind it. This is contouring control (Lam, Manzie and Good, CDC 2010) with the
+reference's own timing, and, as in MPCC for quadrotors (Romero, Sun, Foehn and Scaramuzza, T-RO
+2022), with a weight that rises at gates. Every plan begins at the state of the reference nearest to
+the vehicle, so that a late vehicle follows the same path later.
 
-Frames, obstacles and the ground are those of the racing cost. The reference alone leads through the
-gates.
+Frames, obstacles and the ground are treated as in the racing cost. Only the reference leads through
+the gates.
 """
 
 from __future__ import annotations
@@ -30,28 +30,26 @@ from quadsim.files.strict_yaml import setting
 from quadsim.files.values import check_fields
 
 GATE_TIME = 0.06  # time before and behind a gate in which g falls to exp(-1/2) [s]
-AT_REST = 1.0  # added to |v_r|^2, by which tau divides [m^2/s^2]
-# Distance that a difference in velocity counts for when the nearest state is searched [s]
+AT_REST = 1.0  # added to the divisor |v_r|^2 of tau [m^2/s^2]
+# Weight of a difference in velocity relative to a distance in the search of the nearest state [s]
 VELOCITY_WEIGHT = 0.1
-BEYOND = 15  # rows around the leg to the next gate within which it is searched
-AFTER = 10.0  # time of the reference behind the finish, so that no plan ends there [s]
-ACCELERATING = 1.0  # time of these with the last acceleration [s]
-LAST_ROWS = 5  # rows over which the last acceleration is taken
+BEYOND = 15  # number of rows beyond the leg to the next gate in the search of the nearest state
+AFTER = 10.0  # time of the reference behind the finish, so that plans continue there [s]
+ACCELERATING = 1.0  # time behind the finish with the last acceleration [s]
+LAST_ROWS = 5  # number of rows for the estimate of the last acceleration
 
 
 @dataclass(frozen=True)
 class ReferenceWeights:
     """Weights a_1, a_g, a_2..a_4 of the terms, and the solution to follow."""
 
-    off_path: Annotated[Weight, setting("weight of each m^2 across the path")] = 10.0
-    at_gates: Annotated[
-        Weight, setting("factor by which off_path weighs more at a gate's plane")
-    ] = 60.0
-    velocity: Annotated[Weight, setting("weight of each (m/s)^2 off the reference's velocity")] = (
-        3.0
-    )
-    ahead: Annotated[Weight, setting("reward for each second ahead of the reference")] = 20.0
-    crash: Annotated[Weight, setting("weight of each step after a crash")] = 1000.0
+    off_path: Annotated[Weight, setting("weight per m^2 of squared distance to the path")] = 10.0
+    at_gates: Annotated[Weight, setting("relative increase of off_path at a gate's plane")] = 60.0
+    velocity: Annotated[
+        Weight, setting("weight per (m/s)^2 of squared velocity error to the reference")
+    ] = 3.0
+    ahead: Annotated[Weight, setting("reward per second ahead of the reference")] = 20.0
+    crash: Annotated[Weight, setting("weight per step after a crash")] = 1000.0
     margin: Annotated[
         float,
         setting(
@@ -72,7 +70,7 @@ class ReferenceWeights:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """A race by its state at every control period dt."""
+    """A race as a sequence of states, one per control period dt."""
 
     x: np.ndarray  # position and velocity [m, m/s]  (rows, 6)
     u: np.ndarray  # controls  (rows, 4)
@@ -81,7 +79,7 @@ class Reference:
 
     @classmethod
     def of(cls, x: np.ndarray, u: np.ndarray, passes: Sequence[int], dt: float) -> Reference:
-        """Return a reference that is extended beyond the finish.
+        """Return a reference with an extension beyond the finish.
 
         The extension keeps the last acceleration for a second and then flies straight.
 
@@ -127,7 +125,7 @@ class Reference:
         return first + int((apart * apart @ weights).argmin())
 
     def row_ahead(self, target: int, x: np.ndarray) -> int:
-        """Return the row of the first state that a plan from x is compared with."""
+        """Return the row of the reference for the first step of a plan from x."""
         return self.nearest(target, x) + 1
 
     def controls(self, target: int, x: np.ndarray, horizon: int) -> np.ndarray:
@@ -152,7 +150,7 @@ class ReferenceTarget(NamedTuple):
 
 
 class ReferenceParams(NamedTuple):
-    """The numbers that the terms refer to, and the room in which samples may fly [m]."""
+    """The parameters of the terms, and the room in which samples may fly [m]."""
 
     at_gates: float  # a_g
 
@@ -166,7 +164,7 @@ class ReferenceParams(NamedTuple):
 
 
 def time_ahead(x_next, target):
-    """Return tau, the time by which the sample is ahead of the reference [s]."""
+    """Return tau, the time of the sample ahead of the reference [s]."""
     dx = x_next.px - target.x
     dy = x_next.py - target.y
     dz = x_next.pz - target.z
@@ -175,7 +173,7 @@ def time_ahead(x_next, target):
 
 
 def reached(x, x_next, u, target, p):
-    """Return True: every step reaches its target, which is one row."""
+    """Return True, as every step advances to the next row."""
     return True
 
 
@@ -216,7 +214,7 @@ def reference_cost(
     """Return the cost of following a reference.
 
     Args:
-        course: its frames, obstacles and bounds.
+        course: the course with frames, obstacles and bounds.
         radius: radius of the vehicle [m].
         weights: weights of the terms.
         reference: the race to follow.

@@ -24,13 +24,13 @@ class Room(NamedTuple):
 def room_to_fly(course: Course, radius: float, margin: float) -> Room:
     """Return the room of a course.
 
-    At most FLOOR_MARGIN of the margin is kept from the ground, and half of the space that the
-    lowest gate leaves.
+    The margin to the ground is limited to FLOOR_MARGIN and to half of the space below the lowest
+    gate.
 
     Args:
-        course: its bounds and gates.
+        course: the course with bounds and gates.
         radius: radius of the vehicle [m].
-        margin: wanted distance between vehicle and ground [m].
+        margin: desired distance between vehicle and ground [m].
     """
     (x_low, x_high), (y_low, y_high), (z_low, z_high) = course.bounds
     gap = radius + SAFETY_MARGIN
@@ -51,10 +51,10 @@ def leaves_room(x, x_next, p):
 
     Args:
         x, x_next: states before and after the step.
-        p: parameters that have the fields of Room.
+        p: parameters with the fields of Room.
     """
     pz = x_next.pz
-    # A start on the ground is not a crash; coming down is.
+    # A start on the ground is not a crash; a descent is.
     below_floor = (pz < p.floor) & (pz < x.pz)
     out_x = (x_next.px < p.x_low) | (x_next.px > p.x_high)
     out_of_bounds = out_x | (x_next.py < p.y_low) | (x_next.py > p.y_high) | (pz > p.z_high)

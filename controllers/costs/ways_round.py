@@ -1,9 +1,9 @@
-"""Ways round obstacles between two gates: points to fly by where the straight line is blocked.
+"""Ways round obstacles between two gates: waypoints if the straight line is blocked.
 
-A way is the shortest path in the graph of lines that see each other (a visibility graph), between
-corners around the obstacles, at the heights of the two ends and above the obstacles' tops. It is a
-guide: samples keep clear of obstacles by themselves, and find their way round a pole without help,
-but they do not see the end of a wall that is longer than the distance they reach.
+A way is the shortest path in a visibility graph, between corners around the obstacles at the
+heights of the two ends and above the obstacles' tops. It is only a guide: samples avoid obstacles
+by themselves and find a way round a pole without help, but their horizon does not reach the end of
+a long wall.
 """
 
 from __future__ import annotations
@@ -21,43 +21,43 @@ from quadsim.course.opening import HalfSizes
 from quadsim.course.swept import clip, lerp
 from quadsim.rotation import Vec3
 
-# Length by which a way round exceeds the straight line at least [m]; samples find a shorter one by
+# Smallest length by which a way round exceeds the straight line [m]; samples find shorter ones by
 # themselves
 WORTH = 0.1
 OUTSIDE = 0.02  # distance of the points beyond the clearance of the lines [m]
-ANYWHERE = 50.0  # half the opening of a point on the way, which has no frame [m]
-EIGHTHS = 1.0 / np.cos(np.pi / 8.0)  # an octagon's corners over the circle inside it
+ANYWHERE = 50.0  # half the opening of a waypoint, which has no frame [m]
+EIGHTHS = 1.0 / np.cos(np.pi / 8.0)  # ratio of an octagon's circumradius to its inradius
 
 
 class Stop(NamedTuple):
     """A plane that the vehicle has to cross within an opening.
 
-    It is the exit plane of a gate, or a plane through a point on the way round obstacles.
+    The plane is the exit plane of a gate, or a plane through a waypoint on a way round obstacles.
     """
 
     exit: np.ndarray  # middle of the opening, at the exit plane [m]  (3,)
     passage: np.ndarray  # unit vector along the passage  (3,)
     left: np.ndarray  # unit vector to the left  (3,)
     free: HalfSizes  # half sizes of the free opening [m]
-    bar: float  # thickness of the bars around it [m]
-    approach: float  # from the plane to the point in front of it where the approach begins [m]
-    margin: float  # wanted between vehicle and frame [m]
+    bar: float  # thickness of the surrounding bars [m]
+    approach: float  # distance in front of the plane at which the approach begins [m]
+    margin: float  # desired distance between vehicle and frame [m]
     depth: float  # from entry to exit plane [m]
 
 
 def way_round(
     start: Vec3, end: Vec3, obstacles: Sequence[Obstacle], clear: float, room: Room
 ) -> np.ndarray:
-    """Return the points between the ends of the shortest way round obstacles, in order.
+    """Return the waypoints of the shortest way round obstacles, in order.
 
-    There are none where the straight line is free, where the way round is little longer, or where
-    no way is found.
+    There are none if the straight line is free, if the way round is only slightly longer, or if no
+    way is found.
 
     Args:
-        start: the point where the way begins [m].
-        end: the point where it ends [m].
-        obstacles: the obstacles to fly round.
-        clear: distance kept from the vehicle's centre to an obstacle [m].
+        start: beginning of the way [m].
+        end: end of the way [m].
+        obstacles: the obstacles to avoid.
+        clear: clearance between the vehicle's centre and an obstacle [m].
         room: the room in which the vehicle may fly.
 
     Returns:
@@ -71,14 +71,14 @@ def way_round(
     if sees(np.array([start]), np.array([end]), rows)[0]:
         return none
 
-    # The ends, and the corners around the obstacles where the vehicle may fly
+    # The ends, and the corners around the obstacles within the room
     corners = np.vstack([_corners(each, clear + OUTSIDE, start, end) for each in obstacles])
     low = np.array([room.x_low, room.y_low, room.floor])
     high = np.array([room.x_high, room.y_high, room.z_high])
     in_room = ((low <= corners) & (corners <= high)).all(axis=1)
     points = np.vstack([start, end, corners[in_room]])
 
-    # The lengths of the lines between any two points that see each other
+    # The lengths of the free lines between any two points
     a, b = np.triu_indices(len(points), 1)
     apart = np.linalg.norm(points[a] - points[b], axis=1)
     lengths = np.full((len(points), len(points)), np.inf)
@@ -127,16 +127,16 @@ def shortest(lengths: np.ndarray) -> tuple[list[int], float]:
 
 
 def _corners(obstacle: Obstacle, clear: float, start: Vec3, end: Vec3) -> np.ndarray:
-    """Return points around an obstacle to fly by.
+    """Return candidate waypoints around an obstacle.
 
     They lie at the heights of both ends, and above the obstacle's top where the straight line
     enters and leaves its outline.
 
     Args:
         obstacle: the obstacle.
-        clear: distance of the points from its sides and its top [m].
-        start: the point where the way begins [m].
-        end: the point where it ends [m].
+        clear: distance of the points from the obstacle's sides and top [m].
+        start: beginning of the way [m].
+        end: end of the way [m].
 
     Returns:
         (points, 3)
@@ -162,14 +162,14 @@ def _corners(obstacle: Obstacle, clear: float, start: Vec3, end: Vec3) -> np.nda
 def stops_between(
     course: Course, stops: Sequence[Stop], clear: float, room: Room
 ) -> dict[int, list[Stop]]:
-    """Return the stops on the ways round obstacles, for each gate that has some.
+    """Return the stops on the ways round obstacles, for each gate with such a way.
 
-    A gate that faces away is reached by the point in front of it.
+    A gate that faces away is reached through the point in front of it.
 
     Args:
-        course: its obstacles, and the place where flights start.
-        stops: stops at the gates of every lap, and the one behind the finish.
-        clear: distance kept from the vehicle's centre to an obstacle [m].
+        course: the course with obstacles and start.
+        stops: stops at the gates of every lap, and the stop behind the finish.
+        clear: clearance between the vehicle's centre and an obstacle [m].
         room: the room in which the vehicle may fly.
 
     Returns:
@@ -178,7 +178,7 @@ def stops_between(
     if not course.obstacles:
         return {}
     found: dict[int, list[Stop]] = {}
-    # Ways round by their ends, as those of every lap are alike
+    # Ways round by their ends, as all laps have the same ways
     known: dict[tuple[Vec3, Vec3], np.ndarray] = {}
     at_gates = stops[:-1]
     before = [course.start.position, *(_as_tuple(stop.exit) for stop in at_gates[:-1])]
@@ -195,20 +195,20 @@ def stops_between(
 
 
 def _as_tuple(point: np.ndarray) -> Vec3:
-    """Return a point as a tuple, which may be a key."""
+    """Return a point as a tuple, for use as a key."""
     x, y, z = point.tolist()
     return x, y, z
 
 
 def _by_the_way(before: np.ndarray, here: np.ndarray, after: np.ndarray) -> Stop:
-    """Return the stop at a point on the way, reached wherever its plane is crossed.
+    """Return the stop at a waypoint, which is reached by any crossing of its plane.
 
     The plane halves the angle of the path at this point.
 
     Args:
-        before: the point before on the path [m]  (3,).
-        here: the point [m]  (3,).
-        after: the point after it [m]  (3,).
+        before: the previous point of the path [m]  (3,).
+        here: the waypoint [m]  (3,).
+        after: the next point of the path [m]  (3,).
     """
     arriving = _direction(before, here)
     leaving = _direction(here, after)

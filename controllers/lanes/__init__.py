@@ -16,12 +16,12 @@ transforms of colored noise.
 import os
 
 # Waiting threads spin for about a tenth of a millisecond, then sleep: longer than the gap between
-# two loops of a control step, and short enough for shared cores. Where they spin without end
-# (OpenMP's default) and other programs run, each parallel loop waits for a time slice: 17 ms a loop
-# were measured in place of 0.1.
+# two loops of a control step, and short enough for shared cores. If they spin without end (OpenMP's
+# default) beside other programs, each parallel loop waits for a time slice: 17 ms per loop were
+# measured instead of 0.1 ms.
 os.environ.setdefault("GOMP_SPINCOUNT", "30000")
 
 # Differences allowed between compiled arithmetic and the source: fused multiply-add, reciprocals,
-# either zero. Reassociation is not allowed: the order of a sum would then be the compiler's, and
-# code just compiled and the same code from the cache have been seen to choose differently.
+# either zero. Reassociation is not allowed: the compiler would then choose the order of a sum, and
+# newly compiled and cached code have been observed to choose different orders.
 FAST = {"contract", "arcp", "nsz"}

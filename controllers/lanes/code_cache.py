@@ -1,8 +1,8 @@
 """Compiled code on the disk, one file for each function and signature.
 
-A file holds the sha256 of the code, then the code. It stands in for numba's cache, which loads a
-file unchecked: a file that was cut short or changed would end every later flight in a traceback or
-in an illegal instruction.
+A file holds the sha256 of the code, then the code. It replaces numba's cache, which loads files
+unchecked: a truncated or changed file would end every later flight in a traceback or in an illegal
+instruction.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from quadsim.files.atomic import replace_file
 from quadsim.files.cache import cache_folder
 
 SUM = sha256().digest_size
-# Files whose functions become a part of loops in other files, so that these are compiled anew when
-# such a function changes
+# Files whose functions are inlined into loops of other files; a change of these files makes all
+# cached code invalid
 INLINED = ("normals.py", "sharing.py")
-LARGEST = 50_000_000  # bytes that are read, of a device too; the code of a planner has 300 000
-# In a program that has not set up logging, a warning is one line on stderr.
+LARGEST = 50_000_000  # bytes that are read at most; the code of a planner has 300 000
+# Without configured logging, a warning is one line on stderr.
 log = logging.getLogger("quadsim")
 
 
 class CodeCache(NullCache):
     """The compiled code of one function, with the interface of numba's caches."""
 
-    # Whether this process has warned that code cannot be kept
+    # Whether this process has warned that code cannot be stored
     complained = False
 
     def __init__(self, function: Any):
@@ -54,7 +54,7 @@ class CodeCache(NullCache):
         return f"{function.__module__.rpartition('.')[2]}.{function.__name__}"
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the code for this signature and this processor, None where none is whole."""
+        """Return the code for this signature and this processor, None if no intact file exists."""
         target_context.refresh()
         path = self._path(sig, target_context.codegen())
         code = _read(path) if path else None
@@ -63,9 +63,9 @@ class CodeCache(NullCache):
         return CompileResult._rebuild(target_context, *pickle.loads(code))
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep the code for this signature; warn once where that is not possible."""
+        """Store the code for this signature; warn once if that is not possible."""
         path = self._path(sig, data.codegen)
-        # Numba cannot keep lifted loops and dynamic globals.
+        # Numba cannot cache lifted loops and dynamic globals.
         if data.lifted or data.library.has_dynamic_globals or CodeCache.complained:
             return
         try:
@@ -81,7 +81,7 @@ class CodeCache(NullCache):
             )
 
     def _path(self, sig: Any, codegen: Any) -> Path | None:
-        """Return the file of a signature, named after everything that the code depends on."""
+        """Return the file of a signature, named by a digest of all inputs of the code."""
         folder = cache_folder()
         if folder is None:
             return None
@@ -100,7 +100,7 @@ def _inlined() -> str:
 
 
 def _read(path: Path) -> bytes | None:
-    """Return the code of a file; None where there is none, with a warning where it is damaged."""
+    """Return the code of a file; None if it is missing, or damaged, with a warning."""
     try:
         with path.open("rb") as file:
             data = file.read(LARGEST)

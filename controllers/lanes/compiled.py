@@ -1,4 +1,4 @@
-"""Compiled code, and generated modules that are compiled."""
+"""Compilation of functions and of generated modules."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from quadsim.files.cache import cache_folder
 
 COLOUR = re.compile("\x1b\\[[0-9;]*m")  # of numba's errors in a terminal
 
-# Steps of numba that the loops can do without, and that take a tenth of the time to compile them:
-# an entry for callbacks from C, and the rewriting of expressions over whole arrays and of `raise`
+# Steps of numba that the loops do not need, and that take a tenth of the compile time: an entry for
+# callbacks from C, and the rewriting of expressions over whole arrays and of `raise`
 SPARED = {"no_cfunc_wrapper": True, "no_rewrites": True}
 
 # The loops that run on several threads
@@ -32,7 +32,7 @@ _parallel: list[Any] = []
 
 
 def kept(function: Any) -> Any:
-    """Keep the compiled code on the disk for the next process, and let Ctrl-C end compiling.
+    """Cache the compiled code on the disk, and make the compilation interruptible by Ctrl-C.
 
     This is a decorator above numba's njit, for a function without a statement `raise`.
     """
@@ -63,25 +63,25 @@ def _refused(error: NumbaError) -> str:
     if place is None:
         return f"numba cannot compile this: {problem}"
     line = linecache.getline(place.filename, place.line).strip()
-    # A comment above each part of the text says what it is made from.
+    # A comment above each part of the text names its source function.
     above = (linecache.getline(place.filename, k).strip() for k in range(place.line, 0, -1))
     part = next((text for text in above if text.startswith("# ")), "")
     return f"{part[2:]}: numba cannot compile the line `{line}`: {problem}".removeprefix(": ")
 
 
-# True in a process that was forked from one that had started the threads of the loops
+# True in a process that was forked after its parent had started the threads of the loops
 _lost_threads = False
 
 
 def lost_threads() -> bool:
-    """Return whether this process was forked from one that had started the threads of the loops."""
+    """Return whether this process was forked after its parent had started the loops' threads."""
     return _lost_threads
 
 
 def _after_fork() -> None:
-    """Let the loops of a forked process run on the one thread that it has.
+    """Make the loops of a forked process run on its single thread.
 
-    A fork has none of the threads of its parent, and OpenMP ends a process that asks for them.
+    A fork does not inherit its parent's threads, and OpenMP ends a process that uses them.
     """
     global _lost_threads
     if parallel._is_initialized:
@@ -90,12 +90,12 @@ def _after_fork() -> None:
             _use_one_thread(function)
 
 
-if hasattr(os, "register_at_fork"):  # where processes can fork
+if hasattr(os, "register_at_fork"):  # platforms with fork
     os.register_at_fork(after_in_child=_after_fork)
 
 
 def _use_one_thread(function: Any) -> None:
-    """Let a loop be compiled, or read from the disk, without threads when it is next called."""
+    """Make the next call of a loop compile it, or load it, without threads."""
     function.targetoptions["parallel"] = False
     function._reset_overloads()
     function._cache = CodeCache(function)
@@ -103,9 +103,9 @@ def _use_one_thread(function: Any) -> None:
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Raise KeyboardInterrupt at the end if the code inside has swallowed one, or failed for it.
+    """Raise KeyboardInterrupt at the end if the code inside has swallowed one, or failed by it.
 
-    An exception that a signal raises inside a callback of LLVM is printed and forgotten, as in any
+    An exception that a signal raises inside a callback from LLVM is printed and dropped, as in any
     callback from C.
     """
     before = signal.getsignal(signal.SIGINT)
@@ -122,7 +122,7 @@ def interruptible() -> Iterator[None]:
     try:
         yield
     except Exception:
-        # The compiler fails where an interrupted callback left its work undone.
+        # The compiler fails if an interrupted callback did not finish its work.
         if not came:
             raise
     finally:
@@ -134,7 +134,7 @@ def interruptible() -> Iterator[None]:
 def load_module(name: str, source: str) -> ModuleType:
     """Return the module with this text.
 
-    No file is written; tracebacks and compilers find its lines by `linecache`.
+    No file is written; tracebacks and compilers read the lines through `linecache`.
     """
     module = ModuleType(name)
     module.__file__ = f"<{name}>"
@@ -144,13 +144,13 @@ def load_module(name: str, source: str) -> ModuleType:
         source.splitlines(keepends=True),
         module.__file__,
     )
-    sys.modules[name] = module  # compiled code is unpickled by module name
+    sys.modules[name] = module  # cached code is unpickled by module name
     exec(compile(source, module.__file__, "exec"), module.__dict__)
     return module
 
 
 def is_cached(function: Callable) -> bool:
-    """Return whether code of this function is on the disk, so that its first call is quick."""
+    """Return whether code of this function is on the disk, so that its first call is fast."""
     folder = cache_folder()
     if folder is None:
         return False

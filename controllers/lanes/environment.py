@@ -1,11 +1,11 @@
 """Generate the loops that step many learning environments.
 
 One step is the model, the gate tests, the observation, the reward and, at the end of an episode, a
-restart. The functions are those that a rollout inlines, and like a rollout the loops run over
-lanes: environment i is lane i % LANES of block i // LANES. All environments of a block fly one
+restart. The inlined functions are the same as in a rollout, and like a rollout the loops run over
+lanes: environment i is lane i % LANES of block i // LANES. All environments of a block share a
 course.
 
-The text is that of the templates RESTART, PARTS and ADVANCE, with the traced lines in the places
+The text consists of the templates RESTART, PARTS and ADVANCE, with the traced lines in the places
 `<name>` (see `parts.fill`). The core of `advance` then reads
 
     for l in range(L):
@@ -17,15 +17,15 @@ The text is that of the templates RESTART, PARTS and ADVANCE, with the traced li
         after[0, l] = px
         clipped[3, l] = action_thrust
 
-Rare events, a gate that is passed or an episode that ends, set a flag, and a loop apart handles
-them. An episode starts from a row of `starts`: the state, the number of its target row, the
+Rare events, a passed gate or the end of an episode, set a flag, and a separate loop handles them.
+An episode starts from a row of `starts`: the state, the number of its target row, the
 parameters of the system, the last action. The choice of the row depends on the seed, the
 environment and the number of the episode alone, never on threads.
 
-LLVM vectorises a lane loop only where it sees that the written arrays overlap with none that are
-read. So the lane loops write to arrays made in the same function, whose rows lie where the compiler
-knows, and `move` brings rows to and from the arguments. Those arrays serve many blocks: making them
-took longer than a step.
+LLVM vectorises a lane loop only if it can prove that written and read arrays do not overlap. So the
+lane loops write to arrays made in the same function, with a layout that the compiler knows, and
+`move` copies rows from and to the arguments. These arrays are reused for many blocks, as making
+them takes longer than a step.
 """
 
 from __future__ import annotations
@@ -47,14 +47,14 @@ from controllers.lanes.trace import Graph, Symbol, Value, trace, trace_number
 from quadsim.dynamics import System
 from quadsim.dynamics.named_tuples import flat, flat_names
 
-# The step in which an episode that has ended starts anew
+# The step in which an ended episode restarts
 SAME_STEP = 0
 NEXT_STEP = 1
 DISABLED = 2
-# The vehicle of an episode that has ended stays where it is until `begin` starts the next
+# The vehicle of an ended episode stays at its place until `begin` starts the next episode
 WAIT = 3
 
-SLACK = 1e-3  # part of a vehicle's room to the obstacles that is left to rounding [m]
+SLACK = 1e-3  # reduction of a vehicle's distance to the obstacles, for rounding [m]
 
 
 class Learning(NamedTuple):
@@ -68,7 +68,7 @@ class Learning(NamedTuple):
     reward: Callable[..., Any]
     # NamedTuple: the weights p of the reward
     weights: type
-    # Terms of the cost: the way that is left, and the distance that lacks to the margin
+    # Terms of the cost: the remaining way, and the shortfall of the margin
     progress: StepFunction
     clearance: StepFunction
 
@@ -322,7 +322,7 @@ def _load(source: str) -> ModuleType:
 def environment_module(system: System, cost: Cost, learning: Learning) -> ModuleType:
     """Return the compiled loops `begin`, `advance`, `to_rows`, `to_lanes`.
 
-    They come from the disk's cache where they were built before.
+    They are loaded from the disk's cache if they were built before.
     """
     return _load(environment_source(system, cost, learning))
 
@@ -330,10 +330,10 @@ def environment_module(system: System, cost: Cost, learning: Learning) -> Module
 def environment_source(system: System, cost: Cost, learning: Learning) -> str:
     """Return the text of the module.
 
-    Of model and cost only names and functions matter, not their numbers.
+    The text depends on the names and functions of model and cost, not on their numbers.
 
     Raises:
-        TraceError: one of the functions uses what cannot be compiled.
+        TraceError: one of the functions uses an operation that cannot be compiled.
     """
     assert cost.obstacles
     sizes = {
@@ -369,10 +369,10 @@ def environment_source(system: System, cost: Cost, learning: Learning) -> str:
 def _step(system: System, cost: Cost, learning: Learning) -> dict[str, str]:
     """Write the lane loop of one step, and the lines that read its numbers.
 
-    It makes a command of the action, steps the model and computes the terms of the reward.
+    The loop converts the action to a command, steps the model and computes the terms of the reward.
 
     Returns:
-        Parts of ADVANCE, by place.
+        Parts of ADVANCE, by the name of their place.
     """
     # Trace
     graph = Graph()
@@ -422,7 +422,7 @@ def _action(graph: Graph, name: str, k: int) -> Symbol:
 
 
 def _command(name: str, action: Symbol) -> Symbol:
-    """Return the control of this name that an action in -1..1 asks for."""
+    """Return the control of this name for an action in -1..1."""
     low = action.graph.variable(f"low_{name}")
     command = low + (1.0 + action) * action.graph.variable(f"half_{name}")
     command.name = f"u_{name}"
@@ -430,16 +430,16 @@ def _command(name: str, action: Symbol) -> Symbol:
 
 
 def _condition(function: StepFunction | None, *args: Any) -> Value:
-    """Trace a function of a cost that learning needs."""
+    """Trace an optional function of a cost that learning requires."""
     assert function
     return trace_number(function, *args)
 
 
 def _pay(system: System, learning: Learning) -> dict[str, str]:
-    """Write the lane loop of reward and observation, which runs once the next gates are known.
+    """Write the lane loop of reward and observation, which runs when the next gates are known.
 
     Returns:
-        Parts of ADVANCE, by place.
+        Parts of ADVANCE, by the name of their place.
     """
     # Trace
     graph = Graph()
@@ -482,7 +482,7 @@ def _observe(system: System, learning: Learning, first_gate: int) -> _Observed:
     Args:
         system: the model.
         learning: the functions of the environment.
-        first_gate: place at which the numbers of the next gates begin in a course's row.
+        first_gate: index of the first number of the next gates in a course's row.
     """
     graph = Graph()
     x = graph.record(system.state, "x", "state[{k}, l]")

@@ -1,7 +1,7 @@
 """The rollout of Algorithm 1 as a generated, vectorised loop over lanes of samples.
 
 A block of LANES samples (see controllers.lanes.layout) advances together. Every number of the state
-and of the targets is an array of its own, so that LLVM vectorises the step and the cost, which are
+and of the targets has its own array, so that LLVM vectorises the step and the cost, which are
 inlined from their plain functions.
 """
 
@@ -27,7 +27,7 @@ from quadsim.dynamics import System
 
 
 class Trajectories(NamedTuple):
-    """Samples that were rolled out, with what happened in each step."""
+    """Samples after a rollout, with their states, crashes and target rows at each step."""
 
     states: np.ndarray  # after each step  (samples, T, n_x)
     crashed: np.ndarray  # 1.0 from the step of a crash on, else 0.0  (samples, T)
@@ -66,16 +66,16 @@ class Rollout:
         """
         d = self.dtype
         numbers = self._numbers(x0, target, len(U))
-        # For a plan of another order the loop would be compiled anew.
+        # An array with a different memory order would make numba compile the loop again.
         plan = U.astype(d, "C")
         keep_none = np.empty((0, 0, 0), d)
         loop = self._module.rollout
         on_threads(loop, len(J), np.asarray(x0, d), plan, noise, J, keep_none, *numbers)
 
     def trajectories(self, x0: np.ndarray, v: np.ndarray, target: int) -> Trajectories:
-        """Return the trajectories under some controls.
+        """Return the trajectories under given controls.
 
-        They are rolled out as one block on the calling thread, whatever the other threads do.
+        They are rolled out as one block on the calling thread, independent of the other threads.
 
         Args:
             x0: state  (n_x,).
@@ -84,14 +84,14 @@ class Rollout:
         """
         d = self.dtype
         samples, n_u, T = v.shape
-        # The controls are perturbations of a plan of zeros, in full. Lanes without a sample rest.
+        # The controls are full perturbations of a zero plan. Lanes without a sample stay zero.
         plan = np.zeros((T, n_u), d)
         block = np.zeros((1, n_u, T, LANES), d)
         block[0, :, :, :samples] = v.transpose(1, 2, 0)
         noise_factor, *numbers = self._numbers(x0, target, T)
         full = np.ones_like(noise_factor)
 
-        # Zero in the place of `run_parts`: the loop runs here, over one block.
+        # Zero instead of `run_parts`: the loop runs on this thread, over one block.
         n_x = len(self.system.states)
         J = np.empty((1, LANES), d)
         kept = np.empty((T, n_x + 2, samples), d)
@@ -107,11 +107,11 @@ class Rollout:
 
     @property
     def is_cached(self) -> bool:
-        """Whether the loop was compiled on this machine before."""
+        """Whether the compiled loop is in this machine's cache."""
         return is_cached(self._module.rollout)
 
     def _numbers(self, x0: np.ndarray, target: int, horizon: int) -> tuple:
-        """Return the further arguments of the loops, found once for a state.
+        """Return the further arguments of the loops, computed once per state.
 
         All iterations and chunks of a control step start from the same state.
         """
@@ -178,10 +178,10 @@ def compiled_module(system: System, cost: Cost, dtype: type) -> ModuleType:
 
 
 def trace_anew(system: System, cost: Cost, dtype: type = np.float32) -> None:
-    """Let `compiled_module` use the user's functions as they are now.
+    """Make `compiled_module` trace the user's functions again.
 
-    A number that a function takes from a global, a closure or an object is compiled as it was when
-    the function was traced, and may be another one since. The same text is not compiled again.
+    A number that a function takes from a global, a closure or an object is compiled with its value
+    at the time of the trace, and may have changed since. An equal text is not compiled again.
 
     Args:
         system: the model.

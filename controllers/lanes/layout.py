@@ -1,11 +1,11 @@
 """The memory layout of samples: perturbations z of shape (series, n_u, halves * T, LANES).
 
-LANES samples stand side by side, one in each lane of the vector code, and make a block. A series
-holds one block of T steps, or two blocks (halves) one after the other in time, as one Fourier
-transform of length 2 T yields two samples. Sample m is lane m % LANES of block m // LANES. One
-number per sample, such as a cost or weight, lies in (blocks, LANES).
+LANES samples, one in each lane of the vector code, make a block. A series holds one block of T
+steps, or two blocks (halves) one after the other in time, as one Fourier transform of length 2 T
+yields two samples. Sample m is lane m % LANES of block m // LANES. One number per sample, such as a
+cost or weight, has the shape (blocks, LANES).
 
-At most CHUNK samples are held at a time, whole blocks of whole series, so that they stay in the
+At most CHUNK samples are in memory at a time, in whole blocks of whole series, so that they fit the
 processor's caches.
 """
 
@@ -25,15 +25,15 @@ def blocks(samples: int) -> int:
 
 
 def chunks(samples: int) -> Iterator[slice]:
-    """Yield the numbers of the samples in parts of at most CHUNK."""
+    """Yield the indices of the samples in chunks of at most CHUNK."""
     for first in range(0, samples, CHUNK):
         yield slice(first, min(first + CHUNK, samples))
 
 
 def mean_of_chunks(means: Sequence[np.ndarray], weights: np.ndarray) -> np.ndarray:
-    """Return the weighted mean over all samples from that of each chunk.
+    """Return the weighted mean over all samples from the means of the chunks.
 
-    Each chunk counts with its share of the weight.
+    Each chunk is weighted by its share of the total weight.
 
     Args:
         means: weighted mean of each chunk  (T, n_u) each.
@@ -48,7 +48,7 @@ def mean_of_chunks(means: Sequence[np.ndarray], weights: np.ndarray) -> np.ndarr
 
 
 def in_blocks(numbers: np.ndarray) -> np.ndarray:
-    """Return one number per sample (M,) in blocks, zeros where the last block has no sample.
+    """Return one number per sample (M,) in blocks; lanes without a sample are zero.
 
     Returns:
         (blocks, LANES)

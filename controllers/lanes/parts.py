@@ -1,4 +1,4 @@
-"""Parts of the generated text that the planner's rollouts and the learning environments share."""
+"""Common parts of the generated text of rollouts and learning environments."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def fill(template: str, **parts: str | int) -> str:
     Args:
         template: text with places `<name>`. A place alone on its line takes a part of several
             lines, each indented like the place; an empty part leaves no line.
-        parts: what to put there, by name.
+        parts: the texts by the names of their places.
     """
     lines = []
     for line in template.strip("\n").split("\n"):
@@ -79,12 +79,12 @@ def fill(template: str, **parts: str | int) -> str:
 
 
 def read(kind: type, name: str, where: str, writer: Writer) -> str:
-    """Return lines that read the numbers of a record that are used, such as `p_x = numbers[2]`.
+    """Return lines that read the used numbers of a record, such as `p_x = numbers[2]`.
 
     Args:
         kind: the NamedTuple.
         name: prefix of the variables, as in `Graph.record`.
-        where: the text that the numbers are read from, with {k} for the number of the field.
+        where: the expression that is read, with {k} for the number of the field.
         writer: the writer of the lines that use the numbers.
     """
     names = [f"{name}_{field}" for field in flat_names(kind)]
@@ -97,7 +97,7 @@ def store(values: Any, where: str, writer: Writer) -> str:
 
     Args:
         values: the record, of symbols.
-        where: the text that the numbers are stored in, with {k} for the number of the field.
+        where: the target of the assignment, with {k} for the number of the field.
         writer: the writer of the lines that compute the numbers.
     """
     lines = [f"{where.format(k=k)} = {writer(value)}" for k, value in enumerate(flat(values))]
@@ -124,7 +124,7 @@ def next_targets(numbers: int | str, count: str = "") -> str:
 
     Args:
         numbers: length of a target row.
-        count: a line that counts the targets reached, if they are counted.
+        count: a line that counts the targets reached; empty: they are not counted.
     """
     return fill(NEXT_TARGETS, numbers=numbers, count=count)
 
@@ -134,7 +134,7 @@ class LineTest(NamedTuple):
 
     read_obstacle: str  # lines that read the obstacle's numbers, the same for all lanes
     lines: str  # lines of the test
-    touches: str  # the condition that they compute
+    touches: str  # the condition that the lines compute
 
 
 def line_test(touches: Callable, row: type[Numbers], p0: str, p1: str, around: str) -> LineTest:
@@ -144,9 +144,8 @@ def line_test(touches: Callable, row: type[Numbers], p0: str, p1: str, around: s
         touches: (p0, p1, row) -> whether the line touches the obstacle of this row.
         row: the NamedTuple of an obstacle's numbers, its box first: x_low, y_low, z_low, x_high,
             y_high, z_high.
-        p0, p1: the text that the coordinates of the line's ends are read from, with {k} for the
-            axis.
-        around: the text that the test will stand in.
+        p0, p1: expressions of the coordinates of the line's ends, with {k} for the axis.
+        around: the text that surrounds the test.
     """
     graph = Graph()
     start = graph.record(Point, "p0", p0)

@@ -1,13 +1,13 @@
 """Stockham's passes of a complex transform, as text.
 
-A pass of radix r takes a length that has been split by s already from x to y:
+A pass of radix r transforms x to y, for a length that has already been split by s:
 
     y[q + s (r p + k)] = e^{2 pi i p k / (r m)} sum_{j<r} x[q + s (p + m j)] e^{2 pi i j k / r}
                          p < m, q < s
 
-(Van Loan 1992, section 1.7). No bit reversal is needed, and as rows q and the lanes of each lie
-side by side, the inner loop runs over s W numbers. Real parts fill the first half of an array,
-imaginary parts the second.
+(Van Loan 1992, section 1.7). No bit reversal is needed, and as the rows q and their lanes are
+contiguous, the inner loop runs over s W numbers. Real parts fill the first half of an array,
+imaginary parts the second half.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from cmath import exp
 from math import cos, pi, sin
 from typing import NamedTuple
 
-# The largest radix whose sums are written out; a larger prime takes r^2 steps in a loop
+# The largest radix with unrolled sums; a larger prime takes r^2 steps in a loop
 WRITTEN_OUT = 13
 
 PASS = """
@@ -47,12 +47,12 @@ class Pass(NamedTuple):
     """The numbers of one pass."""
 
     r: int  # radix
-    m: int  # length that is left after it
-    inner: int  # numbers that lie side by side
-    size: int  # place of the imaginary parts
-    first: int  # place of its first turn
-    x: str  # name of the array it reads
-    y: str  # name of the array it writes
+    m: int  # remaining length after the pass
+    inner: int  # number of contiguous numbers
+    size: int  # index of the imaginary parts
+    first: int  # index of the pass's first twiddle factor
+    x: str  # name of the input array
+    y: str  # name of the output array
 
 
 def passes(n: int, lanes: int) -> tuple[str, str, list[complex]]:
@@ -63,7 +63,7 @@ def passes(n: int, lanes: int) -> tuple[str, str, list[complex]]:
         lanes: number of transforms side by side.
 
     Returns:
-        The text, the name of the array with the result, and the turns that the passes use.
+        The text, the name of the array with the result, and the twiddle factors of the passes.
     """
     text = ""
     turns: list[complex] = []
@@ -85,14 +85,14 @@ def passes(n: int, lanes: int) -> tuple[str, str, list[complex]]:
 
 
 def fast_length(n: int) -> int:
-    """Return the first length from n on whose passes are all written out."""
+    """Return the first length from n on whose passes are all unrolled."""
     while max(radices(n), default=1) > WRITTEN_OUT:
         n += 1
     return n
 
 
 def radices(n: int) -> list[int]:
-    """Return the primes of n, twos in pairs, the largest first. Their product is n."""
+    """Return the prime factors of n, largest first, with twos merged in pairs to fours."""
     primes = []
     d = 2
     while n > 1:
@@ -107,9 +107,9 @@ def radices(n: int) -> list[int]:
 
 
 def _turns(one: Pass) -> str:
-    """Write the line that loads the turns of p: `c1, s1 = turns[0 + 3 * p + 0, 0], ...`."""
+    """Write the line that loads the factors of p: `c1, s1 = turns[0 + 3 * p + 0, 0], ...`."""
     if one.m == 1:
-        return "pass"  # the last pass turns nothing
+        return "pass"  # the last pass has no twiddle factors
     loads = []
     for k in range(1, one.r):
         at = f"{one.first} + {one.r - 1} * p + {k - 1}"
@@ -118,7 +118,7 @@ def _turns(one: Pass) -> str:
 
 
 def _lines(one: Pass) -> list[str]:
-    """Write the lines that load r_j and i_j, sum them to R_k and I_k, turn and store these."""
+    """Write the lines that load r_j and i_j, sum them to R_k and I_k, rotate and store these."""
     r, m, inner, size = one.r, one.m, one.inner, one.size
     loads = []
     for j in range(r):

@@ -1,8 +1,8 @@
 """Generate the planner's loops: a model's step and a cost's terms, inlined into loops over lanes.
 
 `rollout` computes the costs of blocks of samples, and for display the trajectories of one block.
-`module_source` returns the text that is compiled; print it with `race bench --show-code`. For a
-point mass on a line with a cost of one term its core reads
+`module_source` returns the text that is compiled; `race bench --show-code` prints it. For a point
+mass on a line with a cost of one term its core reads
 
     for t in range(T):
         plan_ax = U[t, 0]
@@ -22,18 +22,17 @@ point mass on a line with a cost of one term its core reads
             state[1, l] = vx
             cost[l] += s_t * (cost_of_distance)
 
-The upper-case constants of this file are templates with places `<name>`, see `parts.fill`; the
-lines that are traced from the model and the cost are put there.
+The upper-case constants of this file are templates with places `<name>` for the lines that are
+traced from the model and the cost, see `parts.fill`.
 
-The lane loop has no gather and no data-dependent branch: when some sample reaches its target, a
-flag is set, and a rare second loop moves those lanes to their next target row. Everything in the
-lane loop is as wide as a float: one 64-bit integer among the lanes would halve the width of all
-vectors.
+The lane loop has no gather and no data-dependent branch: if a sample reaches its target, a flag is
+set, and a rarely executed second loop moves those lanes to their next target row. All numbers in
+the lane loop have the width of a float: one 64-bit integer would halve the width of all vectors.
 
-Obstacles are tested by straight lines between positions some steps apart. Positions are kept every
-`stride` steps. When there are MARKS of them, boxes around them, each of some lanes of the block,
-pick the obstacles: most blocks are near none. A sample that touched one pays for the crash from the
-end of that line on, as if it had crashed there.
+Obstacles are tested by straight lines between positions `stride` steps apart (marks). After every
+MARKS marks, bounding boxes around the marks of some lanes of the block select the obstacles, as
+most blocks are near none. A sample that touched an obstacle pays for the crash from the end of that
+line on.
 """
 
 from __future__ import annotations
@@ -61,9 +60,9 @@ from quadsim.dynamics import System
 from quadsim.dynamics.named_tuples import flat
 from quadsim.files.yaml_errors import did_you_mean
 
-MARKS = 4  # positions between which lines are tested at once
-STRIDE = 0.04  # time from one to the next [s]
-# Boxes around the positions of a block, each of every sixteenth lane: as many as a vector has
+MARKS = 4  # number of positions (marks) that are tested at once
+STRIDE = 0.04  # time between two marks [s]
+# Bounding boxes of a block's positions, each of every sixteenth lane: as many as a vector has
 # numbers
 BOXES = min(LANES, 16)
 
@@ -220,12 +219,12 @@ def module_source(system: System, cost: Cost, dtype: type) -> str:
     """Return the text of the module with `rollout` for this model and this cost.
 
     Args:
-        system: the model; of its numbers only the names matter.
-        cost: the cost, of which the same is true; terms of weight zero are left out.
+        system: the model; the text depends on the names of its numbers, not on their values.
+        cost: the cost, likewise; terms of weight zero are left out.
         dtype: NumPy type of all numbers.
 
     Raises:
-        TraceError: the step or a term uses what cannot be compiled.
+        TraceError: the step or a term uses an operation that cannot be compiled.
     """
     step = _step(system, cost)
     states, numbers = len(system.states), len(cost.row._fields)
@@ -249,7 +248,7 @@ def module_source(system: System, cost: Cost, dtype: type) -> str:
 def operations(system: System, cost: Cost) -> int:
     """Return the number of arithmetic operations of one step of one sample.
 
-    Its control and its cost are included.
+    Control and cost are included.
     """
     return _step(system, cost).operations
 
@@ -257,8 +256,8 @@ def operations(system: System, cost: Cost) -> int:
 class _Step(NamedTuple):
     """The text of one step of one sample."""
 
-    parts: dict[str, str]  # the parts of ROLLOUT, by place
-    weighted: dict[str, str]  # weight times value of each term that is weighted
+    parts: dict[str, str]  # the parts of ROLLOUT, by the name of their place
+    weighted: dict[str, str]  # weight times value of each term with a nonzero weight
     operations: int
 
 
@@ -274,7 +273,7 @@ def _step(system: System, cost: Cost) -> _Step:
     x_next = trace_model(graph, system, x, u)
     found = trace_cost(graph, cost, x, x_next, u, target, crashed_before)
 
-    # Write the lines of a step, whose names differ from those of the text around
+    # Write the lines of a step, with names that do not occur in the surrounding text
     parts = {
         "read_plan": _read_plan(system),
         "read_limits": _read_limits(system),
@@ -342,12 +341,12 @@ def trace_model(graph: Graph, system: System, x: Any, u: Any, params: Any = None
     """Trace the model's step.
 
     Args:
-        graph: records the operations.
+        graph: graph that records the operations.
         system: the model.
         x: record of the state, as symbols.
         u: record of the control, as symbols.
-        params: record of the parameters, as symbols; None: variables `model_...` of the text
-            around.
+        params: record of the parameters, as symbols; None: variables `model_...` of the
+            surrounding text.
 
     Returns:
         The record of the next state, as symbols.
@@ -371,18 +370,18 @@ class TracedCost(NamedTuple):
 
     crashed: Value  # 1.0 from the crash on, else 0.0
     reached: Value
-    weighted: dict[str, Symbol]  # weight times value of each term that is weighted
+    weighted: dict[str, Symbol]  # weight times value of each term with a nonzero weight
 
 
 def trace_cost(
     graph: Graph, cost: Cost, x: Any, x_next: Any, u: Any, target: Any, crashed_before: Symbol
 ) -> TracedCost:
-    """Trace the terms of a cost, and the functions that decide on reached targets and crashes.
+    """Trace the terms of a cost, and the functions for reached targets and crashes.
 
-    Parameters and weights are variables of the text around, named as in Cost.number_names.
+    Parameters and weights are variables of the surrounding text, named as in Cost.number_names.
 
     Args:
-        graph: records the operations.
+        graph: graph that records the operations.
         cost: the cost.
         x, x_next, u, target: records of state, next state, control and target row, as symbols.
         crashed_before: 1.0 for a sample that had crashed before the step, else 0.0.
@@ -420,13 +419,13 @@ def trace_cost(
 
 
 def _expect_read(graph: Graph, term: Term, own: Any, value: Value) -> None:
-    """Check that a term reads its parameters: one that it does not read may be misspelt.
+    """Check that a term reads all its parameters, as an unread parameter may be misspelt.
 
     Args:
         graph: the graph of the traced term.
         term: the term.
-        own: record of its parameters, as symbols.
-        value: its result.
+        own: record of the term's parameters, as symbols.
+        value: result of the term.
 
     Raises:
         TraceError: a parameter takes no part in an operation.
@@ -443,9 +442,9 @@ def _expect_read(graph: Graph, term: Term, own: Any, value: Value) -> None:
 
 
 def _weigh(graph: Graph, weight: Symbol, value: Value) -> Symbol:
-    """Return weight times value, multiplied from the left as the formula is read: w a b = (w a) b.
+    """Return weight times value, multiplied from the left: w a b = (w a) b.
 
-    A factor that a variable holds or another function returned stays whole, as in the source.
+    A product that is a variable or the result of a helper function is not split, as in the source.
     """
     if isinstance(value, Symbol) and value.kind in ("mul", "div") and not value.name:
         left, right = value.args
@@ -456,14 +455,14 @@ def _weigh(graph: Graph, weight: Symbol, value: Value) -> Symbol:
 
 
 def _marks(cost: Cost, template: str) -> str:
-    """Fill one of the templates of marks; return nothing where the cost has no obstacles."""
+    """Fill one of the templates of marks; return "" if the cost has no obstacles."""
     if cost.obstacles is None:
         return ""
     return fill(template, marks=MARKS, boxes=BOXES)
 
 
 def _meet_obstacles(cost: Cost) -> str:
-    """Write the function that tests lines against obstacles; nothing where the cost has none."""
+    """Write the function that tests lines against obstacles; "" if the cost has none."""
     if cost.obstacles is None:
         return ""
     test = line_test(

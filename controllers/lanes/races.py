@@ -1,12 +1,12 @@
 """Generate the loops of races of several vehicles, which run after a step of the environments.
 
 The environments' own loops (controllers.lanes.environment) step each vehicle as if it were alone.
-The loops here add what happens between vehicles: who has come too near to another, who leads, what
-each sees of the others.
+The loops here add the interactions between vehicles: collisions, ranks, and observations of the
+opponents.
 
-Races run over lanes. Racer a of race r is lane r % LANES of block r // LANES * racers + a, so that
-the vehicles of a race stand in the same lane of blocks in a row, a group, and a loop over lanes
-compares racer a with racer b in LANES races at once.
+The loops run over lanes. Racer a of race r is lane r % LANES of block r // LANES * racers + a. So
+the vehicles of a race share a lane of consecutive blocks (a group), and a loop over lanes compares
+racer a with racer b in LANES races at once.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from quadsim.dynamics import System
 from quadsim.dynamics.named_tuples import flat
 
 MOST_RACERS = 8
-NEVER = 1e9  # the step in which a racer finishes that has not finished
+NEVER = 1e9  # finishing step of a racer that has not finished
 ABSENT = 1e30  # squared distance of an opponent that is not in the race [m^2]
 
 
@@ -264,12 +264,12 @@ def _load(source: str) -> ModuleType:
 def races_module(system: System, racing: Racing, observed: int) -> ModuleType:
     """Return the compiled loops `meet`, `look`, `observations_to_rows`, `actions_to_lanes`.
 
-    They come from the disk's cache where they were built before.
+    They are loaded from the disk's cache if they were built before.
 
     Args:
         system: the model of a vehicle.
         racing: the functions of a race.
-        observed: numbers that a vehicle alone observes.
+        observed: size of the observation of a single vehicle.
     """
     return _load(races_source(system, racing, observed))
 
@@ -278,13 +278,13 @@ def races_source(system: System, racing: Racing, observed: int) -> str:
     """Return the text of the module.
 
     Raises:
-        TraceError: one of the functions uses what cannot be compiled.
+        TraceError: one of the functions uses an operation that cannot be compiled.
     """
     nearest = _nearest(racing)
     pay, read_weights = _pay(racing)
     seen = _seen(system, racing)
     sizes = {"n_x": len(system.states), "most": MOST_RACERS, "size": seen.size}
-    # the noise of the vehicle's own numbers takes the groups of four before
+    # the noise of the vehicle's own numbers uses the groups of four before these
     group = -(-observed // 4)
     texts = (
         header(np.float32),
@@ -310,7 +310,7 @@ def _nearest(racing: Racing) -> str:
 
 
 def _pay(racing: Racing) -> tuple[str, str]:
-    """Write what a race adds to the reward, and the lines that read its weights."""
+    """Write the additional reward of a race, and the lines that read its weights."""
     graph = Graph()
     touched = graph.input("has_touched", "hit[a, l]")
     gained = graph.variable("gained")

@@ -10,7 +10,7 @@ from controllers.lanes.compiled import kept
 from controllers.lanes.layout import in_blocks
 from controllers.lanes.sharing import on_threads, share
 
-CHUNK = 25  # steps of the horizon that a thread sums at a time: 6 kB of partial sums
+CHUNK = 25  # number of steps of the horizon that a thread sums at a time: 6 kB of partial sums
 
 
 @kept
@@ -81,7 +81,7 @@ def weighted_mean(
     T, n_u = U.shape
     sums = np.empty((n_u, T, w_blocks.shape[1]), d)
     pairs = n_u * -(-T // CHUNK)
-    # For arrays of another order the loop would be compiled anew.
+    # An array with a different memory order would make numba compile the loop again.
     numbers = (ramp.astype(d, "C"), U.astype(d, "C"), low.astype(d), high.astype(d))
     on_threads(_lane_sums, pairs, noise, *numbers, w_blocks, sums)
     return sums.sum(axis=2, dtype=np.float64).T

@@ -1,11 +1,11 @@
-"""Write a traced graph as lines of Python that Numba compiles: assignments named as in the source.
+"""Write a traced graph as Python assignments for Numba, with variables named as in the source.
 
     gate_along = gate_nx * dx + gate_ny * dy + gate_nz * dz
     span = abs(after_along - before_along)
 
 Every number is written in the lanes' precision, F(0.5): a bare literal would be float64 and cost a
-third of the speed. Choices become calls of `select`, `lower` and `higher` (see HELPERS), whose
-operands have been computed before, so that no branch stands in a lane loop and LLVM vectorises it.
+third of the speed. Choices become calls of `select`, `lower` and `higher` (see HELPERS) on computed
+operands, so that a lane loop has no branch and LLVM vectorises it.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ CALLS = {
     "floor": "np.floor",  # math.floor returns a whole number of 64 bits
 }
 UNARY = {"neg": "-", "not": "not "}
-# How tightly Python's operators bind: comparisons less than | and &.
+# Precedence of Python's operators: comparisons bind less tightly than | and &.
 COMPARISON = 1
 BINDING = {
     "not": 0,
@@ -76,16 +76,16 @@ class Writer:
     Each node is written once, in the order of recording.
 
     Args:
-        around: the text that the lines will stand in; its names are not used for other variables.
+        around: the surrounding text, whose names are not used for new variables.
     """
 
     def __init__(self, around: str = ""):
         self._taken = {*re.findall(r"\w+", around), *HELPERS, *keyword.kwlist}
         # Number of a node -> its variable
         self._names: dict[int, str] = {}
-        # Number of a node -> number of operations that it is an operand of
+        # Number of a node -> number of operations with this operand
         self._uses: dict[int, int] = {}
-        # Variables of the text around that the lines use
+        # Variables of the surrounding text that the lines use
         self.read: set[str] = set()
         # Number of arithmetic operations of the lines
         self.operations = 0
@@ -94,7 +94,7 @@ class Writer:
         """Return the assignments that compute these results and have not been written before.
 
         Args:
-            results: symbols; numbers among them need no line.
+            results: symbols; plain numbers among them need no line.
         """
         symbols = [result for result in results if isinstance(result, Symbol)]
         needed = self._needed(symbols)
@@ -129,7 +129,7 @@ class Writer:
         return self._operation(value)
 
     def _needed(self, results: Sequence[Symbol]) -> list[Symbol]:
-        """Return the nodes that these results depend on and that are no variables yet, in order."""
+        """Return the nodes without a variable yet on which these results depend, in order."""
         found: dict[int, Symbol] = {}
         todo = list(results)
         while todo:
@@ -150,14 +150,14 @@ class Writer:
                 if isinstance(arg, Symbol):
                     self._uses[arg.number] = self._uses.get(arg.number, 0) + 1
 
-        # A result is read outside, so it is a variable rather than part of an expression.
+        # A result is read by other lines, so it is a variable and not part of an expression.
         for result in results:
             self._uses[result.number] = self._uses.get(result.number, 0) + 2
 
     def _is_variable(self, node: Symbol) -> bool:
-        """Return whether a node is assigned; another one stands within an expression.
+        """Return whether a node gets a variable; otherwise it is part of an expression.
 
-        It is where it has a name in the source, or several uses.
+        A node gets a variable if it has a name in the source, or several uses.
         """
         return bool(node.name) or self._uses.get(node.number, 0) > 1
 
@@ -175,9 +175,9 @@ class Writer:
         return f"{CALLS[node.kind]}({', '.join(map(self, node.args))})"
 
     def _within(self, value: Value, binding: int) -> str:
-        """Return an operand, in parentheses where it binds less than this.
+        """Return an operand, in parentheses if its precedence is below `binding`.
 
-        So the order of operations is that of the source.
+        So the order of operations is the same as in the source.
         """
         text = self(value)
         if not isinstance(value, Symbol) or value.number in self._names:
@@ -186,7 +186,7 @@ class Writer:
         return f"({text})" if binds_less else text
 
     def _free_name(self, wished: str) -> str:
-        """Return the wished name, with a number behind it if it is taken."""
+        """Return the desired name, with a number appended if it is taken."""
         name = wished
         number = 1
         while name in self._taken:

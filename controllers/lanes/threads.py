@@ -29,8 +29,8 @@ def most_threads() -> int:
 def can_run_side_by_side() -> bool:
     """Return whether loops may run on several threads for several callers at once.
 
-    numba's own threads ("workqueue") serve one caller at a time; those of OpenMP and TBB serve
-    several. Which of them there are depends on the machine, and is known once a loop has run.
+    numba's own threads ("workqueue") serve one caller at a time; OpenMP and TBB threads serve
+    several. Which of these is used depends on the machine, and is known after the first loop.
     """
     if lost_threads() or not parallel._is_initialized:
         return False

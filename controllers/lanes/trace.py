@@ -1,4 +1,4 @@
-"""Record the arithmetic of a plain function by calling it once with symbols in place of numbers.
+"""Record the arithmetic of a plain function by calling it once with symbols instead of numbers.
 
 Steps, cost terms, rewards and observations are plain Python functions over named scalars (see
 `quadsim.dynamics`). Called with a `Symbol` for each scalar, such a function builds an expression
@@ -83,18 +83,18 @@ LARGEST_POWER = 4  # x**n with a whole n up to this is written as products
 class TraceError(TypeError):
     """A function cannot be compiled for the rollouts.
 
-    It names the function and the line, and says what to write instead.
+    The message names the function and the line, and suggests an alternative.
     """
 
 
 class Symbol:
-    """A scalar that has no value yet: an input of a graph, or an operation on operands.
+    """A scalar without a value yet: an input of a graph, or an operation on operands.
 
     Args:
-        graph: the graph that it is a node of.
+        graph: the graph of this node.
         kind: an operation, "input" or "variable".
-        args: operands, Symbols and numbers; for an input the expression that it is read from.
-        number: number of nodes before it, which orders the graph topologically.
+        args: operands, Symbols and numbers; for an input the expression that is read.
+        number: number of earlier nodes, which orders the graph topologically.
     """
 
     __slots__ = ("args", "graph", "hint", "kind", "name", "number", "section")
@@ -104,11 +104,11 @@ class Symbol:
         self.kind = kind
         self.args = args
         self.number = number
-        # Name of the variable in the source that first held it
+        # Name of the first variable in the source that held this symbol
         self.name = ""
-        # Name if no variable held it: that of the function that returned it
+        # Name of the function that returned this symbol, used if no variable held it
         self.hint = ""
-        # Part of the generated text that it belongs to
+        # Section of the generated text
         self.section = graph.section
 
     def __repr__(self) -> str:
@@ -132,7 +132,7 @@ class Symbol:
         raise trace_error(f"numpy.{function.__name__} is not known; known are {KNOWN}")
 
     def _clipped(self, *limits: Any, **options: Any) -> Symbol:
-        """Return the value of np.clip(self, low, high), whose limits may have names there."""
+        """Return the value of np.clip(self, low, high); the limits may be keywords."""
         names = {"a_min": "min", "a_max": "max"}
         given = dict(zip(("min", "max"), limits, strict=False))
         given |= {names.get(name, name): limit for name, limit in options.items()}
@@ -254,7 +254,7 @@ Value = Symbol | float | bool
 
 
 def _remainder(a: Any, b: Any) -> Symbol:
-    """Return a - b floor(a / b), which has the sign of b."""
+    """Return a - b floor(a / b), the remainder with the sign of b."""
     return a - b * np.floor(a / b)
 
 
@@ -289,7 +289,7 @@ def _degrees(a: Symbol) -> Symbol:
     return a * (180.0 / np.pi)
 
 
-# NumPy's functions that are written with the operations above
+# NumPy's functions that are composed of the operations above
 COMPOSED: dict[np.ufunc, Callable[..., Symbol]] = {
     np.hypot: _hypotenuse,
     np.sign: _sign,
@@ -305,7 +305,7 @@ COMPOSED: dict[np.ufunc, Callable[..., Symbol]] = {
 
 
 class Graph:
-    """The recorded operations of the functions that were traced with its inputs, in order."""
+    """The recorded operations of traced functions, in order."""
 
     def __init__(self) -> None:
         self.nodes: list[Symbol] = []
@@ -313,11 +313,11 @@ class Graph:
         self._known: dict[tuple, Symbol] = {}
 
     def variable(self, name: str) -> Symbol:
-        """Return a symbol for a variable that the text around the traced lines assigns."""
+        """Return a symbol for a variable that the surrounding text assigns."""
         return self._new("variable", (), name)
 
     def input(self, name: str, expression: str) -> Symbol:
-        """Return a symbol that is read from `expression` where it is first needed."""
+        """Return a symbol that is read from `expression` at its first use."""
         return self._new("input", (expression,), name)
 
     def record(self, kind: type, name: str, expression: str = "") -> Any:
@@ -326,9 +326,9 @@ class Graph:
         Args:
             kind: the NamedTuple, whose fields may be records too.
             name: prefix of the variables: field `px` of the record `x` is the variable `x_px`.
-            expression: the text that each is read from, with `{k}` for the number of the field,
-                counted through nested records; without it they are variables that the text around
-                assigns.
+            expression: the expression that each symbol is read from, with `{k}` for the number of
+                the field, counted through nested records; "": the symbols are variables that the
+                surrounding text assigns.
         """
         names = [f"{name}_{field}" for field in flat_names(kind)]
         if expression:
@@ -338,7 +338,7 @@ class Graph:
         return unflat(kind, iter(symbols))
 
     def apply(self, kind: str, *args: Any) -> Symbol:
-        """Return the node of this operation on these operands, a new one only if there is none."""
+        """Return the node of this operation on these operands, existing or new."""
         operands = tuple(operand(arg) for arg in args)
         if kind in ("and", "or", "not") and not all(map(is_condition, operands)):
             raise trace_error(
@@ -473,7 +473,7 @@ def naming() -> Iterator[None]:
 
 
 def _is_traced(frame: FrameType) -> bool:
-    """Return whether a frame is of a model's or a cost's function, not of this module or NumPy."""
+    """Return whether a frame belongs to a traced function, not to this module or NumPy."""
     module = frame.f_globals.get("__name__", "")
     return frame.f_code.co_filename != __file__ and not module.startswith(
         ("numpy", "contextlib", "collections")
@@ -481,12 +481,12 @@ def _is_traced(frame: FrameType) -> bool:
 
 
 def _name(name: str, value: Any, weakly: bool = False) -> None:
-    """Name a symbol, or the symbols of a record, unless a variable has held them before.
+    """Name a symbol, or the symbols of a record, unless they have a variable's name already.
 
     Args:
         name: the name.
         value: a symbol, a record or a tuple; anything else is left alone.
-        weakly: whether another name may take the place of this one.
+        weakly: whether a later name may replace this one.
     """
     if isinstance(value, Symbol):
         if weakly:

@@ -1,13 +1,13 @@
-"""Normals with a spectrum: an inverse Fourier transform in lanes, as generated code.
+"""Normals with a given spectrum: an inverse Fourier transform in lanes, as generated code.
 
 There is a module for each length n.
 
     z_t = sum_{k<n} Z_k e^{2 pi i k t / n},  Z_k = s_k (xi_k + i eta_k),  s_{n-k} = s_k
 
 The real and the imaginary part of z are two independent stationary series whose power at k/n is
-s_k^2: white noise has no phase to keep, so no symmetry of Z and no unpacking of halves is needed.
-W lanes at a time pass from x to y and back, and every distance is a number in the text, so that
-LLVM sees that nothing overlaps.
+s_k^2: the phase of white noise is arbitrary, so no symmetry of Z and no unpacking of halves is
+needed. W lanes at a time pass from x to y and back, and every stride is a literal in the text, so
+that LLVM can prove that nothing overlaps.
 """
 
 from __future__ import annotations
@@ -74,12 +74,11 @@ def fill_transformed(
 
     Args:
         out: array to fill  (series, channels, steps, LANES), at most n steps.
-        scale: s of the real parts, then of the imaginary parts, which are the same
-            (channels, 2 n).
-        offset: all zero where the first one is  (steps,).
+        scale: s of the real parts, then the same s of the imaginary parts  (channels, 2 n).
+        offset: factors on z_1; if the first one is zero, all are zero  (steps,).
         key: key of the generator  (2,) uint32.
         call: index of the call.
-        first_pair: number of the first pair of series, which the normals depend on.
+        first_pair: number of the first pair of series, which seeds the normals.
     """
     module, turns = _module(scale.shape[1] // 2)
     pairs = (len(out) + 1) // 2
@@ -93,7 +92,7 @@ def transform_loop(n: int) -> Callable:
 
 @cache
 def _module(n: int) -> tuple[ModuleType, np.ndarray]:
-    """Return the loop for this length, and the turns e^{i phi} of its passes  (turns, 2)."""
+    """Return the loop for this length, and its twiddle factors e^{i phi}  (turns, 2)."""
     text, result, turns = passes(n, W)
     source = MODULE.format(
         n=n,

@@ -1,1 +1,1 @@
-"""Learned controllers (pilots): what a pilot observes, its network and its file."""
+"""Learned controllers (pilots): observations, network and file."""

@@ -1,9 +1,9 @@
 """Observations of a pilot: plain functions over scalars, like the models.
 
-Lanes and single flights share them. The state is given in the vehicle's own frame, so that it does
-not depend on where the course lies or which way it turns: velocity, direction of gravity, body
-rates, height, the corners of the next two gates, and the last action. Every number is divided by a
-fixed unit that brings it to the order of one; UNITS names it.
+The compiled lanes and single flights share these functions. The state is given in the body frame,
+so that it does not depend on position and heading of the course: velocity, direction of gravity,
+body rates, height, the corners of the next two gates, and the last action. Every number is divided
+by a fixed unit that brings it to the order of one, see UNITS.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from quadsim.rotation import along, body_axes
 SPEED = 10.0  # unit of velocities [m/s]
 RATE = 10.0  # unit of body rates [rad/s]
 LENGTH = 10.0  # unit of lengths [m]
-AFTER_LAST = 5.0  # distance from an open course's last gate to the gate shown after it [m]
+AFTER_LAST = 5.0  # distance from an open course's last gate to a virtual gate behind it [m]
 
 
 class Vector(NamedTuple):
-    """Three numbers, in the world or in the vehicle's frame."""
+    """Three numbers, in the world or in the body frame."""
 
     x: float
     y: float
@@ -49,7 +49,7 @@ class NextGates(NamedTuple):
 
 
 class Corners(NamedTuple):
-    """The corners of a gate's opening, seen from the vehicle in its frame."""
+    """The corners of a gate's opening relative to the vehicle, in the body frame."""
 
     lower_right: Vector
     upper_right: Vector
@@ -58,10 +58,10 @@ class Corners(NamedTuple):
 
 
 class Observation(NamedTuple):
-    """A pilot observes these numbers, in units that bring each of them to the order of one."""
+    """The observation of a pilot, in units that bring each number to the order of one."""
 
     velocity: Vector
-    gravity: Vector  # its direction
+    gravity: Vector  # direction of gravity
     rate: Vector
     height: float
     next_gate: Corners
@@ -96,11 +96,11 @@ GATE_NUMBERS = len(tuple(flat_names(GateNumbers)))
 
 
 def corners(p, axes, gate):
-    """Return the Corners of a gate's opening as a vehicle sees them.
+    """Return the Corners of a gate's opening relative to a vehicle.
 
     Args:
         p: position of the vehicle [m].
-        axes: its body axes, which are those of the corners.
+        axes: body axes, the frame of the corners.
         gate: GateNumbers.
 
     Returns:
@@ -126,12 +126,12 @@ def observation(x, gates, last):
     """Return the Observation of a vehicle.
 
     Args:
-        x: its State.
+        x: State of the vehicle.
         gates: NextGates.
         last: the last action, a Control in -1..1.
     """
     axes = body_axes(x.attitude)
-    _, _, x_up, _, _, y_up, _, _, z_up = axes  # how far each of the body's axes points up
+    _, _, x_up, _, _, y_up, _, _, z_up = axes  # world z component of each body axis
     return Observation(
         velocity=Vector(*along(axes, x.vx / SPEED, x.vy / SPEED, x.vz / SPEED)),
         gravity=Vector(-x_up, -y_up, -z_up),
@@ -166,13 +166,13 @@ def gate_rows(course: Course, laps: int) -> np.ndarray:
     """Return the next two gates for each number of gates passed, up to all of them.
 
     Returns:
-        (laps * gates + 1, 18), the GateNumbers of the next gate and of the one after it.
+        (laps * gates + 1, 18), the GateNumbers of the next gate and of the gate after it.
     """
     gates = [gate_numbers(gate) for gate in course.gates]
     if course.loop:
         after = [gates[0], gates[1 % len(gates)]]
     else:
-        # behind the last gate of an open course, two more lie on its passage
+        # behind the last gate of an open course, two virtual gates lie on its passage
         last = np.array(gates[-1])
         passage = course.gates[-1].rotation[:, 0]
         after = [last + np.concatenate([k * AFTER_LAST * passage, np.zeros(6)]) for k in (1, 2)]
@@ -181,7 +181,7 @@ def gate_rows(course: Course, laps: int) -> np.ndarray:
 
 
 def gate_numbers(gate: Gate) -> tuple[float, ...]:
-    """Return the GateNumbers of a gate as numbers of the world [m].  (9,)"""
+    """Return the GateNumbers of a gate as an array, world frame [m].  (9,)"""
     half = half_sizes(gate.opening)
     left = half.left * gate.rotation[:, 1]
     up = half.up * gate.rotation[:, 2]

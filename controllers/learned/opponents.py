@@ -1,7 +1,7 @@
-"""Observations of the other racers: plain functions over scalars, like those of the vehicle itself.
+"""Observations of the other racers: plain functions over scalars, as in `observation`.
 
-Position and velocity of an opponent are given relative to the vehicle that observes it, in its own
-body frame (x forward, y left, z up). The nearest opponent comes first, as it is the one to avoid.
+Position and velocity of an opponent are given relative to the observing vehicle, in its body frame
+(x forward, y left, z up). The nearest opponent comes first, as it is the most important to avoid.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from quadsim.rotation import along, body_axes
 
 
 class Away(NamedTuple):
-    """How another vehicle lies and moves relative to this one, as vectors of the world."""
+    """Relative position and velocity of another vehicle, world frame."""
 
     position: Vector  # [m]
     velocity: Vector  # [m/s]
 
 
 class Opponent(NamedTuple):
-    """A pilot observes these numbers of one opponent."""
+    """The observation of one opponent."""
 
-    here: float  # 1 while the opponent is in the race; else 0, as the others are then
+    here: float  # 1 while the opponent is in the race; else 0, like all other numbers
     position: Vector  # relative, in the vehicle's frame, in LENGTH
     velocity: Vector  # relative, in the vehicle's frame, in SPEED
 

@@ -1,12 +1,11 @@
-"""A pilot: a learned policy in a file of numbers and JSON, flown by numpy alone.
+"""A pilot: a learned policy in a file of numbers and JSON, evaluated by numpy alone.
 
-The file is an .npz: the weights of each layer, and `about`, the JSON of an `About`: what the pilot
-observes and commands, which vehicle it was trained for, and how. Nothing in it is executed.
+The file is an .npz with the weights of each layer and `about`, the JSON of an `About`: observations
+and commands of the pilot, its vehicle and its training. Nothing in the file is executed.
 
-A file is read where every number is one that a vehicle file or a training could have: control
-periods of 1 to 100 ms, actions held for at most 100 of them, body rates up to 100 rad/s, thrust up
-to 1000 m/s^2, each lower limit below its upper one, and weights up to 1e6, which cannot overflow in
-flight.
+A file is accepted if all numbers are plausible: control periods of 1 to 100 ms, actions held for at
+most 100 periods, body rates up to 100 rad/s, thrust up to 1000 m/s^2, each lower limit below its
+upper limit, and weights up to 1e6, which cannot overflow in flight.
 """
 
 from __future__ import annotations
@@ -34,9 +33,9 @@ from quadsim.files.strict_yaml import FileError
 PILOTS = Path(__file__).parent / "pilots"
 FORMAT = "quadsim pilot 1"
 WHAT = "a pilot as `race train` writes it"
-LARGEST = 50_000_000  # bytes of a file that is read
+LARGEST = 50_000_000  # largest accepted file [bytes]
 ACTIONS = 4
-# greatest absolute value of a weight: sums of so large products are far from float32's limit
+# greatest absolute value of a weight; sums of such products are far below float32's limit
 LARGEST_WEIGHT = 1e6
 # matrix (inputs, outputs) and bias of each of three layers
 LAYERS = {
@@ -57,20 +56,20 @@ Limits = tuple[Rate, Rate, Rate, Thrust]
 
 
 class About(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The record in a pilot's file: what it was made for, and how."""
+    """The record in a pilot's file: its purpose and its training."""
 
     vehicle: Name
     dt: Annotated[float, Meta(ge=1e-3, le=0.1)]  # control period [s]
     hold: Annotated[int, Meta(ge=1, le=100)]  # control periods for which an action is held
     low: Limits  # commands at -1 [rad/s, m/s^2]
     high: Limits  # commands at 1
-    course: str  # that it was trained on
+    course: str  # course of the training
     training: dict[str, Any] = {}  # seed, steps, time, settings, command
     observes: tuple[str, ...] = tuple(UNITS)
-    # what follows each hidden layer, tanh in an older file
+    # activation of the hidden layers, tanh in an older file
     activation: Activation = "tanh"
-    # sha256 of the vehicle that it was trained with, hexadecimal, "" in an older file. A flight may
-    # change the vehicle's numbers, which its record names.
+    # sha256 of the training vehicle, hexadecimal, "" in an older file. A flight may use a changed
+    # vehicle, and its record says so.
     vehicle_sha256: str = ""
 
 
@@ -81,7 +80,7 @@ class AboutFile(About, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 class Header(Struct):
-    """The key of the record that says how to read the others."""
+    """The format key of the record."""
 
     format: str = ""
 
@@ -94,7 +93,7 @@ class Pilot:
     about: About
     weights: tuple[np.ndarray, ...]  # of LAYERS
     digest: str = ""  # sha256 of the file, hexadecimal
-    path: str = ""  # of the file, or the name of one that comes with the project
+    path: str = ""  # path of the file, or the name of a pilot that comes with the project
 
     def __call__(self, obs: np.ndarray) -> np.ndarray:
         """Return the action in -1..1.
@@ -109,11 +108,11 @@ class Pilot:
 
     @property
     def place(self) -> str:
-        """The absolute path of the file, or the name of one that comes with the project."""
+        """The absolute path of the file, or the name of a pilot that comes with the project."""
         return self.path if self.path in pilot_names() else str(Path(self.path).absolute())
 
     def check(self, vehicle: str, dt: float) -> None:
-        """Raise FileError unless the pilot is for this vehicle and control period."""
+        """Raise FileError unless the pilot fits this vehicle and control period."""
         if vehicle != self.about.vehicle:
             wanted = f"expected the vehicle it was trained for, {self.about.vehicle}"
             raise FileError(f"pilot {self.name}: {wanted}, got {vehicle}")
@@ -127,9 +126,9 @@ class Pilot:
 
 
 class PilotController:
-    """A pilot in one flight.
+    """The controller of one flight by a pilot.
 
-    It observes, and holds each action for as many control periods as in its training.
+    Each action is held for as many control periods as in the training.
     """
 
     def __init__(self, pilot: Pilot, course: Course, laps: int, rest: Sequence[float]):
@@ -138,10 +137,10 @@ class PilotController:
         self._gates = gate_rows(course, laps)
         self._last = normalised(rest, pilot.about.low, pilot.about.high)
         self._periods = ControlPeriods(pilot.about.dt)
-        self._until_next = 0  # control periods until it observes again
+        self._until_next = 0  # control periods until the next action
 
     def control(self, estimate: Estimate) -> tuple[np.ndarray, PlanStats]:
-        """Return the command and statistics of zero, as there is no plan.
+        """Return the command and zero statistics, as there is no plan.
 
         See quadsim.racing.flight.Controller.
         """
@@ -160,7 +159,7 @@ def forward(weights: Sequence[np.ndarray], x: np.ndarray, activation: Activation
     Args:
         weights: matrix (inputs, outputs) and bias (outputs,) of each layer in turn.
         x: inputs, (inputs,) or (rows, inputs).
-        activation: what follows each hidden layer: relu, max(0, x), or tanh.
+        activation: activation of the hidden layers: relu, max(0, x), or tanh.
     """
     *hidden, matrix, bias = weights
     for k in range(0, len(hidden), 2):
@@ -184,7 +183,7 @@ def pilot_names() -> tuple[str, ...]:
 
 
 def load_pilot(path: str | Path) -> Pilot:
-    """Read a pilot from its file, or one that comes with the project by its name.
+    """Return a pilot by name, if it comes with the project, or by the path of its file.
 
     Raises:
         FileError: there is no such pilot, or its file is damaged.

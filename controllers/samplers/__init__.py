@@ -1,7 +1,7 @@
 """Samplers: distributions of the perturbations z of v = u + z, one short file each.
 
-A sampler is a frozen dataclass of its numbers. Its method `build` makes the source of perturbations
-that MPPI draws from.
+A sampler is a frozen dataclass of its parameters. Its method `build` makes the source of
+perturbations for MPPI.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def build_lanes(
     key: np.ndarray,
     dt: float,
 ) -> LaneSampler:
-    """Return the source of perturbations that MPPI draws from.
+    """Return the source of perturbations for MPPI.
 
     Args:
         sampler: a registered sampler, or an object with `sample`.
@@ -45,8 +45,7 @@ def build_lanes(
         dt: control period [s].
 
     Raises:
-        SettingError: there is no such sampler, or it has numbers for another number of controls (a
-            ValueError).
+        SettingError: there is no such sampler, or its number of controls differs (a ValueError).
     """
     if not isinstance(sampler, Sampling):
         if isinstance(sampler, type) or not callable(getattr(sampler, "sample", None)):

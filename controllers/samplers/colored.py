@@ -1,13 +1,12 @@
 """Colored sampling, PSD(f) ~ 1/f^gamma: Gaussians in the frequency domain, then an inverse FFT.
 
-Timmer and Koenig 1995; Vlahov et al. 2024, section III-A and Algorithm 1. Three methods go by this
-name:
+Timmer and Koenig 1995; Vlahov et al. 2024, section III-A and Algorithm 1. There are three methods:
 
 exact    a transform of length n >= 2T whose steps 0..T-1 and T..2T-1 are two samples. The periodic
          wrap of the transform falls outside both, and the variance is sigma^2 at every t. The two
          are antithetic rather than independent: at one t they correlate by -.08, -.30, -.52 for
-         gamma 1, 2, 4 and n = 2T. n is the first such length without a prime factor above 13; a
-         large one would take many times as long.
+         gamma 1, 2, 4 and n = 2T. n is the first such length without a prime factor above 13, as a
+         large prime factor would take many times as long.
 paper    the published formula to the letter: length T (so z_0 and z_{T-1} are neighbours), divided
          by zeta = T^-2 N^gamma (1 + 4 sum_{n=1}^{N-1} n^-gamma).
 library  the authors' public CUDA code: length 2T with the first half kept, normalised without the
@@ -29,13 +28,13 @@ from quadsim.files.values import SettingError, check_fields
 
 Law = Literal["exact", "paper", "library"]
 LAWS: tuple[Law, ...] = get_args(Law)
-OFFSET_DECAY = 0.97  # per step; "library" only
+OFFSET_DECAY = 0.97  # factor per step; "library" only
 
 
 def transform_length(horizon: int, law: Law) -> int:
     """Return the length n of a method's transform.
 
-    For `exact` any length that holds two samples will do, so it is one whose transform is fast.
+    For `exact` any length that holds two samples is valid, so a fast length is chosen.
     """
     if law == "exact":
         return fast_length(2 * horizon)
@@ -45,10 +44,10 @@ def transform_length(horizon: int, law: Law) -> int:
 def spectrum(n: int, gamma: float, law: Law) -> np.ndarray:
     """Return the standard deviation s_k of the real and imaginary part of Z_k, for unit variance.
 
-    z_t = sum_k Z_k e^{2 pi i k t / n} has two independent real parts of variance sum_k s_k^2. As a
-    real transform has them, the power of frequency k/n is k^-gamma per real number. There are two
-    such numbers for k and n - k together, real and imaginary part, but one for DC (k^-gamma taken
-    as 1) and Nyquist, which are real.
+    z_t = sum_k Z_k e^{2 pi i k t / n} has an independent real and imaginary part, each of variance
+    sum_k s_k^2. As in a real transform, the power of frequency k/n is k^-gamma per real number. The
+    pair k and n - k has two such numbers, real and imaginary part; DC (with k^-gamma taken as 1)
+    and Nyquist have one, as they are real.
 
     Args:
         n: length of the transform.
@@ -65,7 +64,7 @@ def spectrum(n: int, gamma: float, law: Law) -> np.ndarray:
     if law == "library":
         counted[0] = 0.0
     if law == "paper":
-        # The published zeta counts the Nyquist bin as any other.
+        # The published zeta treats the Nyquist bin like all other bins.
         counted[real & (k > 0)] *= 4.0
     return np.sqrt(power / counted.sum())
 
@@ -113,8 +112,8 @@ class Colored:
 class ColoredNoise:
     """The perturbations z of one planner, drawn into the same memory at each call.
 
-    A series is one transform. It holds `halves` samples for each of the LANES lanes: with the
-    method `exact` the steps 0..T-1 are one sample and the steps T..2T-1 another.
+    A series is one transform with `halves` samples for each of the LANES lanes: with the method
+    `exact` the steps 0..T-1 are one sample and the steps T..2T-1 a second one.
 
     Args:
         sampler: the numbers of the noise.
@@ -145,7 +144,7 @@ class ColoredNoise:
         ]
         self._scale = np.array(deviations, np.float32)
 
-        # The share of z_1 that is taken off each step  (steps,)
+        # The share of z_1 that is subtracted from each step  (steps,)
         self._offset = np.zeros(steps, np.float32)
         if sampler.law == "library":
             self._offset = (OFFSET_DECAY ** np.arange(steps)).astype(np.float32)
@@ -157,9 +156,9 @@ class ColoredNoise:
         """Return the perturbations of some samples, see LaneSampler.sample.
 
         Args:
-            call: index of the call, which the numbers depend on.
+            call: index of the call, which seeds the numbers.
             first: number of the first sample, a multiple of 4 LANES.
-            samples: number of samples; None: as many as there may be.
+            samples: number of samples; None: the largest number.
 
         Returns:
             (series, n_u, halves * T, LANES)
@@ -171,5 +170,5 @@ class ColoredNoise:
         return z
 
     def _series(self, samples: int) -> int:
-        """Return the number of series that hold some samples."""
+        """Return the number of series for a number of samples."""
         return -(-samples // self._held)

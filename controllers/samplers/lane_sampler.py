@@ -1,4 +1,4 @@
-"""The configuration of a sampler, and the source that it builds: perturbations z of v = u + z.
+"""The configuration of a sampler, and its source of perturbations z of v = u + z.
 
 The memory layout, and chunks of samples, are described in controllers.lanes.layout.
 """
@@ -23,7 +23,7 @@ class Momentum:
     Args:
         horizon: T, number of control periods.
         controls: n_u, number of controls.
-        shift: how it is shifted from one control period to the next.
+        shift: method of the shift from one control period to the next.
     """
 
     def __init__(self, horizon: int, controls: int, shift: Shift):
@@ -31,7 +31,7 @@ class Momentum:
         self._shift = shift
 
     def shift(self, steps: int) -> None:
-        """Shift by a number of control periods; beyond the horizon the last change is repeated."""
+        """Shift by a number of control periods; the last change is repeated at the end."""
         T = len(self.change)
         rows = np.minimum(np.arange(T) + steps, T - 1)
         if self._shift == "published":
@@ -41,20 +41,20 @@ class Momentum:
 
 @dataclass(frozen=True)
 class LaneSampler:
-    """A source of perturbations of the plan, or of the plan and the momentum where it has one."""
+    """A source of perturbations of the plan, or of plan + momentum if there is a momentum."""
 
     # sample(call, first=0, samples=as built) -> z (series, n_u, halves * T, LANES) of the samples
     # from `first` on, a multiple of 4 LANES. It is a function of (key, call, number of the sample)
     # alone. The next call writes to the same memory.
     sample: Callable[..., np.ndarray]
-    # The compiled loop behind it, if any
+    # The compiled loop of the source, if any
     loop: Callable | None
     momentum: Momentum | None = None
 
 
 @runtime_checkable
 class Sampling(Protocol):
-    """A frozen dataclass of a sampler's numbers: its configuration, and its public object."""
+    """A frozen dataclass of a sampler's parameters: its configuration and public object."""
 
     __dataclass_fields__: ClassVar[dict[str, Any]]
 

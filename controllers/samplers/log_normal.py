@@ -1,10 +1,10 @@
 """Log-MPPI (Mohamed et al. 2022): the product of a normal and a log-normal.
 
-It is white like the Gaussian, but has heavy tails.
+The noise is white like Gaussian noise, but has heavy tails.
 
     z = sigma xi exp(sigma eta),  xi, eta ~ N(0, 1) independent for every sample, time and control
 
-Its standard deviation is sigma exp(sigma^2), its kurtosis 3 exp(4 sigma^2).
+The standard deviation is sigma exp(sigma^2), the kurtosis 3 exp(4 sigma^2).
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ CEILING = np.float32(60.0)
 class LogNormal:
     """v = u + sigma xi exp(sigma eta), xi and eta ~ N(0, 1) independent; Mohamed et al. 2022.
 
-    sigma (n_u,) is in the units of the controls where it scales xi, and without a unit where it
-    scales eta. The standard deviation is sigma exp(sigma^2).
+    sigma (n_u,) is in the units of the controls as the factor of xi, and without a unit as the
+    factor of eta. The standard deviation is sigma exp(sigma^2).
 
     Examples:
         >>> from quadsim import LogNormal

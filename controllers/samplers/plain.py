@@ -1,12 +1,12 @@
-"""A sampler of one's own: any object with a method `sample` over plain numpy arrays.
+"""A user's own sampler: any object with a method `sample` over plain numpy arrays.
 
     class Uniform:
         def sample(self, rng, samples, horizon, controls):
             return rng.uniform(-1.0, 1.0, (samples, horizon, controls))
 
 At most CHUNK = 2048 samples are drawn at a time. The same samples may be drawn again, from a
-generator in the same state, so the sampler should keep no state of its own. Its draws then depend
-on (seed, call, chunk) alone, never on threads.
+generator in the same state, so the sampler should be stateless. Its draws then depend only on
+(seed, call, chunk), never on threads.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from quadsim.files.yaml_errors import shown_value
 
 @runtime_checkable
 class PlainSampler(Protocol):
-    """The interface of a sampler of one's own, which should keep no state.
+    """The interface of a user's own sampler, which should be stateless.
 
     Examples:
         >>> import numpy as np
@@ -43,15 +43,14 @@ class PlainSampler(Protocol):
         """Return perturbations of the controls around the plan, in the units of the controls.
 
         Args:
-            rng: the generator to draw from, which may also spawn others or be given to SciPy:
+            rng: the generator, which may also spawn generators or be passed to SciPy:
                 `qmc.Halton(d, seed=rng)`.
             samples: number of samples, at most 2048.
             horizon: number of control periods.
             controls: number of controls.
 
         Returns:
-            (samples, horizon, controls), finite. MPPI raises SettingError, a ValueError, for
-            anything else.
+            (samples, horizon, controls), finite. Otherwise MPPI raises SettingError, a ValueError.
         """
         ...
 
@@ -61,7 +60,7 @@ def lanes_of(
 ) -> LaneSampler:
     """Return a source of a plain sampler's perturbations in lanes.
 
-    Drawing raises SettingError for an array of another shape, and for numbers that are not finite.
+    Drawing raises SettingError for an array of a wrong shape, and for numbers that are not finite.
 
     Args:
         sampler: the sampler.
@@ -84,10 +83,10 @@ def lanes_of(
 def _generator(key: np.ndarray, call: int, first: int) -> np.random.Generator:
     """Return the generator of the chunk that begins with sample `first`.
 
-    It can spawn generators of its own, as SciPy's quasi-Monte Carlo engines do.
+    The generator can spawn generators, as SciPy's quasi-Monte Carlo engines require.
     """
     stream = np.random.Philox(np.random.SeedSequence([*map(int, key), call, first]))
-    # Philox counts up from the counter's first word, so that no two calls or chunks share a number.
+    # Philox increments the counter's first word, so no two calls or chunks share a number.
     state = np.random.Philox(
         key=key.astype(np.uint64), counter=np.array([0, first, call, 0], np.uint64)
     ).state
@@ -100,11 +99,11 @@ def checked(z: object, shape: tuple[int, int, int], name: str) -> np.ndarray:
 
     Args:
         z: the perturbations.
-        shape: the shape that they should have.
+        shape: the expected shape.
         name: name of the sampler, for errors.
 
     Raises:
-        SettingError: the array has another shape or type, or numbers that are not finite (a
+        SettingError: the array has a wrong shape or type, or numbers that are not finite (a
             ValueError).
     """
     wanted = (

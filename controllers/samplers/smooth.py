@@ -6,9 +6,9 @@
 
 So D dt is the change of the plan U in the last iteration, and sampling is centred on U plus that
 change: Gaussian sampling with sigma dt and a momentum. Smooth-MPPI* (Vlahov et al. 2024, section
-IV-C) is the same with sigma / dt. When time moves on by one period, D moves with the plan
-(`corrected`). In the authors' public CUDA code, which the paper's tables rest on, every derivative
-becomes the one at index 1 by an error (`published`).
+IV-C) is the same with sigma / dt. From one period to the next, D is shifted with the plan
+(`corrected`). In the authors' public CUDA code, on which the paper's tables are based, an error
+replaces every derivative by the one at index 1 (`published`).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Measurements of speed: control steps and their parts, flights along gates, environments, peers.
+"""Benchmarks: control steps and their parts, flights along gates, environments, peers.
 
-`race bench` prints them as tables.
+`race bench` prints the results as tables.
 """

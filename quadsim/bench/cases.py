@@ -1,4 +1,4 @@
-"""The cases of `race bench`, each of which times whole control steps."""
+"""The cases of `race bench`, which time whole control steps."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from quadsim.physics.plant_state import start_state
 
 SAMPLES = (256, 1024, 4096, 16384, 65536)
 HORIZONS = (25, 75, 150, 300)
-# Samplers that are timed beyond the quadrotor at the paper's budget.
+# Samplers for the cases other than the quadrotor at the paper's budget.
 SWEPT = ("gaussian", "colored")
-WARM_UP = 3  # calls that are not timed
-LEAST = 15  # calls that are timed at least, however long they take
+WARM_UP = 3  # number of calls before the timing
+LEAST = 15  # smallest number of timed calls
 QUADROTOR = "quadrotor"
 PRESET = "paper"  # preset of the quadrotor
 COURSE = "paper_flat"
@@ -61,7 +61,7 @@ TIMED = (QUADROTOR, *PAPER_SYSTEMS)
 
 @dataclass(frozen=True)
 class Case:
-    """A control step to be timed: a system, a sampler and a budget."""
+    """A benchmark of a control step: system, sampler and budget."""
 
     system: str  # one of TIMED
     sampler: str
@@ -87,7 +87,7 @@ class Case:
 
 
 class CaseTime(NamedTuple):
-    """The time that a case takes."""
+    """The measured time of a case."""
 
     name: str
     system: str
@@ -118,7 +118,7 @@ class CaseTime(NamedTuple):
 
 
 class Start(NamedTuple):
-    """A planner, and the state that it plans from."""
+    """A planner and its initial state."""
 
     mppi: MPPI
     x: np.ndarray  # (n_x,)

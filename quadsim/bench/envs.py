@@ -1,10 +1,10 @@
 """Time learning environments in steps per second.
 
 A step consists of the model's step, gate tests, obstacles, reward, observation and restart. Each
-number of vehicles is timed in the compiled lanes, as `race train` steps it, and through Gymnasium's
-arrays. Races of several vehicles are timed in the same ways. The two take turns in short pieces,
-and the shortest time of each is reported, as it is the least disturbed by other programs on the
-machine.
+number of vehicles is timed in the compiled lanes, as used by `race train`, and through Gymnasium's
+arrays. Races of several vehicles are timed in the same ways. Both interfaces are timed in
+alternation in short pieces, and the shortest time of each is reported, as it is the least disturbed
+by other programs on the machine.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ if TYPE_CHECKING:
     from quadsim.learn.vector_env import RacingVectorEnv  # needs Gymnasium
 
 VEHICLES = (64, 512, 4096, 65536)
-RACES = ((1024, 2), (1024, 4), (512, 8))  # numbers of races, and of racers in each
+RACES = ((1024, 2), (1024, 4), (512, 8))  # (number of races, racers per race)
 PIECE = 0.02  # approximate duration of one timed piece [s]
 
 
 class PublishedSpeed(NamedTuple):
-    """A speed that others have published, for their own machines and models."""
+    """A published speed of another project, for its own machine and model."""
 
     who: str
     steps_per_s: float
@@ -61,7 +61,7 @@ class EnvsSpeed(NamedTuple):
 
 
 class RacesSpeed(NamedTuple):
-    """The speed of this number of races, in steps of single racers."""
+    """The speed of races, in steps of single racers."""
 
     races: int
     racers: int  # in a race
@@ -102,7 +102,7 @@ def measure_races(seconds: float) -> list[RacesSpeed]:
 
 
 def race_lane_steps(races: Races) -> Callable[[], None]:
-    """Return a function that steps as many races in lanes, with actions around hover."""
+    """Return a function that steps these races in lanes, with actions around hover."""
     lanes = RaceLanes(races.task, races.races, 0, restart=True)
     lanes.begin(0)
     actions = around_hover(lanes.last.shape)
@@ -181,13 +181,13 @@ def measure_plants(seconds: float) -> dict[str, float]:
     vehicle = load_vehicle("swift")
     steps = {}
     for name, kind in PLANTS.items():
-        with suppress(ValueError):  # it is not installed
+        with suppress(ValueError):  # the simulator is not installed
             steps[name] = partial(kind(course, vehicle, dt=0.01).step, HOVER)
     return {name: 1 / time for name, time in shortest(steps, seconds).items()}
 
 
 def shortest(steps: Mapping[str, Callable[[], object]], seconds: float) -> dict[str, float]:
-    """Return the least time of a call of each function [s], timed in turn in short pieces.
+    """Return the shortest time per call of each function [s], timed in alternation.
 
     Args:
         steps: functions to call, by name.

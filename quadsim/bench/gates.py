@@ -1,8 +1,8 @@
-"""Measure whether time grows with the number of gates, on lines of few and of many gates.
+"""Measure the dependence of time on the number of gates, on lines of few and many gates.
 
-The flights take their control steps in turn. Flights of one seed repeat each other exactly, so the
-work of a control step is the same in each repetition; the least time of each step is what it takes
-when nothing else disturbs the machine.
+The flights take their control steps in alternation. Flights of one seed repeat each other exactly,
+so the work of a control step is the same in each repetition; the shortest time of each step is the
+least disturbed by other programs.
 """
 
 from __future__ import annotations
@@ -21,32 +21,32 @@ from quadsim.course import Course, parse_course
 from quadsim.racing.events import Frame
 
 GATES = (10, 200)
-APART = 12.0  # [m] from gate to gate
-FLOWN = 2.4  # [s]; 10 gates take 3.3 s
-REPEATED = 3  # flights along each line
+APART = 12.0  # distance between gates [m]
+FLOWN = 2.4  # simulated time [s]; 10 gates take 3.3 s
+REPEATED = 3  # number of flights along each line
 HEAD = "opening: [1.5, 1.5]\nstart: {position: [0, 0, 2], yaw_deg: 0}\ngates:\n"
 
 
 class GatesTime(NamedTuple):
-    """The time that a flight along a line of gates takes."""
+    """The measured times of a flight along a line of gates."""
 
     gates: int
     flown: float  # simulated time [s]
     plan_ms: float  # median over the control steps
     plan_ms_least: float
-    rest_ms: float  # mean of what plant, referee and frame take in a control step
-    wall_per_s: float  # wall-clock time for a second of flight, all included [s]
+    rest_ms: float  # mean time of plant, referee and frame in a control step
+    wall_per_s: float  # total wall-clock time for a second of flight [s]
 
 
 class StepTime(NamedTuple):
-    """The time that one control step takes [ms]."""
+    """The measured times of one control step [ms]."""
 
     whole: float
     plan: float
 
 
 def line_of_gates(gates: int) -> Course:
-    """Return a straight course."""
+    """Return a straight course with this number of gates."""
     rows = (f"  - {{position: [{APART * k:g}, 0, 2], yaw_deg: 0}}\n" for k in range(1, gates + 1))
     return parse_course(HEAD + "".join(rows), f"line_of_{gates}_gates.yaml")
 
@@ -68,7 +68,7 @@ def measure_gates(flown: float = FLOWN, **settings: Any) -> list[GatesTime]:
 def _in_turn(specs: Sequence[Spec], repetition: int) -> Iterator[list[StepTime]]:
     """Yield the times of one control step of each flight, until one of them is over.
 
-    Every other time the last flight is first.
+    The order of the flights is reversed every other time.
     """
     with ExitStack() as stack:
         flights = []
@@ -94,7 +94,7 @@ def _timed(flight: Iterator[Frame]) -> StepTime | None:
 
 
 def _gates_time(spec: Spec, whole: np.ndarray, plan: np.ndarray) -> GatesTime:
-    """Return the numbers of one flight. whole, plan: times of its control steps [ms]."""
+    """Return the times of one flight; whole, plan: times of its control steps [ms]."""
     flown = len(whole) * spec.planner.mppi.dt
     return GatesTime(
         gates=len(spec.course.gates),

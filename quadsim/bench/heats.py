@@ -1,4 +1,4 @@
-"""Time what a race of several vehicles costs: control steps, steps of the world, whole races."""
+"""Time races of several vehicles: control steps, steps of the world, whole races."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class WorldTime(NamedTuple):
 
 
 class RaceTime(NamedTuple):
-    """RaceTime is what a race in one world takes: plans, physics and rules, without a page."""
+    """The measured time of a race in one world: plans, physics and rules, without a page."""
 
     vehicles: int
     # samples of each planner
@@ -70,7 +70,7 @@ class RaceTime(NamedTuple):
 
 
 class HeatTimes(NamedTuple):
-    """HeatTimes holds the measurements that `race bench --heats` reports."""
+    """The measurements of `race bench --heats`."""
 
     beside: list[OthersTime]
     worlds: list[WorldTime]
@@ -96,7 +96,7 @@ def others_times() -> Iterator[OthersTime]:
             case = Case(expect, others)
             for _ in range(WARM_UP + others):
                 case.step_ms()
-            # In turn, so that whatever else the machine does slows both down.
+            # Timed in alternation, so that other programs slow both down alike.
             times = np.array([(alone.step_ms(), case.step_ms()) for _ in range(STEPS)])
             base, own = np.median(times, axis=0)
             yield OthersTime(expect, others, float(own), float(times[:, 1].min()), own / base)
@@ -106,7 +106,7 @@ class Case:
     """The planner of a vehicle that flies in line with others."""
 
     def __init__(self, expect: Expect, others: int):
-        """Make the planner, which has not planned yet."""
+        """Make the planner."""
         spec = Spec.of()
         entrants = tuple(Entrant(str(k), spec) for k in range(others + 1))
         heat = HeatSpec(entrants, HeatSettings(expect=expect))
@@ -146,7 +146,7 @@ class Case:
         return 1e3 * (perf_counter() - began)
 
     def _moved(self, offset: tuple[float, float, float], t: float) -> State:
-        """Return the state of a vehicle that shuttles in front of the start at t [s]."""
+        """Return the state at t [s] of a vehicle that moves to and fro in front of the start."""
         way = SPEED * (t % 0.5)
         start = self._start
         return start._replace(
@@ -181,7 +181,7 @@ def world_times(seconds: float) -> Iterator[WorldTime]:
 
 
 def race_times(seconds: float) -> Iterator[RaceTime]:
-    """Yield the time of a race for each number of vehicles. They plan each other's flights.
+    """Yield the time of a race for each number of vehicles, which plan each other's flights.
 
     Args:
         seconds: approximate time for each series of control steps [s].
@@ -193,7 +193,7 @@ def race_times(seconds: float) -> Iterator[RaceTime]:
         step_ms = median_ms(lambda: whole.mppi.control(whole.x), seconds)
         entrants = tuple(Entrant(str(k), spec) for k in range(vehicles))
         with closing(heat_frames(HeatSpec(entrants))) as frames:
-            # The first plans are longer, and loops may be compiled for them.
+            # Not timed: the first plans take longer, and may compile loops.
             t = run_until(frames, WARM_UP * period)
             began = perf_counter()
             raced = run_until(frames, t + RACE_TIME) - t
@@ -209,7 +209,7 @@ def race_times(seconds: float) -> Iterator[RaceTime]:
 
 
 def run_until(frames: Iterator[RaceFrame], t: float) -> float:
-    """Fly a race until t [s], or to its end if that is earlier, and return its time then [s]."""
+    """Fly a race until t [s] or to its earlier end, and return the reached race time [s]."""
     last = 0.0
     for frame in frames:
         last = frame.t

@@ -1,7 +1,7 @@
-"""The same model and cost, without gates, through pytorch-mppi and through JAX.
+"""A comparison with pytorch-mppi and JAX, with the same model and cost, without gates.
 
-They are timed in the same run as ours. Nothing is timed before a library has found the same costs
-as ours for the same noise.
+All are timed in the same run. Each library is timed only after its costs agree with ours for the
+same noise.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from quadsim.bench.cases import median_ms, paper_case, starting
 from quadsim.console import UsageError
 from quadsim.files.extras import needs_extra
 
-AGREEMENT = 1e-3  # relative, of float32 costs over 150 steps
+AGREEMENT = 1e-3  # relative tolerance of float32 costs over 150 steps
 # Standard deviations of the noise that the other libraries draw [rad/s, rad/s, rad/s, m/s^2].
 SIGMA = (0.3, 0.3, 0.3, 3.5)
 POINT = (50.0, 0.0, 2.0)  # [m]
@@ -38,19 +38,19 @@ class PeerTime(NamedTuple):
     name: str
     ms_p50: float
     ours_ms: float
-    ratio: float  # of the two
-    largest_difference: float  # of its costs from ours for the same noise, relative
+    ratio: float  # ratio of the two times
+    largest_difference: float  # largest relative difference of the costs for the same noise
 
 
 def require_peers() -> None:
-    """Raise UsageError where the extra is not installed, before minutes of timing."""
+    """Raise UsageError if the extra is not installed, before minutes of timing."""
     missing = [name for name in ("torch", "pytorch_mppi", "jax") if find_spec(name) is None]
     if missing:
         raise UsageError(f"--peers: {needs_extra(' and '.join(missing), 'peers')}")
 
 
 def compare(seconds: float) -> list[PeerTime]:
-    """Time each library, and ours beside it, for about the given number of seconds each."""
+    """Time each library and ours, for about the given number of seconds each."""
     mppi, x = starting(paper_case("quadrotor", "gaussian"))
     config = replace(mppi.config, rest_fraction=0.0)
     ours = MPPI(mppi.system, point_cost(), preset("paper", "gaussian").sampling, config)
@@ -65,12 +65,12 @@ def compare(seconds: float) -> list[PeerTime]:
 
 
 def largest_difference(ours: MPPI, costs: Callable, x: np.ndarray) -> float:
-    """Return the largest relative difference of their costs from ours for the same noise.
+    """Return the largest relative difference between a library's costs and ours.
 
     Args:
         ours: our planner.
-        costs: theirs: (x, v) -> J (M,), with controls v (M, T, n_u).
-        x: state to start from (n_x,).
+        costs: the library's costs: (x, v) -> J (M,), with controls v (M, T, n_u).
+        x: initial state (n_x,).
 
     Raises:
         ValueError: the difference is beyond AGREEMENT.
@@ -128,7 +128,7 @@ def progress(x, x_next, u, point, p):
 
 
 def heading(x, x_next, u, point, p):
-    """Return 1 + cos of the angle between the horizontal velocity and the way from the point."""
+    """Return 1 + cos of the angle between horizontal velocity and the vector from the point."""
     dx = x_next.px - point.x
     dy = x_next.py - point.y
     d_xy = sqrt(dx * dx + dy * dy + 1e-6)
@@ -137,13 +137,13 @@ def heading(x, x_next, u, point, p):
 
 
 def height(x, x_next, u, point, p):
-    """Return the square of the distance off the point's height [m^2]."""
+    """Return the square of the height difference to the point [m^2]."""
     dz = x_next.pz - point.z
     return dz * dz
 
 
 def speed(x, x_next, u, point, p):
-    """Return the square of the horizontal speed off the desired one [(m/s)^2]."""
+    """Return the squared difference of horizontal and desired speed [(m/s)^2]."""
     off = sqrt(x_next.vx * x_next.vx + x_next.vy * x_next.vy + 1e-6) - p.speed
     return off * off
 
@@ -154,16 +154,16 @@ def stabilize(x, x_next, u, point, p):
 
 
 def array_backend(library: ModuleType) -> dict[str, Callable]:
-    """Return a library's functions in place of NumPy's, by name, as far as they are called here."""
+    """Return a library's equivalents, by name, of the NumPy functions that are called here."""
     functions = {name: getattr(library, name) for name in ("minimum", "maximum", "sqrt", "where")}
-    if library.__name__ == "torch":  # whose minimum and maximum take no plain numbers
+    if library.__name__ == "torch":  # torch's minimum and maximum take no plain numbers
         for name in ("minimum", "maximum"):
             functions[name] = _of_tensors(library, functions[name])
     return functions
 
 
 def _of_tensors(torch: ModuleType, choose: Callable) -> Callable:
-    """Return torch's minimum or maximum, of plain numbers too."""
+    """Return torch's minimum or maximum, extended to plain numbers."""
 
     def chosen(a: Any, b: Any) -> Any:
         return choose(torch.as_tensor(a), torch.as_tensor(b))
@@ -172,13 +172,13 @@ def _of_tensors(torch: ModuleType, choose: Callable) -> Callable:
 
 
 def rebind(function: Callable, backend: dict[str, Callable]) -> FunctionType:
-    """Return the function with the backend's functions in place of those of the same name."""
+    """Return the function with its globals replaced by the backend's functions, by name."""
     assert isinstance(function, FunctionType)
     return FunctionType(function.__code__, {**function.__globals__, **backend})
 
 
 class Model(NamedTuple):
-    """Our model and cost in another library. States and controls are sequences of arrays."""
+    """Our model and cost in another library; states and controls are sequences of arrays."""
 
     step: Callable  # (x, u) -> the next state
     cost: Callable  # (x, u) -> the cost of x
@@ -207,7 +207,7 @@ class TorchPeer:
     """pytorch_mppi.MPPI as its users call it: float32, batched dynamics, and our threads."""
 
     def __init__(self, ours: MPPI):
-        """Take over a planner's model, cost and budget.
+        """Use a planner's model, cost and budget.
 
         ours: the planner.
         """
@@ -252,7 +252,7 @@ class TorchPeer:
     def costs(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return the costs J (M,) of controls v (M, T, n_u) from the state x (n_x,).
 
-        As ours, they are the mean over the states that the steps lead to.
+        As in ours, J is the mean over the next states of all steps.
         """
         torch = self._torch
         state = torch.tensor(x, dtype=torch.float32).expand(len(v), -1)
@@ -268,7 +268,7 @@ class JaxPeer:
     """The same algorithm in JAX: one compiled function, a scan over the horizon."""
 
     def __init__(self, ours: MPPI):
-        """Take over a planner's model, cost and budget.
+        """Use a planner's model, cost and budget.
 
         ours: the planner.
         """

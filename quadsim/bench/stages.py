@@ -21,7 +21,7 @@ from quadsim.bench.cases import Case, Start, median_ms, starting, times_ms
 class PartTime(NamedTuple):
     """The time that a part of one iteration takes."""
 
-    name: str  # of the case
+    name: str  # name of the case
     sampler: str
     part: str
     ms: float
@@ -36,16 +36,16 @@ def stages(case: Case, seconds: float) -> list[PartTime]:
 def parts_ms(start: Start, sampler: str, seconds: float) -> dict[str, float]:
     """Return the median time of each part of one iteration [ms].
 
-    `rest` is the whole less its parts; it is below zero where their medians do not agree. Colored
-    noise is made in one loop: the time of as many normals alone is given as `normals`, the rest of
-    the loop's time as `transform`.
+    `rest` is the whole minus its parts, and may be negative, as the medians are independent.
+    Colored noise is made in one loop: `normals` is the time of the same number of normals alone,
+    and `transform` is the rest of the loop's time.
     """
     mppi = start.mppi
     noise_of_colored = {}
     if sampler == "colored":
         noise_of_colored["normals"] = normals_ms(mppi, seconds)
 
-    # Time the parts in whole control steps, with the caches as they are there.
+    # Time the parts within whole control steps, with realistic caches.
     taken: list[list[float]] = []
     with timed_parts(mppi) as parts:
 
@@ -74,7 +74,7 @@ def parts_ms(start: Start, sampler: str, seconds: float) -> dict[str, float]:
 
 @contextmanager
 def timed_parts(mppi: MPPI) -> Iterator[dict[str, float]]:
-    """Time the functions of an iteration where they are called, over all its chunks.
+    """Time the functions of an iteration at their calls, over all its chunks.
 
     Yields the time spent in each part since the dictionary's values were last set to 0 [ms].
     """
@@ -105,10 +105,10 @@ def timed_parts(mppi: MPPI) -> Iterator[dict[str, float]]:
 
 
 def normals_ms(mppi: MPPI, seconds: float) -> float:
-    """Return the time of as many normals as one iteration's noise has numbers [ms].
+    """Return the time of the normals for one iteration's noise [ms].
 
-    They are drawn chunk after chunk in the sampler's own memory. Method exact: two series of n = 2T
-    steps come from 2n normals a channel.
+    The normals are drawn chunk after chunk in the sampler's own memory. With the method exact, two
+    series of n = 2T steps need 2n normals per channel.
     """
     key = np.zeros(2, np.uint32)
     parts = chunks(mppi.samples)

@@ -17,11 +17,11 @@ from quadsim.console import plain_table
 
 
 def case_tables(rows: Sequence[CaseTime], most: int) -> Iterator[RenderableType]:
-    """Yield a table of the cases of each system, and one of how their times grow.
+    """Yield a table of the cases of each system, and a table of the growth of time with size.
 
     Args:
         rows: measured cases.
-        most: threads of those that were timed on all.
+        most: number of threads of the cases on all threads.
     """
     for system in dict.fromkeys(row.system for row in rows):
         yield cases_table(system, [row for row in rows if row.system == system])
@@ -54,7 +54,7 @@ def cases_table(system: str, rows: Sequence[CaseTime]) -> Table:
 
 
 def growth_table(rows: Sequence[CaseTime], most: int) -> Table:
-    """Return ms for a million steps by size, on one thread and on all, and the ratio of the two."""
+    """Return ms per million steps by size, on one thread and on all, and their ratio."""
     heads = ("1 thread", f"{most} threads", "ratio") if most > 1 else ("1 thread",)
     columns = [
         f"{sampler if i == 0 else ''}\n{head}" for sampler in SWEPT for i, head in enumerate(heads)
@@ -75,7 +75,7 @@ def growth_table(rows: Sequence[CaseTime], most: int) -> Table:
 
 
 def stages_table(rows: Sequence[PartTime], threads: int) -> Table:
-    """Return the parts of an iteration, a block for each sampler."""
+    """Return the parts of an iteration, with a block for each sampler."""
     first = f"{rows[0].name}\none iteration, {threads} threads"
     table = plain_table(first, "\nsampler", "\nms", left=(0, 1), no_wrap=True)
     for row in rows:
@@ -93,7 +93,7 @@ def peer_lines(rows: Sequence[PeerTime]) -> Iterator[str]:
 
 
 def others_table(rows: Sequence[OthersTime]) -> Table:
-    """Return the times of control steps beside other vehicles."""
+    """Return the times of control steps with other vehicles."""
     heads = (
         "expected of\nthe others",
         "\nothers",
@@ -133,7 +133,7 @@ def heat_table(rows: Sequence[RaceTime]) -> Table:
 
 
 def gates_table(rows: Sequence[GatesTime]) -> Table:
-    """Return every row beside the first."""
+    """Return every row relative to the first."""
     heads = (
         "gates",
         "plan p50\n[ms]",
@@ -155,7 +155,7 @@ def gates_table(rows: Sequence[GatesTime]) -> Table:
 
 
 def envs_table(rows: Sequence[EnvsSpeed]) -> Table:
-    """Return million steps a second, and the nanoseconds of a core that a step takes."""
+    """Return million steps per second, and the core time per step [ns]."""
     heads = (
         "vehicles",
         "threads",
@@ -178,7 +178,7 @@ def envs_table(rows: Sequence[EnvsSpeed]) -> Table:
 
 
 def races_table(rows: Sequence[RacesSpeed]) -> Table:
-    """Return million steps of single racers a second."""
+    """Return million steps of single racers per second."""
     heads = ("races", "racers", "threads", "in lanes\n[million/s]", "in arrays\n[million/s]")
     table = plain_table(*heads, no_wrap=True)
     for row in rows:
@@ -195,7 +195,7 @@ def races_table(rows: Sequence[RacesSpeed]) -> Table:
 def other_simulators(plants: Mapping[str, float]) -> Iterator[str]:
     """Yield a line for each simulator of one vehicle in this run, and for each published figure.
 
-    plants: steps a second by name.
+    plants: steps per second by name.
     """
     for name, steps in plants.items():
         yield (f"one vehicle, no gates, reward or observation: {name}: {steps / 1e6:.2g} million/s")
@@ -205,12 +205,12 @@ def other_simulators(plants: Mapping[str, float]) -> Iterator[str]:
 
 
 def _beside(number: float, first: float) -> str:
-    """Return a number with its ratio to the first row's, as text."""
+    """Return a number with its ratio to the first row's number, as text."""
     return f"{number:.2f} ({number / first:.3f})"
 
 
 def _order(row: CaseTime) -> tuple:
-    """The quadrotor first, by samples at the paper's horizon, then by horizon at its samples."""
+    """Sort the quadrotor first, by samples at the paper's horizon, then by horizon."""
     paper = paper_case(QUADROTOR, "gaussian")
     return (
         row.system != QUADROTOR,

@@ -55,7 +55,7 @@ def bench(
     ] = False,
     json: Json = False,
 ) -> int:
-    """Time whole control steps on this machine, which should do nothing else meanwhile.
+    """Time whole control steps on this machine, which should be otherwise idle.
 
     Every system is timed at the paper's budget, then the quadrotor with other samples and horizons.
 
@@ -63,7 +63,7 @@ def bench(
 
     race bench --gates     does a control step take longer on a course with more gates?
 
-    race bench --envs      steps of learning environments and of races of several a second
+    race bench --envs      steps per second of learning environments and races of several vehicles
 
     race bench --heats     a control step beside 1, 3 and 7 other vehicles, and whole races
 
@@ -84,13 +84,13 @@ def bench(
 
 
 def planner_code() -> str:
-    """Return the text of the loops that are compiled for the default race."""
+    """Return the source text of the compiled loops for the default race."""
     spec = Spec.of()
     return module_source(system_of(spec), cost_on(spec, spec.course), np.float32)
 
 
 def _bench_planner(seconds: float, peers: bool, json: bool) -> None:
-    """Time control steps and their parts, and the other libraries where they are asked for."""
+    """Time control steps and their parts, and the other libraries if requested."""
     if peers:
         require_peers()
     most = use_threads(None)
@@ -134,7 +134,7 @@ def _bench_gates(json: bool) -> None:
 
 
 def _bench_heats(seconds: float, json: bool) -> None:
-    """Time control steps beside other vehicles, steps of a world of several, and races."""
+    """Time control steps with other vehicles, steps of a world of several vehicles, and races."""
     times = measure_heats(seconds)
     if json:
         result = {

@@ -27,8 +27,8 @@ your shell sources at its start (or zsh, fish).
 Exit code: 0 finished, 1 not finished, 2 usage or bad file, 130 interrupted.
 """
 SHELLS = ("bash", "zsh", "fish")
-COMPLETE = "__complete"  # what the shell's script asks, answered by cyclopts
-PIPE_CLOSED = 128 + signal.SIGPIPE  # what a shell reports for a program that the signal has ended
+COMPLETE = "__complete"  # request of the shell's completion script, answered by cyclopts
+PIPE_CLOSED = 128 + signal.SIGPIPE  # exit code of a program that the signal has ended
 
 
 def main() -> None:
@@ -43,7 +43,7 @@ def main() -> None:
 def race(argv: list[str]) -> int:
     """Run a command line and return its exit code.
 
-    Whatever a user can cause is one line on stderr.
+    Every error that a user can cause is reported as one line on stderr.
     """
     argv = argv or ["--help"]
     name = argv[0]
@@ -77,7 +77,7 @@ def _run(argv: list[str]) -> int:
 
 
 def _check_compiler() -> None:
-    """Raise UsageError where a NUMBA_ variable keeps the planner from being compiled."""
+    """Raise UsageError if a NUMBA_ variable prevents the compilation of the planner."""
     if any(variable.startswith("NUMBA_") for variable in os.environ):
         from quadsim.cli.compiler import check_compiler
 
@@ -106,7 +106,7 @@ def _about(argv: list[str]) -> int:
 
 
 def _print_completion(words: list[str]) -> int:
-    """Print the script by which a shell completes `race`."""
+    """Print the completion script of a shell."""
     from quadsim.cli.parse import application
 
     if len(words) != 1 or words[0] not in SHELLS:
@@ -117,7 +117,7 @@ def _print_completion(words: list[str]) -> int:
 
 
 def _drop_stdout() -> None:
-    """Send what is still buffered nowhere; Python would try to write it again at its end."""
+    """Discard buffered output, which Python would otherwise write again at its exit."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

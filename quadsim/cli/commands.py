@@ -1,4 +1,4 @@
-"""The commands of `race`: a function in a module that is loaded when it is asked for."""
+"""The commands of `race`: each is a function in a module that is loaded on demand."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class Command(NamedTuple):
 
     function: str  # "module:function"
     summary: str
-    compiles: bool = False  # it runs the compiled planner
+    compiles: bool = False  # whether the command runs the compiled planner
 
 
 COMMANDS = {

@@ -1,4 +1,4 @@
-"""`race compare`: variants against each other, and the flags that all campaigns share."""
+"""`race compare`: a comparison of variants, and the flags that all campaigns share."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def compare(
     race: GivenRace = None,
     settings: Given = None,
 ) -> int:
-    """Fly variants against each other and report differences with intervals.
+    """Fly variants on the same seeds and report their differences with intervals.
 
     Which one is faster, safer, smoother, and by how much? Attempt i of every
     variant flies seed --seed + i: the same start, gusts and vehicle under
@@ -131,7 +131,7 @@ def compare(
     if not found.sections:
         raise RunError("no attempt was flown: nothing to compare")
 
-    # What was found is printed first, as drawing may take some seconds.
+    # Results are printed first, as drawing may take some seconds.
     if json:
         emit_json(found.as_json() | {"campaign": campaign})
     else:

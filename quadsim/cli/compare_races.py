@@ -1,4 +1,4 @@
-"""`race compare --line-up`: settings of races against each other."""
+"""`race compare --line-up`: a comparison of settings of races."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ def compare_races(
         campaign: the SQLite file.
         jobs: the number of workers.
         scheduler: address of a Dask cluster; None: this machine.
-        this_commit: count only what this commit has flown.
+        this_commit: whether only races of this commit count.
         out: folder of the report; None: beside the campaign.
-        json: whether one JSON value is printed in place of tables.
+        json: whether one JSON value is printed instead of tables.
 
     Raises:
         UsageError: a setting or an entrant is invalid.

@@ -12,7 +12,7 @@ def check_compiler() -> None:
     """Check that no NUMBA_ variable keeps the planner from being compiled, here or in a worker.
 
     Raises:
-        UsageError: a variable does.
+        UsageError: a variable prevents it.
     """
     variables = {k: v for k, v in sorted(os.environ.items()) if k.startswith("NUMBA_")}
     if not variables:

@@ -1,4 +1,4 @@
-"""`race firmware`: what there is of Betaflight on this machine, and its build."""
+"""`race firmware`: status and build of Betaflight, identification and tuning of vehicles."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from quadsim.firmware.package import (
     firmware_folder,
 )
 
-if TYPE_CHECKING:  # it loads SciPy, for which show and build do not wait
+if TYPE_CHECKING:  # the module loads SciPy, which show and build do not need
     from quadsim.config.tuned_gains import Tuned
 
 # The flags that an action takes beside --json
@@ -93,7 +93,7 @@ def firmware(
 
 
 def _identify(vehicle: str | None, betaflight: str | None, json: bool) -> int:
-    """Show the rate loop of a vehicle behind the firmware, as the planner's model has it."""
+    """Show the rate loop of a vehicle with the firmware, as identified for the planner's model."""
     # imported here, as show and build need no spec
     from quadsim.config.spec import Spec
     from quadsim.firmware.identified import identified
@@ -134,7 +134,7 @@ def _identify(vehicle: str | None, betaflight: str | None, json: bool) -> int:
 
 
 def _tune(vehicle: str | None, betaflight: str | None, out: str | None, json: bool) -> int:
-    """Search gains for a vehicle, and show or write the configuration with them."""
+    """Search gains for a vehicle, and show or write the configuration with these gains."""
     # imported here, as show and build need no spec
     from quadsim.config.resolve import FIRMWARE_STEP
     from quadsim.config.spec import Spec
@@ -167,7 +167,7 @@ def _tune(vehicle: str | None, betaflight: str | None, out: str | None, json: bo
 
 
 def _expect_new(path: Path) -> None:
-    """Raise UsageError where there is a file already."""
+    """Raise UsageError if the file exists already."""
     if path.exists():
         wanted = f"expected a new file, but {path} exists"
         raise UsageError(f"--out: {wanted}: name another or remove it")
@@ -200,7 +200,7 @@ def _gains_table(found: Tuned) -> Table:
 
 @contextmanager
 def _progress(quiet: bool) -> Iterator[Callable[[str, float], None]]:
-    """Show a line on a terminal; give the function that says what is done, and what share of it."""
+    """Show a progress line on a terminal; yield the function that sets its text and share."""
     console = progress_console()
     if quiet or not console.is_terminal:
         yield lambda what, share: None
@@ -220,6 +220,6 @@ def _record(built: Built | None) -> dict[str, Any]:
 
 
 def _built(quiet: bool) -> Built:
-    """Build the firmware; on a terminal a line shows how far it is."""
+    """Build the firmware, with a progress line on a terminal."""
     with _progress(quiet) as show:
         return build(show)

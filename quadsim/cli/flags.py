@@ -1,7 +1,7 @@
-"""Annotations of the commands' flags, and the flags of a flight, one for each setting.
+"""Annotations of the commands' flags, and the flags of a flight: one per setting.
 
 The annotation of a parameter holds its help, its unit and its range. cyclopts reads the command
-line and completes it; values are checked by the rules of quadsim.files.values.
+line and completes it; quadsim.files.values checks the values.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ TITLES = {
     "cost": "Cost",
     "model": "Planner's model of the vehicle",
 }
-# Forms of the texts of flags that may be repeated.
+# Formats of the values of flags that may be repeated.
 METAVARS = {"term": "MODULE:FUNCTION=WEIGHT", "fault": "PART=WHAT@TIME"}
 DEFAULT_PLANNER = PRESETS[FlightSettings.preset][FlightSettings.sampler]
 
 
 @contextmanager
 def settings_as_flags() -> Iterator[None]:
-    """Turn errors in settings, and in how the parts of a flight fit together, into UsageErrors."""
+    """Convert errors in settings, and misfits between the parts of a flight, to UsageErrors."""
     try:
         yield
     except SettingError as error:
@@ -63,12 +63,12 @@ def flag(name: str) -> str:
 
 
 def Help(text: str, **parameter: Any) -> Parameter:  # noqa: N802 (reads as an annotation)
-    """Return the parameter of a flag with its text in --help."""
+    """Return the parameter of a flag with this text in --help."""
     return Parameter(help=text, **parameter)
 
 
 def Switch(text: str) -> Parameter:  # noqa: N802
-    """Return the parameter of a flag without a value, which is off unless it is given."""
+    """Return the parameter of a flag without a value, which is off by default."""
     return Help(text, negative="", show_default=False)
 
 
@@ -134,7 +134,7 @@ def _defaults() -> dict[str, object]:
 def _flag(setting: Setting, group: Group, default: object) -> Any:
     """Return the annotation of one flag.
 
-    What follows it are one or several texts, which `Spec.of` checks.
+    The flag takes one or several texts, which `Spec.of` checks.
     """
     hint: Any = str
     metavar = None
@@ -184,7 +184,7 @@ def _shown(value: object) -> str:
 
 
 def _race_flags() -> Any:
-    """Return a type for cyclopts with one key for each setting of a race of several."""
+    """Return a type for cyclopts with one key for each setting of a race of several vehicles."""
     group = Group("Race of several vehicles", sort_key=-1)
     defaults = HeatSettings()
     kinds = inspect.type_info(HeatSettings).fields  # pyright: ignore[reportAttributeAccessIssue]
@@ -197,7 +197,7 @@ def _race_flags() -> Any:
     return TypedDict("RaceFlags", flags, total=False)  # pyright: ignore[reportArgumentType]
 
 
-# The settings that were given, by name; their values are texts, see quadsim.files.values.
+# The given settings by name; their values are texts, see quadsim.files.values.
 if TYPE_CHECKING:
     Given = dict[str, Any] | None
     GivenRace = dict[str, Any] | None

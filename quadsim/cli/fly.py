@@ -75,10 +75,10 @@ def fly(
             complain("PyBullet is not installed: the built-in rigid body flies (--plant rigid)")
         if not getattr(parts.controller, "is_cached", True):
             complain(COMPILING)
-        with settings_as_flags():  # a sampler of the user's own may return what it must not
+        with settings_as_flags():  # a user's own sampler may return invalid values
             recorder = _recorded(launch(spec, parts), spec, quiet=json)
         run = recorder.run(record)
-        # A second Ctrl-C does not cost the flight that the first one ended.
+        # The flight that a first Ctrl-C has ended is stored despite a second Ctrl-C.
         with suppress(KeyboardInterrupt), uninterrupted():
             failure = _save(folder, run)
 
@@ -94,7 +94,7 @@ def fly(
 
 
 def spec_of(course: str | None, settings: Given = None) -> Spec:
-    """Return the Spec of these flags, with its threads in use.
+    """Return the Spec of these flags, and apply its number of threads.
 
     Raises:
         UsageError: a flag cannot be used.
@@ -110,7 +110,7 @@ def spec_of(course: str | None, settings: Given = None) -> Spec:
 def check_beside_pilot(given: Mapping[str, Any]) -> None:
     """Raise UsageError for a setting of the planner, which a learned pilot would ignore.
 
-    `race compare` shares its settings among variants, of which some may be pilots.
+    `race compare` accepts such a setting, as only some of its variants may be pilots.
     """
     for name in given:
         of_planner = SETTINGS[name].group in ("sampling", "mppi", "cost") and name != "dt"
@@ -120,23 +120,23 @@ def check_beside_pilot(given: Mapping[str, Any]) -> None:
 
 
 def stored_run(name: str, settings: Mapping[str, Any]) -> Run:
-    """Return the run that is to be flown again. Raises RunError."""
+    """Return the stored run to repeat. Raises RunError."""
     return load_reportable(find_run(name, settings.get("runs_dir") or FlightSettings.runs_dir))
 
 
 def spec_again(before: Run, settings: Mapping[str, Any]) -> Spec:
-    """Return the Spec of a stored run with the given flags, with its threads in use.
+    """Return the Spec of a stored run with the given flags, and apply its number of threads.
 
     Raises:
         UsageError: a flag cannot be used.
-        FileError: a file or a part that took part in the run is missing or differs.
+        FileError: a file or a part of the run is missing or differs.
     """
     with settings_as_flags():
         return with_threads(recorded_spec(before.spec, settings))
 
 
 def compared(run: Run, before: Run, settings: Mapping[str, Any]) -> str:
-    """Return in one line whether a run that was flown again is the same."""
+    """Return one line that says whether a repeated run equals the original."""
     _, changed = sorted_settings(before.spec, settings)
     if changed:
         return f"the stored run was flown with other values of {', '.join(sorted(changed))}"
@@ -144,15 +144,15 @@ def compared(run: Run, before: Run, settings: Mapping[str, Any]) -> str:
         return "the same flight as the stored run, to the last bit"
     reason = why_not_repeatable(before)
     if own_parts(before.spec):
-        reason = ""  # they were given again
-    # The same spec gives the same bits on one machine with the same libraries only
+        reason = ""  # the settings were given again
+    # The same spec gives the same bits only on one machine with the same libraries
     return f"not the same flight as the stored run: {reason or 'see its cpu and versions'}"
 
 
 def _recorded(flight: Iterable[Frame], spec: Spec, quiet: bool) -> Recorder:
-    """Return every frame until the flight ends or Ctrl-C comes.
+    """Record every frame until the flight ends or Ctrl-C is pressed.
 
-    Raises KeyboardInterrupt where nothing has been flown yet.
+    Raises KeyboardInterrupt if there is no frame yet.
     """
     recorder = Recorder()
     with Progress(spec, quiet) as line, suppress(KeyboardInterrupt):
@@ -165,9 +165,9 @@ def _recorded(flight: Iterable[Frame], spec: Spec, quiet: bool) -> Recorder:
 
 
 def _save(folder: RunFolder, run: Run) -> RunError | None:
-    """Store the run and return what kept it from being stored.
+    """Store the run and return the error if that fails.
 
-    The report of a flight comes first, also where the flight cannot be stored.
+    The caller prints the report before the error.
     """
     try:
         folder.save(run)

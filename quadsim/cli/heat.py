@@ -1,4 +1,4 @@
-"""`race heat`: a race of several vehicles in one world, or many of them."""
+"""`race heat`: a race of several vehicles in one world, or many such races."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ from quadsim.record.run import RunError
 from quadsim.record.whole_files import expect_file
 from quadsim.results.heat import Heat
 
-# Who races where nobody is named
+# Default entrants
 ENTRANTS = ("colored", "gaussian")
-PERIOD = 0.1  # of the race between two drawings of the live line [s]
+PERIOD = 0.1  # race time between two updates of the live line [s]
 
 
 def heat(
@@ -85,7 +85,7 @@ def heat(
 ) -> int:
     """Race several vehicles in one world: who wins, who overtakes, who collides?
 
-    Each entrant has a planner or a pilot of its own, and sees the others. With
+    Each entrant has its own planner or pilot, and perceives the others. With
     --starts, many races are flown, and finish rates, ranks, wins and a rating
     have 95 % intervals. What has been flown before is not flown again.
 
@@ -163,12 +163,12 @@ def _one(spec: HeatSpec, runs_dir: str, plot: str | None, json: bool) -> int:
 
 
 def _again(name: str, runs_dir: str | None, json: bool) -> int:
-    """Fly a stored race again, and say whether it is the same.
+    """Fly a stored race again, and report whether the result is the same.
 
     Args:
-        name: its folder, a part of its name, or "last".
-        runs_dir: folder of runs, where the race and the solutions that its planners follow are
-            looked for; None: the usual one, and that of the record for the solutions.
+        name: folder of the race, a part of its name, or "last".
+        runs_dir: folder of runs with the race and the solutions that its planners follow; None: the
+            default folder, and for the solutions the folder of the record.
         json: whether the report is JSON.
     """
     stored = load_heat(find_heat(name, runs_dir or FlightSettings.runs_dir))
@@ -189,9 +189,9 @@ def _again(name: str, runs_dir: str | None, json: bool) -> int:
 
 
 def _flown(spec: HeatSpec, quiet: bool) -> Heat:
-    """Return the race, until it ends or Ctrl-C comes.
+    """Fly the race until it ends or Ctrl-C is pressed.
 
-    Raises KeyboardInterrupt where not all vehicles have begun.
+    Raises KeyboardInterrupt unless all vehicles have started.
     """
     recorder = HeatRecorder(spec)
     console = progress_console()
@@ -216,7 +216,7 @@ def _flown(spec: HeatSpec, quiet: bool) -> Heat:
 
 
 def _line(spec: HeatSpec, recorder: HeatRecorder, t: float) -> str:
-    """Return the live line: time, and the gates that each entrant has passed."""
+    """Return the live line: time, and the number of gates passed by each entrant."""
     parts = []
     for name, own in zip(spec.names, recorder.recorders, strict=True):
         last = own.last

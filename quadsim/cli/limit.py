@@ -1,4 +1,4 @@
-"""`race limit`: the least time in which a vehicle can fly a course, searched by optimisation."""
+"""`race limit`: search the least time in which a vehicle can fly a course, by optimisation."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from quadsim.record.whole_files import try_writing
 from quadsim.vehicle import load_vehicle, with_thrust_to_weight
 
 if TYPE_CHECKING:
-    # Loaded where a search begins: they load the optimiser
+    # Imported when a search begins, as these modules load the optimiser
     from quadsim.limit.guess import Flight
     from quadsim.limit.search import Attempt, Progress, Search
     from quadsim.limit.solve import Show
@@ -67,8 +67,8 @@ def limit(
 ) -> int:
     """Search the least time in which any controller could fly a vehicle through a course.
 
-    The result is the best solution of a time-optimal control problem from several starts. It counts
-    where fine integration and the referee confirm it.
+    The result is the best solution of a time-optimal control problem from several initial guesses.
+    A solution counts if fine integration and the referee confirm it.
 
     race limit split_s_swift
 
@@ -91,20 +91,20 @@ def limit(
     if known:
         return _show_known(problem, runs_dir, json)
 
-    # A damaged solution and a folder that cannot be written are told before the search
+    # Report a damaged solution or an unwritable folder before the search
     folder = limits_folder(runs_dir)
     keeper = Keeper(problem, folder, problem.best_known(folder))
     search = _search(problem)
     try_writing(folder)
     attempts: list[Attempt] = []
-    # The optimiser would take Ctrl-C for a failure
+    # The optimiser would treat Ctrl-C as a failure
     with suppress(KeyboardInterrupt), uninterrupted() as stopped:
         progress = _progress(stopped, quiet=json)
         for attempt in search.attempts(flights, nodes, progress):
             attempts.append(attempt)
             result = "; ".join(attempt.broken) or f"{attempt.time:.3f} s"
             complain(f"{attempt.start}, {attempt.nodes} nodes: {result}")
-            # A search that is killed later keeps what it has found
+            # Store each improvement, as the search may be killed later
             keeper.keep(search.stored([attempt]))
     if json:
         emit_json(_summary(problem, keeper.best, attempts))
@@ -117,15 +117,15 @@ def limit(
 
 
 def _show_known(problem: LimitProblem, runs_dir: str, json: bool) -> int:
-    """Report the best known solution and keep it as a run.
+    """Report the best known solution and store it as a run.
 
     Raises:
-        RunError: the run cannot be kept.
+        RunError: the run cannot be stored.
     """
     best = problem.best_known(limits_folder(runs_dir))
     folder = None
     if best and not problem.closed:
-        # Here: it loads the referee
+        # Imported here, as it loads the referee
         from quadsim.limit.replay import replayed
 
         run = replayed(best, problem)
@@ -174,7 +174,7 @@ def _search(problem: LimitProblem) -> Search:
 
 
 def _flight(problem: LimitProblem, name: str, runs_dir: str) -> Flight:
-    """Return a run to start from.
+    """Return a stored run as an initial guess.
 
     Raises:
         UsageError: the run is not a finished flight of this race.
@@ -197,9 +197,9 @@ def _flight(problem: LimitProblem, name: str, runs_dir: str) -> Flight:
 
 
 def _progress(stopped: list[int], quiet: bool) -> Progress:
-    """Return a line on stderr that is written over, where that is a terminal.
+    """Return a progress line on stderr, which is overwritten if stderr is a terminal.
 
-    It raises KeyboardInterrupt once a signal has come.
+    It raises KeyboardInterrupt after a signal.
     """
     console = Console(stderr=True, highlight=False)
 
@@ -217,7 +217,7 @@ def _progress(stopped: list[int], quiet: bool) -> Progress:
 
 
 def _summary(problem: LimitProblem, known: StoredSolution | None, attempts: list[Attempt]) -> dict:
-    """Return the result as JSON, in seconds and metres; time: null where nothing is known."""
+    """Return the result as JSON, in seconds and metres; time: null if nothing is known."""
     return {
         "course": problem.course.name,
         "vehicle": problem.vehicle.name,
@@ -239,8 +239,8 @@ def _summary(problem: LimitProblem, known: StoredSolution | None, attempts: list
 
 
 def _margin_kept(problem: LimitProblem) -> float:
-    """Return the distance that is kept to the frames within the narrowest opening [m]."""
-    # Here: the command's help does without it
+    """Return the margin to the frame in the narrowest opening [m]."""
+    # Imported here, as the command's help does not need it
     from quadsim.limit.route import Route
 
     return Route.of(problem).least_margin
@@ -249,7 +249,7 @@ def _margin_kept(problem: LimitProblem) -> float:
 def _report(
     problem: LimitProblem, known: StoredSolution | None, found: StoredSolution | None
 ) -> Iterator[str]:
-    """Yield the lines of the report; found: what was found now."""
+    """Yield the lines of the report; found: the solution of this search."""
     name = f"[bold]{escape(problem.course.name)}[/], {escape(problem.vehicle.name)}"
     if problem.closed:
         race = "a closed lap"

@@ -1,4 +1,4 @@
-"""Lists of what can be flown and set (`race courses`, `vehicles` and so on), and `race check`."""
+"""Lists of courses, vehicles, settings and so on (`race courses` ...), and `race check`."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ from quadsim.tables.listings import (
 from quadsim.tables.settings_table import setting_rows
 from quadsim.vehicle import VEHICLES, load_vehicle, parse_vehicle, vehicle_names
 
-# Keys that only one kind of file has
+# Keys that identify the kind of a file
 OF_VEHICLE = {"mass", "inertia", "rate_tau"}
 OF_PRESET = {"base"}
 OF_SENSING = {"exact", *SENSORS}
@@ -51,7 +51,7 @@ RANDOM_COURSES = "random_courses"
 
 
 class Described(NamedTuple):
-    """The kind of a file, and its content in a few words."""
+    """The kind of a file, and a summary of its content."""
 
     kind: str
     summary: str
@@ -163,7 +163,7 @@ def check(
 ) -> int:
     """Check course, vehicle, preset and sensing files; exit code 2 if any cannot be used.
 
-    A course beside a vehicle is checked for it too: whether the vehicle fits through the gates.
+    A course and a vehicle given together are checked to fit: the vehicle through the gates.
 
     race check mine.yaml
 
@@ -191,10 +191,10 @@ def examine(name: str) -> dict:
 
 
 def with_fits(results: Sequence[dict]) -> list[dict]:
-    """Return the results, with an error for each course that a vehicle among them cannot fly.
+    """Return the results with an error for each course that a given vehicle cannot fly.
 
     Args:
-        results: what `examine` has returned.
+        results: results of `examine`.
     """
     by_kind: dict[str, list[str]] = {"course": [], "vehicle": []}
     for result in results:
@@ -202,7 +202,7 @@ def with_fits(results: Sequence[dict]) -> list[dict]:
             by_kind[result["kind"]].append(result["file"])
     problems: dict[str, str] = {}
     for file, other in product(by_kind["course"], by_kind["vehicle"]):
-        # a pipe can be read once only
+        # a pipe can be read only once
         with suppress(FileError):
             problem = misfit(load_course(file), load_vehicle(other))
             if problem:
@@ -216,7 +216,7 @@ def with_fits(results: Sequence[dict]) -> list[dict]:
 
 
 def describe(text: str, file: str) -> Described:
-    """Return the kind of a file, known by a key that only this kind has, and its content.
+    """Return the kind of a file, identified by a key, and a summary of its content.
 
     Args:
         text: text of the file.

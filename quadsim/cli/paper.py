@@ -1,4 +1,4 @@
-"""`race paper`: every table and figure of the paper that can be made without its vehicle."""
+"""`race paper`: the tables and figures of the paper that can be made without its vehicle."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 
 class Experiment(NamedTuple):
-    """An experiment, made by the module of its name in quadsim.paper."""
+    """An experiment, run by the module of its name in quadsim.paper."""
 
-    runs: int  # of each variant, unless others are asked for
+    runs: int  # default number of runs of each variant
     about: str
 
 
@@ -67,6 +67,6 @@ def paper(
 
 
 def _make(name: str, runs: int | None, folder: Path) -> Result:
-    """Make one experiment."""
+    """Run one experiment."""
     module = import_module(f"quadsim.paper.{name}")
     return module.make(runs or EXPERIMENTS[name].runs, folder)

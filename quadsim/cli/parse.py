@@ -1,4 +1,4 @@
-"""The command line: the command that it names, its arguments, and one line for a mistake."""
+"""Parse the command line: the command, its arguments, and one line for an error."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from quadsim.files.yaml_errors import expected
 
 @cache
 def application() -> App:
-    """Return the commands as cyclopts knows them; the module of one is loaded when it is used."""
+    """Return the commands as a cyclopts App, which loads the module of a command on use."""
     app = App(name="race", version_flags=(), help_flags=("--help", "-h"), help_format="plaintext")
     for name, command in COMMANDS.items():
         app.command(command.function, name=name)
@@ -28,7 +28,7 @@ def application() -> App:
 
 
 def run(argv: Sequence[str]) -> int:
-    """Run the command that argv names and return its exit code; 0 for `--help`.
+    """Run the command line and return its exit code; 0 for `--help`.
 
     Raises:
         UsageError: flags or values that cannot be used.
@@ -46,7 +46,7 @@ def run(argv: Sequence[str]) -> int:
 
 
 def _check(function: Callable[..., Any], arguments: Mapping[str, Any]) -> None:
-    """Check the numbers of a command's own flags by their annotations. Raises UsageError."""
+    """Check a command's own flags by their annotations. Raises UsageError."""
     hints = get_type_hints(function, include_extras=True)
     for name, value in arguments.items():
         if isinstance(value, int | float) and not isinstance(value, bool):
@@ -55,7 +55,7 @@ def _check(function: Callable[..., Any], arguments: Mapping[str, Any]) -> None:
 
 
 def _line(error: CycloptsError, app: App) -> str:
-    """Return cyclopts' error as one line: the flag, what was expected, what was given."""
+    """Return cyclopts' error as one line: the flag, the expected and the given value."""
     name = error.argument.name if error.argument else ""
     command = " ".join(app.name)
     match error:

@@ -14,7 +14,7 @@ from quadsim.console import complain, progress_console
 from quadsim.dynamics.quadrotor import State
 from quadsim.racing.events import Frame
 
-PERIOD = 0.1  # from one drawing of the line to the next [s]
+PERIOD = 0.1  # time between two updates of the line [s]
 
 
 class Progress:
@@ -47,7 +47,7 @@ class Progress:
             self._live.stop()
 
     def show(self, frame: Frame) -> None:
-        """Draw the frame, unless another was drawn just before."""
+        """Draw the frame, unless the last update is more recent than PERIOD."""
         now = perf_counter()
         if self._in_lines and frame.lap > self._lap:
             speed = f"{frame.t / frame.elapsed:.2f} x real time" if frame.elapsed else ""

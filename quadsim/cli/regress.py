@@ -1,4 +1,4 @@
-"""`race regress`: fly a baseline's flights again and report whether the racer got worse."""
+"""`race regress`: repeat the flights of a baseline and report whether the planner got worse."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Found:
     path: Path
     baseline: Baseline
     now: Stored
-    verdicts: list[Verdict]  # none where nothing was stored yet
+    verdicts: list[Verdict]  # empty if nothing was stored yet
 
 
 def regress(
@@ -58,11 +58,10 @@ def regress(
     json: Json = False,
     settings: Given = None,
 ) -> int:
-    """Fly what baseline files describe, and fail where the racer got worse.
+    """Fly the flights of baseline files, and fail if the planner got worse.
 
-    It fails where success, lap time or chatter is worse by more than the
-    file's effects. Flags of `race fly` are added: does this change make it
-    slower?
+    It fails if success, lap time or chatter is worse by more than the effects
+    given in the file. Flags of `race fly` apply on top, to test a change.
 
     race regress tests/lap_times/*.yaml
 
@@ -103,7 +102,7 @@ def regress(
 
 
 def _variant(path: Path, baseline: Baseline, settings: Settings) -> Variant:
-    """Return the variant that a file flies. Raises UsageError, which names the file."""
+    """Return the variant of a baseline file. Raises UsageError, which names the file."""
     try:
         with settings_as_flags():
             return baseline_variant(path.stem, baseline, settings)

@@ -32,8 +32,8 @@ from quadsim.render.look import VARIED
 from quadsim.render.poses import Pose, drawn_poses, flown_poses
 from quadsim.sensing.camera import Camera, load_camera
 
-DRAWN = 100  # pictures of a course, unless another number is asked for
-CHUNK = 4  # pictures a worker makes at a time
+DRAWN = 100  # default number of pictures of a course
+CHUNK = 4  # pictures per task of a worker
 
 TARGET = "a run (its folder, a part of its name, last), or a course by name or as FILE.yaml"
 OUT = "folder for pictures and labels; a folder with pictures of the same settings is continued"
@@ -63,9 +63,9 @@ def render(
     runs_dir: RunsDir = "runs",
     json: Json = False,
 ) -> int:
-    """Make pictures for perception: what a camera on the vehicle sees.
+    """Render pictures for perception from a camera on the vehicle.
 
-    They show a flight, or a course from poses along and around it, as colour, depth and
+    The pictures show a flight, or a course from poses along and around it, as colour, depth and
     segmentation. Labels are the corners of the gates in pixels and the camera's pose (COCO-like
     JSON).
 
@@ -94,11 +94,11 @@ def render(
 
 
 def _make_missing(asked: _Asked, folder: Path, jobs: int | None, quiet: bool) -> tuple[int, float]:
-    """Make the pictures that are not there, and return their number and how many a second.
+    """Make the missing pictures, and return their number and the rate [1/s].
 
     Raises:
         UsageError: a worker process was killed.
-        KeyboardInterrupt: with how many pictures are whole.
+        KeyboardInterrupt: the message has the number of complete pictures.
     """
     count = len(asked.poses)
     kept = whole(folder, count)
@@ -121,7 +121,7 @@ def _make_missing(asked: _Asked, folder: Path, jobs: int | None, quiet: bool) ->
 def make_all(
     pool: Pool, pictures: Pictures, out: Path, poses: Sequence[tuple[int, Pose]]
 ) -> Iterator[int]:
-    """Make these pictures; yield the number of those that have become whole since the last.
+    """Make these pictures; yield the number of newly completed ones each time.
 
     Raises:
         OSError: a picture cannot be written.
@@ -140,7 +140,7 @@ def make_all(
 
 
 class _ProgressLine(Progress):
-    """A bar with the pictures a second. It is not shown where stderr is no terminal."""
+    """A bar with the pictures per second, shown only if stderr is a terminal."""
 
     def __init__(self, total: int, kept: int, quiet: bool):
         if kept and not quiet:
@@ -158,7 +158,7 @@ class _ProgressLine(Progress):
 
 
 def _check_extras(mp4: bool) -> None:
-    """Raise UsageError unless the packages are installed that are needed."""
+    """Raise UsageError unless the required packages are installed."""
     if not has_bullet():
         raise UsageError(needs_extra("pybullet", "bullet"))
     if mp4 and find_spec("imageio_ffmpeg") is None:
@@ -179,7 +179,7 @@ def _varied(given: str | None) -> tuple[str, ...]:
 
 
 class _Asked(NamedTuple):
-    """The pictures that were asked for."""
+    """The requested pictures."""
 
     pictures: Pictures
     poses: list[Pose]
@@ -212,7 +212,7 @@ def _film(
         UsageError, FileError, RunError: the file, the camera or the run cannot be used.
         OSError: the film cannot be written.
     """
-    # it loads Matplotlib
+    # imported here, as it loads Matplotlib
     from quadsim.render import film
 
     path = Path(file)
@@ -242,7 +242,7 @@ def _film(
 
 
 def _run_folder(target: str, runs_dir: str) -> Path:
-    """Return the folder of a run. Raises RunError, or UsageError where a course's name is near."""
+    """Return the folder of a run. Raises RunError, or UsageError for a misspelt course."""
     try:
         return find_run(target, runs_dir)
     except RunError:
@@ -253,7 +253,7 @@ def _run_folder(target: str, runs_dir: str) -> Path:
 
 
 def _report(out: Path, count: int, made: int, rate: float, as_json: bool) -> None:
-    """Tell what was made."""
+    """Report the pictures that were made."""
     if as_json:
         per_second = rate if made else None
         emit_json({"out": str(out), "pictures": count, "made": made, "per_second": per_second})

@@ -26,7 +26,7 @@ def present(
     Args:
         run: run to report.
         folder: folder of the stored run, None if it could not be stored.
-        as_json: one JSON object in place of text.
+        as_json: whether to print one JSON object instead of text.
         runs_dir: see `known_limit`.
     """
     if as_json:
@@ -40,12 +40,12 @@ def known_limit(
 ) -> StoredSolution | None:
     """Return the best known limit of a run's race.
 
-    It is looked for in the project, beside the run and in the folder of runs.
+    The search covers the project, the folder beside the run and the folder of runs.
 
     Args:
         run: run of the race.
         folder: folder of the stored run.
-        runs_dir: folder of runs that the command was given.
+        runs_dir: folder of runs given to the command.
     """
     places = [folder.parent] if folder else []
     if runs_dir is not None:
@@ -55,14 +55,14 @@ def known_limit(
 
 
 def _remark(problem: str) -> None:
-    """Write that a solution counts as none, as it cannot be read."""
+    """Write a remark that an unreadable solution is ignored."""
     complain(f"{problem}: it counts as none")
 
 
 def report(
     run: Run, folder: Path | None, columns: int, runs_dir: str | Path | None = None
 ) -> Iterator[RenderableType]:
-    """Yield the parts of the report of a run, and where it is stored.
+    """Yield the parts of the report of a run, and the path of its folder.
 
     Args:
         run: run to report.
@@ -78,7 +78,7 @@ def report(
 def summary(run: Run, folder: Path | None, runs_dir: str | Path | None = None) -> dict:
     """Return the report as JSON, in seconds, metres and m/s; `plan_ms` in milliseconds.
 
-    limit is null where none is known, run_dir where the run could not be stored.
+    limit is null if none is known; run_dir is null if the run could not be stored.
 
     Args:
         run: run to report.
@@ -116,7 +116,7 @@ def summary(run: Run, folder: Path | None, runs_dir: str | Path | None = None) -
 
 
 def _limit_summary(run: Run, limit: StoredSolution | None) -> dict | None:
-    """Return a limit as JSON; above: null where the race was not finished."""
+    """Return a limit as JSON; above: null if the race was not finished."""
     if limit is None:
         return None
     above = limit.above(run.duration) if run.outcome == "finished" else None

@@ -1,4 +1,4 @@
-"""`race results`: what campaigns have stored, listed, filtered and compared."""
+"""`race results`: list, filter and compare the stored results of campaigns."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from quadsim.cli.compare import CAMPAIGN
 from quadsim.cli.flags import Help, Json, RunsDir
 from quadsim.console import UsageError, emit, emit_json
 
-# Columns that stand above the table where all groups share the cell, with their names there.
+# Columns that move above the table if all groups share the cell, with their names there.
 SHARED = {"course": "course", "vehicle": "vehicle", "rnd": "randomized", "commit": "commit"}
 
 
@@ -35,7 +35,7 @@ def results(
     runs_dir: RunsDir = "runs",
     json: Json = False,
 ) -> int:
-    """List what is stored, one line for each variant and the commit that flew it.
+    """List stored results, one line for each variant and commit.
 
     Two or more ids compare them.
 
@@ -80,11 +80,11 @@ def _find(groups: Sequence[Group], wanted: str) -> Group:
 
 
 def results_table(groups: Sequence[Group], width: int | None = None) -> Iterator[RenderableType]:
-    """Yield one table, and above it what all groups share, so that the table is not so wide.
+    """Yield one table, and above it the values common to all groups, to save width.
 
     Args:
-        groups: a row for each.
-        width: columns of the terminal; None: of this one.
+        groups: groups of flights, one per row.
+        width: columns of the terminal; None: width of the present terminal.
     """
     if not groups:
         yield "no stored attempt matches"

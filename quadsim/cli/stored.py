@@ -20,7 +20,7 @@ from quadsim.results.heat import Heat
 
 
 def show(run: Stored = "last", /, *, runs_dir: RunsDir = "runs", json: Json = False) -> int:
-    """Show the report of a stored run or race, as it was printed after the flight.
+    """Show the report of a stored run or race, as printed after the flight.
 
     race show last
 
@@ -51,7 +51,7 @@ def plot(
 ) -> int:
     """Draw a stored run: path from above, thrust, body rates, spectrum.
 
-    A race of several is drawn as paths, places at the gates and gaps.
+    A race of several vehicles is drawn as paths, places at the gates and gaps.
 
     race plot last --out race.png
     """
@@ -61,7 +61,7 @@ def plot(
     else:
         folder = find_run(run, runs_dir)
         flown = load_reportable(folder)
-        # Here, so that --help does not load matplotlib
+        # Imported here, so that --help does not load matplotlib
         from quadsim.figures.run_figure import draw
 
         figure = draw(flown, known_limit(flown, folder, runs_dir))
@@ -132,7 +132,7 @@ def _data(kind: str, folders: list[Path]) -> bytes:
         return telemetry_csv([(folder.name, load_run(folder)) for folder in folders])
     if kind == "mcap":
         return _mcap_data(folders)
-    # Here, so that --help does not load them
+    # Imported here, so that --help does not load them
     from web.competitor import named
     from web.page.export import offline_page, zipped
     from web.stored_runs import stored_competitor

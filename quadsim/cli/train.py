@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from quadsim.learn.checkpoint import Evaluation
     from quadsim.learn.training import Progress, Training
 
-# Weight of the margin in gates, less than the environments' own: the discount looks so far ahead
-# that a crash, which ends all reward, is feared enough.
+# Weight of the margin in gates, below the environments' default: with this discount, the loss of
+# all later reward is a sufficient penalty of a crash.
 CLEARANCE = 1.0
 
 COURSE = "a name (see `race courses`), a FILE.yaml or a folder of them; several joined by commas"
@@ -92,7 +92,7 @@ def train(
     }
     courses = _courses(course)
     with settings_as_flags():
-        # not before: loading the environments takes a second
+        # imported late, as loading the environments takes a second
         from quadsim.learn.ppo_config import PPOConfig
         from quadsim.learn.task import task
         from quadsim.learn.training import Training
@@ -131,13 +131,13 @@ def train(
 
 
 def _vehicle(name: str, ratio: float | None) -> Vehicle:
-    """Return the vehicle of the flags. Raises FileError."""
+    """Return the vehicle given by the flags. Raises FileError."""
     vehicle = load_vehicle(name)
     return with_thrust_to_weight(vehicle, ratio) if ratio else vehicle
 
 
 def _courses(given: str) -> list[str]:
-    """Return the names and files that are meant, those of a folder in order. Raises UsageError."""
+    """Return the course names and files; a folder gives its files in order. Raises UsageError."""
     found: list[str] = []
     for name in given.split(","):
         if not Path(name).is_dir():
@@ -151,7 +151,7 @@ def _courses(given: str) -> list[str]:
 
 
 def _out(out: str) -> Path:
-    """Return the path of the pilot's file, where it can be written. Raises UsageError, RunError."""
+    """Return the writable path of the pilot's file. Raises UsageError, RunError."""
     path = Path(out)
     if path.suffix != ".npz":
         raise UsageError(f"--out: expected FILE.npz, got {out!r}")
@@ -162,7 +162,7 @@ def _out(out: str) -> Path:
 
 
 def _command(course: str, flags: dict[str, Any]) -> str:
-    """Return the command line that was given, for the pilot's file."""
+    """Return the command line, for the pilot's file."""
     given = [
         f"--{name} {shlex.quote(str(value))}" for name, value in flags.items() if value is not None
     ]
@@ -170,7 +170,10 @@ def _command(course: str, flags: dict[str, Any]) -> str:
 
 
 def _learn(training: Training, quiet: bool) -> list[Evaluation]:
-    """Return a row for each evaluation. Raises UsageError, FileError, KeyboardInterrupt."""
+    """Train, and return a row for each evaluation.
+
+    Raises UsageError, FileError, KeyboardInterrupt.
+    """
     from quadsim.learn.training import train
 
     try:
@@ -187,9 +190,9 @@ def _learn(training: Training, quiet: bool) -> list[Evaluation]:
 
 
 class ProgressLine:
-    """A line on a terminal that says how far a training is: `with ProgressLine(steps) as line`.
+    """A progress line of a training on a terminal: `with ProgressLine(steps) as line`.
 
-    Where stderr is no terminal, only the evaluations are told, a line each.
+    If stderr is not a terminal, only the evaluations are printed, one line each.
 
     Args:
         steps: steps of the whole training.
@@ -210,12 +213,12 @@ class ProgressLine:
         self._bar.stop()
 
     def progress(self, progress: Progress) -> None:
-        """Show how far the training is."""
+        """Show the progress of the training."""
         text = progress_text(progress, self._steps)
         self._bar.update(self._task, completed=progress.share, description=text)
 
     def report(self, row: Evaluation) -> None:
-        """Tell of an evaluation, in a line that stays."""
+        """Print an evaluation as a permanent line."""
         line = evaluation_text(row)
         if self._bar.disable:
             complain(line)
@@ -224,14 +227,14 @@ class ProgressLine:
 
 
 def progress_text(progress: Progress, steps: int) -> str:
-    """Return steps done of all, steps per second and the time that is left."""
+    """Return the steps so far and in total, the steps per second and the remaining time."""
     done = f"{progress.steps / 1e6:.1f} of {steps / 1e6:.1f} M steps"
     left = timedelta(seconds=round(progress.left))
     return f"{done}, {progress.rate / 1e3:.0f} k/s, {left} left"
 
 
 def evaluation_text(row: Evaluation) -> str:
-    """Return an evaluation as a line."""
+    """Return an evaluation as one line."""
     lap = f"lap {row['lap']:.3f} s" if row["finished"] else "no lap"
     parts = (
         f"{row['steps'] / 1e6:6.1f} M steps: reward {row['reward']:.2f}/s",
@@ -243,7 +246,7 @@ def evaluation_text(row: Evaluation) -> str:
 
 
 def _plot(history: Sequence[Evaluation], path: Path, title: str) -> None:
-    """Draw how the pilot learnt."""
+    """Draw the history of a training."""
     from quadsim.figures.learning import draw
     from quadsim.figures.style import save_figure
 

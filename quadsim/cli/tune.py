@@ -1,4 +1,4 @@
-"""`race tune`: search a planner's parameters for the fastest lap that is still safe."""
+"""`race tune`: search planner parameters for the fastest lap at a minimum success rate."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from quadsim.console import UsageError, complain, emit, emit_json
 from quadsim.files.extras import needs_extra
 from quadsim.record.whole_files import expect_file, expect_writable, write_whole
 
-if TYPE_CHECKING:  # these load optuna, for which --help does not wait
+if TYPE_CHECKING:  # these modules load optuna, which --help does not need
     from quadsim.campaign.search import FlownTrial
     from quadsim.campaign.tune import Tuned
 

@@ -1,4 +1,4 @@
-"""`race web`: the dashboard in a browser, live or in replay."""
+"""`race web`: the dashboard in a browser, for live flights and replays."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from quadsim.console import UsageError, complain, emit, emit_json, uninterrupted
 from quadsim.course import load_course
 from quadsim.record.archive import find_run
 
-WAKE = 0.5  # [s] after which a signal that another thread received ends the wait
+WAKE = 0.5  # [s] period at which the wait checks for signals received by other threads
 
 
 def web(
@@ -28,7 +28,7 @@ def web(
     runs_dir: RunsDir = "runs",
     json: Json = False,
 ) -> int:
-    """Watch, tune, race ghosts, replay: a page on this machine, until Ctrl-C.
+    """Serve the dashboard on this machine until Ctrl-C: watch, tune, race ghosts, replay.
 
     race web
 
@@ -36,7 +36,7 @@ def web(
 
     race web --course mine.yaml --host 192.168.1.7
     """
-    load_course(course)  # complains of a course that cannot be read
+    load_course(course)  # raises an error if the course cannot be read
     paths = [find_run(run, runs_dir) for run in runs]
     # imported here, as they load numba and viser, which --help does not need
     from web.choices import Choices

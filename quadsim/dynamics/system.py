@@ -64,7 +64,8 @@ class System:
         """Check the system.
 
         Raises:
-            ValueError: a limit or `rest` has the wrong length, a limit is NaN, low exceeds high, `rest` is outside the limits, or dt is no positive number.
+            ValueError: a limit or `rest` has the wrong length, a limit is NaN, low exceeds high,
+                `rest` is outside the limits, or dt is no positive number.
         """
         for kind, role in ((self.state, "state"), (self.control, "control")):
             if not hasattr(kind, "_fields"):

@@ -1,1 +1,1 @@
-"""Figures of stored flights. Besides quadsim.paper, only these draw with matplotlib."""
+"""Figures of stored flights. Only this package and quadsim.paper draw with matplotlib."""

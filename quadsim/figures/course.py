@@ -1,7 +1,7 @@
-"""A course from above or from the side: the one drawing of it for figures.
+"""Drawings of a course from above or from the side, common to all figures.
 
-Gates are bars with an arrow along the passage, obstacles are filled outlines. `gate_bar` and the
-obstacles' own `outline` give the geometry in metres to drawings that matplotlib does not make.
+Gates are bars with an arrow along the passage, obstacles are filled outlines. Drawings without
+matplotlib get the geometry in metres from `gate_bar` and the obstacles' `outline`.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ class Bar(NamedTuple):
 
 
 def gate_bar(gate: Gate) -> Bar:
-    """Return a gate as seen from above, its opening within its frame."""
-    # Diagonally opposite corners lie farthest apart, however the gate is turned
+    """Return the frame and the opening of a gate from above."""
+    # Diagonally opposite corners are the farthest apart in any attitude of the gate
     frame = gate.corners(gate.frame_width)[[0, 3]]
     opening = gate.corners()[[0, 3]]
     return Bar(frame[:, :2], opening[:, :2])
@@ -72,7 +72,7 @@ def arrow_scale(points: np.ndarray) -> float:
 
 
 def draw_start(axes: Axes, position: np.ndarray) -> None:
-    """Draw where a flight begins; position: in the view  (2,)."""
+    """Draw the start of a flight; position: coordinates in the view  (2,)."""
     axes.plot(
         *position,
         marker="o",
@@ -109,7 +109,7 @@ def draw_gates(
 
 
 def draw_obstacles(axes: Axes, course: Course, plane: tuple[int, int], scale: float) -> None:
-    """Draw the outlines of the obstacles, filled, and from above the number of each.
+    """Draw the filled outlines of the obstacles, in the view from above with their numbers.
 
     Args:
         axes: axes of matplotlib.
@@ -137,10 +137,10 @@ def _draw_ring(axes: Axes, corners: np.ndarray, colour: str, width: float) -> No
 
 
 def _label_position(gate: Gate, plane: tuple[int, int], scale: float) -> np.ndarray:
-    """Return the place of a gate's number, outside its frame.
+    """Return the position of a gate's number, outside its frame.
 
-    From above it is before the gate and to its left; from the side above the gate, or before it
-    where its opening is seen edge on.
+    From above the number is in front of the gate and to its left; from the side it is above the
+    gate, or in front of it if the opening is edge on.
     """
     passage, left, _ = gate.rotation.T
     outer = outer_half_sizes(gate.opening, gate.frame_width)

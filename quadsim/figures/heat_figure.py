@@ -1,4 +1,4 @@
-"""A race on one page: the places at each gate, the gaps to the leader, and all paths from above."""
+"""A race on one page: ranks at each gate, gaps to the leader, and all paths from above."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from quadsim.heat.result import HeatEvent, placings
 from quadsim.palette import HIT, MARK, Style, styles
 from quadsim.record.run import Run
 
-# A gap that is drawn is at most this [s]
+# Largest drawn gap [s]
 LARGEST_GAP = 4.0
 
 
@@ -32,9 +32,9 @@ def draw_heat(
 
     Args:
         names: names of the entrants.
-        runs: their runs, in the same order.
-        start_times: when each of them started [s].
-        events: what happened between them.
+        runs: runs of the entrants, in the same order.
+        start_times: times of their starts [s].
+        events: events between vehicles.
         course: the course.
     """
     looks = styles(names)
@@ -53,7 +53,7 @@ def draw_heat(
 
 
 def _passes(run: Run, start_time: float) -> list[float]:
-    """Return the times of the race at which a run passed its gates [s]."""
+    """Return the race times at which a run passed its gates [s]."""
     return [start_time + event.t for event in run.events if event.kind == "pass"]
 
 
@@ -73,7 +73,7 @@ def draw_paths(
     events: Sequence[HeatEvent],
     course: Course,
 ) -> None:
-    """Draw all paths from above, and where vehicles crashed."""
+    """Draw all paths from above, and the places of crashes."""
     paths = [np.column_stack([run.telemetry["px"], run.telemetry["py"]]) for run in runs]
     scale = arrow_scale(np.vstack([*paths, course.points()[:, :2]]))
     draw_gates(axes, course, ABOVE, scale)
@@ -98,7 +98,7 @@ def draw_places(
     looks: Sequence[Style],
     gates: int,
 ) -> None:
-    """Draw the place of each entrant at each gate."""
+    """Draw the rank of each entrant at each gate."""
     most = max(map(len, passes))
     for k, (name, look) in enumerate(zip(names, looks, strict=True)):
         numbers = np.arange(1, len(passes[k]) + 1)
@@ -119,7 +119,7 @@ def draw_places(
 def draw_gaps(
     axes: Axes, passes: Sequence[Sequence[float]], looks: Sequence[Style], gates: int
 ) -> None:
-    """Draw how long after the first one each entrant passes each gate."""
+    """Draw the time by which each entrant passes each gate behind the first one."""
     most = max(map(len, passes))
     first = [min(of[g] for of in passes if len(of) > g) for g in range(most)]
     for of, look in zip(passes, looks, strict=True):

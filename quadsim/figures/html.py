@@ -1,4 +1,4 @@
-"""HTML for notebooks: tables and pictures that need no style sheet. All text is escaped."""
+"""HTML for notebooks: tables and pictures without a style sheet. All text is escaped."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CELL = "padding:2px 10px 2px 0;vertical-align:top"
 
 
 def text(value: object) -> str:
-    """Return a value as HTML that shows its text and nothing else."""
+    """Return the text of a value as escaped HTML."""
     return escape(plain(str(value)), quote=True)
 
 
@@ -27,7 +27,7 @@ def paragraph(value: object) -> str:
 
 
 def facts(rows: Iterable[tuple[str, str]]) -> str:
-    """Return a table of names and what they stand for, both plain text."""
+    """Return a table of names and values, both plain text."""
     return table((), rows, texts=(0, 1))
 
 
@@ -37,7 +37,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], texts: Collection[
     Args:
         head: headings of the columns; none for a table without a head.
         rows: cells of each row.
-        texts: indices of the columns of text; the others are of numbers and aligned right.
+        texts: indices of the text columns; the other columns hold numbers and are aligned right.
     """
     lines = [_row("th", head, texts)] if head else []
     lines += [_row("td", row, texts) for row in rows]
@@ -59,7 +59,7 @@ def image(figure: Figure, described: str) -> str:
     Args:
         figure: a matplotlib Figure. It is drawn without pyplot, so that the notebook's own figures
             stay as they are.
-        described: what the picture shows, for those who cannot see it.
+        described: description of the picture for screen readers.
     """
     data = BytesIO()
     figure.savefig(data, format="png")
@@ -69,5 +69,5 @@ def image(figure: Figure, described: str) -> str:
 
 
 def block(*parts: str) -> str:
-    """Return pieces of HTML one below the other."""
+    """Return pieces of HTML, stacked vertically."""
     return f"<div>{''.join(parts)}</div>"

@@ -1,4 +1,4 @@
-"""A training as a picture: reward, gates passed and laps finished over the steps flown."""
+"""A figure of a training: reward, gates passed and lap times over the steps."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def draw(history: Sequence[dict], title: str) -> Figure:
         title: title of the figure.
     """
     steps = [row["steps"] / 1e6 for row in history]
-    # without a finished race there is no lap, and no point
+    # without a finished race there is no lap time to draw
     laps = [row["lap"] or float("nan") for row in history]
     figure = Figure(figsize=(7.0, 6.0), layout="constrained")
     above, middle, below = figure.subplots(3, 1, sharex=True)

@@ -1,4 +1,4 @@
-"""A figure that a notebook shows as a picture."""
+"""A figure that a notebook displays as a picture."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from io import BytesIO
 
 from matplotlib.figure import Figure
 
-DPI = 72  # of the picture in a notebook, which is as wide as a cell
+DPI = 72  # resolution of the picture in a notebook, which is as wide as a cell
 
 
 class NotebookFigure(Figure):
-    """A matplotlib Figure that a notebook shows, whether or not pyplot has been imported."""
+    """A matplotlib Figure that a notebook displays without an import of pyplot."""
 
     def _repr_png_(self) -> bytes:
         """Return the picture, for IPython."""

@@ -46,12 +46,12 @@ MARKS = {
     "wrong_way": Mark("<", INK, "wrong way"),
     "pass": Mark(".", INK, "passed", size=7.0),
 }
-# Widths of lines: both are seen where they agree
+# Line widths, such that both lines are visible if they coincide
 COMMANDED = 2.0
 DELIVERED = 0.8
-# Frames of a spectrum, at least
+# Smallest number of frames of a spectrum
 FEWEST = 16
-# Laps named in a title, at most
+# Largest number of laps in a title
 LAPS = 6
 
 
@@ -60,7 +60,7 @@ def draw(run: Run, limit: StoredSolution | None = None) -> Figure:
 
     Args:
         run: run to draw.
-        limit: the best known solution of its race, whose path is drawn as well.
+        limit: the best known solution of the race, whose path is drawn as well.
     """
     course = parse_course(run.spec["course_text"], run.spec["course"])
     with rc_context(STYLE):
@@ -94,7 +94,7 @@ def draw_map(run: Run, course: Course) -> Figure:
 
 
 def title(run: Run) -> str:
-    """Return the title of a run's figure: outcome and laps, and what it was flown with."""
+    """Return the title of a run's figure: outcome, laps, and the main settings."""
     head = f"{run.spec['course']}: {run.outcome}"
     if run.laps:
         laps = ", ".join(f"{t:.3f} s" for t in run.laps[:LAPS])
@@ -157,7 +157,7 @@ def draw_view(
         scale: see arrow_scale [m].
 
     Returns:
-        The path, by whose colours a colour bar tells the speed.
+        The path, for a colour bar of the speed.
     """
     lines = draw_path(axes, positions(run)[:, plane], speed(run))
     draw_gates(axes, course, plane, scale)
@@ -170,7 +170,7 @@ def draw_view(
 
 
 def draw_path(axes: Axes, points: np.ndarray, speed: np.ndarray) -> LineCollection:
-    """Draw a path coloured by speed, fast is bright, with one scale for all laps.
+    """Draw a path coloured by speed, bright for fast, with one scale for all laps.
 
     Args:
         axes: axes of matplotlib.
@@ -217,7 +217,7 @@ def _draw_limit(axes: Axes, limit: StoredSolution, plane: tuple[int, int]) -> No
 
 
 def draw_thrust(axes: Axes, run: Run) -> None:
-    """Draw thrust over time, commanded and delivered, with the vehicle's limit."""
+    """Draw commanded and delivered thrust over time, with the vehicle's limit."""
     limit = run.spec["vehicle"]["thrust_max"]
     greatest = run.telemetry["a"].max(initial=1.0)
     _draw_pair(axes, run, "a_cmd", "a")
@@ -228,7 +228,7 @@ def draw_thrust(axes: Axes, run: Run) -> None:
 
 
 def draw_rates(rows: Sequence[Axes], run: Run) -> None:
-    """Draw roll, pitch and yaw rate over time, commanded and delivered, one a row."""
+    """Draw commanded and delivered roll, pitch and yaw rate over time, one per row."""
     for axes, name, axis in zip(rows, ("roll", "pitch", "yaw"), "xyz", strict=True):
         _draw_pair(axes, run, f"w{axis}_cmd", f"w{axis}")
         axes.set_ylabel(name)
@@ -260,7 +260,7 @@ def draw_faults(axes: Axes, run: Run) -> None:
 
 
 def draw_spectrum(axes: Axes, run: Run) -> None:
-    """Draw the thrust's power spectral density and the frequency that motors attenuate above."""
+    """Draw the thrust's power spectral density and the corner frequency of the motors."""
     x = run.telemetry
     axes.set(title="thrust, power spectral density [(m/s$^2$)$^2$/Hz]", xlabel="f [Hz]")
     if len(x["t"]) < FEWEST:

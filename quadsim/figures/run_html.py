@@ -21,7 +21,7 @@ from quadsim.record.run_text import (
 
 
 def run_html(run: Run, metrics: RunMetrics) -> str:
-    """Return a run as HTML, its picture included; a run without a readable course has none."""
+    """Return a run as HTML, with a picture if the course is readable."""
     head = f"<b>{text(run.spec['course'])}</b>, {text(flown_with(run.spec))}"
     parts = [head, facts(_facts(run, metrics))]
     remark = not_comparable(run.spec)

@@ -1,4 +1,4 @@
-"""The look that all figures share: matplotlib's settings and lines; and how they are written."""
+"""The common style of all figures, matplotlib's settings and lines, and their output to files."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from quadsim.palette import GRID, Style
 from quadsim.record.whole_files import write_whole
 
 if TYPE_CHECKING:
-    # A command's --help does not wait for matplotlib
+    # Imported late, so that a command's --help does not load matplotlib
     from matplotlib.figure import Figure
 
-# Formats that are written unless a file is named, and those that a file may have
+# Default formats, and all accepted formats
 FORMATS = ("png", "svg")
 PICTURES = (".png", ".svg", ".pdf")
 STYLE: dict[Any, Any] = {
@@ -28,15 +28,15 @@ STYLE: dict[Any, Any] = {
     "axes.axisbelow": True,
     "legend.frameon": False,
     "legend.fontsize": 8,
-    # The same run gives the same file
+    # Fixed values, so that the same run gives the same file
     "svg.hashsalt": "quadsim",
 }
 
 
 def line(s: Style) -> dict[str, Any]:
-    """Return arguments of `plot`: colour and line style.
+    """Return the arguments of `plot` for a style: colour and line style.
 
-    Dense signals take the colour alone: gaps would look like chatter.
+    Dense signals use only the colour, as gaps would look like chatter.
     """
     return {"color": s.colour, "linestyle": (0, s.dash) if s.dash else "-"}
 
@@ -51,7 +51,7 @@ def write_figure(figure: Figure, folder: Path, stem: str) -> tuple[Path, ...]:
 
 
 def save_figure(figure: Figure, path: Path) -> Path:
-    """Write a figure in the format that the path's end names, and return the path.
+    """Write a figure in the format of the path's suffix, and return the path.
 
     Raises:
         RunError: the file cannot be written.

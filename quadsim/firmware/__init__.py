@@ -1,8 +1,8 @@
 """A real flight controller in the loop: Betaflight, built from source, stepped in lock step.
 
-It is built (`package`), configured (`configuration`, `gains`) and stepped (`process`, `actuators`);
-on a test bench its rate loop is identified and its gains are found (`identification`,
-`gain_search`).
+The modules build the firmware (`package`), configure it (`configuration`, `gains`) and step it
+(`process`, `actuators`); on a test bench they identify the rate loop and tune the gains
+(`identification`, `gain_search`).
 """
 
 from typing import Literal

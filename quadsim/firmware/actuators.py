@@ -2,10 +2,10 @@
 
     limits -> link and latency -> firmware -> rotor lag -> wrench and drag
 
-The firmware takes the place of the rate loop and of the allocation in quadsim.physics.actuators. It
-sees gyro, accelerometer and attitude of the vehicle and the sticks that its configuration needs for
-a command, and gives the four motors their commands. A motor's command is the share of the rotor's
-greatest speed.
+The firmware replaces the rate loop and the allocation of quadsim.physics.actuators. Its inputs are
+gyro, accelerometer and attitude of the vehicle, and the stick positions that give a command under
+its configuration; its outputs are the commands of the four motors. A motor's command is a share of
+the rotor's full speed.
 """
 
 from __future__ import annotations
@@ -45,31 +45,30 @@ from quadsim.physics.plant_state import MotorUse
 from quadsim.rotation import Quaternion, Vec3
 from quadsim.vehicle import GRAVITY, Vehicle
 
-# Betaflight's numbers of the motors at rotors front right, back left, front left, back right,
-# counted from 0
+# Betaflight's motor numbers, from 0, of the rotors front right, back left, front left, back right
 MOTOR_OF_ROTOR = (1, 2, 3, 0)
 LEVEL: Quaternion = (1.0, 0.0, 0.0, 0.0)
 STILL: Vec3 = (0.0, 0.0, 0.0)
-LOGS = "LOG*.BF*"  # the firmware's, in its folder; it cuts the last letter of its own name
-LOG_END = 0.2  # time after which it has ended its log [s]
+LOGS = "LOG*.BF*"  # the firmware's logs in its folder; it cuts the last letter of the name
+LOG_END = 0.2  # time after which the firmware has closed its log [s]
 # Time between arming and the start of the flight, of which the second half is at hover thrust [s]
 READY = 1.0
-# Command from which a motor counts as being at its greatest
+# Command from which a motor counts as saturated
 FULL = 0.999
 
 
 def motors_reversed(vehicle: Vehicle) -> bool:
-    """Return whether the propellers turn the other way round than Betaflight's default.
+    """Return whether the propellers turn opposite to Betaflight's default.
 
-    By default the front right motor turns against the clock, seen from above, so that its reaction
-    turns the vehicle with the clock: about -z.
+    By default the front right motor turns counterclockwise, seen from above, so that its reaction
+    torque turns the vehicle clockwise: about -z.
     """
     assert vehicle.rotors
     return vehicle.rotors.spin[0] > 0
 
 
 class FirmwareLog(NamedTuple):
-    """How the firmware's own log of a flight is kept."""
+    """The file of the firmware's own log of a flight."""
 
     path: Path
     eeprom: bytes  # the configuration with the log switched on
@@ -103,12 +102,13 @@ class BetaflightActuators:
             vehicle: vehicle with rotors.
             dt: physics step [s], which is the period of the lock step.
             built: the firmware.
-            configuration: its configuration, for the direction of this vehicle's motors.
-            faults: faults of the rotors, with their rotors and times.
-            link: carries the commands; None: a wire.
-            log: where the firmware's own log is kept; None: it writes none.
-            noise: of its inertial measurement unit; None: it measures exactly. Biases are left out,
-                as the firmware calibrates them away while the vehicle stands.
+            configuration: configuration of the firmware, for the direction of this vehicle's
+                motors.
+            faults: faults of the rotors, with rotor numbers and times.
+            link: link for the commands; None: a wire.
+            log: file of the firmware's own log; None: no log.
+            noise: noise of its inertial measurement unit; None: exact measurements. Biases are left
+                out, as the firmware removes them by calibration at rest.
 
         Raises:
             FirmwareError: the firmware does not arm.
@@ -141,7 +141,7 @@ class BetaflightActuators:
         self._motors_before = self._firmware.reply.motors
 
     def _get_ready(self) -> None:
-        """Arm the firmware, and hold the sticks of hovering until its filters have settled."""
+        """Arm the firmware, and hold the hover sticks until its filters have settled."""
         standing = (STILL, self._specific_force, LEVEL)
         every = self._link.frame_steps
         self._firmware.step(*standing, self._channels, round(BOOT / self._dt), every)
@@ -161,9 +161,9 @@ class BetaflightActuators:
         """Return the wrench on the body for the step that starts now.
 
         Args:
-            command: given now, in the order of Control  (4,).
+            command: present command in the order of Control  (4,).
             omega_body: body rates [rad/s].
-            v_body: velocity in the body's axes [m/s].
+            v_body: velocity in the body frame [m/s].
             attitude: wxyz.
 
         Raises:
@@ -201,7 +201,7 @@ class BetaflightActuators:
         return Wrench(force=total, torque=torque)
 
     def _use_after(self, motors: PerRotor) -> MotorUse:
-        """Return the use of the motors with a step's commands to them, 1 at the greatest speed."""
+        """Return the use of the motors after a step with these commands, 1 at full speed."""
         changes = (
             abs(now - before) for now, before in zip(motors, self._motors_before, strict=True)
         )
@@ -216,7 +216,7 @@ class BetaflightActuators:
         return MotorUse(variation, lost)
 
     def _measured(self, omega_body: Vec3) -> tuple[Vec3, Vec3]:
-        """Return body rates [rad/s] and specific force [m/s^2] as the firmware's unit has them."""
+        """Return the measured body rates [rad/s] and specific force [m/s^2] of the firmware."""
         if self._random is None:
             return omega_body, self._specific_force
         exact = np.array((*omega_body, *self._specific_force))
@@ -237,10 +237,10 @@ class BetaflightActuators:
             self._firmware.close()
 
     def _keep_log(self, path: Path) -> None:
-        """Disarm, by which the firmware ends its log, and keep it. Raises FirmwareError."""
+        """Disarm, so that the firmware closes its log, and keep the log. Raises FirmwareError."""
         self._channels[self._configuration.arm_channel] = LOW
         standing = (STILL, self._specific_force, LEVEL)
-        with suppress(FirmwareError):  # it has ended, and its log with it
+        with suppress(FirmwareError):  # the firmware has ended and closed its log
             self._firmware.step(*standing, self._channels, round(LOG_END / self._dt))
         logs = sorted(self._firmware.folder.glob(LOGS))
         if not logs:

@@ -1,12 +1,11 @@
-"""The firmware's configuration: a text of its command line, and what sticks do under it.
+"""The firmware's configuration: a text of its command line, and the resulting stick curves.
 
-The text is what a pilot pastes into Betaflight's Configurator, or gets from `diff all`. The
-firmware's own command line reads it, so that every setting means here what it means on a drone.
+A pilot pastes such a text into Betaflight's Configurator, or gets it from `diff all`. The
+firmware's own command line reads the text, so every setting has the same meaning as on a drone.
 
-How the sticks have to stand for wanted body rates and a wanted motor command follows from rates
-type, expo, limits and throttle curve. It is measured on the firmware: standing still and armed, it
-is shown one position of the sticks after another, and says which body rates it understands and what
-it sends to the motors.
+The stick positions for desired body rates and a desired motor command depend on rates type, expo,
+limits and throttle curve. They are measured on the firmware: at rest, it receives a series of stick
+positions, and reports its body-rate setpoints and motor commands.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ from quadsim.rotation import Quaternion, Vec3
 from quadsim.vehicle import GRAVITY
 
 LARGEST = 200_000  # characters of a configuration
-# Lines that have no meaning without the board: its pins, ports, screens and transmitters
+# Lines that have no meaning without the board: pins, ports, screens and transmitters
 COMMANDS_OF_BOARDS = [
     "resource",
     "timer",
@@ -55,8 +54,8 @@ COMMANDS_OF_BOARDS = [
     "defaults",
     r"feature(?!\s+-?(airmode|anti_gravity|motor_stop|3d)\b)",
 ]
-# Settings of the same, and of what the firmware has on a board alone: filters that follow the noise
-# of motors, which are no part of its target for simulation, and telemetry
+# Settings that exist only on a board: pins and ports as above, telemetry, and filters that follow
+# the noise of motors, which the firmware's simulation target lacks
 SETTINGS_OF_BOARDS = [
     "osd",
     "vtx",
@@ -144,8 +143,8 @@ OF_THE_BOARD = re.compile(
     rf"#.*|({'|'.join(COMMANDS_OF_BOARDS)})\b.*|set ({'|'.join(SETTINGS_OF_BOARDS)})\w*\b.*",
     re.IGNORECASE,
 )
-# What the simulation decides, whatever the text says: how the virtual board lies in the drone, the
-# order of its motors and channels, and the log.
+# Settings that the simulation overrides: orientation of the virtual board, order of motors and
+# channels, and the log
 FIXED = (
     "set align_board_roll = 0",
     "set align_board_pitch = 0",
@@ -153,12 +152,12 @@ FIXED = (
     "set motor_output_reordering = 0,1,2,3,4,5,6,7",
     "map AETR1234",
 )
-# What makes the firmware write its log from arming on
+# Settings that make the firmware write its log from arming on
 LOG = ("set blackbox_device = VIRTUAL", "set blackbox_mode = NORMAL")
-# The firmware's list of modes: channel, lowest and highest pulse that switch one on
+# The firmware's list of modes: channel, lowest and highest pulse of a mode
 MODE = re.compile(r"aux \d+ (?P<mode>\d+) (?P<channel>\d+) (?P<low>\d+) (?P<high>\d+)\b.*")
 ARM_MODE = 0
-# Modes in which the sticks are no body rates and thrust, by number
+# Modes in which the sticks do not command body rates and thrust, by number
 OTHER_STICKS = {
     1: "ANGLE",
     2: "HORIZON",
@@ -183,14 +182,14 @@ THROTTLE = 2  # number of the channel
 FIRST_AUX = 4
 AXES = (0, 1, 3)  # channels of roll, pitch and yaw
 STANDING: tuple[Vec3, Vec3, Quaternion] = ((0, 0, 0), (0, 0, GRAVITY), (1, 0, 0, 0))
-PERIOD = 1e-3  # of the measurement [s]
+PERIOD = 1e-3  # period of the measurement [s]
 FRAME_STEPS = 10  # steps between two frames of the link during the measurement
 BOOT = 5.6  # time after the start in which Betaflight does not arm [s]
 ARMING = 0.5  # time that arming may take [s]
-SETTLING = 60  # steps after which a position of the sticks is read
-POSITIONS = 251  # of a stick from the middle to its end
+SETTLING = 60  # steps from a change of the sticks to the reading
+POSITIONS = 251  # number of positions of a stick from the middle to its end
 
-# What prevents arming, by the bit of its flag
+# Reasons that prevent arming, by the bit of the flag
 ARMING_FLAGS = [
     "NO_GYRO",
     "FAILSAFE",
@@ -225,23 +224,23 @@ ARMING_FLAGS = [
 
 
 class ConfigurationError(FileError):
-    """Lines of a configuration that the firmware does not take: one line of text for each."""
+    """The firmware rejects lines of a configuration; the message has one line for each."""
 
 
 @dataclass(frozen=True)
 class Configuration:
-    """A configuration that the firmware has read, and what sticks do under it.
+    """A configuration that the firmware has read, and the measured stick curves.
 
-    Between the measured positions the curves are straight lines.
+    The curves are linear between the measured positions.
     """
 
     eeprom: bytes  # the configuration as the firmware stores it
     arm_channel: int
-    arm_pulse: float  # of the switch when the vehicle is armed [us]
+    arm_pulse: float  # pulse of the arming switch when on [us]
     positions: np.ndarray  # pulses of a stick [us], rising  (n,)
     rates: np.ndarray  # setpoints at these positions of roll, pitch, yaw [rad/s]  (3, n)
     throttles: np.ndarray  # pulses of the throttle [us], rising  (m,)
-    motors: np.ndarray  # the motors' command at these, 0..1  (m,)
+    motors: np.ndarray  # motor commands at these pulses, 0..1  (m,)
 
     def pulse_for_rate(self, axis: int, rate: float) -> float:
         """Return the pulse of a stick [us] for a body rate [rad/s]; at most the largest one."""
@@ -256,7 +255,7 @@ class Configuration:
 
 
 class Text(NamedTuple):
-    """A configuration as it was read."""
+    """The text of a configuration."""
 
     name: str  # of the file
     lines: tuple[str, ...]
@@ -284,11 +283,11 @@ def configured(program: Path, text: Text, motors_reversed: bool) -> Configuratio
     Args:
         program: the built firmware.
         text: the configuration, without the lines for pins and other parts of the board.
-        motors_reversed: whether the propellers turn the other way round than Betaflight's default.
+        motors_reversed: whether the propellers turn opposite to Betaflight's default.
 
     Raises:
-        ConfigurationError: the firmware does not know a line, or does not take its value.
-        FirmwareError: it does not arm.
+        ConfigurationError: the firmware does not know a line, or rejects its value.
+        FirmwareError: the firmware does not arm.
     """
     eeprom, (channel, pulse) = _read_by_firmware(program, text, motors_reversed)
     bench = Bench(program, eeprom, channel, pulse)
@@ -304,12 +303,12 @@ def configured(program: Path, text: Text, motors_reversed: bool) -> Configuratio
 def with_other_gains(
     configuration: Configuration, program: Path, text: Text, motors_reversed: bool
 ) -> Configuration:
-    """Return the configuration of a text that differs from an earlier one in its gains alone.
+    """Return the configuration of a text that differs from an earlier text only in its gains.
 
     The curves of sticks and throttle do not depend on the gains, so they are not measured again.
 
     Args:
-        configuration: of the earlier text.
+        configuration: configuration of the earlier text.
         program, text, motors_reversed: as for `configured`.
 
     Raises:
@@ -323,7 +322,7 @@ def with_other_gains(
 def eeprom_with_log(program: Path, text: Text, motors_reversed: bool) -> bytes:
     """Return the configuration as the firmware stores it, with its log switched on.
 
-    Arguments and errors are those of `configured`.
+    For arguments and errors see `configured`.
     """
     eeprom, _ = _read_by_firmware(program, text, motors_reversed, LOG)
     return eeprom
@@ -332,9 +331,9 @@ def eeprom_with_log(program: Path, text: Text, motors_reversed: bool) -> bytes:
 def _read_by_firmware(
     program: Path, text: Text, motors_reversed: bool, more: Sequence[str] = ()
 ) -> tuple[bytes, tuple[int, float]]:
-    """Return the stored configuration, and channel and pulse of the switch that arms.
+    """Return the stored configuration, and channel and pulse of the arming switch.
 
-    more: lines that follow those of the text.
+    more: lines that follow the text.
     """
     firmware = Firmware(program, PERIOD)
     try:
@@ -357,7 +356,7 @@ def _read_by_firmware(
 
 
 def _carry_out(firmware: Firmware, line: str, place: str) -> str | None:
-    """Have the firmware read a line; return what is wrong with it, None where it is taken."""
+    """Have the firmware read a line; return the problem with it, None if it is accepted."""
     printed = firmware.command(line)
     if ERROR in printed:
         problem = printed[printed.index(ERROR) :].strip().strip("#").removeprefix("ERROR ")
@@ -374,9 +373,9 @@ def _carry_out(firmware: Firmware, line: str, place: str) -> str | None:
 
 
 def _is_text_for_number(line: str, printed: str) -> bool:
-    """Return whether a setting was given a text where the firmware has set a number.
+    """Return whether a numeric setting was given a text that is not a number.
 
-    The firmware reads the number at which a text begins, and 0 where there is none.
+    The firmware reads the number at the beginning of a text, or 0 if there is none.
     """
     given = SET.fullmatch(line)
     taken = TAKEN.search(printed)
@@ -386,7 +385,7 @@ def _is_text_for_number(line: str, printed: str) -> bool:
 
 
 class Mode(NamedTuple):
-    """A mode of the firmware, and where a switch turns it on."""
+    """A mode of the firmware, and the pulses of the switch that turn it on."""
 
     number: int
     channel: int
@@ -395,12 +394,12 @@ class Mode(NamedTuple):
     line: str
 
     def is_on(self, pulse: float) -> bool:
-        """Return whether the switch turns it on at a pulse [us]."""
+        """Return whether the mode is on at a pulse of its switch [us]."""
         return self.low <= pulse < self.high
 
 
 def _modes(printed: str) -> Iterator[Mode]:
-    """Yield the modes that have a switch, from what the firmware prints of them."""
+    """Yield the modes that have a switch, from the firmware's printed list."""
     for found in MODE.finditer(printed):
         number, channel, low, high = map(int, found.groups())
         if low < high:
@@ -418,7 +417,7 @@ def _arm_switch(modes: Sequence[Mode], name: str) -> tuple[int, float]:
 
 
 def _check_other_switches(modes: Sequence[Mode], arm: tuple[int, float], name: str) -> None:
-    """Check that in flight the sticks are body rates and thrust. Raises ConfigurationError.
+    """Check that in flight the sticks command body rates and thrust. Raises ConfigurationError.
 
     All switches but the one for ARM are at their lowest pulse in flight.
     """
@@ -434,7 +433,7 @@ def _check_other_switches(modes: Sequence[Mode], arm: tuple[int, float], name: s
 
 
 class Bench:
-    """A firmware that stands still and is shown positions of the sticks."""
+    """A firmware at rest, for the measurement of its stick curves."""
 
     def __init__(self, program: Path, eeprom: bytes, arm_channel: int, arm_pulse: float):
         self._firmware = Firmware(program, PERIOD, eeprom)
@@ -442,7 +441,7 @@ class Bench:
         self._channels = idle_channels()
 
     def arm(self) -> None:
-        """Wait until the firmware lets itself be armed, and arm it. Raises FirmwareError."""
+        """Wait until the firmware permits arming, and arm it. Raises FirmwareError."""
         self._channels[THROTTLE] = LOW
         self._hold(max(round((BOOT - self._firmware.time) / PERIOD), SETTLING))
         channel, pulse = self._arm
@@ -453,7 +452,7 @@ class Bench:
     def rates(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the positions [us]  (n,) and the setpoints of the three axes [rad/s]  (3, n).
 
-        Not armed: the firmware would take sticks that turn nothing for a runaway.
+        The firmware is not armed, as it would detect a runaway if the sticks turn nothing.
         """
         self._channels[THROTTLE] = MIDDLE
         one_side = np.linspace(0.0, HIGH - MIDDLE, POSITIONS)
@@ -469,7 +468,7 @@ class Bench:
         return MIDDLE + offsets, np.deg2rad(np.array(setpoints)).T
 
     def throttle(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return pulses [us] and the motors' commands at them, those where the commands rise."""
+        """Return pulses [us] and motor commands, where the commands rise with the pulse."""
         pulses = np.linspace(LOW, HIGH, 2 * POSITIONS - 1)
         commands = []
         for pulse in pulses:
@@ -504,6 +503,6 @@ def expect_armed(reply: Reply) -> None:
 
 def _names(flags: int) -> Iterator[str]:
     for bit, name in enumerate(ARMING_FLAGS):
-        # The switch's own flag is set with every other one.
+        # The flag of the switch itself is set with every other flag.
         if flags >> bit & 1 and (name != "ARM_SWITCH" or flags == 1 << bit):
             yield name

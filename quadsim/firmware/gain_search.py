@@ -1,19 +1,19 @@
 """Gains of Betaflight's rate loop, found by step responses on the test bench.
 
-About one axis after the other the vehicle is commanded a step of the body rate, and later it is
-pushed by a constant angular acceleration from outside. The gains are those with which the response
-comes nearest to that of an ideal rate loop whose rotors have the same lag, with a damping ratio of
-.7 or more, and with which the push changes the body rate least:
+For each axis in turn, the command is a step of the body rate, and later a constant external angular
+acceleration disturbs the vehicle (the push). The gains minimise the difference to the step response
+of an ideal rate loop with the same rotor lag and a damping ratio of at least .7, and the effect of
+the push on the body rate:
 
     |omega - omega_wanted| + |omega - omega_cmd| while pushed + overshoot beyond a limit
     + what is missing at the end of the step + a little for each point of D
 
-The errors are root mean squares, shares of the step. The first alone would take no integral, as
-nothing on the bench resists turning; the push asks for one. D amplifies the noise of a gyro, so it
-is taken where it helps only.
+The errors are root mean squares, as shares of the step. The first term alone would give no
+integral gain, as nothing on the bench resists a rotation; the push requires one. D amplifies the
+noise of a gyro, so it costs a little.
 
-A grid of P and D comes first, then Nelder and Mead's search from its best points, over their
-logarithms.
+A grid of P and D comes first, then Nelder and Mead's search over the logarithms of the gains, from
+the best points of the grid.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ from quadsim.vehicle import Vehicle
 SETTLING = 0.2
 STEP = 0.5
 PUSH = 0.4
-END = 0.15  # last part of the step, in which it has to have settled [s]
-# The push turns the ideal rate loop, which has no integral, by this share of the step.
+END = 0.15  # last part of the step, in which the body rate should have settled [s]
+# Change of the body rate of the ideal loop, which has no integral, by the push; share of the step
 PUSHED = 0.2
 
-DAMPING = 0.7  # least damping ratio of the response that is wanted
+DAMPING = 0.7  # least damping ratio of the desired response
 MOST_OVERSHOOT = 0.1
 PUSH_WEIGHT = 0.3
 OVERSHOOT_WEIGHT = 2.0
@@ -54,28 +54,28 @@ D_WEIGHT = 2e-3
 LEAST = Gains(4, 10, 1)
 LEAST_OF_YAW = Gains(4, 1, 0)
 MOST = Gains(120, 120, 70)
-# The grid; I of roll and pitch equals P there
+# The grid; I of roll and pitch equals P in the grid
 P_GRID = (8, 16, 32, 64)
 D_OF_P = (0.6, 1.2, 2.4)
 YAW_I = (2, 6, 18)
-TRIALS = 60  # of the search that follows the grid
-STARTS = 2  # of that search, from the best points of the grid
-FIRST_STEP = 0.25  # of the logarithm of each gain
+TRIALS = 60  # evaluations of the search after the grid
+STARTS = 2  # starting points of the search after the grid
+FIRST_STEP = 0.25  # initial step of the logarithm of each gain
 
 YAW = 2
 
 
 class StepResponse(NamedTuple):
-    """How a body rate has followed a step, and what a push has done to it."""
+    """The response of a body rate to a step, and then to a push."""
 
-    level: float  # of the step [rad/s]
-    rates: np.ndarray  # after each physics step since the command  (n,)
-    pushed: np.ndarray  # the same since the push  (m,)
+    level: float  # height of the step [rad/s]
+    rates: np.ndarray  # body rate after each physics step since the command  (n,)
+    pushed: np.ndarray  # body rate after each physics step since the push  (m,)
     dt: float  # physics step [s]
 
     @property
     def rise_time(self) -> float:
-        """The time from 10 to 90 % of the step [s]; nan where it is not reached."""
+        """The time from 10 to 90 % of the step [s]; nan if 90 % is not reached."""
         share = self.rates / self.level
         above = [np.flatnonzero(share >= part) for part in (0.1, 0.9)]
         if not all(len(found) for found in above):
@@ -84,18 +84,18 @@ class StepResponse(NamedTuple):
 
     @property
     def overshoot(self) -> float:
-        """The most by which the body rate goes beyond the step, as a share of it."""
+        """The overshoot of the body rate, as a share of the step."""
         return max(float(self.rates.max()) / self.level - 1.0, 0.0)
 
     @property
     def settled_error(self) -> float:
-        """The mean error at the end of the step, as a share of it."""
+        """The mean error at the end of the step, as a share of the step."""
         last = self.rates[-round(END / self.dt) :]
         return float(last.mean()) / self.level - 1.0
 
 
 WithGains = Callable[[Gains], NewActuators]
-Show = Callable[[float], None]  # is told the share of the search that is done
+Show = Callable[[float], None]  # called with the finished share of the search
 
 
 def step_response(
@@ -104,10 +104,10 @@ def step_response(
     """Return the response of a body rate on the test bench.
 
     Args:
-        vehicle: the vehicle, as it is flown.
+        vehicle: the vehicle.
         axis: 0, 1, 2 for x, y, z.
         dt: physics step [s].
-        new_actuators: starts the actuators.
+        new_actuators: function that starts the actuators.
 
     Raises:
         FirmwareError: the firmware does not run.
@@ -127,7 +127,7 @@ def step_response(
                 bench.step(command, push)
                 yield bench.rates[axis]
 
-        # What the thrust does to the body rates before the step does not count.
+        # Discard the body rates until the thrust has settled.
         list(rates(still, SETTLING))
         response = np.array(list(rates(stepped, STEP)))
         pushed = np.array(list(rates(stepped, PUSH, pushes)))
@@ -135,10 +135,10 @@ def step_response(
 
 
 def wanted_response(vehicle: Vehicle, axis: int, dt: float, period: float) -> StepResponse:
-    """Return the step response that is wanted; arguments as for `search`.
+    """Return the desired step response; for the arguments see `search`.
 
-    It is that of the vehicle's own ideal rate loop, or of a slower one, where the lag of the rotors
-    would leave that one too little damping.
+    It is the response of the vehicle's ideal rate loop, or of a slower loop if the lag of the
+    rotors leaves the ideal one too little damping.
     """
     assert vehicle.rotors
     slowest = 4.0 * DAMPING**2 * vehicle.rotors.tau
@@ -149,7 +149,7 @@ def wanted_response(vehicle: Vehicle, axis: int, dt: float, period: float) -> St
 
 
 def shortfall(response: StepResponse, wanted: StepResponse) -> float:
-    """Return by how much a response falls short of what is wanted; see the top of the file."""
+    """Return the cost of a response relative to the desired one; see the top of the file."""
     level = response.level
     return (
         _rms(response.rates - wanted.rates) / level
@@ -171,13 +171,13 @@ def search(
     """Return the gains of one axis with the best step response.
 
     Args:
-        vehicle: the vehicle, as it is flown.
+        vehicle: the vehicle.
         axis: 0, 1, 2 for roll, pitch, yaw. Yaw keeps its D.
         dt: physics step [s].
-        period: control period, in which a command is reached along a straight line [s].
-        before: gains that are tried too, so that none worse are returned.
-        with_gains: returns what starts the actuators with such gains of the axis.
-        show: is told how much of the search is done.
+        period: control period, over which commands are interpolated linearly [s].
+        before: present gains, which are tried too, so that the result is never worse.
+        with_gains: function from gains of the axis to a function that starts the actuators.
+        show: called with the finished share of the search.
 
     Raises:
         FirmwareError: the firmware does not run.
@@ -210,7 +210,7 @@ def search(
             },
         )
     show(1.0)
-    # Of equal ones the smallest
+    # Of equally good gains, take the smallest
     return min(tried, key=lambda gains: (tried[gains], gains))
 
 
@@ -225,11 +225,11 @@ def _grid(axis: int, before: Gains) -> Iterator[Gains]:
 
 
 def _rounded(point: np.ndarray, start: Gains) -> Gains:
-    """Return the gains at a point of the search, whole numbers within the limits.
+    """Return the gains at a point of the search, rounded and clipped to the limits.
 
     point: logarithms of P, I and D, or of P and I alone for yaw, which keeps its D.
     """
-    # beyond every limit exp is of no interest
+    # clipped against overflow, far beyond every limit
     found = [round(exp(min(number, log(1000)))) for number in point]
     if len(found) == len(start):
         return _limited(Gains(*found), LEAST)

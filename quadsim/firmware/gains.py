@@ -9,13 +9,13 @@ from typing import NamedTuple
 from quadsim.firmware.configuration import PERIOD, Configuration, Text
 from quadsim.firmware.process import Firmware
 
-# Lines at the end of a configuration that save it, and empty ones
+# Lines that save a configuration at its end, and empty lines
 LAST_LINES = re.compile(r"(save|exit|batch end)\b.*|", re.IGNORECASE)
 PROFILE = re.compile(r"\s*profile\s+\d+\s*", re.IGNORECASE)
 
 
 class Gains(NamedTuple):
-    """The gains of one axis, in the numbers of Betaflight's CLI."""
+    """The gains of one axis, in the units of Betaflight's CLI."""
 
     p: int
     i: int
@@ -34,11 +34,10 @@ AXIS_NAMES = AxisGains._fields
 
 
 def with_gains(text: Text, gains: AxisGains) -> Text:
-    """Return the configuration with other gains.
+    """Return the configuration with changed gains.
 
-    Lines of the text that set one of them are replaced; those that are missing follow its last
-    setting. A text with several profiles gets all gains at its end as well, for the profile that it
-    selects last.
+    Lines that set a gain are replaced; missing lines are added after the last setting. A text with
+    several profiles also gets all gains at its end, for the profile that it selects last.
     """
     settings = dict(_settings(gains))
     missing = dict(settings)
@@ -60,7 +59,7 @@ def with_gains(text: Text, gains: AxisGains) -> Text:
 
 
 def gains_of(program: Path, configuration: Configuration) -> AxisGains:
-    """Return the gains of a configuration, as the firmware has read them. Raises FirmwareError."""
+    """Return the gains that the firmware reads from a configuration. Raises FirmwareError."""
     firmware = Firmware(program, PERIOD, configuration.eeprom)
     try:
         found = [
@@ -73,7 +72,7 @@ def gains_of(program: Path, configuration: Configuration) -> AxisGains:
 
 
 def _read(firmware: Firmware, name: str) -> int:
-    """Return a setting of the firmware that is a whole number."""
+    """Return an integer setting of the firmware."""
     found = re.search(rf"\b{name} = (\d+)", firmware.command(f"get {name}"))
     assert found, f"Betaflight has the setting {name}"
     return int(found[1])

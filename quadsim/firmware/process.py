@@ -15,7 +15,7 @@ from typing import NamedTuple
 from quadsim.rotation import Quaternion, Vec3
 
 CHANNELS = 16
-MAIN_LOOP = 50e-6  # time of a pass of the firmware's main loop [s]
+MAIN_LOOP = 50e-6  # simulated time of a pass of the firmware's main loop [s]
 # Positions of a stick or switch, as pulses [us]
 LOW = 1000.0
 MIDDLE = 1500.0
@@ -28,37 +28,37 @@ SIZE = struct.Struct("<I")
 STEP_KIND = 1
 COMMAND_LINE_KIND = 2
 
-# Last characters of the firmware's own messages that an error shows
+# Number of characters of the firmware's last messages in an error
 SHOWN = 200
 
 
 class FirmwareError(ValueError):
-    """The firmware does not run, or does not do what a flight needs; one line."""
+    """The firmware does not run, or fails a requirement of a flight; one line."""
 
 
 class Reply(NamedTuple):
-    """What the firmware says after a step."""
+    """The firmware's reply to a step."""
 
     motors: tuple[float, float, float, float]  # commands of motors 1 to 4, 0..1
-    setpoint: Vec3  # body rates that the sticks ask for, as the firmware counts them [deg/s]
+    setpoint: Vec3  # body-rate setpoints of the sticks, with the firmware's signs [deg/s]
     armed: bool
-    arming_flags: int  # bits of what prevents arming
+    arming_flags: int  # bits of the reasons that prevent arming
 
 
 class Firmware:
     """One process of the firmware.
 
-    It has a folder of its own with its configuration (eeprom.bin) and its log, which `close`
-    removes.
+    The process has its own folder with its configuration (eeprom.bin) and its log; `close` removes
+    the folder.
     """
 
     def __init__(self, program: Path, period: float, eeprom: bytes | None = None):
-        """Start the firmware; its time stands until the first step.
+        """Start the firmware; its time begins with the first step.
 
         Args:
             program: the program that `race firmware build` has built.
             period: time between two steps [s], a multiple of 50 us.
-            eeprom: its configuration; None: the firmware's defaults.
+            eeprom: configuration; None: the firmware's defaults.
 
         Raises:
             FirmwareError: the program does not start.
@@ -94,7 +94,7 @@ class Firmware:
             os.close(replies_of_firmware)
         self._start_messages = 0
         self.reply = self._read_reply()
-        # What it prints while it starts explains no later end.
+        # Start-up messages do not explain a later exit.
         self._start_messages = (self.folder / "messages.txt").stat().st_size
 
     @property
@@ -111,7 +111,7 @@ class Firmware:
         periods: int = 1,
         frame_every: int = 1,
     ) -> Reply:
-        """Advance by one period, or by several in which nothing changes.
+        """Advance by one period, or by several with constant inputs.
 
         Args:
             gyro: body rates, x forward, y left, z up [rad/s].
@@ -119,9 +119,9 @@ class Firmware:
             attitude: wxyz.
             channels: pulses of the radio link in the order roll, pitch, throttle, yaw, AUX1 and
                 following [us]  (16,).
-            periods: how many.
-            frame_every: a frame of the radio link arrives every so many periods; 0: none does, and
-                the firmware does not see the channels.
+            periods: number of periods.
+            frame_every: number of periods between frames of the radio link; 0: no frame arrives,
+                and the firmware does not receive the channels.
 
         Raises:
             FirmwareError: the firmware has ended.
@@ -133,7 +133,7 @@ class Firmware:
         return self.reply
 
     def command(self, line: str) -> str:
-        """Have the firmware's command line carry out a line, and return what it prints.
+        """Execute a line in the firmware's command line, and return the output.
 
         Raises:
             FirmwareError: the firmware has ended.
@@ -147,7 +147,7 @@ class Firmware:
         """Save the configuration, which ends the firmware, and return it.
 
         Raises:
-            FirmwareError: nothing was saved.
+            FirmwareError: no configuration was saved.
         """
         data = b"save\n"
         self._send(COMMAND_LINE.pack(COMMAND_LINE_KIND, len(data)) + data)
@@ -190,7 +190,7 @@ class Firmware:
         return Reply((m1, m2, m3, m4), (roll, pitch, yaw), bool(armed), int(flags))
 
     def _ended(self) -> FirmwareError:
-        """Return the error for a firmware that has ended."""
+        """Return the error for a process that has ended."""
         try:
             status = self._process.wait(timeout=1)
         except subprocess.TimeoutExpired:
@@ -200,7 +200,7 @@ class Firmware:
         return FirmwareError(f"firmware: its process ended {when} ({how}): {self._messages()}")
 
     def _messages(self) -> str:
-        """Return the last of what the firmware has printed, on one line."""
+        """Return the last messages of the firmware on one line."""
         try:
             data = (self.folder / "messages.txt").read_bytes()[self._start_messages :]
         except OSError:

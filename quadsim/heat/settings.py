@@ -15,7 +15,7 @@ Expect = Literal["plans", "own", "velocity", "nothing"]
 
 @dataclass(frozen=True)
 class Awareness:
-    """A planner expects the other vehicles to fly in some way, and keeps room from them.
+    """How a planner predicts the other vehicles, and the clearance that it keeps from them.
 
     Examples:
         >>> from quadsim.heat.settings import Awareness
@@ -26,21 +26,23 @@ class Awareness:
     expect: Annotated[
         Expect,
         setting(
-            "the others' flight as a planner expects it: plans (as they tell them), own (planned"
-            " by itself, nothing told), velocity (constant) or nothing (ignored)"
+            "prediction of the other vehicles: plans (the plans that they share), own (planned by"
+            " the planner itself), velocity (constant velocity) or nothing (ignored)"
         ),
     ] = "own"
     keep: Annotated[
-        float, setting("distance that is kept from another vehicle", unit="m", gt=0, le=10)
+        float, setting("horizontal clearance to other vehicles", unit="m", gt=0, le=10)
     ] = 0.6
-    keep_weight: Annotated[
-        float, setting("weight of each metre by which it is not kept", ge=0, le=1e6)
-    ] = 200.0
+    keep_weight: Annotated[float, setting("cost per metre inside that clearance", ge=0, le=1e6)] = (
+        200.0
+    )
     keep_above: Annotated[
-        float, setting("keep over the distance that is kept above another vehicle", ge=0.01, le=1)
+        float,
+        setting("horizontal over vertical clearance above another vehicle", ge=0.01, le=1),
     ] = 0.8
     keep_below: Annotated[
-        float, setting("keep over the distance that is kept below another vehicle", ge=0.01, le=1)
+        float,
+        setting("horizontal over vertical clearance below another vehicle", ge=0.01, le=1),
     ] = 0.4
     ahead_share: Annotated[
         float, setting("factor on keep_weight for vehicles that are behind", ge=0, le=10)
@@ -48,15 +50,15 @@ class Awareness:
     patience: Annotated[
         float,
         setting(
-            "time closely behind another vehicle until half of keep is kept from it; 0: keep is"
-            " kept always",
+            "time behind another vehicle after which the clearance to it is halved; 0: the"
+            " clearance never shrinks",
             unit="s",
             ge=0,
             le=60,
         ),
     ] = 0.0
     own_samples: Annotated[
-        int, setting("samples with which another vehicle's flight is planned", ge=64, le=65536)
+        int, setting("samples of the plan for another vehicle (expect: own)", ge=64, le=65536)
     ] = 384
 
     def __post_init__(self) -> None:
@@ -67,7 +69,7 @@ class Awareness:
 class HeatSettings(Awareness):
     """The settings of a race of several vehicles.
 
-    Those of Awareness are for all planners that have none of their own.
+    The settings inherited from Awareness apply to every planner without its own.
 
     Examples:
         >>> from quadsim.heat.settings import HeatSettings
@@ -78,35 +80,36 @@ class HeatSettings(Awareness):
     rules: Annotated[
         RulesName,
         setting(
-            "elimination: vehicles within 0.1 m are both out; chaser: who touches from behind is"
-            " out; physics: contacts push away and hits cost time"
+            "elimination: two vehicles within 0.1 m of each other are both out; chaser: the one"
+            " that touches from behind is out; physics: contacts push apart and hits cost time"
         ),
     ] = "elimination"
     downwash: Annotated[
-        bool, setting("whether a vehicle feels the flow below the rotors of others")
+        bool, setting("whether the downwash of other vehicles acts on a vehicle")
     ] = True
-    spacing: Annotated[float, setting("distance of neighbouring starts", unit="m", gt=0, le=20)] = (
-        1.0
-    )
+    spacing: Annotated[
+        float, setting("distance between neighbouring starts", unit="m", gt=0, le=20)
+    ] = 1.0
     stagger: Annotated[
-        float, setting("time from one vehicle's start to the next one's", unit="s", ge=0, le=60)
+        float, setting("time between the starts of consecutive vehicles", unit="s", ge=0, le=60)
     ] = 0.0
     seen_position_noise: Annotated[
-        float, setting("noise of the others' seen positions, per axis", unit="m", ge=0, le=1)
+        float, setting("noise of the perceived positions of others, per axis", unit="m", ge=0, le=1)
     ] = 0.0
     seen_velocity_noise: Annotated[
-        float, setting("noise of the others' seen velocities, per axis", unit="m/s", ge=0, le=10)
+        float,
+        setting("noise of the perceived velocities of others, per axis", unit="m/s", ge=0, le=10),
     ] = 0.0
     seen_delay: Annotated[
-        float, setting("time until a vehicle sees where the others were", unit="s", ge=0, le=1)
+        float, setting("delay of the perceived states of others", unit="s", ge=0, le=1)
     ] = 0.0
 
     @property
     def sight(self) -> Sight:
-        """How well the vehicles see each other."""
+        """The noise and the delay with which the vehicles perceive each other."""
         return Sight(self.seen_position_noise, self.seen_velocity_noise, self.seen_delay)
 
     @property
     def awareness(self) -> Awareness:
-        """The awareness of planners that are given none of their own."""
+        """The awareness of planners without their own."""
         return Awareness(**{f.name: getattr(self, f.name) for f in fields(Awareness)})

@@ -5,11 +5,11 @@
 
     envs = gymnasium.make_vec("quadsim/Racing-v0", num_envs=4096, course="split_s_swift")
 
-Importing this package registers them, and nothing else does. A name with the package in front
-imports it: `gymnasium.make("quadsim.learn:quadsim/Racing-v0")`.
+Importing this package registers the environments. A name with the package in front imports it:
+`gymnasium.make("quadsim.learn:quadsim/Racing-v0")`.
 
-Races of several vehicles are a ParallelEnv of PettingZoo, `quadsim.learn.RacingParallelEnv`, and
-many of them in arrays are `quadsim.learn.races.Races`.
+A race of several vehicles is a ParallelEnv of PettingZoo, `quadsim.learn.RacingParallelEnv`; many
+races in arrays are `quadsim.learn.races.Races`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ BULLET = "quadsim/RacingBullet-v0"
 
 
 def register_environments() -> None:
-    """Register the environments with Gymnasium, unless they are registered.
+    """Register the environments with Gymnasium, unless they are already registered.
 
     Raises:
         ImportError: Gymnasium is not installed.
@@ -42,13 +42,13 @@ def register_environments() -> None:
     registration.register(BULLET, entry_point="quadsim.learn.bullet_env:RacingBulletEnv")
 
 
-# the lanes need no Gymnasium
+# the compiled lanes work without Gymnasium
 with suppress(ImportError):
     register_environments()
 
 
 def __getattr__(name: str) -> Any:
-    """Import RacingParallelEnv when it is asked for, as it needs PettingZoo."""
+    """Import RacingParallelEnv on demand, as it needs PettingZoo."""
     if name == "RacingParallelEnv":
         from quadsim.learn.parallel_env import RacingParallelEnv
 

@@ -1,6 +1,6 @@
-"""`quadsim/RacingBullet-v0`: the same task in PyBullet, for evaluation.
+"""`quadsim/RacingBullet-v0`: the task of Racing-v0 in PyBullet, for evaluation.
 
-It has rotors, control allocation, gusts and the referee.
+The simulation has rotors, control allocation, gusts and the referee.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ from quadsim.learn.spaces import (
 from quadsim.learn.task import task
 from quadsim.racing.flight import apply_control, whole_multiple
 
-LARGEST_SEED = 10**9  # of a flight; from a larger one of an environment a flight's is drawn
+LARGEST_SEED = 10**9  # of a flight; a larger seed of an environment draws the flight's seed
 
 
 class RacingBulletEnv(Env):
-    """A race as `race fly` simulates it.
+    """A race in the simulation of `race fly`.
 
-    Rewards are those of Racing-v0, but without the margin in gates, which is not measured here.
+    Rewards are as in Racing-v0, but without the clearance term, which is not measured here.
 
     Args:
         render_mode, viewer: see RacingVectorEnv.
-        plant: "bullet" or "rigid"; None: bullet where PyBullet is installed.
+        plant: "bullet" or "rigid"; None: bullet if PyBullet is installed.
         settings: course, vehicle, laps, reward, dt, randomize, time_limit; see
             quadsim.learn.task.task. There is one course.
 
@@ -115,7 +115,7 @@ class RacingBulletEnv(Env):
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Fly one step of dt under an action (4,); see RacingVectorEnv.step.
 
-        `crashed` in the info is decided by the referee.
+        The referee decides `crashed` in the info.
         """
         chosen = np.clip(checked_actions(action, (ACTIONS,)), -1, 1).astype(float)
         if self._plant is None or self._referee.outcome is not None:
@@ -155,7 +155,7 @@ class RacingBulletEnv(Env):
         return self._observed(), float(paid), crashed or finished, outcome == "timeout", info
 
     def render(self) -> np.ndarray | None:
-        """Return a picture from above where the mode is rgb_array.  (height, width, 3) uint8"""
+        """Return a picture from above if the mode is rgb_array.  (height, width, 3) uint8"""
         return self._renderer.picture(self._state_rows())
 
     def close(self) -> None:
@@ -168,7 +168,7 @@ class RacingBulletEnv(Env):
         return observe(self._plant.state.x, self._gates[self._referee.passed], self._last)
 
     def _way_left(self) -> float:
-        """Return the way to the finish as the racing cost measures it [m]."""
+        """Return the remaining way to the finish, measured as in the racing cost [m]."""
         x = self._plant.state.x
         targets = self._cost.targets
         row = targets[min(self._referee.passed, len(targets) - 1)]
@@ -179,7 +179,7 @@ class RacingBulletEnv(Env):
         return np.array(self._plant.state.x)[None, POSE]
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what a copy needs: a copy stands before its first reset.
+        """Return the state for a copy, which has to be reset first.
 
         The simulated world of the present episode cannot be copied.
         """
@@ -192,8 +192,8 @@ class RacingBulletEnv(Env):
 
 
 class _NoController:
-    """A stand-in for the controller of a flight whose controls come from outside."""
+    """A placeholder for the controller of a flight whose controls come from `step`."""
 
     def control(self, x: np.ndarray) -> np.ndarray:
-        """Raise, as the actions of `step` take the place of a controller's."""
+        """Raise, as controls come from `step`."""
         raise NotImplementedError

@@ -1,4 +1,4 @@
-"""Checkpoints of a training: the parameters of policy and value function, and its history.
+"""Checkpoints of a training: the parameters of policy and value function, and the history.
 
 A training that continues from a checkpoint draws new episodes and new exploration. The file holds
 numbers and JSON alone; nothing in it is executed.
@@ -40,7 +40,7 @@ class Evaluation(TypedDict):
 
 
 class Checkpoint(NamedTuple):
-    """A training up to an evaluation."""
+    """The state of a training after an evaluation."""
 
     parameters: dict[str, np.ndarray]  # of policy and value function
     steps_done: int
@@ -48,7 +48,7 @@ class Checkpoint(NamedTuple):
 
 
 class Header(Struct):
-    """The key of the state that says how to read the others."""
+    """The format key of the state."""
 
     format: str = ""
 
@@ -67,7 +67,7 @@ def checkpoint_bytes(checkpoint: Checkpoint, identity: Mapping[str, Any]) -> byt
 
     Args:
         checkpoint: the training up to now.
-        identity: settings of the training, which continues only where they are the same.
+        identity: settings of the training; only a training with equal settings continues it.
     """
     state = {
         "format": FORMAT,
@@ -86,11 +86,11 @@ def read_checkpoint(
 
     Args:
         path: the file.
-        parameters: arrays whose names, types and shapes the file has to have.
-        identity: settings that are asked for now.
+        parameters: arrays with the expected names, types and shapes.
+        identity: settings of the present training.
 
     Raises:
-        FileError: the file is damaged, or it is of another training.
+        FileError: the file is damaged, or belongs to a different training.
     """
     declared = {
         name: Declared(str(array.dtype), array.shape, most=LARGEST_PARAMETER)
@@ -122,9 +122,9 @@ def differences(asked: Any, stored: Any, name: str = "") -> Iterator[str]:
     """Yield the names of the values that differ, such as "vehicle.mass".
 
     Args:
-        asked: what is asked for now, as JSON.
-        stored: what a file says.
-        name: the name of both.
+        asked: present values, as JSON.
+        stored: values of a file, as JSON.
+        name: common name of both values.
     """
     if isinstance(asked, dict) and isinstance(stored, dict):
         for key in asked | stored:

@@ -58,7 +58,7 @@ class Outcome(NamedTuple):
 
 
 class Step(NamedTuple):
-    """The arguments of `advance` after those of the episodes and their beginnings, in its order."""
+    """The further arguments of `advance`, after the episodes and their beginnings, in order."""
 
     p_cost: np.ndarray  # (courses, n_q)
     dt: np.float32  # [s]
@@ -83,24 +83,25 @@ class Step(NamedTuple):
 
 
 class LaneEnvironments:
-    """Environments of a task, in lanes.
+    """Many environments of one task, stored in lanes.
 
     Args:
         task: courses, vehicle, starts and rewards.
         n: number of environments.
         seed: seed of their starts.
-        autoreset: when an episode that has ended starts anew: SAME_STEP, NEXT_STEP or DISABLED;
-            WAIT: it does not, and its vehicle stays where it is.
+        autoreset: step of the restart after an episode has ended: SAME_STEP, NEXT_STEP or DISABLED;
+            WAIT: no restart, and the vehicle stays at its place.
 
     Attributes:
-        racers: number of blocks in a row whose vehicles fly the same races, one of each in a lane.
+        racers: number of consecutive blocks that share races; lane i of each holds one racer of
+            race i.
         X: states (blocks, n_x, LANES).
         row: numbers of the target rows (blocks, LANES).
         steps, passes: numbers of steps and passed gates of the episodes  (blocks, LANES).
         obs: observations (blocks, SIZE, LANES).
         final: observations at the end of episodes that start anew in the same step.
-        reward, ended, cut, hit, crashed: results of the last step (blocks, LANES); cut: by the time
-            limit; hit: a gate was passed.
+        reward, ended, cut, hit, crashed: results of the last step (blocks, LANES); cut: ended by
+            the time limit; hit: a gate was passed.
     """
 
     racers = 1
@@ -111,7 +112,7 @@ class LaneEnvironments:
         self.seed = seed
         self.autoreset = autoreset
         self._check_courses()
-        self.tables: Tables | None = None  # of the seed, made when episodes begin
+        self.tables: Tables | None = None  # drawn from the seed when episodes begin
         self._calls = 0
 
         system = task.system
@@ -177,12 +178,12 @@ class LaneEnvironments:
         self.reward_by(task.rewards)
 
     def _load_loops(self) -> None:
-        """Take the compiled loops of the task."""
+        """Load the compiled loops of the task."""
         learning = Learning(observation, NextGates, reward, RewardParams, progress, clearance)
         self._module = environment_module(self.task.system, self.task.cost(0), learning)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return everything but the compiled loops, which a copy takes anew."""
+        """Return everything but the compiled loops, which a copy loads again."""
         return {name: value for name, value in self.__dict__.items() if name != "_module"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -190,7 +191,7 @@ class LaneEnvironments:
         self._load_loops()
 
     def reward_by(self, weights: RewardWeights) -> None:
-        """Weigh the reward by these from now on; the margin of the task stays."""
+        """Set the weights of the reward; the margin of the task stays."""
         self.rewards = weights
         self._rewards = np.array(weights.params, np.float32)
 
@@ -217,7 +218,7 @@ class LaneEnvironments:
         """Fly one step of dt.
 
         Args:
-            actions: (blocks, n_u, LANES) float32; what lies outside of -1..1 is clipped.
+            actions: (blocks, n_u, LANES) float32, clipped to -1..1.
         """
         assert self.tables is not None, "step before begin"
         self._calls += 1
@@ -257,20 +258,20 @@ class LaneEnvironments:
         return tables(self.task, self.seed)
 
     def _course_of_blocks(self, blocks: int) -> np.ndarray:
-        """Return the row of the tables that each block flies by.  (blocks,) int32"""
+        """Return the row of the tables for each block.  (blocks,) int32"""
         return (np.arange(blocks) % len(self.task.courses)).astype(np.int32)
 
     def _check_courses(self) -> None:
-        """Raise SettingError unless n environments can fly the courses side by side."""
+        """Raise SettingError unless the courses fit the n environments."""
         check_courses(self.task, self.n, "environments")
 
 
 def check_courses(task: LearningTask, n: int, what: str) -> None:
-    """Raise SettingError unless n environments or races can fly a task's courses side by side.
+    """Raise SettingError unless a task's courses fit n environments or races.
 
     Args:
         task: the task.
-        n: their number.
+        n: number of environments or races.
         what: "environments" or "races", for the error.
     """
     count = len(task.courses)
@@ -279,7 +280,7 @@ def check_courses(task: LearningTask, n: int, what: str) -> None:
         wanted = f"expected at least {least} {what} for {count}"
         raise SettingError("course", f"{LANES} {what} share a course: {wanted}, got {n}")
     costs = [task.cost(k) for k in range(count)]
-    # the compiled module holds one test of obstacles
+    # the compiled module contains one obstacle test for all courses
     tests = {cost.obstacles.touches for cost in costs if cost.obstacles}
     if len(tests) > 1:
         wanted = "expected courses that all have obstacles beside the gates, or none"

@@ -30,16 +30,16 @@ from quadsim.learn.spaces import (
 
 
 class RacingParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
-    """A race of 2 to 8 vehicles, the agents racer_0, racer_1 and so on.
+    """A race of 2 to 8 vehicles with the agents racer_0, racer_1 and so on.
 
-    All start together. A racer leaves `agents` after the step in which it has finished, crashed, or
-    come too near to another racer, which puts both out. At the time limit all leave.
+    All start together. A racer leaves `agents` after the step in which it has finished, crashed or
+    collided with another racer, which puts both out. At the time limit all leave.
 
     Args:
         course: a name, a FILE.yaml or a Course.
         threads: CPU threads of this process; None leaves them as they are.
         render_mode: None or "rgb_array".
-        viewer: what makes a viewer that shows every step, see RacingVectorEnv.
+        viewer: function that makes a viewer for every step, see RacingVectorEnv.
         settings: racers, collision_distance, vehicle, laps, reward, dt, start, randomize,
             time_limit and noise; see quadsim.learn.race_task.race_task.
 
@@ -129,7 +129,7 @@ class RacingParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         """Fly one step of dt.
 
         Args:
-            actions: an action (4,) for each of `agents`; what lies outside of -1..1 is clipped.
+            actions: an action (4,) for each of `agents`, clipped to -1..1.
 
         Returns:
             Observations, rewards, terminations, truncations and infos of the racers that took part
@@ -138,8 +138,8 @@ class RacingParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
             and `rank` (from 1).
 
         Raises:
-            ValueError: an action is missing, for a racer that does not fly, of another shape, or
-                not finite.
+            ValueError: an action is missing, belongs to a racer that is out, has a wrong shape, or
+                is not finite.
             gymnasium.error.ResetNeeded: before the first reset, or when the race is over.
         """
         if not self.agents:
@@ -162,7 +162,7 @@ class RacingParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         return observations, rewards, terminations, truncations, infos
 
     def render(self) -> np.ndarray | None:
-        """Return a picture from above where the mode is rgb_array.  (height, width, 3) uint8"""
+        """Return a picture from above if the mode is rgb_array.  (height, width, 3) uint8"""
         return self._renderer.picture(self._state_rows())
 
     def close(self) -> None:
@@ -170,7 +170,7 @@ class RacingParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         self._renderer.close()
 
     def _checked(self, actions: Any) -> np.ndarray:
-        """Return the actions of all racers, zeros for those that are out.  (racers, 4)"""
+        """Return the actions of all racers, zeros for racers that are out.  (racers, 4)"""
         if not isinstance(actions, Mapping):
             wanted = f"expected a dict with an action for each of {', '.join(self.agents)}"
             raise ValueError(f"actions: {wanted}, got {shown_value(actions)}")

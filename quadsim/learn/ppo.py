@@ -1,9 +1,9 @@
 """PPO of stable-baselines3 (Schulman et al. 2017, Raffin et al. 2021) on the environments.
 
-This module loads PyTorch, which takes seconds. Two things are added to the library's algorithm. An
-action is held for several steps of the environment. And a race around a closed course that ends at
-its finish counts as one that a time limit has cut: the value of flying on takes the place of zero,
-as the policy does not observe which lap it flies.
+This module loads PyTorch, which takes seconds. Two things differ from the library's algorithm. An
+action is held for several steps of the environment. A finish on a closed course counts as a
+truncation and not as a termination: as the policy does not observe the number of its lap, the
+return is bootstrapped with the value function.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from quadsim.learn.starts import hover_action
 from quadsim.learn.task import LearningTask
 from quadsim.streams import training_stream
 
-# Rewards are scaled so that a value is of the order of one: by this number, divided by how many
-# actions the discount looks ahead.
+# Rewards are scaled so that a value is of the order of one: by this number, divided by the horizon
+# of the discount in actions.
 VALUE_SCALE = 10.0
 
 
 class EndlessRaces(RacingVecEnv):
-    """Environments that add up their rewards, and in which a finish does not end what is learnt.
+    """Environments that sum their rewards, and in which a finish is a truncation.
 
     Attributes:
-        total: sum of all rewards since it was set.
+        total: sum of all rewards since its last assignment.
     """
 
     def __init__(self, num_envs: int, task: LearningTask, hold: int, scale: float):
@@ -51,7 +51,7 @@ class EndlessRaces(RacingVecEnv):
         self._on_loop = np.repeat(loops[self.envs.lanes.course], LANES)[:num_envs]
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict]]:
-        """Fly the steps of one action; see RacingVecEnv."""
+        """Simulate the steps of one action; see RacingVecEnv."""
         obs, reward, done, infos = super().step_wait()
         self.total += float(reward.sum())
         for i in np.flatnonzero(done & self._on_loop):
@@ -61,12 +61,12 @@ class EndlessRaces(RacingVecEnv):
 
 
 class Learner:
-    """A policy and its value function with the environments they learn in.
+    """A policy and its value function with the training environments.
 
     Args:
         task: courses, vehicle, starts and rewards.
         config: numbers of the algorithm.
-        seed: seed of the environments, the weights at the start and the exploration.
+        seed: seed of the environments, the initial weights and the exploration.
     """
 
     def __init__(self, task: LearningTask, config: PPOConfig, seed: int):
@@ -99,7 +99,7 @@ class Learner:
             device="cpu",
         )
         self._envs.seed(seed)
-        # untrained, the policy hovers
+        # the untrained policy hovers
         hover = torch.as_tensor(hover_action(task.vehicle, task.dt))
         output = self._model.policy.action_net
         assert isinstance(output, torch.nn.Linear)
@@ -120,7 +120,7 @@ class Learner:
         return self._envs.total / self._scale / (steps * self.task.dt)
 
     def pilot_weights(self) -> list[np.ndarray]:
-        """Return matrix (inputs, outputs) and bias of each layer of the policy's mean."""
+        """Return matrix (inputs, outputs) and bias of each layer of the policy's mean network."""
         policy = self._model.policy
         hidden = policy.mlp_extractor.policy_net
         found: list[np.ndarray] = []
@@ -136,7 +136,7 @@ class Learner:
         return {name: tensor.numpy().copy() for name, tensor in state.items()}
 
     def restore(self, parameters: Mapping[str, np.ndarray], steps_done: int) -> None:
-        """Go on from these parameters, after this number of steps."""
+        """Restore parameters and number of steps."""
         state = {name: torch.from_numpy(array) for name, array in parameters.items()}
         self._model.policy.load_state_dict(state)
         self.steps_done = steps_done
@@ -149,7 +149,7 @@ def scaled(weights: RewardWeights, scale: float) -> RewardWeights:
 
 
 def _settings(task: LearningTask, scale: float) -> dict[str, object]:
-    """Return the settings of environments that fly this task."""
+    """Return the keyword arguments of environments for this task."""
     return {
         "course": list(task.courses),
         "vehicle": task.vehicle,

@@ -19,6 +19,8 @@ class PPOConfig:
     clip: float = 0.2
     entropy: float = 0.001
     first_rate: float = 1e-3  # learning rate at the start
-    last_rate: float = 5e-5  # and at the end; in between it falls in proportion to what is done
+    last_rate: float = (
+        5e-5  # learning rate at the end; it falls linearly with the share of the training
+    )
     hidden: int = 64  # neurons of each of two hidden layers
     log_std: float = -1.0  # of actions in -1..1, at the start

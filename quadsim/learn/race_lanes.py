@@ -1,8 +1,8 @@
 """Many races of several vehicles in the compiled lanes.
 
 The loops of LaneEnvironments step each vehicle as if it were alone; controllers.lanes.races adds
-collisions, places and what racers see of each other. Racer a of race r is lane r % LANES of block
-r // LANES * racers + a.
+collisions, ranks and the racers' observations of each other. Racer a of race r is lane r % LANES of
+block r // LANES * racers + a.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from quadsim.streams import observation_noise_key
 
 
 class Told(NamedTuple):
-    """Numbers of each racer after the last step, which its race needs.  (blocks, LANES) each"""
+    """Counters of each racer after the last step.  (blocks, LANES) each"""
 
     row: np.ndarray  # number of the target's row
     steps: np.ndarray  # since the start
@@ -38,11 +38,11 @@ class Told(NamedTuple):
 
 
 class RaceLanes(LaneEnvironments):
-    """Races of a task, in lanes.
+    """Many races of one task, stored in lanes.
 
-    All racers of a race start together. A racer that has crashed, collided, finished or come to the
-    time limit is out: it stays where it is, nobody meets or sees it any more, and its observations
-    and rewards are zero from the next step on. A race is over when all are out.
+    All racers of a race start together. A racer that has crashed, collided, finished or reached the
+    time limit is out: it stays at its place, cannot collide any more and is not observed, and its
+    observations and rewards are zero from the next step on. A race is over when all are out.
 
     Args:
         task: courses, vehicle, racers, starts and rewards.
@@ -54,11 +54,11 @@ class RaceLanes(LaneEnvironments):
         others: observations of the opponents, nearest first
             (blocks, (racers - 1) * OPPONENT_SIZE, LANES); see controllers.learned.opponents.
         out: whether the racer was out before the last step  (blocks, LANES).
-        collided: whether it is out by another racer since this step  (blocks, LANES).
-        rank: its place in the race, from 1  (blocks, LANES).
-        done: whether the race is over since this step  (groups, LANES).
-        told: counts of the last step, those of a race that is over also where the next has begun.
-        final, final_others: last observations of the racers of races that are done, where races
+        collided: whether the racer has collided with another one in this step  (blocks, LANES).
+        rank: the racer's rank in the race, from 1  (blocks, LANES).
+        done: whether the race has ended in this step  (groups, LANES).
+        told: counters after the last step, before any restart.
+        final, final_others: last observations of the racers of races that are done, if races
             restart; see `obs` and `others`.
     """
 
@@ -78,11 +78,11 @@ class RaceLanes(LaneEnvironments):
         self.rank = np.zeros((B, LANES), np.int32)
         self.done = np.zeros((blocks(races), LANES), bool)
         self.told = Told(self.row, self.steps, self.passes)
-        # step in which a racer has finished, NEVER where it has not
+        # step in which a racer has finished, NEVER if it has not
         self._finish = np.full((B, LANES), NEVER, np.float32)
         self._before = np.zeros((B, 3, LANES), np.float32)  # positions before the last step
         self._too_near = np.float32(task.collision_distance**2)
-        # standard deviations of what is seen of opponents; whether they are here is known
+        # standard deviations of the observations of opponents; their presence is observed exactly
         self._others_noise = np.full(opponents, task.noise, np.float32)
         self._others_noise[::OPPONENT_SIZE] = 0.0
         self._race_rewards = np.array(task.rewards.race_params, np.float32)
@@ -93,7 +93,7 @@ class RaceLanes(LaneEnvironments):
         self._race_module = races_module(self.task.system, racing, SIZE)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return everything but the compiled loops, which a copy takes anew."""
+        """Return everything but the compiled loops, which a copy loads again."""
         return {name: v for name, v in super().__getstate__().items() if name != "_race_module"}
 
     def _make_tables(self) -> Tables:
@@ -127,7 +127,7 @@ class RaceLanes(LaneEnvironments):
         """Fly one step of dt.
 
         Args:
-            actions: (blocks, n_u, LANES) float32; what lies outside of -1..1 is clipped.
+            actions: (blocks, n_u, LANES) float32, clipped to -1..1.
         """
         np.copyto(self.out, self.over)
         np.copyto(self._before, self.X[:, :3])
@@ -165,7 +165,7 @@ class RaceLanes(LaneEnvironments):
             self._begin_done()
 
     def _begin_done(self) -> None:
-        """Start the races that are over; `out` goes on to tell of the step that has ended them."""
+        """Restart the races that are over; `out` keeps its values of their last step."""
         out = self.out.copy()
         rank = self.rank.copy()
         self.begin(None, self.done)
@@ -183,7 +183,7 @@ class RaceLanes(LaneEnvironments):
         return lanes.reshape(-1, self.racers, LANES)
 
     def _look(self, chosen: Any) -> None:
-        """Let the racers of some groups of races see each other.  (groups,)"""
+        """Compute the observations of opponents for some groups of races.  (groups,)"""
         on_threads(
             self._race_module.look,
             len(chosen),
@@ -204,5 +204,5 @@ class RaceLanes(LaneEnvironments):
         on_threads(self._race_module.actions_to_lanes, len(self.done), rows, lanes)
 
     def observations_to_rows(self, obs: np.ndarray, others: np.ndarray, rows: np.ndarray) -> None:
-        """Copy observations, of themselves and of the others, to rows  (races, racers, numbers)."""
+        """Copy the observations `obs` and `others` to rows  (races, racers, numbers)."""
         on_threads(self._race_module.observations_to_rows, len(self.done), obs, others, rows)

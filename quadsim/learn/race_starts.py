@@ -1,7 +1,7 @@
 """Starts of races of several vehicles: on the start grid, see quadsim.heat.grid, or in flight.
 
-A start in flight (`anywhere`) is for training: all racers of a race begin on the way to the same
-gate, one behind the other.
+A start in flight (`anywhere`) is for training: all racers of a race begin one behind the other on
+the way to the same gate.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from quadsim.physics.plant_state import start_state
 from quadsim.streams import racer_vehicle_stream
 from quadsim.vehicle import Vehicle
 
-BESIDE = 0.2  # standard deviation of places in flight about the line of the racers, per axis [m]
+BESIDE = 0.2  # standard deviation of starts in flight about the line of racers, per axis [m]
 
 
 def start_fault(course: Course, racers: int) -> str:
-    """Return what is wrong with the place of a racer at the start, "" where nothing is."""
+    """Return the reason why a racer has no valid start position, "" if all have one."""
     for number, start in enumerate(start_grid(course, racers)):
         problem = place_fault(course, start)
         if problem:
@@ -77,10 +77,10 @@ def race_start_rows(
 def flying_together(
     course: Course, cost: Cost, rng: np.random.Generator, racers: int
 ) -> tuple[list[State], int]:
-    """Draw states on the way to some gate, about SPACING one behind the other, in random order.
+    """Draw states on the way to some gate, in a line about SPACING apart, in random order.
 
     Returns:
-        The states, and the row of their target.
+        The states, and the row of their common target.
     """
     first, target = in_flight(course, cost, rng)
     velocity = np.array(first.velocity)

@@ -1,8 +1,8 @@
-"""The task of a race of several: a task of one vehicle, with racers, their rules and their reward.
+"""The task of a race of several vehicles: a LearningTask with racers, collisions and ranks.
 
     r_race = r + rank (places gained) - crash (collided)
 
-r is the reward of a vehicle alone (quadsim.learn.reward).
+r is the reward of a single vehicle (quadsim.learn.reward).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class RaceRewardParams(NamedTuple):
 
 @dataclass(frozen=True)
 class RaceRewardWeights(RewardWeights):
-    """Weights of the terms in a race of several.
+    """Weights of the reward's terms in a race of several vehicles.
 
     Raises:
         SettingError: a weight is no number, or out of its range (a ValueError).
@@ -42,33 +42,33 @@ class RaceRewardWeights(RewardWeights):
 
     rank: Annotated[
         float,
-        setting("for each place gained in the race, minus that for each lost", ge=-MOST, le=MOST),
+        setting("for each place gained in the race, negative for a place lost", ge=-MOST, le=MOST),
     ] = 1.0
 
     @property
     def race_params(self) -> RaceRewardParams:
-        """The weights as `race_reward` takes them."""
+        """The weights as a tuple for `race_reward`."""
         return RaceRewardParams(rank=self.rank, crash=self.crash)
 
 
 def race_reward(collided, gained, p):
-    """Return what a race adds to the reward of a vehicle in one step.
+    """Return the additional reward of a race for a vehicle in one step.
 
     Args:
-        collided: 1 where the vehicle is out by another racer, else 0.
-        gained: places gained, negative where they are lost.
+        collided: 1 if the vehicle has collided with another racer, else 0.
+        gained: places gained, negative if lost.
         p: RaceRewardParams.
     """
     return p.rank * gained - p.crash * collided
 
 
 def nearest_square(start, end):
-    """Return the least squared distance from the origin to a point of a line [m^2].
+    """Return the least squared distance from the origin to a line segment [m^2].
 
-    Between two vehicles that fly straight in a step, their relative position moves along a line.
+    The relative position of two vehicles that fly straight in a step moves along such a segment.
 
     Args:
-        start, end: the line's ends, (3,) each [m].
+        start, end: ends of the segment, (3,) each [m].
     """
     dx = end[0] - start[0]
     dy = end[1] - start[1]
@@ -84,7 +84,7 @@ def nearest_square(start, end):
 
 @dataclass(frozen=True)
 class RaceTask(LearningTask):
-    """A race of several to be learnt. The function `race_task` makes one from names.
+    """A race of several vehicles to be learnt. The function `race_task` makes one from names.
 
     Raises:
         SettingError: a number is of another type or out of its range (a ValueError).
@@ -94,7 +94,7 @@ class RaceTask(LearningTask):
     collision_distance: Annotated[
         float,
         setting(
-            "two racers whose centres come nearer than this are both out; 0: none is",
+            "two racers whose centres come nearer than this are both out; 0: no collisions",
             unit="m",
             ge=0,
             le=0.5,
@@ -103,7 +103,7 @@ class RaceTask(LearningTask):
     rewards: RaceRewardWeights = field(default_factory=RaceRewardWeights)
 
     def check_starts(self) -> None:
-        """Raise SettingError where a racer has no room to start."""
+        """Raise SettingError if a racer has no room to start."""
         for course in self.courses:
             fault = start_fault(course, self.racers)
             if fault:
@@ -122,7 +122,7 @@ def race_task(
     Args:
         course, vehicle, laps: see quadsim.learn.task.task.
         reward: RaceRewardWeights, or {term: weight} for the terms that differ from the defaults.
-        settings: racers, collision_distance [m], and those of a task of one vehicle.
+        settings: racers, collision_distance [m], and the settings of a task of one vehicle.
 
     Raises:
         SettingError: a value is invalid; its message is one line (a ValueError).
@@ -136,7 +136,7 @@ def race_task(
 def race_tables(task: RaceTask, seed: int) -> Tables:
     """Return the arrays of a task's courses, with starts drawn from the seed.
 
-    Each course stands there once for each racer, as every racer has its own starts: racer a on
+    The arrays repeat each course for each racer, as every racer has its own starts: racer a on
     course k has row k * racers + a.
     """
     rows: list[CourseTables] = []

@@ -26,13 +26,12 @@ class Races:
     """Many races of several vehicles each, for training on all of them at once.
 
     A racer that is out waits, with observations and rewards of zero, until its race is over: until
-    every racer has finished, crashed, collided or come to the time limit. The race then starts anew
-    in the same step. The same seed gives the same numbers to the last bit, for any number of
-    threads.
+    every racer has finished, crashed, collided or reached the time limit. The race then restarts in
+    the same step. The same seed gives the same numbers to the last bit, for any number of threads.
 
     Args:
-        races: number of races. LANES = 64 in a row share a course.
-        restart: whether races that are over start anew; without it their racers stay out.
+        races: number of races; LANES = 64 consecutive races share a course.
+        restart: whether races that are over restart; otherwise their racers stay out.
         threads: CPU threads of this process; None leaves them as they are.
         settings: course, vehicle, laps, reward, racers, collision_distance, dt, start, randomize,
             time_limit and noise; see quadsim.learn.race_task.race_task.
@@ -59,7 +58,7 @@ class Races:
         self.lanes = RaceLanes(self.task, self.races, 0, restart)
         self._actions = np.zeros((len(self.lanes.X), ACTIONS, LANES), np.float32)
         gates = [len(course.gates) for course in self.task.courses]
-        # Gates per lap of each block's course, as a column beside its lanes
+        # Gates per lap of each block's course, as a column that broadcasts over its lanes
         courses = self.lanes.course // self.racers
         self._gates_per_lap = np.array(gates, np.int32)[courses][:, None]
         self._begun = False
@@ -86,19 +85,19 @@ class Races:
         """Fly one step of dt.
 
         Args:
-            actions: (races, racers, 4); what lies outside of -1..1 is clipped, and what is given to
-                a racer that is out has no effect.
+            actions: (races, racers, 4), clipped to -1..1; actions of racers that are out have no
+                effect.
 
         Returns:
             Observations (races, racers, size), rewards, terminations, truncations (races, racers),
             and info of the same shape: `racing`, whether the racer took part in this step, `passed`
             a gate, `gates` passed since the start, `lap` (from 1), `time` [s], `crashed`,
-            `collided` with another racer, `finished`, `rank` (from 1). `over` (races,) names the
-            races that have ended in this step, and where they start anew, `final_obs`
+            `collided` with another racer, `finished`, `rank` (from 1). `over` (races,) marks the
+            races that have ended in this step; if they restart, `final_obs`
             (races that ended, racers, size) has their last observations.
 
         Raises:
-            ValueError: actions of another shape, or not finite.
+            ValueError: the actions have a wrong shape, or are not finite.
             gymnasium.error.ResetNeeded: before the first reset.
         """
         if not self._begun:
@@ -144,12 +143,12 @@ class Races:
         return by_race.reshape(-1, self.racers, by_lane.shape[2])[: self.races]
 
     def _by_race(self, lanes: np.ndarray) -> np.ndarray:
-        """Return one number for each racer, in new memory.  (blocks, LANES) -> (races, racers)"""
+        """Return a copy of one number per racer.  (blocks, LANES) -> (races, racers)"""
         groups = lanes.reshape(-1, self.racers, LANES).transpose(0, 2, 1)
         return np.array(groups.reshape(-1, self.racers)[: self.races], order="C")
 
     def _rows(self, obs: np.ndarray, others: np.ndarray) -> np.ndarray:
-        """Return observations by race, in new memory.  (races, racers, size)"""
+        """Return a copy of the observations by race.  (races, racers, size)"""
         rows = np.empty((self.races, self.racers, self.size), np.float32)
         self.lanes.observations_to_rows(obs, others, rows)
         return rows
@@ -165,5 +164,5 @@ class Races:
 
 
 def observation_size(racers: int) -> int:
-    """Return how many numbers a racer observes: its own, and those of each opponent."""
+    """Return the size of a racer's observation: its own numbers, and numbers per opponent."""
     return SIZE + (racers - 1) * OPPONENT_SIZE

@@ -26,18 +26,18 @@ BACKGROUND = (250, 250, 252)
 # colours of vehicles at the floor and at the ceiling
 LOW = np.array((30, 90, 200))
 HIGH = np.array((220, 60, 30))
-AHEAD = 0.1  # a vehicle's velocity is drawn as the way that it covers in this time [s]
+AHEAD = 0.1  # a vehicle's velocity is drawn as its displacement in this time [s]
 RADIUS = 2.5  # radius of a vehicle [pixels]
 
 
 class Viewer(Protocol):
-    """A viewer shows the vehicles of an environment to a person."""
+    """A viewer displays the vehicles of an environment."""
 
     def show(self, states: np.ndarray) -> None:
         """Show position, velocity and attitude (wxyz) of the vehicles.  (vehicles, 10)"""
 
     def close(self) -> None:
-        """End the view."""
+        """Close the view."""
 
 
 # (course, vehicles, dt) -> Viewer; dt: duration of a step [s]
@@ -49,9 +49,9 @@ class Renderer:
 
     Args:
         mode: None or "rgb_array".
-        viewer: what makes a viewer that shows every step; None for no viewer.
+        viewer: function that makes a viewer for every step; None: no viewer.
         course: the course that is shown.
-        vehicles: their number.
+        vehicles: number of vehicles.
         dt: duration of a step [s].
 
     Raises:
@@ -84,7 +84,7 @@ class Renderer:
         """Show the states to the viewer; called after a reset and after each step.
 
         Args:
-            states: makes the array of Viewer.show.  (vehicles, 10)
+            states: function that returns the array for Viewer.show.  (vehicles, 10)
         """
         if self._factory is None:
             return
@@ -93,11 +93,11 @@ class Renderer:
         self._viewer.show(states())
 
     def picture(self, states: np.ndarray) -> np.ndarray | None:
-        """Return a picture from above where the mode is rgb_array.  (height, width, 3) uint8"""
+        """Return a picture from above if the mode is rgb_array.  (height, width, 3) uint8"""
         return picture(self._course, states) if self._mode == "rgb_array" else None
 
     def __getstate__(self) -> dict[str, Any]:
-        """Leave the open viewer to this environment: a copy opens its own."""
+        """Return the state without the open viewer: a copy opens its own."""
         return self.__dict__ | {"_viewer": None}
 
     def close(self) -> None:

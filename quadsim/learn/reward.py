@@ -1,12 +1,12 @@
-"""The reward of a step: named terms with weights, and the plain function that the lanes inline.
+"""The reward of a step: named terms with weights, and a plain function for the compiled lanes.
 
     r = progress d + gate g - crash c - clearance m
         - body_rates |w|^2 - action_change |a - a_last|^2 - time
 
-d is the way to the remaining gates that this step has shortened [m]. It is measured as the racing
-cost measures it (controllers.costs.race), so that a flight collects its whole way whatever path it
-takes. The terms are those of Song et al. 2021, "Autonomous Drone Racing with Deep Reinforcement
-Learning", and Kaufmann et al. 2023.
+d is the progress: the decrease of the remaining way through the gates [m], measured as in the
+racing cost (controllers.costs.race), so that the sum over a flight does not depend on its path. The
+terms follow Song et al. 2021, "Autonomous Drone Racing with Deep Reinforcement Learning", and
+Kaufmann et al. 2023.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class RewardWeights:
     """
 
     progress: Annotated[
-        float, setting("per metre of the way to go that is flown", ge=-MOST, le=MOST)
+        float, setting("per metre of progress along the remaining way", ge=-MOST, le=MOST)
     ] = 1.0
     gate: Annotated[float, setting("for each gate passed", ge=-MOST, le=MOST)] = 0.0
     crash: Annotated[float, setting("for the end of an episode by a crash", ge=-MOST, le=MOST)] = (
@@ -55,7 +55,7 @@ class RewardWeights:
     clearance: Annotated[
         float,
         setting(
-            "per metre by which the margin in a gate is not kept, per metre flown within it",
+            "per metre short of the margin in a gate, per metre flown within the gate",
             ge=-MOST,
             le=MOST,
         ),
@@ -72,7 +72,7 @@ class RewardWeights:
     ] = 0.002
     time: Annotated[float, setting("for each step", ge=-MOST, le=MOST)] = 0.0
     margin: Annotated[
-        float, setting("wanted between vehicle and frame within a gate", unit="m", ge=0, le=10)
+        float, setting("clearance between vehicle and frame within a gate", unit="m", ge=0, le=10)
     ] = 0.2
 
     def __post_init__(self) -> None:
@@ -80,7 +80,7 @@ class RewardWeights:
 
     @property
     def params(self) -> RewardParams:
-        """The weights as `reward` takes them."""
+        """The weights as a tuple for `reward`."""
         return RewardParams(
             progress=self.progress,
             gate=self.gate,
@@ -97,9 +97,9 @@ def reward(progress, clearance, crashed, reached, action, last, p):
 
     Args:
         progress: decrease of the remaining way [m].
-        clearance: what is short of the margin, times the way in the gate [m^2].
+        clearance: shortfall of the margin times the distance flown in the gate [m^2].
         crashed, reached: 0 or 1.
-        action, last: this and the last action, Control in -1..1.
+        action, last: this and the previous action, Control in -1..1.
         p: RewardParams.
     """
     rates = action.wx * action.wx + action.wy * action.wy + action.wz * action.wz

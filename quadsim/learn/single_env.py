@@ -1,4 +1,4 @@
-"""`quadsim/Racing-v0` for one vehicle: the same lanes, with one of them in use."""
+"""`quadsim/Racing-v0` for one vehicle: the compiled lanes with one lane in use."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class RacingEnv(Env):
         return obs[0], float(reward[0]), bool(ended[0]), bool(cut[0]), of_one
 
     def render(self) -> np.ndarray | None:
-        """Return a picture from above where the mode is rgb_array.  (height, width, 3) uint8"""
+        """Return a picture from above if the mode is rgb_array.  (height, width, 3) uint8"""
         pictures = self._envs.render()
         return None if pictures is None else pictures[0]
 

@@ -14,8 +14,8 @@ from quadsim.files.values import SettingError, checked_object
 from quadsim.files.yaml_errors import shown_value
 
 ACTIONS = 4
-# Bound of every observed number in its unit, which no flight within a course's bounds comes near:
-# the checks of Gymnasium and of stable-baselines3 warn of infinite ones.
+# Bound of every observed number in its unit, far beyond any flight within a course's bounds; the
+# checks of Gymnasium and of stable-baselines3 warn of infinite bounds.
 FAR = 1e6
 SEED = inspect.type_info(Annotated[int, Meta(ge=0, le=2**63 - 1)])
 
@@ -59,7 +59,7 @@ def checked_actions(actions: Any, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def checked_reset(seed: Any, options: Any) -> int | None:
-    """Return the seed of a reset as an int, None where none is given.
+    """Return the seed of a reset as an int, None if none is given.
 
     Raises:
         SettingError: the seed is no whole number or out of its range, or the options are no dict.

@@ -19,14 +19,14 @@ from quadsim.learn.vector_env import RacingVectorEnv
 
 
 class RacingVecEnv(VecEnv):
-    """Races of many vehicles, whose episodes start anew in the step in which they end.
+    """Many races of one vehicle each, whose episodes restart in the step in which they end.
 
-    `infos` hold Gymnasium's `passed`, `gates`, `lap`, `time`, `crashed` and `finished` where an
-    episode has ended, with `terminal_observation` and `TimeLimit.truncated`. Elsewhere they are
-    empty, as making thousands of them takes time.
+    If an episode has ended, its entry of `infos` holds Gymnasium's `passed`, `gates`, `lap`,
+    `time`, `crashed` and `finished`, with `terminal_observation` and `TimeLimit.truncated`. All
+    other entries are empty, as filling thousands of them takes time.
 
     Args:
-        num_envs: vehicles.
+        num_envs: number of vehicles.
         hold: steps of dt for which an action is held.
         settings: see RacingVectorEnv, without autoreset_mode.
     """
@@ -43,7 +43,7 @@ class RacingVecEnv(VecEnv):
     def reset(self) -> np.ndarray:
         """Start all episodes and return observations (num_envs, 38).
 
-        The seed of the last call of `seed` serves for one reset.
+        The seed of the last call of `seed` is used for one reset.
         """
         seed = self._seeds[0]
         self._reset_seeds()
@@ -56,11 +56,11 @@ class RacingVecEnv(VecEnv):
         self._actions = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict]]:
-        """Fly the steps of one action; return observations, summed rewards, dones and infos."""
+        """Simulate the steps of one action; return observations, summed rewards, dones, infos."""
         obs, rewards, done, infos = self._fly_step()
         for _ in range(self.hold - 1):
             obs, reward, ended, more = self._fly_step()
-            # what follows an end belongs to the next episode
+            # rewards after an end belong to the next episode
             rewards += np.where(done, 0.0, reward)
             for i in np.flatnonzero(ended & ~done):
                 infos[i] = more[i]
@@ -68,7 +68,7 @@ class RacingVecEnv(VecEnv):
         return obs, rewards, done, infos
 
     def _fly_step(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict]]:
-        """Fly one step of dt; return observations, rewards, dones and infos."""
+        """Simulate one step of dt; return observations, rewards, dones and infos."""
         obs, reward, ended, cut, info = self.envs.step(self._actions)
         done = ended | cut
         infos: list[dict] = [{} for _ in range(self.num_envs)]
@@ -88,7 +88,7 @@ class RacingVecEnv(VecEnv):
         return self.envs.render() or [None]
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """Return an attribute, the same for each of the environments asked for."""
+        """Return an attribute once for each of the given environments."""
         owner = self.envs if hasattr(self.envs, attr_name) else self
         return [getattr(owner, attr_name)] * self._count(indices)
 
@@ -96,7 +96,7 @@ class RacingVecEnv(VecEnv):
         """Set an attribute of all environments, which share their settings.
 
         Raises:
-            ValueError: only some of the environments are asked for.
+            ValueError: the indices select only some of the environments.
         """
         if self._count(indices) != self.num_envs:
             wanted = f"expected to be set for all {self.num_envs} environments at once"
@@ -106,12 +106,12 @@ class RacingVecEnv(VecEnv):
     def env_method(
         self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any
     ) -> list[Any]:
-        """Call a method once for all environments; return its result for each asked for."""
+        """Call a method once for all environments; return its result for each given one."""
         result = getattr(self.envs, method_name)(*args, **kwargs)
         return [result] * self._count(indices)
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
-        """Return False for each of the environments asked for."""
+        """Return False for each of the given environments."""
         return [False] * self._count(indices)
 
     def _count(self, indices: Any) -> int:

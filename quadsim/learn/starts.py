@@ -1,8 +1,8 @@
-"""Starts of episodes: rows of state, target row, parameters of the vehicle and last action.
+"""Initial states of episodes: rows of state, target row, vehicle parameters and last action.
 
-`standing` is the race's start. `anywhere` is for training: most episodes begin in flight, somewhere
-on the way to any gate, at any speed, so that every part of a course is learnt from the first minute
-on (Song et al. 2021). The others stand.
+`standing` is the race's start. `anywhere` is for training: most episodes begin in flight, on the
+way to any gate and at any speed, so that every part of a course is learnt from the first minute on
+(Song et al. 2021); the rest begins at the race's start.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from quadsim.rotation import from_yaw, product
 from quadsim.streams import start_vehicle_stream
 from quadsim.vehicle import GRAVITY, Vehicle
 
-ROWS = 1024  # different starts of a course, where they differ
-STANDING = 0.15  # share of them that stand at the start
-SPEED = 9.0  # highest at a start in flight [m/s]
-TILT = 0.3  # standard deviation of the attitude there, per axis [rad]
-SPIN = 0.7  # standard deviation of the body rates there [rad/s]
+ROWS = 1024  # number of random starts of a course
+STANDING = 0.15  # share of `anywhere` that begins at the race's start
+SPEED = 9.0  # highest speed of a start in flight [m/s]
+TILT = 0.3  # standard deviation of the attitude in flight, per axis [rad]
+SPIN = 0.7  # standard deviation of the body rates in flight [rad/s]
 AROUND = 0.25  # standard deviation of the position around the leg [m]
-BEHIND = 2.0  # farthest start behind a gate whose successor faces away [m]
+BEHIND = 2.0  # largest distance behind a gate whose successor faces away [m]
 
 
 class StartInFlight(NamedTuple):
@@ -50,7 +50,7 @@ def start_rows(
     randomize: float,
     seeds: np.random.SeedSequence,
 ) -> np.ndarray:
-    """Return the starts of a course; one row where nothing is random.
+    """Return the starts of a course; a single row if nothing is random.
 
     Args:
         course, cost: the course and its racing cost.
@@ -58,7 +58,7 @@ def start_rows(
         dt: duration of a step [s].
         start: standing or anywhere.
         randomize: size of domain randomization.
-        seeds: seeds of everything that is drawn.
+        seeds: seeds of all random numbers.
 
     Returns:
         (rows, n_x + 1 + n_p + n_u) float32.
@@ -80,9 +80,9 @@ def start_rows(
 
 
 def system_params(vehicle: Vehicle, varied: Randomization, dt: float) -> tuple[float, ...]:
-    """Return the model's parameters of a vehicle that differs from the nominal one.
+    """Return the model parameters of a randomized vehicle.
 
-    The vehicle's flight controller does not know of the other mass: its thrust falls short.
+    The flight controller assumes the nominal mass, so the thrust gain changes with the true mass.
     """
     model = ModelParams.of(varied.vehicle(vehicle))
     share = 1 / (1 + varied.mass)
@@ -91,7 +91,7 @@ def system_params(vehicle: Vehicle, varied: Randomization, dt: float) -> tuple[f
 
 
 def hover_action(vehicle: Vehicle, dt: float) -> np.ndarray:
-    """Return the action that hovers, in -1..1.  (4,)"""
+    """Return the hover action, in -1..1.  (4,)"""
     system = quadrotor(ModelParams.of(vehicle), dt)
     return normalised(system.rest, system.low, system.high)
 
@@ -102,18 +102,18 @@ def in_flight(course: Course, cost: Cost, rng: np.random.Generator) -> StartInFl
     share = rng.uniform(0.0, 0.85)
     speed = rng.uniform(0.0, SPEED)
 
-    # the straight way to the target from the gate before it, or from the start
+    # the straight leg to the target from the gate before it, or from the start
     exits = columns(cost.targets, GateTarget, "x", "z")
     passages = columns(cost.targets, GateTarget, "nx", "nz")
     before = exits[target - 1] if target else np.array(course.start.position)
     way = exits[target] - before
     direction = way / max(np.linalg.norm(way), 1e-6)
 
-    # the direction in which the gate before it was left
+    # the exit direction of the gate before it
     gate_before = course.gates[(target - 1) % len(course.gates)]
     out = gate_before.rotation[:, 0] if target else direction
     if direction @ passages[target] < 0 or direction @ out < 0:
-        # the next gate stands behind or faces away: the vehicle flies on first
+        # the next gate lies behind or faces away: the vehicle first continues in this direction
         position = before + rng.uniform(0.0, BEHIND) * out
         heading = out
     else:

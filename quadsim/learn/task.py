@@ -49,7 +49,9 @@ class LearningTask:
     dt: Annotated[
         float, setting("duration of an environment's step", unit="s", ge=1e-3, le=0.05)
     ] = 0.01
-    start: Annotated[Start, setting("where episodes begin")] = "standing"
+    start: Annotated[
+        Start, setting("initial states of episodes: the race's start, or anywhere on the course")
+    ] = "standing"
     # see quadsim.physics.domain_randomization
     randomize: Annotated[
         float, setting("scale of the randomization of start and vehicle", ge=0, le=3)
@@ -58,7 +60,7 @@ class LearningTask:
         float, setting("longest duration of an episode", unit="s", ge=0.1, le=1e5)
     ] = 60.0
     noise: Annotated[
-        float, setting("standard deviation of each number observed, in its unit", ge=0, le=10)
+        float, setting("standard deviation of each observed number, in its unit", ge=0, le=10)
     ] = 0.0
     rewards: RewardWeights = field(default_factory=RewardWeights)
 
@@ -73,8 +75,8 @@ class LearningTask:
     def cost(self, k: int) -> Cost:
         """Return the racing cost of course k.
 
-        An environment uses the progress and the gate tests of this cost, not its weights: an
-        environment's weights are those of the reward.
+        An environment uses the progress and the gate tests of this cost; the weights come from the
+        reward.
         """
         weights = RaceWeights(margin=self.rewards.margin)
         return race_cost(self.courses[k], self.vehicle.radius, weights, self.laps[k])
@@ -157,7 +159,7 @@ def task(
         vehicle: a name, a FILE.yaml or a Vehicle.
         laps: number of laps of every course; None: each course's own.
         reward: RewardWeights, or {term: weight} for the terms that differ from the defaults.
-        settings: dt [s], start, randomize, time_limit [s], noise; None stands for the default.
+        settings: dt [s], start, randomize, time_limit [s], noise; None: the default.
 
     Raises:
         SettingError: a value is invalid; its message is one line (a ValueError).
@@ -224,7 +226,7 @@ def _checked_settings(settings: Mapping[str, Any], kind: type[LearningTask]) -> 
 
 
 def _weights(given: Any, kind: type[RewardWeights]) -> RewardWeights:
-    """Return the reward's weights from what the user gave. Raises SettingError."""
+    """Return the reward's weights from the user's value. Raises SettingError."""
     if given is None:
         return kind()
     if isinstance(given, kind):

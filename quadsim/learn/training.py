@@ -1,4 +1,4 @@
-"""A training from the first step to the pilot: updates, evaluations in the simulator, checkpoints.
+"""Train a pilot: policy updates, evaluations in the simulator, checkpoints.
 
 The best pilot of all evaluations is kept.
 """
@@ -33,22 +33,22 @@ if TYPE_CHECKING:
     from quadsim.learn.ppo import Learner
 
 EVALUATED = "evaluated"  # key of a pilot's evaluation in the record of its training
-EVALUATION_SEED = 10_000  # the first of those that evaluations fly; a comparison's seeds begin at 0
+EVALUATION_SEED = 10_000  # first seed of an evaluation's flights; comparisons begin at seed 0
 
 
 @dataclass(frozen=True)
 class Training:
-    """A training as it was asked for."""
+    """The settings of a training."""
 
     task: LearningTask
     config: PPOConfig
     seed: int
-    steps: int  # of the environments
-    out: Path  # of the pilot
+    steps: int  # total steps of the environments
+    out: Path  # file of the pilot
     every: float = 0.05  # share of the training between two evaluations
-    flights: int = 4  # of an evaluation in the second half; earlier ones have a quarter of them
-    minutes: float | None = None  # after which the training ends, however many its steps
-    command: str = ""  # that began it
+    flights: int = 4  # flights of an evaluation in the second half; a quarter of it before
+    minutes: float | None = None  # time limit of the training, regardless of its steps
+    command: str = ""  # command line of the training
 
     @property
     def checkpoint(self) -> Path:
@@ -57,9 +57,9 @@ class Training:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """The settings that decide the training's numbers, except how long it is.
+        """The settings that decide the training's numbers, except its length.
 
-        The vehicle counts by its numbers, as a file of the same name may have changed.
+        The vehicle is identified by its numbers, as a file of the same name may have changed.
         """
         task = self.task
         return {
@@ -79,7 +79,7 @@ class Training:
 
 
 class Progress(NamedTuple):
-    """How far a training is."""
+    """The progress of a training."""
 
     steps: int  # of the environments so far
     share: float  # of the training that is done
@@ -91,15 +91,15 @@ class Flown(NamedTuple):
     """The races of an evaluation."""
 
     finished: float  # share of the races
-    lap: float  # mean of those that finished [s]; 0 without one
+    lap: float  # mean lap time of finished races [s]; 0 without one
     gates: float  # mean share of the gates passed
 
 
 class Score(NamedTuple):
-    """The quality of a pilot in its evaluation. A greater score is better, field by field.
+    """The quality of a pilot in its evaluation; scores compare field by field, greater is better.
 
-    The number of flights comes first, as the mean of a few easy flights is no better than that of
-    many.
+    The number of flights comes first, as the mean of many flights is more reliable than the mean of
+    a few.
     """
 
     flights: int
@@ -132,8 +132,8 @@ def train(
         A row for each evaluation: steps, reward per second, flights, finished, lap, gates, seconds.
 
     Raises:
-        FileError: the checkpoint is damaged or of another training, or the file of the pilot is
-            something else.
+        FileError: the checkpoint is damaged or belongs to a different training, or the file of the
+            pilot is no pilot.
         ImportError: stable-baselines3 is not installed.
         RunError: a file cannot be written.
     """
@@ -143,7 +143,7 @@ def train(
     config = training.config
     learner = Learner(training.task, config, training.seed)
     history: list[Evaluation] = []
-    # Beside no checkpoint, a pilot is one of another training, which this one replaces.
+    # Without a checkpoint, the pilot on the disk belongs to a different training and is replaced.
     kept = load_pilot(training.out) if training.out.exists() else None
     best = None
     if training.checkpoint.exists():
@@ -174,8 +174,8 @@ def train(
             **flown._asdict(),
             seconds=clock.seconds(),
         )
-        # The pilot is written before the checkpoint: a training that is killed between the two
-        # flies this evaluation again, and keeps the better one.
+        # The pilot is written before the checkpoint: a training that is killed in between repeats
+        # this evaluation, and keeps the better pilot.
         if best is None or Score.of(row) >= best:
             best = Score.of(row)
             record = {EVALUATED: row, "evaluations": len(history) + 1}
@@ -191,12 +191,12 @@ def train(
 
 
 class Clock:
-    """The time and the share of a training that are done.
+    """The elapsed time and share of a training.
 
     Args:
         training: the training.
-        steps: steps that were done before this process.
-        seconds: time that they took [s].
+        steps: steps before this process.
+        seconds: training time before this process [s].
     """
 
     def __init__(self, training: Training, steps: int, seconds: float):
@@ -210,13 +210,13 @@ class Clock:
         return self._seconds_before + perf_counter() - self._began
 
     def share(self, steps: int) -> float:
-        """Return the share that is done, of the steps or of the time, whichever is greater."""
+        """Return the elapsed share of the steps or of the time, whichever is greater."""
         minutes = self._training.minutes
         of_time = self.seconds() / (60.0 * minutes) if minutes else 0.0
         return max(steps / self._training.steps, of_time)
 
     def progress(self, steps: int) -> Progress:
-        """Return how far the training is after this number of steps."""
+        """Return the progress after this number of steps."""
         rate = (steps - self._steps_before) / max(perf_counter() - self._began, 1e-9)
         left = max(self._training.steps - steps, 0) / max(rate, 1e-9)
         if self._training.minutes:
@@ -225,14 +225,14 @@ class Clock:
 
 
 def learning_rate(share: float, config: PPOConfig) -> float:
-    """Return the learning rate after this share of a training."""
+    """Return the learning rate at this share of a training."""
     return config.first_rate + min(share, 1.0) * (config.last_rate - config.first_rate)
 
 
 def best_score(history: Sequence[Evaluation], kept: Pilot | None) -> Score | None:
-    """Return the score that a pilot needs to be kept, None where any will do.
+    """Return the score that a new pilot has to exceed, None if there is none.
 
-    The pilot on the disk may be newer than the checkpoint, and it may be gone.
+    The pilot on the disk may be newer than the checkpoint, or missing.
 
     Args:
         history: the evaluations up to the checkpoint.

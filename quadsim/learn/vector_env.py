@@ -46,11 +46,11 @@ class RacingVectorEnv(VectorEnv):
     The same seed gives the same rollout to the last bit, for any number of threads.
 
     Args:
-        num_envs: vehicles. LANES = 64 in a row share a course.
-        autoreset_mode: when an episode that has ended starts anew.
+        num_envs: number of vehicles; LANES = 64 consecutive vehicles share a course.
+        autoreset_mode: step in which an ended episode restarts.
         threads: CPU threads of this process; None leaves them as they are.
         render_mode: None or "rgb_array".
-        viewer: what makes a viewer that shows every step, from the course, the number of vehicles
+        viewer: function that makes a viewer for every step from the course, the number of vehicles
             and the duration of a step [s], such as web.page.env_page.EnvPage.
         settings: course, vehicle, laps, reward, dt, start, randomize, time_limit and noise; see
             quadsim.learn.task.task.
@@ -99,7 +99,7 @@ class RacingVectorEnv(VectorEnv):
         self.lanes = LaneEnvironments(self.task, self.num_envs, 0, MODES[mode])
         self._actions = np.zeros((len(self.lanes.X), ACTIONS, LANES), np.float32)
         gates = [len(course.gates) for course in self.task.courses]
-        # Gates per lap of each block's course, as a column beside its lanes
+        # Gates per lap of each block's course, as a column that broadcasts over its lanes
         self._gates_per_lap = np.array(gates, np.int32)[self.lanes.course][:, None]
         self._begun = False
 
@@ -110,12 +110,12 @@ class RacingVectorEnv(VectorEnv):
 
         Args:
             seed: starts the series of episodes anew, 0 to 2^63 - 1.
-            options: "reset_mask", booleans (num_envs,), names the environments to reset. Without
-                it all of them are.
+            options: "reset_mask", booleans (num_envs,), selects the environments to reset; by
+                default all are reset.
 
         Raises:
             SettingError: the seed is no whole number or out of its range.
-            ValueError: the mask has another shape or type.
+            ValueError: the mask has a wrong shape or type.
         """
         seed = checked_reset(seed, options)
         if seed is None and not self._begun:
@@ -136,16 +136,16 @@ class RacingVectorEnv(VectorEnv):
         """Fly one step of dt.
 
         Args:
-            actions: (num_envs, 4); what lies outside of -1..1 is clipped.
+            actions: (num_envs, 4), clipped to -1..1.
 
         Returns:
             Observations (num_envs, 38), rewards, terminations, truncations (num_envs,), and info:
-            `passed`, whether a gate was passed in this step, `gates`, how many since the episode
-            began, `lap` (from 1), `time` [s], `crashed`, `finished`; with SAME_STEP also
-            `final_obs` where `_final_obs`.
+            `passed`, whether a gate was passed in this step, `gates`, their number since the
+            episode began, `lap` (from 1), `time` [s], `crashed`, `finished`; with SAME_STEP also
+            `final_obs`, valid where `_final_obs`.
 
         Raises:
-            ValueError: actions of another shape, or not finite.
+            ValueError: the actions have a wrong shape, or are not finite.
             gymnasium.error.ResetNeeded: before the first reset; without autoreset, after an episode
                 has ended.
         """
@@ -163,7 +163,7 @@ class RacingVectorEnv(VectorEnv):
         e.step(self._actions)
         self._renderer.update(self._state_rows)
         if e.autoreset == SAME_STEP:
-            # info tells of the episode that this step belongs to, also where the next has begun
+            # info belongs to the episode of this step, even if the next one has begun
             info = self._info(steps + 1, passes + e.hit, row)
         else:
             info = self._info(e.steps, e.passes, e.row)
@@ -173,7 +173,7 @@ class RacingVectorEnv(VectorEnv):
         return self._rows(e.obs), reward, ended, cut, info
 
     def render(self) -> tuple[np.ndarray] | None:
-        """Return a picture of all vehicles on the first course where the mode is rgb_array.
+        """Return a picture of all vehicles on the first course if the mode is rgb_array.
 
         Returns:
             A tuple of one picture (height, width, 3) uint8, or None.
@@ -186,7 +186,7 @@ class RacingVectorEnv(VectorEnv):
         self._renderer.close()
 
     def _checked_mask(self, mask: Any) -> np.ndarray:
-        """Return the mask. Raises ValueError unless it is booleans (num_envs,)."""
+        """Return the mask. Raises ValueError unless it consists of booleans (num_envs,)."""
         found = np.asarray(mask)
         if found.shape != (self.num_envs,) or found.dtype != bool:
             wanted = f"expected booleans of shape ({self.num_envs},)"
@@ -194,7 +194,7 @@ class RacingVectorEnv(VectorEnv):
         return found
 
     def _info(self, steps: np.ndarray, passes: np.ndarray, row: np.ndarray) -> dict[str, Any]:
-        """Return the info of a step from counts of its episode.  (blocks, LANES) each"""
+        """Return the info of a step from counters of its episode.  (blocks, LANES) each"""
         e = self.lanes
         info = {
             "passed": self._used(e.hit).copy(),
@@ -221,7 +221,7 @@ class RacingVectorEnv(VectorEnv):
         return lanes.ravel()[: self.num_envs]
 
     def _rows(self, lanes: np.ndarray) -> np.ndarray:
-        """Return observations by environment, in new memory.  (num_envs, 38)"""
+        """Return a copy of the observations by environment.  (num_envs, 38)"""
         rows = np.empty((self.num_envs, SIZE), np.float32)
         self.lanes.lanes_to_rows(lanes, rows)
         return rows
@@ -231,7 +231,7 @@ def _checked_count(given: Any) -> int:
     """Return the number of environments.
 
     Raises:
-        SettingError: it is no whole number of at least 1, or needs more memory than is free.
+        SettingError: the number is not whole or below 1, or needs more memory than is free.
     """
     count = checked_object("num_envs", given, COUNT)
     most = free_memory() // BYTES
@@ -242,7 +242,7 @@ def _checked_count(given: Any) -> int:
 
 
 def free_memory() -> int:
-    """Return the memory that programs may still take [bytes], of any size where it is unknown."""
+    """Return the available memory [bytes], 2**63 if unknown."""
     try:
         lines = Path("/proc/meminfo").read_text().splitlines()
     except OSError:

@@ -1,9 +1,9 @@
-"""Detours around frames and boxes that a solution hits beside its gates.
+"""Detours: constraints around frames and boxes that a solution hits outside its gates' openings.
 
-A detour holds a few nodes in a half-space. The space around a frame or a box is not convex. So a
-race is solved without them first; where the referee then finds a hit, the nodes in the frame's slab
-are held before, behind or beside it, those in a box beyond one of its faces, whichever is the
-shortest way out, and the race is solved again.
+A detour holds a few nodes in a half-space, as the space around a frame or a box is not convex. A
+race is first solved without detours. If the referee then finds a hit, nodes in a frame's slab are
+held before, behind or beside the slab, and nodes in a box beyond one of its faces, whichever is the
+shortest way out; then the race is solved again.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from quadsim.dynamics.quadrotor import POSITION
 from quadsim.limit.route import MARGIN, Route, Segment
 from quadsim.record.limits import Solution
 
-# Axes of a gate's frame: the passage, left and up; of a box's: its x, y and z
+# Axes of a gate's frame: passage, left and up. Axes of a box's frame: x, y and z
 ALONG, LEFT, UP = 0, 1, 2
 AXES = (ALONG, LEFT, UP)
 SIGNS = (1.0, -1.0)
@@ -46,7 +46,7 @@ class Side(NamedTuple):
 
 
 class Way(NamedTuple):
-    """Neighbouring nodes of a segment, first to last, that are to be held outside a side."""
+    """Neighbouring nodes of a segment, first to last, to be held beyond a side."""
 
     first: int
     last: int
@@ -55,7 +55,7 @@ class Way(NamedTuple):
 
 @dataclass(frozen=True)
 class Detour:
-    """Nodes in a part of a segment are to stay beyond one side of a gate's frame or of a box.
+    """A constraint: nodes in a part of a segment stay beyond one side of a gate's frame or a box.
 
     In the frame of the gate or the box: side.sign * local[side.axis] >= distance.
     """
@@ -71,15 +71,15 @@ class Detour:
     def holds_at(self, segment: int, node: int, intervals: int) -> bool:
         """Return whether the detour constrains this node of a segment with `intervals` intervals.
 
-        It constrains the nodes of its part. Beyond an edge it also constrains one node on either
-        side, so that the line between two nodes stays out too.
+        A detour constrains the nodes of its part. At an edge of a frame it also constrains one node
+        on either side, so that the line between two nodes stays out too.
         """
         first, last = (share * intervals for share in self.part)
         more = 0.0 if self.side.axis == ALONG else 1.0
         return segment == self.segment and first - more <= node <= last + more
 
     def spare(self, local: Any) -> Any:
-        """Return by how much it is kept, negative where it is not [m].
+        """Return the slack of the constraint, negative if it is violated [m].
 
         Args:
             local: position in the frame of the gate or the box, numbers or CasADi's symbols.  (3,)
@@ -97,13 +97,13 @@ class Hit(NamedTuple):
 def detours(
     solution: Solution, plan: Sequence[Segment], route: Route, hits: Sequence[Hit]
 ) -> Iterator[Detour]:
-    """Yield detours around what was hit.
+    """Yield detours around the frames and boxes that were hit.
 
     Args:
-        solution: the one in which something was hit.
-        plan: its segments.
+        solution: the solution with the hits.
+        plan: segments of the route.
         route: the gates and the sphere.
-        hits: see Hit.
+        hits: hit gates and boxes with their times.
     """
     # Index of the node where each segment begins
     begins = np.cumsum([0, *(segment.intervals for segment in plan)])
@@ -111,7 +111,7 @@ def detours(
         k = int(np.searchsorted(begins, np.searchsorted(solution.t, t))) - 1
         if plan[k].kind != "approach":
             continue
-        # The nodes of the segment, seen from what was hit, and the one of them at which it was hit
+        # The nodes of the segment in the frame of the hit object, and the node of the hit
         own = slice(begins[k], begins[k + 1])
         local = (solution.x[own, POSITION] - place.position) @ np.array(place.axes).T
         hit = min(int(np.searchsorted(solution.t[own], t)), len(local) - 1)
@@ -134,7 +134,7 @@ def detours(
 
 
 def _ways_out_of_a_frame(local: np.ndarray, hit: int, half: Sequence[float]) -> Iterator[Way]:
-    """Yield the ways out of a frame: for each run of nodes the side that is nearest to them.
+    """Yield the ways out of a frame: for each run of nodes the nearest side.
 
     The sides are the slab's two faces and the edge of the frame nearest to all nodes in the slab.
 
@@ -147,12 +147,12 @@ def _ways_out_of_a_frame(local: np.ndarray, hit: int, half: Sequence[float]) -> 
     edges = [Side(axis, sign) for axis in (LEFT, UP) for sign in SIGNS]
     edge = _nearest_side(edges, local[first : last + 1], half)
 
-    # Each node in the slab, and one on either side of it, leaves by the side that is nearest to it
+    # Each node in the slab, and one on either side of the slab, leaves by its nearest side
     sides = [Side(ALONG, 1.0), Side(ALONG, -1.0), edge]
     nodes = range(max(first - 1, 1), min(last + 2, len(local)))
     nearest = [_nearest_side(sides, local[n : n + 1], half) for n in nodes]
 
-    # From one face of the slab to the other the way leads past the edge
+    # A path from one face of the slab to the other leads past the edge
     for i in range(len(nearest) - 1):
         on_faces = nearest[i].axis == nearest[i + 1].axis == ALONG
         if on_faces and nearest[i] != nearest[i + 1]:
@@ -179,18 +179,18 @@ def _way_out_of_a_box(local: np.ndarray, hit: int, half: Sequence[float]) -> Way
 
 
 def _nearest_side(sides: Sequence[Side], local: np.ndarray, half: Sequence[float]) -> Side:
-    """Return the side behind which the deepest of the points (n, 3) is least deep.
+    """Return the side for which the largest depth of the points (n, 3) is smallest.
 
-    Of equal ones it is the first.
+    Of equal sides the first is returned.
     """
     deepest = [float(side.depth(local, half).max()) for side in sides]
     return sides[int(np.argmin(deepest))]
 
 
 def _within(inside: np.ndarray, node: int) -> tuple[int, int]:
-    """Return first and last of the neighbouring nodes around this one that are inside.
+    """Return the first and the last node of the run of inside nodes around a node.
 
-    Where none is, both are the node itself.
+    Without an inside neighbour, both are the node itself.
     """
     first = node
     last = node

@@ -1,4 +1,4 @@
-"""x' = f(x, u) of a vehicle, for the optimiser and for the check of what it finds.
+"""Dynamics x' = f(x, u) of a vehicle, for the optimiser and for the check of its solutions.
 
 rotors: the vehicle as the plant flies it, with four rotor speeds behind their lag, thrust map,
 mixer, rigid body and drag.
@@ -36,17 +36,17 @@ from quadsim.physics.allocation import mixer
 from quadsim.rotation import quaternion_rate, to_body, to_world
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
-# CasADi 3.8 warns unless it is set how numpy's functions in `step` are taken: as CasADi's own
+# Without this setting, CasADi 3.8 warns that `step` calls numpy's functions on its symbols
 if hasattr(casadi.GlobalOptions, "setNumpyMode"):
     casadi.GlobalOptions.setNumpyMode(-1)
 
-# Every state begins with the RIGID_BODY of State. Where rotors lag, their four speeds follow, or
-# what they deliver.
+# Every state begins with the RIGID_BODY of State. With rotor lag, the four rotor speeds follow, or
+# thrust and angular acceleration.
 BODY = RIGID_BODY.stop
 ROTOR_SPEEDS = slice(BODY, BODY + 4)
-# Limit of the body's angular acceleration, beyond what any vehicle reaches [rad/s^2]
+# Limit of the body's angular acceleration, beyond the reach of any vehicle [rad/s^2]
 SPIN_UP_MAX = 1000.0
-# In a race to be flown: rotors near full thrust cannot yaw, which this problem leaves out [rad/s]
+# Yaw-rate limit in a race to be flown, as rotors near full thrust cannot yaw [rad/s]
 YAW_MAX = 0.5
 # Longest step of the check: by Runge-Kutta, and by the planner's step, which is of order 1 [s]
 FINE_RUNGE_KUTTA = 1e-3
@@ -60,7 +60,7 @@ class Dynamics(ABC):
     """
 
     name: str
-    # Limits of the state (n_x,); those of position and velocity are the route's
+    # Limits of the state (n_x,); the route sets the limits of position and velocity
     low: np.ndarray
     high: np.ndarray
     # Limits of the control  (n_u,)
@@ -69,18 +69,18 @@ class Dynamics(ABC):
 
     @abstractmethod
     def rate(self, x: Any, u: Any) -> tuple:
-        """Return x' of (x, u)."""
+        """Return the derivative x' at (x, u)."""
 
     @abstractmethod
     def fine(self, x: Any, u: Any, dt: float) -> Iterator[tuple]:
-        """Yield the states on the way, the last one after dt [s], in short steps."""
+        """Yield the states within dt [s] in short steps, the last one after dt."""
 
     @abstractmethod
     def of_flight(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        """Return x and u of the same motion and thrust as a state of the planner's model."""
+        """Return x and u with the motion and thrust of a state of the planner's model."""
 
     def spare(self, x: Any, u: Any) -> tuple:
-        """Return the quantities that have to stay at or above 0."""
+        """Return the quantities that are constrained to be at least 0."""
         return ()
 
 
@@ -88,15 +88,15 @@ def dynamics(vehicle: Vehicle, model: str, reserve: float = 0.0) -> Dynamics:
     """Return the model of a vehicle.
 
     Args:
-        vehicle: its numbers.
+        vehicle: the vehicle.
         model: "rotors" or "rates".
-        reserve: share of the thrust that is left unused, for rates; then YAW_MAX holds too.
+        reserve: share of the thrust that stays unused, for rates; if positive, YAW_MAX applies too.
 
     Raises:
         ValueError: the model does not cover the vehicle or the reserve.
     """
     if model == "rates":
-        # The limits of yaw are YAW_MAX or the vehicle's: without a cost the problem stays smooth
+        # The cost of yaw is left out to keep the problem smooth; a limit takes its place
         params = replace(ModelParams.of(vehicle), yaw_cost=0.0)
         if reserve:
             roll, pitch, yaw = params.rate_max
@@ -116,10 +116,10 @@ def dynamics(vehicle: Vehicle, model: str, reserve: float = 0.0) -> Dynamics:
 
 
 class RotorDynamics(Dynamics):
-    """A vehicle by its four rotors.
+    """The dynamics of a vehicle with its four rotors.
 
-    u: commanded rotor speeds [rad/s], or thrusts [N] of rotors that follow at once and so have no
-    states.
+    u: commanded rotor speeds [rad/s]; without rotor lag, the rotor thrusts [N], and the rotors have
+    no states.
     """
 
     name = "rotors"
@@ -145,7 +145,7 @@ class RotorDynamics(Dynamics):
         self.high = np.append(body, self.u_high if self._lags else [])
 
     def rate(self, x: Any, u: Any) -> tuple:
-        """Return x' of (x, u)."""
+        """Return the derivative x' at (x, u)."""
         vehicle = self._vehicle
         v = x[VELOCITY]
         q = x[ATTITUDE]
@@ -175,14 +175,14 @@ class RotorDynamics(Dynamics):
         return (*v, ax, ay, az - GRAVITY, *turn, *spin, *lag)
 
     def fine(self, x: Any, u: Any, dt: float) -> Iterator[tuple]:
-        """Yield the states on the way, the last one after dt [s]."""
+        """Yield the states within dt [s], the last one after dt."""
         steps = ceil(dt / FINE_RUNGE_KUTTA)
         for _ in range(steps):
             x = runge_kutta(self.rate, x, u, dt / steps)
             yield x
 
     def of_flight(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        """Return x and u of the same motion, with the thrust shared by the four rotors."""
+        """Return x and u with the same motion, with the thrust shared by the four rotors."""
         share = 0.25 * self._vehicle.mass * state.thrust
         each = float(np.clip(share, self._weakest, self._strongest))
         u = np.full(4, self._rotors.speed(each) if self._lags else each)
@@ -193,7 +193,7 @@ class RotorDynamics(Dynamics):
 class RateDynamics(Dynamics):
     """The planner's model.
 
-    u: Control, within what leaves the rotors the thrust they need to turn, so that `step` never
+    u: Control, limited such that the rotors keep the thrust for their torques and `step` never
     clips. Without rotor lag, thrust and angular acceleration follow at once and are no states.
     """
 
@@ -203,7 +203,7 @@ class RateDynamics(Dynamics):
         """Take the planner's model.
 
         Raises:
-            ValueError: its body rates do not lag.
+            ValueError: the body rates of the model do not lag.
         """
         if min(model.rate_tau) <= 0.0:
             raise ValueError(
@@ -245,14 +245,14 @@ class RateDynamics(Dynamics):
         return tuple(casadi.vertsplit(slope))
 
     def spare(self, x: Any, u: Any) -> tuple:
-        """Return the thrust left to both of its limits after what roll and pitch need [m/s^2]."""
+        """Return the thrust left to both limits after the reserve of roll and pitch [m/s^2]."""
         model = self._model
         now = _whole(x)
         command = Control(*u)
         tau_x, tau_y, _ = model.rate_tau
         roll = (command.wx - now.wx) / tau_x
         pitch = (command.wy - now.wy) / tau_y
-        # |roll| and |pitch| by all of their signs, which keeps the problem smooth
+        # |roll| and |pitch| as one constraint for each combination of signs, which is smooth
         needs = [
             a * model.tilt_cost[0] * roll + b * model.tilt_cost[1] * pitch
             for a, b in product((1, -1), repeat=2)
@@ -262,7 +262,7 @@ class RateDynamics(Dynamics):
         return (*above, *below)
 
     def fine(self, x: Any, u: Any, dt: float) -> Iterator[tuple]:
-        """Yield the states on the way, the last one after dt [s]."""
+        """Yield the states within dt [s], the last one after dt."""
         steps = ceil(dt / FINE_STEP)
         system = quadrotor(self._model, dt / steps)
         state = _whole(x)
@@ -271,7 +271,7 @@ class RateDynamics(Dynamics):
             yield state[: self._n]
 
     def of_flight(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        """Return x and u of the same motion, without angular acceleration."""
+        """Return x and u with the same motion, without angular acceleration."""
         limits = np.array(self._model.rate_max)
         rates = np.clip(state.body_rates, -limits, limits)
         u = Control(*rates, thrust=state.thrust)
@@ -300,5 +300,5 @@ def _whole(x: Any) -> State:
 
 
 def _body_limits(rate_max: tuple[float, ...]) -> np.ndarray:
-    """Return the greatest position, velocity, attitude and body rates.  (13,)"""
+    """Return the upper limits of position, velocity, attitude and body rates.  (13,)"""
     return np.array([np.inf] * 6 + [1.0] * 4 + [*rate_max])

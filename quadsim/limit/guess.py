@@ -1,4 +1,4 @@
-"""Guesses for the optimiser to start from: straight lines, a run, another solution."""
+"""Initial guesses for the optimiser: straight lines, a run, or a solution on a coarser mesh."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ from quadsim.vehicle import GRAVITY
 
 # Least duration of a leg of straight lines [s]
 SHORT = 0.2
-# Between the two states at a corner of straight lines [s]
+# Time between the two states at a corner of straight lines [s]
 SOON = 1e-6
 # Least duration of a segment [s]
 LEAST = 0.01
-# Shares of the speed that the vehicle could reach on a mean leg, for straight lines
+# Speeds of straight lines, as shares of the speed that the vehicle could reach on a mean leg
 SHARES = (0.2, 0.3, 0.45)
 
 
 class Flight(NamedTuple):
-    """A flown run to start from."""
+    """A flown run, from which an initial guess is made."""
 
     name: str
     # Columns of the run
     telemetry: dict[str, np.ndarray]
-    # When it passed each gate [s]
+    # Times of the gate passes [s]
     passes: list[float]
 
 
 @dataclass(frozen=True)
 class Guess:
-    """A rough flight: a model's states and controls over time, and when it passed each gate."""
+    """An initial guess: a model's states and controls over time, and the times of the passes."""
 
     name: str
     # Times [s]  (n,)
@@ -47,11 +47,11 @@ class Guess:
     x: np.ndarray
     # Controls  (n, n_u)
     u: np.ndarray
-    # When it arrived at each point of the route but the first [s]  (points - 1,)
+    # Times of arrival at the points of the route except the first [s]  (points - 1,)
     passes: np.ndarray
 
     def states(self, t: np.ndarray) -> np.ndarray:
-        """Return states (k, n_x) at times t (k,), their attitudes of unit length."""
+        """Return states (k, n_x) at times t (k,), with unit quaternions."""
         x = _interpolated(t, self.t, _continuous(self.x))
         x[:, ATTITUDE] /= np.linalg.norm(x[:, ATTITUDE], axis=1, keepdims=True)
         return x
@@ -76,9 +76,9 @@ class Guess:
 
 
 def line_speeds(route: Route, acceleration: float) -> list[float]:
-    """Return speeds of straight lines to start from [m/s].
+    """Return the speeds of initial guesses by straight lines [m/s].
 
-    They are SHARES of what this acceleration [m/s^2] gives on a mean leg from rest.
+    They are SHARES of the speed that this acceleration [m/s^2] gives on a mean leg from rest.
     """
     mean = sum(route.legs) / len(route.legs)
     return [round(share * sqrt(2.0 * acceleration * mean), 1) for share in SHARES]
@@ -89,7 +89,7 @@ def straight(points: Sequence[Sequence[float]], model: Dynamics, speed: float) -
 
     Args:
         points: positions, see Route.points [m].
-        model: the model whose states and controls are wanted.
+        model: the model of the returned states and controls.
         speed: speed of the flight [m/s].
     """
     states: list[State] = []
@@ -100,7 +100,7 @@ def straight(points: Sequence[Sequence[float]], model: Dynamics, speed: float) -
         lengths.append(max(dist(before, after), SHORT * speed))
         duration = lengths[-1] / speed
         end = sum(lengths) / speed
-        # Two states a leg: a corner has those of both of its legs
+        # Two states per leg: a corner has one state for each adjacent leg
         for position in (before, after):
             state = State.of(
                 position=position,
@@ -118,14 +118,14 @@ def straight(points: Sequence[Sequence[float]], model: Dynamics, speed: float) -
 
 
 def flown(flight: Flight, model: Dynamics) -> Guess:
-    """Return a run that was flown, as the model's states and controls."""
+    """Return a flown run as the model's states and controls."""
     states = np.column_stack([flight.telemetry[column] for column in STATE])
     passes = np.array(flight.passes)
     return _of_states(flight.name, model, flight.telemetry["t"], states, passes)
 
 
 def solved(name: str, s: Solution, route: Route) -> Guess:
-    """Return a solution of the same route and model, for another mesh."""
+    """Return a solution of the same route and model as a guess for a different mesh."""
     passes = []
     one_each = [1] * len(route.gates)
     for segment in segments(route, one_each):
@@ -155,12 +155,12 @@ def _of_states(
 
 
 def _interpolated(t: np.ndarray, known: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Return rows (k, columns) at times t (k,), linear between those known at times (n,)."""
+    """Return rows (k, columns) at times t (k,), interpolated linearly from times `known` (n,)."""
     return np.column_stack([np.interp(t, known, column) for column in rows.T])
 
 
 def _continuous(x: np.ndarray) -> np.ndarray:
-    """Return states (n, n_x) whose attitudes have the sign that is nearer to the one before."""
+    """Return states (n, n_x) with the quaternion signs chosen for continuity over time."""
     x = x.copy()
     same = (x[1:, ATTITUDE] * x[:-1, ATTITUDE]).sum(axis=1) >= 0.0
     x[1:, ATTITUDE] *= np.cumprod(np.where(same, 1.0, -1.0))[:, None]

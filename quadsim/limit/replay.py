@@ -1,4 +1,4 @@
-"""A stored solution as a run, to be replayed and to be raced on the page."""
+"""A stored solution as a run, for replay and for races on the page."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from quadsim.racing.events import Event, Frame
 from quadsim.record.limits import LimitProblem, StoredSolution
 from quadsim.record.run import Recorder, Run
 
-# Rate at which the referee watches [Hz], and steps of it between two frames
+# Rate of the referee's steps [Hz], and number of steps between two frames
 RATE = 1000.0
 EVERY = 10
 
@@ -53,7 +53,7 @@ def replayed(stored: StoredSolution, problem: LimitProblem) -> Run:
 
 
 def _spec(problem: LimitProblem) -> dict:
-    """Return the spec of the replay: of the race, with the solution as its controller."""
+    """Return the spec of the replay: the spec of the race, with the solution as its controller."""
     spec = Spec.of(problem.course, laps=problem.laps).record()
     return spec | {
         "vehicle": asdict(problem.vehicle),

@@ -13,16 +13,16 @@ from quadsim.course.opening import HalfSizes, free_half_sizes, half_depth, margi
 from quadsim.record.limits import LimitProblem
 from quadsim.rotation import Vec3
 
-# Kept to frames, ground and bounds, as the path is bent between two nodes [m]
+# Margin to frames, ground and bounds, as the path is curved between two nodes [m]
 MARGIN = 2e-3
-# Between sphere and ground: the referee calls anything closer a crash [m]
+# Clearance between sphere and ground; below it the referee reports a crash [m]
 GROUND = 1e-3
-# Distance behind the last gate's plane where a race ends: on it, rounding would decide [m]
+# Distance of the end of a race behind the last gate's plane, against rounding [m]
 PAST = 1e-4
-# Intervals from a gate's entry to its exit, and from the entry of the last one to its plane
+# Intervals from a gate's entry to its exit, and from the last gate's entry to its plane
 INSIDE = 3
 FINISH = 2
-# Intervals to a gate, at least
+# Smallest number of intervals to a gate
 FEWEST = 6
 
 
@@ -31,21 +31,21 @@ class Route:
     """The gates to pass, laps unrolled, and the space for a sphere."""
 
     gates: tuple[Gate, ...]
-    # None: a closed lap, which begins as it ends, at the last gate
+    # None: a closed lap, which begins at the last gate in the state in which it ends
     start: Start | None
     # Ranges of x, y and z of the sphere's centre [m]
     bounds: tuple[tuple[float, float], ...]
     # Radius of the sphere [m]
     radius: float = 0.0
     obstacles: tuple[Obstacle, ...] = ()
-    # Kept to the frames within openings, in narrow ones half of the room [m]
+    # Margin to the frames within openings; in narrow openings half of the room [m]
     margin: float = 0.0
 
     @classmethod
     def of(cls, problem: LimitProblem) -> Route:
-        """Return the route of a problem, as the referee judges it.
+        """Return the route of a problem under the referee's rules.
 
-        A closed one is the fastest lap that could be flown for ever, without a start.
+        A closed route is a lap that can be repeated for ever, without a start.
         """
         course = problem.course
         radius = problem.vehicle.radius
@@ -63,40 +63,40 @@ class Route:
 
     @property
     def points(self) -> list[Vec3]:
-        """The places between which the vehicle flies: its start, and the gates' centres [m]."""
+        """The start and the gates' centres, in the order of the flight [m]."""
         first = self.start.position if self.start else self.gates[-1].position
         return [first, *(gate.position for gate in self.gates)]
 
     @property
     def legs(self) -> list[float]:
-        """The straight lengths between the points [m]."""
+        """The straight distances between consecutive points [m]."""
         return [dist(a, b) for a, b in pairwise(self.points)]
 
     @property
     def reach(self) -> float:
-        """The distance of a gate's entry and exit from its plane; the sphere is clear there [m]."""
+        """The distance of a gate's entry and exit from its plane; there the sphere is clear [m]."""
         return half_depth(self.radius)
 
     def room(self, gate: Gate) -> HalfSizes:
-        """Return half sizes of the opening within which the sphere's centre has to stay [m]."""
+        """Return the half sizes of the opening for the sphere's centre [m]."""
         free = free_half_sizes(gate.opening, self.radius, MARGIN)
         margin = self.margin_in(gate)
         return HalfSizes(free.left - margin, free.up - margin)
 
     def margin_in(self, gate: Gate) -> float:
-        """Return the distance kept to the frame within a gate's opening [m]."""
+        """Return the margin to the frame within a gate's opening [m]."""
         return margin_inside(free_half_sizes(gate.opening, self.radius, MARGIN), self.margin)
 
     @property
     def least_margin(self) -> float:
-        """The distance kept to the frame in the narrowest opening [m]."""
+        """The margin to the frame in the narrowest opening [m]."""
         return min(map(self.margin_in, self.gates))
 
     def mesh(self, intervals: float) -> list[int]:
         """Return the number of intervals on each leg.
 
-        A leg of mean length has `intervals`. The number grows with the root of a leg's length, as
-        the time does at the same mean acceleration.
+        A leg of mean length has `intervals`. The number grows with the square root of a leg's
+        length, as does the time at a given mean acceleration.
         """
         mean = sum(self.legs) / len(self.legs)
         return [max(FEWEST, round(intervals * sqrt(leg / mean))) for leg in self.legs]
@@ -104,9 +104,9 @@ class Route:
 
 @dataclass(frozen=True)
 class Segment:
-    """Intervals of equal length: towards a gate's entry, inside it, or to the plane of the last.
+    """Intervals of equal length: to a gate's entry, to its exit, or to the last gate's plane.
 
-    The name of its kind says what holds at its end, and inside a gate at every node.
+    The kind names the constraint at the segment's end, and inside a gate at every node.
     """
 
     # Index of the gate
@@ -120,7 +120,7 @@ def segments(route: Route, intervals: Sequence[int]) -> list[Segment]:
 
     Args:
         route: the gates.
-        intervals: on each of the route's legs.
+        intervals: number of intervals on each of the route's legs.
     """
     found: list[Segment] = []
     last = len(route.gates) - 1

@@ -1,6 +1,6 @@
-"""Search of a limit: several starts on one mesh, the fastest once more on a finer one.
+"""Search of a limit: several initial guesses on one mesh, the fastest again on a finer mesh.
 
-The fastest solution that holds is the best known.
+The fastest verified solution is the best known one.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from quadsim.limit.verify import Verified, referee_of, verify
 from quadsim.racing.events import Event, flown_laps
 from quadsim.record.limits import LimitProblem, Solution, StoredSolution
 
-# Makes the callback of each iteration from a start's name and the number of nodes
+# Makes the callback of each iteration from a guess's name and the number of nodes
 Progress = Callable[[str, int], Show]
-# Rounds of detours, at most
+# Largest number of rounds of detours
 ROUNDS = 6
-# Intervals of the last mesh over those of the first
+# Ratio of intervals of the last mesh to the first
 FINER = 1.5
 
 
 class Solved(NamedTuple):
-    """A solution and what its check found."""
+    """A solution and the findings of its check."""
 
     solution: Solution
     verified: Verified
@@ -36,13 +36,13 @@ class Solved(NamedTuple):
 
 @dataclass(frozen=True)
 class Attempt:
-    """One start on one mesh."""
+    """The result of one initial guess on one mesh."""
 
     start: str
     nodes: int
-    # One line for each reason why it does not count
+    # One line for each reason why the attempt does not count
     broken: list[str]
-    # None where the optimiser gave up
+    # None if the optimiser gave up
     solved: Solved | None = None
     around: tuple[Detour, ...] = ()
 
@@ -59,7 +59,8 @@ class Search:
         """Prepare a search.
 
         Raises:
-            ValueError: the model does not cover the vehicle, or the referee not the race.
+            ValueError: the model does not cover the vehicle, or the referee does not cover the
+                race.
         """
         referee_of(problem)
         self._problem = problem
@@ -72,8 +73,8 @@ class Search:
         """Yield attempts: from flights, from straight lines, and the best on a finer mesh.
 
         Args:
-            flights: runs to start from.
-            intervals: on the way to a gate, in the mean.
+            flights: runs used as initial guesses.
+            intervals: mean number of intervals to a gate.
             progress: see Progress.
         """
         found: list[Attempt] = []
@@ -90,7 +91,7 @@ class Search:
             yield from self._rounds(guess, finer, coarse.around, progress)
 
     def stored(self, attempts: Iterable[Attempt]) -> StoredSolution | None:
-        """Return the fastest of these attempts that holds as it is kept, None where none does."""
+        """Return the fastest verified attempt as a StoredSolution; None if there is none."""
         fastest = best(attempts)
         if not fastest or not fastest.solved:
             return None
@@ -118,7 +119,7 @@ class Search:
     def _rounds(
         self, guess: Guess, mesh: list[int], around: tuple[Detour, ...], progress: Progress
     ) -> Iterator[Attempt]:
-        """Yield attempts of one start: while frames are hit, again with a detour around each."""
+        """Yield attempts of one guess: while frames are hit, repeat with a detour around each."""
         plan = segments(self._route, mesh)
         name = guess.name
         for k in range(ROUNDS):
@@ -134,7 +135,7 @@ class Search:
             guess = solved(f"{name}, around frames {k + 1}", solution, self._route)
 
     def _hits(self, events: Iterable[Event]) -> list[Hit]:
-        """Return the frames and boxes that were hit; a finer mesh keeps clear of cylinders."""
+        """Return the hit frames and boxes; cylinders are left to a finer mesh."""
         found = []
         for event in events:
             if event.kind != "hit":
@@ -168,7 +169,7 @@ class Search:
 
 
 def best(attempts: Iterable[Attempt]) -> Attempt | None:
-    """Return the fastest attempt that holds, None where none does."""
+    """Return the fastest verified attempt; None if there is none."""
     fastest = None
     for attempt in attempts:
         if attempt.time is None or attempt.broken:
@@ -179,7 +180,7 @@ def best(attempts: Iterable[Attempt]) -> Attempt | None:
 
 
 def _least_broken(attempts: Iterable[Attempt]) -> Attempt | None:
-    """Return the solved attempt with the fewest faults, None where none is solved."""
+    """Return the solved attempt with the fewest faults; None if none is solved."""
     found = [attempt for attempt in attempts if attempt.solved]
     return min(found, key=_faults, default=None)
 

@@ -1,4 +1,4 @@
-"""IPOPT on the program of a route."""
+"""Solve the nonlinear program of a route with IPOPT."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ Show = Callable[[int, float], None]
 
 
 class NotSolvedError(Exception):
-    """The optimiser gave up. One line: its own word for why."""
+    """The optimiser gave up. The message is its return status, one line."""
 
 
 class Watch(casadi.Callback):
     """A callback that reports each iteration; an exception in `show` stops the optimiser."""
 
     def __init__(self, variables: int, constraints: int, show: Show):
-        """Take the numbers of variables and constraints of the program, and see Show."""
+        """Make a callback for a program with these numbers of variables and constraints."""
         casadi.Callback.__init__(self)
         # Sizes of the outputs of a solver, which are the inputs of its callback
         self._sizes = {
@@ -77,7 +77,7 @@ class Watch(casadi.Callback):
             self._show(self._count, time)
             self._count += 1
         except BaseException as error:
-            # Through compiled code it would be lost
+            # An exception would be lost in compiled code
             self.raised = error
             return [1]
         return [0]
@@ -91,19 +91,19 @@ def solve(
     show: Show | None = None,
     around: Sequence[Detour] = (),
 ) -> Solution:
-    """Return the fastest flight along a route near a guess.
+    """Return the locally fastest flight along a route, from an initial guess.
 
     Args:
         route: the gates.
         model: model of the vehicle.
-        intervals: on each of the route's legs.
-        guess: flight that the optimiser starts from.
+        intervals: number of intervals on each of the route's legs.
+        guess: initial guess.
         show: see Show.
         around: detours around frames and boxes beside the route.
 
     Raises:
         NotSolvedError: the optimiser gave up.
-        BaseException: what `show` raises.
+        BaseException: any exception that `show` raises.
     """
     s = shooting(route, model, intervals, guess, around)
     in_segment = np.array([segment.intervals for segment in s.plan])
@@ -117,7 +117,7 @@ def minimise(program: Program, objective: casadi.MX, show: Show | None = None) -
 
     Raises:
         NotSolvedError: the optimiser gave up.
-        BaseException: what `show` raises.
+        BaseException: any exception that `show` raises.
     """
     p = program
     z = casadi.vertcat(*p.z)
@@ -139,7 +139,7 @@ def _show_nothing(iteration: int, time: float) -> None:
 
 
 def _read(s: Shooting, found: dict, in_segment: np.ndarray) -> Solution:
-    """Return the solution that the optimiser found; in_segment: intervals of each segment."""
+    """Return the optimiser's result as a Solution; in_segment: intervals of each segment."""
     z = casadi.vertcat(*s.program.z)
     outputs = [casadi.horzcat(*s.x), casadi.horzcat(*s.u), casadi.vertcat(*s.lengths)]
     read = casadi.Function("read", [z], outputs)

@@ -1,15 +1,15 @@
-"""Direct multiple shooting: a route and a model become a nonlinear program (Bock and Plitt 1984).
+"""Direct multiple shooting: transcribe a route and a model to a program (Bock and Plitt 1984).
 
     minimise    sum over segments of n_s h_s
     such that   x_{k+1} = Phi(x_k, u_k, h_s)
 
-where n_s intervals of the length h_s make a segment: the state at each node is where the interval
-before it leads. Beside that, limits of state, control and thrust hold, the gates' openings, and
-start and end.
+where a segment s consists of n_s intervals of length h_s, and the continuity constraint equates the
+state at each node with the end of the interval before it. Further constraints are the limits of
+state, control and thrust, the gates' openings, and start and end.
 
-Phi is the classical Runge-Kutta method with the attitude normalised. Without that the optimiser
-exploits what the method does to |q|, whose square scales the thrust: laps 15 % too fast that solve
-the equations to 1e-8.
+Phi is the classical Runge-Kutta method with the attitude normalised. Without the normalisation the
+optimiser exploits the method's error of |q|, whose square scales the thrust: the laps are 15 % too
+fast and yet solve the equations to 1e-8.
 """
 
 from __future__ import annotations
@@ -29,27 +29,27 @@ from quadsim.limit.guess import Guess
 from quadsim.limit.route import MARGIN, PAST, Route, Segment, segments
 from quadsim.physics.plant_state import start_state
 
-# Beyond what any vehicle reaches [m/s]
+# Limit of the velocity, beyond the reach of any vehicle [m/s]
 SPEED_MAX = 100.0
-# Limits of a quaternion's numbers; the equations keep its length, not these
+# Limits of a quaternion's components; the equations keep its length
 UNIT_MAX = 1.1
-# Longest and shortest interval over that of the guess
+# Shortest and longest interval relative to the guess
 SLOWEST = 2.0
 FASTEST = 0.1
 # Scale of the length of an interval [s]
 INTERVAL = 0.02
 # Least speed through a gate [m/s]
 FORWARD = 0.1
-# Steps of Runge-Kutta in one interval
+# Runge-Kutta steps in one interval
 STEPS = 2
-# Parts of a state: position and velocity; body rates and what the rotors do
+# Parts of a state: position and velocity; body rates and rotor states
 BEFORE_ATTITUDE = slice(0, ATTITUDE.start)
 AFTER_ATTITUDE = slice(ATTITUDE.stop, None)
 
 
 @dataclass
 class Program:
-    """min f(z) such that low <= z <= high, g_low <= g(z) <= g_high, collected in order of time."""
+    """The program min f(z) such that low <= z <= high, g_low <= g(z) <= g_high, in time order."""
 
     z: list = field(default_factory=list)
     start: list = field(default_factory=list)
@@ -64,10 +64,10 @@ class Program:
 
         Args:
             name: name of the symbol.
-            start: values that the optimiser starts from  (n,).
-            low: limits, one or (n,).
-            high: limits, one or (n,).
-            scale: the optimiser sees the variable divided by this, one or (n,).
+            start: initial guess  (n,).
+            low: lower limits, one or (n,).
+            high: upper limits, one or (n,).
+            scale: the optimiser uses the variable divided by this, one or (n,).
         """
         n = len(start)
         scales = np.broadcast_to(scale, n).astype(float)
@@ -79,7 +79,7 @@ class Program:
         return z * casadi.DM(scales)
 
     def hold(self, g: Any, low: Any, high: Any) -> slice:
-        """Add low <= g <= high and return where among all constraints it stands."""
+        """Add low <= g <= high and return its slice among all constraints."""
         first = len(self.g_low)
         n = g.shape[0]
         self.g.append(g)
@@ -90,7 +90,7 @@ class Program:
 
 @dataclass
 class Shooting:
-    """The program of a route with its symbols, by which a solution is read."""
+    """The program of a route, and its symbols for reading a solution."""
 
     route: Route
     model: Dynamics
@@ -102,7 +102,7 @@ class Shooting:
     u: list = field(default_factory=list)
     # Lengths of the intervals of each segment [s]  (segments)
     lengths: list = field(default_factory=list)
-    # Places of the continuity constraints  (nodes - 1)
+    # Slices of the continuity constraints  (nodes - 1)
     defects: list[slice] = field(default_factory=list)
 
 
@@ -116,14 +116,14 @@ class Limits(NamedTuple):
 class Link(NamedTuple):
     """An interval in a program."""
 
-    # Place of its continuity constraint
+    # Slice of its continuity constraint
     defect: slice
     # Position in its middle
     middle: Any
 
 
 class Interval:
-    """One interval of a model, as functions of CasADi that are made once."""
+    """One interval of a model, as CasADi functions that are made once."""
 
     def __init__(self, model: Dynamics):
         """Make the functions of a model."""
@@ -155,18 +155,18 @@ class Interval:
             self._spare = casadi.Function("spare", [x, u], [casadi.vertcat(*spare)])
 
     def connect(self, program: Program, x: Any, u: Any, h: Any, after: Any) -> Link:
-        """Make an interval of h [s] lead from one state to the next, within the model's limits.
+        """Constrain an interval of h [s] to lead from one state to the next, within the limits.
 
         Args:
             program: program to add the constraints to.
-            x: the state at its beginning.
+            x: the state at the beginning of the interval.
             u: the control.
-            h: its length.
-            after: the state at its end.
+            h: length of the interval [s].
+            after: the state at the end of the interval.
         """
         reached, rates, middle = self._advance(x, u, h)
         defect = program.hold((reached - after) / casadi.DM(self._scale), 0.0, 0.0)
-        # The body rates between the steps inside
+        # Limit the body rates between the inner steps
         low = np.tile(self._model.low[BODY_RATES], STEPS - 1)
         high = np.tile(self._model.high[BODY_RATES], STEPS - 1)
         program.hold(rates, low, high)
@@ -197,7 +197,7 @@ def shooting(
     limits = state_limits(route.bounds, model)
     interval = Interval(model)
 
-    # The first state is given at rest; a closed lap begins anywhere
+    # The first state is fixed, at rest; a closed lap begins in a free state
     first = guess.states(np.zeros(1))[0]
     first_limits = limits
     if route.start:
@@ -214,7 +214,7 @@ def shooting(
             "h", np.array([h_guess]), FASTEST * h_guess, SLOWEST * h_guess, INTERVAL
         )
         s.lengths.append(h)
-        # A start on the ground rises from there
+        # A start on the ground has to rise from there
         low = limits.low if i else np.minimum(limits.low, first_limits.low)
         ends = began + h_guess * np.arange(1, segment.intervals + 1)
         x_guesses = guess.states(ends)
@@ -241,7 +241,7 @@ def shooting(
 
 
 def state_limits(bounds: Sequence[tuple[float, float]], model: Dynamics) -> Limits:
-    """Return the ranges of a model's state within these bounds of x, y and z [m]."""
+    """Return the ranges of a model's state; bounds: ranges of x, y and z [m]."""
     low = model.low.copy()
     high = model.high.copy()
     low[POSITION] = [least for least, _ in bounds]
@@ -254,7 +254,7 @@ def state_limits(bounds: Sequence[tuple[float, float]], model: Dynamics) -> Limi
 
 
 def state_scale(model: Dynamics) -> np.ndarray:
-    """Return the scale of the state, so that the program's numbers are of order one.  (n_x,)"""
+    """Return the scale of the state, for variables of order one.  (n_x,)"""
     scale = 0.1 * model.high
     # [m], [m/s], 1, [rad/s]
     scale[POSITION] = 10.0
@@ -265,9 +265,9 @@ def state_scale(model: Dynamics) -> np.ndarray:
 
 
 def close(program: Program, first: Any, last: Any) -> None:
-    """Make a lap end as it begins.
+    """Constrain a lap to end in the state in which it begins.
 
-    The attitudes q and -q are the same: the vector part of q0^-1 q1 is zero.
+    As q and -q are the same attitude, the vector part of q0^-1 q1 is constrained to zero.
     """
     for part in (BEFORE_ATTITUDE, AFTER_ATTITUDE):
         program.hold(last[part] - first[part], 0.0, 0.0)
@@ -281,7 +281,7 @@ def close(program: Program, first: Any, last: Any) -> None:
 
 
 def _hold_at(s: Shooting, segment: Segment, x: Any, at_end: bool) -> None:
-    """Hold what a segment asks of one of its nodes: the opening, and the plane at its end."""
+    """Add a segment's constraints on one of its nodes: the opening, and the plane at its end."""
     if segment.kind == "approach" and not at_end:
         return
     route = s.route
@@ -299,16 +299,16 @@ def _hold_at(s: Shooting, segment: Segment, x: Any, at_end: bool) -> None:
 
 
 def _hold_clear(s: Shooting, points: Sequence[Any], guess: np.ndarray, h: float) -> None:
-    """Hold points beside the cylinders that the guess does not fly over.
+    """Constrain points to stay beside the cylinders that the guess does not fly over.
 
     Args:
         s: the program.
         points: positions at the end and in the middle of an interval.
-        guess: the guessed state at its end.
-        h: its guessed length [s].
+        guess: the guessed state at the end of the interval.
+        h: the guessed length of the interval [s].
     """
     _, _, height = guess[POSITION]
-    # The line between two points cuts a corner that grows with the square of their distance
+    # The chord between two points deviates from the path in proportion to the square of its length
     apart = 0.5 * h * float(np.linalg.norm(guess[VELOCITY]))
     for obstacle in s.route.obstacles:
         clear = s.route.radius + MARGIN

@@ -1,4 +1,4 @@
-"""Check of a solution: fine integration from every node, limits on the way, the referee's test."""
+"""Check of a solution: fine integration from every node, limits in between, and the referee."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from quadsim.racing.events import Event
 from quadsim.racing.referee import Referee
 from quadsim.record.limits import LimitProblem, Solution
 
-# Greatest distance between a node and where the interval before it leads [m]
+# Largest accepted gap between a node and the integrated end of the interval before it [m]
 RESIDUAL = 5e-3
-# Greatest worth of all residuals, as a share of the race's time
+# Largest accepted value of all residuals in time, as a share of the race's time
 WORTH = 1e-3
-# Greatest error of |q|
+# Largest accepted error of |q|
 UNIT = 1e-3
 # A body rate may exceed its limit between two nodes by RATE_SHARE of the limit plus RATE_MORE
-# [rad/s]. The limit is one of commands: behind it the rates of a flown vehicle overshoot by up to
-# 8 % (damping 0.62).
+# [rad/s]. The limit applies to commands; the rates of a flown vehicle overshoot it by up to 8 %
+# (damping 0.62).
 RATE_SHARE = 0.05
 RATE_MORE = 0.06
-# Least room for the torque, rounding aside [m/s^2]
+# Smallest accepted thrust left for the torque, for rounding [m/s^2]
 SPARE = -1e-2
-# Share of a control's limit by which it may exceed it, for rounding
+# Relative tolerance of a control's limit, for rounding
 CONTROL_SHARE = 1e-4
-# Events that a race without faults does not have
+# Events that a faultless race does not have
 FOUL = ("hit", "ground", "bounds", "timeout")
 # Time limit of the referee, which no solution reaches [s]
 TIMEOUT = 1e4
@@ -39,30 +39,30 @@ TIMEOUT = 1e4
 
 @dataclass
 class Verified:
-    """Findings of the check of a solution; it counts where nothing is broken."""
+    """The findings of the check of a solution; the solution counts if nothing is broken."""
 
-    # Greatest distance from a node to where the interval before it leads [m]
+    # Largest gap between a node and the integrated end of the interval before it [m]
     residual: float = 0.0
-    # All residuals by their worth in time, |costate . residual| summed [s]
+    # Value of all residuals in time: the sum of |costate . residual| [s]
     worth: float = 0.0
-    # Greatest | |q| - 1 |
+    # Largest | |q| - 1 |
     attitude: float = 0.0
-    # Greatest about x, y and z [rad/s]
+    # Largest body rates about x, y and z [rad/s]
     body_rate: tuple[float, ...] = (0.0, 0.0, 0.0)
-    # The referee's, where there is one
+    # Events of the referee, if there is one
     outcome: str | None = None
     events: tuple[Event, ...] = ()
     # One line for each fault
     broken: list[str] = field(default_factory=list)
 
     def summary(self) -> dict[str, Any]:
-        """Return the findings as JSON, the events counted by their kind."""
+        """Return the findings as JSON, with the number of events of each kind."""
         counts = Counter(event.kind for event in self.events)
         return asdict(replace(self, events=())) | {"events": dict(counts)}
 
 
 def referee_of(problem: LimitProblem) -> Referee:
-    """Return a new referee that continues after a hit, so that it reports all hits of a race.
+    """Return a new referee that continues after a hit, to report all hits of a race.
 
     Raises:
         ValueError: laps on an open course, or a gate too small for the vehicle.
@@ -75,9 +75,9 @@ def verify(solution: Solution, model: Dynamics, referee: Referee | None = None) 
     """Return the findings of the check of a solution.
 
     Args:
-        solution: what the optimiser found.
-        model: the model that it was found with.
-        referee: a new one, see `referee_of`; it sees every step of the integration.
+        solution: the optimiser's solution.
+        model: the model of the solution.
+        referee: a new referee, see `referee_of`, which checks every step of the integration.
     """
     found = Verified()
     x = solution.x.tolist()
@@ -90,13 +90,13 @@ def verify(solution: Solution, model: Dynamics, referee: Referee | None = None) 
         found.residual = max(found.residual, float(np.linalg.norm(residual[POSITION])))
         found.worth += abs(float(solution.costate[k] @ residual))
 
-        # The greatest numbers on the way
+        # The largest values in between
         found.attitude = max(found.attitude, *(abs(hypot(*p[ATTITUDE]) - 1.0) for p in path))
         rates = np.abs([found.body_rate, *(p[BODY_RATES] for p in path)])
         found.body_rate = tuple(rates.max(axis=0).tolist())
 
         if referee:
-            # The remaining gap at the node is part of the last step
+            # The gap at the node belongs to the last step
             points = [p[POSITION] for p in (x[k], *path[:-1], x[k + 1])]
             times = np.linspace(t[k], t[k + 1], len(points)).tolist()
             for i in range(len(path)):
@@ -113,7 +113,7 @@ def verify(solution: Solution, model: Dynamics, referee: Referee | None = None) 
 
 
 def _broken(found: Verified, solution: Solution) -> Iterator[str]:
-    """Yield a line for each way in which a solution does not follow the equations."""
+    """Yield a line for each way in which a solution violates the equations."""
     if found.residual > RESIDUAL:
         yield (
             f"nodes: expected at most {RESIDUAL:g} m from the finely integrated path, "
@@ -129,9 +129,9 @@ def _broken(found: Verified, solution: Solution) -> Iterator[str]:
 
 
 def _outside(found: Verified, solution: Solution, model: Dynamics) -> Iterator[str]:
-    """Yield a line for each of the vehicle's limits that is not kept.
+    """Yield a line for each violated limit of the vehicle.
 
-    Controls are checked at the nodes, where their limits hold to rounding, body rates everywhere.
+    Controls are checked at the nodes, up to rounding; body rates at every step.
     """
     allowed = (1.0 + RATE_SHARE) * model.high[BODY_RATES] + RATE_MORE
     if (np.array(found.body_rate) > allowed).any():

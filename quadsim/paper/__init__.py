@@ -1,5 +1,5 @@
-"""The paper's tables and figures, rerun: a module for each, with `make(runs, folder) -> Result`.
+"""Experiments for the paper's tables and figures: modules with `make(runs, folder) -> Result`.
 
-See docs/paper.md. The off-road vehicle and the double integrator live here too; each experiment
-controls them in a short loop of its own.
+See docs/paper.md. The models of the off-road vehicle and the double integrator are here too; each
+experiment controls them in its own short loop.
 """

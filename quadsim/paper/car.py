@@ -4,11 +4,11 @@
                                                             2 s from lock to lock
     drive' = (drive_cmd - drive) / tau_d                    throttle (> 0) and brake (< 0) in one
     v' = a_x,  a_x = (accel or brake) drive - drag v        the vehicle never rolls backwards
-    a_y = clip(v^2 kappa steer, +-sqrt(grip^2 - a_x^2))     what the tyres give
+    a_y = clip(v^2 kappa steer, +-sqrt(grip^2 - a_x^2))     lateral acceleration, within the grip
     r' = (a_y / v - r) / tau_r                              yaw rate
-    p' = v (heading turned by -slip v r)                    tyres run beside their heading
+    p' = v (heading turned by -slip v r)                    tyres with a sideslip
 
-It is a bicycle whose tyres saturate. The heading is a unit vector, so that no step needs a sine.
+The model is a bicycle with saturated tyres. The heading is a unit vector, so a step needs no sine.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from quadsim.dynamics.first_order import response
 
 
 class State(NamedTuple):
-    """Position, heading, speed, yaw rate, and the places of steering wheel and pedals."""
+    """Position, heading, speed, yaw rate, and the positions of steering wheel and pedals."""
 
     px: float  # [m]
     py: float  # [m]
@@ -44,9 +44,9 @@ class Control(NamedTuple):
 
 
 class Params(NamedTuple):
-    """The numbers of `step`: those of OffroadVehicle, with a response in place of each lag.
+    """The parameters of `step`: the ones of OffroadVehicle, with a response for each lag.
 
-    A response is the share of the way to its command that a state makes in one step.
+    A response is the share of its difference to the command that a state closes in one step.
     """
 
     steer_response: float
@@ -68,11 +68,11 @@ def step(x, u, p, dt):
     steer = x.steer + minimum(maximum((u.steer_cmd - x.steer) * p.steer_response, -turned), turned)
     drive = x.drive + (u.drive_cmd - x.drive) * p.drive_response
 
-    # Forwards: throttle, brake and drag; the vehicle never rolls back.
+    # Longitudinal: throttle, brake and drag; the vehicle never rolls back.
     ax = where(drive > 0.0, p.accel, p.brake) * drive - p.drag * x.v
     v = maximum(x.v + ax * dt, 0.0)
 
-    # Sideways: what is left of the tyres' grip.
+    # Lateral: the remaining grip of the tyres.
     most = sqrt(maximum(p.grip * p.grip - ax * ax, 1.0))
     ay = minimum(maximum(v * v * p.curvature * steer, -most), most)
     r = x.r + (ay / maximum(v, 0.1) - x.r) * p.yaw_response
@@ -85,7 +85,7 @@ def step(x, u, p, dt):
     hx = hx * scale
     hy = hy * scale
 
-    # The position moves beside the heading by the sideslip.
+    # The velocity differs from the heading by the sideslip.
     beta = p.slip * v * r
     travelled = 0.5 * (x.v + v) * dt
     return State(
@@ -117,7 +117,7 @@ class OffroadVehicle:
     slip: float = 0.0  # sideslip per lateral acceleration [rad s^2/m]
 
     def params(self, dt: float) -> Params:
-        """Return the numbers of `step` for steps of dt [s]."""
+        """Return the parameters of `step` for steps of dt [s]."""
         return Params(
             steer_response=response(self.steer_tau, dt),
             steer_rate=self.steer_rate,
@@ -134,7 +134,7 @@ class OffroadVehicle:
 
 # The planner's model.
 NOMINAL = OffroadVehicle()
-# The vehicle that is driven responds more slowly, slides, and grips less.
+# The driven vehicle responds more slowly, slides, and has less grip.
 DRIVEN = OffroadVehicle(
     steer_tau=0.2,
     steer_rate=0.95,
@@ -145,7 +145,7 @@ DRIVEN = OffroadVehicle(
     yaw_tau=0.2,
     slip=0.01,
 )
-# Standard deviations of the random disturbance after 1 s of it.
+# Standard deviations of the random disturbance accumulated over 1 s.
 DISTURBANCE = State(px=0.0, py=0.0, hx=0.01, hy=0.01, v=0.2, r=0.04, steer=0.0, drive=0.0)
 
 
@@ -167,7 +167,7 @@ def car(vehicle: OffroadVehicle, dt: float) -> System:
 def disturbed(x: State, dt: float, rng: np.random.Generator, std: State = DISTURBANCE) -> State:
     """Return the state after the Brownian disturbance of one step of dt [s].
 
-    Each number is moved by std sqrt(dt) N(0, 1), so that std is reached after 1 s for any dt.
+    Each number changes by std sqrt(dt) N(0, 1), which accumulates to std after 1 s for any dt.
     """
     scale = np.array(std) * np.sqrt(dt)
     moved = np.array(x) + scale * rng.standard_normal(len(scale))

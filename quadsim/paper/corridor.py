@@ -1,7 +1,6 @@
-"""Corridor: two walls along a bent centre line, and the rules of a drive along it.
+"""Corridor: two walls along a polygonal centre line, and the rules of a drive.
 
-At a bend the legs meet at the line that halves the angle: there one leg ends and the next one
-begins.
+At a bend, one leg ends and the next leg begins at the line that halves the angle.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-STUCK = 5.0  # [s] within a metre of one place, after which a drive is over
+STUCK = 5.0  # [s] within a metre of one place, after which a drive counts as stuck
 
 
 @dataclass(frozen=True)
@@ -19,7 +18,7 @@ class Corridor:
     """A corridor in the plane."""
 
     width: float  # between the walls [m]
-    # centre line from the start to the goal [m]; every leg is longer than its bends take
+    # centre line from the start to the goal [m]; every leg is longer than its bends need
     points: tuple[tuple[float, float], ...]
 
     @cached_property
@@ -37,7 +36,7 @@ class Corridor:
     def ends(self) -> np.ndarray:
         """The unit normals of the lines at which legs end.  (legs, 2)
 
-        They point forwards, at a bend half-way between the directions of both legs.
+        The normals point forwards, at a bend along the mean direction of both legs.
         """
         before = self.directions
         after = np.vstack([before[1:], before[-1:]])
@@ -60,10 +59,10 @@ class Corridor:
         return bool((p - self.points[leg + 1]) @ self.ends[leg] >= 0)
 
     def walls(self) -> np.ndarray:
-        """Return the left and the right wall as polylines that bend with it.  (2, points, 2)"""
+        """Return the left and the right wall as polylines.  (2, points, 2)"""
         directions = np.vstack([self.directions[:1], self.directions])
         normals = np.vstack([self.directions[:1], self.ends])
-        # At each point the walls stand on a line across, longer where it crosses them askew.
+        # At each point the walls lie on the end line, farther apart if it crosses obliquely.
         across = np.stack([-normals[:, 1], normals[:, 0]], axis=1)
         reach = 0.5 * self.width / (normals * directions).sum(axis=1, keepdims=True)
         return np.stack([self.points + reach * across, self.points - reach * across])
@@ -88,8 +87,8 @@ ZIGZAG = Corridor(
 class DriveReferee:
     """Judges a drive along a corridor.
 
-    A drive has finished at the goal. It has crashed where the vehicle's side touches a wall, it is
-    stuck after STUCK seconds within a metre of one place, and it times out.
+    A drive finishes at the goal. It crashes if the vehicle's side touches a wall, is stuck after
+    STUCK seconds within a metre of one place, and ends at the time limit.
     """
 
     def __init__(self, corridor: Corridor, half_width: float, timeout: float):
@@ -98,16 +97,16 @@ class DriveReferee:
         half_width: half the width of the vehicle [m]; timeout: time limit [s].
         """
         self.outcome: str | None = None  # None until the drive has ended
-        self.legs = 0  # driven to their end lines
+        self.legs = 0  # number of completed legs
         self._corridor = corridor
         self._timeout = timeout
         self._most_offset = corridor.width / 2 - half_width
-        # Time and place at which the last metre was made.
+        # Time and place of the last progress by a metre.
         self._moved_at = 0.0
         self._moved_to = np.array(corridor.points[0])
 
     def observe(self, t: float, p: np.ndarray) -> None:
-        """Judge the place p (2,) [m] that is reached at t [s], at the end of a physics step."""
+        """Judge the position p (2,) [m] at the time t [s], at the end of a physics step."""
         if self._corridor.is_beyond(self.legs, p):
             self.legs += 1
         if np.linalg.norm(p - self._moved_to) > 1.0:

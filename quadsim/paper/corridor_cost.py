@@ -2,9 +2,9 @@
 
     q = a_0 CostToGo + d (a_1 Lethal + a_2 Rollover + a_3 Speed),    d = v dt
 
-The risks count by the metre travelled, so standing still is safe. The paper's other terms (wheels,
-body, roll, pitch) need terrain and are left out. A leg of the corridor ends at the line that halves
-its bend; a sample that crosses it continues along the next leg.
+The risks are charged per metre travelled, so standing still is safe. The paper's other terms
+(wheels, body, roll, pitch) need terrain and are left out. A leg of the corridor ends at the line
+that halves its bend; a sample that crosses this line continues along the next leg.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ RUN_OUT = 100.0  # [m] a last leg behind the goal, so that plans do not end ther
 
 @dataclass(frozen=True)
 class CorridorWeights:
-    """The weights a_0..a_3, and the numbers they refer to; all of them are ours."""
+    """The weights a_0..a_3, and the parameters of the terms; the values are not the paper's."""
 
     to_go: float = 0.2  # per metre still to drive
     lethal: float = 500.0  # per metre travelled at a wall; falls linearly to none at the margin
@@ -32,11 +32,11 @@ class CorridorWeights:
     speed: float = 2.0  # per metre travelled and (m/s)^2 above speed_max
     lateral_max: float = 4.0  # [m/s^2]
     speed_max: float = 7.0  # [m/s]
-    margin: float = 0.5  # of the vehicle's side to a wall [m]
+    margin: float = 0.5  # between the vehicle's side and a wall [m]
 
 
 class LegTarget(NamedTuple):
-    """The target row: the end of a leg, its end line, and the distance that is left behind it."""
+    """The target row: the end of a leg, its end line, and the remaining distance behind it."""
 
     x: float  # end [m]
     y: float
@@ -44,13 +44,13 @@ class LegTarget(NamedTuple):
     ey: float
     mx: float  # normal of the line that ends it
     my: float
-    to_go: float  # length of all that follows [m]
+    to_go: float  # length of all later legs [m]
 
 
 class CorridorParams(NamedTuple):
-    """The numbers that the terms refer to."""
+    """The parameters of the terms."""
 
-    room: float  # from the centre line to where the walls' margin begins [m]
+    room: float  # from the centre line to the beginning of the walls' margin [m]
     margin: float  # [m]
     lateral_max: float  # [m/s^2]
     speed_max: float  # [m/s]
@@ -104,13 +104,13 @@ def corridor_cost(
     dt: float,
     weights: CorridorWeights = CorridorWeights(),
 ) -> Cost:
-    """Return the cost of driving along a corridor. Nothing is latched: a wall costs by the metre.
+    """Return the cost of driving along a corridor, in which a wall is charged per metre.
 
     Args:
         corridor: corridor to drive along.
         half_width: half the width of the vehicle [m].
         dt: control period [s].
-        weights: weights of the terms, and what they refer to.
+        weights: weights and parameters of the terms.
     """
     terms = (
         Term(to_go, weights.to_go),
@@ -142,7 +142,7 @@ def targets(corridor: Corridor) -> np.ndarray:
     legs = np.column_stack([ends, directions, corridor.ends])
     run_out = np.concatenate([ends[-1] + RUN_OUT * directions[-1], directions[-1], directions[-1]])
 
-    # The distance behind each leg's end is the sum of all legs after it, summed from the last one.
+    # The distance behind a leg's end is the sum of all later legs.
     after = np.append(corridor.lengths[1:], RUN_OUT)
     left = np.append(np.cumsum(after[::-1])[::-1], 0.0)
     return np.column_stack([np.vstack([legs, run_out]), left])

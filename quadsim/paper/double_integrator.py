@@ -1,6 +1,6 @@
-"""This experiment makes Figure 7: state, control and spectrum of the best runs of Table II.
+"""Experiment for Figure 7: state, control and spectrum of the best runs of Table II.
 
-They are those of each of the paper's samplers at sigma 1.5.
+The figure shows the best run of each of the paper's samplers at sigma 1.5.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ LOOKS = {
     "colored_1": style("colored"),
     "colored_2": dotted(style("colored")),
 }
-SPECTRUM = 2.0  # [s] of controls in the spectrum
-AT_GOAL = 0.25  # [m] of the goal within which an axis has settled
+SPECTRUM = 2.0  # duration of the controls in the spectrum [s]
+AT_GOAL = 0.25  # distance to the goal within which an axis has settled [m]
 HIGH = 20.0  # [Hz]
 
 
 class Track(NamedTuple):
-    """One axis of a run. The last control is repeated, so that all have one length."""
+    """One axis of a run. The last control is repeated, so that all arrays have equal length."""
 
     t: np.ndarray  # [s]
     p: np.ndarray  # position [m]
@@ -59,7 +59,7 @@ class Best(NamedTuple):
 
 
 def make(runs: int, folder: Path) -> Result:
-    """Move `runs` times with each sampler, and plot the run of least cost."""
+    """Simulate `runs` runs of each sampler, and plot the run of least cost."""
     cells = [Cell(name, SIGMA) for name in PAPER_SAMPLERS]
     best = {
         cell.sampler: best_run(cell.sampler, [run.cost for run in of_cell])
@@ -83,7 +83,7 @@ def make(runs: int, folder: Path) -> Result:
 
 
 def best_run(name: str, costs: list[float]) -> Best:
-    """Return the run of least cost, computed once more, from the costs by seed."""
+    """Recompute and return the run of least cost, given the costs by seed."""
     seed = int(np.argmin(costs))
     motion = move(MotionTask(samplings(SIGMA)[name], seed))
     if accumulated_cost(motion) != costs[seed]:
@@ -97,10 +97,10 @@ def best_run(name: str, costs: list[float]) -> Best:
 
 
 def summary(track: Track) -> dict[str, float | None]:
-    """Return the numbers that the figure shows.
+    """Return the numbers of a track for the figure.
 
     Returns:
-        settled: time from which on the axis is AT_GOAL [s]; None: it never is.
+        settled: time from which on the axis is within AT_GOAL [s]; None: it never settles.
         largest_control: [m/s^2]
         control_at_rest: standard deviation in the last second [m/s^2].
         power_above_20_hz: of the control [(m/s^2)^2].

@@ -1,4 +1,4 @@
-"""This experiment makes Figure 2: how far sampled trajectories of the off-road vehicle spread."""
+"""Experiment for Figure 2: the spread of sampled trajectories of the off-road vehicle."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ LOOKS = {
 
 
 def make(runs: int, folder: Path) -> Result:
-    """Draw the trajectories. Nothing in the figure is repeated, so `runs` is not used."""
+    """Draw the trajectories. The figure has no repetitions, so `runs` is not used."""
     spread = {name: paths(perturbations(case, SAMPLES)) for name, case in CASES.items()}
     variance = {name: places[:, :, 0].var(axis=0) for name, places in spread.items()}
     t = np.arange(HORIZON + 1) * DT
@@ -55,13 +55,13 @@ def make(runs: int, folder: Path) -> Result:
 
 
 def paths(controls: np.ndarray) -> np.ndarray:
-    """Return the paths along which controls lead the vehicle from the origin, heading east.
+    """Return the paths of the vehicle under controls, from the origin with heading east.
 
     Args:
         controls: (samples, 2, horizon)
 
     Returns:
-        Places [m]  (samples, horizon + 1, 2).
+        Positions [m]  (samples, horizon + 1, 2).
     """
     system = car(NOMINAL, DT)
     u = np.clip(controls, -1.0, 1.0)
@@ -80,7 +80,7 @@ def draw(
     """Draw the paths from above, and the variance of x over time.
 
     Args:
-        spread: places of each case [m]  (samples, times, 2).
+        spread: positions of each case [m]  (samples, times, 2).
         variance: variance of x in each case [m^2]  (times,).
         t: times [s]  (times,).
     """

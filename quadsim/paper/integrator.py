@@ -1,7 +1,7 @@
 """Two double integrators side by side, x' = v, v' = k u: the system of Table II and its cost.
 
-The numbers are those of Vlahov et al. 2024, section IV-C. Explicit Euler: the position moves with
-the old velocity. The controls have no limits, as far as float32 goes.
+The numbers are from Vlahov et al. 2024, section IV-C. Explicit Euler: the position moves with the
+old velocity. The controls have no limits, within the range of float32.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from controllers.costs import Cost, Term
 from quadsim.dynamics import System
 
-UNLIMITED = 1e30  # finite, as the compiled lanes assume of every number
+UNLIMITED = 1e30  # finite, as the compiled lanes require
 
 
 class State(NamedTuple):
@@ -33,7 +33,7 @@ class Control(NamedTuple):
 
 
 class Params(NamedTuple):
-    """The number of `step`."""
+    """The parameter of `step`."""
 
     gain: float  # k, acceleration per unit of control
 

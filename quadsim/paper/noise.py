@@ -1,4 +1,4 @@
-"""This experiment makes Figure 3: samples of Gaussian noise and of colored noise."""
+"""Experiment for Figure 3: samples of Gaussian noise and of colored noise."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ DT = 0.02  # [s]
 HORIZON = 250  # steps
 GAMMAS = (0.5, 1.0, 2.0, 4.0)
 GAUSSIAN = "Gaussian"
-SHOWN = 3  # samples of each noise
+SHOWN = 3  # number of samples of each noise
 
 
 def make(runs: int, folder: Path) -> Result:
-    """Draw the samples. Nothing in the figure is repeated, so `runs` is not used."""
+    """Draw the samples. The figure has no repetitions, so `runs` is not used."""
     samples = {GAUSSIAN: perturbations(Gaussian((1.0,)), SHOWN)[:, 0]}
     for gamma in GAMMAS:
         colored = perturbations(Colored((1.0,), (gamma,)), SHOWN, seed=1)

@@ -1,6 +1,6 @@
-"""This experiment makes the off-road rows of Table I, in simulation, and Figures 4 and 5.
+"""Experiment for the off-road rows of Table I, in simulation, and Figures 4 and 5.
 
-They show which sampler gets through the corridor, how fast, on which paths and by which controls.
+The results compare the samplers' success, times, paths and controls in the corridor.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ GAUSSIAN = Gaussian(sigma=(0.8, 0.8))
 COLORED = Colored(sigma=(0.8, 0.8), gamma=(10.0, 4.0))
 COLD = replace(CONFIG, temperature=0.02)  # to see whether the temperature holds Gaussian back
 
-PLANT_DT = 0.005  # step of the vehicle that is driven [s]
+PLANT_DT = 0.005  # physics step of the driven vehicle [s]
 TIMEOUT = 40.0  # [s]
 SECONDS_SHOWN = 8.0  # duration of the controls in the figure [s], as in the paper
 START = State(
@@ -75,19 +75,19 @@ class Step(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """A drive that has ended, with a number for each control step."""
+    """A finished drive, with arrays over its control steps."""
 
     outcome: str  # finished, crashed, stuck or timeout
-    time: float  # at which it ended [s]
-    legs: int  # driven to their end lines
+    time: float  # duration of the drive [s]
+    legs: int  # number of completed legs
     plan_ms: float  # median time of a plan
-    t: np.ndarray  # of the control steps, and of the end [s]  (steps,)
+    t: np.ndarray  # times of the control steps and of the end [s]  (steps,)
     x: np.ndarray  # states, in the order of State  (steps, 8)
     u: np.ndarray  # controls from t on, in the order of Control  (steps, 2)
 
 
 def planner(sampling: Sampling, config: MPPIConfig, seed: int | np.random.SeedSequence = 0) -> MPPI:
-    """Return the planner, which has the nominal model of the vehicle."""
+    """Return the planner with the nominal model of the vehicle."""
     cost = corridor_cost(ZIGZAG, NOMINAL.half_width, config.dt)
     return MPPI(car(NOMINAL, config.dt), cost, sampling, config, seed)
 
@@ -118,7 +118,7 @@ def drive(task: DriveTask) -> Drive:
             referee.observe(plant_steps * PLANT_DT, np.array([x.px, x.py]))
             if referee.outcome:
                 break
-    end = steps[-1]._replace(t=plant_steps * PLANT_DT, x=x)  # under the last control
+    end = steps[-1]._replace(t=plant_steps * PLANT_DT, x=x)  # with the last control
 
     every = [*steps, end]
     return Drive(
@@ -161,7 +161,7 @@ def make(runs: int, folder: Path) -> Result:
 
 
 def row(name: str, drives: Sequence[Drive]) -> dict:
-    """Return a row of Table I, with the legs driven, and how drives ended that did not finish."""
+    """Return a row of Table I, with completed legs and the outcomes of unfinished drives."""
     attempts = [
         Attempt(drive.time if drive.outcome == "finished" else None, drive.plan_ms)
         for drive in drives
@@ -198,7 +198,7 @@ def draw_drives(drives: Mapping[str, Sequence[Drive]]) -> Figure:
 
 
 def _draw_variant(axes: Axes, name: str, drives: Sequence[Drive]) -> LineCollection:
-    """Draw the corridor and the paths in it, with a cross where one ended before the goal."""
+    """Draw the corridor and the paths, with a cross at the end of each unfinished one."""
     for wall in ZIGZAG.walls():
         axes.plot(*wall.T, color=INK, linewidth=1.5)
     paths = [drive.x[:, :2] for drive in drives]

@@ -1,6 +1,6 @@
-"""This experiment makes the quadrotor rows of Table I, on a course of ours, and Figure 6.
+"""Experiment for the quadrotor rows of Table I, on a different course, and Figure 6.
 
-The attempts are ordinary flights, and they are kept as those of a comparison are.
+The attempts are ordinary flights, stored like the flights of a comparison.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from quadsim.record.run import Run, RunError
 COURSE = "paper_flat"
 SAMPLERS = ("gaussian", "colored")
 FILE = "campaign.sqlite"
-LAPS_SHOWN = 9  # paths in the figure, as in the paper
+LAPS_SHOWN = 9  # number of paths in the figure, as in the paper
 CSV_COLUMNS = ("t", "px", "py", "vx", "vy", *CONTROL)
 
 
@@ -64,11 +64,11 @@ def make(runs: int, folder: Path) -> Result:
 
 
 def flown(variants: Sequence[Variant], runs: int, folder: Path) -> dict[str, list[Row]]:
-    """Return the attempts of each variant by seed. Those that the folder lacks are flown now.
+    """Return the attempts of each variant by seed, and fly the ones that the folder lacks.
 
     Raises:
         RunError: an attempt is lost, or the folder cannot be used.
-        KeyboardInterrupt: what has been flown until then is kept.
+        KeyboardInterrupt: finished attempts are kept.
     """
     path = folder / FILE
     with Runner(path) as runner:
@@ -81,7 +81,7 @@ def flown(variants: Sequence[Variant], runs: int, folder: Path) -> dict[str, lis
 
 
 def load_flight(row: Row, spec: Spec, folder: Path) -> Run:
-    """Return an attempt with its telemetry. It is flown again where that is gone or damaged."""
+    """Return an attempt with its telemetry, flown again if that is missing or damaged."""
     if row.folder:
         try:
             return load_run(folder / row.folder)
@@ -97,7 +97,7 @@ def load_flight(row: Row, spec: Spec, folder: Path) -> Run:
 
 
 def attempt(row: Row) -> Attempt:
-    """Return the numbers of Table I of one attempt."""
+    """Return the numbers of one attempt for Table I."""
     finished = row.outcome == "finished"
     return Attempt(
         time=row.result["laps"][0] if finished else None,
@@ -123,7 +123,7 @@ def finished(flights: Sequence[Run]) -> list[Run]:
 
 
 def fastest(flights: Sequence[Run]) -> Run | None:
-    """Return the flight with the fastest lap; None where none has finished."""
+    """Return the flight with the fastest lap; None if none has finished."""
     return min(finished(flights), key=lambda run: run.laps[0], default=None)
 
 
@@ -137,7 +137,7 @@ def csv_rows(run: Run) -> list[dict]:
 
 
 def draw_laps(flights: Mapping[str, Sequence[Run]]) -> Figure:
-    """Draw for each sampler the first laps that finished, and the controls of the fastest."""
+    """Draw for each sampler the first finished laps, and the controls of the fastest lap."""
     with rc_context(STYLE):
         figure = Figure(figsize=(12, 8), dpi=110, layout="constrained")
         parts = figure.subfigures(len(flights), 1, squeeze=False)[:, 0]

@@ -1,4 +1,4 @@
-"""Result: the numbers, tables and files that an experiment leaves behind.
+"""Result: the numbers, tables and files of an experiment.
 
 The paper: B. Vlahov, J. Gibson, D. D. Fan, P. Spieler, A. Agha-mohammadi and E. A. Theodorou, "Low
 Frequency Sampling in Model Predictive Path Integral Control", IEEE Robotics and Automation Letters

@@ -1,9 +1,9 @@
-"""Runs of an experiment: spread over worker processes, and kept in one SQLite file.
+"""Runs of an experiment, computed by worker processes and stored in one SQLite file.
 
-A run is a frozen dataclass of all that decides it, its seed too, and a function that makes a result
-of it. Its text is its key, with the versions of the libraries that it is computed with. A row is
-written in one transaction as soon as its run has ended, so that a command that is killed at any
-moment continues where it stopped.
+A run is defined by a frozen dataclass with all its settings, including the seed, and by a function
+from this task to a result. The key is the text of the task with the versions of the libraries. A
+row is written in one transaction as soon as its run has ended, so that a command that is killed at
+any moment continues where it stopped.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ from quadsim.record.run import RunError
 
 FILE = "runs.sqlite"
 GO_ON = "the same command continues from there"
-LIBRARIES = ("numpy", "numba")  # whose versions decide a run
-WAIT = 60.0  # [s] for another command that writes to the same file
+LIBRARIES = ("numpy", "numba")  # libraries whose versions affect a run
+WAIT = 60.0  # [s] longest wait for another process that writes to the same file
 TABLE = "CREATE TABLE IF NOT EXISTS runs (run TEXT PRIMARY KEY, result BLOB NOT NULL)"
 
 Task = TypeVar("Task")
@@ -39,17 +39,17 @@ Result = TypeVar("Result", bound=tuple)  # a NamedTuple
 def kept_runs(
     tasks: Sequence[Task], fly: Callable[[Task], Result], kind: type[Result], folder: Path
 ) -> list[Result]:
-    """Return the result of each task. Those that the folder does not have yet are computed now.
+    """Return the result of each task, and compute the ones that the folder lacks.
 
     Args:
-        tasks: frozen dataclasses of all that decides a run.
-        fly: a function of a module, that computes a run in a worker process.
-        kind: the NamedTuple that it returns, of numbers, texts and arrays.
+        tasks: frozen dataclasses with all settings of a run.
+        fly: function at module level that computes a run in a worker process.
+        kind: NamedTuple of numbers, texts and arrays that `fly` returns.
         folder: folder that holds FILE with the results.
 
     Raises:
         RunError: the file cannot be used, or a worker process has died.
-        KeyboardInterrupt: what has been computed until then is kept.
+        KeyboardInterrupt: finished runs are kept.
     """
     path = folder / FILE
     keys = [run_key(task) for task in tasks]
@@ -72,13 +72,13 @@ def kept_runs(
 
 
 def run_key(task: object) -> str:
-    """Return the key of a run: what decides it, and the libraries that it is computed with."""
+    """Return the key of a run: its settings and the versions of the libraries."""
     return f"{task!r} {libraries()}"
 
 
 @cache
 def libraries() -> str:
-    """Return the versions of the libraries that decide a run."""
+    """Return the versions of the libraries that affect a run."""
     used = versions()
     return " ".join(f"{name} {used[name]}" for name in LIBRARIES)
 
@@ -102,7 +102,7 @@ def _computed(
 def _in_workers(
     pool: Pool, tasks: Sequence[Task], fly: Callable[[Task], Result]
 ) -> Iterator[tuple[Task, Result]]:
-    """Yield the results as the runs end, as many at once as the pool has workers."""
+    """Yield the results as the runs end, with one run per worker at a time."""
     waiting = deque(tasks)
     running: dict[Future, Task] = {}
     while waiting or running:
@@ -118,7 +118,7 @@ def _in_workers(
 
 @contextmanager
 def _opened(path: Path) -> Iterator[sqlite3.Connection]:
-    """Open the file of finished runs, which is made where it is missing. Raises RunError."""
+    """Open the file of finished runs, and create it if it is missing. Raises RunError."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with closing(sqlite3.connect(path, timeout=WAIT)) as database:
@@ -131,7 +131,7 @@ def _opened(path: Path) -> Iterator[sqlite3.Connection]:
 def _read(
     database: sqlite3.Connection, keys: Sequence[str], kind: type[Result]
 ) -> dict[str, Result]:
-    """Return those results that are kept, by key."""
+    """Return the stored results by key."""
     kept = {}
     for key in keys:
         row = database.execute("SELECT result FROM runs WHERE run = ?", (key,)).fetchone()
@@ -142,7 +142,7 @@ def _read(
 
 def _write(database: sqlite3.Connection, key: str, result: tuple) -> None:
     """Keep a result."""
-    with uninterrupted(), database:  # which commits
+    with uninterrupted(), database:  # the context of the database commits
         database.execute("INSERT OR REPLACE INTO runs VALUES (?, ?)", (key, as_bytes(result)))
 
 
@@ -154,7 +154,7 @@ def as_bytes(result: Any) -> bytes:
 
 
 def from_bytes(data: bytes, kind: type[Result]) -> Result:
-    """Return the NamedTuple of this kind that `as_bytes` has written."""
+    """Return the NamedTuple of this kind from the bytes of `as_bytes`."""
     with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
         columns = {name: arrays[name] for name in arrays.files}
     numbers: dict[str, Any] = {name: a if a.ndim else a.item() for name, a in columns.items()}

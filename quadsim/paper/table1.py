@@ -1,4 +1,4 @@
-"""Rows of Table I: success and times of our attempts beside the published ones; and paths."""
+"""Rows of Table I: success and times of our attempts and the published ones; and paths."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from quadsim.record.statistics import mean_interval, wilson
 
 
 class Published(NamedTuple):
-    """A row of the published table. None: the paper does not say."""
+    """A row of the published table. None: not given in the paper."""
 
     mean: float | None = None  # of the times of the valid attempts [s]
     sd: float | None = None
@@ -29,8 +29,8 @@ class Published(NamedTuple):
 class Attempt(NamedTuple):
     """One of our attempts."""
 
-    time: float | None  # from the start to the goal [s]; None: it did not finish
-    plan_ms: float  # median of its control steps
+    time: float | None  # from the start to the goal [s]; None: not finished
+    plan_ms: float  # median planning time of the control steps
 
 
 PUBLISHED = {
@@ -42,9 +42,9 @@ PUBLISHED = {
 
 
 def table1_row(system: str, sampler: str, attempts: Sequence[Attempt]) -> dict:
-    """Return success and times [s] of the attempts that finished, beside the paper's.
+    """Return success and times [s] of finished attempts, with the paper's values.
 
-    Numbers that there are none of are None.
+    Missing numbers are None.
     """
     times = [attempt.time for attempt in attempts if attempt.time is not None]
     spread = mean_interval(times)
@@ -65,7 +65,7 @@ def table1_row(system: str, sampler: str, attempts: Sequence[Attempt]) -> dict:
 
 
 def table1(rows: Sequence[dict], title: str, key: str) -> Table:
-    """Return the rows as a table with one more column of this title, from the rows' `key`."""
+    """Return the rows as a table, with an extra column `title` from the rows' `key`."""
     heads = ("sampler", "success", "time [s]", "least", "paper [s]", "least", "valid", title)
     table = plain_table(*heads, left=(0,), no_wrap=True)
     for row in rows:
@@ -86,14 +86,14 @@ def table1(rows: Sequence[dict], title: str, key: str) -> Table:
 def draw_paths(
     axes: Axes, paths: Sequence[np.ndarray], colours: Sequence[np.ndarray], cmap: str, top: float
 ) -> LineCollection:
-    """Draw paths from above, and return them for a bar of colours.
+    """Draw paths from above, and return them for a colour bar.
 
     Args:
         axes: axes to draw on.
-        paths: places of each attempt [m]  (steps, 2) each.
-        colours: a number from 0 to `top` for each of these places  (steps,) each.
-        cmap: colours by number, a name of matplotlib.
-        top: the number of the last colour.
+        paths: positions of each attempt [m]  (steps, 2) each.
+        colours: a number from 0 to `top` for each position  (steps,) each.
+        cmap: name of a matplotlib colour map.
+        top: the number at the end of the colour map.
     """
     segments = [segment for path in paths for segment in np.stack([path[:-1], path[1:]], axis=1)]
     lines = LineCollection(segments, cmap=cmap, linewidths=1.1)

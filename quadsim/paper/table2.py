@@ -1,6 +1,6 @@
-"""This experiment makes Table II: the cost of the double integrator under six samplers.
+"""Experiment for Table II: the cost of the double integrator under six samplers.
 
-Six more rows show what the paper's choices do, see docs/paper.md.
+Six more rows show the effect of the paper's choices, see docs/paper.md.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from quadsim.paper.runs import kept_runs
 from quadsim.streams import double_integrator_streams
 
 # M = 4096, T = 65, I = 1, dt = .015 s, lambda = 1. By the conventions of the authors' public
-# library (MPPI-Generic, ACDSLab) every sample keeps the control that is about to be executed, the
-# last 1 % of them perturb the rest control, and a Savitzky-Golay filter smooths the plan.
+# library (MPPI-Generic, ACDSLab) no sample perturbs the control that is about to be executed, the
+# last 1 % of the samples perturb the rest control, and a Savitzky-Golay filter smooths the plan.
 CONFIG = MPPIConfig(
     samples=4096,
     horizon=65,
@@ -36,7 +36,7 @@ CONFIG = MPPIConfig(
     freeze_first=True,
     smooth=True,
 )
-# Start, goal and length are those of that library's example, which the paper's numbers come from.
+# Start, goal and length are from that library's example, the source of the paper's numbers.
 START = State(px=-9.0, py=-9.0, vx=0.1, vy=0.1)
 GOAL = Goal(x=-4.0, y=-4.0)
 STEPS = 300  # control periods of a run, 4.5 s
@@ -54,8 +54,8 @@ class Published(NamedTuple):
     """The numbers of a cell of the published table."""
 
     mean: float  # accumulated cost
-    sd: float  # its standard deviation over 1000 runs
-    ms: float  # of a control step on an RTX 3080
+    sd: float  # standard deviation of the cost over 1000 runs
+    ms: float  # time of a control step on an RTX 3080
 
 
 TABLE2 = {
@@ -101,9 +101,9 @@ class Motion(NamedTuple):
 
 
 class Score(NamedTuple):
-    """The numbers of a run that the table needs."""
+    """The numbers of a run for the table."""
 
-    cost: float  # accumulated
+    cost: float  # accumulated cost
     plan_ms: float
 
 
@@ -134,7 +134,7 @@ def planner(
 
 
 def move(task: MotionTask) -> Motion:
-    """Move the double integrator from START, under the planner's controls."""
+    """Simulate the double integrator from START under the planner's controls."""
     mppi = planner(task.sampling, task.config, double_integrator_streams(task.seed).planner)
     system = double_integrator(task.config.dt)
     x = START
@@ -158,20 +158,20 @@ def move(task: MotionTask) -> Motion:
 
 
 def score(task: MotionTask) -> Score:
-    """Return the numbers of a run that the table needs."""
+    """Return the numbers of a run for the table."""
     motion = move(task)
     return Score(accumulated_cost(motion), motion.plan_ms)
 
 
 def accumulated_cost(motion: Motion) -> float:
-    """Return the sum of the cost over the states that were reached; the first one was given."""
+    """Return the sum of the cost over all states but the first, which is given."""
     x = State(*motion.x[1:].T)
     found = evaluate(quadratic_cost(GOAL), x, x, (), GOAL)
     return sum(float(np.sum(term)) for term in found.terms.values())
 
 
 def scores(cells: Sequence[Cell], runs: int, folder: Path) -> dict[Cell, list[Score]]:
-    """Return the scores of these cells of the table by seed. Missing ones are computed now."""
+    """Return the scores of these cells by seed, and compute missing ones."""
     tasks = [
         MotionTask(samplings(cell.sigma)[cell.sampler], seed)
         for cell in cells
@@ -189,9 +189,9 @@ def make(runs: int, folder: Path) -> Result:
 
 
 def row(cell: Cell, runs: Sequence[Score]) -> dict:
-    """Return one cell of the table as JSON; what the paper does not have is None.
+    """Return one cell of the table as JSON; values that the paper lacks are None.
 
-    ms is the time of a control step on one thread with every core busy, paper_ms on an RTX 3080.
+    ms is the time of a control step on one thread with all cores busy, paper_ms on an RTX 3080.
     """
     cost = np.array([run.cost for run in runs])
     paper = TABLE2.get(cell)

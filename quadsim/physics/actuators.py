@@ -1,10 +1,10 @@
-"""Actuators: from a command to the wrench on the rigid body, the same for every plant.
+"""Actuators: the map from a command to the wrench on the rigid body, common to all plants.
 
     limits -> link and latency -> rate loop -> allocation with priorities -> rotor lag
     -> faults of rotors -> wrench and drag
 
-Vehicles without rotors skip allocation and lag: their thrust and torque act at once. Scalars and
-tuples throughout: at 400 Hz the overhead of 3-element arrays would be most of the cost.
+Vehicles without rotors skip allocation and lag: their thrust and torque act at once. The code uses
+scalars and tuples: at 400 Hz the overhead of 3-element arrays would dominate the cost.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from quadsim.physics.plant_state import MotorUse
 from quadsim.rotation import Quaternion, Vec3
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
-# strengths of rotors that all give their thrust
+# strengths of four healthy rotors
 SOUND: PerRotor = (1.0, 1.0, 1.0, 1.0)
 
 
 class Wrench(NamedTuple):
-    """A force [N] and a torque [N m] on the body, in its own frame."""
+    """A force [N] and a torque [N m] on the body, in the body frame."""
 
     force: Vec3
     torque: Vec3
@@ -43,7 +43,7 @@ def clamp_command(command: Sequence[float], vehicle: Vehicle) -> Control:
     Raises:
         ValueError: a number of the command is not finite.
     """
-    # A float32 would make all that follows single precision.
+    # A float32 would make all later arithmetic single precision.
     wx, wy, wz, thrust = map(float, command)
     if not all(map(isfinite, (wx, wy, wz, thrust))):
         raise ValueError(
@@ -63,8 +63,8 @@ def rate_torque(omega: Vec3, omega_cmd: Vec3, gain: Vec3, inertia: Vec3) -> Vec3
     """Return the torque of the rate loop, J K (omega_cmd - omega) + omega x J omega [N m].
 
     With K = (1 - exp(-dt/tau)) / dt an explicit Euler step of dt lands exactly on the first-order
-    response, 63 % at tau for any dt. The second term cancels the gyroscopic one that the body's own
-    dynamics contain.
+    response, 63 % at tau for any dt. The second term cancels the gyroscopic term of the body's
+    dynamics.
 
     Args:
         omega: body rates [rad/s].
@@ -86,7 +86,7 @@ def gyroscopic(omega: Vec3, inertia: Vec3) -> Vec3:
 
 
 def angular_acceleration(omega: Vec3, torque: Vec3, inertia: Vec3) -> Vec3:
-    """Return J^-1 (tau - omega x J omega) [rad/s^2], Euler's equation in the body's frame."""
+    """Return J^-1 (tau - omega x J omega) [rad/s^2], Euler's equation in the body frame."""
     tx, ty, tz = torque
     gx, gy, gz = gyroscopic(omega, inertia)
     jx, jy, jz = inertia
@@ -106,7 +106,7 @@ def drag_force(vehicle: Vehicle, v_body: Vec3) -> Vec3:
 
 
 def rotor_strengths(faults: Sequence[RotorFault], t: float) -> PerRotor:
-    """Return the share of its thrust that each rotor gives at the time t [s]  (4,)."""
+    """Return the share of its nominal thrust that each rotor gives at the time t [s]  (4,)."""
     strengths = [1.0] * len(SOUND)
     for fault in faults:
         if fault.window.active(t):
@@ -116,7 +116,7 @@ def rotor_strengths(faults: Sequence[RotorFault], t: float) -> PerRotor:
 
 
 class Motors:
-    """Four rotors whose speeds follow their commands first-order in tau, from hover on."""
+    """Four rotors, initially at hover, whose speeds follow their commands with first-order lag."""
 
     def __init__(self, vehicle: Vehicle, rotors: Rotors, dt: float):
         """dt: physics step [s]."""
@@ -138,10 +138,11 @@ class Motors:
         Args:
             collective: demanded thrust of all rotors [N].
             torque: demanded torque [N m].
-            strengths: share of its thrust that each rotor gives, unknown to the mixer  (4,).
+            strengths: share of its nominal thrust that each rotor gives, which the mixer does not
+                know  (4,).
 
         Returns:
-            The collective [N] and the torque [N m] that are delivered at the end of the step.
+            The delivered collective [N] and torque [N m] at the end of the step.
         """
         thrusts = allocate(self._share, collective, torque, self._low, self._high)
         return self.follow(map(self._rotors.speed, thrusts), strengths)
@@ -151,10 +152,10 @@ class Motors:
 
         Args:
             commands: speeds [rad/s]  (4,).
-            strengths: share of its thrust that each rotor gives  (4,).
+            strengths: share of its nominal thrust that each rotor gives  (4,).
 
         Returns:
-            The collective [N] and the torque [N m] that are delivered at the end of the step.
+            The delivered collective [N] and torque [N m] at the end of the step.
         """
         self.speeds = tuple(
             command + (speed - command) * self._remaining
@@ -172,8 +173,8 @@ class Motors:
 class Actuators:
     """The actuators of one vehicle, stepped every dt [s].
 
-    Their state is the commands on the link, the speeds of the rotors, and the time, which decides
-    what faults there are.
+    The state consists of the commands on the link, the speeds of the rotors, and the time, which
+    decides the active faults.
     """
 
     def __init__(
@@ -188,8 +189,8 @@ class Actuators:
         Args:
             vehicle: vehicle that has the actuators.
             dt: physics step [s].
-            faults: faults of its rotors, with their rotors and times.
-            link: carries the commands; None: a wire.
+            faults: faults of the rotors, with rotor numbers and times.
+            link: link for the commands; None: a wire.
         """
         self._vehicle = vehicle
         self._dt = dt
@@ -204,7 +205,7 @@ class Actuators:
         self.thrust = GRAVITY
         # angular acceleration delivered, body frame [rad/s^2]
         self.angular_acceleration: Vec3 = (0.0, 0.0, 0.0)
-        # No firmware commands the motors
+        # None, as no firmware commands the motors
         self.use: MotorUse | None = None
 
     def wrench(
@@ -217,17 +218,17 @@ class Actuators:
         """Return the wrench on the body for the step that starts now.
 
         Args:
-            command: given now, in the order of Control  (4,).
+            command: present command in the order of Control  (4,).
             omega_body: body rates [rad/s].
-            v_body: velocity in the body's axes [m/s].
-            attitude: wxyz, which ideal actuators do not use.
+            v_body: velocity in the body frame [m/s].
+            attitude: wxyz, not used by ideal actuators.
         """
         vehicle = self._vehicle
 
-        # The command that acts now was given a latency ago.
+        # The command that acts now was given one latency ago.
         acting = self._link.carry(clamp_command(command, vehicle)).command
 
-        # The rate loop and the rotors make force and torque of it.
+        # The rate loop and the rotors turn it into force and torque.
         torque = rate_torque(omega_body, acting.body_rates, self._gain, vehicle.inertia)
         force = vehicle.mass * acting.thrust
         if self.motors:
@@ -241,8 +242,8 @@ class Actuators:
         return Wrench(force=(drag_x, drag_y, drag_z + force), torque=torque)
 
     def close(self) -> None:
-        """Do nothing, as nothing is held."""
+        """Do nothing, as there are no resources to release."""
 
     def _strengths(self) -> PerRotor:
-        """Return the share of its thrust that each rotor gives in the step that starts now."""
+        """Return the rotors' shares of their nominal thrust in the step that starts now."""
         return rotor_strengths(self._faults, self._steps * self._dt)

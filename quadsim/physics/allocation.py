@@ -1,4 +1,4 @@
-"""Allocation: rotor thrusts for a collective and a torque, with priorities at the limits."""
+"""Allocation: rotor thrusts for a collective and a torque, with priorities in saturation."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ PerRotor = tuple[float, ...]  # one number for each of the four rotors
 
 
 def mixer(rotors: Rotors) -> tuple[PerRotor, ...]:
-    """Return the matrix that makes collective and torque of the rotors' thrusts.
+    """Return the matrix from the rotors' thrusts to collective and torque.
 
     Returns:
         Rows of (collective [N], torque about x, y, z [N m]), columns of rotors  (4, 4).
@@ -29,7 +29,7 @@ def shares(rotors: Rotors) -> tuple[PerRotor, ...]:
         Row i gives rotor i's thrust per (collective, torque about x, y, z)  (4, 4).
 
     Raises:
-        ValueError: a rotor does not carry a quarter of the collective, which `saturate` builds on.
+        ValueError: a rotor does not carry a quarter of the collective, as `saturate` requires.
     """
     matrix = np.array(mixer(rotors))
     inverse = np.linalg.pinv(matrix)
@@ -53,7 +53,7 @@ def allocate(
         low, high: limits of a rotor's thrust [N].
 
     Returns:
-        [N]  (4,)
+        Rotor thrusts [N]  (4,).
     """
     x, y, z = torque
     tilt = tuple(row[1] * x + row[2] * y for row in share)
@@ -64,10 +64,10 @@ def allocate(
 def saturate(tilt: PerRotor, lift: float, twist: PerRotor, low: float, high: float) -> PerRotor:
     """Return tilt + lift + twist within the limits: roll and pitch first, yaw last.
 
-    Yaw is given up first; then the collective moves up or down to make room; only a roll and pitch
-    demand wider than the whole range is scaled, its direction kept. The order is that of Smeur,
-    Hoeppener and De Wagter, "Prioritized Control Allocation for Quadrotors Subject to Saturation",
-    IMAV 2017: roll and pitch direct the thrust, yaw does not.
+    Yaw is given up first; then the collective moves up or down to make room; roll and pitch are
+    scaled, in a constant direction, only if their demand exceeds the whole range. The order follows
+    Smeur, Hoeppener and De Wagter, "Prioritized Control Allocation for Quadrotors Subject to
+    Saturation", IMAV 2017: roll and pitch direct the thrust, yaw does not.
 
     Args:
         tilt: part of each rotor in the torque about x and y [N]  (4,).
@@ -76,18 +76,18 @@ def saturate(tilt: PerRotor, lift: float, twist: PerRotor, low: float, high: flo
         low, high: limits of a rotor's thrust [N].
 
     Returns:
-        [N]  (4,)
+        Rotor thrusts [N]  (4,).
     """
-    # Roll and pitch: scaled where they alone need more than the whole range.
+    # Roll and pitch: scaled if they alone need more than the whole range.
     spread = max(tilt) - min(tilt)
     scale = (high - low) / spread if spread > high - low else 1.0
     tilt = tuple(scale * part for part in tilt)
 
-    # Collective: moved to where both the highest and the lowest rotor are within the limits.
+    # Collective: moved until both the highest and the lowest rotor are within the limits.
     lift = min(max(lift, low - min(tilt)), high - max(tilt))
     base = [lift + part for part in tilt]
 
-    # Yaw: the share of it for which every rotor has room.
+    # Yaw: the largest share that keeps every rotor within the limits.
     room = 1.0
     for thrust, part in zip(base, twist, strict=True):
         if part != 0.0:

@@ -1,8 +1,8 @@
 """Domain randomization: start pose, vehicle and gusts of a flight, drawn from its seed.
 
-Everything is in proportion to a size: 0 changes nothing, 1 is a careful outdoor flight. The numbers
-depend on seed and size alone, so that two planners with the same seed fly under the same
-disturbances. The planner's model remains that of the nominal vehicle.
+All changes scale with a size: 0 changes nothing, 1 is a careful outdoor flight. The numbers depend
+on seed and size alone, so that two planners with the same seed fly under the same disturbances. The
+planner's model remains the model of the nominal vehicle.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from quadsim.rotation import Vec3
 from quadsim.vehicle import Vehicle, scale_thrust
 from quadsim.vehicle.tolerances import VehicleTolerances
 
-# Half widths of the uniform distributions at size 1: of the start, per axis [m], of its yaw [rad],
-# and of the vehicle's numbers, which neither flight controller nor planner knows.
+# Half widths of the uniform distributions at size 1: start position per axis [m], start yaw [rad],
+# and vehicle parameters, of which flight controller and planner have only the nominal values.
 OFFSET = 0.2
 TURN = radians(10)
 VEHICLE = VehicleTolerances()
@@ -54,7 +54,7 @@ class Randomization:
         return Start((x + dx, y + dy, z + dz), start.yaw + self.turn)
 
     def vehicle(self, vehicle: Vehicle) -> Vehicle:
-        """Return the vehicle whose actuators fly, with its own lags, drag and full thrust."""
+        """Return the vehicle for the actuators, with randomized lags, drag and full thrust."""
         lags = tuple(tau * (1 + self.rate_lag) for tau in vehicle.rate_tau)
         drag = tuple(d * (1 + self.drag) for d in vehicle.drag)
         rotors = vehicle.rotors
@@ -64,9 +64,9 @@ class Randomization:
         return scale_thrust(varied, 1 + self.thrust)
 
     def body(self, vehicle: Vehicle) -> Vehicle:
-        """Return the body that the wrench acts on.
+        """Return the vehicle for the rigid body, with randomized mass and inertia.
 
-        Its mass and inertia are not known to the flight controller.
+        The flight controller uses the nominal mass and inertia.
         """
         inertia = tuple(j * (1 + self.mass) for j in vehicle.inertia)
         return replace(vehicle, mass=vehicle.mass * (1 + self.mass), inertia=inertia)
@@ -132,7 +132,7 @@ def _with_room(
 def gusts(seeds: np.random.SeedSequence, std: float, dt: float) -> Iterator[Vec3]:
     """Yield the acceleration by the wind [m/s^2] in each physics step, world frame.
 
-    It is an Ornstein-Uhlenbeck process, exact for any dt and stationary from the first step on:
+    The gust is an Ornstein-Uhlenbeck process, exact for any dt and stationary from the first step:
 
         w <- exp(-dt / tau) w + std sqrt(1 - exp(-2 dt / tau)) N(0, 1)
 
@@ -154,7 +154,7 @@ def gusts(seeds: np.random.SeedSequence, std: float, dt: float) -> Iterator[Vec3
 
 
 def displaced(course: Course, seeds: np.random.SeedSequence, size: float) -> Course:
-    """Return the course with every gate up to `size` [m] off along x and along y, uniformly.
+    """Return the course with every gate displaced along x and y, uniformly within +-size [m].
 
     A frame that is flown through several times is moved once. Heights stay, as gates stand on the
     ground, and so that a gate above another stays clear of it. A gate that would stand out of

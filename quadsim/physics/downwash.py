@@ -1,4 +1,4 @@
-"""Downwash: the push of a vehicle's rotors on a vehicle that flies below it.
+"""Downwash: the force of a vehicle's rotor flow on a vehicle that flies below.
 
 Far below, the flow of the four rotors is one round turbulent jet. Its momentum flux is the thrust
 T, and its velocity has a Gaussian profile whose width grows with the distance s along the jet:
@@ -6,17 +6,18 @@ T, and its velocity has a Gaussian profile whose width grows with the distance s
     b(s) = b_0 + 0.107 s,      u(r)^2 = 2 T / (rho pi b^2) exp(-2 r^2 / b^2)
 
 (Fischer, List, Koh, Imberger and Brooks, Mixing in Inland and Coastal Waters, 1979, section 9.2).
-b_0 is the width at which the momentum passes half of the rotors' discs, as momentum theory has it
-for the contracted wake of a rotor in hover. A vehicle in the jet loses the momentum that meets its
-own rotors' discs. Where these, of the area A in all, are one disc on the jet's axis, that is
+b_0 is the width at which the jet's effective area pi b_0^2 / 2 is half the area of the rotors'
+discs, by momentum theory for the contracted wake of a rotor in hover. A vehicle in the jet receives
+the momentum that meets its own rotors' discs. For a single disc of their total area A on the jet's
+axis, the force is
 
     F = T (1 - exp(-2 A / (pi b^2)))
 
-and beside the axis it is less by the profile, exp(-2 r^2 / b^2). The force points along the jet,
-away from the upper vehicle's thrust. It is felt from WAKE to REACH below the upper vehicle. The
-wake is taken to be straight, as if the air stood still around both. Half a metre below a Crazyflie,
-gym-pybullet-drones has 1.1 of its weight, by a fit to flights; here it is 0.53, and 0.62
-below a vehicle with propellers of five inches.
+and off the axis it is reduced by the profile, exp(-2 r^2 / b^2). The force points along the jet,
+opposite to the upper vehicle's thrust. It acts from WAKE to REACH below the upper vehicle. The wake
+is straight, as in still air. Half a metre below a Crazyflie the force is 0.53 of its weight here,
+and 1.1 in gym-pybullet-drones by a fit to flights; half a metre below a vehicle with propellers of
+five inches it is 0.62 here.
 """
 
 from __future__ import annotations
@@ -29,16 +30,16 @@ from quadsim.vehicle import Vehicle
 
 # growth of the jet's width with the distance along it
 SPREAD = 0.107
-# distances along the jet at which it is felt [m]
+# first and last distance along the jet at which the force acts [m]
 WAKE = 0.1
 REACH = 10.0
 
 
 class Downwash:
-    """The jet below one vehicle, and the discs with which it meets those of others."""
+    """The jet below one vehicle, and the rotor discs on which other jets act."""
 
     def __init__(self, vehicle: Vehicle):
-        """Take the size of the vehicle's rotors.
+        """Compute jet and discs from the size of the vehicle's rotors.
 
         A propeller reaches from its hub to the vehicle's radius along the body's axes. A vehicle
         without rotors has neither jet nor discs.
@@ -48,18 +49,18 @@ class Downwash:
         if vehicle.rotors:
             aside = max(max(abs(x), abs(y)) for x, y in vehicle.rotors.positions)
             propeller = max(vehicle.radius - aside, 0.25 * vehicle.radius)
-            # of the four discs [m^2]
+            # total area of the four discs [m^2]
             self.area = 4.0 * pi * propeller**2
         # width of the jet at the rotors [m]: pi b_0^2 / 2 is half of the discs' area
         self.width = sqrt(self.area / pi)
 
     def force_on(self, other: Downwash, x: State, x_other: State) -> Vec3 | None:
-        """Return the force on another vehicle [N], world frame; None where it feels none.
+        """Return the force on another vehicle [N], world frame; None outside the jet.
 
         Args:
-            other: the other vehicle.
-            x: state of the vehicle whose rotors push.
-            x_other: state of the other one.
+            other: the lower vehicle.
+            x: state of the upper vehicle, whose jet acts.
+            x_other: state of the lower vehicle.
         """
         if not (self.area and other.area):
             return None

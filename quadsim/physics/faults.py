@@ -1,17 +1,17 @@
 """Faults: parts of a vehicle that fail in flight.
 
-    rotor2=.5@3.2        rotor 2 gives half the thrust that it should, from 3.2 s on
-    rotor2=0@3.2-4       it gives none until 4 s
-    camera=lost@2~1      no measurement comes for 1 s from 2 s on
+    rotor2=.5@3.2        rotor 2 gives half of its nominal thrust, from 3.2 s on
+    rotor2=0@3.2-4       rotor 2 gives no thrust from 3.2 to 4 s
+    camera=lost@2~1      no measurement arrives for 1 s from 2 s on
     gyro=frozen@2-2.5    the last measurement's values are repeated
     gyro=.1:0:0@3        a bias of .1 rad/s about x is added from 3 s on
     commands=lost@2~.1   the last command that arrived stays in force
 
-The seed draws what a text leaves out: the rotor in `rotor=.5@3`, the direction of a bias in
-`gyro=.1@3`, and the time in `rotor2=.5` and in `gyro=frozen~.1`.
+Omitted parts of a text are drawn from the seed: the rotor in `rotor=.5@3`, the direction of a bias
+in `gyro=.1@3`, and the time in `rotor2=.5` and in `gyro=frozen~.1`.
 
-Neither the planner nor the estimator is told of a fault. Rotors fail in the actuators, sensors
-where they are sampled, and commands on their way to the plant.
+Neither the planner nor the estimator has information about a fault. Rotors fail in the actuators,
+sensors when they sample, and commands on their way to the plant.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from quadsim.streams import fault_stream
 from quadsim.vehicle import GRAVITY, Vehicle
 
 ROTORS = 4
-# [s] by which instants may differ that are taken for one
+# [s] Instants that differ by less count as equal.
 SAME = 1e-9
 # decimals of a time in a text [s], and of a time and of a bias that the seed draws
 NANOSECONDS = 9
@@ -47,7 +47,7 @@ WHOLE_SENSORS: tuple[WholeSensor, ...] = get_args(WholeSensor)
 # parts of an imu
 ImuPart = Literal["gyro", "accelerometer"]
 IMU_PARTS: tuple[ImuPart, ...] = get_args(ImuPart)
-# part of an imu -> unit of its bias, and the largest that is accepted
+# part of an imu -> unit of its bias, and the largest accepted bias
 BIASES: dict[ImuPart, tuple[str, float]] = {
     "gyro": ("rad/s", 100.0),
     "accelerometer": ("m/s^2", 1000.0),
@@ -58,24 +58,24 @@ EXAMPLES = "rotor2=.5@3.2, camera=lost@2-4, gyro=.1:0:0@3 or commands=lost~.1"
 class Window(NamedTuple):
     """The time of a fault."""
 
-    # [s]; None: the seed draws it
+    # [s]; None: drawn from the seed
     start: float | None = None
     # [s]; inf: until the end of the flight
     duration: float = inf
 
     def active(self, t: float) -> bool:
-        """Return whether a fault is there at t [s]. Its start belongs to it, its end does not."""
+        """Return whether the fault is active at t [s]: start <= t < end."""
         assert self.start is not None, "the time of this fault is not drawn yet"
         return -SAME <= t - self.start < self.duration - SAME
 
     @property
     def end(self) -> float:
-        """The time at which the fault ends [s]; inf: not before the flight does."""
+        """The time at which the fault ends [s]; inf: it lasts until the end of the flight."""
         assert self.start is not None, "the time of this fault is not drawn yet"
         return round(self.start + self.duration, NANOSECONDS)
 
     def __str__(self) -> str:
-        """Return the time as the end of a fault's text has it."""
+        """Return the time in the format of a fault's text."""
         if self.start is None:
             return "" if self.duration == inf else f"~{_short(self.duration)}"
         if self.duration == inf:
@@ -85,11 +85,11 @@ class Window(NamedTuple):
 
 @dataclass(frozen=True)
 class RotorFault:
-    """A rotor gives less thrust than it should."""
+    """A rotor gives less than its nominal thrust."""
 
-    # number from 1, in the order of quadsim.vehicle.Rotors; None: the seed draws it
+    # number from 1, in the order of quadsim.vehicle.Rotors; None: drawn from the seed
     rotor: int | None
-    # share of its thrust that is left, from 0 to 1
+    # remaining share of the nominal thrust, from 0 to 1
     strength: float
     window: Window
 
@@ -114,10 +114,10 @@ class SensorFault:
 
 @dataclass(frozen=True)
 class BiasJump:
-    """A bias is added to what a part of the imu measures."""
+    """A bias is added to the measurements of a part of the imu."""
 
     sensor: ImuPart
-    # along x, y and z of the body, or one number: the seed draws the direction [rad/s or m/s^2]
+    # bias along x, y, z of the body, or its norm, with a direction from the seed [rad/s or m/s^2]
     jump: tuple[float, ...]
     window: Window
 
@@ -142,12 +142,12 @@ FaultOfSensor = SensorFault | BiasJump
 
 
 def sensor_key(fault: FaultOfSensor) -> str:
-    """Return the key in a sensing file of the sensor that a fault belongs to."""
+    """Return the sensing file's key of the faulty sensor."""
     return "imu" if fault.sensor in IMU_PARTS else fault.sensor
 
 
 def _short(number: float) -> str:
-    """Return the shortest text that stands for exactly this number."""
+    """Return the shortest text for exactly this number."""
     return repr(float(number)).removesuffix(".0")
 
 
@@ -158,7 +158,7 @@ def parse_fault(text: str) -> Fault:
     """Return the fault of a text; `str` of a fault returns a text of it.
 
     Raises:
-        ValueError: the text is not that of a fault; the message is one line.
+        ValueError: the text is no fault; the message is one line.
     """
     target, is_fault, rest = text.strip().partition("=")
     if not is_fault:
@@ -177,7 +177,7 @@ def parse_fault(text: str) -> Fault:
     raise ValueError(f"no part {target!r} in {text!r}: {did_you_mean(target, known)}")
 
 
-# what happens, then @start, @start-end or @start~duration, or ~duration alone
+# the effect, then @start, @start-end or @start~duration, or ~duration alone
 TIME = re.compile(
     r"(?P<what>[^@~]*)"
     r"(?:@(?P<start>[^@~-]*)(?:-(?P<end>[^@~]*))?)?"
@@ -186,7 +186,7 @@ TIME = re.compile(
 
 
 def _split_time(rest: str, text: str) -> tuple[str, Window]:
-    """Return what happens, and when, of the text after the equals sign. Raises ValueError."""
+    """Split the text after the equals sign into effect and time. Raises ValueError."""
     wanted = "expected a time [s] as in @2, @2-2.5 (from, until) or ~.5 (for .5 s)"
     found = TIME.fullmatch(rest)
     if found is None or (found["end"] is not None and found["lasts"] is not None):
@@ -202,7 +202,7 @@ def _split_time(rest: str, text: str) -> tuple[str, Window]:
 
 
 def _seconds(text: str | None, wanted: str, fault: str) -> float | None:
-    """Return a time [s], None where none is given. Raises ValueError."""
+    """Return a time [s], None if none is given. Raises ValueError."""
     if text is None:
         return None
     if not DECIMAL.fullmatch(text) or not 0.0 <= float(text) <= LATEST:
@@ -211,7 +211,7 @@ def _seconds(text: str | None, wanted: str, fault: str) -> float | None:
 
 
 def _rotor(target: str, text: str) -> int | None:
-    """Return the number of the rotor, None where the text has none. Raises ValueError."""
+    """Return the number of the rotor, None if the text has none. Raises ValueError."""
     number = target.removeprefix("rotor")
     if not number:
         return None
@@ -222,7 +222,7 @@ def _rotor(target: str, text: str) -> int | None:
 
 
 def _strength(what: str, text: str) -> float:
-    """Return the share of its thrust that a rotor has left. Raises ValueError."""
+    """Return the remaining share of a rotor's nominal thrust. Raises ValueError."""
     if what == "lost":
         return 0.0
     if not DECIMAL.fullmatch(what) or not 0.0 <= float(what) <= 1.0:
@@ -232,7 +232,7 @@ def _strength(what: str, text: str) -> float:
 
 
 def _effect(what: str, known: Sequence[Any], text: str) -> Any:
-    """Return an effect of those known. Raises ValueError."""
+    """Return the effect if it is a known one. Raises ValueError."""
     if what not in known:
         raise ValueError(f"expected {' or '.join(known)}, got {what!r} in {text!r}")
     return what
@@ -253,15 +253,16 @@ def _imu_part_fault(sensor: ImuPart, what: str, window: Window, text: str) -> Fa
     return BiasJump(sensor, tuple(numbers), window)
 
 
-# ---- what the seed draws ------------------------------------------------------------------------
+# ---- parts drawn from the seed ------------------------------------------------------------------
 
 
 def first_lap(course: Course, vehicle: Vehicle) -> float:
     """Return a rough estimate of the time of the first lap [s].
 
-    It is the time to fly each straight leg between gates from rest, with the acceleration that full
-    thrust leaves beside the weight. A racer does not stop at gates, but its path is longer and its
-    thrust has to turn it: on split_s_swift this gives 4.7 s, and a first lap takes 5.1 to 5.3 s.
+    The estimate is the time to fly each straight leg between gates from rest, with the acceleration
+    that full thrust leaves beside the weight. A racer does not stop at gates, but its path is
+    longer and its thrust has to turn the velocity: on split_s_swift the estimate is 4.7 s, and a
+    first lap takes 5.1 to 5.3 s.
     """
     acceleration = sqrt(max(vehicle.thrust_max**2 - GRAVITY**2, GRAVITY**2))
     places = [course.start.position, *(gate.position for gate in course.gates)]
@@ -271,13 +272,14 @@ def first_lap(course: Course, vehicle: Vehicle) -> float:
 def drawn(
     faults: Sequence[Fault], seeds: np.random.SeedSequence, latest: float
 ) -> tuple[Fault, ...]:
-    """Return the faults with all that their texts left out, drawn from the seed.
+    """Return the faults with their omitted parts drawn from the seed.
 
-    Each fault has a stream of its own and draws the same numbers whatever it is. So the first
-    fault of a seed begins at the same time in every variant, and a second does not change it.
+    Each fault has its own random stream and takes the same number of draws, whatever its kind. So
+    the first fault of a seed begins at the same time in every variant, and a second fault does not
+    change the first one.
 
     Args:
-        faults: faults, whose order decides what is drawn for each.
+        faults: faults; the draws of each depend on its place in the order.
         seeds: the stream of the faults.
         latest: a drawn time lies between 0 and this [s], uniformly.
     """

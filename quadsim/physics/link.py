@@ -2,13 +2,13 @@
 
     command -> interpolation -> frame -> lost or not -> latency -> received
 
-A frame carries the command of its instant. Where there are several frames in a control period, they
-lead from one command to the next along a straight line, if the link interpolates. A receiver keeps
+A frame carries the command of its instant. With several frames in a control period, an
+interpolating link sends commands on a straight line from one command to the next. A receiver keeps
 the last command that has arrived.
 
 Losses follow Gilbert's model of a channel (Bell System Technical Journal 39(5), 1960): the channel
 is good or bad, frames are lost while it is bad, and it changes from one frame to the next with
-fixed probabilities. They follow from the share p of lost frames and the mean length L of a burst:
+fixed probabilities. These follow from the share p of lost frames and the mean length L of a burst:
 
     bad -> good   1 / L
     good -> bad   p / (L (1 - p))
@@ -28,7 +28,7 @@ from quadsim.dynamics.quadrotor import Control
 from quadsim.vehicle import GRAVITY
 
 HOVER = Control(wx=0.0, wy=0.0, wz=0.0, thrust=GRAVITY)
-# A frame is sent in the step in which its time falls; share of a step by which it may be earlier.
+# A frame is sent in the step of its instant; tolerance for an earlier step, as a share of a step.
 ROUNDING = 1e-6
 
 
@@ -37,12 +37,12 @@ class LinkConfig:
     """The numbers of a link; the default is a wire that carries a frame in each physics step."""
 
     rate: float | None = None  # frames a second [Hz]; None: one in each physics step
-    latency: float = 0.0  # beside the vehicle's own [s]
+    latency: float = 0.0  # in addition to the vehicle's latency [s]
     loss: float = 0.0  # share of the frames that are lost
     burst: float | None = None  # mean number of frames lost in a row; None: lost independently
 
     def __str__(self) -> str:
-        """Return the numbers in a few words, such as "link of 40 Hz losing 10 %"."""
+        """Return a short description, such as "link of 40 Hz losing 10 %"."""
         words = ["link"]
         if self.rate:
             words.append(f"of {self.rate:g} Hz")
@@ -56,7 +56,7 @@ class LinkConfig:
 
     @property
     def period(self) -> float:
-        """The time between two frames [s]; 0: there is a frame at every instant."""
+        """The time between two frames [s]; 0: a frame at every instant."""
         return 1.0 / self.rate if self.rate else 0.0
 
     @property
@@ -90,11 +90,11 @@ class Link:
 
         Args:
             dt: physics step [s].
-            vehicle_latency: latency of the vehicle, to which the link adds its own [s].
+            vehicle_latency: latency of the vehicle, to which the link's latency is added [s].
             config: numbers of the link.
-            interpolation: time in which a new command is reached along a straight line, a control
-                period [s]; 0: at once.
-            stream: decides which frames are lost; needed with losses only.
+            interpolation: time of the linear interpolation to a new command, a control period [s];
+                0: none.
+            stream: random stream of the losses; needed only with losses.
         """
         self._dt = dt
         self._config = config
@@ -103,7 +103,7 @@ class Link:
         self._frames = 0
         self._interpolation = interpolation
 
-        # On the straight line: where it began, where it leads, and when it began [steps]
+        # Linear interpolation: first command, last command, and step of its begin
         self._from = HOVER
         self._goal = HOVER
         self._since = 0
@@ -140,12 +140,12 @@ class Link:
         return None if self._is_lost() else sent
 
     def _interpolated(self, command: Control) -> Control:
-        """Return the command that is sent now, on the way to the one that is given."""
+        """Return the interpolated command that is sent now."""
         if command != self._goal:
             self._from = self._sent
             self._goal = command
             self._since = self._steps
-        # The last frame of a control period carries the command itself.
+        # The last frame of a control period carries the given command itself.
         reached = (self._steps - self._since) * self._dt + self._frame_period
         if reached >= self._interpolation - ROUNDING * self._dt:
             self._sent = command

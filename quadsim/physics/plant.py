@@ -1,7 +1,7 @@
-"""Plants: the simulated vehicle. The controller plans with a model of it, which may differ.
+"""Plants: the simulated vehicle. The controller's model of the vehicle may differ from the plant.
 
-A quadrotor is a rigid body behind its actuators; two worlds move the rigid body, PyBullet's and our
-own. Another simulator, RotorPy, has a multirotor of its own.
+A quadrotor is a rigid body behind its actuators; the rigid body moves in one of two worlds,
+PyBullet's and our own. A third simulator, RotorPy, has its own multirotor.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from quadsim.vehicle import Vehicle
 class Plant(Protocol):
     """A vehicle with its own fixed physics step.
 
-    Each flight has a plant of its own. A plant may have `velocity_lag` [s]: how much older than the
-    position the velocity of its states is.
+    Each flight has its own plant. A plant may have `velocity_lag` [s]: the time by which the
+    velocity of its states is older than the position.
 
     Examples:
         >>> import quadsim
@@ -58,19 +58,19 @@ class Plant(Protocol):
         """Advance by one physics step and return the state after it.
 
         Args:
-            u: command, of a quadrotor in the order of Control  (n_u,).
+            u: command, for a quadrotor in the order of Control  (n_u,).
         """
         ...
 
     def close(self) -> None:
-        """Release what the plant holds."""
+        """Release the resources of the plant."""
         ...
 
 
 class World(Protocol):
     """A rigid body among a course's gates; see quadsim.physics.rigid_body.RigidBody.
 
-    In an Arena it is one of several, and `step` and `close` are those of the arena.
+    If the body is a member of an Arena, `step` and `close` act on the whole arena.
     """
 
     def place(self, p: Vec3, q: Quaternion) -> None:
@@ -94,7 +94,7 @@ class World(Protocol):
         ...
 
     def close(self) -> None:
-        """Release what the world holds."""
+        """Release the resources of the world."""
         ...
 
 
@@ -102,7 +102,7 @@ class Member(World, Protocol):
     """One of several vehicles in an Arena."""
 
     def remove(self) -> None:
-        """Take the vehicle out, so that no other can touch it any more."""
+        """Remove the vehicle, so that others cannot touch it any more."""
         ...
 
 
@@ -118,12 +118,12 @@ class Arena(Protocol):
         ...
 
     def close(self) -> None:
-        """Release what the arena holds."""
+        """Release the resources of the arena."""
         ...
 
 
 def new_arena(plant: str, course: Course, dt: float, collide: bool) -> Arena:
-    """Return the world of several vehicles of this plant.
+    """Return the world of several vehicles for this kind of plant.
 
     Args:
         plant: "bullet" or "rigid".
@@ -144,7 +144,7 @@ def new_arena(plant: str, course: Course, dt: float, collide: bool) -> Arena:
 
 
 class ActuatorsProtocol(Protocol):
-    """From a command to the wrench; see quadsim.physics.actuators.Actuators."""
+    """Turns a command into a wrench; see quadsim.physics.actuators.Actuators."""
 
     # thrust delivered along body z, mass-normalised [m/s^2]
     thrust: float
@@ -153,7 +153,7 @@ class ActuatorsProtocol(Protocol):
 
     @property
     def use(self) -> MotorUse | None:
-        """What the flight has asked of the motors; None where no firmware commands them."""
+        """The use of the motors in the flight; None if no firmware commands them."""
         ...
 
     def wrench(
@@ -163,7 +163,7 @@ class ActuatorsProtocol(Protocol):
         ...
 
     def close(self) -> None:
-        """Release what the actuators hold."""
+        """Release the resources of the actuators."""
         ...
 
 
@@ -174,7 +174,7 @@ ActuatorsFactory = Callable[[Vehicle, float, Sequence[RotorFault]], ActuatorsPro
 class RigidPlant:
     """A rigid body, moved by quadsim.physics.rigid_body, behind the vehicle's actuators.
 
-    Each plant has a world of its own, so that the same commands give the same states.
+    Each plant has its own world, so that the same commands give the same states.
     """
 
     def __init__(
@@ -194,12 +194,12 @@ class RigidPlant:
             course: gates and obstacles that stand in the world.
             vehicle: vehicle that has the actuators.
             dt: physics step [s].
-            start: start in place of the course's own.
-            body: its mass and inertia are the world's; by default the vehicle's own, by which the
-                flight controller works in either case.
+            start: start instead of the course's start.
+            body: vehicle whose mass and inertia the world uses; None: the vehicle. The flight
+                controller always uses mass and inertia of `vehicle`.
             gusts: acceleration in each physics step, world frame [m/s^2].
-            faults: faults of the rotors, with their rotors and times.
-            actuators: what makes the actuators of vehicle, dt and faults.
+            faults: faults of the rotors, with rotor numbers and times.
+            actuators: function of vehicle, dt and faults that makes the actuators.
         """
         body = body or vehicle
         self.dt = dt
@@ -228,7 +228,7 @@ class RigidPlant:
 
         Args:
             u: command in the order of Control  (4,).
-            disturbance: force by others, such as their downwash, world frame [N].
+            disturbance: force by other vehicles, such as downwash, world frame [N].
         """
         x = self.state.x
         attitude = x.attitude
@@ -272,15 +272,15 @@ class RigidPlant:
 class SharedPlant(RigidPlant):
     """One of several vehicles in an Arena.
 
-    Whoever steps the arena calls `push` of all its plants before, and `arrive` after it.
+    The owner of the arena calls `push` of all plants before a step, and `arrive` after it.
     """
 
     def __init__(self, arena: Arena, *args: Any, **settings: Any):
         """Start at rest.
 
         Args:
-            arena: the world that the vehicle shares with others.
-            args, settings: those of RigidPlant.
+            arena: the shared world.
+            args, settings: further arguments of RigidPlant.
         """
         self._arena = arena
         super().__init__(*args, **settings)
@@ -290,16 +290,16 @@ class SharedPlant(RigidPlant):
         return self._member
 
     def remove(self) -> None:
-        """Take the vehicle out of the arena, where no other can touch it any more."""
+        """Remove the vehicle from the arena, so that others cannot touch it any more."""
         self._member.remove()
 
     def close(self) -> None:
-        """Release the actuators. Whoever made the arena closes it."""
+        """Release the actuators. The owner of the arena closes it."""
         self._actuators.close()
 
 
 class BulletPlant(RigidPlant):
-    """The same plant in PyBullet. Raises ValueError where that is not installed."""
+    """The same plant in PyBullet. Raises ValueError if PyBullet is not installed."""
 
     def _new_world(self, course: Course, body: Vehicle, dt: float) -> World:
         _expect_bullet()
@@ -318,7 +318,7 @@ PLANTS: dict[PlantName, type[RigidPlant] | type[RotorpyPlant]] = {
 
 
 def _expect_bullet() -> None:
-    """Raise ValueError where PyBullet is not installed."""
+    """Raise ValueError if PyBullet is not installed."""
     if not has_bullet():
         raise ValueError(
             "plant: 'bullet' needs PyBullet, which is not installed: install it, or fly 'rigid'"
@@ -326,20 +326,20 @@ def _expect_bullet() -> None:
 
 
 def has_bullet() -> bool:
-    """Return whether PyBullet is installed, without the time that importing it takes."""
+    """Return whether PyBullet is installed, without importing it."""
     return find_spec("pybullet") is not None
 
 
 def default_plant() -> PlantName:
-    """Return the plant that is flown by default: "bullet" where it is installed, else "rigid"."""
+    """Return the default plant: "bullet" if PyBullet is installed, else "rigid"."""
     return "bullet" if has_bullet() else "rigid"
 
 
 class NamedPlant:
-    """A plant of a user's own, with its states checked and named.
+    """A wrapper of a user's own plant that checks its states and names their numbers.
 
-    The states of such a plant may be plain tuples of 17 numbers in the order of `State`. Sensors
-    and records read numbers by name, so a `State` is put in place of the tuple.
+    The states of a user's plant may be plain tuples of 17 numbers in the order of `State`. Sensors
+    and records read numbers by name, so the wrapper converts a tuple to a `State`.
     """
 
     # [s] shortest and longest physics step
@@ -352,10 +352,10 @@ class NamedPlant:
         plant: plant with states in the order of State.
 
         Raises:
-            SettingError: a member of the plant is missing, or no number, or its state is none.
+            SettingError: a member of the plant is missing or no number, or its state is no state.
         """
         self._plant = plant
-        # of the user's class, for errors
+        # name of the user's class, for errors
         self.name = type(plant).__name__
         for member in ("dt", "state", "step", "close"):
             if not hasattr(plant, member):
@@ -374,7 +374,7 @@ class NamedPlant:
         """Advance by one physics step under a command in the order of Control  (4,).
 
         Raises:
-            SettingError: the state after it is none, or not finite.
+            SettingError: the state after the step is no state, or not finite.
         """
         self.state = self._named(".step", self._plant.step(u))
         return self.state
@@ -405,19 +405,19 @@ class NamedPlant:
         return SettingError("plant", f"{self.name}{member}: {problem}")
 
     def close(self) -> None:
-        """Release what the plant holds."""
+        """Release the resources of the plant."""
         self._plant.close()
 
 
 class LossyLink:
-    """A plant whose commands do not always arrive; then the last one that did stays in force."""
+    """A plant with losses of commands; during a loss, the last received command stays in force."""
 
     def __init__(self, plant: Plant, losses: Sequence[CommandLoss]):
         """Wrap a plant, which hovers until the first command arrives.
 
         Args:
             plant: the plant of a quadrotor.
-            losses: faults of the link, with their times.
+            losses: faults of the link, with times.
         """
         self._plant = plant
         self._losses = losses
@@ -432,10 +432,10 @@ class LossyLink:
         return self._plant.state
 
     def step(self, u: Sequence[float]) -> PlantState[Any]:
-        """Advance by one physics step under the last command that arrived.
+        """Advance by one physics step under the last received command.
 
         Args:
-            u: command that is sent now, in the order of Control  (4,).
+            u: command sent now, in the order of Control  (4,).
         """
         return self._plant.step(self._carried(u))
 
@@ -450,19 +450,19 @@ class LossyLink:
         return self._plant.arrive()
 
     def remove(self) -> None:
-        """Take the vehicle out of its arena, as SharedPlant does."""
+        """Remove the vehicle from its arena, as SharedPlant does."""
         assert isinstance(self._plant, SharedPlant)
         self._plant.remove()
 
     def _carried(self, u: Sequence[float]) -> Sequence[float]:
-        """Return the command that is in force when u is sent."""
+        """Return the command in force when u is sent."""
         t = self._plant.state.t
         if not any(loss.window.active(t) for loss in self._losses):
             self._arrived = u
         return self._arrived
 
     def close(self) -> None:
-        """Release what the plant holds."""
+        """Release the resources of the plant."""
         self._plant.close()
 
 

@@ -1,4 +1,4 @@
-"""The state after a physics step, and the state in which a flight starts."""
+"""The state after a physics step, and the initial state of a flight."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ X = TypeVar("X", bound=tuple[float, ...])
 
 
 class MotorUse(NamedTuple):
-    """What a flight has asked of its motors since the start. Both numbers only grow.
+    """The accumulated use of the motors since the start of a flight.
 
     The columns of a run have the same names: see MOTOR_UNITS.
     """
 
-    # sum of the changes of a motor's command, which is 1 at the greatest speed; mean of the motors
+    # total variation of a motor's command, which is 1 at full speed; mean of the motors
     motor_variation: float = 0.0
-    # integral of the thrust that was commanded and not given because a motor was at its greatest
-    # command, mass-normalised [m/s]
+    # integral of the commanded thrust that was not delivered because a motor was saturated,
+    # mass-normalised [m/s]
     thrust_lost: float = 0.0
 
 
@@ -36,8 +36,8 @@ MOTOR_UNITS = {"motor_variation": "1", "thrust_lost": "m/s"}
 class PlantState(Generic[X]):
     """The state after a physics step.
 
-    The plants of quadsim give a `State`. A plant of a user's own may give a tuple in the order of
-    its numbers: see `quadsim.physics.plant.NamedPlant`.
+    The plants of quadsim return a `State`. A user's own plant may return a tuple in the same order,
+    see `quadsim.physics.plant.NamedPlant`.
 
     Examples:
         >>> from quadsim.physics.plant_state import PlantState
@@ -52,14 +52,14 @@ class PlantState(Generic[X]):
     x: X
     # objects that the vehicle touches: "ground", "gate 3", "obstacle 2"
     contacts: tuple[str, ...]
-    # where a firmware commands the motors
+    # use of the motors, if a firmware commands them
     motors: MotorUse | None = None
 
     @property
     def position(self) -> Vec3:
-        """The position with which the state begins [m].
+        """The position, the first three numbers of the state [m].
 
-        A state of fewer than three numbers is filled up with zeros.
+        A state of fewer than three numbers is padded with zeros.
         """
         x, y, z = (*self.x[:3], 0.0, 0.0)[:3]
         return x, y, z
@@ -69,7 +69,7 @@ def start_state(start: Start, radius: float) -> State:
     """Return the state at rest, level, with hover thrust.
 
     Args:
-        start: pose of the vehicle; if it touches the ground it is lifted clear of it.
+        start: pose of the vehicle, which is lifted if it would touch the ground.
         radius: radius of the vehicle [m].
     """
     x, y, z = start.position

@@ -1,18 +1,17 @@
-"""A rigid sphere with its own inertia: the world of a plant where PyBullet is not installed.
+"""A rigid sphere with its own inertia: the world of a plant without PyBullet.
 
     v <- v + (R(q) f / m - g e_z) dt                    p <- p + v dt
     omega <- omega + J^-1 (tau - omega x J omega) dt    q <- q x exp((0, omega) dt / 2)
 
 The integrator is semi-implicit Euler in Bullet's order: velocities by the forces of the step, then
-poses by the new velocities. A scheme of higher order would be nearer to the differential equations,
-but farther from the other plant: in this order the two differ by rounding alone, and a flight in
-one of them shows the same as in the other.
+poses by the new velocities. A scheme of higher order would be closer to the differential equations,
+but not to Bullet; with this scheme the two plants differ only by rounding.
 
-Contacts are the referee's swept test. The ground stops a fall, without bounce and without friction.
-A gate's frame and an obstacle are reported only: touching one ends a flight, or costs a penalty in
-the timed mode, where the vehicle flies on through it. Several vehicles in a RigidArena collide
-without bounce and friction: along the line between their centres they have one velocity afterwards,
-by the conservation of momentum.
+Contacts are found by the referee's swept test. The ground stops a fall, without bounce and without
+friction. Contacts with frames and obstacles are only reported: they end a flight, or cost a penalty
+in the timed mode, in which the vehicle flies through the object. Several vehicles in a RigidArena
+collide without bounce and friction: after a collision they have a common velocity along the line
+between their centres, by the conservation of momentum.
 """
 
 from __future__ import annotations
@@ -67,7 +66,7 @@ class RigidBody:
         self._torque = torque_body
 
     def step(self) -> None:
-        """Advance velocities, then poses by the new velocities, then find contacts on the way."""
+        """Advance velocities, then poses by the new velocities, then find contacts in between."""
         dt = self._dt
         mass = self.vehicle.mass
 
@@ -124,12 +123,12 @@ class RigidBody:
         return self._v
 
     def touch(self, name: str, position: Vec3, velocity: Vec3) -> None:
-        """Note a contact within the last step, after which it ends elsewhere.
+        """Note a contact within the last step, and replace the state at its end.
 
         Args:
-            name: what is touched, "vehicle 2".
-            position: where the step ends [m].
-            velocity: velocity at its end, world frame [m/s].
+            name: the touched object, "vehicle 2".
+            position: position at the end of the step [m].
+            velocity: velocity at the end of the step, world frame [m/s].
         """
         x, y, z = position
         self._p = (x, y, max(z, self.vehicle.radius))
@@ -137,14 +136,14 @@ class RigidBody:
         self._contacts = (*self._contacts, name)
 
     def remove(self) -> None:
-        """Take the vehicle out of its arena, where no other can touch it any more."""
+        """Remove the vehicle from its arena, so that others cannot touch it any more."""
         self.removed = True
 
     def close(self) -> None:
-        """Do nothing, as nothing is held."""
+        """Do nothing, as there are no resources to release."""
 
     def _touched(self, p0: Vec3, p1: Vec3) -> tuple[str, ...]:
-        """Return the gates and obstacles that are touched on the way from p0 to p1."""
+        """Return the gates and obstacles that the sphere touches between p0 and p1."""
         touched = []
         for swept in self._gates.near(p0, p1):
             contact = swept.touch(swept.gate.to_local(p0), swept.gate.to_local(p1))
@@ -158,7 +157,7 @@ class RigidArena:
     """Several rigid bodies above one ground, among one course's gates and obstacles."""
 
     def __init__(self, course: Course, dt: float, collide: bool = True):
-        """Make the world, still without a vehicle.
+        """Make a world without vehicles.
 
         Args:
             course: gates and obstacles.
@@ -177,7 +176,7 @@ class RigidArena:
         return body
 
     def step(self) -> None:
-        """Advance all vehicles by one physics step, then let those collide that meet on the way."""
+        """Advance all vehicles by one physics step, then resolve their collisions."""
         flying = [(k, body) for k, body in enumerate(self._bodies, 1) if not body.removed]
         for _, body in flying:
             body.step()
@@ -191,16 +190,16 @@ class RigidArena:
     def _collide_at(
         self, s: float, first: tuple[int, RigidBody], other: tuple[int, RigidBody]
     ) -> None:
-        """Let two vehicles collide.
+        """Resolve the collision of two vehicles.
 
         Args:
-            s: fraction of the step at which they touch.
-            first, other: numbers and bodies of the two.
+            s: fraction of the step at which the two touch.
+            first, other: numbers and bodies of the two vehicles.
         """
         k, a = first
         m, b = other
 
-        # The unit vector from one centre to the other, where they touch
+        # The unit vector between the centres at the contact
         at_a = lerp(a.before, a.position, s)
         at_b = lerp(b.before, b.position, s)
         distance = dist(at_a, at_b)
@@ -208,19 +207,19 @@ class RigidArena:
             return
         normal = _scaled(_less(at_b, at_a), 1.0 / distance)
 
-        # The impulse per unit of reduced mass that takes away the approach along it
+        # The impulse per unit of reduced mass that cancels the approach speed
         approach = max(_dot(_less(a.velocity, b.velocity), normal), 0.0)
         total = a.vehicle.mass + b.vehicle.mass
         v_a = _less(a.velocity, _scaled(normal, approach * b.vehicle.mass / total))
         v_b = _less(b.velocity, _scaled(normal, -approach * a.vehicle.mass / total))
 
-        # From the contact on they move with their new velocities.
+        # After the contact the vehicles move with their new velocities.
         left = (1.0 - s) * self._dt
         a.touch(f"vehicle {m}", _less(at_a, _scaled(v_a, -left)), v_a)
         b.touch(f"vehicle {k}", _less(at_b, _scaled(v_b, -left)), v_b)
 
     def close(self) -> None:
-        """Do nothing, as nothing is held."""
+        """Do nothing, as there are no resources to release."""
 
 
 def _less(a: Vec3, b: Vec3) -> Vec3:

@@ -1,17 +1,17 @@
 """RotorPy's multirotor as the plant (Folk, Paulos and Kumar 2023); only this file imports RotorPy.
 
-RotorPy gives the rate controller, the allocation, whose rotor commands are cut at their limits one
-by one, the rotor lag, the integrator, and aerodynamics that the planner does not know. With the
-velocity v through the air in the body frame these are
+RotorPy provides the rate controller, the allocation, which clips each rotor command by itself, the
+rotor lag, the integrator, and aerodynamics that the planner does not model. With the airspeed v in
+the body frame the aerodynamic forces are
 
     rotor drag            -k_d W v for each rotor, in proportion to its speed W
     parasitic drag        -c |v| v of the body
     translational lift    k_h (v_x^2 + v_y^2) for each rotor, along its axis
 
 The vehicle's file gives mass, inertia, rotors with their lag, limits, rate loop and latency.
-RotorPy's thrust map is k W^2, with the file's thrust at full speed. The linear drag of the file
-becomes k_d: four rotors at full speed have it. This plant reports no contacts; the referee finds
-them by its own swept test.
+RotorPy's thrust map is k W^2, with the file's thrust at full speed. k_d is chosen such that four
+rotors at full speed have the file's linear drag. This plant reports no contacts; the referee finds
+contacts by its swept test.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ LEAST_LAG = 1e-3
 class RotorpyPlant:
     """One vehicle in RotorPy's world.
 
-    Raises ValueError where RotorPy is not installed, and for a vehicle without rotors.
+    Raises ValueError if RotorPy is not installed, and for a vehicle without rotors.
     """
 
     def __init__(
@@ -59,10 +59,11 @@ class RotorpyPlant:
         gusts: Iterator[Vec3] | None = None,
         faults: Sequence[RotorFault] = (),
     ):
-        """Start at rest; the arguments are those of quadsim.physics.plant.RigidPlant.
+        """Start at rest; for the arguments see quadsim.physics.plant.RigidPlant.
 
         Raises:
-            ValueError: the vehicle has no rotors, or some are to fail: RotorPy's do not.
+            ValueError: the vehicle has no rotors, or there are faults of rotors, which RotorPy does
+                not support.
         """
         if faults:
             raise ValueError(f"plant: 'rotorpy' has no faults of rotors, got {faults[0]}")
@@ -108,7 +109,7 @@ class RotorpyPlant:
         return self.state
 
     def _read(self) -> PlantState[State]:
-        """Return the state; thrust and torque come from the rotors' speeds, as in other plants."""
+        """Return the state, with thrust and torque from the rotors' speeds, as in other plants."""
         now = self._now
         body_rates: Vec3 = tuple(now["w"].tolist())
         thrusts = self._rotors.thrust_map[0] * now["rotor_speeds"] ** 2
@@ -131,13 +132,13 @@ class RotorpyPlant:
 
 
 def _quadratic(rotors: Rotors) -> Rotors:
-    """Return the rotors with the thrust map k W^2 that has the same thrust at full speed."""
+    """Return the rotors with a thrust map k W^2 of the same thrust at full speed."""
     k = rotors.thrust(rotors.omega_max) / rotors.omega_max**2
     return replace(rotors, thrust_map=(k, 0.0, 0.0))
 
 
 def _multirotor(vehicle: Vehicle, rotors: Rotors, body: Vehicle, dt: float) -> Any:
-    """Return RotorPy's multirotor, with its parameters by the names of RotorPy's files.
+    """Return RotorPy's multirotor, with parameters named as in RotorPy's files.
 
     Args:
         vehicle: vehicle with the flight controller's numbers.
@@ -180,7 +181,7 @@ def _multirotor(vehicle: Vehicle, rotors: Rotors, body: Vehicle, dt: float) -> A
         "rotor_speed_max": rotors.omega_max,
         "k_w": np.array([response(tau, dt) / dt for tau in vehicle.rate_tau]),
     }
-    # One step of third order where its error is small: 0.01 mm in 2 s, in half the time that
-    # RotorPy's own choice would take.
+    # One step of third order, whose error is small: 0.01 mm in 2 s, in half the time of RotorPy's
+    # default integrator.
     integrator = {"method": "RK23", "rtol": 1e-3, "atol": 1e-4, "first_step": dt}
     return Multirotor(parameters, control_abstraction="cmd_ctbr", integrator_kwargs=integrator)

@@ -1,7 +1,7 @@
-"""The PyBullet world, and the only file that imports pybullet.
+"""The PyBullet world; the only file that imports pybullet.
 
-PyBullet's frames and its xyzw quaternions end here. It caps velocities at 100 (m/s, rad/s) per
-coordinate, silently; no vehicle here gets near that.
+PyBullet's frames and its xyzw quaternions are used only in this file. PyBullet silently clips
+velocities at 100 (m/s, rad/s) per coordinate, which no vehicle here approaches.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from quadsim.rotation import Quaternion, Vec3, to_body
 from quadsim.vehicle import GRAVITY, Vehicle
 
 ORIGIN = (0.0, 0.0, 0.0)
-# [m] Gates within this distance of the vehicle stand in the world; it is more than any step.
+# [m] Gates within this distance of the vehicle are added to the world; larger than any step
 NEAR = 10.0
 
 
@@ -51,7 +51,7 @@ class Arena:
     """
 
     def __init__(self, course: Course, dt: float, collide: bool = True):
-        """Make the world, still without a vehicle.
+        """Make a world without vehicles.
 
         Args:
             course: gates and obstacles that stand in it.
@@ -65,7 +65,7 @@ class Arena:
         plane = bullet.createCollisionShape(
             bullet.GEOM_PLANE, planeNormal=[0.0, 0.0, 1.0], **self.at
         )
-        # body -> name of what it is in contacts
+        # body -> its name in contacts
         self.names = {bullet.createMultiBody(0.0, plane, **self.at): "ground"}
 
         # Each frame stands once, however often a lap leads through it, with its first number.
@@ -87,7 +87,7 @@ class Arena:
         return Body(self, vehicle)
 
     def enter(self, body: Body) -> None:
-        """Let a vehicle take part; the first one is "vehicle 1" in the contacts of others."""
+        """Register a vehicle for contacts; the first one is "vehicle 1"."""
         if not self._collide:
             for other in self._bodies:
                 bullet.setCollisionFilterPair(other.number, body.number, -1, -1, 0, **self.at)
@@ -95,7 +95,7 @@ class Arena:
         self.names[body.number] = f"vehicle {len(self._bodies)}"
 
     def put_up_gates(self) -> None:
-        """Let the gates around the vehicles stand, and no others: Bullet visits every body."""
+        """Keep only the gates around the vehicles in the world, as Bullet visits every body."""
         away = np.ones(len(self._gates), bool)
         for body in self._bodies:
             body.gates_stand_around = body.place_now
@@ -115,7 +115,7 @@ class Arena:
     def _add_gate(self, gate: Gate) -> int:
         """Add a gate as one static compound of boxes.
 
-        A mesh would collide by its hull, with a solid opening.
+        A mesh would collide by its convex hull, which closes the opening.
         """
         # A tuple of rows crashes pybullet.
         centres = [bar.centre for bar in gate.bars]
@@ -151,7 +151,7 @@ class Arena:
     def step(self) -> None:
         """Advance velocities, then poses by the new velocities, then find contacts.
 
-        Without the last, contacts would lag by one step.
+        Without the extra search, contacts would lag by one step.
         """
         if any(dist(b.place_now, b.gates_stand_around) > NEAR / 2 for b in self._bodies):
             self.put_up_gates()
@@ -182,7 +182,7 @@ class Body:
             self.number,
             -1,
             localInertiaDiagonal=vehicle.inertia,
-            # the default 0.04 would slow 12 m/s down by 6 m/s^2
+            # the default damping of 0.04 would decelerate 12 m/s by 6 m/s^2
             linearDamping=0.0,
             angularDamping=0.0,
             restitution=0.0,
@@ -191,7 +191,7 @@ class Body:
         arena.enter(self)
 
     def remove(self) -> None:
-        """Take the vehicle out of the arena, where no other can touch it any more."""
+        """Remove the vehicle from the arena, so that others cannot touch it any more."""
         if not self.removed:
             self.removed = True
             bullet.removeBody(self.number, **self._at)

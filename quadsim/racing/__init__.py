@@ -1,1 +1,1 @@
-"""One flight: its rules and referee, its clock, its loop of control steps."""
+"""One flight: rules and referee, clock, and the loop of control steps."""

@@ -9,8 +9,8 @@ from time import perf_counter, sleep
 class Clock:
     """Simulated clock: planning takes no simulated time.
 
-    With it every flight is reproducible to the last bit. Time t [s] counts from the start of the
-    flight.
+    With this clock, flights are reproducible to the last bit. Time t [s] counts from the start of
+    the flight.
     """
 
     def ready(self, t: float, spent: float) -> float:
@@ -33,11 +33,11 @@ class WallClock(Clock):
     def __init__(
         self, time: Callable[[], float] = perf_counter, sleep: Callable[[float], None] = sleep
     ):
-        """Make a clock of two functions.
+        """Make a clock from two functions.
 
         Args:
-            time: returns the time from any origin [s].
-            sleep: waits for a number of seconds.
+            time: function that returns the time from any origin [s].
+            sleep: function that waits for a number of seconds.
         """
         self._time = time
         self._sleep = sleep

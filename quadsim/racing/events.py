@@ -10,9 +10,9 @@ from controllers.plan import PlannerSnapshot
 
 # [s] A flight is over after this time without getting nearer to the next gate than before.
 NO_PROGRESS = 5.0
-# The same for a person, who has to turn round by sight [s]
+# The same for a human pilot, who has to find the gate by sight [s]
 NO_PROGRESS_BY_HAND = 30.0
-# [s] for a hit in the timed mode, as AirSim Drone Racing Lab scores
+# penalty of a hit in the timed mode [s], as in AirSim Drone Racing Lab
 PENALTY = 3.0
 
 
@@ -44,12 +44,12 @@ class Event:
     position: tuple[float, float, float]
     # number of the obstacle, from 1; 0: no obstacle
     obstacle: int = 0
-    # number of another vehicle of the race, from 1; 0: none
+    # number of a vehicle that took part in the event, from 1; 0: none
     vehicle: int = 0
 
     @property
     def place(self) -> str:
-        """The place of the event: "gate 3", "obstacle 2", "vehicle 2", or "" for one at none."""
+        """The object of the event: "gate 3", "obstacle 2", "vehicle 2", or "" without one."""
         if self.obstacle:
             return f"obstacle {self.obstacle}"
         if self.vehicle:
@@ -59,7 +59,7 @@ class Event:
         return ""
 
     def record(self) -> dict:
-        """Return the event as JSON; "obstacle" and "vehicle" are left out where there is none."""
+        """Return the event as JSON, without "obstacle" and "vehicle" if there is none."""
         record = asdict(self)
         for key in ("obstacle", "vehicle"):
             if not record[key]:
@@ -100,22 +100,22 @@ class Frame:
     plan_ms: float
     # wall clock since the start of the simulation [s]
     elapsed: float
-    # events of the physics steps that led to t
+    # events of the physics steps since the last frame
     events: tuple[Event, ...] = ()
     # None: still flying; finished, crashed, stuck, timeout
     outcome: str | None = None
     # the planner's best samples, every SNAPSHOT_EVERY periods
     snapshot: PlannerSnapshot | None = field(default=None, repr=False)
-    # columns of quadsim.sensing.estimate_record.ESTIMATE_UNITS, where the state is sensed
+    # columns of quadsim.sensing.estimate_record.ESTIMATE_UNITS, if the state is estimated
     estimate: tuple[float, ...] = field(default=(), repr=False)
-    # columns of quadsim.physics.plant_state.MOTOR_UNITS, where a firmware commands the motors
+    # columns of quadsim.physics.plant_state.MOTOR_UNITS, if a firmware commands the motors
     motors: tuple[float, ...] = field(default=(), repr=False)
 
 
 def flown_laps(events: Iterable[Event], completed: int) -> list[float]:
     """Return the times of the completed laps [s].
 
-    A lap ends at its last gate; the first begins at t = 0, so that the laps sum to the race time.
+    A lap ends at its last gate; the first lap begins at t = 0, so the laps sum to the race time.
     """
     last_pass = {e.lap: e.t for e in events if e.kind == "pass"}
     ends = [0.0, *(last_pass[lap] for lap in range(1, completed + 1))]
@@ -134,7 +134,7 @@ def lap_penalties(events: Iterable[Event], completed: int) -> list[float]:
 def sector_times(events: Iterable[Event]) -> list[list[float]]:
     """Return the times from gate to gate [s], one list for each lap.
 
-    They sum to the lap time without penalties.
+    The times of a lap sum to its lap time without penalties.
     """
     laps: dict[int, list[float]] = {}
     last = 0.0

@@ -9,7 +9,7 @@ from quadsim.vehicle import Vehicle
 
 
 def misfit(course: Course, vehicle: Vehicle) -> str:
-    """Return in one line why a vehicle cannot fly a course, "" where it can."""
+    """Return one line with the reason why a vehicle cannot fly a course, "" if it can."""
     radius = vehicle.radius
     try:
         check(course, course.laps, SweptGates(course.gates, radius).all, radius)

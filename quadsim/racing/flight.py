@@ -1,12 +1,13 @@
 """simulate(): the loop in which the controller plans, the plant steps and the referee checks.
 
-It is a generator of Frames, one for each control step, and its consumer sets the pace: the command
-line collects the frames, the web page draws them as they come and pauses by not asking for the next
-one.
+`simulate` is a generator of Frames, one for each control step, and its consumer sets the pace: the
+command line collects the frames; the web page draws each frame and pauses by not requesting the
+next one.
 
-The loop itself is `flight`, which neither plans nor steps its plant but asks for each plan and for
-each physics step. So one loop serves a flight alone, for which `simulate` does so, and a race, in
-which quadsim.heat.loop plans several flights side by side and steps one world for all of them.
+The loop itself is `flight`, which neither plans nor steps its plant but yields a request for each
+plan and each physics step. So one loop serves both a single flight, where `simulate` fulfils the
+requests, and a race, where quadsim.heat.loop plans several flights in parallel and steps one shared
+world.
 """
 
 from __future__ import annotations
@@ -98,7 +99,7 @@ class PlainController:
         self.rest = np.array(rest)
 
     def control(self, estimate: Estimate, /) -> tuple[np.ndarray, PlanStats]:
-        """Return the control law's control at the estimated state, without statistics."""
+        """Return the control at the estimated state, with empty statistics."""
         answer = self._inner.control(estimate.x)
         u = checked_control(self._inner, answer, len(self.rest), "control")
         return u, PlanStats(cost=0.0, ess=0.0, temperature=0.0)
@@ -173,10 +174,10 @@ class Plan(NamedTuple):
 
 
 class Planning:
-    """A Planning is a flight's request that its controller makes a plan.
+    """A request of a flight: its controller is to make a plan.
 
-    The plans of several flights at one instant do not depend on each other: they may be made in any
-    order, and on several threads.
+    The plans of several flights at one instant are independent: they may be made in any order, and
+    on several threads.
 
     Attributes:
         is_first: whether this is the first plan of the flight, for which loops may be compiled.
@@ -190,7 +191,7 @@ class Planning:
         controls: int,
         is_first: bool = False,
     ):
-        """Ask for a plan.
+        """Prepare a request.
 
         Args:
             controller: the controller.
@@ -207,10 +208,10 @@ class Planning:
         self._plan: Plan | None = None
 
     def run(self) -> None:
-        """Make the plan, and measure how long it takes.
+        """Make the plan, and measure its duration.
 
         Raises:
-            SettingError: the controller returns anything else than a control and PlanStats.
+            SettingError: the controller does not return a control and PlanStats.
         """
         before = perf_counter()
         answer = self._controller.control(self._navigation.estimate(self._t))
@@ -220,7 +221,7 @@ class Planning:
 
     @property
     def plan(self) -> Plan:
-        """The plan that was made.
+        """The finished plan.
 
         Raises:
             RuntimeError: the plan has not been made.
@@ -267,7 +268,7 @@ def simulate(
 
     Raises:
         ValueError: the period is not a whole multiple of the plant's step.
-        SettingError: a part returns what it must not, or the plant's time does not go on (a
+        SettingError: a part returns an invalid value, or the plant's time does not advance (a
             ValueError).
     """
     parts = (plant, controller, referee)
@@ -367,7 +368,7 @@ def rest_of(controller: Controller) -> tuple[float, ...]:
 def exact_navigation(
     state: PlantState, referee: RefereeProtocol, rest: tuple[float, ...], dt: float
 ) -> Navigation:
-    """Return the navigation that knows the true state and the referee's count.
+    """Return a navigation with the true state and the referee's count of gates.
 
     Model and course are not estimated.
 
@@ -392,13 +393,13 @@ def apply_control(
     u: tuple[float, ...],
     until: float,
 ) -> list[Event]:
-    """Step the plant with a constant control; the referee sees every step.
+    """Step the plant with a constant control; the referee checks every step.
 
     Args:
         plant: plant to step.
         referee: referee that checks every step; its outcome ends the loop.
         u: control  (n_u,).
-        until: end time [s]; the last physics step is the one that ends nearest to it.
+        until: end time [s]; the last physics step ends nearest to this time.
 
     Returns:
         The events of these steps, in order.
@@ -422,21 +423,21 @@ def control_steps(
     until: float,
     navigation: Navigation | None = None,
 ) -> Generator[PhysicsStep, None, list[Event]]:
-    """Ask for physics steps with a constant control; referee and sensors see every step.
+    """Yield requests for physics steps with a constant control; referee and sensors follow them.
 
     Args:
         plant: plant, which the caller steps.
         referee: referee that checks every step; its outcome ends the loop.
         u: control  (n_u,).
-        until: end time [s]; the last physics step is the one that ends nearest to it.
-        navigation: navigation whose sensors see every state; None: no sensors.
+        until: end time [s]; the last physics step ends nearest to this time.
+        navigation: navigation whose sensors sample every state; None: no sensors.
 
     Returns:
         The events of these steps, in order.
 
     Raises:
-        SettingError: a step takes another time than the plant's dt, or the referee returns no list
-            of events.
+        SettingError: the duration of a step differs from the plant's dt, or the referee returns no
+            list of events.
     """
     events: list[Event] = []
     dt = plant.dt

@@ -1,8 +1,9 @@
-"""Hand: the controller of a flight that a person flies, with the sticks of a remote control.
+"""Hand: a controller for manual flight with the sticks of a remote control.
 
-The sticks ask for body rates by Betaflight's "actual rates" (applyActualRates in fc/rc.c), and for
-a thrust that grows with the square of the throttle, as that of rotors whose speed it sets. Behind
-the firmware both become the positions of its sticks again, see quadsim.firmware.actuators.
+The sticks command body rates by Betaflight's "actual rates" (applyActualRates in fc/rc.c), and a
+thrust that grows with the square of the throttle, as the thrust of a rotor grows with the square of
+its speed. With the firmware both are converted back to stick positions, see
+quadsim.firmware.actuators.
 """
 
 from __future__ import annotations
@@ -20,10 +21,10 @@ from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import Control
 from quadsim.vehicle import GRAVITY, Vehicle
 
-HAND = "hand"  # stands in a record where others have the sampler
-# Time without sticks, after which those of the failsafe act [s]
+HAND = "hand"  # takes the place of the sampler in a record
+# Time without stick input after which the failsafe acts [s]
 SILENCE = 0.3
-# Thrust of the failsafe: the vehicle sinks [m/s^2]
+# Thrust of the failsafe, with which the vehicle sinks [m/s^2]
 SINKING = 0.9 * GRAVITY
 
 
@@ -37,11 +38,11 @@ class Sticks(NamedTuple):
 
 
 class Rates(NamedTuple):
-    """How the body rate about one axis follows its stick; the defaults are Betaflight's."""
+    """The map from stick to body rate about one axis; the defaults are Betaflight's."""
 
     center: float = radians(70.0)  # per deflection, around the middle [rad/s]
     most: float = radians(670.0)  # at the end of the stick [rad/s]
-    expo: float = 0.0  # 0..1, moves what is beyond `center` towards the end
+    expo: float = 0.0  # 0..1, moves the rate beyond `center` towards the end
 
     def rate(self, stick: float) -> float:
         """Return the body rate [rad/s] for a deflection of -1..1."""
@@ -51,7 +52,7 @@ class Rates(NamedTuple):
 
 @dataclass(frozen=True)
 class HandRates:
-    """How a vehicle follows the sticks."""
+    """The maps from the sticks to body rates and thrust."""
 
     roll: Rates
     pitch: Rates
@@ -60,7 +61,7 @@ class HandRates:
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> HandRates:
-        """Return Betaflight's default rates, at most those that the vehicle turns at."""
+        """Return Betaflight's default rates, limited to the vehicle's body rates."""
         roll, pitch, yaw = (
             Rates(center=min(Rates().center, most), most=min(Rates().most, most))
             for most in vehicle.rate_max
@@ -69,11 +70,11 @@ class HandRates:
 
     @property
     def hover(self) -> float:
-        """The throttle at which the thrust is the weight."""
+        """The throttle at which the thrust equals the weight."""
         return sqrt(min(GRAVITY / self.thrust, 1.0))
 
     def control(self, sticks: Sticks) -> Control:
-        """Return the body rates and the thrust that the sticks ask for.
+        """Return the body rates and the thrust that the sticks command.
 
         Pitch forward turns the nose down, which is about +y as roll to the right is about +x. Yaw
         to the right is about -z.
@@ -87,16 +88,16 @@ class HandRates:
 
 
 class Received(NamedTuple):
-    """Sticks, and when they came."""
+    """Stick positions, and the time of their arrival."""
 
     sticks: Sticks
     at: float  # by the clock of the Hand [s]
 
 
 class Hand:
-    """A Controller that does what the sticks ask for at that moment.
+    """A Controller that returns the command of the sticks at the moment of the call.
 
-    Any thread may move the sticks while another one flies. Without sticks for SILENCE the failsafe
+    Any thread may move the sticks during a flight. After SILENCE without stick input the failsafe
     acts: no rotation, and a thrust below the weight.
 
     Args:
@@ -122,7 +123,7 @@ class Hand:
         self._has_begun = False
 
     def move(self, sticks: Sticks) -> None:
-        """Take the sticks' new positions."""
+        """Set the sticks' new positions."""
         self._received = Received(sticks, self._clock())
 
     def begin(self) -> None:
@@ -131,14 +132,14 @@ class Hand:
 
     @property
     def sticks(self) -> Sticks | None:
-        """The sticks as they are now; None: none have come for SILENCE."""
+        """The present stick positions; None: no input for SILENCE."""
         received = self._received
         if received is None or self._clock() - received.at > SILENCE:
             return None
         return received.sticks
 
     def command(self) -> Control:
-        """Return what the sticks, or the failsafe, ask for now."""
+        """Return the present command of the sticks or of the failsafe."""
         sticks = self.sticks
         return self.rates.control(sticks) if sticks else Control(0.0, 0.0, 0.0, SINKING)
 
@@ -148,7 +149,7 @@ class Hand:
         return u, PlanStats(cost=0.0, ess=0.0, temperature=0.0)
 
     def record(self) -> dict[str, Any]:
-        """Return how the vehicle follows the sticks, as a run keeps it [rad/s, m/s^2]."""
+        """Return the stick maps as JSON for the record of a run [rad/s, m/s^2]."""
         return {
             name: value._asdict() if isinstance(value, Rates) else value
             for name, value in vars(self.rates).items()

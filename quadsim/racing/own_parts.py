@@ -1,6 +1,6 @@
-"""Checks of what a controller and a referee of the user's own return in a flight.
+"""Checks of the return values of a user's own controller and referee in a flight.
 
-They cost some microseconds in a control period, next to the milliseconds of a plan.
+They take some microseconds per control period; a plan takes milliseconds.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ def checked_control(part: object, given: object, controls: int | None, member: s
 
     Args:
         part: the controller.
-        given: its answer.
+        given: the returned value.
         controls: n_u; None: any number of controls.
         member: name of the controller's method or attribute.
 
     Raises:
-        SettingError: the answer is not n_u finite numbers.
+        SettingError: the value is not n_u finite numbers.
     """
     try:
         u = np.asarray(given)
@@ -54,15 +54,15 @@ def checked_control(part: object, given: object, controls: int | None, member: s
 def checked_plan(
     part: object, answer: object, controls: int
 ) -> tuple[tuple[float, ...], PlanStats]:
-    """Return the control and the statistics of a controller's answer.
+    """Return the control and the statistics from a controller's returned value.
 
     Args:
         part: the controller.
-        answer: what its `control` returned.
+        answer: value returned by its `control`.
         controls: n_u.
 
     Raises:
-        SettingError: the answer is not a control of n_u finite numbers with its PlanStats.
+        SettingError: the value is not a control of n_u finite numbers with its PlanStats.
     """
     match answer:
         case (u, PlanStats() as stats):
@@ -98,7 +98,7 @@ def check_counts(referee: object) -> None:
 
 
 def checked_events(referee: object, found: object) -> list[Event]:
-    """Return the events of a physics step. Raises SettingError where they are no list of them."""
+    """Return the events of a physics step. Raises SettingError unless they are a list of Events."""
     if isinstance(found, list) and all(isinstance(event, Event) for event in found):
         return found
     problem = f"expected a list of events, got {shown_value(found)}"
@@ -106,7 +106,7 @@ def checked_events(referee: object, found: object) -> list[Event]:
 
 
 def check_step(plant: object, before: float, after: float, dt: float) -> None:
-    """Check that a physics step takes the time that it should, so that a flight comes to an end.
+    """Check that a physics step takes dt, so that every flight ends.
 
     Args:
         plant: the plant.
@@ -129,5 +129,5 @@ def check_time(plant: object, before: float, now: float) -> None:
 
 
 def _plant_name(plant: object) -> str:
-    """Return the name of a plant's class; NamedPlant holds that of the user's."""
+    """Return the name of a plant's class; for a NamedPlant, of the user's class."""
     return getattr(plant, "name", type(plant).__name__)

@@ -1,17 +1,17 @@
 """The referee: checks every physics step against every gate, and ends the flight.
 
     pass        The vehicle crosses the next gate's plane forward, free of the frame.
-    hit         It first touches a frame, of any gate and from any direction, or an obstacle,
-                before a bounce.
-    wrong_way   It crosses any gate's opening backward.
-    miss        It crosses the next gate's plane forward beyond the frame, within three half sizes
-                and 2 m: it has to fly back and pass the gate.
-    stuck       For NO_PROGRESS seconds it has come no nearer to the next gate than before, on the
-                way round the gate where that faces away.
+    hit         The vehicle touches an obstacle, or a frame of any gate from any direction; the
+                first contact counts, before a bounce.
+    wrong_way   The vehicle crosses any gate's opening backward.
+    miss        The vehicle crosses the next gate's plane forward beyond the frame, within three
+                half sizes and 2 m: it has to fly back and pass the gate.
+    stuck       For NO_PROGRESS seconds the vehicle has not come nearer to the next gate than
+                before; if the gate faces away, the distance is measured around the gate.
 
-A vehicle that has not taken off passes no gate. A gate that comes twice in a row, or another in its
-place, is passed by a crossing of its own: only once the vehicle has been clear of the frame behind
-the first. A hit, the ground and the bounds end the flight. In the timed mode a hit costs PENALTY
+A vehicle that has not taken off passes no gate. A gate that follows itself, or a gate at the same
+place, needs a second crossing, after the vehicle has been clear of the frame behind the
+first. A hit, the ground and the bounds end the flight. In the timed mode a hit costs PENALTY
 seconds instead, and a gate counts as passed when the centre crosses inside opening and frame, hit
 or not.
 """
@@ -33,26 +33,26 @@ from quadsim.rotation import Vec3
 
 # [m] A sphere this close to the ground is on it.
 GROUND_MARGIN = 1e-3
-# [m] between sphere and ground: the vehicle has taken off. Only then is the ground a crash, as a
-# flight may start on it.
+# [m] clearance between sphere and ground at which the vehicle has taken off. Only then is the
+# ground a crash, as a flight may start on it.
 TAKE_OFF = 0.1
 # [s] without contact, after which touching the same gate again is a new hit
 CLEAR = 0.5
-# [m] towards the next gate that count as progress
+# [m] smallest progress towards the next gate
 NEARER = 0.1
-# [s] between the referee's contact and the plant's, at most, for one to confirm the other
+# [s] largest time between matching contacts of the referee and of the plant
 CONFIRMS = 0.02
-# Gates no farther apart [m] whose passages differ by less [cosine] are crossed at once.
+# largest distance [m] and difference of passages [cosine] of two gates with a common crossing
 SAME_PLACE = 0.1
 SAME_WAY = cos(radians(45.0))
 
 
 class Nearest(NamedTuple):
-    """The point nearest to the next gate since the last pass."""
+    """The nearest approach to the next gate since the last pass."""
 
-    # when the vehicle was there [s]
+    # time of the nearest approach [s]
     t: float
-    # the way that was left to the gate's centre [m]
+    # remaining length of the way to the gate's centre [m]
     way: float
 
 
@@ -75,7 +75,7 @@ class Referee:
         """Start before the first gate.
 
         Args:
-            course: course with its gates where they truly stand.
+            course: course with the true positions of its gates.
             radius: radius of the vehicle [m].
             laps: number of laps to fly.
             timeout: time limit of the flight [s].
@@ -98,12 +98,12 @@ class Referee:
         self._obstacles = SweptObstacles(course.obstacles, radius)
         self._gates = self._swept.of
         check(course, laps, self._swept.all, radius)
-        # when the referee last saw contact with each gate and obstacle [s]
+        # time of the referee's last contact with each gate and obstacle [s]
         self._touched: dict[str, float] = {}
-        # when the plant last reported contact with it [s]
+        # time of the plant's last reported contact with each [s]
         self._reported: dict[str, float] = {}
         self._airborne = False
-        # the next gate, where it can be crossed along with the one just passed
+        # the next gate, if it shares a crossing with the gate just passed
         self._leaving: SweptGate | None = None
         self._nearest = Nearest(0.0, inf)
 
@@ -143,7 +143,7 @@ class Referee:
         return self.events[known:]
 
     def _apply_rules(self, t0: float, p0: Vec3, t1: float, p1: Vec3, speed: float) -> None:
-        """Call the events of a step, in order, until one ends the flight."""
+        """Record the events of a step in order, until one ends the flight."""
         target = self.next_gate
         for incident in sorted(self._incidents(t0, p0, t1, p1), key=lambda i: i.s):
             if self.outcome is not None:
@@ -154,7 +154,7 @@ class Referee:
                 self._call(kind, t, lerp(p0, p1, incident.s), speed, incident)
 
     def _incidents(self, t0: float, p0: Vec3, t1: float, p1: Vec3) -> list[Incident]:
-        """Return everything within a step that the rules have to judge, in no order."""
+        """Return all incidents within a step, unordered."""
         found = []
         following = self._gates[self.next_gate]
         for frame in self._swept.near(p0, p1):
@@ -172,7 +172,7 @@ class Referee:
             fraction = (p0[2] - floor) / (p0[2] - p1[2]) if p0[2] > floor else 0.0
             found.append(Incident(fraction, "ground"))
 
-        # The bounds. A vehicle that starts outside, where `inside` is None, may still come in.
+        # The bounds. A vehicle that starts outside, so that `inside` is None, may still come in.
         low, high = zip(*self.course.bounds, strict=True)
         inside = clip(p0, p1, low, high)
         if inside and not clip(p1, p1, low, high):
@@ -195,12 +195,12 @@ class Referee:
         """Return the kind of event that an incident is by the rules, None if it is none.
 
         Args:
-            incident: within the step.
+            incident: incident within the step.
             target: index of the gate that was next when the step began. The plane of a gate that
                 became next within the step is no miss, or coplanar gates would be missed whenever
                 one is passed.
-            t: when it happened [s].
-            t1: when the step ends [s].
+            t: time of the incident [s].
+            t1: end of the step [s].
         """
         kind = incident.kind
         if kind == "touch":
@@ -233,7 +233,7 @@ class Referee:
         return any(sum(a * b for a, b in zip(way, along, strict=True)) < 0.0 for way in ways)
 
     def _call(self, kind: str, t: float, position: Vec3, speed: float, incident: Incident) -> None:
-        """Record an event and what follows from it for count and outcome."""
+        """Record an event, and update count and outcome."""
         is_next = kind == "stuck" or (
             incident.gate >= 0 and self._gates[incident.gate] is self._gates[self.next_gate]
         )
@@ -267,9 +267,9 @@ class Referee:
             self.outcome = "finished"
 
     def _compare(self, t: float, position: Vec3, speed: float, contacts: Sequence[str]) -> None:
-        """Record once a contact that the plant reports and the swept test did not find.
+        """Record each contact once that the plant reports and the swept test has not found.
 
-        One of the two is wrong then.
+        Such a contact is an error of one of the two.
         """
         touched = sorted({name for name in contacts if name.startswith(("gate ", "obstacle "))})
         for name in touched:
@@ -282,7 +282,7 @@ class Referee:
             self._reported[name] = t
 
     def _contact(self, name: str, position: Vec3) -> Incident:
-        """Return the incident of a contact, by its name: "gate 3", "obstacle 2"."""
+        """Return the incident of a contact with the named object: "gate 3", "obstacle 2"."""
         kind, _, number = name.partition(" ")
         most = len(self.course.obstacles if kind == "obstacle" else self._gates)
         if not (number.isdecimal() and 1 <= int(number) <= most):
@@ -301,7 +301,7 @@ def check(course: Course, laps: int, gates: Sequence[SweptGate], radius: float) 
 
     Args:
         course: course of the race.
-        laps: more than one on a closed course only.
+        laps: number of laps; more than one needs a closed course.
         gates: the distinct gates of the course.
         radius: radius of the vehicle [m].
     """
@@ -329,9 +329,9 @@ def check(course: Course, laps: int, gates: Sequence[SweptGate], radius: float) 
 
 
 def way_left(gate: Gate, p: Vec3) -> float:
-    """Return the length of the way from p to the gate's centre [m].
+    """Return the remaining length of the way from p to the gate's centre [m].
 
-    From behind the gate it leads by the point where the gate's approach begins.
+    From behind the gate the way leads through the point where the gate's approach begins.
     """
     here = gate.to_local(p)
     if here.along <= 0.0:
@@ -341,6 +341,6 @@ def way_left(gate: Gate, p: Vec3) -> float:
 
 
 def crossed_at_once(gate: Gate, following: Gate) -> bool:
-    """Return whether one crossing leads through both gates: one place, and passages alike."""
+    """Return whether one crossing passes both gates: same place and same passage."""
     cosine = sum(a * b for a, b in zip(gate.axes[0], following.axes[0], strict=True))
     return cosine > SAME_WAY and dist(gate.position, following.position) < SAME_PLACE

@@ -1,6 +1,6 @@
-"""A film of a flight, seen from behind the vehicle: an animated WebP or GIF file.
+"""A film of a flight from a camera behind the vehicle: an animated WebP or GIF file.
 
-The vehicle is drawn larger than it is. The path behind it is coloured by the speed, from dark (at
+The vehicle is drawn enlarged. The path behind the vehicle is coloured by the speed, from dark (at
 rest) to bright (the highest speed of the flight).
 """
 
@@ -28,33 +28,33 @@ if TYPE_CHECKING:
     from quadsim.render.scene import Picture
 
 FORMATS = {".webp": "WEBP", ".gif": "GIF"}
-# Size, focal length and rate of a film, unless another camera is asked for
+# Default size, focal length and rate of a film
 CAMERA = Camera(640, 360, 340.0, 340.0, rate=20.0)
-# Of WebP: the quality, up to 100, and the slowest of its methods, which makes the smallest file
+# WebP: quality, up to 100, and its slowest method, which makes the smallest file
 QUALITY = 70
 SMALLEST = 6
 
-# Lengths in radii of the vehicle, as it is drawn
-LARGER = 1.5  # how many times larger than it is the vehicle is drawn
-BEHIND = 13.0  # the eye is so far behind the vehicle
-ABOVE = 3.0  # and so far above it, so that it, too, flies through the gates
-AHEAD = 10.0  # the eye looks at a point so far ahead of the vehicle
+# Lengths in radii of the drawn vehicle
+LARGER = 1.5  # scale of the drawn vehicle
+BEHIND = 13.0  # distance of the film camera behind the vehicle
+ABOVE = 3.0  # height of the film camera above the vehicle; small, so that it passes the gates too
+AHEAD = 10.0  # distance ahead of the vehicle of the point at which the film camera is aimed
 TRAIL = 0.2  # width of the path
 
-LOWEST = 0.3  # least height of the eye [m]
-# Standard deviations of the filters that make the eye move calmly [s]
+LOWEST = 0.3  # least height of the film camera [m]
+# Standard deviations of the filters that smooth the motion of the film camera [s]
 CALM_DIRECTION = 0.25
 CALM_PLACE = 0.07
-SLOW = 1.0  # a vehicle that is slower is seen from behind its nose [m/s]
-WIDEST = 5  # of the path in the picture [px]
+SLOW = 1.0  # weight of the heading beside the velocity in the direction of the view [m/s]
+WIDEST = 5  # largest width of the path in the picture [px]
 
 
 class View(NamedTuple):
-    """A pose of the vehicle, and that of the eye which sees it."""
+    """The poses of the vehicle and of the film camera."""
 
     vehicle: Pose
-    eye: Vec3  # [m]
-    attitude: Quaternion  # of the eye, which looks along its x axis
+    eye: Vec3  # position of the film camera [m]
+    attitude: Quaternion  # attitude of the film camera; the optical axis is its x axis
 
 
 def film(
@@ -64,19 +64,19 @@ def film(
     camera: Camera,
     count: int | None = None,
 ) -> Iterator[Image.Image]:
-    """Yield the pictures of a flight, seen from behind the vehicle, at the camera's rate.
+    """Yield the pictures of a flight from behind the vehicle, at the camera's rate.
 
     Args:
-        course: gates and obstacles that are seen.
+        course: gates and obstacles to draw.
         telemetry: columns of a run, (frames,) each.
         radius: radius of the vehicle [m].
-        camera: its size, focal lengths and rate count.
-        count: at most so many pictures; None: those of the whole flight.
+        camera: camera, whose size, focal lengths and rate are used.
+        count: largest number of pictures; None: the whole flight.
     """
-    # it loads PyBullet
+    # imported here, as it loads PyBullet
     from quadsim.render.scene import Scene
 
-    # The eye is the camera itself: it looks straight ahead from where it is.
+    # The film camera has neither tilt nor offset from its pose.
     lens = Camera(camera.width, camera.height, camera.fx, camera.fy, rate=camera.rate)
     scene = Scene(course, lens, LARGER * radius)
     look = plain_look()
@@ -96,8 +96,8 @@ def views(telemetry: Mapping[str, np.ndarray], rate: float, radius: float) -> li
 
     Args:
         telemetry: columns of a run, (frames,) each.
-        rate: views a second [Hz].
-        radius: radius of the vehicle as it is drawn [m].
+        rate: views per second [Hz].
+        radius: radius of the drawn vehicle [m].
     """
     t = telemetry["t"]
     dt = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
@@ -125,15 +125,15 @@ def draw_path(
     telemetry: Mapping[str, np.ndarray],
     radius: float,
 ) -> None:
-    """Draw the path that the vehicle has flown, as far as nothing hides it.
+    """Draw the visible part of the path that the vehicle has flown.
 
     Args:
-        picture: the picture that is drawn on.
+        picture: the picture to draw on.
         seen: the same picture with its depth.
-        camera: the camera of the eye.
-        view: the pose of the vehicle, and that of the eye.
+        camera: the film camera.
+        view: the poses of the vehicle and of the film camera.
         telemetry: columns of a run, (frames,) each.
-        radius: radius of the vehicle as it is drawn [m].
+        radius: radius of the drawn vehicle [m].
     """
     flown = telemetry["t"] <= view.vehicle.t
     points = _columns(telemetry, "px", "py", "pz")[flown]
@@ -159,7 +159,7 @@ def write_film(pictures: Sequence[Image.Image], rate: float, path: Path) -> None
 
     Args:
         pictures: at least one.
-        rate: pictures a second [Hz]. A GIF file knows hundredths of a second alone.
+        rate: pictures per second [Hz]. A GIF file is limited to whole hundredths of a second.
         path: the file; its suffix is one of FORMATS.
 
     Raises:
@@ -186,9 +186,9 @@ def _columns(telemetry: Mapping[str, np.ndarray], *names: str) -> np.ndarray:
 
 
 def _directions(telemetry: Mapping[str, np.ndarray], dt: float) -> np.ndarray:
-    """Return unit vectors of the world along the flight, which turn calmly.  (frames, 3)"""
+    """Return smoothed unit vectors along the flight, world frame.  (frames, 3)"""
     w, x, y, z = _columns(telemetry, "qw", "qx", "qy", "qz").T
-    # the body's x axis, level
+    # the horizontal direction of the body's x axis
     nose = np.column_stack([1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 0.0 * w])
     along = _columns(telemetry, "vx", "vy", "vz") + SLOW * nose
     along = gaussian_filter1d(along, CALM_DIRECTION / dt, axis=0, mode="nearest")

@@ -1,4 +1,4 @@
-"""A folder of pictures: settings that all of them share, one document of all labels, the film."""
+"""A folder of pictures: their common settings, one document of all labels, the film."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ VIDEO = "video.mp4"
 
 @contextmanager
 def claimed(out: Path, pictures: Pictures) -> Iterator[None]:
-    """Hold a folder for the pictures of one process, and remove what a killed one has left.
+    """Lock a folder for one process, and remove partial files of killed processes.
 
-    The folder is made, unless there is one with pictures of the same settings.
+    The folder is made, or continued if its pictures have the same settings.
 
     Raises:
-        FileError: the folder has pictures of other settings, or other files, or another process
-            makes pictures there.
+        FileError: the folder has pictures of different settings or foreign files, or is locked by
+            another process.
         OSError: the folder cannot be made.
     """
     _make(out, pictures)
@@ -41,7 +41,7 @@ def claimed(out: Path, pictures: Pictures) -> Iterator[None]:
 
 @contextmanager
 def _locked(out: Path) -> Iterator[None]:
-    """Hold the lock of a folder; on a file system without locks, nothing. Raises FileError."""
+    """Lock a folder, if the file system has locks. Raises FileError."""
     handle = None
     try:
         handle = lock_folder(out)
@@ -58,7 +58,7 @@ def _locked(out: Path) -> Iterator[None]:
 
 
 def _make(out: Path, pictures: Pictures) -> None:
-    """Make the folder and its settings, or check the settings that are there."""
+    """Make the folder and its settings, or check existing settings."""
     path = out / SETTINGS
     settings = pictures.settings()
     if out.exists() and not out.is_dir():
@@ -89,7 +89,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def whole(out: Path, count: int) -> set[int]:
-    """Return the numbers of those among the first `count` pictures that are there, whole."""
+    """Return the numbers of the complete pictures among the first `count`."""
     return {i for i in range(count) if whole_label(out, i)}
 
 
@@ -107,7 +107,7 @@ def write_mp4(out: Path, pictures: Pictures, count: int) -> None:
         ImportError: imageio-ffmpeg is not installed.
         OSError: the film cannot be written.
     """
-    # its library is an extra
+    # imported here, as its library is an extra
     from quadsim.render.video import write_video
 
     camera = pictures.camera

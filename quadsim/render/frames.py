@@ -1,9 +1,9 @@
-"""Pictures with their labels as files, each of which is written whole or not at all.
+"""Pictures with their labels as files, each written completely or not at all.
 
 rgb/000007.png            colour, 8 bits
 segmentation/000007.png   8 bits: 0 sky, gate numbers from 1, 254 obstacles, 255 ground
 depth/000007.npz          `depth`, float32, along the optical axis [m]; inf: sky
-labels/000007.json        written last: with it the picture is whole
+labels/000007.json        written last: it marks a complete picture
 """
 
 from __future__ import annotations
@@ -37,28 +37,28 @@ LABELS = "labels"
 
 @dataclass(frozen=True)
 class Pictures:
-    """The settings that decide every picture of a folder, apart from its pose."""
+    """The settings that decide every picture of a folder, except its pose."""
 
     course_name: str
     course_text: str
     camera: Camera
     seed: int
     vary: tuple[str, ...]  # of look.VARIED
-    poses: str  # where they come from: "drawn", or the digest of a run
+    poses: str  # origin of the poses: "drawn", or the digest of a run
 
     @property
     def course(self) -> Course:
-        """The course that is seen."""
+        """The course in the pictures."""
         return parse_course(self.course_text, self.course_name)
 
     def look(self, i: int) -> Look:
-        """Return the look of picture i: the plain one, or one that the seed and i decide."""
+        """Return the look of picture i: plain, or drawn from the seed and i."""
         if not self.vary:
             return plain_look()
         return drawn_look(look_streams(self.seed, i), self.vary)
 
     def settings(self) -> dict[str, Any]:
-        """Return all settings as JSON holds them."""
+        """Return all settings as JSON."""
         return json.loads(json.dumps(asdict(self)))
 
 
@@ -71,29 +71,29 @@ def whole_label(out: Path, i: int) -> dict | None:
     """Return the label of picture i.
 
     Returns:
-        None unless all files of the picture are there in the size in which they were written.
+        The label; None unless all files of the picture exist in their recorded size.
     """
     try:
         label = json.loads(path_of(out, LABELS, i).read_bytes())
         for kind, name in label["files"].items():
             if (out / name).stat().st_size != label["bytes"][kind]:
                 return None
-    # a damaged label is none
+    # a damaged label counts as missing
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
     return label
 
 
 class Job(NamedTuple):
-    """Pictures that one process makes."""
+    """The pictures for one call of `make_frames`."""
 
     pictures: Pictures
     out: Path
-    poses: Sequence[tuple[int, Pose]]  # of the pictures, by number
+    poses: Sequence[tuple[int, Pose]]  # number and pose of each picture
 
 
 def make_frames(job: Job) -> list[int]:
-    """Make the pictures of a job, in any process, and return their numbers. Raises OSError."""
+    """Make the pictures of a job, and return their numbers. Raises OSError."""
     for i, pose in job.poses:
         _make(job.pictures, job.out, i, pose)
     return [i for i, _ in job.poses]
@@ -101,8 +101,8 @@ def make_frames(job: Job) -> list[int]:
 
 @lru_cache(maxsize=1)
 def _scene(course_name: str, course_text: str, camera: Camera) -> Scene:
-    """Return the scene of this process, which takes longer to set up than to draw."""
-    # it loads PyBullet
+    """Return the cached scene of this process, as its set-up takes longer than a picture."""
+    # imported here, as it loads PyBullet
     from quadsim.render.scene import Scene
 
     return Scene(parse_course(course_text, course_name), camera)
@@ -120,7 +120,7 @@ def _make(pictures: Pictures, out: Path, i: int, pose: Pose) -> None:
     for kind, content in contents.items():
         replace_file(path_of(out, kind, i), content)
 
-    # the label comes last: with it the picture is whole
+    # the label comes last, as it marks a complete picture
     record = label(scene.course, pictures.camera, pose, seen.segmentation)
     record["files"] = {kind: path_of(Path(), kind, i).as_posix() for kind in contents}
     record["bytes"] = {kind: len(content) for kind, content in contents.items()}

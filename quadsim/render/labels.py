@@ -1,9 +1,9 @@
-"""Labels of pictures as COCO has them for key points (Lin et al. 2014).
+"""Labels of pictures in the COCO format for key points (Lin et al. 2014).
 
-They name the gates, their corners and the pose of the camera. Pixels are those of
-quadsim.sensing.camera, as COCO's: from the picture's top left corner. A key point is u, v and its
-visibility: 0 not in the picture (u = v = 0), 1 in it but behind another gate's frame or an
-obstacle, 2 seen.
+The labels give the gates, their corners and the pose of the camera. Pixels are counted as in
+quadsim.sensing.camera and in COCO: from the picture's top left corner. A key point is u, v and its
+visibility: 0 not in the picture (u = v = 0), 1 in the picture but hidden by another gate's frame or
+an obstacle, 2 visible.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from quadsim.render.poses import Pose
 from quadsim.sensing.camera import Camera
 from quadsim.sensing.visibility import hidden_corners
 
-# Corners of the opening, seen along the passage
+# Names of the opening's corners, viewed along the passage
 CORNERS = ("right_bottom", "right_top", "left_bottom", "left_top")
 CATEGORY = {
     "id": 1,
@@ -30,7 +30,7 @@ CATEGORY = {
 
 
 def label(course: Course, camera: Camera, pose: Pose, segmentation: np.ndarray) -> dict:
-    """Return the camera and the gates of one picture as JSON holds them.
+    """Return the camera and the gates of one picture as JSON.
 
     Args:
         course, camera: the scene and the camera on the vehicle.
@@ -72,7 +72,7 @@ def _gates(course: Course, camera: Camera, pose: Pose, segmentation: np.ndarray)
 
 
 def _box(rows: np.ndarray, columns: np.ndarray) -> list[int]:
-    """Return x, y, width and height of the visible part of a frame [px]; zeros without one."""
+    """Return x, y, width and height of the visible part of a frame [px]; zeros if hidden."""
     if not len(rows):
         return [0, 0, 0, 0]
     x = int(columns.min())
@@ -85,7 +85,7 @@ def coco(course: Course, camera: Camera, labels: Iterable[dict]) -> dict:
 
     Args:
         course, camera: the course and the camera of all pictures.
-        labels: results of `label`, with the `files` of the picture.
+        labels: results of `label`, each with the `files` of its picture.
     """
     images: list[dict] = []
     annotations: list[dict] = []

@@ -1,8 +1,8 @@
-"""Looks of a scene: paint of ground and gates, light and sky, always the same or drawn from a seed.
+"""Looks of a scene: paint of ground and gates, light and sky, constant or drawn from a seed.
 
-Textures are made here, of noise: nothing is loaded. Noise of several octaves is a sum of grids of
-random numbers, each twice as fine and half as strong as the one before (Perlin 1985), interpolated
-linearly and periodic.
+Textures are computed from noise; no file is loaded. Noise of several octaves is a sum of periodic
+grids of random numbers with linear interpolation, each twice as fine and half as strong as the one
+before (Perlin 1985).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from quadsim.streams import LookStreams, texture_stream
 VARIED = ("textures", "light", "background")  # parts that can be drawn from a seed
 SIZE = 128  # pixels of a texture's edge
 CLOUDS = 512  # pixels of the sky texture's edge
-TEXTURES = 24  # number of textures, of which the first two are not drawn
+TEXTURES = 24  # number of textures; the first two are not random
 FLAT = 0
 CHEQUERED = 1
 # colours, 0 to 1
@@ -39,7 +39,7 @@ Sky = Callable[[np.ndarray], np.ndarray]
 class Paint(NamedTuple):
     """Paint is a colour times a texture."""
 
-    texture: int  # of `textures`
+    texture: int  # index in `textures`
     colour: Vec3  # 0 to 1
 
 
@@ -55,10 +55,10 @@ class Light(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """Everything that a picture shows beside the shapes."""
+    """The appearance of a scene, apart from its shapes."""
 
     ground: Paint
-    gates: tuple[Paint, ...]  # of the gates in turn
+    gates: tuple[Paint, ...]  # used for the gates in turn
     obstacles: Paint
     light: Light
     sky: Sky
@@ -82,7 +82,7 @@ def plain_look() -> Look:
 
 
 def drawn_look(streams: LookStreams, vary: Collection[str]) -> Look:
-    """Return the plain look with what is in `vary` (of VARIED) drawn anew.
+    """Return the plain look with the parts in `vary` (of VARIED) drawn at random.
 
     The same streams give the same look.
     """
@@ -99,7 +99,7 @@ def drawn_look(streams: LookStreams, vary: Collection[str]) -> Look:
 
 
 def textures() -> list[np.ndarray]:
-    """Return all textures, which are always the same, as a renderer loads each once.
+    """Return all textures, which do not depend on a seed, as a renderer loads each once.
 
     Returns:
         TEXTURES arrays (SIZE, SIZE, 3) uint8.
@@ -117,7 +117,7 @@ def noise(rng: np.random.Generator, size: int, octaves: int = 4) -> np.ndarray:
     for octave in range(octaves):
         n = 4 * 2**octave
         grid = rng.random((n, n))
-        # the cell of each pixel, the next one, and how far between them the pixel lies
+        # the cell of each pixel, the next cell, and the pixel's fraction between the two
         at = np.arange(size) * n / size
         cell = at.astype(int)
         following = (cell + 1) % n
@@ -145,7 +145,7 @@ def _paint(rng: np.random.Generator) -> Paint:
 
 
 def _light(rng: np.random.Generator) -> Light:
-    """Draw a sun 15 degrees or more above the horizon, near white, with weak to strong contrast."""
+    """Draw a near-white sun at least 15 degrees above the horizon, with weak to strong contrast."""
     azimuth = rng.uniform(0.0, 2 * pi)
     elevation = rng.uniform(pi / 12, pi / 2)
     ambient = rng.uniform(0.25, 0.75)
@@ -177,8 +177,8 @@ def _gradient(horizon: Vec3, zenith: Vec3) -> Sky:
 def _clouds(rng: np.random.Generator) -> Sky:
     """Draw a sky: colours of horizon and zenith, and noise of a third colour.
 
-    The noise stands still in the world. It lies on the picture of the sky by stereographic
-    projection from below: x / (1 + z), y / (1 + z).
+    The noise is fixed in the world. It is mapped to the sky by stereographic projection from below:
+    x / (1 + z), y / (1 + z).
     """
     horizon, zenith, cloud = rng.integers(0, 256, (3, 3))
     below = _gradient(horizon, zenith)

@@ -1,4 +1,4 @@
-"""Poses from which pictures are taken: those of a stored flight, or poses drawn around a course."""
+"""Poses of the vehicle for pictures: poses of a stored flight, or drawn around a course."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from quadsim.streams import pose_stream
 
 # standard deviation of the distance from the straight lines between the gates, per axis [m]
 ASIDE = 1.0
-# standard deviations about the way to the next gate [rad]
+# standard deviations about the direction to the next gate [rad]
 TURN = radians(25)
 PITCH = radians(12)
 ROLL = radians(25)
-CLEAR = 0.3  # least distance from frames and obstacles [m]
+CLEAR = 0.3  # least clearance to frames and obstacles [m]
 LOWEST = 0.3  # least height [m]
-TRIES = 1000  # draws for one pose
+TRIES = 1000  # largest number of draws for one pose
 
 
 @dataclass(frozen=True)
 class Pose:
     """The pose of the vehicle, not of the camera."""
 
-    t: float | None  # in the flight [s]; None: of no flight
+    t: float | None  # time in the flight [s]; None: not of a flight
     p: Vec3  # [m]
     q: Quaternion
 
@@ -41,13 +41,13 @@ def flown_poses(telemetry: Mapping[str, np.ndarray], rate: float) -> list[Pose]:
 
     Args:
         telemetry: columns of a run, (frames,) each.
-        rate: poses a second [Hz].
+        rate: poses per second [Hz].
     """
     t = telemetry["t"]
     at = np.arange(0.0, t[-1] + 1e-9, 1.0 / rate)
     p = np.column_stack([np.interp(at, t, telemetry[name]) for name in ("px", "py", "pz")])
     q = np.column_stack([telemetry[name] for name in ("qw", "qx", "qy", "qz")])
-    # q and -q are one attitude
+    # q and -q are the same attitude
     turns = np.cumprod(np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
     q[1:] *= turns[:, None]
     q = np.column_stack([np.interp(at, t, column) for column in q.T])
@@ -57,7 +57,7 @@ def flown_poses(telemetry: Mapping[str, np.ndarray], rate: float) -> list[Pose]:
 
 
 def drawn_poses(course: Course, camera: Camera, count: int, seed: int) -> list[Pose]:
-    """Draw poses along and around the course; pose i depends on the seed and on i alone.
+    """Draw poses along and around the course; pose i depends only on the seed and i.
 
     Each is near the straight line to a gate, with the optical axis near the direction to that gate.
 
@@ -73,7 +73,7 @@ def _draw(course: Course, camera: Camera, rng: np.random.Generator) -> Pose:
     ends = [np.array(gate.position) for gate in course.gates]
     first = ends[-1] if course.loop else np.array(course.start.position)
     starts = [first, *ends[:-1]]
-    # a leg is drawn in proportion to its length
+    # the probability of a leg is proportional to its length
     lengths = np.array([np.linalg.norm(b - a) for a, b in zip(starts, ends, strict=True)]) + 0.1
     for _ in range(TRIES):
         k = rng.choice(len(ends), p=lengths / lengths.sum())
@@ -86,7 +86,7 @@ def _draw(course: Course, camera: Camera, rng: np.random.Generator) -> Pose:
 
 
 def _free(course: Course, p: np.ndarray) -> bool:
-    """Return whether a position is within the bounds and clear of everything."""
+    """Return whether a position is within the bounds and clear of frames and obstacles."""
     x, y, z = p.tolist()
     within = all(low <= x <= high for x, (low, high) in zip(p, course.bounds, strict=True))
     to_frames = [gate.frame_distance((x, y, z)) for gate in course.gates]
@@ -95,7 +95,7 @@ def _free(course: Course, p: np.ndarray) -> bool:
 
 
 def _looking(ahead: np.ndarray, camera: Camera, rng: np.random.Generator) -> Quaternion:
-    """Return an attitude with the camera's axis near this direction of the world."""
+    """Return an attitude with the camera's axis near this direction, world frame."""
     x, y, z = (ahead / max(float(np.linalg.norm(ahead)), 1e-9)).tolist()
     yaw = atan2(y, x) + TURN * rng.standard_normal()
     # positive: nose down

@@ -1,4 +1,4 @@
-"""A course drawn by PyBullet's TinyRenderer: colour, depth, and the gate in each pixel."""
+"""A course rendered by PyBullet's TinyRenderer: colour, depth, and the gate in each pixel."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from quadsim.render.look import TEXTURES, Look, Paint, textures
 from quadsim.rotation import Quaternion, Vec3
 from quadsim.sensing.camera import Camera
 
-# planes between which something is drawn [m]
+# near and far clipping planes [m]
 NEAR = 0.05
 FAR = 400.0
 GROUND = 600.0  # half the ground's edge [m]
-TILE = 8.0  # one picture of the ground's texture covers [m]
-# numbers in the segmentation, where a gate has its own, from 1
+TILE = 8.0  # edge of one tile of the ground's texture [m]
+# numbers in the segmentation; gates have their numbers from 1
 SKY = 0
 OBSTACLE = 254
 GROUND_ID = 255
@@ -52,7 +52,7 @@ class _Part(NamedTuple):
     round: bool = False
 
 
-# A quadrotor in the form of a cross, whose front rotors have another colour.
+# A cross-shaped quadrotor with front rotors of a different colour.
 PARTS = (
     _Part((0.1, 0.1, 0.12), (1.1, 0.09, 0.06), ((0, 0, 0), (0, 0, 0)), (pi / 4, -pi / 4)),
     _Part((0.85, 0.1, 0.1), (0.43, 0.21, 0.18), ((0, 0, 0.07),), (0.0,)),
@@ -76,23 +76,23 @@ PARTS = (
 class _Body(NamedTuple):
     """A body of the scene."""
 
-    number: int  # in PyBullet
-    links: set[int]  # those with a visual shape
+    number: int  # number in PyBullet
+    links: set[int]  # links with a visual shape
 
 
 class Scene:
-    """The gates, the obstacles and the ground of a course, in a PyBullet client of its own.
+    """The gates, the obstacles and the ground of a course, in its own PyBullet client.
 
     close() frees the client.
 
     Args:
         course: gates and obstacles.
         camera: the camera that takes the pictures.
-        radius: radius of a vehicle that is drawn, too [m]. `place` moves it; in the segmentation
-            it counts as an obstacle. None: no vehicle is drawn.
+        radius: radius of a drawn vehicle [m], which `place` moves, and which the segmentation
+            counts as an obstacle. None: no vehicle is drawn.
 
     Raises:
-        ValueError: the course has more gates than a picture of 8 bits tells apart.
+        ValueError: the course has more gates than 8 bits can number.
     """
 
     def __init__(self, course: Course, camera: Camera, radius: float | None = None):
@@ -108,7 +108,7 @@ class Scene:
         self._gates = [self._body(self._add_gate(gate)) for gate in gates]
         self._obstacles = [self._body(self._add_obstacle(one)) for one in course.obstacles]
         self._vehicle = [] if radius is None else self._add_vehicle(radius)
-        # in the segmentation, of the bodies 0, 1, ..., and of -1, which is nothing
+        # numbers in the segmentation of the bodies 0, 1, ..., and of -1, the background
         gate_ids = [course.gates.index(gate) + 1 for gate in gates]
         obstacle_ids = [OBSTACLE] * (len(course.obstacles) + len(self._vehicle))
         self._ids = np.array([GROUND_ID, *gate_ids, *obstacle_ids, SKY], np.uint8)
@@ -116,21 +116,21 @@ class Scene:
         self._rays = _rays(camera)
 
     def place(self, p: Vec3, q: Quaternion) -> None:
-        """Move the vehicle that is drawn.
+        """Move the drawn vehicle.
 
         Args:
-            p: its position [m].
-            q: its attitude, wxyz.
+            p: position [m].
+            q: attitude, wxyz.
         """
         for part in self._vehicle:
             bullet.resetBasePositionAndOrientation(part, p, (*q[1:], q[0]), **self._at)
 
     def shoot(self, p: Vec3, q: Quaternion, look: Look) -> Picture:
-        """Return the picture of a vehicle's camera, which does not see this vehicle itself.
+        """Return the picture of a vehicle's camera, without the vehicle itself.
 
         Args:
             p: position of the vehicle [m].
-            q: its attitude, wxyz.
+            q: attitude of the vehicle, wxyz.
             look: paint, light and sky.
         """
         self._dress(look)
@@ -145,7 +145,7 @@ class Scene:
             lightAmbientCoeff=look.light.ambient,
             lightDiffuseCoeff=look.light.diffuse,
             lightSpecularCoeff=look.light.specular,
-            shadow=0,  # TinyRenderer's are too coarse for gates on wide ground
+            shadow=0,  # TinyRenderer's shadows are too coarse for gates on wide ground
             renderer=bullet.ER_TINY_RENDERER,
             **self._at,
         )
@@ -153,7 +153,7 @@ class Scene:
         shape = (self._camera.height, self._camera.width)
         rgb = np.reshape(colours, (*shape, 4))[..., :3].astype(np.uint8)
         segmentation = self._ids[np.reshape(bodies, shape)]
-        # OpenGL's depth buffer, 0 at NEAR and 1 at FAR, as a distance
+        # Convert OpenGL's depth buffer, 0 at NEAR and 1 at FAR, to a distance
         buffer = np.reshape(depth_buffer, shape)
         depth = np.float32(FAR * NEAR) / (np.float32(FAR) - np.float32(FAR - NEAR) * buffer)
 
@@ -164,7 +164,7 @@ class Scene:
         return Picture(rgb, depth, segmentation)
 
     def close(self) -> None:
-        """End the PyBullet client, once."""
+        """Close the PyBullet client; later calls do nothing."""
         if bullet.isConnected(**self._at):
             bullet.disconnect(**self._at)
 
@@ -247,7 +247,7 @@ class Scene:
     def _load_textures(self) -> list[int]:
         """Load each texture once, and return their numbers.
 
-        PyBullet reads a texture from a file and never drops it.
+        PyBullet reads a texture from a file and never releases it.
         """
         with tempfile.TemporaryDirectory() as folder:
             paths = [Path(folder) / f"{i}.png" for i in range(TEXTURES)]
@@ -256,7 +256,7 @@ class Scene:
             return [bullet.loadTexture(str(path), **self._at) for path in paths]
 
     def _dress(self, look: Look) -> None:
-        """Put the look's paint on all bodies."""
+        """Apply the look's paint to all bodies."""
         self._paint(self._ground, look.ground)
         for gate, paint in zip(self._gates, cycle(look.gates), strict=False):
             self._paint(gate, paint)
@@ -264,7 +264,7 @@ class Scene:
             self._paint(obstacle, look.obstacles)
 
     def _paint(self, body: _Body, paint: Paint) -> None:
-        """Put paint on a body."""
+        """Apply paint to a body."""
         for link in body.links:
             bullet.changeVisualShape(
                 body.number,
@@ -289,7 +289,7 @@ def _rays(camera: Camera) -> np.ndarray:
 
 
 def _view(position: np.ndarray, axes: np.ndarray) -> list[float]:
-    """Return OpenGL's view matrix by columns: its camera frame has y up and looks along -z."""
+    """Return OpenGL's view matrix by columns; its camera frame has y up and the view along -z."""
     turn = np.diag([1.0, -1.0, -1.0]) @ axes.T
     view = np.eye(4)
     view[:3, :3] = turn

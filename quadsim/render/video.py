@@ -1,4 +1,4 @@
-"""Films of pictures: H.264 in an MP4 file, by the ffmpeg that imageio-ffmpeg brings."""
+"""Films of pictures: H.264 in an MP4 file, by the ffmpeg of imageio-ffmpeg."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def write_video(pictures: Iterable[Path], size: tuple[int, int], rate: float, pa
 
     Args:
         pictures: the files in order.
-        size: their width and height [px].
-        rate: pictures a second [Hz].
+        size: width and height of the pictures [px].
+        rate: pictures per second [Hz].
         path: path of the film.
 
     Raises:
@@ -27,7 +27,7 @@ def write_video(pictures: Iterable[Path], size: tuple[int, int], rate: float, pa
     import imageio_ffmpeg
 
     temporary = path.with_name(f"{uuid4().hex}.tmp.mp4")
-    # the library's annotation is int; it takes any number
+    # the library's annotation is int, but any number works
     fps: Any = rate
     writer = imageio_ffmpeg.write_frames(
         str(temporary),

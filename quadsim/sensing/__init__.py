@@ -1,6 +1,6 @@
-"""Sensors that watch the plant, and the estimate that a controller is given.
+"""Sensors that sample the plant, and the estimate that a controller receives.
 
-`quadsim.sensing.estimation` makes a state of measurements and of the map; it imports neither
+`quadsim.sensing.estimation` estimates the state from measurements and the map; it imports neither
 sensors nor plant. `quadsim.sensing.navigation` makes the Estimate that a controller plans with.
 """
 

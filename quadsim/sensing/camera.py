@@ -1,7 +1,7 @@
 """A pinhole camera on the vehicle: from points of the world to pixels.
 
 Camera frame: x to the right of the picture, y down, z along the optical axis. Level, the axis is
-the body's x axis; `tilt_deg` turns it up. A point (x, y, z) of that frame is seen at
+the body's x axis; `tilt_deg` turns it up. A point (x, y, z) of that frame projects to
 
     u = f_x x / z + width / 2,    v = f_y y / z + height / 2        [px]
 
@@ -60,7 +60,7 @@ class Camera:
         return np.array([[0.0, s, c], [-1.0, 0.0, 0.0], [0.0, -c, s]])
 
     def pose(self, p: Vec3, q: Quaternion) -> tuple[np.ndarray, np.ndarray]:
-        """Return the pose of the camera of a vehicle.
+        """Return the camera's pose, given the pose of its vehicle.
 
         Args:
             p: position of the vehicle [m].
@@ -73,7 +73,7 @@ class Camera:
         return np.asarray(p, float) + body @ np.asarray(self.position), body @ self.axes
 
     def project(self, points: np.ndarray, p: Vec3, q: Quaternion) -> tuple[np.ndarray, np.ndarray]:
-        """Return the pixels of points of the world, and their depth.
+        """Project points of the world to pixels, and return their depth.
 
         Args:
             points: (n, 3) [m].
@@ -81,7 +81,7 @@ class Camera:
             q: attitude of the vehicle, wxyz.
 
         Returns:
-            Pixels (u, v) (n, 2), nan where the depth is not positive, as such a point is not in
+            Pixels (u, v) (n, 2), nan if the depth is not positive, as such a point is not in
             front of the camera; and the depth along the optical axis [m] (n,).
         """
         position, axes = self.pose(p, q)
@@ -102,7 +102,7 @@ class Camera:
         return pixels, depth
 
     def in_picture(self, pixels: np.ndarray) -> np.ndarray:
-        """Return which pixels (n, 2) lie within the picture; nan does not.  (n,) bool"""
+        """Return which pixels (n, 2) lie within the picture; nan counts as outside.  (n,) bool"""
         return np.all((pixels >= 0.0) & (pixels < (self.width, self.height)), axis=1)
 
     def gate_corners(

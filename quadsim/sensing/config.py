@@ -20,7 +20,7 @@ Share = Annotated[float, unit("1", ge=0, le=1)]
 Metre = Annotated[float, unit("m", ge=0, le=100)]
 EndOfLife = Annotated[float, unit("s", ge=0, le=1e5)]
 
-# [m] along the optical axis; points that are nearer are not seen
+# [m] along the optical axis; nearer points are not projected
 NEAREST = 0.1
 
 
@@ -146,7 +146,8 @@ class GateCameraConfig(Camera):
         Share, setting("share of the found corners that are anywhere in the picture")
     ] = 0.0
     swaps: Annotated[
-        Share, setting("share of the found corners that are taken for another one of the course")
+        Share,
+        setting("share of the found corners that are matched to a different corner"),
     ] = 0.0
     dies_at: Annotated[
         EndOfLife | None, setting("time from which on the camera is silent [s]; null: never")

@@ -1,9 +1,9 @@
 """The columns that a run keeps of an estimate, and how consistent it is with the truth.
 
 The normalised estimation error squared (NEES), e^T P^-1 e of position, velocity and attitude, has
-the mean 9 if the covariance P is that of the error; the normalised innovation squared (NIS) of a
-measurement has its number of degrees of freedom (Bar-Shalom, Li and Kirubarajan, "Estimation with
-applications to tracking and navigation", 2001, section 5.4).
+the mean 9 if P is the covariance of the error; the normalised innovation squared (NIS) of a
+measurement has the mean of its degrees of freedom (Bar-Shalom, Li and Kirubarajan, "Estimation
+with applications to tracking and navigation", 2001, section 5.4).
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ ESTIMATE_UNITS = {
     # normalised innovation squared of this period's measurements, and its degrees of freedom
     "nis": "1",
     "nis_dof": "1",
-    # degrees of freedom of measurements taken for outliers
+    # degrees of freedom of rejected measurements
     "refused": "1",
-    # corners that stood in the last picture of this period, and corners that were found in it
+    # corners in view of the last picture of this period, and corners found in it
     "in_view": "1",
     "found": "1",
     "estimate_ms": "ms",
@@ -54,7 +54,7 @@ def estimate_row(
         nominal: the estimate.
         P: covariance of its error  (n, n).
         innovations: innovations of the measurements taken in this period.
-        picture: corners that stood in the last picture of this period, and that were found in it.
+        picture: corners in view of the last picture of this period, and corners found in it.
         spent: time that the estimate took [ms].
     """
     true = State(*state.x)

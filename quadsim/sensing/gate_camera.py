@@ -1,10 +1,10 @@
-"""The gate camera: corners of gates' openings in each picture, found with noise and mistakes.
+"""The gate camera: corners of gates' openings in each picture, with noise and false matches.
 
-A corner is found if it is in front of the camera, in the picture and in range, with no other frame
-and no obstacle before it. It is found with a Gaussian error of `noise` pixels; a share is missed, a
-share is found anywhere, a share is taken for another corner. Swift (Kaufmann et al., Nature 2023)
-and Foehn et al. ("AlphaPilot: Autonomous drone racing", Autonomous Robots 46, 2022) use corners in
-this way, found by a network, as landmarks.
+A corner can be found if it is in front of the camera, in the picture and in range, and if no other
+frame and no obstacle blocks its line of sight. It is found with a Gaussian error of `noise` pixels;
+a share of the corners is missed, a share is found anywhere in the picture, and a share is matched
+to a different corner. Swift (Kaufmann et al., Nature 2023) and Foehn et al. ("AlphaPilot:
+Autonomous drone racing", Autonomous Robots 46, 2022) use corners, found by a network, as landmarks.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class GateCamera:
 
         Args:
             config: the camera.
-            seeds: stream of its noise and mistakes.
+            seeds: random stream of the noise and the false matches.
             gates: each once, in the order of their indices.
             obstacles: obstacles, which may hide corners.
         """
@@ -63,14 +63,14 @@ class GateCamera:
         pixels, seen = self._config.seen(points @ matrix(state.x.attitude))
         seen &= (points**2).sum(axis=1) <= self._config.range**2
 
-        # Keep the corners that nothing hides.
+        # Keep the corners with a free line of sight.
         for k in np.flatnonzero(seen.reshape(-1, 4).any(axis=1)).tolist():
             others = self._gates[:k] + self._gates[k + 1 :]
             seen[4 * k : 4 * k + 4] &= ~hidden(self._corners[k], position, others, self._obstacles)
         return self._found(state.t, pixels, np.flatnonzero(seen))
 
     def _found(self, t: float, pixels: np.ndarray, view: np.ndarray) -> Corners:
-        """Return the corners that are found among those in view.
+        """Return the found corners among the corners in view.
 
         Args:
             t: time of the exposure [s].
@@ -84,12 +84,12 @@ class GateCamera:
         anywhere = self._rng.random((n, 2))
         other = self._rng.integers(0, n, n)
 
-        # Some are missed, the others found with noise.
+        # Some corners are missed, the rest is found with noise.
         c = self._config
         found = view[miss[view] >= c.misses]
         at = pixels[found] + c.noise * noise[found]
 
-        # Some are found anywhere in the picture, some are taken for another corner.
+        # Some are found anywhere in the picture, some are matched to a different corner.
         outlier = out[found] < c.outliers
         at[outlier] = anywhere[found][outlier] * (c.width, c.height)
         taken_for = np.where(swap[found] < c.swaps, other[found], found)

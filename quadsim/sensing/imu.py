@@ -1,14 +1,14 @@
 """The inertial measurement unit: a gyroscope and an accelerometer.
 
-Both have white noise, biases that walk, and limits:
+Both have white noise, random-walk biases, and limits:
 
     gyro = omega + b_g + sigma_g N(0, 1)                          b_g' = walk_g N(0, 1)
     specific force = R(q)^T (v' + g e_z) + b_a + sigma_a N(0, 1)   b_a' = walk_a N(0, 1)
 
 The usual model of strapdown units (IEEE Std 952-1997, annex C; Woodman, "An introduction to
 inertial navigation", Cambridge UCAM-CL-TR-696, 2007). omega and v' are means over the sample, as
-units measure them that integrate: the turn and the change of velocity between two physics steps. So
-no plant has to be asked for its forces.
+an integrating unit measures them: the rotation and the change of velocity between two physics
+steps. So the sensor needs no forces from the plant.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ class Imu:
     """Samples the true motion of a flight."""
 
     def __init__(self, config: ImuConfig, seeds: np.random.SeedSequence):
-        """Draw the biases at the start from the stream `seeds`."""
+        """Draw the initial biases from the stream `seeds`."""
         self.latency = config.latency
         self._rng = np.random.default_rng(seeds)
-        # Numbers of the gyroscope's three axes, then of the accelerometer's
+        # Numbers of the gyroscope's three axes, then of the accelerometer's three
         self._noise = np.repeat([config.gyro_noise, config.accelerometer_noise], 3)
         self._walk = np.repeat([config.gyro_walk, config.accelerometer_walk], 3)
         self._limits = np.repeat([config.gyro_max, config.accelerometer_max], 3)
@@ -52,8 +52,8 @@ class Imu:
             return None
         self._last = state
 
-        # Means over the sample: of the body rates by the turn, of the acceleration by the change of
-        # velocity, in the attitude in mid-sample.
+        # Means over the sample: body rates from the rotation, acceleration from the change of
+        # velocity, in the attitude at mid-sample.
         dt = state.t - last.t
         before = last.x
         after = state.x

@@ -1,4 +1,4 @@
-"""Measurements: values of sensors with the instant at which they were true."""
+"""Measurements: values of sensors with the instant at which they were taken."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Inertial:
     dt: float
     # body rates [rad/s]
     gyro: Vec3
-    # acceleration less gravity, body frame [m/s^2]
+    # specific force: acceleration minus gravity, body frame [m/s^2]
     specific_force: Vec3
 
 
@@ -33,13 +33,13 @@ class Pose:
     position: Vec3
     # wxyz
     attitude: Quaternion
-    # in the world [m/s]; None: it is not measured
+    # in the world [m/s]; None: not measured
     velocity: Vec3 | None
 
 
 @dataclass(frozen=True, slots=True)
 class RotorThrust:
-    """The thrust of the rotors, by their speeds and the flight controller's thrust map."""
+    """The thrust of the rotors, from their speeds and the flight controller's thrust map."""
 
     # [s]
     t: float
@@ -51,21 +51,21 @@ class RotorThrust:
 class Corners:
     """Corners of gates' openings found in one picture.
 
-    Each may be taken for another: the association may be wrong.
+    The association of a corner with a gate may be wrong.
     """
 
     # time of the exposure [s]
     t: float
-    # index of the gate that each is taken to belong to  (n,)
+    # index of the gate with which each corner is associated  (n,)
     gates: np.ndarray
     # index into Gate.corners()  (n,)
     corners: np.ndarray
     # right and down from the picture's corner [px]  (n, 2)
     pixels: np.ndarray
-    # how many corners stood in the picture, for the record only
+    # number of corners in view, for the record only
     in_view: int
 
 
-# Those that correct the estimate, which the inertial unit alone would let run away.
+# Measurements that bound the drift of the inertial unit.
 Aiding = Pose | Corners
 Measurement = Inertial | RotorThrust | Aiding

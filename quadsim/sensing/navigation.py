@@ -5,14 +5,14 @@
 
 A Navigation is put together from three parts:
 
-* a source of the present state: the true one (TrueState), or an estimator's (SensedState);
+* a source of the present state: the true state (TrueState) or an estimate (SensedState);
 * the commands given so far, under which the model predicts how the vehicle moves until the next
   control acts;
-* a count of the gates passed: the referee's (RefereeCount), or one by the estimated path
+* a count of the gates passed: by the referee (RefereeCount) or by the estimated path
   (GateCounter).
 
-The estimator, the prediction and the count by the path are given measurements, commands and the map
-alone; only the record of how far off they are knows the truth.
+The estimator, the prediction and the count by the path receive measurements, commands and the map
+alone; only the record of their errors uses the true state.
 """
 
 from __future__ import annotations
@@ -39,22 +39,22 @@ from quadsim.sensing.estimation.vehicle_learner import VehicleLearner
 from quadsim.sensing.measurements import Corners, Inertial, RotorThrust
 from quadsim.sensing.sensors import Sensors
 
-# [m] by which a gate's estimate, or its standard deviation, moves before the course is a new one
+# [m] change of a gate's estimated position or standard deviation that makes a new course
 MOVED = 0.01
 # weight of the last planning time in the running mean of planning times
 PLAN_TIME = 0.1
-# A number of periods that differs this little from a whole number is taken to be whole.
+# A number of periods is rounded if it differs by less from a whole number.
 WHOLE = 1e-6
-# [s] by which instants may differ that are taken for one
+# [s] Instants that differ by less count as equal.
 ROUNDING = 1e-9
 
 
 class Present(NamedTuple):
     """The present state, with the model and the course as they are estimated."""
 
-    # state now, of a quadrotor a State  (n_x,)
+    # state now; for a quadrotor a State  (n_x,)
     x: tuple[float, ...]
-    # the estimated model; None: it is not estimated
+    # the estimated model; None: the model is not estimated
     model: ModelParams | None = None
     # the estimated course; None: only the map is known
     course: Course | None = None
@@ -77,7 +77,7 @@ class StateSource(Protocol):
 
     @property
     def learner(self) -> VehicleLearner | None:
-        """The learner of the vehicle's numbers, for display; None: they are not estimated."""
+        """The estimator of vehicle parameters, for display; None: they are not estimated."""
         ...
 
     def watch(self, state: PlantState) -> None:
@@ -95,12 +95,12 @@ class StateSource(Protocol):
         ...
 
     def record(self, state: PlantState) -> tuple[float, ...]:
-        """Return the columns of ESTIMATE_UNITS for this true state; () where it is known."""
+        """Return the columns of ESTIMATE_UNITS for this true state; () if the state is known."""
         ...
 
 
 class GateCount(Protocol):
-    """A count of the passed gates, as it is known on board."""
+    """The onboard count of passed gates."""
 
     def at(self, x: tuple[float, ...], course: Course | None) -> int:
         """Return the number of gates passed when the vehicle is in the state x.
@@ -113,7 +113,7 @@ class GateCount(Protocol):
 
 
 class PassedGates(Protocol):
-    """Something that counts gates by the truth, such as a referee."""
+    """Something that counts gates by the true state, such as a referee."""
 
     @property
     def passed(self) -> int:
@@ -137,7 +137,7 @@ class RefereeCount:
 
 
 class TrueState:
-    """The plant's true state, and what can be learnt of the vehicle from it."""
+    """The plant's true state, and the vehicle parameters estimated from it."""
 
     corners = None
 
@@ -145,7 +145,7 @@ class TrueState:
         """Start at the plant's first state.
 
         Args:
-            state: the plant's.
+            state: state of the plant.
             dt: control period [s].
             learner: estimator of the vehicle's parameters; None: they are not estimated.
         """
@@ -160,7 +160,7 @@ class TrueState:
         self._state = state
 
     def now(self, t: float, acted: tuple[float, ...], periods: int) -> Present:
-        """Return the true state, and the model as it is learnt from true states."""
+        """Return the true state, and the model estimated from true states."""
         before = self._before
         self._before = self._state
         if self.learner is None:
@@ -173,20 +173,20 @@ class TrueState:
         return Present(self._state.x, self.learner.model)
 
     def record(self, state: PlantState) -> tuple[float, ...]:
-        """Return (), as the true state is known."""
+        """Return (), as nothing is estimated."""
         return ()
 
     def _whole_periods(self, duration: float) -> float:
-        """Return the control periods in a duration [s].
+        """Return the number of control periods in a duration [s].
 
-        It is not a whole number where planning took longer on the wall clock.
+        It is not whole if planning took longer on the wall clock.
         """
         periods = duration / self._dt
         return round(periods) if abs(periods - round(periods)) <= WHOLE else periods
 
 
 class SensedState:
-    """The state, the vehicle's numbers and the course, estimated from what the sensors measure."""
+    """The state, the vehicle parameters and the course, estimated from measurements."""
 
     def __init__(
         self,
@@ -203,13 +203,13 @@ class SensedState:
 
         Args:
             sensors: sensors after their warm-up, at the flight's first state.
-            estimator: estimator of position, velocity and attitude, and of the places of gates.
-            body_rates: observes the rates and the angular accelerations.
+            estimator: estimator of position, velocity, attitude and gate positions.
+            body_rates: observer of body rates and angular accelerations.
             learner: estimator of the thrust and the vehicle's parameters.
             course: the estimated course; None: the controller uses the map.
             dt: control period [s].
             adapt: whether the planner uses the estimated vehicle parameters.
-            rotor_std: standard deviation of the thrust by rotor speeds [m/s^2].
+            rotor_std: standard deviation of the thrust from rotor speeds [m/s^2].
         """
         self._sensors = sensors
         self._estimator = estimator
@@ -221,14 +221,14 @@ class SensedState:
         self._rotor_std = rotor_std
         # samples of the present period
         self._inertial: list[Inertial] = []
-        # the last measurement since the last estimate
+        # thrust from rotor speeds, the latest since the last estimate; None: none has arrived
         self._rotors: RotorThrust | None = None
         self.corners: Corners | None = None
         self._picture = PictureCount(in_view=0, found=0)
         # the last estimate, and its time [s]
         self._nominal = estimator.state.nominal
         self._t = self._nominal.t
-        # time that the last call of `now` took [ms]
+        # duration of the last call of `now` [ms]
         self._spent = 0.0
 
     def watch(self, state: PlantState) -> None:
@@ -236,11 +236,11 @@ class SensedState:
         self._sensors.observe(state)
 
     def now(self, t: float, acted: tuple[float, ...], periods: int) -> Present:
-        """Return the state, the model and the course as they are estimated at t [s]."""
+        """Return the estimated state, model and course at t [s]."""
         began = perf_counter()
 
-        # Position, velocity and attitude by the filter; then rates, thrust and the vehicle's
-        # numbers, which need them.
+        # The filter gives position, velocity and attitude; then follow body rates, thrust and
+        # vehicle parameters, which need these.
         self._take_measurements(t)
         nominal = self._nominal
         self._follow_vehicle(t, Control(*acted), periods)
@@ -261,7 +261,7 @@ class SensedState:
 
     def record(self, state: PlantState) -> tuple[float, ...]:
         """Return the columns of ESTIMATE_UNITS for this true state."""
-        # The last frame of a flight lies within a control period.
+        # The last frame of a flight may lie within a control period.
         if state.t > self._t + ROUNDING:
             self._take_measurements(state.t)
         picture = self._picture
@@ -276,16 +276,16 @@ class SensedState:
         )
 
     def _take_measurements(self, t: float) -> None:
-        """Bring position, velocity and attitude to t [s] by the measurements that have arrived.
+        """Update position, velocity and attitude to t [s] by the measurements that have arrived.
 
-        Others are kept for `_follow_vehicle`.
+        Body rates and rotor speeds are kept for `_follow_vehicle`.
         """
         self._rotors = None
         self._estimator.innovations.clear()
         for measurement in self._sensors.arrived(t):
             match measurement:
                 case RotorThrust():
-                    # Not the estimator's, but the learner's.
+                    # A measurement for the learner, not for the estimator.
                     self._rotors = measurement
                     continue
                 case Inertial():
@@ -298,14 +298,14 @@ class SensedState:
         self._t = t
 
     def _follow_vehicle(self, t: float, u: Control, periods: int) -> None:
-        """Bring body rates, thrust and the vehicle's numbers to t.
+        """Update body rates, thrust and vehicle parameters to t.
 
         Args:
             t: time now [s].
             u: command that has acted since the last call.
             periods: control periods since the last call.
         """
-        # The unit's samples since the last call, without their biases.
+        # The bias-corrected samples of the unit since the last call.
         nominal = self._nominal
         recent = [s for s in self._inertial if s.t > t - periods * self._dt + ROUNDING]
         self._inertial = recent
@@ -315,7 +315,7 @@ class SensedState:
             rates = nominal.rates(recent[-1])
             force = mean([nominal.force(s) for s in recent], [s.dt for s in recent])
 
-        # The thrust that roll and pitch have taken is the larger of both ends of the period.
+        # The thrust reserved for roll and pitch is the larger of both ends of the period.
         for _ in range(periods):
             reserve = self._body_rates.reserve(u)
             self._body_rates.advance(u, rates)
@@ -324,12 +324,12 @@ class SensedState:
 
 
 class CourseEstimate:
-    """The course with its gates where the estimator has them, and their uncertainty."""
+    """The course with estimated gate positions and their uncertainty."""
 
     def __init__(self, course: Course):
         """Begin with the map.
 
-        course: the course as the map has it.
+        course: the course of the map.
         """
         self._map = course
         self._course = course
@@ -338,9 +338,9 @@ class CourseEstimate:
         self._offsets: np.ndarray | None = None
 
     def updated(self, state: FilterState) -> Course:
-        """Return the course by a state of the filter.
+        """Return the course according to a state of the filter.
 
-        It is the same object as before until a gate has MOVED.
+        The same object is returned until a gate has moved by more than MOVED.
         """
         gates = len(set(self._numbers))
         moves = state.gates if len(state.gates) else np.zeros((gates, 3))
@@ -358,7 +358,7 @@ class CourseEstimate:
 
 
 class Navigation:
-    """Makes the Estimate that a controller is given, once each control period."""
+    """Makes the Estimate for the controller, once each control period."""
 
     def __init__(
         self,
@@ -372,10 +372,10 @@ class Navigation:
 
         Args:
             source: source of the present state.
-            gates: counts the gates passed.
-            commands: given before the flight.
+            gates: counter of the gates passed.
+            commands: commands given before the flight.
             dt: control period [s].
-            nominal: the model that predicts until the next control acts, where none is estimated;
+            nominal: model for the prediction until the next control acts, if no model is estimated;
                 None: the next control acts in the present state.
         """
         self._source = source
@@ -394,7 +394,7 @@ class Navigation:
 
     @property
     def learner(self) -> VehicleLearner | None:
-        """The learner of the vehicle's numbers, for display; None: they are not estimated."""
+        """The estimator of vehicle parameters, for display; None: they are not estimated."""
         return self._source.learner
 
     def watch(self, state: PlantState) -> None:
@@ -402,14 +402,14 @@ class Navigation:
         self._source.watch(state)
 
     def estimate(self, t: float) -> Estimate:
-        """Return the Estimate for a control that is asked for at t [s]."""
-        # The present, by what has acted since the last call.
+        """Return the Estimate for a control that is requested at t [s]."""
+        # The present state, given the command that has acted since the last call.
         periods = self._periods.advance(t)
         acted = self._commands.acting(t - periods * self._dt)
         now = self._source.now(t, acted, periods)
 
         # The state in which the control will act, and the gates passed by then. A control that has
-        # to wait for the link's next frame is planned as if it was asked for then.
+        # to wait for the link's next frame is planned as if it was requested then.
         ready = t + self._planning
         sent = self._commands.next_frame(ready)
         acts = sent + self._commands.latency
@@ -422,15 +422,15 @@ class Navigation:
         """Note a control that is given to the vehicle.
 
         Args:
-            t: when it was asked for [s].
-            ready: when it is given, its planning ended [s].
+            t: time at which the control was requested [s].
+            ready: time at which its planning ends and it is given [s].
             u: the control  (n_u,).
         """
         self._commands.give(ready, u)
         self._planning += PLAN_TIME * (ready - t - self._planning)
 
     def record(self, state: PlantState) -> tuple[float, ...]:
-        """Return the columns of ESTIMATE_UNITS for one frame; () where the true state is known."""
+        """Return the columns of ESTIMATE_UNITS for one frame; () if the true state is known."""
         return self._source.record(state)
 
     def _when_it_acts(self, now: Present, t: float, acts: float) -> tuple[float, ...]:

@@ -3,8 +3,8 @@
     position = p + drift + sigma_p N(0, 1),   drift' = walk N(0, 1)
     attitude = q exp(sigma_q N(0, 1)),        velocity = v + sigma_v N(0, 1)
 
-A share of the samples are spikes, off by a given distance in a random direction. A dropout begins
-with each sample with a given probability and lasts a given time. Noise, spikes and their sizes
+A share of the samples are spikes, off by a given distance in a random direction. At each sample a
+dropout of a given duration begins with a given probability. Noise, spikes and their sizes
 follow RotorPy 3.0.0's motion capture (spp/rotorpy, MIT); the drift as a random walk is the usual
 model of odometry.
 """
@@ -27,7 +27,7 @@ class PoseSensor:
     """Samples the true pose of a flight."""
 
     def __init__(self, config: PoseConfig, seeds: np.random.SeedSequence):
-        """Start without drift; noise comes from the stream `seeds`."""
+        """Start without drift and draw the noise from the stream `seeds`."""
         self.latency = config.latency
         self._config = config
         self._rng = np.random.default_rng(seeds)
@@ -45,7 +45,7 @@ class PoseSensor:
         if not self._ticks.due(t):
             return None
 
-        # The same number of draws for every sample, whether they are used or not.
+        # Every sample takes the same number of draws, used or not.
         c = self._config
         drift, position, attitude, velocity, spike = self._rng.standard_normal((5, 3))
         begins, spikes = self._rng.random(2)

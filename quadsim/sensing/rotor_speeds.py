@@ -1,9 +1,8 @@
-"""Rotor speeds, as electronic speed controllers report them, and the thrust that they stand for.
+"""Rotor speeds, as electronic speed controllers report them, and the resulting thrust.
 
     T_i = thrust map of rotor i (W_i + sigma N(0, 1)),   thrust = sum T_i / m
 
-The plant's flight controller allocates by its own thrust map, so the thrust is read off the same
-map. The mass is the nominal one.
+The thrust map is the flight controller's own, by which it allocates. The mass is nominal.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ class RotorSpeeds:
     """Samples the thrust that a flight's rotors deliver."""
 
     def __init__(self, config: RotorConfig, seeds: np.random.SeedSequence, vehicle: Vehicle):
-        """Read thrusts of a vehicle; noise comes from the stream `seeds`."""
+        """Measure the thrust of a vehicle, with noise from the stream `seeds`."""
         self.latency = config.latency
         self._rng = np.random.default_rng(seeds)
         self._ticks = Ticks(config.rate)
@@ -31,9 +30,9 @@ class RotorSpeeds:
         self._noise = config.noise
 
     def sample(self, state: PlantState[State]) -> RotorThrust | None:
-        """Return the thrust by the rotors' speeds if a sample is due, else None.
+        """Return the thrust from the rotors' speeds if a sample is due, else None.
 
-        Of a vehicle without rotors the thrust is measured without noise.
+        For a vehicle without rotors, the thrust is exact.
         """
         if not self._ticks.due(state.t):
             return None
@@ -41,7 +40,7 @@ class RotorSpeeds:
         thrust = state.x.thrust
         rotors = self._rotors
         if rotors:
-            # The noise of four speeds acts about their mean.
+            # Each rotor is at the common speed of this thrust, plus its own noise.
             speed = rotors.speed(max(0.25 * self._mass * thrust, rotors.thrust_map[2]))
             thrusts = [rotors.thrust(speed + self._noise * error) for error in errors]
             thrust = sum(thrusts) / self._mass

@@ -1,4 +1,4 @@
-"""Sensing files: the sensors of a vehicle, each with its numbers, and how they become a Sensing.
+"""Sensing files: the sensors of a vehicle with their parameters, read into a Sensing.
 
     imu: {rate: 250, gyro_noise: 0.01}
     pose: {rate: 100, latency: 0.01, position_noise: 0.002, attitude_noise_deg: 0.3}
@@ -38,7 +38,7 @@ class SensingChanges(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class Sensing:
-    """The sensors of a vehicle, None where it has none of a kind.
+    """The sensors of a vehicle; None for each kind that it lacks.
 
     Examples:
         >>> import quadsim
@@ -68,11 +68,11 @@ class Sensing:
         return max((sensor.latency for sensor in sensors if sensor), default=0.0)
 
     def but(self, **changes: Unpack[SensingChanges]) -> Sensing:
-        """Return the sensing with other sensors or other numbers, checked as those of a file are.
+        """Return a copy with changed sensors or numbers, checked as in a file.
 
         Args:
             changes: keys of a sensing file, see docs/sensing.md, and `name`. A sensor takes the
-                keys that change, a whole new configuration, or None, which takes it away.
+                keys that change, a whole new configuration, or None, which removes it.
 
         Raises:
             SettingError: a number cannot be used, or sensors do not fit together (a ValueError).
@@ -90,10 +90,10 @@ class Sensing:
         return replace(remade({**entries, **given}, parse_sensing, name), name=name)
 
     def to_yaml(self, path: str | Path | None = None) -> str:
-        """Return the sensing as a sensing file, which `load_sensing` reads to an equal sensing.
+        """Return the text of a sensing file that `load_sensing` reads to an equal sensing.
 
         Args:
-            path: a file to write; its name becomes that of the sensing. None writes nothing.
+            path: file to write, after which the sensing is named; None writes nothing.
 
         Raises:
             SettingError: the sensors do not fit together (a ValueError).
@@ -105,7 +105,7 @@ class Sensing:
 
 
 class SensingFile(Struct, frozen=True, kw_only=True):
-    """The keys of a sensing file. All but the first two are sensors, as `Sensing` has them."""
+    """The keys of a sensing file. All but the first two are sensors, as in `Sensing`."""
 
     source: Annotated[str, setting("origin of the numbers")] = ""
     exact: Annotated[bool, setting("whether the true state is known, without sensors")] = False
@@ -159,7 +159,7 @@ def parse_sensing(text: str, file: str) -> Sensing:
 
 
 def _entries(sensing: Sensing) -> dict[str, Any]:
-    """Return the entries of a sensing file; those at their default are left out."""
+    """Return the entries of a sensing file without the ones at their default."""
     entries: dict[str, Any] = {"source": sensing.source} if sensing.source else {}
     sensors = {key: getattr(sensing, key) for key in SENSORS}
     if not any(sensors.values()):
@@ -168,7 +168,7 @@ def _entries(sensing: Sensing) -> dict[str, Any]:
 
 
 def _sensor_entry(config: Any) -> dict[str, Any]:
-    """Return the entry of one sensor; numbers at their default are left out."""
+    """Return the entry of one sensor without the numbers at their default."""
     values = {field: getattr(config, field.name) for field in fields(config)}
     return {
         field.name: value
@@ -185,7 +185,7 @@ class Fault(NamedTuple):
 
 
 def _faults(entry: SensingFile) -> Iterator[Fault]:
-    """Yield all faults of a sensing; the first is the one to show."""
+    """Yield all faults of a sensing, the most important first."""
     given = [key for key in SENSORS if getattr(entry, key)]
     if entry.exact and given:
         problem = f"expected no sensor beside exact: true, got {given[0]}: remove one"
@@ -201,7 +201,7 @@ def _faults(entry: SensingFile) -> Iterator[Fault]:
 
 
 def _pose_faults(pose: PoseConfig) -> Iterator[Fault]:
-    """Yield the faults of a pose sensor: spikes and dropouts have a share and a size."""
+    """Yield the faults of a pose sensor: spikes and dropouts need both a share and a size."""
     if pose.spikes > 0.0 and pose.spike == 0.0:
         yield Fault("pose.spike", "expected how far off spikes are [m], got 0")
     if pose.spike > 0.0 and pose.spikes == 0.0:

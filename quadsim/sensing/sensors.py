@@ -1,4 +1,4 @@
-"""All sensors of one flight: they watch the plant, and give each measurement when it arrives."""
+"""All sensors of one flight: they sample the plant and deliver each measurement on its arrival."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from quadsim.sensing.sensing_file import Sensing
 from quadsim.streams import sensor_streams
 from quadsim.vehicle import Vehicle
 
-# [s] for which the sensors run before the flight begins, the vehicle at rest
+# [s] duration for which the sensors run before the flight, with the vehicle at rest
 WARM_UP = 0.5
-# rows of a unit's bias that belong to its parts
+# rows of the bias of an inertial unit, by part
 BIAS_OF = {"gyro": slice(0, 3), "accelerometer": slice(3, 6)}
 
 
 class Sensor(Protocol):
     """A sensor that samples at its own instants."""
 
-    # [s] from the instant of a measurement to its arrival
+    # latency from the instant of a measurement to its arrival [s]
     latency: float
 
     def sample(self, state: PlantState[State]) -> Measurement | None:
@@ -49,7 +49,7 @@ class BiasedImu:
 
         Args:
             imu: the unit.
-            fault: with its direction and its time.
+            fault: the bias, its direction and its time.
         """
         self.latency = imu.latency
         self.bias = imu.bias
@@ -60,7 +60,7 @@ class BiasedImu:
         self._has_jumped = False
 
     def sample(self, state: PlantState[State]) -> Inertial | None:
-        """Return the unit's sample, of which the bias is a part."""
+        """Return the unit's sample with the bias added."""
         active = self._window.active(state.t)
         if active and not self._has_jumped:
             self.bias += self._jump
@@ -73,7 +73,7 @@ class BiasedImu:
 class FaultySensor:
     """A sensor that measures nothing, or repeats its last values, while a fault lasts.
 
-    The sensor inside goes on as before: after the fault its noise is what it would have been.
+    The wrapped sensor keeps sampling: after the fault its noise is the same as without a fault.
     """
 
     def __init__(self, sensor: Sensor, fault: SensorFault):
@@ -81,16 +81,16 @@ class FaultySensor:
 
         Args:
             sensor: the sensor.
-            fault: with its time.
+            fault: the fault and its time.
         """
         self.latency = sensor.latency
         self._sensor = sensor
         self._fault = fault
-        # the last before the fault
+        # the last measurement before the fault
         self._last: Measurement | None = None
 
     def sample(self, state: PlantState[State]) -> Measurement | None:
-        """Return what is left of a measurement if one is due, else None."""
+        """Return a measurement with the fault applied if one is due, else None."""
         measurement = self._sensor.sample(state)
         if measurement is None:
             return None
@@ -103,7 +103,7 @@ class FaultySensor:
 
 
 def with_jumps(imu: Imu, jumps: Sequence[BiasJump]) -> Imu | BiasedImu:
-    """Return a unit whose bias jumps."""
+    """Return the unit with these jumps of its bias."""
     biased: Imu | BiasedImu = imu
     for jump in jumps:
         biased = BiasedImu(biased, jump)
@@ -111,12 +111,12 @@ def with_jumps(imu: Imu, jumps: Sequence[BiasJump]) -> Imu | BiasedImu:
 
 
 def repeated(last: Measurement, now: Measurement, part: str) -> Measurement:
-    """Return the measurement that is due now with the values of an earlier one.
+    """Return the present measurement with frozen values of an earlier one.
 
     Args:
-        last: the earlier one of the same sensor.
-        now: the one that is due; its instant is kept.
-        part: what is frozen: the gyro or the accelerometer of an imu, or the whole sensor.
+        last: an earlier measurement of the same sensor.
+        now: the present measurement; its instant is kept.
+        part: the frozen part: the gyro or the accelerometer of an imu, or the whole sensor.
     """
     if isinstance(last, Inertial) and isinstance(now, Inertial):
         gyro = now.gyro if part == "accelerometer" else last.gyro
@@ -126,11 +126,11 @@ def repeated(last: Measurement, now: Measurement, part: str) -> Measurement:
 
 
 class Coming(NamedTuple):
-    """A measurement on its way; the first to arrive is the least."""
+    """A measurement on its way; these sort by arrival."""
 
     # time of arrival [s]
     t: float
-    # number of the measurement, which orders those that arrive at once
+    # number of the measurement, which orders simultaneous arrivals
     number: int
     measurement: Measurement
 
@@ -138,7 +138,7 @@ class Coming(NamedTuple):
 class Sensors:
     """Samples every physics step of a flight.
 
-    Each sensor has a random stream of its own: none changes another's noise.
+    Each sensor has its own random stream, so its noise does not depend on the other sensors.
     """
 
     def __init__(
@@ -154,11 +154,12 @@ class Sensors:
         """Make the sensors of a flight.
 
         Args:
-            sensing: the set of sensors, with their numbers.
-            seeds: the flight's stream of sensors.
-            vehicle: the true one, as the plant has it.
-            gates: the gates where they truly stand, each once.
-            velocity_lag: see quadsim.physics.plant.Plant [s].
+            sensing: the set of sensors, with their parameters.
+            seeds: the flight's random stream for sensors.
+            vehicle: the true vehicle, as in the plant.
+            gates: the gates at their true positions, each once.
+            velocity_lag: time by which the plant's velocity lags [s], see
+                quadsim.physics.plant.Plant.
             obstacles: obstacles on the course.
             faults: faults of these sensors, with their times.
         """
@@ -180,7 +181,7 @@ class Sensors:
         self._sensors = tuple(sensors.values())
         self._velocity_lag = velocity_lag
         self._before: PlantState[State] | None = None
-        # the last state that was sampled, position and velocity of one instant
+        # the last sampled state, with position and velocity at the same instant
         self.truth: PlantState[State] | None = None
         # a heap
         self._coming: list[Coming] = []
@@ -190,7 +191,7 @@ class Sensors:
         """Sample the vehicle at rest for WARM_UP until just before the flight.
 
         Args:
-            state: the first of the flight.
+            state: the first state of the flight.
             dt: physics step [s].
         """
         for k in range(-round(WARM_UP / dt), 0):
@@ -206,9 +207,9 @@ class Sensors:
                 heappush(self._coming, Coming(arrival, next(self._number), measurement))
 
     def _of_one_instant(self, state: PlantState[State]) -> PlantState[State]:
-        """Return the state with its velocity extrapolated to the instant of the position.
+        """Return the state with its velocity extrapolated to the instant of its position.
 
-        The acceleration is that of the last step.
+        The extrapolation uses the acceleration of the last step.
         """
         before = self._before
         self._before = state
@@ -228,7 +229,7 @@ class Sensors:
         return PlantState(state.t, moved, state.contacts)
 
     def arrived(self, t: float) -> list[Measurement]:
-        """Return the measurements that have arrived since the last call, in that order.
+        """Return the measurements that have arrived since the last call, in order of arrival.
 
         Args:
             t: time now [s].

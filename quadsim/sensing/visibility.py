@@ -19,21 +19,21 @@ from quadsim.course.swept_obstacles import SweptObstacle
 BEFORE = 1.0 - 1e-6
 
 
-# Every picture asks for the same few gates.
+# cached, as every picture uses the same few gates
 @lru_cache(1024)
 def _frame(gate: Gate) -> SweptGate:
-    """Return the frame of a gate for lines of sight."""
+    """Return the frame of a gate, swept by a sphere of radius 0."""
     return SweptGate(gate, 0, 0.0)
 
 
 def hidden(
     points: np.ndarray, eye: np.ndarray, gates: Iterable[Gate], obstacles: Iterable[Obstacle] = ()
 ) -> np.ndarray:
-    """Return which points a bar of any gate, or any obstacle, hides from an eye.
+    """Return which points a bar of any gate, or any obstacle, hides from the camera.
 
     Args:
         points: points in the world [m]  (n, 3).
-        eye: point of view in the world [m]  (3,).
+        eye: position of the camera in the world [m]  (3,).
         gates: gates, whose frames may hide points.
         obstacles: obstacles, which may hide points.
 
@@ -53,7 +53,7 @@ def hidden(
 
 
 def _stops(touched: float | None) -> bool:
-    """Return whether something touched at this fraction of a line of sight hides its end."""
+    """Return whether a contact at this fraction of a line of sight hides its end."""
     return touched is not None and touched < BEFORE
 
 
@@ -62,16 +62,16 @@ def hidden_corners(
 ) -> np.ndarray:
     """Return which corners of gates' openings another gate's frame or an obstacle hides.
 
-    A gate's own frame hides none: a corner lies half a frame's depth, 5 cm, behind the edge that is
-    seen.
+    A gate's own frame is ignored: a corner lies half a frame's depth, 5 cm, behind the visible
+    edge.
 
     Args:
-        gates: each once.
-        eye: point of view in the world [m]  (3,).
+        gates: gates, each once.
+        eye: position of the camera in the world [m]  (3,).
         obstacles: obstacles, which may hide points.
 
     Returns:
-        In the order of `Gate.corners`  (gates, 4) bool.
+        Mask in the order of `Gate.corners`  (gates, 4) bool.
     """
     rows = [
         hidden(gate.corners(), eye, [g for g in gates if g != gate], obstacles) for gate in gates

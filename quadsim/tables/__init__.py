@@ -1,1 +1,1 @@
-"""Settings as people read them: listings, tables, commands, and the files generated from them."""
+"""Settings in readable form: listings, tables, commands, and the files generated from them."""

@@ -1,4 +1,4 @@
-"""Lists of what can be flown and set: courses, vehicles, sensings, presets and settings.
+"""Lists of courses, vehicles, sensings, presets and settings.
 
 `race courses`, `vehicles`, `sensings`, `presets` and `settings` print the same tables.
 """
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 WIDTH = 120  # columns of a table that is printed from Python
-# Columns before the published times, and of those at least
+# Columns before the published times, and least columns for the published times
 LEFT = 49
 TIMES = 12
 # Columns of the default of a setting
 DEFAULT = 14
-# The sampler whose numbers of each preset are listed
+# The sampler whose numbers are listed for each preset
 SAMPLER = "colored"
 
 
@@ -51,7 +51,7 @@ class Listing(Sequence[str]):
 
     def __getitem__(self, index: int | slice | str) -> str | tuple[str, ...]:
         if isinstance(index, str):
-            # As of a table by its name, which a list of names does not have
+            # Tables can be indexed by name, a list of names cannot
             raise TypeError(f"expected a number, got {index!r}: print() shows the table")
         return self.names[index]
 
@@ -62,7 +62,7 @@ class Listing(Sequence[str]):
         return iter(self.names)
 
     def __str__(self) -> str:
-        from rich.console import Console  # here: it takes milliseconds to load
+        from rich.console import Console  # imported here, as it takes milliseconds to load
 
         console = Console(width=WIDTH, color_system=None, highlight=False)
         with console.capture() as text:
@@ -139,7 +139,7 @@ def settings() -> Listing:
 
 
 def course_table(courses: Sequence[Course], width: int) -> Table:
-    """Return the table of courses for a terminal of so many columns."""
+    """Return the table of courses for a terminal of `width` columns."""
     from rich.markup import escape
 
     from quadsim.console import plain_table
@@ -243,7 +243,7 @@ def _sensors_text(sensing: Sensing) -> str:
 
 
 def _axes_text(values: Sequence[float]) -> str:
-    """Return one number where all axes have the same, else one for each axis."""
+    """Return one number if it is the same for all axes, else one for each axis."""
     if len(set(values)) == 1:
         return f"{values[0]:g}"
     return " ".join(f"{value:g}" for value in values)

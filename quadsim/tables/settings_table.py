@@ -2,7 +2,7 @@
 
     python -m quadsim.tables.write_tables
 
-writes them into the pages of docs/; a test fails where a page is out of date.
+writes the tables into the pages of docs/; a test fails if a page is out of date.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from quadsim.files.values import Kind, bare
 from quadsim.files.yaml_errors import limits
 from quadsim.vehicle import load_vehicle
 
-# A default that the help of an annotation names, such as "(default: the preset's)"
+# A default within a help text, such as "(default: the preset's)"
 NAMED_DEFAULT = re.compile(r"(?: \(default: (.*)\)|; default: (.*))$")
 STRUCTS = inspect.StructType | inspect.DataclassType
 LISTS = inspect.TupleType | inspect.VarTupleType
@@ -41,7 +41,7 @@ class Row(NamedTuple):
     unit: str
     range: str  # or the choices
     default: str
-    # "horizon 30 in race_small": presets whose number differs from the default one
+    # "horizon 30 in race_small": presets whose number differs from the default preset's
     presets: str
     meaning: str
 
@@ -58,7 +58,7 @@ def setting_rows() -> tuple[Row, ...]:
 
 
 def _values(planner: Planner) -> dict[str, object]:
-    """Return the values of a planner's settings; those of the model are the vehicle's."""
+    """Return the values of a planner's settings; the model's values come from the vehicle."""
     model = ModelParams.of(load_vehicle(planner.vehicle))
     return {
         name: found.value
@@ -75,7 +75,7 @@ def _setting_row(
     Args:
         setting: the setting.
         defaults: the values of the default flight.
-        values: those of each preset's planner.
+        values: values of each preset's planner.
     """
     name = setting.name
     default = "the vehicle's" if setting.group == "model" else _of_others(setting)
@@ -92,7 +92,7 @@ def _setting_row(
 
 
 def _with_named_default(text: str, default: str) -> tuple[str, str]:
-    """Return a help without the default that it names, and this default in place of none."""
+    """Split "text (default: x)" into text and default, if no default is given."""
     found = NAMED_DEFAULT.search(text)
     if default != "none" or found is None:
         return text, default
@@ -100,7 +100,7 @@ def _with_named_default(text: str, default: str) -> tuple[str, str]:
 
 
 def _of_others(setting: Setting) -> str:
-    """Return the default of a setting that the default sampler or cost does not have."""
+    """Return the default of a setting of samplers or costs other than the default ones."""
     owners = [owner.__name__ for owner in setting.kinds]
     return f"of {' and '.join(owners)} only"
 
@@ -110,7 +110,7 @@ def key_rows(schema: type, parent: str = "") -> Iterator[Row]:
 
     Args:
         schema: a msgspec Struct, or a dataclass.
-        parent: begins the names, such as "gates[].".
+        parent: prefix of the names, such as "gates[].".
     """
     info: Any = inspect.type_info(schema)
     for field in info.fields:
@@ -131,19 +131,19 @@ def key_rows(schema: type, parent: str = "") -> Iterator[Row]:
 
 
 def _default(field: inspect.Field) -> str:
-    """Return the default of a key, "required" without one."""
+    """Return the default of a key; "required" if it has none."""
     if field.required:
         return "required"
     return shown(field.default)
 
 
 def _without_unit(text: str, unit: str) -> str:
-    """Return the help of a key without its unit, which has a column of its own."""
+    """Return the help of a key without its unit, which has its own column."""
     return text.replace(f" [{unit}]", "") if unit else text
 
 
 def allowed(kind: Kind) -> str:
-    """Return the range of a number or of the numbers of a list, or the choices."""
+    """Return the range of a number or of a list's numbers, or the choices."""
     inner = bare(kind)
     match inner:
         case inspect.TupleType() if inner.item_types:
@@ -163,7 +163,7 @@ def allowed(kind: Kind) -> str:
 
 
 def shown(value: object) -> str:
-    """Return a value as the table and `--help` show it."""
+    """Return a value as text for the table and `--help`."""
     if isinstance(value, tuple):
         return " ".join(map(shown, value)) or "none"
     if isinstance(value, bool):

@@ -1,4 +1,4 @@
-"""A recorded flight as a command line, and as lines of Python, that fly it again.
+"""Commands that repeat a recorded flight: a command line and lines of Python.
 
 Both have the settings of the flight, so that they work without the stored run. They are made only
 if these settings give the very flight that is recorded; otherwise both name the run's folder, from
@@ -26,14 +26,14 @@ IMPORT = "import quadsim\n\n"
 
 
 class Wording(NamedTuple):
-    """The texts that fly a recorded flight again."""
+    """The commands that repeat a recorded flight."""
 
     command: str
     python: str
 
 
 def wording(record: Mapping[str, Any], folder: Path) -> Wording:
-    """Return the texts that fly a recorded flight again.
+    """Return the commands that repeat a recorded flight.
 
     Args:
         record: the spec of a run.
@@ -56,7 +56,7 @@ def wording(record: Mapping[str, Any], folder: Path) -> Wording:
 
 
 def settings_of(record: Mapping[str, Any]) -> dict[str, Any] | None:
-    """Return the keywords of `quadsim.fly` that give a recorded flight, its course included.
+    """Return the keywords of `quadsim.fly` that repeat a recorded flight, with its course.
 
     It is None if no such keywords do: changes in flight, parts of the user's own, and files that
     a record does not name.
@@ -83,7 +83,7 @@ def settings_of(record: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def _named(spec: Spec) -> dict[str, Any]:
-    """Return the settings that choose what flies where: they are worded even at their defaults."""
+    """Return course, vehicle, preset and similar names, which are always written."""
     settings: dict[str, Any] = {"course": spec.course.name}
     if spec.pilot:
         known = spec.pilot.name in pilot_names()
@@ -104,7 +104,7 @@ def _differing(spec: Spec, usual: Spec) -> Iterator[tuple[str, Any]]:
         value = getattr(spec, name)
         if value != getattr(usual, name):
             yield name, value
-    # A pilot flies without the planner's numbers
+    # A pilot does not use the planner's numbers
     if spec.pilot:
         return
     others = values_of(usual.planner, usual.model)
@@ -114,7 +114,7 @@ def _differing(spec: Spec, usual: Spec) -> Iterator[tuple[str, Any]]:
 
 
 def _flag(name: str, value: Any) -> list[str]:
-    """Return a setting as words of a command line."""
+    """Return a setting as arguments of a command line."""
     flag = name.replace("_", "-")
     match value:
         case True:
@@ -122,7 +122,7 @@ def _flag(name: str, value: Any) -> list[str]:
         case False:
             return [f"--no-{flag}"]
         case tuple() if name == "fault":
-            # It takes one text, and is repeated for several
+            # The flag takes one text, and is repeated for several
             return [word for text in value for word in (f"--{flag}", text)]
         case tuple():
             return [f"--{flag}", *map(str, value)]
@@ -130,7 +130,7 @@ def _flag(name: str, value: Any) -> list[str]:
 
 
 def heat_wording(folder: Path) -> Wording:
-    """Return the texts that fly a stored race of several again. folder: the folder of the race."""
+    """Return the commands that repeat a stored race of several vehicles from its folder."""
     place = str(folder.resolve())
     return Wording(
         command=f"race heat --from {shlex.quote(place)}",

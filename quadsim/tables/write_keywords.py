@@ -1,8 +1,8 @@
-"""Write keywords.py, which tells editors and type checkers the keywords of `quadsim.fly`.
+"""Write keywords.py, which declares the keywords of `quadsim.fly` for editors and type checkers.
 
     python -m quadsim.tables.write_keywords
 
-The names and types are those of quadsim.config.settings. A type checker cannot derive them from
+Names and types come from quadsim.config.settings. A type checker cannot derive them from
 dataclasses, so they are written out; a test fails when the file is out of date.
 """
 
@@ -50,7 +50,7 @@ class Keywords(TypedDict, total=False):
     """The settings by name; None stands for the default. `Spec.of` takes the same keywords."""
 
 '''
-# Types of the keywords that take an object, most of them in place of a name.
+# Types of the keywords that take an object, most of them instead of a name.
 OBJECTS = {
     "sampler": "str | Sampling | PlainSampler",
     "pilot": "str | Path | Pilot",
@@ -76,7 +76,7 @@ def keywords_module() -> str:
 
 
 def _type(setting: Setting) -> str:
-    """Return the type of a setting as a type checker reads it."""
+    """Return the type annotation of a setting."""
     kinds = dict.fromkeys(_text(kind) for kind in setting.kinds.values())
     return " | ".join(kinds)
 

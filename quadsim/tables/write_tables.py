@@ -2,7 +2,7 @@
 
     python -m quadsim.tables.write_tables
 
-A table stands between two comments on its page, the first of which names it.
+A table lies between two comments on its page, the first of which has its name.
 """
 
 from __future__ import annotations
@@ -47,10 +47,10 @@ def _keys(schema: type) -> Callable[[], str]:
 
 
 def written(page: str) -> str:
-    """Return the text of a page with its tables made anew.
+    """Return the text of a page with regenerated tables.
 
     Raises:
-        KeyError: the page names a table that there is not.
+        KeyError: the page names an unknown table.
     """
     made = tables()
 

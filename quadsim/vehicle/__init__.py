@@ -1,4 +1,4 @@
-"""Vehicles: the numbers of a quadrotor, read from YAML files and checked."""
+"""Vehicles: the parameters of a quadrotor, read from YAML files and checked."""
 
 from quadsim.vehicle.vehicle import (
     GRAVITY,

@@ -1,7 +1,7 @@
-"""Vehicle: the numbers of one quadrotor as plain values, and the files that hold them.
+"""Vehicle: the parameters of one quadrotor as plain values, and vehicle files.
 
-A vehicle file has the keys of VehicleFile, with units, ranges and defaults; they are Flightmare's
-where it has them. `parse_vehicle` reads it, and `Vehicle.to_yaml` writes it.
+A vehicle file has the keys of VehicleFile, with units, ranges and defaults; the names follow
+Flightmare. `parse_vehicle` reads a vehicle file, and `Vehicle.to_yaml` writes one.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from quadsim.rotation import Vec3
 
 GRAVITY = 9.81  # [m/s^2]
 VEHICLES = Path(__file__).parent
-# Keys of a vehicle file that a Vehicle or its Rotors have under another name
+# Keys of a vehicle file whose names differ from the attributes of Vehicle and Rotors
 KEYS = {"rate_max": "omega_max"}
 KEYS_OF_ROTORS = {
     "omega_min": "motor_omega_min",
@@ -31,10 +31,10 @@ KEYS_OF_ROTORS = {
     "tau": "motor_tau",
     "positions": "arm_l, or rotor_x and rotor_y",
 }
-# Name of a vehicle with another thrust-to-weight ratio
+# Name of a vehicle with a changed thrust-to-weight ratio
 SCALED = re.compile(r"(?P<name>[^/.]+)-twr(?P<ratio>\d+(\.\d+)?)")
 LARGEST_RATIO = 20.0
-# A thrust_max may differ from that of its rotors by rounding.
+# Tolerance for rounding between thrust_max and the thrust of the rotors
 ROUNDING = 1e-9
 
 Length = Annotated[float, unit("m", gt=0, le=2)]
@@ -79,7 +79,7 @@ class Rotors:
     def speed(self, thrust: float) -> float:
         """Return the speed [rad/s] at which one rotor gives a thrust [N].
 
-        It lies on the rising branch of the thrust map.
+        The speed lies on the rising branch of the thrust map.
         """
         c2, c1, c0 = self.thrust_map
         return (sqrt(c1 * c1 + 4.0 * c2 * (thrust - c0)) - c1) / (2.0 * c2)
@@ -118,7 +118,7 @@ class VehicleChanges(TypedDict, total=False):
 class Vehicle:
     """A quadrotor as the plant flies it.
 
-    Thrusts and drag are mass-normalised, so that the vehicle `paper` needs no mass of its own.
+    Thrusts and drag are mass-normalised, so the vehicle `paper` needs no mass.
 
     Examples:
         >>> import quadsim
@@ -135,19 +135,19 @@ class Vehicle:
     mass: float
     # principal moments [kg m^2]
     inertia: Vec3
-    # radius of the sphere that stands for the vehicle in contacts [m]
+    # radius of the sphere that represents the vehicle in contacts [m]
     radius: float
     # lags of the first-order rate loop about x, y, z [s]
     rate_tau: Vec3
     # limits of the body-rate commands [rad/s]
     rate_max: Vec3
-    # largest collective, mass-normalised [m/s^2]
+    # largest collective thrust, mass-normalised [m/s^2]
     thrust_max: float
-    # linear, body frame [1/s]
+    # linear drag, body frame [1/s]
     drag: Vec3
-    # from command to actuator [s]
+    # latency from command to actuator [s]
     latency: float
-    # None: thrust acts at once and without limits of single rotors
+    # None: the thrust acts at once, without limits of single rotors
     rotors: Rotors | None
 
     def __repr__(self) -> str:
@@ -157,18 +157,18 @@ class Vehicle:
 
     @property
     def thrust_to_weight(self) -> float:
-        """The full thrust by the weight."""
+        """The ratio of the full thrust to the weight."""
         return self.thrust_max / GRAVITY
 
     def but(self, **changes: Unpack[VehicleChanges]) -> Vehicle:
-        """Return the vehicle with some numbers changed, checked as those of a vehicle file are.
+        """Return a copy with some numbers changed, checked as in a vehicle file.
 
         Rotors keep their thrust in newtons: a heavier vehicle has a lower thrust_max and a lower
         thrust-to-weight ratio. Without rotors, thrust_max is mass-normalised and stays.
 
         Args:
             changes: keys of a vehicle file, see docs/vehicles.md, and `name`. `rotors` takes the
-                keys that change, Rotors, or None, which takes them away and keeps the full thrust.
+                keys that change, Rotors, or None, which removes them and keeps the full thrust.
 
         Raises:
             SettingError: a number cannot be used (a ValueError).
@@ -183,14 +183,14 @@ class Vehicle:
         return _changed(self, changes)
 
     def to_yaml(self, path: str | Path | None = None) -> str:
-        """Return the vehicle as a vehicle file, which `load_vehicle` reads to an equal vehicle.
+        """Return the text of a vehicle file that `load_vehicle` reads to an equal vehicle.
 
         Args:
-            path: a file to write; its name becomes the vehicle's. None writes nothing.
+            path: file to write, after which the vehicle is named; None writes nothing.
 
         Raises:
-            SettingError: a vehicle file cannot hold this vehicle, such as one whose thrust_max is
-                not what rotors and mass give (a ValueError).
+            SettingError: a vehicle file cannot represent this vehicle, e.g. if rotors and mass do
+                not give its thrust_max (a ValueError).
             FileError: the file cannot be written.
 
         Examples:
@@ -217,7 +217,7 @@ def scale_thrust(vehicle: Vehicle, factor: float) -> Vehicle:
 
 
 def with_thrust_to_weight(vehicle: Vehicle, ratio: float) -> Vehicle:
-    """Return the vehicle with a full thrust of `ratio` times its weight, named after the ratio."""
+    """Return the vehicle with a full thrust of `ratio` times its weight, named by the ratio."""
     scaled = scale_thrust(vehicle, ratio * GRAVITY / vehicle.thrust_max)
     return replace(scaled, name=f"{vehicle.name}-twr{ratio:g}")
 
@@ -248,7 +248,7 @@ class VehicleFile(Struct, frozen=True, kw_only=True):
     inertia: Annotated[
         tuple[Moment, Moment, Moment], setting("principal moments about x, y, z [kg m^2]")
     ]
-    # A course keeps as much as the largest radius free around its start.
+    # A course keeps a sphere of the largest radius free around its start.
     radius: Annotated[
         float, setting("radius of the sphere in contacts [m]", unit="m", gt=0, le=0.25)
     ]
@@ -285,7 +285,7 @@ def vehicle_names() -> tuple[str, ...]:
 def load_vehicle(name_or_path: str | Path) -> Vehicle:
     """Return a vehicle by name ("swift") or path ("mine.yaml").
 
-    "swift-twr6" is the one that `with_thrust_to_weight` makes of "swift".
+    "swift-twr6" is "swift" with a thrust-to-weight ratio of 6, see `with_thrust_to_weight`.
 
     Raises:
         FileError: there is no such vehicle, or the file is not a vehicle.
@@ -321,7 +321,7 @@ def parse_vehicle(text: str, file: str) -> Vehicle:
     thrust_max = entry.thrust_max
     if rotors:
         thrust_max = 4 * rotors.thrust(rotors.omega_max) / entry.mass
-    # `_faults` has found a vehicle with neither.
+    # `_faults` has rejected a vehicle with neither rotors nor thrust_max.
     assert thrust_max is not None
     return Vehicle(
         name=Path(file).stem,
@@ -339,7 +339,7 @@ def parse_vehicle(text: str, file: str) -> Vehicle:
 
 
 def _changed(vehicle: Vehicle, changes: Mapping[str, Any]) -> Vehicle:
-    """Return the vehicle with other values of some keys of its file; see Vehicle.but.
+    """Return the vehicle with changed values of some keys; see Vehicle.but.
 
     Raises:
         SettingError: a value cannot be used.
@@ -350,7 +350,7 @@ def _changed(vehicle: Vehicle, changes: Mapping[str, Any]) -> Vehicle:
     entries = _entries(vehicle)
     if "rotors" in given:
         rotors = given.pop("rotors")
-        # The thrust is that of the rotors, or what they gave
+        # The full thrust comes from the new rotors, or from the removed ones
         entries.pop("rotors" if rotors is None else "thrust_max", None)
         if rotors is None:
             entries["thrust_max"] = vehicle.thrust_max
@@ -360,7 +360,7 @@ def _changed(vehicle: Vehicle, changes: Mapping[str, Any]) -> Vehicle:
 
 
 def _changed_rotors(rotors: Rotors | None, changes: Any) -> Any:
-    """Return the entry of the rotors with other values of some keys."""
+    """Return the entry of the rotors with changed values of some keys."""
     if isinstance(changes, Rotors):
         return _rotors_entry(changes)
     if not isinstance(changes, Mapping):
@@ -378,7 +378,7 @@ def _changed_rotors(rotors: Rotors | None, changes: Any) -> Any:
 
 
 def _check_keys(changes: Mapping[str, Any], keys: Mapping[str, str], parent: str = "") -> None:
-    """Raise SettingError for an attribute's name that is no key of a vehicle file."""
+    """Raise SettingError for a name that is no key of a vehicle file."""
     for name in changes:
         if name in keys:
             raise SettingError(f"{parent}{name}", f"a vehicle file has it as {keys[name]}")
@@ -388,7 +388,7 @@ def _as_yaml(vehicle: Vehicle) -> str:
     """Return the vehicle as a vehicle file; see Vehicle.to_yaml.
 
     Raises:
-        SettingError: a vehicle file cannot hold it.
+        SettingError: a vehicle file cannot represent this vehicle.
     """
     entries = _entries(vehicle)
     again = remade(entries, parse_vehicle, vehicle.name)
@@ -403,7 +403,7 @@ def _as_yaml(vehicle: Vehicle) -> str:
 
 
 def _entries(vehicle: Vehicle) -> dict[str, Any]:
-    """Return the entries of a vehicle file; those at their default are left out."""
+    """Return the entries of a vehicle file without the ones at their default."""
     entries: dict[str, Any] = {
         "source": vehicle.source,
         "mass": vehicle.mass,
@@ -427,7 +427,7 @@ def _entries(vehicle: Vehicle) -> dict[str, Any]:
 
 def _rotors_entry(rotors: Rotors) -> dict[str, Any]:
     """Return the entry of the rotors in a vehicle file."""
-    # The third stands at front-left.
+    # The third rotor is at front-left.
     x, y = rotors.positions[2]
     arm = _arm(x) if x == y else None
     place = {"rotor_x": x, "rotor_y": y} if arm is None else {"arm_l": arm}
@@ -442,7 +442,7 @@ def _rotors_entry(rotors: Rotors) -> dict[str, Any]:
 
 
 def _arm(side: float) -> float | None:
-    """Return the arm_l [m] that gives rotors at +-side [m] to the last bit, None without one."""
+    """Return the arm_l [m] that gives rotors at exactly +-side [m], None if there is none."""
     arm = side * sqrt(2)
     near = (round(arm, 6), arm, nextafter(arm, 0.0), nextafter(arm, 1.0))
     return next((each for each in near if each / sqrt(2) == side), None)
@@ -458,7 +458,7 @@ class Fault(NamedTuple):
 def _rotors(entry: RotorsEntry) -> Rotors:
     """Return the rotors, with Flightmare's directions of rotation.
 
-    Front-right and back-left turn the body to the left (+).
+    The reaction torques of front-right and back-left turn the body to the left (+).
     """
     side = (entry.arm_l or 0.0) / sqrt(2)
     x = entry.rotor_x or side
@@ -475,7 +475,7 @@ def _rotors(entry: RotorsEntry) -> Rotors:
 
 
 def _faults(entry: VehicleFile) -> Iterator[Fault]:
-    """Yield all faults of a vehicle; the first is the one to show."""
+    """Yield all faults of a vehicle, the most important first."""
     if 2 * max(entry.inertia) > sum(entry.inertia):
         expected = "expected each moment at most the sum of the other two [kg m^2]"
         yield Fault("inertia", f"{expected}, got {_list(entry.inertia)}")

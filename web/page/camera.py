@@ -19,25 +19,25 @@ from web.page.html import text
 FREE, CHASE, TOP, FPV = MODES = ("free", "chase", "top", "FPV")
 FOV = 0.9  # vertical [rad]
 NEAR = 0.01  # nothing nearer is drawn [m]
-# The drone's camera is wide and tilted up, as pilots have it.
+# The drone's camera is wide and tilted up, as on racing drones.
 DRONE_FOV = radians(100.0)
 DRONE_TILT = radians(45.0)
-# A person flies slower than the planners, and nearer to level.
+# Manual flights are slower than planned ones, and closer to level.
 HAND_TILT = radians(20.0)
-# Width over height of a canvas: on a narrower one the panels are taken to be a sheet at the bottom,
-# as on a phone.
+# Aspect ratio of a canvas below which the panels are assumed to be a sheet at the bottom, as on a
+# phone
 PHONE = 0.6
-# shares of the canvas's height that the head-up display and the sheet take
+# shares of the canvas's height for the head-up display and the sheet
 HUD = 0.2
 SHEET = 0.5
-MARGIN = 0.04  # share of the free part that is left on each side
+MARGIN = 0.04  # margin on each side, as a share of the free part
 # The chasing camera: distance behind [m], height above [m], share of the way that it moves a frame,
 # distance from which it jumps instead [m], lowest height [m], speed below which it follows the nose
 # [m/s].
 BEHIND = 3.6
 ABOVE = 1.3
-# It looks half way from the drone to the next gate, but turns away from the drone by this at most,
-# so that it stays well in the picture [rad].
+# The chasing camera is aimed half-way between the drone and the next gate, at most this angle off
+# the drone, so that the drone stays in the picture [rad].
 ASIDE = radians(14.0)
 SMOOTHING = 0.2
 LOOK_SMOOTHING = 2.5 * SMOOTHING
@@ -52,7 +52,7 @@ SQUARE: Size = (900, 900)
 
 
 class Pose(NamedTuple):
-    """A place of a camera [m] and the point it looks at [m]."""
+    """The position of a camera [m] and the point at which it is aimed [m]."""
 
     position: np.ndarray
     look_at: np.ndarray
@@ -68,7 +68,7 @@ class Part(NamedTuple):
 
 
 class Placed(NamedTuple):
-    """The canvas and the position for which a camera was last placed."""
+    """The canvas and the position of the last placement of a camera."""
 
     size: Size
     position: np.ndarray
@@ -85,13 +85,13 @@ class Camera:
         self._told: dict[int, viser.GuiHtmlHandle] = {}
         self._placed: dict[int, Placed] = {}
         self._course: Course | None = None
-        self._size = 1.0  # of the drone as it is drawn [m]
+        self._size = 1.0  # size of the drawn drone [m]
         self._chase = Pose(np.zeros(3), np.zeros(3))
         server.on_client_connect(self._connected)
         server.on_client_disconnect(self._disconnected)
 
     def show(self, course: Course, size: float) -> None:
-        """Show another race: another course is framed for everyone. size: of the drones [m]"""
+        """Prepare for a new race; a new course is framed for everyone. size: of the drones [m]"""
         self._size = size
         if self._course is None or course.text != self._course.text:
             self._course = course
@@ -100,7 +100,7 @@ class Camera:
                 self._place(client)
 
     def frame_next(self, course: Course) -> None:
-        """Frame this course where a camera is placed the next time; none is moved now."""
+        """Frame this course at the next placement of a camera, without moving cameras now."""
         self._course = course
 
     def choose(self, client: viser.ClientHandle | None, mode: str | None = None) -> None:
@@ -120,7 +120,7 @@ class Camera:
         return self._modes[client.client_id]
 
     def follow(self, s: LapTiming) -> None:
-        """Move the cameras that move with the first drone."""
+        """Move the cameras that follow the first drone."""
         self._chase = chase(s, self._chase)
         for number, client in self._server.get_clients().items():
             camera = client.camera
@@ -146,17 +146,17 @@ class Camera:
         self._placed.pop(client.client_id, None)
 
     def _tell(self, client: viser.ClientHandle) -> None:
-        """Tell a visitor's page which mode is on."""
+        """Send the present mode to a visitor's page."""
         number = client.client_id
         if number in self._told:
             mode = text(self._modes[number])
             self._told[number].content = f'<span class="camera-mode" hidden>{mode}</span>'
 
     def _reported(self, client: viser.ClientHandle) -> None:
-        """Frame the course anew where that is still what the visitor looks at.
+        """Frame the course again if the visitor's view still shows the framed course.
 
-        That is so where the canvas has another size and the view was not turned, and where the page
-        still shows what it began with.
+        This is the case if the size of the canvas has changed without a turn of the view, and if
+        the page still shows its initial view.
         """
         camera = client.camera
         placed = self._placed.get(client.client_id, Placed((0, 0), np.zeros(3)))
@@ -168,7 +168,7 @@ class Camera:
             self._place(client)
 
     def _place(self, client: viser.ClientHandle) -> None:
-        """Set a visitor's camera as its mode asks."""
+        """Set a visitor's camera according to its mode."""
         camera = client.camera
         mode = self._modes[client.client_id]
         with client.atomic():
@@ -191,9 +191,9 @@ class Camera:
 
 
 def chase(s: LapTiming, last: Pose) -> Pose:
-    """Return a pose behind the drone that looks where it flies, towards the next gate.
+    """Return a pose behind the drone, aimed along its flight towards the next gate.
 
-    It moves smoothly from the last one.
+    The pose moves smoothly from the last pose.
     """
     p = s.entry.rows(POSITION, s.i)
     vx, vy, vz = s.entry.rows(VELOCITY, s.i)
@@ -206,7 +206,7 @@ def chase(s: LapTiming, last: Pose) -> Pose:
     if s.next_gate:
         target = towards(behind, p, s.entry.course.gates[s.next_gate - 1].position)
     if np.linalg.norm(behind - last.position) > JUMP:
-        # another race, or a scrubbed replay
+        # a new race, or a jump in the replay
         position = behind
         look_at = target
     else:
@@ -217,7 +217,7 @@ def chase(s: LapTiming, last: Pose) -> Pose:
 
 
 def towards(eye: np.ndarray, p: np.ndarray, gate: tuple[float, ...]) -> np.ndarray:
-    """Return a point to look at, as far away as p and turned from p towards a gate.
+    """Return the point of aim, at the distance of p and turned from p towards a gate.
 
     Args:
         eye, p, gate: positions of the camera, the drone and the gate's centre [m]  (3,)
@@ -245,30 +245,30 @@ def fpv(s: LapTiming) -> tuple[Pose, np.ndarray]:
 
 
 def set_initial_camera(server: viser.ViserServer, course: Course) -> None:
-    """Set the camera of visitors to come, and of recordings."""
+    """Set the initial camera of new visitors, and of recordings."""
     camera = server.initial_camera
     camera.position, camera.look_at = overview(course)
     camera.fov = FOV
 
 
 def free_part(size: Size) -> Part:
-    """Return the part of a canvas that the head-up display and a phone's sheet leave free."""
+    """Return the part of a canvas not covered by the head-up display and a phone's sheet."""
     width, height = size
     is_phone = width < PHONE * height
     return Part(left=-1.0, right=1.0, bottom=2 * SHEET - 1 if is_phone else -1.0, top=1 - 2 * HUD)
 
 
 def overview(course: Course, size: Size = SQUARE) -> Pose:
-    """Return a pose beside the longer side of a course that has all of it in the free part."""
+    """Return a pose beside the longer side of a course, with the course in the free part."""
     width, depth, _ = np.ptp(course.points(frames=False), axis=0)
     back = [0.12, -0.76, 0.64] if width >= depth else [0.76, 0.12, 0.64]
     return _fit(course, np.array(back), size)
 
 
 def top_view(course: Course, size: Size = SQUARE) -> Pose:
-    """Return a pose above a course that has all of it in the free part.
+    """Return a pose above a course, with the whole course in the free part.
 
-    It is not quite vertical, as a camera cannot look along its own up direction.
+    The view is not exactly vertical, as the up direction of a camera must not be its axis.
     """
     return _fit(course, np.array([0.0, -0.01, 1.0]), size)
 
@@ -277,17 +277,17 @@ class Bounds(NamedTuple):
     """Bounds on the camera along one axis of the picture."""
 
     low: float  # slope of the lower edge of the free part
-    high: float  # and of the upper one
+    high: float  # slope of the upper edge of the free part
     least: float  # of c + low * cz
     most: float  # of c + high * cz
 
 
 def _fit(course: Course, direction: np.ndarray, size: Size) -> Pose:
-    """Return the nearest pose, seen from a direction, with all of a course in the free part.
+    """Return the nearest pose in a direction with the whole course in the free part.
 
     With coordinates x right, y up and z back, a point is in view where left (cz - z) <= x - cx <=
     right (cz - z) for a camera at c: so x + right z <= cx + right cz and x + left z >= cx + left
-    cz, and the same of y.
+    cz, and likewise for y.
     """
     back = direction / np.linalg.norm(direction)
     right = np.cross(UP, back) / np.linalg.norm(np.cross(UP, back))
@@ -303,7 +303,7 @@ def _fit(course: Course, direction: np.ndarray, size: Size) -> Pose:
         least = (p[:, k] + low * p[:, 2]).min()
         most = (p[:, k] + high * p[:, 2]).max()
         bounds.append(Bounds(low, high, least, most))
-    # The axis that needs more distance decides; along the other the course is centred.
+    # The axis that needs more distance decides; along the other axis the course is centred.
     z = max((b.most - b.least) / (b.high - b.low) for b in bounds)
     x, y = ((b.most - b.high * z + b.least - b.low * z) / 2 for b in bounds)
     far = z - float(p[:, 2].mean())  # to the middle of the course

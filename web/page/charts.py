@@ -1,9 +1,9 @@
 """Charts of signals over time, gaps over place and spectra, which charts.js draws.
 
-The page asks for what it lacks: it names the race that it shows, how many frames it has of each
-competitor and which curves, and gets the next ones over the link. So a page that is slow or has
-just opened gets everything in its own time, and nothing is kept for it here. Pressing a chart moves
-the time of the replay.
+The page requests missing data: the request names the race, the number of frames that the page has
+of each competitor, and its curves, and the answer has the next ones. So a slow or new page gets
+everything at its own pace, and the server keeps no state for it. Pressing a chart moves the time of
+the replay.
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ from web.session import Session
 TABS = ("Signals", "Spectrum", "Gap")
 PLACES = 300
 FREQUENCIES = np.geomspace(0.4, 50.0, 120)  # [Hz]
-FEWEST = 32  # frames that a spectrum needs
+FEWEST = 32  # smallest number of frames for a spectrum
 PSD_FLOOR = 1e-3  # [1e-3 (m/s^2)^2/Hz] below which nothing is drawn
 CHUNK = 3000  # frames of a competitor in one answer
-MOST = 64  # competitors that a page may ask for
+MOST = 64  # largest number of competitors in a request
 
 Tabs = Mapping[str, viser.GuiTabHandle]  # one for each of TABS
 Count = Annotated[int, Meta(ge=0, le=10**8)]
-Curve = list[float]  # a nan is a gap in the line; it is sent as null
+Curve = list[float]  # a nan is a gap in the line, sent as null
 
 
 class Signal(NamedTuple):
-    """A chart over time: its column of the telemetry, and that of the command it follows."""
+    """A chart over time: its column of the telemetry, and the column of its command."""
 
     title: str
     column: str
-    command: str = ""  # empty: there is none
+    command: str = ""  # empty: no command
 
 
-# In the order in which the page offers them; charts.js draws the first ones at first.
+# In the order on the page; initially charts.js draws the first ones.
 SIGNALS = (
     Signal("thrust [m/s²]", "a", "a_cmd"),
     Signal("roll rate [rad/s]", "wx", "wx_cmd"),
@@ -62,7 +62,7 @@ COLUMNS = tuple(name for one in SIGNALS for name in (one.column, one.command) if
 
 
 class AskCharts(Message, tag="ask_charts"):
-    """A page says what it has and asks for the rest."""
+    """A request of a page for missing data, with its present data."""
 
     race: Count
     frames: Annotated[list[Count], Meta(max_length=MOST)]
@@ -76,7 +76,7 @@ class Seek(Message, tag="seek"):
 
 
 class SeekPlace(Message, tag="seek_place"):
-    """A visitor moves the replay to where the first competitor is so far along the race [m]."""
+    """A visitor moves the replay to this distance of the first competitor along the race [m]."""
 
     place: Annotated[float, Meta(ge=0, le=1e8)]
 
@@ -97,21 +97,21 @@ class Frames(msgspec.Struct):
 
 
 class Curves(msgspec.Struct):
-    """A chart whose curves are drawn anew: one for each competitor."""
+    """A chart with new curves, one for each competitor."""
 
     title: str
     x_title: str
     tab: str
     x: Curve
     y: list[Curve]
-    mark: float  # where a vertical line stands
+    mark: float  # x of a vertical line
     is_log: bool = False
-    # place of x = 0 along the race [m], where a press moves the replay there
+    # distance of x = 0 along the race [m], if a press moves the replay
     seeks_from: float | None = None
 
 
 class ChartsAnswer(Message, tag="charts"):
-    """The part of the race that a page lacks."""
+    """The data of the race that a page lacks."""
 
     race: int
     t: float
@@ -121,7 +121,7 @@ class ChartsAnswer(Message, tag="charts"):
     lines: list[Line]
     frames: list[Frames]
     laps: list[float]  # starts and ends of the first competitor's laps [s]
-    # number of the curves, and the curves where the page lacks them
+    # number of the curves, and the curves if the page lacks them
     curves: int
     charts: list[Curves] | None = None
     # in the first answer of a race
@@ -129,13 +129,13 @@ class ChartsAnswer(Message, tag="charts"):
 
 
 class Charts:
-    """Answers what pages ask for; `update` renews the curves that are not over time."""
+    """Answers the requests of pages; `update` renews the curves that are not over time."""
 
     def __init__(self, server: PageServer, tabs: Tabs, session: Session):
         self._session = session
         self._curves: list[Curves] = []
         self._number = 0
-        self._of_race = 0  # race that the curves are of
+        self._of_race = 0  # number of the race of the curves
         server.link.on(AskCharts, self._answer)
         server.link.on(Seek, self._seek)
         server.link.on(SeekPlace, self._seek_place)
@@ -154,7 +154,7 @@ class Charts:
         visitor.send(answer(self._session.snapshot, ask, self._number, self._shown(ask)))
 
     def _shown(self, ask: AskCharts) -> list[Curves] | None:
-        """Return the curves, None where the page has them."""
+        """Return the curves, None if the page has them."""
         if self._of_race != self._session.snapshot.race:
             return []
         return None if ask.curves == self._number else self._curves
@@ -172,18 +172,18 @@ class Charts:
 
 
 def can_seek(s: Snapshot) -> bool:
-    """Return whether a visitor may move the time: not while a flight goes on."""
+    """Return whether a visitor may move the time, which is not possible during a flight."""
     return not (s.flying and s.playing)
 
 
 def answer(s: Snapshot, ask: AskCharts, number: int, curves: list[Curves] | None) -> ChartsAnswer:
-    """Return what a page lacks.
+    """Return the data that a page lacks.
 
     Args:
         s: the race.
-        ask: what the page has.
+        ask: the request with the page's present data.
         number: number of the present curves.
-        curves: the present curves, None where the page has them.
+        curves: the present curves, None if the page has them.
     """
     entries = s.competitors
     is_new = ask.race != s.race or len(ask.frames) != len(entries)
@@ -220,10 +220,10 @@ def _rounded(values: np.ndarray, digits: int) -> Curve:
 
 
 def _gaps(timings: Sequence[LapTiming], limit: Competitor | None) -> list[Curves]:
-    """Return the seconds behind at the same place.
+    """Return the gaps at the same place [s].
 
-    They are those of the race behind the limit and behind the first competitor, and those of this
-    lap behind the best lap of all.
+    There are up to three charts: the race behind the limit, the race behind the first competitor,
+    and this lap behind the best lap of all.
     """
     first = timings[0]
     legs = first.entry.legs
@@ -270,7 +270,7 @@ def psd(entry: Competitor, f: np.ndarray) -> np.ndarray:
         f: frequencies [Hz]  (n,)
 
     Returns:
-        It is interpolated between the bins of Welch's estimate, and nan beyond them.  (n,)
+        The density, interpolated between the bins of Welch's estimate, nan beyond.  (n,)
     """
     if len(entry.t) < FEWEST:
         return np.full(len(f), np.nan)

@@ -1,4 +1,4 @@
-"""Comparison: who leads and by how much, how each flight ended, the chatter of their thrust."""
+"""Comparison: the leader and the gaps, the result of each flight, the chatter of the thrust."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ WHY_CHATTER = (
     "chatter: how much the commanded thrust jumps in a second [m/s²/s]. Motors lag and cannot"
     " follow, it only heats them: less is better."
 )
-# The rows of more competitors than this have one line each
+# With more competitors than this, each row has one line
 FEW = 4
-FEWEST = 20  # frames before there is a figure of chatter
+FEWEST = 20  # smallest number of frames for the chatter
 
 
 class Result(NamedTuple):
@@ -58,7 +58,7 @@ def result(s: LapTiming) -> Result:
 
 
 def headline(timings: Sequence[LapTiming]) -> str:
-    """Return in one sentence who leads, and by how much, as HTML."""
+    """Return one sentence with the leader and the lead, as HTML."""
     going = [s for s in order(timings) if not _is_out(s)]
     if not going:
         first = label(order(timings)[0].entry)
@@ -79,7 +79,7 @@ def headline(timings: Sequence[LapTiming]) -> str:
 
 
 def seconds_behind(s: LapTiming, leader: LapTiming) -> float:
-    """Return how long after the leader a competitor was at its place [s]; nan: at the start."""
+    """Return the time of a competitor behind the leader at its place [s]; nan: at the start."""
     if s.over and leader.over:
         return sum(s.entry.laps) - sum(leader.entry.laps)
     way = Way(leader.entry.t, leader.entry.progress)
@@ -87,7 +87,7 @@ def seconds_behind(s: LapTiming, leader: LapTiming) -> float:
 
 
 def comparison(timings: Sequence[LapTiming]) -> str:
-    """Return a row for each competitor, the leader first, with its chatter in large figures.
+    """Return a row for each competitor, the leader first, with the chatter in large figures.
 
     More than FEW competitors have rows of one line. On a phone, page.css shows the first FEW.
     """
@@ -114,7 +114,7 @@ def _is_out(s: LapTiming) -> bool:
 
 
 def _standing(s: LapTiming, leader: LapTiming, brief: bool) -> str:
-    """Return the lap and the gap of a competitor, the gap alone if brief, or how it ended."""
+    """Return the lap and the gap of a competitor, only the gap if brief, or the result."""
     if s.over:
         ended = result(s)
         return coloured(ended.content, ended.colour)
@@ -128,7 +128,7 @@ def _standing(s: LapTiming, leader: LapTiming, brief: bool) -> str:
 
 
 def _chatter(s: LapTiming, most: float, brief: bool) -> str:
-    """Return the chatter of a competitor, with a bar beside the one that has most unless brief."""
+    """Return the chatter of a competitor, unless brief with a bar relative to the largest."""
     if s.i < FEWEST:
         return element("span", "chatter -", color=DIM)
     size = "15px" if brief else "20px"

@@ -1,4 +1,4 @@
-"""CompetitorTable: one to eight competitors, each with numbers of its own, and what START flies."""
+"""CompetitorTable: one to eight competitors, each with its own numbers, for the next START."""
 
 from __future__ import annotations
 
@@ -24,24 +24,24 @@ from web.page.row_numbers import RowNumbers, Step, shown_value
 
 ADD = "add"
 REMOVE = "remove"
-# Attributes of a row that its second line names where they are not these
+# Default attributes of a row; its second line names different ones
 USUAL = {"flight_controller": "ideal", "sensing": "perfect"}
-NOTICE = 6.0  # [s] for which a notice is shown
+NOTICE = 6.0  # duration of a notice [s]
 
 
 class CompetitorTable:
-    """The rows of the table, and the controls of the one that is edited.
+    """The rows of the table, and the controls of the edited row.
 
     Rows and controls change on viser's event loop alone: callbacks are coroutines, which it runs
     one after another, in the order of the visitors' messages. Any thread may read `rows`.
 
     Args:
-        menu: what there is to choose from.
-        first: the competitors that are there at first.
+        menu: the available choices.
+        first: the initial competitors.
 
     Attributes:
-        rows: the competitors; what the whole race has is not chosen here.
-        edited: the index of the row that is edited.
+        rows: the competitors, without the choices of the whole race.
+        edited: the index of the edited row.
     """
 
     def __init__(self, gui: viser.GuiApi, menu: Menu, first: Sequence[Choices]):
@@ -83,15 +83,15 @@ class CompetitorTable:
     def flights(self, race: Choices) -> list[Choices]:
         """Return the flights of all competitors.
 
-        race: has what the whole race has.
+        race: the choices of the whole race.
         """
         shared = {name: getattr(race, name) for name in OF_THE_RACE}
         return [replace(row, **shared) for row in self.rows]
 
     def offer_presets(self, course: Course, laps: int, runs_dir: str) -> None:
-        """Offer the presets with which the competitor that is edited can fly a race.
+        """Offer the presets with which the edited competitor can fly a race.
 
-        runs_dir: folder of runs, where solutions of `race limit` are looked for.
+        runs_dir: folder of runs with the solutions of `race limit`.
         """
         chosen = {row.preset for row in self.rows}
         vehicle = self.rows[self.edited].vehicle
@@ -101,7 +101,7 @@ class CompetitorTable:
             self.preset.options = offered
 
     def edit(self, event: viser.GuiEvent, step: Step) -> None:
-        """Change the competitor that is edited; tell the visitor if that cannot be."""
+        """Change the edited competitor; notify the visitor if that is not possible."""
         row = self.rows[self.edited]
         try:
             row = step(row)
@@ -127,7 +127,7 @@ class CompetitorTable:
         }
 
     def _show(self) -> None:
-        """Show the competitor that is edited."""
+        """Show the edited competitor."""
         row = self.rows[self.edited]
         for name, control in self._controls.items():
             control.value = getattr(row, name)
@@ -150,14 +150,14 @@ class CompetitorTable:
         self._title.content = box(title, *map(small, remarks))
 
     def _buttons(self) -> tuple[str, ...]:
-        """Return the buttons: one for each competitor, and to add and remove one."""
+        """Return the buttons: one for each competitor, and two to add and remove one."""
         numbers = map(str, range(1, len(self.rows) + 1))
         more = (ADD,) if len(self.rows) < MOST else ()
         less = (REMOVE,) if len(self.rows) > 1 else ()
         return (*numbers, *more, *less)
 
     async def _pressed(self, event: viser.GuiEvent[viser.GuiButtonGroupHandle]) -> None:
-        """Edit another competitor, add a copy of the one that is edited, or remove it."""
+        """Edit a different competitor, add a copy of the edited one, or remove it."""
         pressed = event.target.value
         if pressed == ADD and len(self.rows) < MOST:
             self.rows = (*self.rows, self.rows[self.edited])
@@ -170,7 +170,7 @@ class CompetitorTable:
         self._show()
 
     async def _chosen(self, name: str, event: viser.GuiEvent) -> None:
-        """Take a name. A preset brings the vehicle that it is meant for, a person the firmware."""
+        """Set a name. A preset also sets its vehicle, a manual flight the flight controller."""
         if event.client_id is None:  # by _show(), not by a visitor
             return
         value = self._controls[name].value
@@ -183,7 +183,7 @@ class CompetitorTable:
         self.edit(event, lambda row: replace(row, **changes))
 
     async def _reset(self, event: viser.GuiEvent) -> None:
-        """Take the numbers of the preset."""
+        """Reset to the numbers of the preset."""
         self.edit(event, lambda row: replace(row, numbers={}, settings={}))
 
 
@@ -191,9 +191,9 @@ def table_of(flights: Sequence[Choices], edited: int, problem: str) -> str:
     """Return the table of competitors as HTML.
 
     Args:
-        flights: what START will fly.
-        edited: which of them is edited, from 0.
-        problem: why they cannot be flown; "": they can.
+        flights: the flights of the next START.
+        edited: index of the edited flight, from 0.
+        problem: the reason why the flights cannot be flown, "" if they can.
     """
     styles = styles_on_dark([flight.kind for flight in flights])
     rows = []
@@ -211,9 +211,9 @@ def table_of(flights: Sequence[Choices], edited: int, problem: str) -> str:
 
 
 def announced(flights: Sequence[Choices], world: str) -> str:
-    """Return what START will fly and what to look for, as HTML.
+    """Return a description of the next START and of what to look for, as HTML.
 
-    world: how several fly, in words.
+    world: description of the world of several competitors.
     """
     styles = styles_on_dark([flight.kind for flight in flights])
     named = [
@@ -230,7 +230,7 @@ def announced(flights: Sequence[Choices], world: str) -> str:
 
 
 def compared(flights: Sequence[Choices]) -> str:
-    """Return in one sentence what competitors differ in."""
+    """Return one sentence with the differences between competitors."""
     found = differences(flights)
     if not found:
         return "They are all alike."
@@ -238,7 +238,7 @@ def compared(flights: Sequence[Choices]) -> str:
 
 
 def _what(flight: Choices) -> str:
-    """Return how a competitor flies, as HTML: its names, and the numbers that were changed."""
+    """Return the choices of a competitor as HTML: names and changed numbers."""
     parts = [flight.preset if flight.has_planner else flight.sampler, flight.vehicle]
     parts += [
         getattr(flight, name) for name, usual in USUAL.items() if getattr(flight, name) != usual
@@ -249,7 +249,7 @@ def _what(flight: Choices) -> str:
 
 
 def changes_of(flight: Choices) -> list[str]:
-    """Return the numbers that are not the preset's, such as "samples 512"."""
+    """Return the numbers that differ from the preset, such as "samples 512"."""
     idle = flight.idle_settings
     found = []
     for name, value in flight.settings.items():

@@ -1,8 +1,8 @@
-"""CourseEditor: the controls by which visitors make a course together, and its scene.
+"""CourseEditor: the controls and the scene with which visitors edit a course together.
 
 The callbacks of controls and handles are coroutines, which viser runs one after another on its
-event loop: they change the edit alone. The page's own thread shows it: no other thread sets or
-builds anything.
+event loop, and they change only the edit. The page's own thread displays the edit; no other thread
+sets or builds controls.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from web.page.race_panel import RacePanel
 from web.race import Snapshot
 from web.session import Session
 
-NOTICE = 8.0  # [s] for which a problem is shown
-CHECKS = 0.15  # [s] between two checks, as one takes some 30 ms
-SHOWN = 6  # errors that are shown, the first ones
-DIGITS = 6  # digits behind the point that can be typed
+NOTICE = 8.0  # duration of a problem's notice [s]
+CHECKS = 0.15  # time between two checks, as one takes some 30 ms [s]
+SHOWN = 6  # number of errors that are shown
+DIGITS = 6  # largest number of typed decimals
 UNNAMED = "my_course"
 ABOUT = (
     "Make a course: gates and obstacles are moved by handles or numbers, checked at once, saved "
@@ -41,11 +41,11 @@ SOLVE = "Solve the limit"
 
 
 class CourseEditor:
-    """The editor of a page. It waits while a flight is on; a flight or a replay closes it.
+    """The editor of a page. It cannot open during a flight; a flight or a replay closes it.
 
     Args:
-        gui: gets the controls, where it stands.
-        race: offers a saved course.
+        gui: place of the controls.
+        race: panel that offers a saved course.
     """
 
     def __init__(self, gui: viser.GuiApi, session: Session, race: RacePanel):
@@ -53,17 +53,17 @@ class CourseEditor:
         self._race = race
         self._edit = CourseEdit(session.root)
         self._scene: EditScene | None = None
-        # Number of the race that was on last
+        # Number of the last race
         self._last_race = 0
         self._drags = 0
         # The name that a new draft gets, until it is shown
         self._new_name: str | None = None
-        # The values that boxes are known to have: any other one is of a message under way
+        # The known values of the boxes; a different value belongs to a message under way
         self._known: dict[Number, float] = {}
         self._checked = Checked((), frozenset(), "")
         self._checked_of: object = None
         self._checked_at = -inf
-        # What the controls and the scene show
+        # The displayed state of the controls and of the scene
         self._controls_shown: object = None
         self._scene_shown: object = None
         self._offered: object = None
@@ -76,14 +76,14 @@ class CourseEditor:
         self._show_controls()
 
     def framed(self) -> Course:
-        """Return the course for the camera, an empty one with room for gates."""
+        """Return the course for the camera; an empty course gets room for gates."""
         draft = self._edit.draft
         if not draft.entries.gates:
             draft = draft.add_gate().add_gate().add_gate()
         return draft.drawn()
 
     def begin(self, scene: viser.SceneApi) -> None:
-        """Begin to show the course in this scene, from now on until it is closed."""
+        """Begin to show the course in this scene, until the editor is closed."""
         self._scene = EditScene(scene, self._dragged, self._clicked)
         self._scene_shown = None
 
@@ -130,7 +130,7 @@ class CourseEditor:
         """End the search of a limit."""
         self._edit.cancel_search()
 
-    # The controls. They are built once; which of them are seen depends on the item.
+    # The controls, which are built once; their visibility depends on the item.
 
     def _add_ways_in(self, gui: viser.GuiApi) -> None:
         self._about = gui.add_html(box(small(ABOUT)))
@@ -186,7 +186,7 @@ class CourseEditor:
         self._cancel.on_click(self._cancel_search)
         self._done.on_click(self._leave)
 
-    # What visitors do.
+    # Actions of visitors.
 
     async def _edit_copy(self, event: viser.GuiEvent) -> None:
         chosen = self._race.chosen_course()
@@ -249,7 +249,7 @@ class CourseEditor:
             self._edit.change(self._edit.draft.with_course(laps=laps), "laps")
 
     async def _dragged(self, pose: Pose | None) -> None:
-        """Move the chosen item to where its handle is; None: the handle was let go."""
+        """Move the chosen item to the pose of its handle; None: the handle was released."""
         if pose is None:
             self._drags += 1
             return
@@ -283,30 +283,30 @@ class CourseEditor:
         self._new_name = f"my_{course.name}"[:64] if course else UNNAMED
 
     def _may_open(self, event: viser.GuiEvent) -> bool:
-        """Return whether no flight is on; tell the visitor otherwise."""
+        """Return whether no flight is on; otherwise notify the visitor."""
         if self._session.snapshot.flying:
             self._complain(event, "a flight is on: edit when it has ended, or STOP it")
             return False
         return True
 
     def _complain(self, event: viser.GuiEvent, problem: str) -> None:
-        """Tell one visitor what cannot be done."""
+        """Notify one visitor of a problem."""
         if event.client:
             event.client.add_notification(
                 "Cannot do that", problem, auto_close_seconds=NOTICE, color="red"
             )
 
-    # What is shown.
+    # Display.
 
     def _offer_saved(self) -> None:
-        """Choose a course that was saved since the last time."""
+        """Choose a course that was saved since the last call."""
         saved = self._edit.saved_as
         if saved and (saved, self._edit.draft.entries) != self._offered:
             self._offered = (saved, self._edit.draft.entries)
             self._race.offer_course(saved, chosen=True)
 
     def _check(self) -> None:
-        """Check the draft again where it or what it is checked for has changed."""
+        """Check the draft again if the draft, its name or the vehicle has changed."""
         search = self._edit.search
         found = search.progress.best if search else None
         checked_of = (
@@ -322,7 +322,7 @@ class CourseEditor:
             self._checked = self._edit.check(self._name.value, self._race.first_vehicle)
 
     def _show_controls(self) -> None:
-        """Show the controls that there is a use for, with the values of the draft."""
+        """Show the applicable controls with the values of the draft."""
         edit = self._edit
         is_open = edit.is_open
         for control in (self._about, self._copy, self._new):
@@ -367,14 +367,14 @@ class CourseEditor:
         self._limit.content = box_of(*self._limit_lines())
 
     def _show_number(self, number: Number, value: float) -> None:
-        """Set a box, unless a visitor's message with another value is under way."""
+        """Set a box, unless a visitor's message with a different value is under way."""
         handle = self._boxes[number]
         if handle.value == self._known[number] and handle.value != value:
             self._known[number] = value
             handle.value = value
 
     def _state(self) -> str:
-        """Return the course in a few words, and where it is saved."""
+        """Return a summary of the course, and its file."""
         checked = self._checked
         if checked.errors:
             count = len(checked.errors)
@@ -386,7 +386,7 @@ class CourseEditor:
         return f"ok, {text(checked.summary)}" + small(f"START flies it, or: race fly {text(saved)}")
 
     def _errors(self) -> list[str]:
-        """Return the errors as `race check` words them, the first ones."""
+        """Return the first errors in the wording of `race check`."""
         errors = self._checked.errors
         lines = [small(text(error)) for error in errors[:SHOWN]]
         if len(errors) > SHOWN:
@@ -394,7 +394,7 @@ class CourseEditor:
         return lines
 
     def _limit_lines(self) -> list[str]:
-        """Return the limit that is known, and how far the search is."""
+        """Return the known limit, and the progress of the search."""
         limit = self._checked.limit
         vehicle = text(self._race.first_vehicle)
         lines = []
@@ -408,5 +408,5 @@ class CourseEditor:
 
 
 def box_of(*lines: str) -> str:
-    """Return lines of HTML in a box; nothing for none."""
+    """Return lines of HTML in a box; "" for no lines."""
     return box(*lines) if lines else ""

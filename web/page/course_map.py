@@ -26,11 +26,11 @@ ROW = 11
 def timeline(entries: Sequence[Competitor], t: float, end: float) -> str:
     """Return a time line with a row for each competitor.
 
-    It has ticks at gates, taller ones where a lap ends, red ones at hits and misses; the white line
-    is now.
+    It has ticks at gates, taller ticks at the ends of laps, red ticks at hits and misses, and a
+    white line at the present time.
 
     Args:
-        t: now [s]
+        t: present time [s]
         end: end of the time line [s]
     """
     scale = LONG / max(end, 1e-3)  # [px/s]
@@ -60,7 +60,7 @@ def timeline(entries: Sequence[Competitor], t: float, end: float) -> str:
 
 
 def _row(entry: Competitor, y: float, scale: float) -> list[str]:
-    """Return the time that a competitor has flown, and its events. scale: [px/s]"""
+    """Return the bar of a competitor's flight time, and its events. scale: [px/s]"""
     colour = entry.style.colour
     parts = [svg("rect", x=0, y=y + 3, width=entry.last_t * scale, height=3, fill=colour)]
     for event in entry.events:
@@ -84,7 +84,7 @@ def _row(entry: Competitor, y: float, scale: float) -> list[str]:
 class GateMark(NamedTuple):
     """A gate on the map."""
 
-    start: np.ndarray  # of its line [px]  (2,)
+    start: np.ndarray  # beginning of the gate's line [px]  (2,)
     end: np.ndarray
     number: str  # as SVG
 
@@ -111,7 +111,7 @@ class Map:
         self._gates = [self._gate(number, gate) for number, gate in enumerate(course.gates, 1)]
 
     def draw(self, timings: list[LapTiming]) -> str:
-        """Return the map: the first competitor's next gate green, gates that were hit red."""
+        """Return the map, with the first competitor's next gate in green and hit gates in red."""
         hit = crashed_gates(timings)
         next_gate = timings[0].next_gate if timings else None
         parts = [self._course]
@@ -134,20 +134,20 @@ class Map:
         return whole.replace("<svg ", '<svg class="course-map" ', 1)
 
     def _pixels(self, p: np.ndarray) -> np.ndarray:
-        """Return the place of x, y [m] on the map [px].  (2,)"""
+        """Return the position of x, y [m] on the map [px].  (2,)"""
         if self._turned:
             p = p[::-1]
         x, y = (p - self._low) * self._scale + self._margin
         return np.array([x, y if self._turned else HEIGHT - y])
 
     def _outline(self, points: Sequence[np.ndarray] | np.ndarray) -> str:
-        """Return points [m] as SVG has them."""
+        """Return points [m] as SVG coordinates."""
         return " ".join(f"{x:.1f},{y:.1f}" for x, y in map(self._pixels, points))
 
     def _obstacle(self, number: int, obstacle: Obstacle) -> str:
-        """Return the outline of an obstacle; the number is shown under the pointer.
+        """Return the outline of an obstacle, with its number as a tooltip.
 
-        Its stroke makes a thin pole visible.
+        The stroke makes a thin pole visible.
         """
         look = {"fill": "#7a6a50", "stroke": "#b0966e", "stroke_width": 2.5}
         title = svg("title", f"obstacle {number}")

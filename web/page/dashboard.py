@@ -42,20 +42,20 @@ SCENE = 1 / 25  # shortest time between two updates of the page
 TABLES = 1 / 8
 SLOW = 1.0  # period of spectra and gaps [s]
 PAUSE = 0.1  # longest time between two updates of the page
-# The page is updated for this share of the time at most, as the planners need all cores.
+# Largest share of the time for updates of the page, as the planners need all cores
 SHARE = 1 / 8
 HEAD = 340  # width of the head-up display [px]
 
 Colour = Literal["red", "orange", "green", "blue"]
 COLOURS: dict[str, Colour] = {"error": "red", "crash": "orange", "lap": "green", "wait": "blue"}
-NOTICE = 6.0  # [s] for which a notice is shown
+NOTICE = 6.0  # duration of a notice [s]
 
 
 def pause_after(spent: float) -> float:
     """Return the time to wait after an update [s].
 
-    Updates take at most SHARE of the time. One that takes so long that this would need more than
-    PAUSE, as when a scene is built, is an exception.
+    Updates take at most SHARE of the time, but the pause is at most PAUSE, even after a long update
+    such as the build of a scene.
 
     Args:
         spent: time that the update took [s].
@@ -64,7 +64,7 @@ def pause_after(spent: float) -> float:
 
 
 class Due:
-    """Decides when to show something again: when it has changed, but once a period at most.
+    """Decides when to show something again: after a change, but at most once per period.
 
     Args:
         period: [s]
@@ -76,7 +76,7 @@ class Due:
         self._shown: object = None
 
     def __call__(self, what: object) -> bool:
-        """Return whether to show `what`; then it counts as shown."""
+        """Return whether to show `what`, which then counts as shown."""
         now = perf_counter()
         if what == self._shown or now - self._at < self._period:
             return False
@@ -86,7 +86,7 @@ class Due:
 
 
 class Look(NamedTuple):
-    """The choices of how to show the race."""
+    """The choices of the display."""
 
     by_place: bool
     by_speed: bool
@@ -107,8 +107,8 @@ class Dashboard:
     """The page of a session, until `close`.
 
     Args:
-        menu: what there is to choose from.
-        first: the competitors that are chosen at first.
+        menu: the available choices.
+        first: the initially chosen competitors.
     """
 
     def __init__(self, server: PageServer, session: Session, menu: Menu, *first: Choices):
@@ -116,10 +116,10 @@ class Dashboard:
         self._session = session
         self._view: RaceView | None = None
         self._previewed: Course | None = None
-        self._race = 0  # number of the race that was on last
-        self._passed_over: Course | None = None  # course that was chosen while it was on
-        self._is_editing = False  # whether a course that is being edited is shown
-        self._notice = 0  # number of the last that was shown
+        self._race = 0  # number of the last race
+        self._passed_over: Course | None = None  # course that was chosen during that race
+        self._is_editing = False  # whether the edited course is shown
+        self._notice = 0  # number of the last shown notice
         self._scene_due = Due(0.0)
         self._tables_due = Due(TABLES)
         self._past_due = Due(TABLES)
@@ -134,7 +134,7 @@ class Dashboard:
         self.race = RacePanel(gui, session, menu, first)
         self.runs = RunsPanel(server, session, self.race)
         self.numbers = FlightNumbers(gui, session, first[0])
-        # they stand above the controls of the next START
+        # above the controls of the next START
         above, below = self.race.folder.order, self.race.table.folder.order
         self.numbers.folder.order = (above + below) / 2
         controls = FlightControls(session, self.race)
@@ -182,12 +182,12 @@ class Dashboard:
         top.set_width(430)
         below.dock_below(top)
         head.float(x=8, y=8, width=HEAD)
-        # On a phone panels are parts of the sheet, folded by themselves.
+        # On a phone the panels are parts of the sheet, each with its own fold.
         head.expand()
         top.expand()
 
     def _run(self) -> None:
-        """Show one snapshot after another while somebody watches."""
+        """Show one snapshot after another while there are visitors."""
         pause = SCENE
         while not self._closing.wait(pause):
             began = perf_counter()
@@ -204,7 +204,7 @@ class Dashboard:
             pause = pause_after(perf_counter() - began)
 
     def _update(self, s: Snapshot) -> None:
-        """Show what has changed: a race that has ended, or stands still, sends nothing."""
+        """Show changes; a race that has ended or is paused sends nothing."""
         timings = lap_timings(s, self._options.by_place)
         look = Look(
             by_place=self._options.by_place,
@@ -242,7 +242,7 @@ class Dashboard:
         self._notify(s)
 
     def _update_editor(self, s: Snapshot) -> None:
-        """Show the course that is being edited in place of a race, while the editor is open."""
+        """Show the edited course instead of a race, while the editor is open."""
         is_open = self._editor.update_controls(s)
         if is_open != self._is_editing:
             self._is_editing = is_open
@@ -259,8 +259,8 @@ class Dashboard:
     def _view_of(self, s: Snapshot, timings: list[LapTiming]) -> RaceView | None:
         """Return the view of the race.
 
-        There is none until every competitor has a frame, and where another course was chosen since
-        the race was on.
+        There is none until every competitor has a frame, or if a different course was chosen after
+        the race.
         """
         chosen = self._chosen_course(s)
         if chosen and not any(entry.course.text == chosen.text for entry in s.competitors):
@@ -278,10 +278,10 @@ class Dashboard:
         return self._view
 
     def _chosen_course(self, s: Snapshot) -> Course | None:
-        """Return the course that was chosen since the race was on, None if none was."""
+        """Return the course that was chosen after the race, None if none was."""
         course = self.race.preview()
         if s.flying or s.race != self._race:
-            # What is chosen for the next race does not hide this one.
+            # Choices for the next race do not hide this one.
             self._race = s.race
             self._passed_over = course
         elif course is not self._passed_over:
@@ -289,7 +289,7 @@ class Dashboard:
         return course if self._passed_over is None else None
 
     def _preview(self, course: Course) -> None:
-        """Show the course that START will fly."""
+        """Show the course of the next START."""
         self._clear()
         self._previewed = course
         self._camera.show(course, preview(self._server.scene, course))
@@ -310,14 +310,14 @@ class Dashboard:
             self._tables["Planner"].content = planner(timings[0])
 
     def _update_past(self, s: Snapshot, view: RaceView | None) -> None:
-        """Show the tables of what has happened."""
+        """Show the tables of past events and laps."""
         self._tables["Events"].content = events(s.competitors, s.t)
         past = [entry.until(s.t) for entry in s.competitors]
         limit = limit_race(s.competitors[0]) if view else None
         self._tables["Laps"].content = laps(past, sectors(past, limit)) if view else ""
 
     def _notify(self, s: Snapshot) -> None:
-        """Show the notices that have not been shown yet."""
+        """Show new notices."""
         for notice in s.notices:
             if notice.number <= self._notice:
                 continue

@@ -1,8 +1,8 @@
 """Drones, trails and sampled trajectories in the scene, in the colours of the legend.
 
-The page's renderer (three.js) takes colours in an array, of lines or batched meshes, as linear
-light, a single colour of a mesh or of lines as sRGB, and maps both by its fit of the ACES filmic
-curve: sent as they are, all come out pale. That mapping, x -> sRGB(O f(I x / 0.6)), is inverted
+The page's renderer (three.js) reads colours in an array, of lines or batched meshes, as linear
+light, and a single colour of a mesh or of lines as sRGB, and maps both by its fit of the ACES
+filmic curve. Unmodified colours would look pale, so the map x -> sRGB(O f(I x / 0.6)) is inverted
 here. (Stephen Hill's fit, in tonemapping_pars_fragment.glsl.js)
 """
 
@@ -22,10 +22,10 @@ from trimesh.util import concatenate
 from web.competitor import POSITION, QUATERNION, Competitor
 
 TRAIL = 160  # segments of a trail
-TRAIL_SPAN = 4.0  # the time that it shows [s]
+TRAIL_SPAN = 4.0  # duration of a trail [s]
 PATH = 500  # segments of a whole run
 DASH = 3  # segments of a dash, and of the gap after it
-FAST = 16.0  # [m/s] the bright end of the speed colours
+FAST = 16.0  # speed of the brightest colour [m/s]
 SPAN = 0.34  # distance from rotor to rotor of a drone [m]
 ROTOR_COLOUR = (205, 208, 212)
 
@@ -40,7 +40,7 @@ OUT = np.array(
     [[1.60475, -0.53108, -0.07367], [-0.10208, 1.10813, -0.00605], [-0.00327, -0.07276, 1.07602]]
 )
 EXPOSURE = 0.6
-# intensity of a light under which a mesh has its own colour, its reflection being colour / pi
+# intensity of a light under which a mesh shows its own colour, as its reflection is colour / pi
 BRIGHT = np.pi
 
 
@@ -54,13 +54,13 @@ class Shown(NamedTuple):
 class Drone:
     """One competitor's drone and trail.
 
-    The arrays keep their length: viser accepts another one, but draws it wrong.
+    The arrays keep their length: viser accepts a different length, but draws it wrong.
 
     Args:
         name: name of its nodes.
-        ghost: whether it is drawn paler and with its name, as every competitor but the first.
-        scale: factor on its size.
-        width: factor on that of lines.
+        ghost: whether the drone is drawn paler and with its name, as for all but the first.
+        scale: factor on the size of the drone.
+        width: factor on the width of lines.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class Drone:
         self._shown = asked
         self._frame.position = entry.rows(POSITION, i)
         self._frame.wxyz = entry.rows(QUATERNION, i)
-        # The ends of the segments stand still while the drone flies on: so do the dashes.
+        # The ends of the segments, and so the dashes, are fixed while the drone flies on.
         piece = TRAIL_SPAN / TRAIL  # [s]
         t = piece * (np.floor(entry.t[i] / piece) + np.arange(1 - TRAIL, 2))
         t = np.clip(t, 0.0, entry.t[i])
@@ -130,7 +130,7 @@ class Drone:
 
 
 class ExpectedPathsView:
-    """The paths on which a competitor expects the others, as thin lines of its own colour.
+    """A competitor's predicted paths of the others, as thin lines in the competitor's colour.
 
     Args:
         name: name of the node.
@@ -165,13 +165,13 @@ class ExpectedPathsView:
 
 
 class SampledTrajectoriesView:
-    """The sampled trajectories, cheapest bright, and the plan in white.
+    """The sampled trajectories, brightest for the least cost, and the plan in white.
 
-    They come sorted by cost, so that colours are sent only once.
+    They are sorted by cost, so that colours are sent only once.
 
     Args:
-        samples: how many are drawn.
-        width: factor on that of lines.
+        samples: number of drawn trajectories.
+        width: factor on the width of lines.
     """
 
     POINTS = 25
@@ -214,7 +214,7 @@ class SampledTrajectoriesView:
 
 
 def resampled(paths: np.ndarray, points: int) -> np.ndarray:
-    """Return the same paths with another number of points.  (samples, points, 3)"""
+    """Return the same paths with this number of points.  (samples, points, 3)"""
     last = paths.shape[1] - 1
     at = np.linspace(0, last, points)
     low = np.minimum(at.astype(int), last - 1)
@@ -296,18 +296,18 @@ def quadrotor(span: float) -> dict[str, trimesh.Trimesh]:
 
 
 def array_colour(rgb: RGB | np.ndarray) -> np.ndarray:
-    """Return colours that, sent in an array, look like these sRGB colours.  (..., 3) uint8"""
+    """Return array colours that look like these sRGB colours.  (..., 3) uint8"""
     return np.rint(255 * _linear(rgb)).astype(np.uint8)
 
 
 def single_colour(rgb: RGB | np.ndarray) -> RGB:
-    """Return the colour that, sent alone, looks like this sRGB colour on a lit side."""
+    """Return the single colour that looks like this sRGB colour on a lit side."""
     red, green, blue = np.rint(255 * encoded(_linear(rgb))).astype(int).tolist()
     return red, green, blue
 
 
 def add_lights(scene: viser.SceneApi) -> None:
-    """Add lights in place of viser's own, which leave no colour as it is and cost more to draw."""
+    """Replace viser's lights, which change all colours and are slower to render."""
     scene.configure_default_lights(False)
     scene.configure_environment_map(None)
     scene.add_light_ambient("/light/all", intensity=0.8 * BRIGHT)
@@ -325,7 +325,7 @@ def encoded(linear: np.ndarray) -> np.ndarray:
 
 
 def _linear(rgb: RGB | np.ndarray) -> np.ndarray:
-    """Return linear light that is shown as sRGB colours, or as near as 0..1 allows."""
+    """Return linear light that is shown as these sRGB colours, clipped to 0..1."""
     y = decoded(np.asarray(rgb) / 255) @ np.linalg.inv(OUT).T
     # f(v) = (v (v + 0.0245786) - 0.000090537) / (v (0.983729 v + 0.432951) + 0.238081) = y is
     # solved for v.

@@ -1,4 +1,4 @@
-"""EditScene: the course that is being edited, and the handle of the item that is chosen."""
+"""EditScene: the edited course, and the handle of the chosen item."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ WRONG = (255, 107, 107)
 
 # [m] length of the arrow at the start
 ARROW = 1.0
-# size of a handle: share of the course's extent, and of the widest opening at least
+# size of a handle: share of the course's extent, and its least share of the widest opening
 OF_COURSE = 0.07
 OF_GATE = 1.2
-# [m] opening that is meant where there is no gate
+# [m] assumed opening without gates
 OPENING = 1.5
 
-# Called with the pose of a handle while it is dragged, and with None when it is let go
+# Called with the pose of a dragged handle, and with None at its release
 Dragged = Callable[[Pose | None], Awaitable[None]]
 Clicked = Callable[[Item], Awaitable[None]]
 
@@ -38,11 +38,11 @@ class EditScene:
 
     Args:
         scene: the scene, which is empty.
-        dragged: takes the poses of the handle.
-        clicked: takes the gate or obstacle that is clicked.
+        dragged: called with the poses of the handle.
+        clicked: called with the clicked gate or obstacle.
 
     Attributes:
-        is_dragged: whether a visitor drags the handle, whose pose is then left alone.
+        is_dragged: whether a visitor drags the handle, whose pose is then not set.
     """
 
     def __init__(self, scene: viser.SceneApi, dragged: Dragged, clicked: Clicked):
@@ -70,7 +70,7 @@ class EditScene:
         self._place_handle(draft, course)
 
     def show_limit(self, path: np.ndarray | None) -> None:
-        """Show the path of the fastest race that is known (n, 3) [m], or none."""
+        """Show the path of the best known solution (n, 3) [m], or none."""
         if self._limit:
             self._limit.remove()
             self._limit = None
@@ -81,7 +81,7 @@ class EditScene:
             )
 
     def _build(self, course: Course) -> None:
-        """Build the scene anew: other gates, or obstacles of other sizes."""
+        """Rebuild the scene, after a change of the number of gates or of obstacles' sizes."""
         self._scene.reset()
         self._shape = shape_of(course)
         self._handle = None
@@ -111,7 +111,7 @@ class EditScene:
             await self._clicked(item)
 
     def _colour(self, chosen: Item, wrong: frozenset[Item]) -> None:
-        """Colour what is chosen, and what has errors."""
+        """Colour the chosen item, and the items with errors."""
         if self._view is None:
             return
         gates = {item.index + 1 for item in wrong if item.kind == "gate"}
@@ -141,7 +141,7 @@ class EditScene:
     def _add_handle(
         self, draft: Draft, course: Course, pose: Pose
     ) -> viser.TransformControlsHandle:
-        """Add a handle under a name of its own: one that is dragged still belongs to its item."""
+        """Add a handle with a unique name, as an old one may still be dragged."""
         self.is_dragged = False
         item = draft.item
         is_pole = item.kind == "obstacle" and isinstance(course.obstacles[item.index], Cylinder)
@@ -156,7 +156,7 @@ class EditScene:
 
         @handle.on_update
         async def _(event: viser.TransformControlsEvent) -> None:
-            # A handle that was dragged while another item was chosen moves nothing any more.
+            # A handle of a formerly chosen item has no effect any more.
             if event.target is not self._handle:
                 return
             x, y, z = (float(each) for each in handle.position)
@@ -168,14 +168,14 @@ class EditScene:
 
 
 def handle_size(course: Course) -> float:
-    """Return the size of a handle that can be taken where the whole course is seen [m]."""
+    """Return the size of a handle that can be grabbed in a view of the whole course [m]."""
     extent = float(np.linalg.norm(np.ptp(course.points(), axis=0)))
     widest = max((max(gate.opening) for gate in course.gates), default=OPENING)
     return max(OF_COURSE * extent, OF_GATE * widest)
 
 
 def shape_of(course: Course) -> object:
-    """Return what a scene is built for: the number of gates, and the obstacles' sizes."""
+    """Return the key of a scene: the number of gates, and the obstacles' sizes."""
     sizes = [
         (obstacle.radius, obstacle.height) if isinstance(obstacle, Cylinder) else obstacle.size
         for obstacle in course.obstacles

@@ -1,6 +1,6 @@
 """EnvPage: the course and the vehicles of a learning environment, on a page of this machine.
 
-It shows them in real time, where an environment is made with it:
+The page shows them in real time, for an environment that is made with it:
 
     from web.page.env_page import EnvPage
     env = gymnasium.make("quadsim/Racing-v0", render_mode="web", viewer=EnvPage)
@@ -22,18 +22,18 @@ from web.page.race_scene import CourseView, visible_scale
 from web.page.server import address, serve
 
 HOST = "127.0.0.1"
-MOST = 32  # vehicles that are drawn
+MOST = 32  # largest number of drawn vehicles
 SCENE = 1 / 25  # period of the scene [s]
-log = logging.getLogger("quadsim")  # of a program that has not set up logging: one line on stderr
+log = logging.getLogger("quadsim")  # without configured logging: one line on stderr
 
 
 class EnvPage:
-    """A server on a free port of this machine. One line in the log says where it listens.
+    """A server on a free port of this machine, whose address is logged in one line.
 
     Args:
-        course: what is flown.
-        vehicles: how many fly.
-        dt: duration of a step, which takes as long on the page [s].
+        course: the course.
+        vehicles: number of vehicles.
+        dt: duration of a step, also on the page [s].
     """
 
     def __init__(self, course: Course, vehicles: int, dt: float):
@@ -56,13 +56,13 @@ class EnvPage:
         log.warning(f"environment: watch it at {address(HOST, self._server.get_port())}")
 
     def show(self, states: np.ndarray) -> None:
-        """Wait until the time of this step has come, and draw the first vehicles.
+        """Wait until this step is due, and draw the first vehicles.
 
         Args:
-            states: position, velocity and quaternion wxyz of each  (vehicles, 10)
+            states: position, velocity and quaternion wxyz of each vehicle  (vehicles, 10)
         """
         now = perf_counter()
-        # Time that was lost is not caught up with.
+        # Lost time is dropped.
         self._next = max(self._next + self._dt, now)
         sleep(self._next - now)
         if self._next - self._drawn < SCENE:

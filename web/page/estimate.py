@@ -1,7 +1,7 @@
 """Estimates in the scene, for vehicles that fly by sensors.
 
-The estimated pose is a ghost with its 3-sigma ellipsoid; crosses mark the gates' corners where the
-camera found them.
+The estimated pose is a ghost with its 3-sigma ellipsoid; crosses mark the gates' corners at the
+places measured by the camera.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ EST_POSITION = tuple(f"est_{name}" for name in POSITION)
 EST_QUATERNION = tuple(f"est_{name}" for name in QUATERNION)
 COVARIANCE = tuple(f"cov_{axes}" for axes in ("xx", "xy", "xz", "xy", "yy", "yz", "xz", "yz", "zz"))
 
-SENSED = (0, 229, 255)  # colour of all that is sensed or estimated
+SENSED = (0, 229, 255)  # colour of measurements and estimates
 SIGMAS = 3.0
-MOST = 64  # corners that are drawn
+MOST = 64  # largest number of drawn corners
 ARM = 0.02  # half length of a corner's cross, per metre of its distance
-SHOWN = 0.25  # [s] for which corners are shown
+SHOWN = 0.25  # duration of the display of corners [s]
 
 
 class EstimateView:
-    """The estimate of one competitor that has one.
+    """The estimate of one competitor.
 
     Args:
         name: name of its nodes.
-        scale: factor on the sizes of the drone, the error and the ellipsoid; at their true size the
-            latter would be hidden in a drone that is drawn larger than it is.
+        scale: factor on the sizes of the drone, the error and the ellipsoid; error and ellipsoid at
+            true size would be hidden in an enlarged drone.
     """
 
     def __init__(self, scene: viser.SceneApi, name: str, scale: float):
@@ -61,7 +61,7 @@ class EstimateView:
         )
 
     def show(self, entry: Competitor, i: int) -> None:
-        """Show the estimate at frame i, and the corners of the last picture if that is recent."""
+        """Show the estimate at frame i, and the corners of the last picture if it is recent."""
         corners = entry.corners
         if corners and not 0.0 <= entry.t[i] - corners.t <= SHOWN:
             corners = None
@@ -90,7 +90,7 @@ def ellipsoid(covariance: np.ndarray) -> tuple[tuple[float, float, float], np.nd
         covariance: covariance of a position [m^2]  (3, 3)
 
     Returns:
-        Its half axes [m] (3,), and the rotation wxyz to them (4,).
+        The half axes [m] (3,), and the rotation wxyz to them (4,).
     """
     variances, axes = np.linalg.eigh(covariance)
     axes = axes * [1.0, 1.0, np.linalg.det(axes)]  # a rotation, no reflection
@@ -99,10 +99,10 @@ def ellipsoid(covariance: np.ndarray) -> tuple[tuple[float, float, float], np.nd
 
 
 def sensed_corners(entry: Competitor, seen: Corners) -> np.ndarray:
-    """Return crosses at the corners that a camera found.
+    """Return crosses at the corners found by a camera.
 
-    A cross lies across the line of sight on which a corner was found, as far away as the corner
-    that it is taken for, seen from where the vehicle was when the picture was taken.
+    A cross is perpendicular to the measured line of sight from the vehicle at the time of the
+    picture, at the distance of the associated corner of the map.
 
     Returns:
         The lines of the crosses [m]  (2 corners, 2, 3)

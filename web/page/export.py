@@ -29,24 +29,24 @@ from web.race import Snapshot
 from web.session import Session
 from web.stored_runs import stored_competitor
 
-GROUND = "#141517"  # background of a picture, the dark one of the page
+GROUND = "#141517"  # background of a picture, the dark background of the page
 LINE = 20  # height of a line of text in a picture [px]
 DPI = 100
-RATE = 25  # frames a second of the page that plays offline
-SAMPLES = 8  # sampled trajectories that a run keeps
-RENDER_TIMEOUT = 30.0  # [s] for a browser that draws in software
-NOTICE = 6.0  # [s] for which a notice is shown
+RATE = 25  # frames per second of the offline page
+SAMPLES = 8  # number of stored sampled trajectories of a run
+RENDER_TIMEOUT = 30.0  # time limit for a browser with software rendering [s]
+NOTICE = 6.0  # duration of a notice [s]
 
 
 class Download(NamedTuple):
-    """A file that a visitor gets."""
+    """A file for a visitor."""
 
     name: str
     data: bytes
 
 
 def add_export(gui: viser.GuiApi, session: Session, camera: Camera) -> None:
-    """Add buttons by which a visitor downloads what is on the page, or links to it."""
+    """Add buttons to download the content of the page, or to link to it."""
     with gui.add_folder("Export", expand_by_default=False):
         hint = "page: animated, plays offline; PNG: the view; link: an address that shows this"
         what = gui.add_button_group("", ("page", "CSV", "zip", "PNG", "link"), hint=hint)
@@ -71,7 +71,7 @@ def add_export(gui: viser.GuiApi, session: Session, camera: Camera) -> None:
 
 
 def _download(client: viser.ClientHandle, what: str, s: Snapshot) -> Download:
-    """Return the file that a visitor asks for."""
+    """Return the requested file."""
     if what == "PNG":
         entries = [entry.until(s.t) for entry in s.competitors]
         return Download("race.png", picture(_rendered(client), entries))
@@ -89,7 +89,7 @@ def _download(client: viser.ClientHandle, what: str, s: Snapshot) -> Download:
 
 
 def _rendered(client: viser.ClientHandle) -> np.ndarray:
-    """Return the scene as a visitor sees it, without a background.  (height, width, 4) uint8"""
+    """Return the scene in a visitor's view, without a background.  (height, width, 4) uint8"""
     camera = client.camera
     return client.get_render(
         camera.image_height, camera.image_width, transport_format="png", timeout=RENDER_TIMEOUT
@@ -97,9 +97,9 @@ def _rendered(client: viser.ClientHandle) -> np.ndarray:
 
 
 def picture(render: np.ndarray, entries: Sequence[Competitor]) -> bytes:
-    """Return a PNG of the scene on the page's dark ground, above it a line for each run.
+    """Return a PNG of the scene on the page's dark background, below a line for each run.
 
-    On that ground it can be read on white paper too.
+    The dark background makes the picture readable on white paper too.
 
     Args:
         render: (height, width, 4) uint8
@@ -147,7 +147,7 @@ def zipped(folders: Sequence[Path]) -> bytes:
 def offline_page(entries: Sequence[Competitor]) -> str:
     """Return HTML that plays a race without a network.
 
-    It is recorded from a server of its own, closed by a random token.
+    The page is recorded from a separate server, protected by a random token.
     """
     server = serve("127.0.0.1", 0, secrets.token_urlsafe(), "race")
     try:

@@ -14,7 +14,7 @@ Event = viser.GuiEvent | viser.CommandEvent
 
 
 class FlightControls:
-    """Begins and ends flights. A visitor who did not begin the flight that is on is asked first."""
+    """Begins and ends flights; a visitor has to confirm the end of another visitor's flight."""
 
     def __init__(self, session: Session, race: RacePanel):
         self._session = session
@@ -24,23 +24,23 @@ class FlightControls:
         race.stop.on_click(self.stop)
 
     def start(self, event: Event) -> None:
-        """Fly or replay what is chosen."""
+        """Fly or replay the present choices."""
         self._ask_first(event, self._start)
 
     def stop(self, event: Event) -> None:
-        """End the flights that are on, if any."""
+        """End the present flights, if any."""
         if self._session.snapshot.flying:
             self._ask_first(event, lambda: self._session.tell(PageRace.end_flights))
 
     def restart(self, event: Event) -> None:
-        """Begin the same race anew."""
+        """Restart the same race."""
         self._ask_first(event, lambda: self._session.tell(PageRace.restart))
 
     def _start(self) -> None:
         self._session.tell(PageRace.start, self._race.choices, self._race.runs)
 
     def _ask_first(self, event: Event, act: Callable[[], None]) -> None:
-        """Act; first ask a visitor who would end a flight that another one began."""
+        """Act, after a confirmation if this would end another visitor's flight."""
 
         def act_as_pilot() -> None:
             self._pilot = event.client_id

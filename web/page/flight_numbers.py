@@ -1,4 +1,4 @@
-"""FlightNumbers: the planner's numbers of what flies or is replayed, which may change in flight."""
+"""FlightNumbers: the planner's numbers of the shown flight, which may change in flight."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from web.race import PageRace, Snapshot
 from web.session import Session
 
 EVERYONE: str = "everyone"
-SETTLED = 0.5  # [s] for which a slider rests before its number is asked for: a drag is one change
-HOLD = 1.0  # [s] after a slider was moved by hand, before it follows the race again
+SETTLED = 0.5  # rest time of a slider before its number is requested, so a drag is one change [s]
+HOLD = 1.0  # time after a visitor's move before a slider follows the race again [s]
 
 
 class FlightNumbers:
-    """The sliders of the flight that is shown. They act at its next plan, and on no later START.
+    """The sliders of the shown flight, which act on its next plan, and not on a later START.
 
     The page's thread calls `update`; callbacks are coroutines and only note what was moved.
 
@@ -43,7 +43,7 @@ class FlightNumbers:
             slider.on_update(partial(self._moved, name))
 
     def update(self, s: Snapshot) -> None:
-        """Ask for the numbers that have settled, and show those of the race."""
+        """Request the settled numbers, and show the numbers of the race."""
         shown = bool(s.competitors)
         if self.folder.visible != shown:
             self.folder.visible = shown
@@ -71,11 +71,11 @@ class FlightNumbers:
             self.whose.options = options  # a competitor that is gone becomes EVERYONE
 
     def _is_meant(self, entry: Competitor) -> bool:
-        """Return whether the sliders are those of a competitor."""
+        """Return whether the sliders apply to a competitor."""
         return self.whose.value in (EVERYONE, entry.name)
 
     def _ask(self) -> None:
-        """Ask for the numbers that were not moved again for a while."""
+        """Request the numbers that have settled."""
         now = perf_counter()
         settled = [name for name in self._asked if now - self._moved_at[name] > SETTLED]
         name = "" if self.whose.value == EVERYONE else self.whose.value
@@ -84,7 +84,7 @@ class FlightNumbers:
             self._session.tell(PageRace.change, Change(number, value), name)
 
     async def _moved(self, name: str, event: viser.GuiEvent) -> None:
-        """Note a number that a visitor asks for."""
+        """Note a visitor's change of a number."""
         if event.client_id is None:  # by update(), not by a visitor
             return
         self._moved_at[name] = perf_counter()
@@ -92,7 +92,7 @@ class FlightNumbers:
 
 
 def _numbers(entries: list[Competitor], t: float) -> dict[str, float]:
-    """Return the numbers at t: each of the first competitor that has it."""
+    """Return the numbers at t, each from the first competitor that has it."""
     numbers = entries[0].numbers(t)
     for name in numbers:
         having = [entry for entry in entries if _has(entry, name)]
@@ -111,12 +111,12 @@ def _has(entry: Competitor, name: str) -> bool:
 
 
 def _changes(entry: Competitor, name: str) -> bool:
-    """Return whether a number may change in flight; in one world those of the start stay."""
+    """Return whether a number may change in flight, which it cannot in a shared world."""
     return _has(entry, name) and not entry.spec.get("heat")
 
 
 def _remark(entries: list[Competitor], flying: bool) -> str:
-    """Return in a line what the sliders act on, as HTML."""
+    """Return one line about the effect of the sliders, as HTML."""
     names = text(", ".join(entry.name for entry in entries))
     if not any(entry.has_planner for entry in entries):
         return f"{names}: a learned pilot, or a person, has none of these numbers"

@@ -1,9 +1,9 @@
-"""Guard: what may be asked of the page's server, and what its answers allow a browser.
+"""Guard: checks of requests to the page's server, and security headers of its answers.
 
 Host and Origin of each request are checked, so that pages of other sites cannot reach the server
-through a browser. Beyond this machine a token is required: given once in the address, it is kept in
-a cookie. The page comes with a Content-Security-Policy: it runs its own scripts, known by a nonce,
-and talks to its own server. Messages that visitors send are checked in web.page.messages.
+through a browser. Beyond this machine a token is required, which is given once in the address and
+then kept in a cookie. The page has a Content-Security-Policy: it runs only its own scripts, marked
+by a nonce, and connects only to its own server. web.page.messages checks visitors' messages.
 """
 
 from __future__ import annotations
@@ -64,11 +64,11 @@ class Guard:
 
     Args:
         host, port: address that the server listens on.
-        token: required of every visitor; None: of none.
+        token: token required of every visitor; None: no token is required.
 
     Attributes:
-        server: viser's, once it has started.
-        link: takes the messages of the page's own scripts.
+        server: viser's server, after its start.
+        link: receiver of the messages of the page's own scripts.
     """
 
     def __init__(self, host: str, port: int, token: str | None):
@@ -76,7 +76,7 @@ class Guard:
         self.link = Link()
         names = (host, "127.0.0.1", "localhost", "::1")
         self._hosts = {host_and_port(name, port) for name in names}
-        # A server that listens on all interfaces cannot know its own names.
+        # A server that listens on all interfaces does not have a fixed name.
         self._any_host = host in ALL_INTERFACES
         self._token = token
         self._cookie = f"race{port}"
@@ -129,9 +129,9 @@ class Guard:
         return response
 
     def refusal(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Return the answer to a request that may not pass, None for one that may.
+        """Return the answer to a rejected request, None for an accepted one.
 
-        A request passes if its Host is this server, if its Origin, which browsers send, is the
+        A request is accepted if its Host is this server, if its Origin, which browsers send, is the
         server's own page, and if its cookie holds the token.
         """
         headers = request.headers
@@ -150,7 +150,7 @@ class Guard:
         if not self._is_token(asked[0]):
             advice = "open the address with ?token=... that `race web` printed\n"
             return connection.respond(HTTPStatus.UNAUTHORIZED, advice)
-        # The cookie takes the token's place, and the token leaves the address.
+        # Move the token from the address to a cookie.
         response = connection.respond(HTTPStatus.SEE_OTHER, "")
         others = [pair for pair in parse_qsl(urlsplit(request.path).query) if pair[0] != "token"]
         response.headers["Location"] = "/?" + urlencode(others) if others else "/"
@@ -176,12 +176,12 @@ class Guard:
 
 
 def host_and_port(host: str, port: int) -> str:
-    """Return both as an address has them."""
+    """Return host and port in the format of an address."""
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
 def cookie_of(request: Request, name: str) -> str:
-    """Return the value of a cookie; empty: there is none."""
+    """Return the value of a cookie, "" if there is none."""
     for part in request.headers.get("Cookie", "").split(";"):
         key, _, value = part.strip().partition("=")
         if key == name:
@@ -202,7 +202,7 @@ def _viser_page() -> str:
     """Return viser's page with PAGE_CHANGES and our scripts.
 
     Raises:
-        RuntimeError: viser is another version than the one that is pinned.
+        RuntimeError: the version of viser is not the pinned one.
     """
     file = Path(viser.__file__).parent / "client/build/index.html"
     page = file.read_text(encoding="utf-8")
@@ -218,7 +218,7 @@ def _viser_page() -> str:
 
 
 def one_line(record: logging.LogRecord) -> bool:
-    """Log what a visitor sent wrong as one line, without a traceback."""
+    """Reduce the log record of a visitor's error to one line, without a traceback."""
     if record.exc_info and record.exc_info[1]:
         error = record.exc_info[1]
         text = " ".join(str(error).split())[:200]

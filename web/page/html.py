@@ -24,12 +24,12 @@ STYLE = f"<style>{''.join(RULES)}</style>"
 
 
 def text(value: object) -> str:
-    """Return a value as text that is no HTML."""
+    """Return a value as escaped text."""
     return escape(str(value), quote=True)
 
 
 def rounded(value: float, decimals: int) -> float:
-    """Return a number with so many decimals; zero has no sign."""
+    """Return a number rounded to `decimals`; zero has no sign."""
     return round(value, decimals) + 0.0
 
 
@@ -63,8 +63,8 @@ def table(head: list[str], rows: Sequence[list[str] | str], left: int = 1) -> st
 
     Args:
         head: HTML of the cells of its head.
-        rows: HTML of the cells of each row; a text is a row that spans all columns.
-        left: number of columns that are aligned left; the others are aligned right.
+        rows: HTML of the cells of each row; a single text spans all columns.
+        left: number of left-aligned columns; the rest is right-aligned.
     """
     top = {"color": DIM, "font_weight": 400, "border_bottom": "1px solid #3a3f48"}
     body = _row("th", head, left, top)
@@ -87,7 +87,7 @@ def _row(tag: str, cells: list[str], left: int, look: dict[str, object]) -> str:
 
 
 def box(*parts: str) -> str:
-    """Return parts one below the other, in the text size of the page."""
+    """Return vertically stacked parts, in the text size of the page."""
     return div("".join(parts), padding="4px 10px 8px", font_size=TEXT, line_height=1.35)
 
 

@@ -1,4 +1,4 @@
-"""Joining: a visitor who flies: sticks from the page's script sticks.js, instruments back to it."""
+"""Joining: manual flight by a visitor, with sticks from sticks.js and instruments sent back."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from web.page.server import PageServer
 from web.race import Snapshot
 
 SEAT = 16  # bytes of a seat's name
-REMINDER = 1.0  # time after which an unchanged state is sent again, for pages that are new [s]
+REMINDER = 1.0  # time after which an unchanged state is sent again, for new pages [s]
 
 Deflection = Annotated[float, Meta(ge=-1.0, le=1.0)]
 
 
 class Take(Message, tag="take"):
-    """A visitor asks for the sticks."""
+    """A visitor requests the sticks."""
 
     seat: Annotated[str, Meta(max_length=4 * SEAT)]  # of the same visitor at viser's server
 
@@ -48,24 +48,24 @@ class StickMessage(Message, tag="sticks"):
 
 
 class Heard(Message, tag="heard"):
-    """The answer to sticks: the page knows by the stamp how long both ways have taken."""
+    """The answer to sticks, whose stamp gives the round-trip time."""
 
     stamp: float  # [ms]
 
 
 class Taken(Message, tag="taken"):
-    """The answer to a visitor who asks for the sticks."""
+    """The answer to a request for the sticks."""
 
     number: int  # of this visitor
     yours: bool  # whether the visitor has the sticks now
 
 
 class Instruments(Message, tag="instruments"):
-    """What a visitor who flies, or may fly, is shown."""
+    """The instruments for manual flight."""
 
     phase: Literal["none", "waiting", "flying", "over"]
     pilot: int | None = None  # number of the visitor who has the sticks
-    silent: bool = False  # no sticks have come for a while: the failsafe acts
+    silent: bool = False  # no recent stick input, so the failsafe acts
     was_down: bool = False  # the throttle was down, as it has to be before a start
     hover: float = 0.5  # throttle for hovering
     behind: str = ""  # name of the flight controller
@@ -80,7 +80,7 @@ NOBODY = Instruments(phase="none")
 
 
 class Joining:
-    """Takes the sticks of one visitor at a time, and shows all of them what is flown by hand."""
+    """Receives the sticks of one visitor at a time, and sends instruments to all visitors."""
 
     def __init__(self, server: PageServer, cockpit: Cockpit, camera: Camera):
         self._link = server.link
@@ -97,7 +97,7 @@ class Joining:
         self._link.on_leave(lambda visitor: cockpit.let_go(visitor.number))
 
     def update(self, s: Snapshot, timings: list[LapTiming]) -> None:
-        """Show the state of the flight by hand."""
+        """Send the state of the manual flight."""
         shown = instruments(s, by_hand(timings), self._cockpit)
         now = perf_counter()
         if shown != self._sent or now - self._sent_at > REMINDER:
@@ -106,7 +106,7 @@ class Joining:
             self._sent_at = now
 
     def _seat(self, client: viser.ClientHandle) -> None:
-        """Give a page a name that only it knows, by which its two connections belong together."""
+        """Give a page a secret name that relates its two connections."""
         name = secrets.token_urlsafe(SEAT)
         self._seats[name] = client
         client.gui.add_html(f'<div hidden data-seat="{name}"></div>', order=1e6)
@@ -130,12 +130,12 @@ class Joining:
 
 
 def by_hand(timings: list[LapTiming]) -> LapTiming | None:
-    """Return the live flight that a person flies, None without one."""
+    """Return the live manual flight, None if there is none."""
     return next((one for one in timings if one.entry.live and one.entry.sampler == HAND), None)
 
 
 def instruments(s: Snapshot, timing: LapTiming | None, cockpit: Cockpit) -> Instruments:
-    """Return what a visitor who flies is shown."""
+    """Return the instruments for manual flight."""
     if not s.by_hand or timing is None:
         return NOBODY
     entry = timing.entry

@@ -35,13 +35,13 @@ from web.page.html import (
 WIDTH = 330
 ROW = 30
 GATES = 8  # columns of the split table
-FEWEST = 16  # frames before there is a figure of chatter
+FEWEST = 16  # smallest number of frames for the chatter
 
 
 def laps(entries: Sequence[Competitor], sectors: str = "") -> str:
     """Return lap times and splits of runs.
 
-    sectors: HTML that stands between them.
+    sectors: HTML between the two.
     """
     if not any(entry.events for entry in entries):
         return box("no gate passed yet")
@@ -68,7 +68,7 @@ def _table(entries: Sequence[Competitor]) -> str:
 
 
 def coloured_time(t: float, best: float, own: float, decimals: int = 3) -> str:
-    """Return a time, purple if it is the best of all, green if it is a run's own best."""
+    """Return a time, purple for the best of all runs, green for a run's own best."""
     shown = f"{t:.{decimals}f}"
     if t == best:
         return coloured(shown, BEST)
@@ -84,7 +84,7 @@ class Strips:
         self._pad = max(0.08 * (self.high - self.low), 0.02)
 
     def x(self, t: float) -> float:
-        """Return the place of a time on the strip [px]."""
+        """Return the x of a time on the strip [px]."""
         share = (t - self.low + self._pad) / (self.high - self.low + 2 * self._pad)
         return 8 + (WIDTH - 16) * share
 
@@ -146,12 +146,12 @@ def splits(entries: Sequence[Competitor]) -> str:
 
 
 def best_sectors(rows: Sequence[Sequence[float]], gates: int) -> list[float]:
-    """Return the fastest time to each gate [s]; 0 where no row has reached it.  (gates,)"""
+    """Return the fastest time to each gate [s]; 0 if no row has reached it.  (gates,)"""
     return [min((row[g] for row in rows if g < len(row)), default=0.0) for g in range(gates)]
 
 
 def chatter(entries: Sequence[Competitor]) -> str:
-    """Return figures of the whole run so far; the same as `race show` prints."""
+    """Return the chatter of the run so far, with the numbers of `race show`."""
     rows = []
     for entry in entries:
         if len(entry.t) <= FEWEST:

@@ -11,7 +11,7 @@ NODES = ("/competitor/limit", "/trail/limit", "/path/limit")
 
 
 class LimitGhost:
-    """The ghost of one race; it is in the scene while it is shown.
+    """The ghost of one race, which is in the scene only while it is shown.
 
     Args:
         entry: see web.limit_race; None: no limit is known, and nothing is shown.
@@ -26,7 +26,7 @@ class LimitGhost:
         self._drone: Drone | None = None
 
     def show(self, t: float, place: float | None) -> None:
-        """Show the ghost at t [s], or where it is this far along the race [m]."""
+        """Show the ghost at t [s], or at this distance along the race [m]."""
         entry = self._entry
         if entry is None:
             return

@@ -1,13 +1,13 @@
 """Link: messages between the page's own scripts and the server, beside viser's.
 
-viser carries the values of its own controls alone. Whatever else the page's scripts have to say,
-such as a click in a table or the sticks of a gamepad, goes as JSON over a websocket of its own, at
+viser transmits only the values of its own controls. All other messages of the page's scripts, such
+as a click in a table or the sticks of a gamepad, are sent as JSON over a separate websocket, at
 LINK_PATH of the same server. A message is an object whose `type` names its form:
 
     {"type": "seek", "t": 1.25}
 
-Whoever wants messages registers their form with `Link.on`; a message of no registered form is
-dropped. The Guard admits who may open the page, to the link as to the page itself.
+Receivers register a form of messages with `Link.on`; messages of other forms are dropped. The Guard
+applies the same checks to the link as to the page itself.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ from quadsim.files.yaml_errors import cut
 
 LINK_PATH = "/link"
 MAX_LINK_BYTES = 4096  # largest message that a page may send
-MAX_WAITING = 64  # messages to a page that reads none; the next ones are dropped
+MAX_WAITING = 64  # largest number of unread messages to a page; further ones are dropped
 
 
 class Message(msgspec.Struct, tag_field="type", forbid_unknown_fields=True):
-    """A message; its class has a `tag`, by which the page names it."""
+    """A message, whose class has a `tag` for the field `type`."""
 
 
 AnyMessage = TypeVar("AnyMessage", bound=Message)
 
 
 class LinkVisitor:
-    """A page that is open.
+    """An open page.
 
     Attributes:
-        number: tells it apart from all others of this server.
+        number: unique number on this server.
     """
 
     def __init__(self, number: int, loop: asyncio.AbstractEventLoop):
@@ -50,7 +50,7 @@ class LinkVisitor:
         self._waiting: asyncio.Queue[bytes] = asyncio.Queue(MAX_WAITING)
 
     def send(self, message: Message) -> None:
-        """Send a message to the page. Any thread may call it; a page that has gone gets none."""
+        """Send a message to the page. Any thread may call it; a closed page gets none."""
         data = msgspec.json.encode(message)
         with suppress(RuntimeError):  # the server has ended
             self._loop.call_soon_threadsafe(self._queue, data)
@@ -60,7 +60,7 @@ class LinkVisitor:
             self._waiting.put_nowait(data)
 
     async def pass_on(self, connection: ServerConnection) -> None:
-        """Send the messages as they come, until cancelled."""
+        """Send the waiting messages, until cancelled."""
         while True:
             await connection.send((await self._waiting.get()).decode())
 
@@ -72,7 +72,7 @@ class Link:
     """The messages of all pages of one server.
 
     Handlers run one after another on the server's event loop, in the order of the messages, so they
-    must be short: what takes longer belongs on another thread.
+    must be short; longer work belongs on a different thread.
     """
 
     def __init__(self) -> None:
@@ -85,7 +85,7 @@ class Link:
     def on(
         self, form: type[AnyMessage], handler: Callable[[LinkVisitor, AnyMessage], None]
     ) -> None:
-        """Let a function handle the messages of one form, in place of the one before.
+        """Set the handler of the messages of one form, replacing an earlier handler.
 
         Args:
             form: class of the messages.
@@ -100,7 +100,7 @@ class Link:
         self._leaving.append(handler)
 
     def send_all(self, message: Message) -> None:
-        """Send a message to every page that is open. Any thread may call it."""
+        """Send a message to every open page. Any thread may call it."""
         for visitor in tuple(self._visitors.values()):
             visitor.send(message)
 
@@ -114,7 +114,7 @@ class Link:
             while True:
                 data = await connection.recv()
                 problem = self._handle(visitor, data)
-                # The first alone, as a page could fill the log.
+                # Log only the first one, as a page could fill the log.
                 if problem and not has_logged:
                     has_logged = True
                     connection.logger.warning("race web: a message was dropped: %s", problem)
@@ -127,7 +127,7 @@ class Link:
                 leave(visitor)
 
     def _handle(self, visitor: LinkVisitor, data: str | bytes) -> str:
-        """Handle a message; return in one line why it is not acceptable, empty: it is."""
+        """Handle a message; return one line with the reason of a rejection, "" if accepted."""
         if self._decoder is None:
             return "nothing on this page takes messages"
         if len(data) > MAX_LINK_BYTES:

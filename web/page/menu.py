@@ -21,13 +21,13 @@ class Menu:
 
     courses: tuple[str, ...]
     vehicles: tuple[str, ...]
-    presets: Mapping[str, str]  # name -> the vehicle it is meant for
+    presets: Mapping[str, str]  # name -> vehicle of the preset
     samplers: tuple[str, ...]  # samplers, HAND and learned pilots, see web.choices.PILOT
     sensings: tuple[str, ...] = (PERFECT,)
 
     @classmethod
     def of_everything(cls, course: str) -> Menu:
-        """Return the menu of everything that comes with quadsim, and of one more course.
+        """Return the menu of everything that comes with quadsim, and of an additional course.
 
         course: a name, or a FILE.yaml that is added to the menu.
         """

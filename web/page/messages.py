@@ -1,9 +1,9 @@
 """Messages that visitors may send: camera, values of controls, keys, pictures, handles, clicks.
 
-viser would set any attribute of a control to any value. Here a message passes only if it has the
-form of one that the page sends, and a control's value only if that control could have it. The pose
-of a handle in the scene is within FARTHEST, with a unit quaternion; viser itself passes it on to
-handles that exist alone.
+viser would set any attribute of a control to any value. Here a message is accepted only if it has
+the form of a message of the page, and a control's value only if it is valid for that control. The
+pose of a handle has to be within FARTHEST, with a unit quaternion; viser forwards it only to
+existing handles.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from websockets.typing import Data
 from quadsim.files.yaml_errors import cut
 from web.page.link import LINK_PATH
 
-MAX_BYTES = 16 * 1024 * 1024  # largest message; the largest that pages send is a rendered picture
-MAX_TEXT = 200  # characters of a control's value
-FARTHEST = 1e4  # coordinate of a handle, as of a course file [m]
-UNIT = 1e-3  # greatest error of the length of a handle's quaternion
+MAX_BYTES = 16 * 1024 * 1024  # largest message; a rendered picture is the largest of a page
+MAX_TEXT = 200  # largest number of characters of a control's value
+FARTHEST = 1e4  # largest coordinate of a handle, as in a course file [m]
+UNIT = 1e-3  # largest error of the norm of a handle's quaternion
 
 Text = Annotated[str, msgspec.Meta(max_length=MAX_TEXT)]
 Vector = tuple[float, float, float]
@@ -48,7 +48,7 @@ class CameraMessage(
 
 
 class Update(msgspec.Struct, forbid_unknown_fields=True):
-    """The attributes of a control that may be set: its value alone."""
+    """The attributes of a control that may be set: only its value."""
 
     value: bool | int | float | Text
 
@@ -73,7 +73,7 @@ class KeyMessage(
 class PictureMessage(
     msgspec.Struct, tag="GetRenderResponseMessage", tag_field="type", forbid_unknown_fields=True
 ):
-    """A picture that the server has asked for."""
+    """A picture that the server has requested."""
 
     payload: bytes
     render_uuid: Text
@@ -99,7 +99,7 @@ class DragStartMessage(
     tag_field="type",
     forbid_unknown_fields=True,
 ):
-    """A handle in the scene that is taken."""
+    """The begin of a drag of a handle in the scene."""
 
     name: Text
     owner: Text = ""
@@ -111,7 +111,7 @@ class DragEndMessage(
     tag_field="type",
     forbid_unknown_fields=True,
 ):
-    """A handle in the scene that is let go."""
+    """The end of a drag of a handle in the scene."""
 
     name: Text
     owner: Text = ""
@@ -148,7 +148,7 @@ FindControl = Callable[[str], Control | None]
 
 
 def problem_of(data: Data, find_control: FindControl) -> str:
-    """Return in one line why a message is not acceptable; empty: it is."""
+    """Return one line with the reason why a message is rejected, "" if it is accepted."""
     if isinstance(data, str):
         return "expected a binary message, got a text"
     try:
@@ -168,7 +168,7 @@ def problem_of(data: Data, find_control: FindControl) -> str:
 
 
 def accepts(control: Control, value: bool | int | float | str) -> bool:
-    """Return whether a person could set a control to a value."""
+    """Return whether a value is valid for a control."""
     if control.disabled or not control.visible:
         return False
     match control:
@@ -191,7 +191,7 @@ def _is_finite(camera: CameraMessage) -> bool:
 
 
 def _is_pose(handle: HandleMessage) -> bool:
-    """Return whether the pose of a handle can be that of a part of a course."""
+    """Return whether the pose of a handle is valid for a part of a course."""
     is_near = all(abs(coordinate) <= FARTHEST for coordinate in handle.position)
     return is_near and abs(hypot(*handle.wxyz) - 1.0) <= UNIT
 
@@ -205,18 +205,18 @@ def _is_between(value: Any, low: float | None, high: float | None) -> bool:
 
 
 def is_link(connection: ServerConnection) -> bool:
-    """Return whether a connection is that of the page's own scripts, see web.page.link."""
+    """Return whether a connection belongs to the page's own scripts, see web.page.link."""
     request = connection.request
     return request is not None and urlsplit(request.path).path == LINK_PATH
 
 
 class PageConnection(ServerConnection):
-    """A connection that receives acceptable messages alone; the first other one is logged.
+    """A connection that receives only accepted messages, and logs the first rejected one.
 
-    The messages of a link are passed on as they are: it checks them itself.
+    The messages of a link are not checked here, as the link checks them.
 
     Args:
-        find_control: returns the control with a uuid.
+        find_control: function from a uuid to the control.
         arguments, keywords: arguments of websockets' own class.
     """
 
@@ -226,7 +226,7 @@ class PageConnection(ServerConnection):
         self._has_logged = False
 
     async def recv(self, decode: bool | None = None) -> Any:
-        """Return the next acceptable message."""
+        """Return the next accepted message."""
         while True:
             data = await super().recv(decode)
             if is_link(self):

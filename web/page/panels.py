@@ -1,4 +1,4 @@
-"""The controls of a race that is on: the playback, how it is shown, the keys."""
+"""The controls of the shown race: playback, display and keys."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from web.page.html import box, small, table
 from web.race import PageRace, Snapshot
 from web.session import Session
 
-HOLD = 0.4  # [s] after the time slider was moved by hand, before it follows the race again
+HOLD = 0.4  # time after a visitor's move before the time slider follows the race again [s]
 RESOLUTION = 0.01  # step of the time slider [s]
-SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")  # race seconds a second
+SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")  # race seconds per second
 TIME, PLACE = "by time", "by place"
 AUTO, SPEED, SAMPLER = "auto", "speed", "sampler"
 
@@ -46,11 +46,11 @@ class PlaybackPanel:
         self.time.on_update(self._scrubbed)
 
     def update(self, s: Snapshot) -> None:
-        """Show the time, and what can be done."""
+        """Show the time, and enable the applicable controls."""
         self.time.max = round(max(s.end, 1.0), 2)
         self.time.disabled = s.flying and s.playing
         self.buttons.options = ("<", "pause" if s.playing else "play", ">")
-        # A person flies in real time.
+        # Manual flights run in real time.
         self.speed.disabled = s.by_hand and s.flying
         self.event.disabled = s.next_event is None
         self.restart.disabled = not s.race
@@ -62,8 +62,8 @@ class PlaybackPanel:
         if 0.0 <= since < HOLD:
             return
         if since >= HOLD:
-            # Tell all pages the time again: one that was sent before the slider was moved may have
-            # arrived last. viser sends changes only, so another time goes before.
+            # Send the time again to all pages: a time that was sent before the slider was moved may
+            # have arrived last. viser sends only changes, so a different time is sent first.
             self._scrubbed_at = inf
             self._set_time(t + RESOLUTION if t < RESOLUTION else t - RESOLUTION)
         self._set_time(t)
@@ -115,16 +115,16 @@ class ViewPanel:
 
     @property
     def by_place(self) -> bool:
-        """Whether others are shown where they passed the place of the first."""
+        """Whether the other competitors are shown at the place of the first."""
         return self.ghosts.value == PLACE
 
     def by_speed(self, competitors: int) -> bool:
-        """Return whether trails are coloured by speed; by default where there is one competitor."""
+        """Return whether trails are coloured by speed; by default with a single competitor."""
         return self.trails.value == SPEED or (self.trails.value == AUTO and competitors == 1)
 
 
 class Key(NamedTuple):
-    """A key and what it does."""
+    """A key and its action."""
 
     key: str
     what: str

@@ -1,4 +1,4 @@
-"""The tab with pictures of what the first drone's camera sees."""
+"""The tab with pictures of the first drone's camera."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CORNER = "#00e5ff"
 
 
 class PictureTab:
-    """Shows pictures while they are asked for: each takes a tenth of a second of a core."""
+    """Shows pictures on request, as each takes a tenth of a second of a core."""
 
     def __init__(self, gui: viser.GuiApi, tab: viser.GuiTabHandle):
         self._pictures = CameraPictures()
@@ -28,7 +28,7 @@ class PictureTab:
             self._html = gui.add_html("")
 
     def update(self, timings: Sequence[LapTiming]) -> None:
-        """Show the last picture, and ask for the next one."""
+        """Show the last picture, and request the next one."""
         if not self.on.value or not timings:
             self.close()
             return
@@ -39,7 +39,7 @@ class PictureTab:
             self._html.content = picture_html(self._shown) if self._shown else ""
 
     def close(self) -> None:
-        """End the process that draws."""
+        """End the drawing process."""
         if self._shown:
             self._shown = None
             self._html.content = ""
@@ -48,7 +48,7 @@ class PictureTab:
 
 
 def picture_html(picture: CameraPicture) -> str:
-    """Return a picture with crosses at the corners that were found in it."""
+    """Return a picture with crosses at the corners found in it."""
     moment = picture.moment
     if picture.problem:
         return box(small(text(picture.problem)))
@@ -63,7 +63,7 @@ def picture_html(picture: CameraPicture) -> str:
 
 
 def _crosses(picture: CameraPicture) -> str:
-    """Return crosses, as wide as the picture."""
+    """Return crosses as an overlay of the picture."""
     moment = picture.moment
     width, height = moment.size
     lines = []

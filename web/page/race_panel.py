@@ -34,7 +34,7 @@ LAPS = (1, 2, 3, 5, 10, 20, 50, 100)
 
 
 class LoadedCourse(NamedTuple):
-    """A course as it was when it was chosen; None: its file cannot be read."""
+    """A course, read when it was chosen; None: its file cannot be read."""
 
     name: str
     course: Course | None
@@ -44,12 +44,12 @@ class RacePanel:
     """The controls that choose a race.
 
     Args:
-        menu: what there is to choose from.
-        first: the competitors that the controls show at first, with what the whole race has.
+        menu: the available choices.
+        first: the initial competitors, with the choices of the whole race.
 
     Attributes:
         table: the competitors.
-        coming: what START will fly, as HTML.
+        coming: description of the next START, as HTML.
     """
 
     def __init__(self, gui: viser.GuiApi, session: Session, menu: Menu, first: Sequence[Choices]):
@@ -120,17 +120,17 @@ class RacePanel:
 
     @property
     def is_replay(self) -> bool:
-        """Whether only stored runs are to be shown."""
+        """Whether only stored runs are chosen."""
         return self.mode.value == REPLAY
 
     @property
     def is_together(self) -> bool:
-        """Whether the competitors are to fly in one world."""
+        """Whether the competitors share one world."""
         return self.world.value == TOGETHER and len(self.table.rows) > 1
 
     @property
     def flights(self) -> list[Choices]:
-        """The flights of the competitors, as they are chosen."""
+        """The chosen flights of the competitors."""
         laps = self.laps.value
         race = Choices(
             course=self.course.value,
@@ -144,7 +144,7 @@ class RacePanel:
 
     @property
     def choices(self) -> list[Choices | HeatChoices]:
-        """What START will fly."""
+        """The choices of the next START."""
         if self.is_replay:
             return []
         if self.is_together:
@@ -153,7 +153,7 @@ class RacePanel:
 
     @property
     def runs(self) -> list[Path]:
-        """The stored runs that are to be shown."""
+        """The chosen stored runs."""
         titles = []
         if self.mode.value in (AGAINST, REPLAY):
             titles.append(self.run.value)
@@ -173,7 +173,7 @@ class RacePanel:
     def refresh(self) -> None:
         """Offer the presets that can fly the race, and list the stored runs.
 
-        The runs, the latest first, are listed anew if others are there than before.
+        The list of runs, the latest first, is updated if the runs have changed.
         """
         self._offer_presets()
         if not self._folder.has_changed():
@@ -187,7 +187,7 @@ class RacePanel:
             self.run.value = options[1]
 
     def _offer_presets(self) -> None:
-        """Offer the presets that can fly the race that is chosen."""
+        """Offer the presets that can fly the chosen race."""
         course = self._course()
         if course is not None:
             laps = int(self.laps.value) if self.laps.value.isdigit() else course.laps
@@ -203,7 +203,7 @@ class RacePanel:
             self.laps.options = (own, *self.laps.options[1:])
 
     def _show_competitors(self) -> None:
-        """Show the table of competitors, and why they cannot be flown, if they have changed."""
+        """Show the table of competitors, with an error if they cannot fly, after a change."""
         asked = (self.choices, self.table.edited)
         if asked == self._shown:
             return
@@ -213,11 +213,11 @@ class RacePanel:
         self.coming = "" if self.is_replay else announced(self.flights, self.world.value)
 
     def preview(self) -> Course | None:
-        """Return the course that START will fly, None where stored runs are shown instead."""
+        """Return the course of the next START, None if stored runs are chosen instead."""
         return None if self.is_replay else self._course()
 
     def chosen_course(self) -> Course | None:
-        """Return the course that is chosen; None if its file cannot be read."""
+        """Return the chosen course; None if its file cannot be read."""
         return self._course()
 
     @property
@@ -250,12 +250,12 @@ class RacePanel:
         return self._loaded.course
 
     def _own_laps(self) -> str:
-        """Return the option that stands for the course's own number of laps."""
+        """Return the option for the course's own number of laps."""
         course = self._course()
         return f"course ({course.laps})" if course else "course"
 
     def _show_controls(self, _: viser.GuiEvent | None = None) -> None:
-        """Show the controls that the mode needs."""
+        """Show the controls of the mode."""
         mode = self.mode.value
         live = mode != REPLAY
         of_the_race = (self.world, self.course, self.seed, self.laps, self.clock, self.deadline)
@@ -269,7 +269,7 @@ class RacePanel:
         self.start.label = "REPLAY" if mode == REPLAY else "START"
 
     def _choose_course(self, _: viser.GuiEvent) -> None:
-        """Choose the course in the run's name, for a live flight beside the run."""
+        """Choose the run's course, for a live flight together with the run."""
         path = self._paths.get(self.run.value)
         if path is None or self.mode.value != AGAINST:
             return
@@ -279,7 +279,7 @@ class RacePanel:
 
 
 def problem_of(choices: Sequence[Choices | HeatChoices]) -> str:
-    """Return in one line why choices cannot be flown; "": they can."""
+    """Return one line with the reason why choices cannot be flown, "" if they can."""
     try:
         specs_of([one for one in choices if isinstance(one, Choices)])
         for one in choices:

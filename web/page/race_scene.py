@@ -44,27 +44,27 @@ SECTION = (84, 94, 110)
 
 GATE = 1.5  # opening of a racing gate [m]
 GROUND_MARGIN = 5.0  # width of the ground around the course [m]
-IMPACTS = 12  # most that are marked, the last ones
+IMPACTS = 12  # number of the last impacts that are marked
 ARM = 0.35  # half length of the cross at an impact, for a racing gate [m]
 SCENES = count()  # numbers of their gates' nodes
 
 
 class Drawn(NamedTuple):
-    """The sampled trajectories that are drawn."""
+    """The drawn sampled trajectories."""
 
     live: SampledTrajectories | None
-    stored: float | None  # time of those of a stored run [s]
+    stored: float | None  # time of the trajectories of a stored run [s]
 
 
 class RaceScene:
     """Everything in the scene of one race.
 
     Args:
-        true_size: whether the drones have their true size; else they are enlarged.
-        samples: sampled trajectories that are drawn.
+        true_size: whether the drones have their true size; otherwise they are enlarged.
+        samples: number of drawn sampled trajectories.
 
     Attributes:
-        drone_size: size of the drones as they are drawn [m]
+        drone_size: size of the drawn drones [m]
     """
 
     def __init__(
@@ -88,7 +88,7 @@ class RaceScene:
             self._drones.append(drone)
             if entry.sensed:
                 self._estimates[k] = EstimateView(scene, str(k), scale)
-        # Drones of one world see each other.
+        # Drones of one world predict each other's paths.
         together = bool(heat_of(entries)) and len(entries) > 1
         self._expected = [
             ExpectedPathsView(scene, str(k), entry, width)
@@ -105,8 +105,8 @@ class RaceScene:
 
         Args:
             by_speed: colour trails by speed, else by sampler.
-            trajectories: show those of the first competitor, if it has some, and the paths on which
-                drones of one world expect each other.
+            trajectories: show the sampled trajectories of the first competitor, if any, and the
+                predicted paths of drones in one world.
         """
         for drone, s in zip(self._drones, timings, strict=True):
             drone.show(s.entry, s.i, by_speed)
@@ -144,14 +144,14 @@ class RaceScene:
 
 
 def preview(scene: viser.SceneApi, course: Course) -> float:
-    """Show a course without a race. Return the size that drones will have [m]."""
+    """Show a course without a race, and return the size of its drones [m]."""
     add_lights(scene)
     CourseView(scene, course)
     return SPAN * visible_scale(course)
 
 
 def visible_scale(course: Course) -> float:
-    """Return the factor on the size of the drones with which they are seen on the whole course."""
+    """Return the scale of the drones that makes them visible in a view of the whole course."""
     extent = np.linalg.norm(np.ptp(course.points(frames=False), axis=0))  # [m]
     wanted = np.clip(extent / 8.0, 2.0, 8.0)
     fitting = 0.9 * GATE * gate_scale(course) / SPAN
@@ -161,14 +161,14 @@ def visible_scale(course: Course) -> float:
 def gate_scale(course: Course) -> float:
     """Return the factor on arrows, lines and marks.
 
-    It is the narrowest opening against that of a racing gate, at most 1.
+    The factor is the ratio of the narrowest opening to a racing gate's opening, at most 1.
     """
     narrowest = min(min(gate.opening) for gate in course.gates)
     return min(1.0, narrowest / GATE)
 
 
 class Impacts:
-    """A red cross in space wherever something was hit so far. scale: factor on its size."""
+    """Red crosses at the places of hits so far. scale: factor on their size."""
 
     def __init__(self, scene: viser.SceneApi, scale: float):
         # half of the diagonals of a cube
@@ -205,9 +205,9 @@ class Impacts:
 class CourseView:
     """Gates with their numbers, obstacles, the ground.
 
-    The bars of all gates are one node, so that recolouring them sends one array. Each scene gives
-    this node a name of its own. A page that replaces a node by another one of the same name gives
-    the old one new arrays, and may draw it once more after its buffers are gone, which logs
+    The bars of all gates are one node, so that recolouring them sends one array. The name of this
+    node is unique to the scene: a page that replaces a node by one of the same name gives the old
+    node new arrays, and may draw it again after its buffers are gone, which logs
     GL_INVALID_OPERATION in the console.
 
     Attributes:
@@ -246,7 +246,7 @@ class CourseView:
         add_ground(scene, course)
 
     def move(self, course: Course) -> None:
-        """Show the same number of gates, and obstacles of the same sizes, at other places."""
+        """Move the gates and obstacles, whose number and sizes are unchanged."""
         bars = all_bars_of(course)
         self.bars.batched_positions = bars.centres
         self.bars.batched_wxyzs = bars.quaternions
@@ -260,7 +260,7 @@ class CourseView:
             node.wxyz = SO3.from_z_radians(_yaw_of(obstacle)).wxyz
 
     def colour(self, next_gate: int, hit: set[int]) -> None:
-        """Colour the next gate and those that were hit.
+        """Colour the next gate and the hit gates.
 
         Args:
             next_gate, hit: 1-based numbers; 0: no gate is next.
@@ -298,7 +298,7 @@ def all_bars_of(course: Course) -> Bars:
 
 
 def above(gate: Gate, scale: float) -> np.ndarray:
-    """Return the place of a gate's number [m].  (3,)
+    """Return the position of a gate's number [m].  (3,)
 
     scale: as of `gate_scale`.
     """

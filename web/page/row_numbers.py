@@ -1,4 +1,4 @@
-"""RowNumbers: the planner's numbers of the competitor that is edited, as START will fly them."""
+"""RowNumbers: the planner's numbers of the edited competitor, for the next START."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from web.choices import Choices, planner_settings
 from web.numbers import SLIDERS, numbers_of
 
 TITLES = {"sampling": "Sampling", "mppi": "MPPI", "cost": "Cost", "model": "Model of the vehicle"}
-# Settings that are the number of one slider; a slider of sigma or gamma is but a part of one
+# Settings with a slider for the whole number; sliders of sigma and gamma control a part of one
 HAVE_SLIDERS = {"temperature", "target_ess", "samples"}
 DIGITS = 6  # of the decimals that a box takes
 
@@ -35,11 +35,11 @@ class Field(NamedTuple):
 class RowNumbers:
     """The sliders, and a control for each setting of the planner.
 
-    They show the numbers of one competitor. Its owner alone calls `show`, on viser's event loop;
-    callbacks are coroutines, which run there one after another.
+    They show the numbers of one competitor. Only the owner calls `show`, on viser's event loop;
+    callbacks are coroutines, which run one after another on that loop.
 
     Args:
-        first: the competitor that is shown first.
+        first: the initial competitor.
         edit: called when a visitor has changed a number.
     """
 
@@ -78,7 +78,7 @@ class RowNumbers:
         return {name: field.kind for name, field in self._fields.items()}
 
     def _build(self, settings: Mapping[str, SettingValue]) -> None:
-        """Add the controls of these settings, in place of those before."""
+        """Replace the controls by the controls of these settings."""
         for group in self._groups:
             group.remove()
         self._groups = []
@@ -110,7 +110,7 @@ class RowNumbers:
         return self._gui.add_text(label, value, hint=setting.help)
 
     async def _moved(self, name: str, event: viser.GuiEvent) -> None:
-        """Take the number of a slider."""
+        """Set the number of a slider."""
         if event.client_id is None:  # by show(), not by a visitor
             return
         value = self.sliders[name].value
@@ -121,7 +121,7 @@ class RowNumbers:
         self._edit(event, moved)
 
     async def _typed(self, name: str, event: viser.GuiEvent) -> None:
-        """Take the value of a control."""
+        """Set the value of a control."""
         if event.client_id is None or name not in self._fields:
             return
         control, kind = self._fields[name]
@@ -133,8 +133,8 @@ def add_sliders(gui: viser.GuiApi, first: Choices, ending: str) -> dict[str, vis
     """Add a slider for each number of web.numbers.SLIDERS.
 
     Args:
-        first: the competitor whose numbers they have first.
-        ending: what ends their labels.
+        first: the competitor of the initial numbers.
+        ending: suffix of the labels.
     """
     numbers = numbers_of(first.base, first.base)
     sliders = {}
@@ -156,7 +156,7 @@ def add_sliders(gui: viser.GuiApi, first: Choices, ending: str) -> dict[str, vis
 def show_numbers(
     sliders: Mapping[str, viser.GuiSliderHandle], numbers: Mapping[str, float]
 ) -> None:
-    """Set the sliders. A number beyond the range of its slider widens the range."""
+    """Set the sliders; a number beyond the range of its slider widens the range."""
     for name, slider in sliders.items():
         value = float(numbers[name])
         slider.min = min(slider.min, value)
@@ -176,7 +176,7 @@ def checked_number(name: str, value: float, row: Choices) -> float:
 
 
 def shown_value(value: Any) -> Any:
-    """Return a setting's value as its control has it: numbers as a text."""
+    """Return a setting's value for its control, numbers as a text."""
     if isinstance(value, bool | str):
         return value
     numbers = value if isinstance(value, tuple) else (value,)
@@ -184,7 +184,7 @@ def shown_value(value: Any) -> Any:
 
 
 def read(value: Any, kind: Kind) -> Any:
-    """Return a control's value as a setting of quadsim.fly, which says what is wrong with it."""
+    """Return a control's value as a setting of quadsim.fly, which reports invalid values."""
     if not isinstance(value, str):
         return value
     if isinstance(bare(kind), inspect.TupleType):

@@ -1,7 +1,7 @@
 """RunsPanel: the table of stored runs and the reports of campaigns, for runs.js over the link.
 
-The page filters and sorts; it names runs by their folders' names, which are looked up among those
-that were listed. What takes longer than a moment happens on a thread of its own.
+The page filters and sorts; it identifies runs by their folders' names, which must be in the list.
+Requests are answered on a separate thread, as some take long.
 """
 
 from __future__ import annotations
@@ -34,44 +34,44 @@ from web.run_table import RunRow, RunTable
 from web.session import Session
 from web.stored_runs import runs_at
 
-PERIOD = 1.0  # [s] between two looks at the folder of runs
-MOST = 1000  # latest rows that a page gets
-WAITING = 64  # requests that wait; more are dropped
-TOGETHER = 8  # runs that are shown side by side, at most
+PERIOD = 1.0  # time between two updates from the folder of runs [s]
+MOST = 1000  # number of the latest rows for a page
+WAITING = 64  # largest number of waiting requests; more are dropped
+TOGETHER = 8  # largest number of runs that are shown together
 FLYING = "A flight is on: STOP ends it, then this can be shown"
 
 Name = Annotated[str, Meta(max_length=300)]
 
 
 class ListRuns(Message, tag="list_runs"):
-    """A page asks for the table."""
+    """A page requests the table."""
 
 
 class ReplayRuns(Message, tag="replay_runs"):
-    """A visitor wants to see stored runs side by side, from the start or paused at t [s]."""
+    """A visitor requests stored runs together, from the start or paused at t [s]."""
 
     names: Annotated[list[Name], Meta(min_length=1, max_length=TOGETHER)]
     t: Annotated[float, Meta(ge=0, le=1e6)] | None = None
 
 
 class FlyAgain(Message, tag="fly_again"):
-    """A visitor wants to fly a stored run again."""
+    """A visitor requests to fly a stored run again."""
 
     name: Name
 
 
 class WordRun(Message, tag="word_run"):
-    """A visitor wants a stored run as a command line and as Python."""
+    """A visitor requests a stored run as a command line and as Python."""
 
     name: Name
 
 
 class ListReports(Message, tag="list_reports"):
-    """A page asks for the list of reports."""
+    """A page requests the list of reports."""
 
 
 class ShowReport(Message, tag="show_report"):
-    """A visitor wants to see a report."""
+    """A visitor requests a report."""
 
     name: Name
 
@@ -88,7 +88,7 @@ class RunWording(Message, tag="run_wording"):
     name: str
     command: str
     python: str
-    # why it may not give the same bits; empty: it does
+    # the reason why the result may differ; empty: it is the same to the last bit
     remark: str
 
 
@@ -107,7 +107,7 @@ class ReportShown(Message, tag="report"):
 
 
 class Remark(Message, tag="remark"):
-    """A line for one visitor: why something was not done."""
+    """A line for one visitor with the reason of a failed request."""
 
     text: str
 
@@ -136,7 +136,7 @@ class RunsPanel:
         self._thread.start()
 
     def close(self) -> None:
-        """Answer no more requests."""
+        """Stop answering requests."""
         self._closing.set()
         with suppress(queue.Full):
             self._requests.put_nowait(None)
@@ -147,7 +147,7 @@ class RunsPanel:
             self._requests.put_nowait((visitor, request))
 
     def _run(self) -> None:
-        """Answer requests, and look at the folder of runs between them."""
+        """Answer requests, and update the table between them."""
         while not self._closing.is_set():
             try:
                 if self._table.refresh():
@@ -163,7 +163,7 @@ class RunsPanel:
                 self._closing.wait(PERIOD)
 
     def _answer(self, visitor: LinkVisitor, request: Request) -> None:
-        """Answer a request; say in one line what cannot be done."""
+        """Answer a request; a failure is reported in one line."""
         try:
             match request:
                 case ListRuns():
@@ -190,7 +190,7 @@ class RunsPanel:
         return path
 
     def _replay(self, names: Sequence[str], t: float | None) -> None:
-        """Show runs side by side. Raises ValueError, RunError."""
+        """Show runs together. Raises ValueError, RunError."""
         folders = [self._path(name) for name in dict.fromkeys(names)]
         self._expect_landed()
         runs = [run for folder in folders for run in runs_at(folder)]
@@ -211,7 +211,7 @@ class RunsPanel:
             raise ValueError(FLYING)
 
     def _worded(self, name: str) -> RunWording:
-        """Return a run as texts that fly it again. Raises ValueError, RunError."""
+        """Return the commands that repeat a run. Raises ValueError, RunError."""
         folder = self._path(name)
         if name not in self._wordings:
             remark = ""
@@ -226,9 +226,9 @@ class RunsPanel:
 
 
 def show_link(client: viser.ClientHandle, link: str) -> None:
-    """Open a window with an address for copying on one visitor's page.
+    """Open a window with an address to copy on one visitor's page.
 
-    link: what follows the address of the page, see `link_to`.
+    link: the part after the address of the page, see `link_to`.
     """
     with client.gui.add_modal("Link to what is shown") as modal:
         shown = div(element("code", text(link), word_break="break-all"), margin="4px 0 8px")
@@ -241,16 +241,16 @@ def show_link(client: viser.ClientHandle, link: str) -> None:
 def link_to(entries: Sequence[Competitor], t: float, camera: str, root: str) -> str:
     """Return the part of an address that names runs, time and camera.
 
-    It is such as "?run=20261120T161507Z_figure8_colored_s0_18af0139&t=3.20&camera=top".
+    Example: "?run=20261120T161507Z_figure8_colored_s0_18af0139&t=3.20&camera=top".
 
     Args:
-        entries: what is shown.
-        t: the time that is shown [s].
+        entries: the shown competitors.
+        t: the shown time [s].
         camera: mode of the visitor's camera.
         root: the folder of runs.
 
     Raises:
-        ValueError: something that is shown is not stored in the folder of runs.
+        ValueError: a shown competitor is not stored in the folder of runs.
     """
     names: dict[str, None] = {}
     for entry in entries:

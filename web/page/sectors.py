@@ -40,7 +40,7 @@ def sector_ends(legs: Legs, sectors: int = SECTORS) -> list[int]:
 
 
 def times_of(entry: Competitor, ends: Sequence[int]) -> list[list[float]]:
-    """Return the times of the sectors that were completed [s], a row a lap."""
+    """Return the times of the completed sectors [s], one row per lap."""
     rows = []
     for splits in sector_times(entry.events):
         bounds = [0, *(end for end in ends if end <= len(splits))]
@@ -53,7 +53,7 @@ def sectors(entries: Sequence[Competitor], limit: Competitor | None) -> str:
 
     Args:
         entries: the competitors.
-        limit: the best known race, which stands below them and is not compared; None: none.
+        limit: the best known race, shown below and not compared; None: none.
     """
     ends = sector_ends(entries[0].legs)
     times = [times_of(entry, ends) for entry in entries]

@@ -1,4 +1,4 @@
-"""The page's server: viser's behind a Guard, on this machine alone unless a host is given."""
+"""The page's server: viser's server with a Guard, on this machine only by default."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ import viser
 from web.page.guard import ALL_INTERFACES, Guard, host_and_port
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
-# addresses for documentation, which nobody has: a socket to one shows which interface is used
+# addresses reserved for documentation: a socket to one shows the interface in use
 ELSEWHERE_4 = (socket.AF_INET, "192.0.2.1")
 ELSEWHERE_6 = (socket.AF_INET6, "2001:db8::1")
 
 
 def new_token(host: str) -> str | None:
-    """Return a token; None on loopback, which only this machine can reach."""
+    """Return a new token, or None for loopback, which only this machine can reach."""
     return None if host in LOOPBACK else secrets.token_urlsafe(18)
 
 
@@ -28,12 +28,12 @@ class PageServer(viser.ViserServer):
     """viser's server, with a link to the page's own scripts.
 
     Args:
-        guard: guards it while it starts.
+        guard: guard of the server, active while it starts.
         host, port: address to listen on.
-        label: its name on the page.
+        label: name of the server on the page.
 
     Attributes:
-        link: takes the messages of the page's own scripts.
+        link: receiver of the messages of the page's own scripts.
     """
 
     def __init__(self, guard: Guard, host: str, port: int, label: str):
@@ -45,9 +45,9 @@ def serve(host: str, port: int, token: str | None, label: str) -> PageServer:
     """Return a running server.
 
     Args:
-        host, port: address to listen on; port 0 is any that is free.
-        token: required of every visitor; None: of none.
-        label: its name on the page.
+        host, port: address to listen on; port 0: any free port.
+        token: token required of every visitor; None: no token is required.
+        label: name of the server on the page.
 
     Raises:
         ValueError: the server cannot listen there; the message is one line.
@@ -67,9 +67,9 @@ def serve(host: str, port: int, token: str | None, label: str) -> PageServer:
 
 
 def probe(host: str, port: int) -> int:
-    """Return the port if it can be listened on, a free one for 0.
+    """Return the port if the server can listen on it; for 0 a free port.
 
-    viser itself would hang on a wrong host, and silently use the next port where one is busy.
+    viser itself would hang on a wrong host, and silently use the next port if one is busy.
 
     Raises:
         ValueError: the port cannot be listened on; the message is one line.
@@ -96,7 +96,7 @@ def probe(host: str, port: int) -> int:
 def address(host: str, port: int) -> str:
     """Return the page's address for a browser.
 
-    Where the server listens on all interfaces, it is the one that other machines reach.
+    If the server listens on all interfaces, the address is reachable from other machines.
     """
     if host in ALL_INTERFACES:
         family, elsewhere = ELSEWHERE_6 if ":" in host else ELSEWHERE_4
@@ -110,15 +110,15 @@ def address(host: str, port: int) -> str:
 
 
 class LoopEvent(asyncio.Event):
-    """An event that is set on its event loop alone.
+    """An event that can be set only on its own event loop.
 
-    viser sets the event of a buffer of messages twice: at once on the thread that sends, and again
-    on the loop. An asyncio.Event cannot stand the first: "deque mutated during iteration", where
-    the loop adds a waiter meanwhile. Nobody reads it there, and the second follows.
+    viser sets the event of a buffer of messages twice: at once on the sending thread, and again on
+    the loop. The first call is not safe for an asyncio.Event: it raises "deque mutated during
+    iteration" if the loop adds a waiter meanwhile. It can be dropped, as the second call follows.
     """
 
     def set(self) -> None:
-        """Set the event; no effect on another thread than the loop's."""
+        """Set the event; no effect outside the loop's thread."""
         try:
             asyncio.get_running_loop()
         except RuntimeError:  # another thread
@@ -127,7 +127,7 @@ class LoopEvent(asyncio.Event):
 
 
 def wake_on_the_loop(server: viser.ViserServer) -> None:
-    """Wake those who wait for messages on the event loop alone, before the first one listens."""
+    """Make viser wake waiting pages only on the event loop; call it before the first page."""
     websocket_server = server._websock_server
 
     def on_connect(connection: Any) -> None:
@@ -138,14 +138,14 @@ def wake_on_the_loop(server: viser.ViserServer) -> None:
 
 
 def forget_removed(server: viser.ViserServer) -> None:
-    """Let the server forget what was removed, once every open page knows.
+    """Let the server forget removed nodes when every open page has received the removal.
 
-    By itself it does so only when another page connects: until then the messages that remove a
-    race's charts pile up, race by race. Not forced, it keeps removals that open pages have yet to
-    receive; without those they would show the last race's charts and drones for ever.
+    viser itself does so only when a new page connects; until then the messages that remove a race's
+    charts accumulate from race to race. The call is not forced, so that removals are kept until all
+    open pages have received them; otherwise a page would show the last race's drones for ever.
 
-    The method is private in viser 1.1.1, the version that is pinned. If another one has no such
-    method: look at what it runs when a page connects, or drop this call where
-    tests/web/test_memory.py holds without it.
+    The method is private in viser 1.1.1, the pinned version. If a later version lacks the method,
+    look for its replacement in the code for new connections, or drop this call if
+    tests/web/test_memory.py passes without it.
     """
     server._run_garbage_collector()

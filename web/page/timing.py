@@ -37,10 +37,10 @@ from web.page.html import (
 from web.page.laps import best_sectors, coloured_time
 from web.race import Snapshot
 
-EVENTS = 60  # newest that are listed
-SLOWER = "#8b93a1"  # a sector that is not the best
-GOOD_SHARE = 0.1  # effective of all samples, for which the meter is full
-FEW_SAMPLES = 5  # effective samples, below which the meter is red
+EVENTS = 60  # number of the newest events in the list
+SLOWER = "#8b93a1"  # colour of a sector that is not the best
+GOOD_SHARE = 0.1  # share of effective samples at which the meter is full
+FEW_SAMPLES = 5  # number of effective samples below which the meter is red
 LOWERS_COST = NEXT
 RAISES_COST = "#6f86d6"
 CENTRED = {"text_align": "center"}
@@ -49,11 +49,10 @@ CENTRED = {"text_align": "center"}
 def hud(s: Snapshot, timings: list[LapTiming], coming: str = "") -> str:
     """Return the head-up display.
 
-    It says who leads, by how much, and how much the thrust of each chatters; for the first
-    competitor lap, its time, next gate, speed and gap; below, what the race is doing, the results
-    and the time line.
+    It shows the leader, the lead and the chatter of each thrust; lap, lap time, next gate, speed
+    and gap of the first competitor; and below the state of the race, the results and the time line.
 
-    coming: what START will fly, as HTML.
+    coming: description of the next START, as HTML.
     """
     if s.compiling:
         compiling = "Compiling the planner for this machine: once, it takes some 15 s"
@@ -71,7 +70,7 @@ def hud(s: Snapshot, timings: list[LapTiming], coming: str = "") -> str:
 
 
 def _numbers(timings: list[LapTiming]) -> str:
-    """Return lap, its time, next gate, speed and gap of the first competitor."""
+    """Return lap, lap time, next gate, speed and gap of the first competitor."""
     first = timings[0]
     entry = first.entry
     cells = [
@@ -99,7 +98,7 @@ def _numbers(timings: list[LapTiming]) -> str:
 
 
 def _result(s: LapTiming) -> str:
-    """Return the result of a flight as HTML, which stays until another race begins."""
+    """Return the result of a flight as HTML, which stays until the next race begins."""
     if not s.over:
         return ""
     ended = result(s)
@@ -107,16 +106,16 @@ def _result(s: LapTiming) -> str:
 
 
 def _above(s: LapTiming, has_name: bool) -> str:
-    """Return by how much a flight was above the best known limit, as HTML."""
+    """Return the excess of a flight's time over the best known limit, as HTML."""
     above = above_limit(s.entry)
     name = label(s.entry) + " " if has_name else ""
     return div(name + above, **CENTRED, font_size=TEXT) if above else ""
 
 
 def above_limit(entry: Competitor) -> str:
-    """Return the share by which a flight was slower than the best known limit, as text.
+    """Return the relative excess of a flight's time over the best known limit, as text.
 
-    The text is empty for a flight that did not finish, and where no limit is known.
+    The text is empty for a flight that did not finish, and if no limit is known.
     """
     if entry.outcome != "finished" or entry.limit is None:
         return ""
@@ -205,13 +204,13 @@ def _gap(place: int, s: LapTiming) -> str:
 
 
 def _sectors(s: LapTiming, best: list[float]) -> str:
-    """Return a cell for each gate of this lap, as its time compares with the best of all."""
+    """Return a cell for each gate of this lap, coloured by its time relative to the best."""
     own = best_sectors(s.sectors, len(best))
     row = s.sectors[s.lap - 1] if len(s.sectors) >= s.lap else []
     cells = ""
     for gate in range(len(best)):
         title = f"G{gate + 1}"
-        colour = TRACK  # the vehicle is not there yet
+        colour = TRACK  # not reached yet
         if gate < len(row):
             title += f": {row[gate]:.2f} s"
             colour = SLOWER
@@ -255,7 +254,7 @@ def events(entries: Sequence[Competitor], t: float) -> str:
 
 
 def _overtakes(entries: Sequence[Competitor]) -> list[Happening]:
-    """Return the overtakes of a race of several; ghosts do not overtake each other."""
+    """Return the overtakes of a race of several vehicles; ghosts cannot overtake."""
     if len(entries) < 2 or not heat_of(entries):
         return []
     by_name = {entry.name: entry for entry in entries}
@@ -334,7 +333,7 @@ def _cost(s: LapTiming) -> str:
 
 
 def _terms(s: LapTiming) -> tuple[dict[str, float], str]:
-    """Return the terms of the plan's cost, for a stored run of its last snapshot, and its time."""
+    """Return the terms of the plan's cost, from the last snapshot of a stored run, and its time."""
     if s.entry.sampled_trajectories:
         return s.entry.sampled_trajectories.terms, ""
     found = s.entry.snapshot(s.i)

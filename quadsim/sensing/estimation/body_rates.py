@@ -9,27 +9,27 @@ from quadsim.dynamics.quadrotor import Control, ModelParams, rate_loop, tilt_res
 from quadsim.rotation import Vec3
 from quadsim.sensing.config import ImuConfig
 
-# [rad/s^2] by which angular accelerations differ from the model's in a period
+# [rad/s^2] standard deviation of the model's error in angular acceleration per period
 ACCELERATION_STD = 20.0
-# [rad/s] A gyroscope is never taken to be better than this.
+# [rad/s] lower bound of the gyroscope's assumed noise
 LEAST_GYRO_NOISE = 1e-3
 
 
 class BodyRates:
-    """An observer of the body rates omega, and of their accelerations beta by the rotors.
+    """An observer of the body rates omega and of the angular accelerations beta by the rotors.
 
         beta <- beta + (beta_cmd - beta) k_beta,    beta_cmd = (omega_cmd - omega) k_omega
         omega <- omega + beta dt
 
-    k_beta and k_omega are those of quadsim.dynamics.quadrotor. Then both are corrected by the
-    gyroscope, with the settled gain of a Kalman filter, once each control period.
+    The gains k_beta and k_omega are defined in quadsim.dynamics.quadrotor. Then the gyroscope
+    corrects omega and beta with the steady-state gain of a Kalman filter, once each control period.
     """
 
     def __init__(self, model: ModelParams, dt: float, imu: ImuConfig):
         """Start at rest.
 
         Args:
-            model: the nominal one.
+            model: the nominal model.
             dt: control period [s].
             imu: numbers of the unit with the gyroscope.
         """
@@ -80,14 +80,14 @@ class BodyRates:
 def steady_gain(
     dt: float, share: float, acceleration_std: float, noise: float
 ) -> tuple[float, float]:
-    """Return the settled Kalman gain of (omega, beta) on the gyroscope.
+    """Return the steady-state Kalman gain from the gyroscope to (omega, beta).
 
         omega <- omega + beta dt
         beta <- (1 - share) beta + acceleration_std N(0, 1)
 
     Args:
         dt: control period [s].
-        share: of the way to its command that the angular acceleration makes in a period.
+        share: share of its difference to the command that beta closes in a period.
         acceleration_std: standard deviation of the process [rad/s^2].
         noise: standard deviation of the gyroscope [rad/s].
     """

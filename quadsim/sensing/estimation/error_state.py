@@ -1,8 +1,8 @@
 """The error-state Kalman filter of a vehicle with an inertial measurement unit.
 
-The nominal state moves by the unit alone (quadsim.sensing.estimation.nominal). The filter estimates
-its error dx = (dp, dv, dtheta, db_a, db_g), then the drift of an odometry (3,), then how far gates
-stand off the map (3 each):
+The unit alone propagates the nominal state (quadsim.sensing.estimation.nominal). The filter
+estimates the error dx = (dp, dv, dtheta, db_a, db_g) of the nominal state, the drift of an odometry
+(3,), and the displacement of each gate from the map (3 each):
 
     dp' = dv,   dv' = -R [f]_x dtheta - R db_a,   dtheta' = -[omega]_x dtheta - db_g
 
@@ -23,7 +23,7 @@ from quadsim.sensing.config import ImuConfig
 from quadsim.sensing.estimation.nominal import Nominal
 from quadsim.sensing.measurements import Inertial
 
-# Rows of the error. The drift and the gates follow, where there are any.
+# Rows of the error; rows of the drift and of the gates follow if these are estimated.
 POSITION = slice(0, 3)
 VELOCITY = slice(3, 6)
 TURN = slice(6, 9)
@@ -40,7 +40,7 @@ MODEL_ACCELERATION = 0.3
 class FilterState:
     """The nominal state and the covariance of its error at one instant.
 
-    Drift and gates are states only where they are estimated, else they have no rows.
+    Drift and gates have rows only if they are estimated.
     """
 
     nominal: Nominal
@@ -53,32 +53,32 @@ class FilterState:
 
     @property
     def first_gate(self) -> int:
-        """The row of the error at which the gates begin."""
+        """The first row of the gates in the error."""
         return MOVING + len(self.drift)
 
     def gate_std(self, gates: int) -> np.ndarray:
         """Return the standard deviation of each gate's position relative to the vehicle [m].
 
         Args:
-            gates: number of gates; gates that stand where the map has them are as uncertain as the
+            gates: number of gates; if gates are fixed to the map, each is as uncertain as the
                 vehicle.
 
         Returns:
-            Of the worst axis of each gate  (gates,).
+            Standard deviation along the worst axis of each gate  (gates,).
         """
         own = np.diag(self.P)[POSITION]
         if not len(self.gates):
             return np.full(gates, np.sqrt(own.max()))
-        rows = np.arange(self.first_gate, len(self.P)).reshape(-1, 3)  # of each gate
+        rows = np.arange(self.first_gate, len(self.P)).reshape(-1, 3)  # rows of each gate
         variances = self.P[rows, rows] + own - 2.0 * self.P[np.arange(3), rows]
         return np.sqrt(np.maximum(variances, 0.0).max(axis=1))
 
     def corrected(self, dx: np.ndarray, P: np.ndarray) -> FilterState:
-        """Return the state with an estimated error moved into it.
+        """Return the state after injecting an estimated error into the nominal state.
 
         Args:
             dx: the error  (n,).
-            P: covariance of the error that remains  (n, n).
+            P: covariance of the remaining error  (n, n).
         """
         before = self.nominal
         error = dx.tolist()
@@ -106,7 +106,7 @@ class Motion:
             drift: random walk of an odometry's position [m/sqrt(s)].
             states: number of the filter's states.
         """
-        # Noise of a sample is white at the unit's rate; biases walk.
+        # Noise of a sample is white at the unit's rate; biases are random walks.
         accelerometer = imu.accelerometer_noise**2 + MODEL_ACCELERATION**2
         white = np.repeat([0.0, accelerometer, imu.gyro_noise**2, 0.0, 0.0], 3) / imu.rate
         walk = np.repeat([0.0, 0.0, 0.0, imu.accelerometer_walk**2, imu.gyro_walk**2], 3)
@@ -117,13 +117,13 @@ class Motion:
         self._F = np.eye(MOVING)
 
     def __call__(self, state: FilterState, sample: Inertial, until: float) -> FilterState:
-        """Return the state at `until` [s], with the sample's means held."""
+        """Return the state at `until` [s], with the sample held constant."""
         nominal = state.nominal.moved(sample, until)
         return replace(state, nominal=nominal, P=self.moved(state, sample, until))
 
     def moved(self, state: FilterState, sample: Inertial, until: float) -> np.ndarray:
         """Return the covariance at `until` [s], to first order in the time.  (n, n)"""
-        # The Jacobian of the error's motion, of the states that move.
+        # The Jacobian of the error dynamics, for the states that move.
         nominal = state.nominal
         F = self._F
         dt = until - nominal.t

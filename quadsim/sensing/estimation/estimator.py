@@ -1,9 +1,10 @@
-"""The estimator: from measurements as they arrive to the vehicle's state at any later instant.
+"""The estimator: the vehicle's state at any later instant, from delayed measurements.
 
-A measurement is of an instant before it arrives, so the filter is kept at the instant of the last
-measurement; from there the nominal state is moved to the present by the samples of the inertial
-measurement unit. A measurement that is older than the filter is applied at its own time: the filter
-goes back to its state before it, applies it, and applies the later ones again.
+A measurement arrives after the instant at which it was taken, so the filter is kept at the instant
+of the last measurement; from there the samples of the inertial measurement unit propagate the
+nominal state to the present. A measurement that is older than the filter is applied at its own
+time: the filter returns to its state before that time, applies the measurement, and repeats the
+later ones.
 """
 
 from __future__ import annotations
@@ -24,17 +25,17 @@ from quadsim.sensing.estimation.updates import CornerUpdate, Innovation, PoseUpd
 from quadsim.sensing.measurements import Aiding, Corners, Inertial, Pose
 from quadsim.sensing.sensing_file import Sensing
 
-# Standard deviations where the vehicle is set down: position [m], roll and pitch [deg], heading
+# Initial standard deviations at the start pose: position [m], roll and pitch [deg], heading
 # [deg], velocity [m/s].
 SET_DOWN = 0.15
 LEVEL = 0.5
 HEADING = 6.0
 AT_REST = 0.01
-# [s] by which the filter may stay behind the latest that a measurement can come
+# [s] by which the filter may lag behind the longest latency of a measurement
 BEHIND = 0.1
-# [rad/s, m/s^2] standard deviation of biases that are given as zero
+# [rad/s, m/s^2] standard deviation of biases whose given standard deviation is zero
 LEAST_BIAS = 1e-4
-# [m] standard deviation of a drift that has not begun, and of the heights of gates
+# [m] initial standard deviation of the drift, and of the heights of gates
 AS_MAPPED = 1e-3
 
 
@@ -48,7 +49,7 @@ class Applied:
 
 
 class Estimator:
-    """Estimates position, velocity, attitude, biases, drift and places of gates, for one flight."""
+    """Estimates position, velocity, attitude, biases, drift and gate positions for one flight."""
 
     def __init__(
         self,
@@ -63,10 +64,10 @@ class Estimator:
         Args:
             sensing: the vehicle's sensors.
             gates: gates of the map, each once.
-            start: the known pose in which the vehicle is set down.
-            t: when that is [s].
-            displaced: how far each gate may stand off the map, along x and y [m]; 0: the map is
-                taken as true.
+            start: the known initial pose of the vehicle.
+            t: time of that pose [s].
+            displaced: largest displacement of each gate from the map, along x and y [m]; 0: the
+                map is exact.
         """
         assert sensing.imu
         drift = sensing.pose.drift if sensing.pose else 0.0
@@ -80,10 +81,10 @@ class Estimator:
         self._latest = sensing.latest
         self._samples: deque[Inertial] = deque()
         self.state = _set_down(sensing, start, t, drifts, unmapped, displaced)
-        # measurements applied of late, and the state before all of them
+        # recently applied measurements, and the state before all of them
         self._applied: deque[Applied] = deque()
         self._oldest = self.state
-        # innovations of the measurements taken since the last `innovations.clear()`
+        # innovations of the measurements since the last `innovations.clear()`
         self.innovations: list[Innovation] = []
 
     def take(self, measurement: Inertial | Aiding) -> None:
@@ -92,7 +93,7 @@ class Estimator:
             self._samples.append(measurement)
             return
 
-        # Go back to before its instant, then apply it and all later ones in the order of theirs.
+        # Return to the state before its instant, then apply it and all later ones in order of time.
         pending = [measurement]
         while self._applied and self._applied[-1].measurement.t > measurement.t:
             pending.append(self._applied.pop().measurement)
@@ -104,7 +105,7 @@ class Estimator:
                 self.innovations.append(innovation)
 
     def at(self, t: float) -> Nominal:
-        """Return the nominal state at t [s], with the unit's last sample held until then."""
+        """Return the nominal state at t [s], with the unit's last sample held constant."""
         self._catch_up(t)
         nominal = self.state.nominal
         for sample in self._samples:
@@ -115,7 +116,7 @@ class Estimator:
         return nominal
 
     def covariance(self, t: float) -> np.ndarray:
-        """Return the covariance of the error at t [s], by one step from the filter's.  (n, n)"""
+        """Return the error covariance at t [s], propagated in one step.  (n, n)"""
         if not self._samples:
             return self.state.P
         return self._motion.moved(self.state, self._samples[-1], t)
@@ -136,7 +137,7 @@ class Estimator:
         return innovation
 
     def _moved(self, t: float) -> FilterState:
-        """Return the filter's state moved to t [s]; as it is where that is not later."""
+        """Return the filter's state propagated to t [s]; unchanged if t is not later."""
         state = self.state
         for sample in self._samples:
             if sample.t > state.nominal.t and state.nominal.t < t:
@@ -144,12 +145,12 @@ class Estimator:
         return state
 
     def _catch_up(self, now: float) -> None:
-        """Forget states to which no measurement can lead back, and samples before them."""
+        """Forget states that no delayed measurement can need, and samples before them."""
         oldest = now - self._latest - BEHIND
         while self._applied and self._applied[0].measurement.t < oldest:
             self._oldest = self._applied.popleft().state
 
-        # Where no measurement has come for a while, the filter moves on without one.
+        # If no measurement has arrived for a while, the filter is propagated without one.
         if self.state.nominal.t < oldest:
             self.state = self._moved(oldest)
             self._oldest = self.state
@@ -160,15 +161,15 @@ class Estimator:
 def _set_down(
     sensing: Sensing, start: Start, t: float, drifts: int, gates: int, displaced: float
 ) -> FilterState:
-    """Return the filter's state where the vehicle is set down, at rest.
+    """Return the filter's initial state, at rest in the start pose.
 
     Args:
         sensing: the vehicle's sensors.
-        start: the known pose in which the vehicle is set down.
-        t: when that is [s].
-        drifts: states of an odometry's drift, 3 or 0.
-        gates: number of gates whose places are states.
-        displaced: how far each gate may stand off the map, along x and y [m].
+        start: the known initial pose of the vehicle.
+        t: time of that pose [s].
+        drifts: number of states of an odometry's drift, 3 or 0.
+        gates: number of gates whose positions are states.
+        displaced: largest displacement of each gate from the map, along x and y [m].
     """
     imu = sensing.imu
     assert imu

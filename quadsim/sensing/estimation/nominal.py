@@ -1,4 +1,4 @@
-"""The nominal state: position, velocity and attitude, moved by an inertial measurement unit.
+"""The nominal state: position, velocity and attitude, propagated by an inertial measurement unit.
 
     p' = v,   v' = R(q) (f - b_a) - g e_z,   q' = q x (0, omega - b_g) / 2
 
@@ -33,19 +33,19 @@ class Nominal:
     gyro_bias: Vec3 = (0.0, 0.0, 0.0)
 
     def rates(self, sample: Inertial) -> Vec3:
-        """Return the body rates of a sample without bias [rad/s].  (3,)"""
+        """Return the bias-corrected body rates of a sample [rad/s].  (3,)"""
         wx, wy, wz = sample.gyro
         bx, by, bz = self.gyro_bias
         return wx - bx, wy - by, wz - bz
 
     def force(self, sample: Inertial) -> Vec3:
-        """Return the specific force of a sample without bias, in the body frame [m/s^2].  (3,)"""
+        """Return the bias-corrected specific force of a sample, body frame [m/s^2].  (3,)"""
         fx, fy, fz = sample.specific_force
         bx, by, bz = self.accelerometer_bias
         return fx - bx, fy - by, fz - bz
 
     def moved(self, sample: Inertial, until: float) -> Nominal:
-        """Return the state at `until` [s], with the sample's means held from t on."""
+        """Return the state at `until` [s], with the sample held constant from t on."""
         dt = until - self.t
         half = 0.5 * dt
         wx, wy, wz = self.rates(sample)
@@ -57,7 +57,7 @@ class Nominal:
         vx, vy, vz = self.velocity
         velocity = (vx + ax * dt, vy + ay * dt, vz + az * dt)
 
-        # The position moves with the mean of both velocities.
+        # The position changes by the mean of the old and the new velocity.
         px, py, pz = self.position
         position = (
             px + (vx + velocity[0]) * half,

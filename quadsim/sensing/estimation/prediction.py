@@ -1,8 +1,8 @@
-"""Prediction of the state in which a control that is planned now will act.
+"""Prediction of the state at which a control that is planned now takes effect.
 
-Between now and then lie the planner's time, the wait for the link's next frame, and the latency of
-link and vehicle. The commands of that time are known, as they have been given already; the
-planner's own model moves the state under them.
+The delay is the planning time, the wait for the link's next frame, and the latency of link and
+vehicle. The commands during the delay have been given already, so the planner's own model
+propagates the state under them.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from quadsim.rotation import Vec3
 
 Command = tuple[float, ...]  # (n_u,)
 
-# [s] Instants nearer than this are one.
+# [s] Instants that differ by less count as equal.
 SAME = 1e-6
 
 
 class Given(NamedTuple):
-    """A command, and from when on it acts [s]."""
+    """A command, and the time from which it acts [s]."""
 
     acts: float
     u: Command
 
 
 class Piece(NamedTuple):
-    """A time under one command."""
+    """An interval of time under one command."""
 
     # [s]
     duration: float
@@ -45,38 +45,38 @@ class Commands:
         """Begin without a command.
 
         Args:
-            rest: command that acts until the first one does  (n_u,).
+            rest: command that acts until the first given command does  (n_u,).
             latency: time from a frame to the action of its command [s].
-            frame_period: time between frames, from t = 0 on [s]; 0: there is one at every instant.
+            frame_period: time between frames, from t = 0 on [s]; 0: a frame at every instant.
         """
         self.latency = latency
         self._frame_period = frame_period
         self._given: deque[Given] = deque([Given(float("-inf"), rest)])
 
     def next_frame(self, t: float) -> float:
-        """Return when a command is sent that is given at t [s]."""
+        """Return the time of the frame that carries a command given at t [s]."""
         if not self._frame_period:
             return t
         return ceil((t - SAME) / self._frame_period) * self._frame_period
 
     def give(self, t: float, u: Command) -> None:
-        """Note that the command u (n_u,) is given at t [s], and forget old ones."""
+        """Note that the command u (n_u,) is given at t [s], and forget old commands."""
         self._given.append(Given(self.next_frame(t) + self.latency, u))
         while len(self._given) > 2 and self._given[1].acts < t - 1.0:
             self._given.popleft()
 
     def acting(self, t: float) -> Command:
-        """Return the command that acts from t [s] on, of those that are not forgotten."""
+        """Return the command that acts from t [s] on, among the remembered ones."""
         for given in reversed(self._given):
             if given.acts <= t + SAME:
                 return given.u
         return self._given[0].u
 
     def pieces(self, t0: float, t1: float) -> Iterator[Piece]:
-        """Yield the pieces of the time from t0 to t1 [s], each under one command."""
+        """Yield the intervals from t0 to t1 [s] with a constant command."""
         if t1 <= t0 + SAME:
             return
-        # A later command may take the place of an earlier one before it is sent.
+        # A later command replaces an earlier one that has not been sent yet.
         switches = dict.fromkeys(given.acts for given in self._given)
         ends = [t for t in switches if t0 + SAME < t < t1 - SAME]
         for end in (*ends, t1):
@@ -87,14 +87,14 @@ class Commands:
 def predict(
     x: State, commands: Commands, t0: float, t1: float, model: ModelParams, longest: float
 ) -> State:
-    """Return the state at t1 of a vehicle that is in the state x at t0.
+    """Predict the state at t1 from the state x at t0.
 
     Args:
         x: state at t0.
-        commands: given until now.
+        commands: commands given until now.
         t0, t1: [s].
-        model: the planner's.
-        longest: step of the model [s].
+        model: the planner's model.
+        longest: longest integration step [s].
     """
     for piece in commands.pieces(t0, t1):
         steps = max(1, -int(-(piece.duration - SAME) // longest))
@@ -107,7 +107,7 @@ def predict(
 class GateCounter:
     """Counts the gates passed by the estimated path.
 
-    The path passes a gate where it crosses the gate's plane within the frame.
+    The path passes a gate if it crosses the gate's plane within the frame.
     """
 
     def __init__(self, course: Course, laps: int):
@@ -115,7 +115,7 @@ class GateCounter:
 
         Args:
             course: the map.
-            laps: after which no more gates are counted.
+            laps: number of laps, after which no more gates are counted.
         """
         self._map = course
         self._laps = laps
@@ -126,7 +126,7 @@ class GateCounter:
     def at(self, x: Sequence[float], course: Course | None = None) -> int:
         """Return the number of gates passed when the vehicle is in the state x.
 
-        Its path is the straight line from where it was at the last call.
+        The path is the straight line from the position at the last call.
 
         Args:
             x: state, which begins with the position [m]  (n_x,).

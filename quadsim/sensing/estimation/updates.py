@@ -1,9 +1,9 @@
-"""Updates of the filter by each kind of measurement, with gating of outliers.
+"""Updates of the filter by each kind of measurement, with an innovation gate.
 
 A measurement z with the expected value h and the Jacobian H corrects the error by K (z - h), K = P
 H^T S^-1, S = H P H^T + R. Its normalised innovation squared (NIS), (z - h)^T S^-1 (z - h), follows
-a chi-square law if the filter is consistent; a measurement beyond a high quantile of that law is
-taken for an outlier and left out.
+a chi-square distribution if the filter is consistent; a measurement beyond a high quantile of that
+distribution is rejected as an outlier.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from quadsim.sensing.measurements import Corners, Pose
 
 # .999 quantiles of chi-square, by its degrees of freedom
 GATE = {1: 10.8, 2: 13.8, 3: 16.3}
-# standard deviations sqrt(2 m) of chi-square above its mean m
+# joint gate: number of standard deviations sqrt(2 m) above the mean m of chi-square
 JOINT = 4.0
-# [m] standard deviation below which a gate counts as found; until then a lone corner is no evidence
+# [m] standard deviation below which a gate counts as found; before, a single corner is rejected
 FOUND = 0.03
-# Standard deviations that a sensor is never taken to be better than [m, m/s, rad].
+# Lower bounds of the assumed standard deviations of a sensor [m, m/s, rad].
 LEAST_POSITION = 1e-3
 LEAST_VELOCITY = 1e-2
 LEAST_ATTITUDE = 1e-3
@@ -35,39 +35,39 @@ LEAST_ATTITUDE = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Innovation:
-    """The consistency of a measurement with the state, and how much of it was used."""
+    """The innovation statistics of a measurement: its accepted and its rejected part."""
 
-    # normalised innovation squared of the used part
+    # normalised innovation squared of the accepted part
     nis: float
-    # degrees of freedom of the used part
+    # degrees of freedom of the accepted part
     used: int
-    # degrees of freedom of outliers
+    # degrees of freedom of the rejected part
     refused: int
 
 
 class Part(NamedTuple):
     """A vector that a pose sensor measures."""
 
-    # rows of the error that it measures
+    # rows of the error that this part measures
     rows: slice
-    # measured less expected  (3,)
+    # innovation: measured minus expected  (3,)
     innovation: np.ndarray
-    # standard deviation of its noise
+    # standard deviation of the noise
     std: float
 
 
 class PoseUpdate:
-    """Uses position, attitude and velocity of a pose sensor, each gated by itself."""
+    """Uses position, attitude and velocity of a pose sensor, each with its own innovation gate."""
 
     def __init__(self, config: PoseConfig):
-        """Take the sensor's own noises, which are known."""
+        """Take the noise levels of the sensor, which are known."""
         self._drifts = config.drift > 0.0
         self._position_std = max(config.position_noise, LEAST_POSITION)
         self._velocity_std = max(config.velocity_noise or 0.0, LEAST_VELOCITY)
         self._attitude_std = max(radians(config.attitude_noise_deg), LEAST_ATTITUDE)
 
     def __call__(self, state: FilterState, pose: Pose) -> tuple[FilterState, Innovation]:
-        """Return the state after a pose, and how it was used."""
+        """Return the state after the update by a pose, and the innovation statistics."""
         parts = self._parts(state, pose)
         H = np.zeros((3 * len(parts), len(state.P)))
         innovation = np.empty(3 * len(parts))
@@ -82,7 +82,7 @@ class PoseUpdate:
         return corrected(state, H, innovation, variance, group=3)
 
     def _parts(self, state: FilterState, pose: Pose) -> list[Part]:
-        """Return the vectors of a pose, each measured less expected."""
+        """Return the innovation of each vector of a pose."""
         nominal = state.nominal
         drift = state.drift if self._drifts else np.zeros(3)
         position = np.subtract(pose.position, nominal.position) - drift
@@ -98,11 +98,11 @@ class PoseUpdate:
 
 
 class CornerUpdate:
-    """Uses corners of gates that were found in a picture, each gated by itself.
+    """Uses corners of gates that were found in a picture, each with its own innovation gate.
 
     The standard deviation of a pixel comes from its noise and, to second order, from the
-    projection's curvature under the state's own uncertainty: about focal (tr P_theta + tr P_p /
-    z^2). The second part matters until the heading is known.
+    projection's curvature under the state's uncertainty: about focal (tr P_theta + tr P_p / z^2).
+    The second part matters until the heading has converged.
     """
 
     def __init__(self, config: GateCameraConfig, gates: Sequence[Gate], free: bool):
@@ -111,19 +111,19 @@ class CornerUpdate:
         Args:
             config: the camera.
             gates: gates of the map, each once.
-            free: whether gates may stand off the map, as states of the filter.
+            free: whether displacements of gates from the map are states of the filter.
         """
         self._config = config
         self._free = free
-        # from the body frame  (3, 3)
+        # rotation camera from body  (3, 3)
         self._to_camera = config.axes.T
         self._map = np.array([gate.corners() for gate in gates])  # (gates, 4, 3)
 
     def __call__(self, state: FilterState, found: Corners) -> tuple[FilterState, Innovation]:
-        """Return the state after the corners of a picture, and how they were used."""
+        """Return the state after the update by the corners of a picture, and its statistics."""
         camera = self._config
 
-        # Corners in the frames of body and camera, where the filter expects them.
+        # Expected corners in the frames of body and camera.
         R = matrix(state.nominal.attitude)
         points = self._map[found.gates, found.corners]
         if self._free:
@@ -132,7 +132,7 @@ class CornerUpdate:
         # right, down and ahead of the camera  (n, 3)
         local = camera.local(body)
 
-        # Corners behind the camera are outliers, and those without evidence are left out.
+        # Corners behind the camera are outliers; unconfirmed corners are left out.
         ahead = np.flatnonzero((local[:, 2] > NEAREST) & self._confirmed(state, found.gates))
         left_out = 2 * (len(points) - len(ahead))
         if not len(ahead):
@@ -152,11 +152,11 @@ class CornerUpdate:
         return after, Innovation(taken.nis, taken.used, taken.refused + left_out)
 
     def _confirmed(self, state: FilterState, gates: np.ndarray) -> np.ndarray:
-        """Return which corners count as evidence.  (n,) bool
+        """Return which corners are confirmed.  (n,) bool
 
-        These are corners of gates that are found, or of which the picture has another corner. A
-        gate that may stand anywhere within 15 cm accepts a corner that was mistaken for one of its
-        own; it would be moved there, and from then on its own corners would be refused.
+        A corner is confirmed if its gate's position has converged, or if the picture has a second
+        corner of that gate. A gate that may stand anywhere within 15 cm accepts a wrongly matched
+        corner; its estimate would move there, and its own corners would be rejected from then on.
         """
         if not self._free:
             return np.ones(len(gates), bool)
@@ -171,7 +171,7 @@ class CornerUpdate:
         local: np.ndarray,
         gates: np.ndarray,
     ) -> np.ndarray:
-        """Return the derivatives of the pixels by the error state.
+        """Return the Jacobian of the pixels with respect to the error state.
 
         A corner c in the body frame is R^T (c - p), turned by -dtheta.
 
@@ -213,18 +213,19 @@ class CornerUpdate:
 def corrected(
     state: FilterState, H: np.ndarray, innovation: np.ndarray, variance: np.ndarray, group: int
 ) -> tuple[FilterState, Innovation]:
-    """Return the state after a measurement, and how it was used.
+    """Return the state after a measurement, and the innovation statistics.
 
-    Each group of rows is gated by itself, then the groups that are left together: while their NIS
-    is beyond JOINT standard deviations, the group that fits worst after the correction is left out.
-    That is needed where the state is uncertain, as every single group passes then.
+    Each group of rows has its own innovation gate; then the accepted groups share a joint gate:
+    while their NIS is beyond JOINT standard deviations, the group with the worst fit after the
+    correction is rejected. The joint gate is needed if the state is uncertain, as every single
+    group passes its own gate then.
 
     Args:
         state: before the measurement.
-        H: Jacobian by the error  (m, n).
-        innovation: measured less expected  (m,).
+        H: Jacobian with respect to the error  (m, n).
+        innovation: measured minus expected  (m,).
         variance: variance of the measurement's noise  (m,).
-        group: number of rows that are used or refused together.
+        group: number of rows that are accepted or rejected together.
     """
     z = innovation
     R = variance
@@ -232,14 +233,14 @@ def corrected(
     S = H @ PHt
     S.flat[:: len(S) + 1] += R
 
-    # Each group by itself.
+    # Gate each group by itself.
     number = np.arange(len(z) // group)
     each = z.reshape(-1, group)
     blocks = S.reshape(len(number), group, len(number), group)[number, :, number, :]
     nis = (each * np.linalg.solve(blocks, each[:, :, None])[:, :, 0]).sum(axis=1)
     good = nis < GATE[group]
 
-    # The groups that are left, together.
+    # Gate the accepted groups jointly.
     while good.any():
         rows = np.flatnonzero(np.repeat(good, group))
         part = PHt[:, rows]
@@ -253,7 +254,7 @@ def corrected(
             refused = group * int((~good).sum())
             return state.corrected(dx, 0.5 * (P + P.T)), Innovation(total, m, refused)
 
-        # Leave out the group that fits worst after the correction.
+        # Reject the group with the worst fit after the correction.
         residual = (((z - H @ dx) ** 2 / R).reshape(-1, group)).sum(axis=1)
         good[np.argmax(np.where(good, residual, -1.0))] = False
     return state, Innovation(0.0, 0, len(z))

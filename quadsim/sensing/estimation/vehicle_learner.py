@@ -1,4 +1,4 @@
-"""The vehicle's own numbers, learnt in flight: thrust, highest thrust, thrust gain, drag and gust.
+"""Online estimation of vehicle parameters: thrust, highest thrust, thrust gain, drag and gust.
 
 A Kalman filter estimates theta = (a, a_max, k, d, w): delivered and highest thrust [m/s^2], thrust
 gain [], drag [1/s] and gust in the world (3,) [m/s^2]. k and d are constant, w is an
@@ -8,25 +8,25 @@ Ornstein-Uhlenbeck process with correlation time tau:
 
 The filter learns in one of two ways.
 
-**From exact states.** a is known then, and the left side is measured from two consecutive states;
-the factors of k and d are taken as the means over the period. The highest thrust is what the rotors
-deliver when they have settled below their command. It is also learnt whether the flight controller
-gives up thrust to roll and pitch at that limit, by the share of the angular acceleration asked for
-that is delivered there: 0.9 in our plant, 0.46 in RotorPy, which clips rotors one by one.
+**From exact states.** a is known then, and two consecutive states give the left side; the factors
+of k and d are their means over the period. The highest thrust is the thrust at which the rotors
+settle below their command. At that limit the learner also estimates which share of the requested
+angular acceleration is delivered, and so whether the flight controller gives up thrust to roll and
+pitch: the share is 0.9 in our plant, and 0.46 in RotorPy, which clips each rotor by itself.
 
-**From an accelerometer, and rotor speeds where there are any.** Over a control period
+**From an accelerometer, and from rotor speeds if they are measured.** Over a control period
 
     a <- a + (clip(a_cmd, r, a_max - r) - a) k_m + noise,     w <- exp(-dt / tau) w + noise
     specific force = k a e_z - d R^T v + R^T w + noise
 
 with the model's rotor lag k_m and its reserve r for roll and pitch (quadsim.dynamics.quadrotor). An
-accelerometer measures the specific force itself, where differences of an estimated velocity would
-carry its noise over dt; k and d follow only as far as their own variances allow, so that little is
-learnt from a noisy sensor. Rotor speeds measure a.
+accelerometer measures the specific force itself, whereas differences of an estimated velocity would
+contain its noise divided by dt; the variances of k and d limit their corrections, so a noisy sensor
+changes them little. Rotor speeds measure a.
 
-To estimate a disturbance and to plan with it is offset-free predictive control (Pannocchia and
-Rawlings, AIChE Journal 49(2), 2003). Here the disturbance is a gain of the thrust and not a
-constant acceleration, because the effect of a wrong mass turns with the vehicle.
+Planning with an estimated disturbance is offset-free predictive control (Pannocchia and Rawlings,
+AIChE Journal 49(2), 2003). Here the disturbance is a thrust gain and not a constant acceleration,
+because the effect of a wrong mass rotates with the vehicle.
 """
 
 from __future__ import annotations
@@ -48,43 +48,43 @@ from quadsim.vehicle.tolerances import VehicleTolerances
 
 # Learning from exact states.
 
-# [m/s^2] of v' from two states: the error of the trapezoidal rule over one period
+# [m/s^2] standard deviation of v' from two states: the trapezoidal rule's error over one period
 ACCELERATION_STD = 0.05
 # [m/s^2] A thrust that changes by less in a period has settled.
 SETTLED = 0.15
-# [m/s^2] A settled thrust that is this far below its command is at the rotors' limit.
+# [m/s^2] A settled thrust that is this far below its command is saturated.
 SHORTFALL = 0.5
-# share of the highest thrust; with a larger reserve for roll and pitch no estimate is made
+# share of the highest thrust; a larger reserve for roll and pitch gives no estimate
 MAX_RESERVE = 0.05
-# share of the error by which each such period corrects the highest thrust, or the share delivered
+# gain per such period of the highest thrust, or of the delivered share, on its error
 STEP = 0.1
-# share of the highest thrust; a strongest rotor below it is not at its limit
+# share of the highest thrust; if the strongest rotor is below it, no rotor is saturated
 LEAST_STRONGEST = 0.85
-# share of the error by which each such period corrects the highest thrust
+# gain per such period of the highest thrust on its error
 STRONGEST_STEP = 0.05
-# share of a period by which its duration may differ; the share delivered needs a single period
+# tolerance of a duration, as a share of a period; the delivered share needs a single period
 ON_TIME = 0.1
-# share of the highest thrust; a smaller reserve shows little of the share delivered
+# share of the highest thrust; a smaller reserve hardly depends on the delivered share
 LEAST_RESERVE = 0.03
-# share of the angular acceleration asked for, at the highest thrust; below it the planner gives up
-# thrust
+# delivered share of the requested angular acceleration at the highest thrust; below it the planner
+# gives up thrust
 LEAST_DELIVERED = 0.7
 
 # Learning from sensors.
 
-# [m/s^2] of the delivered thrust before the first measurement
+# [m/s^2] initial standard deviation of the delivered thrust
 START_STD = 0.5
-# [1/s] A drag's tolerance is relative to no less than this.
+# [1/s] smallest drag to which the relative tolerance of the drag is applied
 LEAST_DRAG = 0.1
-# [m/s^2] of a specific force: means over a period, flow that the drag leaves out
+# [m/s^2] standard deviation of a specific force: averaging over a period, unmodelled aerodynamics
 FORCE_STD = 0.3
-# [m/s^2] of the delivered thrust after a period, at least
+# [m/s^2] smallest process noise of the delivered thrust per period
 THRUST_STD = 0.05
 # relative standard deviation of the reserve
 RESERVE_STD = 0.3
-# [m/s^2/sqrt(s)] of the highest thrust, as a battery empties
+# [m/s^2/sqrt(s)] random walk of the highest thrust, as a battery empties
 THRUST_MAX_WALK = 1e-2
-# limit of the normalised innovation squared, 3 degrees of freedom
+# innovation gate: limit of the normalised innovation squared, 3 degrees of freedom
 OUTLIER = 25.0
 
 
@@ -101,18 +101,18 @@ class Row(IntEnum):
 
 
 GUST = slice(Row.GUST_X, Row.GUST_Z + 1)
-# the numbers that an acceleration shows where the thrust is known
+# the parameters that an acceleration measures if the thrust is known
 OF_ACCELERATION = slice(Row.THRUST_GAIN, Row.GUST_Z + 1)
 
 
 class VehicleNumbers(NamedTuple):
-    """The numbers that are learnt, or their standard deviations."""
+    """The estimated parameters, or their standard deviations."""
 
-    # delivered now [m/s^2]
+    # thrust delivered now [m/s^2]
     thrust: float
-    # highest [m/s^2]
+    # highest thrust [m/s^2]
     thrust_max: float
-    # acceleration per thrust delivered []
+    # thrust gain: acceleration per delivered thrust []
     thrust_gain: float
     # [1/s]
     drag: float
@@ -127,10 +127,9 @@ class VehicleNumbers(NamedTuple):
 
 
 class VehicleLearner:
-    """Learns the numbers of a quadrotor in flight, once each control period.
+    """Estimates the parameters of a quadrotor in flight, once each control period.
 
-    Make it by `for_exact_states` or by `for_sensors`, and call the `learn` methods that belong to
-    it.
+    Make one with `for_exact_states` or with `for_sensors`, and call the matching `learn` methods.
     """
 
     def __init__(
@@ -142,16 +141,16 @@ class VehicleLearner:
         force_variance: float,
         delivered: float | None,
     ):
-        """Start at the nominal numbers.
+        """Start at the nominal parameters.
 
         Args:
-            model: the nominal one.
+            model: the nominal model.
             dt: control period [s].
-            tolerances: how far the vehicle may be from its model.
-            covariance: covariance of the numbers at the start  (7, 7).
+            tolerances: prior of the differences between vehicle and model.
+            covariance: initial covariance of the parameters  (7, 7).
             force_variance: variance of a specific force per axis [m^2/s^4].
-            delivered: share of the angular acceleration asked for that is delivered at the highest
-                thrust; None: it is not learnt.
+            delivered: delivered share of the requested angular acceleration at the highest thrust;
+                None: the share is not estimated.
         """
         self._nominal = model
         self._dt = dt
@@ -176,7 +175,7 @@ class VehicleLearner:
     ) -> VehicleLearner:
         """Return a learner for `learn_from_states`.
 
-        A drag that is nominally zero is taken as known.
+        A drag that is nominally zero is not estimated.
         """
         t = tolerances
         std = np.zeros(len(Row))
@@ -184,7 +183,7 @@ class VehicleLearner:
         std[Row.THRUST_GAIN] = uniform_std(t.mass)
         std[Row.DRAG] = uniform_std(t.drag * model.drag)
         std[GUST] = t.gust
-        # A mixer that gives up thrust to yaw gives it up to roll and pitch, too.
+        # A mixer that gives up thrust for yaw gives it up for roll and pitch, too.
         delivered = None if model.yaw_first else 1.0
         return cls(model, dt, tolerances, np.diag(std**2), 0.0, delivered)
 
@@ -198,7 +197,7 @@ class VehicleLearner:
     ) -> VehicleLearner:
         """Return a learner for `learn_from_force` and `learn_from_rotors`."""
         t = tolerances
-        # not squares of `uniform_std`: flights are repeated to the last bit
+        # not squares of `uniform_std`, so that flights are repeated to the last bit
         variance = np.zeros(len(Row))
         variance[Row.THRUST] = START_STD**2
         variance[Row.THRUST_MAX] = uniform_variance(t.thrust * model.thrust_max)
@@ -210,7 +209,7 @@ class VehicleLearner:
 
     @property
     def model(self) -> ModelParams:
-        """The nominal parameters with the present estimates in their place."""
+        """The nominal model with the present estimates of its parameters."""
         now = self.numbers
         tilt_first = self._nominal.tilt_first
         if self._delivered is not None:
@@ -232,7 +231,7 @@ class VehicleLearner:
     def std(self) -> VehicleNumbers:
         """The standard deviations of the estimates.
 
-        From exact states, that of the highest thrust stays the prior's.
+        With exact states, the standard deviation of the highest thrust stays at its prior.
         """
         return VehicleNumbers.of(np.sqrt(np.diag(self._P)))
 
@@ -260,7 +259,7 @@ class VehicleLearner:
 
         Args:
             a_cmd: commanded thrust [m/s^2].
-            reserve: thrust that roll and pitch have taken in the period [m/s^2].
+            reserve: thrust reserved for roll and pitch in the period [m/s^2].
             force: mean specific force measured in the period, body frame [m/s^2]  (3,); None: there
                 was no sample.
             nominal: estimate of attitude and velocity at the period's end.
@@ -273,15 +272,15 @@ class VehicleLearner:
         """Learn from rotor speeds.
 
         Args:
-            thrust: delivered by their measured speeds [m/s^2].
-            std: its standard deviation [m/s^2].
+            thrust: thrust at the measured speeds [m/s^2].
+            std: standard deviation of that thrust [m/s^2].
         """
         gain = self._P[:, Row.THRUST] / (self._P[Row.THRUST, Row.THRUST] + std * std)
         self._theta = self._theta + gain * (thrust - self._theta[Row.THRUST])
         self._P = self._P - np.outer(gain, self._P[Row.THRUST])
 
     def _gust_process(self, duration: float) -> tuple[float, float]:
-        """Return the share of a gust that is left after a duration [s], and the variance added.
+        """Return the share of a gust that remains after a duration [s], and the added variance.
 
         The variance is in m^2/s^4.
         """
@@ -306,9 +305,9 @@ class VehicleLearner:
         self._P[OF_ACCELERATION, OF_ACCELERATION] = P - K @ H @ P
 
     def _update_thrust_max(self, before: State, after: State, u: Control) -> None:
-        """Learn the highest thrust where the thrust has settled below its command.
+        """Learn the highest thrust if the thrust has settled below its command.
 
-        Thrust and reserve for roll and pitch are all there is then.
+        Thrust and reserve for roll and pitch then add up to the highest thrust.
         """
         change = after.thrust - before.thrust
         settled = before.thrust + change / self._rotor_response
@@ -320,7 +319,7 @@ class VehicleLearner:
             self._theta[Row.THRUST_MAX] += STEP * (settled + reserve - thrust_max)
 
     def _update_by_strongest_rotor(self, before: State, after: State, u: Control) -> None:
-        """Learn the highest thrust where thrust is given up, from what the rotors settle at."""
+        """Learn the highest thrust from the strongest rotor, if the mixer gives up thrust."""
         change = after.thrust - before.thrust
         settled = before.thrust + change / self._rotor_response
         if u.thrust <= settled + SHORTFALL:
@@ -335,9 +334,9 @@ class VehicleLearner:
             self._theta[Row.THRUST_MAX] += STRONGEST_STEP * (strongest - thrust_max)
 
     def _update_delivered(self, before: State, after: State, u: Control) -> None:
-        """Learn the share delivered where thrust and reserve ask for more than there is.
+        """Learn the delivered share if thrust and reserve request more than the highest thrust.
 
-        It is the angular acceleration, compared with its command.
+        The share is the ratio of the angular acceleration to its command.
         """
         assert self._delivered is not None
         reserve = self._mean_reserve(before, after, u)
@@ -351,7 +350,7 @@ class VehicleLearner:
         self._delivered += STEP * (float(settled @ asked / (asked @ asked)) - self._delivered)
 
     def _mean_reserve(self, before: State, after: State, u: Control) -> float:
-        """Return the reserve for roll and pitch, the mean of both ends of the period [m/s^2]."""
+        """Return the reserve for roll and pitch, averaged over both ends of the period [m/s^2]."""
         commanded = np.array(u.body_rates[:2])
         at_begin = abs(commanded - before.body_rates[:2])
         at_end = abs(commanded - after.body_rates[:2])
@@ -363,10 +362,10 @@ class VehicleLearner:
 
         Args:
             a_cmd: commanded thrust [m/s^2].
-            reserve: thrust that roll and pitch take [m/s^2].
+            reserve: thrust reserved for roll and pitch [m/s^2].
         """
-        # The thrust follows its command, clipped as in the model; where it is clipped from above,
-        # it follows the highest thrust, which the Jacobian has to show.
+        # The thrust follows its command, clipped as in the model; if clipped from above, it follows
+        # the highest thrust, and the Jacobian depends on that.
         lag = self._rotor_response
         theta = self._theta
         most = theta[Row.THRUST_MAX] - reserve
@@ -381,7 +380,7 @@ class VehicleLearner:
         moved = F @ theta
         moved[Row.THRUST] = theta[Row.THRUST] + lag * step
 
-        # The uncertainty of lag and reserve is one of the thrust.
+        # The uncertainty of lag and reserve adds to the variance of the thrust.
         unsure = self._tolerances.lag * lag * step / sqrt(3) + RESERVE_STD * reserve * lag
         Q = np.zeros(len(Row))
         Q[Row.THRUST] = unsure**2 + THRUST_STD**2
