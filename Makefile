@@ -31,8 +31,8 @@ quick: $(VENV)/.dev
 # The browser draws in software, on both cores: its tests have the machine to themselves.
 test: $(VENV)/.dev
 	@failed=0; \
-	$(PYTEST) -rs --ignore tests/web/browser || failed=$$?; \
-	$(PYTEST) -rs -n 0 tests/web/browser || failed=$$?; \
+	$(PYTEST) --ignore tests/web/browser || failed=$$?; \
+	$(PYTEST) -n 0 tests/web/browser || failed=$$?; \
 	exit $$failed
 
 # All tests of the page in a browser (Debian's chromium): some minutes.
@@ -128,18 +128,22 @@ docs-version: $(VENV)/.dev
 	@test -n "$(VERSION)" || { echo "docs-version: expected VERSION=, for example VERSION=0.1" >&2; exit 1; }
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mike deploy --update-aliases $(VERSION) latest
 
-$(VENV)/.app: pyproject.toml
+# .made: an environment of Python alone. .app holds what it takes to fly, .dev all that the checks take besides.
+$(VENV)/.made:
 	@$(BIN)/python -c '$(FIT); import pip' 2>/dev/null || { \
 	for python in $(PYTHON); do \
 		$$python -c '$(FIT); import venv, ensurepip' 2>/dev/null && exec $$python -m venv --clear $(VENV); \
 	done; \
 	echo "needs Python 3.11 to 3.13 with venv, tried: $(PYTHON); name one with PYTHON=/path/to/python3.11" >&2; exit 1; }
+	touch $@
+
+$(VENV)/.app: pyproject.toml | $(VENV)/.made
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
 	touch $@
 
-$(VENV)/.dev: $(VENV)/.app
+$(VENV)/.dev: pyproject.toml | $(VENV)/.made
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
-	touch $@
+	touch $(VENV)/.app $@
 
 clean:
 	rm -rf $(VENV) dist site .pytest_cache .ruff_cache

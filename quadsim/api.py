@@ -74,7 +74,7 @@ def frames(
 
     Examples:
         >>> import quadsim
-        >>> for frame in quadsim.frames("figure8", laps=1, samples=512):
+        >>> for frame in quadsim.frames("figure8", laps=1, samples=256):
         ...     if frame.passed == 3:
         ...         break
         >>> frame.gate
@@ -188,7 +188,7 @@ def load_run(run: str | Path = "last", runs_dir: str = "runs") -> Run:
 
     Examples:
         >>> import quadsim
-        >>> folder = quadsim.save_run(quadsim.fly("figure8", laps=1, samples=512))
+        >>> folder = quadsim.save_run(quadsim.fly("figure8", laps=1, samples=256))
         >>> quadsim.load_run("last").outcome
         'finished'
     """
@@ -210,7 +210,7 @@ def save_run(run: Run, runs_dir: str | Path = "runs") -> Path:
 
     Examples:
         >>> import quadsim
-        >>> run = quadsim.fly("figure8", laps=1, samples=512)
+        >>> run = quadsim.fly("figure8", laps=1, samples=256)
         >>> folder = quadsim.save_run(run, "flights")
         >>> quadsim.load_run(folder).digest() == run.digest()
         True
@@ -283,7 +283,7 @@ def plot(run: Run, path: str | Path | None = None) -> Figure:
 
     Examples:
         >>> import quadsim
-        >>> run = quadsim.fly("figure8", laps=1, samples=512)
+        >>> run = quadsim.fly("figure8", laps=1, samples=256)
         >>> figure = quadsim.plot(run, "flight.png")
     """
     return run.plot(path)

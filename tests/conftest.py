@@ -2,6 +2,7 @@
 
 import os
 import signal
+from collections import Counter
 from functools import cache
 
 # Otherwise the threads of BLAS spin against those of the compiled loops, and those of two workers
@@ -62,3 +63,11 @@ def on_threads():
 
     yield run
     use_threads(before)
+
+
+def pytest_terminal_summary(terminalreporter) -> None:
+    """Say once for each reason how many tests were skipped for it."""
+    skipped = terminalreporter.stats.get("skipped", [])
+    reasons = Counter(report.longrepr[2].removeprefix("Skipped: ") for report in skipped)
+    for reason, count in reasons.most_common():
+        terminalreporter.write_line(f"{count} skipped: {reason}")

@@ -11,7 +11,7 @@ from quadsim.cli.flags import Help, Json, RunsDir, Stored, Switch
 from quadsim.cli.report import known_limit, present
 from quadsim.console import UsageError, emit, emit_json
 from quadsim.figures.style import PICTURES, save_figure, write_figure
-from quadsim.heat.archive import heat_folder
+from quadsim.heat.archive import heat_folder, run_folders
 from quadsim.record.archive import find_run, load_reportable, load_run
 from quadsim.record.exchange import telemetry_csv
 from quadsim.record.mcap_file import mcap_bytes
@@ -93,6 +93,8 @@ def export(
 ) -> int:
     """Export runs as a page that plays offline, a table, a recording for viewers, or one file.
 
+    Of a race of several vehicles, all runs are exported.
+
     race export last --html
 
     race export 20261120T133511Z 20261120T134914Z --html --out race.html
@@ -105,7 +107,7 @@ def export(
         got = " and ".join(kinds) or "none"
         raise UsageError(f"expected one of --html, --csv, --mcap, --zip, got {got}")
     kind = kinds[0]
-    folders = [find_run(run, runs_dir) for run in runs or ("last",)]
+    folders = [f for run in runs or ("last",) for f in run_folders(run, runs_dir)]
     path = Path(out or f"{folders[0].name}.{kind}")
     write_whole(path, _data(kind, folders))
     _print_paths((path,), json)

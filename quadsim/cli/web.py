@@ -13,7 +13,7 @@ from quadsim.cli.commands import EXIT
 from quadsim.cli.flags import Help, Json, RunsDir, Stored, course_help
 from quadsim.console import UsageError, complain, emit, emit_json, uninterrupted
 from quadsim.course import load_course
-from quadsim.record.archive import find_run
+from quadsim.heat.archive import run_folders
 
 WAKE = 0.5  # [s] period at which the wait checks for signals received by other threads
 
@@ -37,7 +37,7 @@ def web(
     race web --course mine.yaml --host 192.168.1.7
     """
     load_course(course)  # raises an error if the course cannot be read
-    paths = [find_run(run, runs_dir) for run in runs]
+    paths = [folder for run in runs for folder in run_folders(run, runs_dir)]
     # imported here, as they load numba and viser, which --help does not need
     from web.choices import Choices
     from web.page.dashboard import Dashboard

@@ -58,7 +58,7 @@ def spec_of_record(record: Mapping[str, Any], runs_dir: str | None = None, **own
     Examples:
         >>> import quadsim
         >>> from quadsim.config.recorded import spec_of_record
-        >>> run = quadsim.fly("figure8", laps=1, samples=512)
+        >>> run = quadsim.fly("figure8", laps=1, samples=256)
         >>> spec_of_record(run.spec).sampler
         'colored'
     """

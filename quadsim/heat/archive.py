@@ -29,8 +29,10 @@ from quadsim.heat.result import heat_digest, heat_events, placings
 from quadsim.heat.settings import Awareness, HeatSettings
 from quadsim.heat.spec import Entrant, HeatSpec
 from quadsim.record.archive import (
-    PART,
+    HEAT,
     ClaimedFolder,
+    find_run,
+    list_heats,
     list_runs,
     load_run,
     write_run,
@@ -40,8 +42,6 @@ from quadsim.record.provenance import provenance
 from quadsim.record.run import Run, RunError, canonical
 from quadsim.record.schema import HEAT_FORMAT, StoredEntrant, StoredHeatSpec, TitledHeat
 from quadsim.record.whole_files import one_line, write_whole
-
-HEAT = "heat.json"
 
 
 class RecordedEntrant(StoredEntrant):
@@ -156,17 +156,6 @@ def is_heat(path: str | Path) -> bool:
     return (Path(path) / HEAT).is_file()
 
 
-def list_heats(root: str | Path) -> list[Path]:
-    """Return the folders of complete races, oldest first."""
-    folders = [file.parent for file in Path(root).glob(f"*/{HEAT}")]
-    return sorted(folder for folder in folders if not folder.name.endswith(PART))
-
-
-def _raced_at(heat: Path) -> float:
-    """Return when a race's record was written [s since 1970]; names tell seconds alone."""
-    return (heat / HEAT).stat().st_mtime
-
-
 def runs_of_heat(path: str | Path) -> list[Path]:
     """Return the folders of a race's runs, in the order of the entrants. Raises RunError."""
     folders = [file.parent for file in Path(path).glob("*_*/run.json")]
@@ -206,7 +195,7 @@ def find_heat(wanted: str, root: str) -> Path:
     if not heats:
         raise RunError(f"no races in {root!r}: fly one with race heat, or give --runs-dir")
     if wanted == "last":
-        return max(heats, key=_raced_at)
+        return max(heats, key=written_at)
     fits = [heat for heat in heats if wanted in heat.name]
     if len(fits) != 1:
         found = f"fits {len(fits)} races, expected one" if fits else f"is no race in {root!r}"
@@ -228,11 +217,25 @@ def heat_folder(wanted: str, root: str) -> Path | None:
     heats = list_heats(root)
     if wanted == "last":
         newest_run = max(map(written_at, list_runs(root)), default=0.0)
-        last = max(heats, key=_raced_at, default=None)
-        return last if last and _raced_at(last) > newest_run else None
+        last = max(heats, key=written_at, default=None)
+        return last if last and written_at(last) > newest_run else None
     fits = [heat for heat in heats if wanted in heat.name]
     is_run = any(wanted in run.name for run in list_runs(root))
     return fits[0] if len(fits) == 1 and not is_run else None
+
+
+def run_folders(wanted: str, root: str) -> list[Path]:
+    """Return the folder of a run, or those of all runs of a race of several vehicles.
+
+    Args:
+        wanted: a folder, a part of a name, or "last": the last flight or race.
+        root: folder of runs.
+
+    Raises:
+        RunError: nothing fits, or several things do.
+    """
+    heat = heat_folder(wanted, root)
+    return [find_run(wanted, root)] if heat is None else runs_of_heat(heat)
 
 
 def load_heat(path: str | Path) -> LoadedHeat:

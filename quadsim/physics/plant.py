@@ -41,7 +41,7 @@ class Plant(Protocol):
         ...         return super().step((wx + 0.2, wy, wz, thrust))  # a bias of the gyro
         >>> def plant(spec):
         ...     return Sideways(spec.course, spec.vehicle, spec.plant_dt)
-        >>> run = quadsim.fly("figure8", plant=plant, laps=1, samples=512)
+        >>> run = quadsim.fly("figure8", plant=plant, laps=1, samples=256)
         >>> run.outcome
         'finished'
     """

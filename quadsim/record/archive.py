@@ -34,6 +34,7 @@ from quadsim.record.run_format import (
 from quadsim.record.whole_files import one_line, write_whole
 
 PART = ".part"
+HEAT = "heat.json"  # the record of a race of several vehicles
 # Pattern of how the name of a run begins
 STARTED = "[0-9]" * 8 + "T" + "[0-9]" * 6 + "Z_"
 # Names of runs listed in an error where several fit
@@ -234,19 +235,30 @@ def find_run(wanted: str, root: str) -> Path:
         root: folder of runs.
 
     Raises:
-        RunError: no run fits, or several do.
+        RunError: no run fits, or several do, or a race of several vehicles is meant.
     """
+    if (Path(wanted) / HEAT).exists():
+        raise _a_heat(Path(wanted))
     if os.sep in wanted or (Path(wanted) / "run.json").exists():
         return Path(wanted)
     runs = list_runs(root)
-    if not runs:
+    heats = list_heats(root)
+    if not runs and not heats:
         raise RunError(f"no runs in {root!r}: fly one, or give --runs-dir")
     if wanted == "last":
-        return max(runs, key=written_at)
+        last = max([*runs, *heats], key=written_at)
+        if last in heats:
+            raise _a_heat(last)
+        return last
     fits = [run for run in runs if wanted in run.name]
     if len(fits) == 1:
         return fits[0]
     if not fits:
+        for heat in heats:
+            if wanted in heat.name:
+                raise _a_heat(heat)
+        if not runs:
+            raise RunError(f"no run {wanted!r} in {root!r}, which has races of several alone")
         raise RunError(
             f"no run {wanted!r} in {root!r}: expected a folder, part of a name or 'last'; "
             f"the last is {runs[-1].name}"
@@ -306,9 +318,28 @@ def _digest(run: Run) -> str | None:
         return None
 
 
-def written_at(run: Path) -> float:
-    """Return when a run's record was written [s since 1970], which orders runs of one second."""
-    return (run / "run.json").stat().st_mtime
+def written_at(folder: Path) -> float:
+    """Return when the record of a run or a heat was written [s since 1970].
+
+    It orders runs of one second.
+    """
+    file = folder / HEAT
+    return (file if file.exists() else folder / "run.json").stat().st_mtime
+
+
+def list_heats(root: str | Path) -> list[Path]:
+    """Return the folders of complete races of several vehicles, oldest first."""
+    folders = [file.parent for file in Path(root).glob(f"*/{HEAT}")]
+    return sorted(folder for folder in folders if not folder.name.endswith(PART))
+
+
+def _a_heat(folder: Path) -> RunError:
+    """Return the error of a race of several vehicles where one run is wanted."""
+    runs = sorted(file.parent.name for file in folder.glob("*/run.json"))
+    named = f"name one of its runs, such as {folder / runs[0]}, or " if runs else ""
+    return RunError(
+        f"{folder} is a race of several vehicles: {named}use race heat --from or quadsim.load_heat"
+    )
 
 
 def _part_of(path: Path) -> Path:

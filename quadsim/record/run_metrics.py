@@ -51,7 +51,7 @@ class RunMetrics:
 
     Examples:
         >>> import quadsim
-        >>> metrics = quadsim.fly("figure8", laps=1, samples=512).metrics
+        >>> metrics = quadsim.fly("figure8", laps=1, samples=256).metrics
         >>> metrics.best_lap == metrics.race_time  # of one lap [s]
         True
         >>> len(metrics.splits[0])

@@ -44,7 +44,7 @@ class Run(RecordedRun):
 
     Examples:
         >>> import quadsim
-        >>> run = quadsim.fly("figure8", laps=1, samples=512)
+        >>> run = quadsim.fly("figure8", laps=1, samples=256)
         >>> run.outcome
         'finished'
         >>> run.telemetry["vx"].shape == run.telemetry["t"].shape

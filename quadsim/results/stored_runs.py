@@ -52,7 +52,7 @@ class StoredRun:
 
     Examples:
         >>> import quadsim
-        >>> folder = quadsim.fly("figure8", laps=1, samples=512).save()
+        >>> folder = quadsim.fly("figure8", laps=1, samples=256).save()
         >>> (row,) = quadsim.runs()
         >>> row.course, row.seed, row.outcome
         ('figure8', 0, 'finished')
@@ -110,7 +110,7 @@ class StoredRuns(Sequence[StoredRun]):
 
     Examples:
         >>> import quadsim
-        >>> folder = quadsim.fly("figure8", laps=1, samples=512).save()
+        >>> folder = quadsim.fly("figure8", laps=1, samples=256).save()
         >>> stored = quadsim.runs()
         >>> len(stored), stored.damaged
         (1, {})

@@ -67,7 +67,7 @@ def settings_of(record: Mapping[str, Any]) -> dict[str, Any] | None:
     Examples:
         >>> import quadsim
         >>> from quadsim.tables.wording import settings_of
-        >>> run = quadsim.fly("figure8", laps=1, seed=3, samples=512)
+        >>> run = quadsim.fly("figure8", laps=1, seed=3, samples=256)
         >>> given = settings_of(run.spec)
         >>> given["course"], given["seed"], given["samples"]
         ('figure8', 3, 512)

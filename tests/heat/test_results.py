@@ -1,5 +1,6 @@
 """Order, overtakes and events of a race, by runs that are made by hand."""
 
+import os
 import shutil
 from types import SimpleNamespace
 
@@ -9,8 +10,12 @@ import pytest
 import quadsim
 from quadsim.cli.cli import race
 from quadsim.course import load_course
+from quadsim.heat.archive import run_folders
 from quadsim.heat.result import heat_events, placings
 from quadsim.racing.events import Event
+from quadsim.record.archive import find_run
+from quadsim.record.run import RunError
+from tests.run_cases import save, two_laps
 from tests.small import SHORT
 
 COURSE = load_course("figure8")
@@ -120,3 +125,40 @@ def test_a_race_that_is_flown_again_takes_no_other_flags(flags, capsys):
     line = capsys.readouterr().err
     assert line.startswith("race heat: --from: expected neither a course nor other flags")
     assert line.count("\n") == 1
+
+
+@pytest.fixture
+def after_a_race(tmp_path):
+    """A folder with a run and, newer, a race of two; its files alone, without telemetry."""
+    flown = save(tmp_path, two_laps())
+    heat = tmp_path / "20991231T000000Z_figure8_heat_s0_00000000"
+    for name in ("1_colored", "2_gaussian"):
+        shutil.copytree(flown, heat / name)
+    (heat / "heat.json").write_text("{}")
+    newer = flown.stat().st_mtime + 10
+    os.utime(heat / "heat.json", (newer, newer))
+    return flown, heat
+
+
+def test_last_is_the_race_for_every_command_and_never_an_older_flight(after_a_race, tmp_path):
+    flown, heat = after_a_race
+    assert run_folders("last", str(tmp_path)) == [heat / "1_colored", heat / "2_gaussian"]
+    for wanted in ("last", "heat_s0", str(heat)):
+        with pytest.raises(RunError, match="is a race of several vehicles: name one of its runs"):
+            find_run(wanted, str(tmp_path))
+    with pytest.raises(RunError, match=r"quadsim\.load_heat"):
+        quadsim.load_run("last", str(tmp_path))
+    assert find_run(str(heat / "1_colored"), str(tmp_path)) == heat / "1_colored"
+    (heat / "heat.json").unlink()
+    assert find_run("last", str(tmp_path)) == flown
+
+
+def test_a_race_is_exported_whole(after_a_race, tmp_path, capsys):
+    _, heat = after_a_race
+    out = tmp_path / "race.csv"
+    command = ["export", heat.name, "--csv", "--out", str(out), "--runs-dir", str(tmp_path)]
+    assert race(command) == 0
+    runs = {line.split(",")[0] for line in out.read_text().splitlines()[1:]}
+    assert runs == {"1_colored", "2_gaussian"}
+    assert race(["fly", "--from", "last", "--runs-dir", str(tmp_path)]) == 2
+    assert "use race heat --from" in capsys.readouterr().err
