@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from plant_cases import needs_bullet
 
 import quadsim
 from quadsim.cli.cli import race
@@ -47,6 +48,7 @@ def test_it_is_drawn(run):
     assert stored_competitor(GOLDEN).laps == (4.573423091311024,)
 
 
+@needs_bullet
 @pytest.mark.compiled
 def test_the_same_vehicle_takes_off_from_the_same_place_by_a_smaller_planner(run):
     again = quadsim.fly(run.spec, **SHORT)
@@ -56,6 +58,7 @@ def test_the_same_vehicle_takes_off_from_the_same_place_by_a_smaller_planner(run
         assert again.telemetry[column][0] == run.telemetry[column][0], column
 
 
+@needs_bullet
 @pytest.mark.regression
 def test_it_is_flown_again(run):
     """Another CPU may round in another way, so that laps differ a little there."""

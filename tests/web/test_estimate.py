@@ -22,7 +22,7 @@ def test_the_half_axes_are_three_standard_deviations_along_the_covariances_own_a
     assert back @ np.diag(np.square(axes) / 9.0) @ back.T == pytest.approx(covariance)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def flown(tmp_path_factory):
     """A learned pilot that flies half a second on a gate camera without noise, misses or
     mistakes."""
