@@ -163,6 +163,8 @@ def test_each_visitor_has_a_camera_and_fpv_is_the_drones(page, race):
         mine, others = (
             race.server.get_clients()[k].camera for k in sorted(race.server.get_clients())
         )
+        # A new visitor's camera begins where viser puts it, and then looks at the course.
+        assert waited(page, lambda: others.position[2] > 10.0)
         before = others.position.copy()
         press(page, "FPV")
         assert waited(page, lambda: np.allclose(mine.position, p, atol=0.01))
