@@ -132,11 +132,14 @@ def race(
 
     use_threads_of(settings.pop("threads", None))
     if is_record_of_heat(entrants):
-        beside = {"course": course, "rotation": rotation} | settings
-        changed = {name: value for name, value in beside.items() if value not in (None, 0)}
-        return fly_heat(recorded_heat(entrants, parts, changed))
+        # The record has the course and the places on the grid.
+        if course is not None:
+            settings["course"] = course
+        if rotation:
+            settings["rotation"] = rotation
+        return fly_heat(recorded_heat(entrants, parts, settings))
     if parts is not None:
-        raise SettingError("parts", "expected none but beside heat.spec of a race")
+        raise SettingError("parts", "expected parts only beside heat.spec of a recorded race")
     made, of_race = line_up(course, entrants, settings)
     seed = made[0].spec.seed if made else 0
     return fly_heat(HeatSpec(made, of_race, seed, rotation))

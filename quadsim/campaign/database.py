@@ -27,7 +27,7 @@ SQL_TYPES = {"float": "REAL", "int": "INTEGER"}  # of fields; of all others TEXT
 
 
 class Kept(Protocol):
-    """What every row of a campaign has; each field of its dataclass is a column of the table."""
+    """A row of a campaign's table. Each field of its dataclass is a column."""
 
     @property
     def key(self) -> str:

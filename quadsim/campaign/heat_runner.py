@@ -31,7 +31,7 @@ class FlownHeat(NamedTuple):
     provenance: dict[str, Any]
 
 
-def fly_attempted_heat(heat: HeatSpec) -> FlownHeat:
+def fly_heat_alone(heat: HeatSpec) -> FlownHeat:
     """Fly a heat, in a worker process on one thread."""
     use_one_thread_in_a_worker()
     if any(entrant.spec.own_objects() for entrant in heat.entrants):
@@ -43,7 +43,10 @@ def fly_attempted_heat(heat: HeatSpec) -> FlownHeat:
 
 
 class HeatRunner(CampaignRunner):
-    """Flies what a campaign lacks: `with HeatRunner(path) as runner: rows = runner(heats)`."""
+    """Flies the missing heats of a campaign.
+
+    Use it as `with HeatRunner(path) as runner: rows = runner(heats)`.
+    """
 
     def __enter__(self) -> Self:
         self._store = self._open.enter_context(HeatStore(self.campaign))
@@ -79,7 +82,7 @@ class HeatRunner(CampaignRunner):
 
     def _fly(self, missing: Sequence[HeatSpec], tally: Tally) -> None:
         """Fly heats, and keep each as soon as it has ended."""
-        for heat, flown in run_all(self.pool, fly_attempted_heat, missing):
+        for heat, flown in run_all(self.pool, fly_heat_alone, missing):
             label = f"{heat.course.name} seed {heat.seed}"
             if flown is None:
                 complain(f"{label}: lost twice with its worker, not flown")

@@ -97,7 +97,7 @@ def fly_attempts(
 
 
 class CampaignRunner:
-    """The workers of a campaign, and what is said of a campaign that ends early.
+    """Holds the workers of a campaign, and says what is kept if a campaign ends early.
 
     The first access to `pool` starts the workers.
     """
@@ -149,29 +149,10 @@ class CampaignRunner:
 
 
 class Runner(CampaignRunner):
-    """Flies what a campaign lacks: `with Runner(path) as runner: rows = runner(variants, 10)`."""
+    """Flies the missing flights of a campaign, and keeps their telemetry.
 
-    def __init__(
-        self,
-        campaign: Path,
-        jobs: int | None = None,
-        scheduler: str | None = None,
-        this_commit: bool = False,
-        telemetry: bool = True,
-        temporary: bool = False,
-    ):
-        """Prepare to fly, see CampaignRunner.
-
-        Args:
-            campaign: the SQLite file.
-            jobs: the number of workers.
-            scheduler: address of a Dask cluster.
-            this_commit: count only what this commit has flown.
-            telemetry: keep the telemetry of what is flown.
-            temporary: the campaign is used by one call only.
-        """
-        super().__init__(campaign, jobs, scheduler, this_commit, temporary)
-        self._telemetry = telemetry
+    Use it as `with Runner(path) as runner: rows = runner(variants, 10)`.
+    """
 
     def __enter__(self) -> Self:
         self._store = self._open.enter_context(Store(self.campaign))
@@ -220,7 +201,7 @@ class Runner(CampaignRunner):
                     if not self.pool.in_this_process:
                         expect_same_parts(variant.name, spec, flown.run.spec)
                     with uninterrupted():
-                        self._store.add(spec, variant.name, flown, self._telemetry, variant.twin)
+                        self._store.add(spec, variant.name, flown, twin=variant.twin)
                     self._kept += 1
                     expect_same_libraries(flown.provenance["versions"])
             rows = self._rows(in_order)

@@ -268,7 +268,7 @@ class Spec(FlightNumbers, HostSettings):
 
     @property
     def variation(self) -> Randomization:
-        """What the seed changes of start, vehicle and wind."""
+        """The changes of start, vehicle and wind that the seed draws."""
         return draw(self.streams.vehicle, self.randomize, self.flown_course, self.start)
 
     @property

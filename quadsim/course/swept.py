@@ -198,7 +198,7 @@ class SweptGate:
             found.append(Incident(crossed.fraction, kind, self.index, at, frame=self.frame))
         return found
 
-    def as_own(self, incident: Incident, of: SweptGate, p0: Vec3, p1: Vec3) -> Incident:
+    def in_own_axes(self, incident: Incident, of: SweptGate, p0: Vec3, p1: Vec3) -> Incident:
         """Return an incident of this frame as it is in this gate's direction and axes.
 
         Args:

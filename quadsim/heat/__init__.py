@@ -1,6 +1,7 @@
 """Heats. A heat is a race of several vehicles in one world.
 
-From the settings of the entrants (`settings`, `line_up`, `spec`) and where they start (`grid`) over
-the loop that flies them (`launch`, `loop`, `marshal`, `rules`) and what they know of each other
-(`traffic`, `expectations`, `aware_planner`) to the result and its folder (`result`, `archive`).
+`settings`, `line_up` and `spec` say who races and how, and `grid` places the starts. `launch` and
+`loop` fly the heat, and `marshal` and `rules` judge it. `traffic`, `expectations` and
+`aware_planner` give each planner the predicted paths of the other vehicles. `result` and `archive`
+hold what was flown.
 """

@@ -225,7 +225,7 @@ def heat_folder(wanted: str, root: str) -> Path | None:
 
 
 def run_folders(wanted: str, root: str) -> list[Path]:
-    """Return the folder of a run, or those of all runs of a race of several vehicles.
+    """Return the folder of a run, or the folders of all runs of a race of several vehicles.
 
     Args:
         wanted: a folder, a part of a name, or "last": the last flight or race.
@@ -325,9 +325,9 @@ def _heat_spec(
     """Return the specification that a record holds."""
     entrants = [
         Entrant(
-            one.name,
-            recorded_spec(one.spec, {**settings, **parts.get(one.name, {})}),
-            one.awareness,
+            name=one.name,
+            spec=recorded_spec(one.spec, {**settings, **parts.get(one.name, {})}),
+            awareness=one.awareness,
         )
         for one in stored.entrants
     ]

@@ -26,7 +26,7 @@ CLOSE = 3.0
 
 
 class Perception:
-    """What one vehicle of a race perceives of the others, in the time of its own flight."""
+    """Gives one vehicle its perception of the others, in the time of its own flight."""
 
     def __init__(self, number: int, traffic: Traffic, start_time: float, course: Course):
         """Take the place of a vehicle in a race.

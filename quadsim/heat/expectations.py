@@ -22,7 +22,7 @@ OwnPath = Callable[[], ExpectedPath | None]
 
 
 class Perceived(NamedTuple):
-    """What a vehicle perceives of its race when it predicts the paths of the others."""
+    """The perceived state of a race from which a vehicle predicts the paths of the others."""
 
     # what is seen of the others now: number -> Sighting
     seen: dict[int, Sighting]

@@ -21,7 +21,7 @@ from quadsim.config.setting_texts import Place, Settings, parse_parts, resolve, 
 from quadsim.config.settings import SETTINGS
 from quadsim.config.spec import Spec
 from quadsim.files.values import SettingError, checked
-from quadsim.files.yaml_errors import did_you_mean
+from quadsim.files.yaml_errors import did_you_mean, shown_value
 from quadsim.heat.settings import Awareness, HeatSettings
 from quadsim.heat.spec import Entrant, HeatSpec
 
@@ -74,14 +74,14 @@ def line_up(
 class _Made(NamedTuple):
     """An entrant whose name may still need a number."""
 
-    name: str | None  # None: it has none of its own
-    kind: str | None  # its name then, the same for all of one kind
+    name: str | None  # None: the entrant was given without a name
+    kind: str | None  # default name, numbered if it occurs twice
     spec: Spec
     awareness: Awareness | None
 
 
 def _with_names(made: Sequence[_Made]) -> tuple[Entrant, ...]:
-    """Return the entrants: "colored", "colored 2" and so on where they have no name."""
+    """Return the entrants; entrants without a name are called "colored", "colored 2" and so on."""
     seen: Counter[str] = Counter()
     found = []
     for one in made:
@@ -117,8 +117,10 @@ def heats_of(
             entrant starts from each place equally often.
 
     Raises:
-        SettingError: the entrants cannot race.
+        SettingError: the entrants cannot race, or starts is no whole number from 1 on.
     """
+    if not isinstance(starts, int) or starts < 1:
+        raise SettingError("starts", f"expected a whole number >= 1, got {shown_value(starts)}")
     return [
         HeatSpec(entrants, settings, seed + k, k % max(len(entrants), 1) if rotate else 0)
         for k in range(starts)
@@ -149,7 +151,7 @@ def parse_race_variants(text: str) -> dict[str, dict[str, Any]]:
 
 
 def _named(one: object) -> tuple[str | None, Any]:
-    """Return the name of an entrant, None where it has none of its own, and what it is."""
+    """Return the name of an entrant, None if it was given without one, and its settings."""
     if isinstance(one, str):
         head, named, parts = one.partition("=")
         # Without a name the first part is a sampler or a preset, or the setting of one.

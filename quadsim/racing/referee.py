@@ -161,7 +161,7 @@ class Referee:
             incidents = frame.incidents(p0, p1)
             # The next gate may be another side of a frame.
             if following is not frame and following.frame == frame.frame:
-                incidents = [following.as_own(each, frame, p0, p1) for each in incidents]
+                incidents = [following.in_own_axes(each, frame, p0, p1) for each in incidents]
             found += incidents
         found += self._obstacles.incidents(p0, p1)
 

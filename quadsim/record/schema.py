@@ -1,4 +1,4 @@
-"""What lies on the disk: the keys of run.json and heat.json that this version reads.
+"""The keys of run.json and heat.json that this version reads.
 
 A file has more keys than these, which follow from them or are for people. Each reader decodes the
 smallest struct that has what it needs, so that a list of runs has a row for a run whose planner

@@ -1,1 +1,1 @@
-"""What a flight or a heat leaves behind, as the library hands it out: Run, Heat, tables of them."""
+"""Results as the library returns them: Run of a flight, Heat of a race, and lists of them."""

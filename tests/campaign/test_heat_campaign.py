@@ -182,6 +182,13 @@ def small_heats(starts):
     return heats_of(made, of_race, 0, starts)
 
 
+@pytest.mark.parametrize("starts", [0, -1, 2.5, "many"])
+def test_a_number_of_races_that_is_none_is_one_line(starts):
+    with pytest.raises(SettingError, match=r"^starts: expected a whole number >= 1, got ") as error:
+        quadsim.compare_heats(["colored", "gaussian"], "figure8", starts=starts)
+    assert "\n" not in str(error.value)
+
+
 def test_places_rotate_over_the_races():
     heats = small_heats(4)
     assert [heat.rotation for heat in heats] == [0, 1, 0, 1]
@@ -258,7 +265,7 @@ def test_an_interrupted_campaign_says_whether_races_are_kept(ended, tmp_path, mo
 
 @pytest.fixture
 def by_draw(monkeypatch):
-    """Heats are not flown: the entrant that is named first wins. The list of their seeds."""
+    """Let the entrant that is named first win without a flight; return the seeds of such heats."""
     seeds = []
 
     def flown(pool, fly, missing):

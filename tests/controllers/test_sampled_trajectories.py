@@ -43,6 +43,20 @@ def test_the_terms_of_the_plan_sum_to_what_the_rollout_says(flight):
 
 
 @pytest.mark.compiled
+def test_the_terms_have_the_numbers_that_were_set_in_flight(flight):
+    _, mppi = flown(flight)
+    before = sampled_trajectories(mppi).terms
+    name = max(before, key=lambda name: abs(before[name]))
+    weight = {term.name: term.weight for term in mppi.cost.terms}[name]
+    mppi.set_numbers(name, weight=3.0 * weight)
+    after = sampled_trajectories(mppi).terms
+    assert after[name] == pytest.approx(3.0 * before[name], rel=1e-5)
+    assert {n: v for n, v in after.items() if n != name} == pytest.approx(
+        {n: v for n, v in before.items() if n != name}
+    )
+
+
+@pytest.mark.compiled
 def test_samples_are_ranked_and_begin_where_the_vehicle_is(flight):
     frames, mppi = flown(flight)
     seen = sampled_trajectories(mppi)

@@ -250,7 +250,7 @@ def test_what_is_no_record_of_a_race_is_one_line():
     with pytest.raises(quadsim.FileError, match="expected the record of a race") as error:
         quadsim.race({"entrants": [1], "seed": 0})
     assert "\n" not in str(error.value)
-    with pytest.raises(quadsim.SettingError, match=r"expected none but beside heat\.spec"):
+    with pytest.raises(quadsim.SettingError, match=r"expected parts only beside heat\.spec"):
         quadsim.race(["colored"], parts={"colored": {}})
 
 

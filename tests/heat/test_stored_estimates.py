@@ -1,5 +1,4 @@
-"""What a planner knows of the others comes with its estimate: a stored one gives the same control
-again, in any order and in another planner."""
+"""A stored estimate holds the others' paths, so it gives the same control again in any order."""
 
 import pickle
 from dataclasses import replace

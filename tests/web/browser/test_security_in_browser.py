@@ -13,7 +13,7 @@ pytestmark = pytest.mark.browser
 
 @pytest.fixture(autouse=True)
 def provoked(page):
-    """What the console says of what is blocked is no fault of the page."""
+    """Forget the console's messages on the blocked requests that a test provokes."""
     before = len(page.complaints)
     yield
     page.evaluate("0")  # is answered after the messages of the console before it
