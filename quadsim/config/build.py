@@ -43,7 +43,7 @@ from quadsim.firmware.identified import firmware_for
 from quadsim.physics.actuators import Actuators
 from quadsim.physics.domain_randomization import gusts
 from quadsim.physics.faults import BiasJump, CommandLoss, RotorFault, SensorFault
-from quadsim.physics.link import Link
+from quadsim.physics.link import Link, command_latency
 from quadsim.physics.plant import (
     PLANTS,
     Arena,
@@ -470,12 +470,13 @@ def navigation_of(spec: Spec, parts: FlightParts) -> Navigation:
         commands=Commands(rest_of(parts.controller), _latency(spec), spec.link.period),
         dt=spec.planner.mppi.dt,
         nominal=spec.model,
+        predicts=spec.predict,
     )
 
 
 def _latency(spec: Spec) -> float:
     """Return the time from a command to its effect, apart from the wait for the link [s]."""
-    return spec.vehicle.latency + spec.link.latency + spec.model.delay
+    return command_latency(spec.vehicle.latency, spec.link.latency, spec.model.delay)
 
 
 def _gate_count(spec: Spec, referee: RefereeProtocol) -> GateCount:
@@ -483,8 +484,8 @@ def _gate_count(spec: Spec, referee: RefereeProtocol) -> GateCount:
 
     The referee counts them unless the state is estimated, or is predicted ahead of the referee.
     """
-    is_ahead = _latency(spec) or spec.link.rate or spec.clock == "wall"
-    if spec.sensing or is_ahead:
+    is_late = _latency(spec) or spec.link.rate or spec.clock == "wall"
+    if spec.sensing or (is_late and spec.predict):
         return GateCounter(spec.course, spec.laps)
     return RefereeCount(referee)
 

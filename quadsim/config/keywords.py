@@ -55,6 +55,7 @@ class Keywords(TypedDict, total=False):
     link_latency: float | None
     link_loss: float | None
     link_burst: float | None
+    predict: bool | None
     clock: Literal["simulated", "wall"] | None
     deadline_ms: float | None
     threads: int | None

@@ -135,6 +135,13 @@ class FlightNumbers:
         BurstLength | None,
         setting("mean number of frames lost in a row (default: they are lost independently)"),
     ] = None
+    predict: Annotated[
+        bool,
+        setting(
+            "gives the controller the state in which its command will act, predicted by the"
+            " planner's model; off: the state as measured"
+        ),
+    ] = True
     clock: Annotated[
         Clock, setting("simulated: planning takes no time; wall: the flight continues meanwhile")
     ] = "simulated"

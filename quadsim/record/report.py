@@ -12,6 +12,7 @@ from rich.padding import Padding
 
 from quadsim.course import parse_course
 from quadsim.record.estimate_metrics import sensing_numbers
+from quadsim.record.given_state import given_state
 from quadsim.record.limits import StoredSolution
 from quadsim.record.metrics import missed_deadlines
 from quadsim.record.model_differences import model_table
@@ -66,6 +67,9 @@ def _head(run: Run, limit: StoredSolution | None) -> Iterator[str]:
     if spec.get("displace_gates"):
         flown.append(f"gates up to {spec['displace_gates']:g} m off the map")
     yield from wrap(", ".join(flown), WIDTH, break_on_hyphens=False)
+    state = given_state(spec)
+    if state:
+        yield state
     if limit and run.outcome == "finished":
         # Adding 0.0 makes a negative zero a plain one
         above = round(100.0 * limit.above(run.duration), 1) + 0.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from quadsim.racing.hand import HAND
+from quadsim.record.given_state import given_state
 from quadsim.record.run import CRASHES, Run, flown_with, not_comparable
 from quadsim.record.run_metrics import RunMetrics
 
@@ -23,6 +24,9 @@ def _sentences(run: Run, metrics: RunMetrics) -> Iterator[str]:
     laps = f"{len(run.laps)} of {run.spec['laps']} laps in {run.duration:.3f} s"
     yield f"{run.spec['course']}: {run.outcome}, {laps}{crash_place(run)}."
     yield f"Flown with {flown_with(run.spec)}."
+    state = given_state(run.spec)
+    if state:
+        yield f"{state[0].upper()}{state[1:]}."
     if run.laps:
         yield f"Lap times: {lap_times(run)}."
     if metrics.above_limit is not None:

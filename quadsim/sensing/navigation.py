@@ -3,6 +3,8 @@
     sensors -> estimator -> state now
     state now -> model under the commands given -> state in which the next control acts
 
+A flight may ask for the state now in its place, as a controller without a prediction gets it.
+
 A Navigation is put together from three parts:
 
 * a source of the present state: the true state (TrueState) or an estimate (SensedState);
@@ -367,6 +369,7 @@ class Navigation:
         commands: Commands,
         dt: float,
         nominal: ModelParams | None,
+        predicts: bool = True,
     ):
         """Put the parts together.
 
@@ -377,12 +380,15 @@ class Navigation:
             dt: control period [s].
             nominal: model for the prediction until the next control acts, if no model is estimated;
                 None: the next control acts in the present state.
+            predicts: whether the controller is given the state in which its control acts; if not,
+                the present state.
         """
         self._source = source
         self._gates = gates
         self._commands = commands
         self._dt = dt
         self._nominal = nominal
+        self._predicts = predicts
         self._periods = ControlPeriods(dt)
         # running mean of planning times [s]
         self._planning = 0.0
@@ -416,7 +422,16 @@ class Navigation:
         x = self._when_it_acts(now, t, acts)
         target = self._gates.at(x, now.course)
         model = quadrotor(now.model, self._dt) if now.model else None
-        return Estimate(t + (sent - ready), np.array(x), target, model, now.course, acts)
+        return Estimate(
+            t + (sent - ready),
+            np.array(x),
+            target,
+            model,
+            now.course,
+            acts,
+            measured=np.array(now.x),
+            predicted=self._predicts,
+        )
 
     def commanded(self, t: float, ready: float, u: tuple[float, ...]) -> None:
         """Note a control that is given to the vehicle.
@@ -434,8 +449,11 @@ class Navigation:
         return self._source.record(state)
 
     def _when_it_acts(self, now: Present, t: float, acts: float) -> tuple[float, ...]:
-        """Return the state at `acts` [s], in which a control planned at t [s] will act.  (n_x,)"""
-        if self._nominal is None:
+        """Return the state at `acts` [s], in which a control planned at t [s] will act.  (n_x,)
+
+        Without a prediction it is the present state.
+        """
+        if self._nominal is None or not self._predicts:
             return now.x
         model = now.model or self._nominal
         return predict(State(*now.x), self._commands, t, acts, model, longest=self._dt)

@@ -110,6 +110,7 @@ def test_every_number_of_a_flight_is_recorded_and_read():
         "link_latency": 0.01,
         "link_loss": 0.2,
         "link_burst": 3.0,
+        "predict": False,
         "clock": "wall",
         "deadline_ms": 50.0,
     }
