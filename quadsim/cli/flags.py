@@ -39,8 +39,12 @@ TITLES = {
     "cost": "Cost",
     "model": "Planner's model of the vehicle",
 }
-# Formats of the values of flags that may be repeated.
-METAVARS = {"term": "MODULE:FUNCTION=WEIGHT", "fault": "PART=WHAT@TIME"}
+# Formats of the values of flags that name parts of the user's own, or may be repeated.
+METAVARS = {
+    "controller": "MODULE:CLASS",
+    "term": "MODULE:FUNCTION=WEIGHT",
+    "fault": "PART=WHAT@TIME",
+}
 DEFAULT_PLANNER = PRESETS[FlightSettings.preset][FlightSettings.sampler]
 
 
@@ -153,6 +157,8 @@ def _flag(setting: Setting, group: Group, default: object) -> Any:
             metavar = "X"
         case inspect.IntType():
             metavar = "N"
+    if setting.name == "controller":
+        metavar = METAVARS[setting.name]
     if setting.name == "sampler":
         hint = Literal[tuple(SAMPLERS)] | str
         metavar = "NAME"

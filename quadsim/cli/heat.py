@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
@@ -36,7 +37,7 @@ from quadsim.console import (
 )
 from quadsim.heat.archive import find_heat, load_heat, spec_of_heat
 from quadsim.heat.launch import heat_frames
-from quadsim.heat.line_up import heats_of, line_up
+from quadsim.heat.line_up import heats_of, line_up, parts_of
 from quadsim.heat.result import HeatRecorder
 from quadsim.heat.spec import HeatSpec
 from quadsim.record.run import RunError
@@ -79,6 +80,14 @@ def heat(
         str | None,
         Help("fly a stored race again: its folder, a part of its name, or last", name="--from"),
     ] = None,
+    parts: Annotated[
+        list[str] | None,
+        Help(
+            "parts of your own that flew, beside --from: NAME=controller=package.module:Class",
+            consume_multiple=True,
+            negative_iterable="",
+        ),
+    ] = None,
     race: GivenRace = None,
     settings: Given = None,
     json: Json = False,
@@ -102,9 +111,13 @@ def heat(
         named = course is not None or entrants is not None
         runs_dir = given.pop("runs_dir", None)
         if named or given or race or starts > 1 or rotation or plot or not rotate:
-            wanted = "neither a course nor other flags than --runs-dir beside a race"
+            wanted = "neither a course nor other flags than --runs-dir and --parts beside a race"
             raise UsageError(f"--from: expected {wanted}")
-        return _again(from_, runs_dir, json)
+        return _again(from_, runs_dir, parts or (), json)
+    if parts:
+        raise UsageError(
+            "--parts: expected none without --from; --entrants have parts of their own"
+        )
     with settings_as_flags():
         threads = given.pop("threads", None)
         if threads and starts > 1:
@@ -162,18 +175,19 @@ def _one(spec: HeatSpec, runs_dir: str, plot: str | None, json: bool) -> int:
     return 0
 
 
-def _again(name: str, runs_dir: str | None, json: bool) -> int:
+def _again(name: str, runs_dir: str | None, parts: Sequence[str], json: bool) -> int:
     """Fly a stored race again, and report whether the result is the same.
 
     Args:
         name: folder of the race, a part of its name, or "last".
         runs_dir: folder of runs with the race and the solutions that its planners follow; None: the
             default folder, and for the solutions the folder of the record.
+        parts: texts of the user's own parts that flew, see `parts_of`.
         json: whether the report is JSON.
     """
     stored = load_heat(find_heat(name, runs_dir or FlightSettings.runs_dir))
     with settings_as_flags():
-        spec = spec_of_heat(stored, runs_dir)
+        spec = spec_of_heat(stored, runs_dir, parts_of(parts))
     flown = _flown(spec, quiet=json)
     if json:
         emit_json(flown.as_json())

@@ -34,6 +34,7 @@ class Keywords(TypedDict, total=False):
 
     sampler: str | Sampling | PlainSampler | None
     pilot: str | Path | Pilot | None
+    controller: str | Controller | ControlLaw | Callable[[Spec], Controller | ControlLaw] | None
     preset: str | Path | None
     vehicle: str | Path | Vehicle | None
     thrust_to_weight: float | None
@@ -117,5 +118,4 @@ class Keywords(TypedDict, total=False):
     model: ModelParams | None
     terms: Sequence[Term | tuple[Callable[..., Any], float | NDArray[Any]]] | None
     cost: Cost | Callable[[Cost], Cost] | None
-    controller: Controller | ControlLaw | Callable[[Spec], Controller | ControlLaw] | None
     referee: RefereeProtocol | Callable[[Spec], RefereeProtocol] | None

@@ -30,10 +30,12 @@ from quadsim.vehicle import VEHICLES, Vehicle
 
 DEFAULT_COURSE = "split_s_swift"
 # Keywords that take an object and are not settings.
-OBJECTS = ("course", "planner", "model", "controller", "referee", "cost", "terms")
+OBJECTS = ("course", "planner", "model", "referee", "cost", "terms")
 KEYWORDS = (*SETTINGS, *OBJECTS)
 # Settings that take an object in place of a name
-OBJECT_SETTINGS = ("sampler", "pilot", "vehicle", "sensing", "plant", "preset", "betaflight")
+OBJECT_SETTINGS = (
+    *("sampler", "pilot", "controller", "vehicle", "sensing", "plant", "preset", "betaflight"),
+)
 CONFIGURATION = ".betaflight.txt"  # ends the file of a vehicle's configuration of the firmware
 # Physics step with the firmware: its gyro and its link are exchanged in each [s]
 FIRMWARE_STEP = 1e-3

@@ -54,6 +54,10 @@ class PartSettings:
     pilot: Annotated[
         str | None, setting("learned pilot in the planner's place: FILE.npz or split_s_swift")
     ] = None
+    controller: Annotated[
+        str | None,
+        setting("controller of your own in the planner's place, package.module:Class"),
+    ] = None
     preset: Annotated[str, setting("source of the planner's numbers: a name or a FILE.yaml")] = (
         "race"
     )

@@ -34,6 +34,7 @@ from quadsim.config.parts import (
     describe,
     describe_term,
     is_registered,
+    own_controller,
     plain,
     sampler_name,
     term_of_text,
@@ -438,6 +439,9 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
     course = loaded_part(given, "course", Course, load_course, DEFAULT_COURSE, read)
     own_pilot = given.get("pilot")
     pilot = None if own_pilot is None else given_part("pilot", own_pilot, Pilot, load_pilot, read)
+    controller = own_controller(given.get("controller"))
+    if controller is not None:
+        read["controller"] = controller
     sensing = loaded_part(given, "sensing", Sensing, load_sensing, PERFECT, read)
     base = base_planner(given, flight, read)
     default_vehicle = pilot.about.vehicle if pilot else base.vehicle
@@ -469,7 +473,7 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
         betaflight=configuration,
         terms=(*terms_of(() if own_terms is None else own_terms), *map(term_of_text, flight.term)),
         cost=given.get("cost"),
-        controller=given.get("controller"),
+        controller=controller,
         referee=given.get("referee"),
         reference=reference,
         settings=settings,

@@ -64,7 +64,7 @@ OBJECTS = {
     "model": "ModelParams",
     "terms": "Sequence[Term | tuple[Callable[..., Any], float | NDArray[Any]]]",
     "cost": "Cost | Callable[[Cost], Cost]",
-    "controller": "Controller | ControlLaw | Callable[[Spec], Controller | ControlLaw]",
+    "controller": "str | Controller | ControlLaw | Callable[[Spec], Controller | ControlLaw]",
     "referee": "RefereeProtocol | Callable[[Spec], RefereeProtocol]",
 }
 
