@@ -272,7 +272,8 @@ def pilot_of(spec: Spec) -> PilotController | None:
     """Return the learned pilot that flies in the planner's place, None without one."""
     if spec.pilot is None:
         return None
-    return PilotController(spec.pilot, spec.course, spec.laps, system_of(spec).rest)
+    actions = spec.pilot.about.actions
+    return PilotController(spec.pilot, actions, spec.course, spec.laps, system_of(spec).rest)
 
 
 def planner_of(spec: Spec, stream: SeedSequence | None = None) -> MPPI:
