@@ -148,6 +148,17 @@ def sensor_streams(sensors: SeedSequence) -> SensorStreams:
     )
 
 
+def alignment_stream(imu: SeedSequence) -> SeedSequence:
+    """Return the stream of the scale factors and the misalignment of an inertial unit.
+
+    A unit without them draws nothing, and its noise is the same with them.
+
+    Args:
+        imu: the stream of the unit.
+    """
+    return _child(imu, 0)
+
+
 def offroad_streams(seed: int) -> Streams:
     """Return the streams of an off-road drive.
 

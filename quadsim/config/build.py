@@ -528,7 +528,7 @@ def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> S
         t=-WARM_UP,
         displaced=spec.displace_gates,
     )
-    return SensedState(
+    state = SensedState(
         sensors=_sensors(spec, sensing, plant),
         estimator=estimator,
         body_rates=BodyRates(spec.model, dt, imu),
@@ -538,6 +538,9 @@ def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> S
         adapt=adapts,
         rotor_std=rotor_std(sensing.rotors, spec.vehicle),
     )
+    if spec.record_sensing:
+        state.keep()
+    return state
 
 
 def _sensors(spec: Spec, sensing: Sensing, plant: Plant) -> Sensors:

@@ -93,6 +93,13 @@ def check_view(view_weight: float, sensing: Sensing | None) -> None:
         raise SettingError("view_weight", f"{wanted}, got {sensing_name(sensing)}")
 
 
+def check_record_sensing(record_sensing: bool, sensing: Sensing | None) -> None:
+    """Check that a flight whose sensing is to be kept has sensors. Raises SettingError."""
+    if record_sensing and sensing is None:
+        wanted = "expected a sensing with sensors beside it"
+        raise SettingError("record_sensing", f"{wanted}, got {PERFECT}")
+
+
 def check_planner(planner: Planner) -> None:
     """Check the numbers of a planner against each other. Raises SettingError."""
     if is_registered(planner.sampling):

@@ -61,6 +61,7 @@ class Keywords(TypedDict, total=False):
     deadline_ms: float | None
     threads: int | None
     blackbox: str | None
+    record_sensing: bool | None
     runs_dir: str | Path | None
     sigma: Numbers | None
     gamma: Numbers | None

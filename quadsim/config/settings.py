@@ -165,6 +165,9 @@ class HostSettings:
     blackbox: Annotated[
         str | None, setting("keeps the firmware's own log of the flight, FILE.bbl (default: none)")
     ] = None
+    record_sensing: Annotated[
+        bool, setting("keeps every measurement of the sensors, and what the estimator made of it")
+    ] = False
     runs_dir: Annotated[str, setting("folder of runs and of the solutions of race limit")] = "runs"
 
 

@@ -25,6 +25,7 @@ from quadsim.config.checks import (
     check_period,
     check_planner,
     check_plant,
+    check_record_sensing,
     check_reference,
     check_type,
     check_view,
@@ -115,6 +116,13 @@ OTHER_FORMS = {
 }
 # Numbers of the model that were added later; older runs lack them
 ADDED = ("yaw_first", "rate_lag", "delay")
+# Numbers of an inertial unit that were added later
+ADDED_TO_IMU = (
+    "gyro_scale",
+    "gyro_misalignment_deg",
+    "accelerometer_scale",
+    "accelerometer_misalignment_deg",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -310,7 +318,7 @@ class Spec(FlightNumbers, HostSettings):
         # Parts that a flight does not use are left out.
         used = {
             "start": plain(self.start),
-            "sensing": plain(self.sensing),
+            "sensing": _of_sensing(self.sensing),
             "view_weight": self.view_weight,
             "faults": [str(fault) for fault in self.faults],
             "drawn_faults": [str(fault) for fault in self.drawn_faults],
@@ -383,6 +391,21 @@ def _of_model(model: ModelParams) -> dict[str, Any]:
     return {name: number for name, number in numbers.items() if number != nominal.get(name, ...)}
 
 
+def _of_sensing(sensing: Sensing | None) -> dict[str, Any] | None:
+    """Return the sensors as a record has them, without numbers in ADDED_TO_IMU at their defaults.
+
+    So records and their hashes stay the same.
+    """
+    if sensing is None:
+        return None
+    record: dict[str, Any] = plain(sensing)
+    if sensing.imu is not None:
+        for field in fields(sensing.imu):
+            if field.name in ADDED_TO_IMU and getattr(sensing.imu, field.name) == field.default:
+                del record["imu"][field.name]
+    return record
+
+
 def _of_firmware(text: Text | None) -> dict[str, Any] | None:
     """Return the configuration and the firmware that reads it, as a record has them."""
     if text is None:
@@ -412,6 +435,7 @@ def validate(spec: Spec) -> None:
     check_period(dt, spec.plant_dt)
     check_planner(spec.planner)
     check_view(spec.view_weight, spec.sensing)
+    check_record_sensing(spec.record_sensing, spec.sensing)
     if isinstance(spec.planner.cost, ReferenceWeights):
         check_beside_reference(spec.displace_gates, spec.view_weight)
         problem = followed_problem(spec.course, spec.vehicle, spec.laps, spec.planner.cost)

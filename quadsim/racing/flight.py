@@ -344,6 +344,7 @@ def flight(
             snapshot=taken,
             estimate=navigation.record(state),
             motors=state.motors or (),
+            kept=navigation.kept(),
         )
         if not flying:
             return

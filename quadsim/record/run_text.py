@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from quadsim.racing.hand import HAND
+from quadsim.record.estimate_metrics import lost_estimate
 from quadsim.record.given_state import given_state
 from quadsim.record.run import CRASHES, Run, flown_with, not_comparable
 from quadsim.record.run_metrics import RunMetrics
@@ -24,9 +25,9 @@ def _sentences(run: Run, metrics: RunMetrics) -> Iterator[str]:
     laps = f"{len(run.laps)} of {run.spec['laps']} laps in {run.duration:.3f} s"
     yield f"{run.spec['course']}: {run.outcome}, {laps}{crash_place(run)}."
     yield f"Flown with {flown_with(run.spec)}."
-    state = given_state(run.spec)
-    if state:
-        yield f"{state[0].upper()}{state[1:]}."
+    for line in (given_state(run.spec), lost_estimate(run)):
+        if line:
+            yield f"{line[0].upper()}{line[1:]}."
     if run.laps:
         yield f"Lap times: {lap_times(run)}."
     if metrics.above_limit is not None:
@@ -49,9 +50,13 @@ def crash_place(run: Run) -> str:
     last = run.events[-1] if run.events else None
     if last is None or last.kind not in CRASHES:
         return "; the planner raised an error"
-    x, y, z = last.position
     what = f"{ENDS[last.kind]} {last.place}" if last.kind == "hit" else ENDS[last.kind]
-    return f"; it {what} in lap {last.lap}, at ({x:.1f}, {y:.1f}, {z:.1f}) m"
+    return f"; it {what} in lap {last.lap}, at {place_text(last.position)}"
+
+
+def place_text(position: Iterable[float]) -> str:
+    """Return a position as text, "(1.0, 2.0, 3.0) m"."""
+    return f"({', '.join(f'{number:.1f}' for number in position)}) m"
 
 
 def lap_times(run: Run) -> str:

@@ -236,7 +236,7 @@ def test_the_same_seed_gives_the_same_bits_and_another_seed_others():
 def test_a_run_keeps_the_estimate_beside_the_truth(sensed):
     name, run = sensed
     assert run.spec["displace_gates"] == 0.15
-    telemetry, _ = read_npz(write_npz(run), run.spec, "run")
+    telemetry = read_npz(write_npz(run), run.spec, "run").telemetry
     assert telemetry.keys() == run.telemetry.keys()
     assert ("est_px" in telemetry) == (name != "perfect")
     assert all(np.isfinite(column).all() for column in telemetry.values())
