@@ -232,10 +232,10 @@ def runs(
     seed: int | None = None,
     outcome: str | None = None,
 ) -> StoredRuns:
-    """List the stored runs of a folder, oldest first; only their run.json is read.
+    """List the stored runs and races of a folder, oldest first; only their records are read.
 
-    Texts are patterns as in a shell: course="split_s*". A run that cannot be read is left out, and
-    named in `.damaged`.
+    Texts are patterns as in a shell: course="split_s*". A race of several vehicles is listed if any
+    of its entrants fits. What cannot be read is left out, and named in `.damaged`.
 
     Args:
         runs_dir: the folder of runs.
@@ -249,7 +249,8 @@ def runs(
 
     Returns:
         A sequence of rows, with a table for `print` and `.to_pandas()`; `.load()` of a row reads
-            the whole run.
+            the whole Run, or the Heat of a race. `.flights` and `.races` have the one or the other
+            alone.
 
     Examples:
         >>> import quadsim

@@ -16,6 +16,7 @@ from rich.padding import Padding
 from controllers.samplers import SAMPLERS
 from quadsim.campaign.attempts import Attempt, attempts_of
 from quadsim.campaign.runner import Runner
+from quadsim.campaign.seeds import seeds_remark
 from quadsim.campaign.store import Row
 from quadsim.campaign.summary_stats import (
     PairStats,
@@ -214,6 +215,7 @@ def _section(flown: Sequence[tuple[Variant, Sequence[Row]]], home: Path) -> Sect
         pairs=all_pairs([variant.name for variant, _ in flown], rows),
         rows=rows,
         home=home,
+        remark=seeds_remark(variant.spec for variant, _ in flown),
     )
 
 
@@ -229,15 +231,18 @@ def _setting(variant: Variant, rows: Sequence[Sequence[Row]]) -> str:
     )
 
 
+def _notes(section: Section) -> list[str]:
+    """Return what has to be read with the tables of a course."""
+    found = notes(section.variants, section.pairs, section.limit)
+    return [*([section.remark] if section.remark else []), *found]
+
+
 def _shown(section: Section) -> list[RenderableType]:
     tables = [
         Padding(as_table(table), (1, 0, 0, INDENT), expand=False)
         for table in comparison_tables(section.variants, section.pairs)
     ]
-    remarks = [
-        f"  [dim]{escape(note)}[/]"
-        for note in notes(section.variants, section.pairs, section.limit)
-    ]
+    remarks = [f"  [dim]{escape(note)}[/]" for note in _notes(section)]
     head = f"[bold]{escape(section.course.name)}[/]  {escape(section.setting)}"
     return [head, *tables, "", *remarks, ""]
 
@@ -248,7 +253,7 @@ def _as_html(section: Section) -> list[str]:
         f"<h4>{html.text(section.course.name)}</h4>",
         html.paragraph(section.setting),
         *(as_html(table) for table in comparison_tables(section.variants, section.pairs)),
-        *map(html.paragraph, notes(section.variants, section.pairs, section.limit)),
+        *map(html.paragraph, _notes(section)),
     ]
 
 
@@ -259,7 +264,7 @@ def _written(section: Section) -> list[str]:
         f"## {section.course.name}",
         f"{setting}.",
         *(as_markdown(table) for table in comparison_tables(section.variants, section.pairs)),
-        *(f"* {note}" for note in notes(section.variants, section.pairs, section.limit)),
+        *(f"* {note}" for note in _notes(section)),
     ]
 
 

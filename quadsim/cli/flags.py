@@ -88,6 +88,13 @@ def stored_runs() -> list[str]:
     return ["last", *(run.name for run in list_runs(FlightSettings.runs_dir))]
 
 
+def stored_runs_and_races() -> list[str]:
+    """Return the names of the stored runs and races in the folder `runs`, and "last"."""
+    from quadsim.record.archive import list_heats
+
+    return [*stored_runs(), *(heat.name for heat in list_heats(FlightSettings.runs_dir))]
+
+
 COMPLETERS = {
     "preset": names(lambda: PRESETS),
     "vehicle": names(vehicle_names),
@@ -108,7 +115,11 @@ def vehicle_help(text: str = "a name (see `race vehicles`) or a FILE.yaml") -> P
 Json = Annotated[bool, Switch("print one JSON value in place of tables")]
 RunsDir = Annotated[str, Help("folder of the runs")]
 Stored = Annotated[
-    str, Help("a run: its folder, a part of its name, or last", completer=names(stored_runs))
+    str,
+    Help(
+        "a run: its folder, a part of its name, or last",
+        completer=names(stored_runs_and_races),
+    ),
 ]
 CourseName = Annotated[
     str | None,
