@@ -21,6 +21,7 @@ FIRST_NAMES = {
     "quadsim.firmware.gain_search": "quadsim.physics.gain_search",
     "quadsim.firmware.identification": "quadsim.physics.identification",
     "quadsim.firmware.identified": "quadsim.spec.identified",
+    "quadsim.firmware.tuned_gains": "quadsim.spec.tuned_gains",
     "quadsim.heat.grid": "quadsim.racing.grid",
     "quadsim.heat.line_up": "quadsim.campaign.line_ups",
     "quadsim.heat.loop": "quadsim.racing.heat",
