@@ -11,8 +11,7 @@ from quadsim.config.recorded import recorded_spec
 from quadsim.config.spec import Spec
 from quadsim.files.values import SettingError
 from quadsim.racing.events import Frame
-from quadsim.record.archive import find_run
-from quadsim.record.archive import load_run as _load_run
+from quadsim.record.archive import find_run, read_run
 from quadsim.results.run import Run
 
 if TYPE_CHECKING:
@@ -140,9 +139,9 @@ def race(
         return fly_heat(recorded_heat(entrants, parts, settings))
     if parts is not None:
         raise SettingError("parts", "expected parts only beside heat.spec of a recorded race")
-    made, of_race = line_up(course, entrants, settings)
+    made, of_heat = line_up(course, entrants, settings)
     seed = made[0].spec.seed if made else 0
-    return fly_heat(HeatSpec(made, of_race, seed, rotation))
+    return fly_heat(HeatSpec(made, of_heat, seed, rotation))
 
 
 def load_heat(heat: str | Path = "last", runs_dir: str = "runs") -> Heat:
@@ -195,7 +194,7 @@ def load_run(run: str | Path = "last", runs_dir: str = "runs") -> Run:
         >>> quadsim.load_run("last").outcome
         'finished'
     """
-    return Run.of(_load_run(find_run(str(run), runs_dir)))
+    return Run.of(read_run(find_run(str(run), runs_dir)))
 
 
 def save_run(run: Run, runs_dir: str | Path = "runs") -> Path:

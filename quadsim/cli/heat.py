@@ -19,7 +19,7 @@ from quadsim.cli.compare import Jobs, Rotate
 from quadsim.cli.flags import (
     CourseName,
     Given,
-    GivenRace,
+    GivenHeat,
     Help,
     Json,
     settings_as_flags,
@@ -34,7 +34,7 @@ from quadsim.console import (
     progress_console,
     uninterrupted,
 )
-from quadsim.heat.archive import find_heat, load_heat, spec_of_heat
+from quadsim.heat.archive import find_heat, read_heat, spec_of_heat
 from quadsim.heat.launch import heat_frames
 from quadsim.heat.line_up import heats_of, line_up
 from quadsim.heat.result import HeatRecorder
@@ -79,7 +79,7 @@ def heat(
         str | None,
         Help("fly a stored race again: its folder, a part of its name, or last", name="--from"),
     ] = None,
-    race: GivenRace = None,
+    race: GivenHeat = None,
     settings: Given = None,
     json: Json = False,
 ) -> int:
@@ -171,7 +171,7 @@ def _again(name: str, runs_dir: str | None, json: bool) -> int:
             default folder, and for the solutions the folder of the record.
         json: whether the report is JSON.
     """
-    stored = load_heat(find_heat(name, runs_dir or FlightSettings.runs_dir))
+    stored = read_heat(find_heat(name, runs_dir or FlightSettings.runs_dir))
     with settings_as_flags():
         spec = spec_of_heat(stored, runs_dir)
     flown = _flown(spec, quiet=json)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 # The first name of each module that has moved. A move adds a line and never changes one.
 FIRST_NAMES = {
+    "controllers.costs.cost": "controllers.costs",
     "quadsim.config": "quadsim.spec",
     "quadsim.config.checks": "quadsim.spec.spec",
     "quadsim.config.resolve": "quadsim.spec.spec",

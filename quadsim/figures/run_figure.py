@@ -25,7 +25,7 @@ from quadsim.palette import FINE, HIT, INK, LIMIT, MARK, style
 from quadsim.physics.faults import parse_fault
 from quadsim.record.limits import StoredSolution
 from quadsim.record.metrics import motor_corner, motor_tau, speed, thrust_psd
-from quadsim.record.run import Run, flown_with, not_comparable
+from quadsim.record.run import RecordedRun, flown_with, not_comparable
 
 
 class Mark(NamedTuple):
@@ -55,7 +55,7 @@ FEWEST = 16
 LAPS = 6
 
 
-def draw(run: Run, limit: StoredSolution | None = None) -> Figure:
+def draw(run: RecordedRun, limit: StoredSolution | None = None) -> Figure:
     """Draw a run.
 
     Args:
@@ -76,7 +76,7 @@ def draw(run: Run, limit: StoredSolution | None = None) -> Figure:
     return figure
 
 
-def draw_map(run: Run, course: Course) -> Figure:
+def draw_map(run: RecordedRun, course: Course) -> Figure:
     """Draw the path from above alone, small enough for a page of text.
 
     Args:
@@ -93,7 +93,7 @@ def draw_map(run: Run, course: Course) -> Figure:
     return figure
 
 
-def title(run: Run) -> str:
+def title(run: RecordedRun) -> str:
     """Return the title of a run's figure: outcome, laps, and the main settings."""
     head = f"{run.spec['course']}: {run.outcome}"
     if run.laps:
@@ -108,7 +108,7 @@ def title(run: Run) -> str:
 
 
 def draw_views(
-    figure: SubFigure, run: Run, course: Course, limit: StoredSolution | None = None
+    figure: SubFigure, run: RecordedRun, course: Course, limit: StoredSolution | None = None
 ) -> None:
     """Draw the path from above, to scale, and from the side, the longer of x and y and the height.
 
@@ -138,14 +138,14 @@ def draw_views(
     figure.colorbar(lines, ax=[top, below], label="speed [m/s]", aspect=50, pad=0.01)
 
 
-def positions(run: Run) -> np.ndarray:
+def positions(run: RecordedRun) -> np.ndarray:
     """Return the position of every frame [m].  (frames, 3)"""
     x = run.telemetry
     return np.stack([x["px"], x["py"], x["pz"]], axis=1)
 
 
 def draw_view(
-    axes: Axes, run: Run, course: Course, plane: tuple[int, int], scale: float
+    axes: Axes, run: RecordedRun, course: Course, plane: tuple[int, int], scale: float
 ) -> LineCollection:
     """Draw the path, the course and the events in one view.
 
@@ -187,7 +187,7 @@ def draw_path(axes: Axes, points: np.ndarray, speed: np.ndarray) -> LineCollecti
     return lines
 
 
-def draw_events(axes: Axes, run: Run, plane: tuple[int, int]) -> None:
+def draw_events(axes: Axes, run: RecordedRun, plane: tuple[int, int]) -> None:
     """Draw the places of a run's events in the view of these world axes."""
     for kind, mark in MARKS.items():
         places = np.array([event.position for event in run.events if event.kind == kind])
@@ -216,7 +216,7 @@ def _draw_limit(axes: Axes, limit: StoredSolution, plane: tuple[int, int]) -> No
     )
 
 
-def draw_thrust(axes: Axes, run: Run) -> None:
+def draw_thrust(axes: Axes, run: RecordedRun) -> None:
     """Draw commanded and delivered thrust over time, with the vehicle's limit."""
     limit = run.spec["vehicle"]["thrust_max"]
     greatest = run.telemetry["a"].max(initial=1.0)
@@ -227,7 +227,7 @@ def draw_thrust(axes: Axes, run: Run) -> None:
     axes.legend(loc="lower right", ncols=2)
 
 
-def draw_rates(rows: Sequence[Axes], run: Run) -> None:
+def draw_rates(rows: Sequence[Axes], run: RecordedRun) -> None:
     """Draw commanded and delivered roll, pitch and yaw rate over time, one per row."""
     for axes, name, axis in zip(rows, ("roll", "pitch", "yaw"), "xyz", strict=True):
         _draw_pair(axes, run, f"w{axis}_cmd", f"w{axis}")
@@ -237,7 +237,7 @@ def draw_rates(rows: Sequence[Axes], run: Run) -> None:
     rows[-1].set_xlabel("t [s]")
 
 
-def _draw_pair(axes: Axes, run: Run, commanded: str, delivered: str) -> None:
+def _draw_pair(axes: Axes, run: RecordedRun, commanded: str, delivered: str) -> None:
     """Draw two columns over time, a line at the end of each lap, and a band for each fault."""
     x = run.telemetry
     colour = style(run.spec["sampler"]).colour
@@ -250,7 +250,7 @@ def _draw_pair(axes: Axes, run: Run, commanded: str, delivered: str) -> None:
     axes.margins(x=0.01)
 
 
-def draw_faults(axes: Axes, run: Run) -> None:
+def draw_faults(axes: Axes, run: RecordedRun) -> None:
     """Draw a band over the time of each fault of a run."""
     for text in run.spec.get("drawn_faults", ()):
         window = parse_fault(text).window
@@ -259,7 +259,7 @@ def draw_faults(axes: Axes, run: Run) -> None:
             axes.axvspan(window.start, end, color=HIT, alpha=0.12, linewidth=0)
 
 
-def draw_spectrum(axes: Axes, run: Run) -> None:
+def draw_spectrum(axes: Axes, run: RecordedRun) -> None:
     """Draw the thrust's power spectral density and the corner frequency of the motors."""
     x = run.telemetry
     axes.set(title="thrust, power spectral density [(m/s$^2$)$^2$/Hz]", xlabel="f [Hz]")

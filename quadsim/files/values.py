@@ -9,7 +9,7 @@ from __future__ import annotations
 from functools import cache
 from math import isfinite
 from pathlib import Path
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import Any, NamedTuple, TypeVar, get_args, get_type_hints
 
 import numpy as np
 from msgspec import Meta, inspect
@@ -40,6 +40,13 @@ class SettingError(ValueError):
 
     def __reduce__(self) -> tuple[type[SettingError], tuple[str, str]]:
         return SettingError, (self.name, self.problem)
+
+
+class FieldProblem(NamedTuple):
+    """A key of a file, and the problem with its value."""
+
+    key: str
+    problem: str
 
 
 class _Unfit(Exception):  # noqa: N818 (it never leaves this module)

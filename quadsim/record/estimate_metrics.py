@@ -1,20 +1,20 @@
-"""The accuracy of the estimate in a flight with sensors: short pure functions of a Run."""
+"""The accuracy of the estimate in a flight with sensors: short pure functions of a RecordedRun."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from quadsim.record.run import Run
+from quadsim.record.run import RecordedRun
 from quadsim.sensing.estimate_record import ERRORS
 
 
-def estimate_errors(run: Run) -> np.ndarray:
+def estimate_errors(run: RecordedRun) -> np.ndarray:
     """Return estimated less true position of every frame [m].  (frames, 3)"""
     x = run.telemetry
     return np.column_stack([x[f"est_{name}"] - x[name] for name in ("px", "py", "pz")])
 
 
-def sensing_numbers(run: Run) -> dict | None:
+def sensing_numbers(run: RecordedRun) -> dict | None:
     """Return numbers about the estimate, None where the planner was given the true state.
 
     Returns:
@@ -55,7 +55,7 @@ def sensing_numbers(run: Run) -> dict | None:
     }
 
 
-def _at_gates(run: Run, distance: np.ndarray) -> float | None:
+def _at_gates(run: RecordedRun, distance: np.ndarray) -> float | None:
     """Return the RMS of the distances (frames,) where gates were passed, None without a pass."""
     passes = [gate["t"] for gate in run.gates]
     if not passes:
@@ -64,7 +64,7 @@ def _at_gates(run: Run, distance: np.ndarray) -> float | None:
     return _rms(distance[frames.clip(max=len(distance) - 1)])
 
 
-def _unaided(run: Run) -> float:
+def _unaided(run: RecordedRun) -> float:
     """Return the time from the last frame with a measurement to the end [s]."""
     t = run.telemetry["t"]
     aided = np.flatnonzero(run.telemetry["nis_dof"])

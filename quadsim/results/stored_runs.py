@@ -14,7 +14,7 @@ from rich.markup import escape
 
 from quadsim.console import as_text, plain_table
 from quadsim.files.extras import imported
-from quadsim.record.archive import list_runs, load_run
+from quadsim.record.archive import list_runs, read_run
 from quadsim.record.schema import ListedRun
 from quadsim.results.run import Run
 from quadsim.sensing import PERFECT
@@ -84,7 +84,7 @@ class StoredRun:
         Raises:
             RunError: it is damaged.
         """
-        return Run.of(load_run(self.path))
+        return Run.of(read_run(self.path))
 
     def cells(self) -> tuple[str, ...]:
         """Return its row of the printed table, by HEADS."""
