@@ -30,7 +30,8 @@ from quadsim.sensing.estimate_record import ESTIMATE_UNITS
 
 # Key of a spec: the planner's numbers that were changed while it flew
 INTERACTIVE = "interactive"
-# Telemetry column -> unit, in the order of the digest
+# Telemetry column -> unit, in the order of the digest. Stored runs lack a column that is added
+# here, and would be refused; `columns_of` adds columns by a run's settings.
 COLUMNS = {
     "t": "s",
     **STATE_UNITS,
