@@ -293,7 +293,7 @@ def plot(run: Run, path: str | Path | None = None) -> Figure:
 
 def compare(
     courses: CourseLike | Sequence[CourseLike],
-    variants: Mapping[str, Keywords] | Sequence[str] = ("gaussian", "colored"),
+    variants: Mapping[str, Keywords | str] | Sequence[str] | str = ("gaussian", "colored"),
     attempts: int = 10,
     jobs: int | None = None,
     campaign: str | Path | None = None,
@@ -305,7 +305,9 @@ def compare(
 
     Args:
         courses: one course or several.
-        variants: samplers by name, or {name: settings}; attempt i of each flies seed + i.
+        variants: {name: settings}, with the settings as a mapping or as a text such as
+            "race_small+samples=512"; or texts, such as ("gaussian", "colored"). Attempt i of each
+            flies seed + i.
         attempts: flights of each variant on each course.
         jobs: worker processes; None: all flights in this process, one after the other. With workers
             a script needs `if __name__ == "__main__":`, and objects of your own must be importable
