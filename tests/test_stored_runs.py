@@ -8,7 +8,7 @@ from run_cases import SPEC, same, save, two_laps
 
 import quadsim
 from quadsim.cli.cli import race
-from quadsim.record.archive import load_run
+from quadsim.record.archive import read_run
 
 PILOT = {"name": "ace", "sha256": "0" * 64}
 
@@ -29,7 +29,7 @@ def seeds(runs):
 
 def test_a_row_says_what_the_run_says(root):
     (row,) = quadsim.runs(root, seed=3)
-    run = load_run(row.path)
+    run = read_run(row.path)
     assert (row.name, row.course, row.vehicle) == (row.path.name, "test course", "probe")
     assert (row.sampler, row.preset, row.outcome) == ("colored", "race", "finished")
     assert list(row.laps) == run.laps

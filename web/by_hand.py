@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from quadsim.config.resolve import shipped_configuration
 from quadsim.config.spec import Spec
 from quadsim.firmware import FlightControllerName
+from quadsim.firmware.configuration import shipped_configuration
 from quadsim.firmware.package import built_firmware
 from quadsim.firmware.process import FirmwareError
 from quadsim.racing.hand import Hand, HandRates

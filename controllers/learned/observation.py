@@ -48,7 +48,7 @@ class NextGates(NamedTuple):
     second: GateNumbers
 
 
-class Corners(NamedTuple):
+class GateCorners(NamedTuple):
     """The corners of a gate's opening relative to the vehicle, in the body frame."""
 
     lower_right: Vector
@@ -64,8 +64,8 @@ class Observation(NamedTuple):
     gravity: Vector  # direction of gravity
     rate: Vector
     height: float
-    next_gate: Corners
-    second_gate: Corners
+    next_gate: GateCorners
+    second_gate: GateCorners
     last: Control  # the last action, each in -1..1
 
 
@@ -96,7 +96,7 @@ GATE_NUMBERS = len(tuple(flat_names(GateNumbers)))
 
 
 def corners(p, axes, gate):
-    """Return the Corners of a gate's opening relative to a vehicle.
+    """Return the GateCorners of a gate's opening relative to a vehicle.
 
     Args:
         p: position of the vehicle [m].
@@ -104,7 +104,7 @@ def corners(p, axes, gate):
         gate: GateNumbers.
 
     Returns:
-        Corners, in LENGTH.
+        GateCorners, in LENGTH.
     """
     dx = gate.centre.x - p[0]
     dy = gate.centre.y - p[1]
@@ -114,7 +114,7 @@ def corners(p, axes, gate):
     up = Vector(*along(axes, gate.up.x / LENGTH, gate.up.y / LENGTH, gate.up.z / LENGTH))
     low = Vector(centre.x - up.x, centre.y - up.y, centre.z - up.z)
     high = Vector(centre.x + up.x, centre.y + up.y, centre.z + up.z)
-    return Corners(
+    return GateCorners(
         lower_right=Vector(low.x - left.x, low.y - left.y, low.z - left.z),
         upper_right=Vector(high.x - left.x, high.y - left.y, high.z - left.z),
         lower_left=Vector(low.x + left.x, low.y + left.y, low.z + left.z),

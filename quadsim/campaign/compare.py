@@ -13,7 +13,6 @@ from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.padding import Padding
 
-from controllers.samplers import SAMPLERS
 from quadsim.campaign.attempts import Attempt, attempts_of
 from quadsim.campaign.runner import Runner
 from quadsim.campaign.seeds import seeds_remark
@@ -35,7 +34,7 @@ from quadsim.campaign.tables import (
     comparison_tables,
     notes,
 )
-from quadsim.campaign.variants import Variant, make_variants
+from quadsim.campaign.variants import Variant, make_variants, named_variants
 from quadsim.config.setting_texts import Place, Settings
 from quadsim.course import Course
 from quadsim.figures import html
@@ -151,18 +150,15 @@ class Comparison:
 
 def compare(
     courses: Place | Sequence[Place],
-    variants: Mapping[str, Settings] | Sequence[str],
+    variants: Mapping[str, Settings | str] | Sequence[str] | str,
     attempts: int,
     jobs: int | None,
     campaign: str | Path | None,
     settings: Settings,
 ) -> Comparison:
     """Compare variants; `quadsim.compare` describes the arguments."""
-    named = variants if isinstance(variants, Mapping) else {name: {} for name in variants}
     several = [courses] if isinstance(courses, str | Path | Course) else list(courses)
-    made = make_variants(
-        several, {name: _with_sampler(name, own) for name, own in named.items()}, settings
-    )
+    made = make_variants(several, named_variants(variants), settings)
     folder = None if campaign else TemporaryDirectory(prefix="quadsim-")
     path = Path(folder.name) / "campaign.sqlite" if folder else Path(campaign or "")
     with Runner(path, jobs or 0, temporary=folder is not None) as runner:
@@ -171,11 +167,6 @@ def compare(
     if not found.sections:
         raise RunError("no attempt was flown: nothing to compare")
     return found
-
-
-def _with_sampler(name: str, settings: Settings) -> Settings:
-    """Return the settings of a variant, whose name may be that of its sampler."""
-    return {"sampler": name, **settings} if name in SAMPLERS else settings
 
 
 def comparison(

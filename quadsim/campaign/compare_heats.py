@@ -13,7 +13,7 @@ from rich.console import RenderableType
 from rich.markup import escape
 
 from quadsim.campaign.heat_runner import HeatRunner
-from quadsim.campaign.heat_stats import plain, summary_as_json
+from quadsim.campaign.heat_stats import plain_fields, summary_as_json
 from quadsim.campaign.heat_tables import (
     differences_table,
     entrants_table,
@@ -37,7 +37,7 @@ from quadsim.config.setting_texts import Place, Settings
 from quadsim.console import as_text
 from quadsim.figures import html
 from quadsim.figures.style import save_figure
-from quadsim.heat.line_up import Entrants, parse_race_variants
+from quadsim.heat.line_up import Entrants, parse_heat_variants
 from quadsim.record.run import RunError
 
 if TYPE_CHECKING:
@@ -126,10 +126,10 @@ class HeatComparison:
         return as_text(*self.renderables(), columns=COLUMNS)
 
     def as_json(self) -> dict[str, Any]:
-        """Return the numbers as plain dictionaries; a number that is not known is None."""
+        """Return the numbers as plain_fields dictionaries; a number that is not known is None."""
         return {
             "settings": {one.name: summary_as_json(one.summary) for one in self.settings},
-            "differences": [plain(one) for one in self.differences],
+            "differences": [plain_fields(one) for one in self.differences],
         }
 
     def plot(self, path: str | Path | None = None) -> Figure:
@@ -184,7 +184,7 @@ def compare_heats(
 ) -> HeatComparison:
     """Compare settings of heats; `quadsim.compare_heats` describes the arguments."""
     if isinstance(variants, str):
-        variants = parse_race_variants(variants)
+        variants = parse_heat_variants(variants)
     made = heat_variants(course, entrants, variants or {"race": {}}, settings, starts, rotate)
     folder = nullcontext(campaign) if campaign else TemporaryDirectory(prefix="quadsim-")
     with folder as place:

@@ -28,7 +28,7 @@ from quadsim.firmware.package import (
 )
 
 if TYPE_CHECKING:  # the module loads SciPy, which show and build do not need
-    from quadsim.config.tuned_gains import Tuned
+    from quadsim.firmware.tuned_gains import Tuned
 
 # The flags that an action takes beside --json
 FLAGS = {
@@ -138,7 +138,7 @@ def _tune(vehicle: str | None, betaflight: str | None, out: str | None, json: bo
     # imported here, as show and build need no spec
     from quadsim.config.resolve import FIRMWARE_STEP
     from quadsim.config.spec import Spec
-    from quadsim.config.tuned_gains import first_configuration, tuned
+    from quadsim.firmware.tuned_gains import first_configuration, tuned
     from quadsim.record.whole_files import expect_writable, write_whole
 
     if out is not None:

@@ -200,7 +200,7 @@ def _shown(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _race_flags() -> Any:
+def _heat_flags() -> Any:
     """Return a type for cyclopts with one key for each setting of a race of several vehicles."""
     group = Group("Race of several vehicles", sort_key=-1)
     defaults = HeatSettings()
@@ -217,7 +217,7 @@ def _race_flags() -> Any:
 # The given settings by name; their values are texts, see quadsim.files.values.
 if TYPE_CHECKING:
     Given = dict[str, Any] | None
-    GivenRace = dict[str, Any] | None
+    GivenHeat = dict[str, Any] | None
 else:
     Given = Annotated[_flight_flags() | None, Parameter(name="*")]
-    GivenRace = Annotated[_race_flags() | None, Parameter(name="*")]
+    GivenHeat = Annotated[_heat_flags() | None, Parameter(name="*")]

@@ -26,7 +26,14 @@ from quadsim.config.spec import Spec
 from quadsim.console import COMPILING, UsageError, complain, uninterrupted
 from quadsim.racing.events import Frame
 from quadsim.record.archive import RunFolder, find_run, load_reportable, remove_unfinished
-from quadsim.record.run import Recorder, Run, RunError, own_parts, same_flight, why_not_repeatable
+from quadsim.record.run import (
+    RecordedRun,
+    Recorder,
+    RunError,
+    own_parts,
+    same_flight,
+    why_not_repeatable,
+)
 
 
 def fly(
@@ -119,12 +126,12 @@ def check_beside_pilot(given: Mapping[str, Any]) -> None:
             raise UsageError(f"{flag(name)}: {wanted}")
 
 
-def stored_run(name: str, settings: Mapping[str, Any]) -> Run:
+def stored_run(name: str, settings: Mapping[str, Any]) -> RecordedRun:
     """Return the stored run to repeat. Raises RunError."""
     return load_reportable(find_run(name, settings.get("runs_dir") or FlightSettings.runs_dir))
 
 
-def spec_again(before: Run, settings: Mapping[str, Any]) -> Spec:
+def spec_again(before: RecordedRun, settings: Mapping[str, Any]) -> Spec:
     """Return the Spec of a stored run with the given flags, and apply its number of threads.
 
     Raises:
@@ -135,7 +142,7 @@ def spec_again(before: Run, settings: Mapping[str, Any]) -> Spec:
         return with_threads(recorded_spec(before.spec, settings))
 
 
-def compared(run: Run, before: Run, settings: Mapping[str, Any]) -> str:
+def compared(run: RecordedRun, before: RecordedRun, settings: Mapping[str, Any]) -> str:
     """Return one line that says whether a repeated run equals the original."""
     _, changed = sorted_settings(before.spec, settings)
     if changed:
@@ -164,7 +171,7 @@ def _recorded(flight: Iterable[Frame], spec: Spec, quiet: bool) -> Recorder:
     return recorder
 
 
-def _save(folder: RunFolder, run: Run) -> RunError | None:
+def _save(folder: RunFolder, run: RecordedRun) -> RunError | None:
     """Store the run and return the error if that fails.
 
     The caller prints the report before the error.

@@ -20,7 +20,7 @@ from quadsim.cli.compare import Jobs, Rotate
 from quadsim.cli.flags import (
     CourseName,
     Given,
-    GivenRace,
+    GivenHeat,
     Help,
     Json,
     settings_as_flags,
@@ -35,7 +35,7 @@ from quadsim.console import (
     progress_console,
     uninterrupted,
 )
-from quadsim.heat.archive import find_heat, load_heat, spec_of_heat
+from quadsim.heat.archive import find_heat, read_heat, spec_of_heat
 from quadsim.heat.launch import heat_frames
 from quadsim.heat.line_up import heats_of, line_up, parts_of
 from quadsim.heat.result import HeatRecorder
@@ -88,7 +88,7 @@ def heat(
             negative_iterable="",
         ),
     ] = None,
-    race: GivenRace = None,
+    race: GivenHeat = None,
     settings: Given = None,
     json: Json = False,
 ) -> int:
@@ -185,7 +185,7 @@ def _again(name: str, runs_dir: str | None, parts: Sequence[str], json: bool) ->
         parts: texts of the user's own parts that flew, see `parts_of`.
         json: whether the report is JSON.
     """
-    stored = load_heat(find_heat(name, runs_dir or FlightSettings.runs_dir))
+    stored = read_heat(find_heat(name, runs_dir or FlightSettings.runs_dir))
     with settings_as_flags():
         spec = spec_of_heat(stored, runs_dir, parts_of(parts))
     flown = _flown(spec, quiet=json)

@@ -12,7 +12,7 @@ from quadsim.cli.report import known_limit, present
 from quadsim.console import UsageError, emit, emit_json
 from quadsim.figures.style import PICTURES, save_figure, write_figure
 from quadsim.heat.archive import heat_folder, run_folders
-from quadsim.record.archive import find_run, load_reportable, load_run
+from quadsim.record.archive import find_run, load_reportable, read_run
 from quadsim.record.exchange import telemetry_csv
 from quadsim.record.mcap_file import mcap_bytes
 from quadsim.record.whole_files import write_whole
@@ -168,7 +168,7 @@ def _data(kind: str, folders: list[Path]) -> bytes:
         RunError: a run is damaged.
     """
     if kind == "csv":
-        return telemetry_csv([(folder.name, load_run(folder)) for folder in folders])
+        return telemetry_csv([(folder.name, read_run(folder)) for folder in folders])
     if kind == "mcap":
         return _mcap_data(folders)
     # Imported here, so that --help does not load them
@@ -178,7 +178,7 @@ def _data(kind: str, folders: list[Path]) -> bytes:
 
     if kind == "zip":
         for folder in folders:
-            load_run(folder)
+            read_run(folder)
         return zipped(folders)
     competitors = named([stored_competitor(folder) for folder in folders])
     courses = {competitor.spec["course_text"] for competitor in competitors}

@@ -191,7 +191,7 @@ def referee_of(spec: Spec) -> RefereeProtocol:
         laps=spec.laps,
         timeout=spec.timeout,
         penalties=spec.penalties,
-        patience=spec.patience,
+        stuck_after=spec.stuck_after,
     )
 
 

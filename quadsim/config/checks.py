@@ -9,7 +9,7 @@ from typing import get_args
 
 from controllers.costs import Cost
 from controllers.presets import Planner
-from controllers.presets import faults as faults_of_planner
+from controllers.presets import contradictions as contradictions_of_planner
 from controllers.samplers import Sampling
 from quadsim.config.parts import check_part, is_registered
 from quadsim.config.settings import CONTROL_UNITS, LINK, PlantName, SettingError
@@ -104,7 +104,7 @@ def check_planner(planner: Planner) -> None:
     """Check the numbers of a planner against each other. Raises SettingError."""
     if is_registered(planner.sampling):
         _check_channels(planner.sampling)
-    for path, problem in faults_of_planner(planner):
+    for path, problem in contradictions_of_planner(planner):
         raise SettingError(path.partition(".")[2], problem)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 # The first name of each module that has moved. A move adds a line and never changes one.
 FIRST_NAMES = {
+    "controllers.costs.cost": "controllers.costs",
     "quadsim.config": "quadsim.spec",
     "quadsim.config.checks": "quadsim.spec.spec",
     "quadsim.config.resolve": "quadsim.spec.spec",
@@ -21,6 +22,7 @@ FIRST_NAMES = {
     "quadsim.firmware.gain_search": "quadsim.physics.gain_search",
     "quadsim.firmware.identification": "quadsim.physics.identification",
     "quadsim.firmware.identified": "quadsim.spec.identified",
+    "quadsim.firmware.tuned_gains": "quadsim.spec.tuned_gains",
     "quadsim.heat.grid": "quadsim.racing.grid",
     "quadsim.heat.line_up": "quadsim.campaign.line_ups",
     "quadsim.heat.loop": "quadsim.racing.heat",

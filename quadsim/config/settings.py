@@ -1,8 +1,9 @@
 """The settings of a flight: one table, made from annotated dataclasses.
 
 A setting is a field of one of the dataclasses below. Its annotation holds its help, its unit and
-its range. Everything else follows from it: the key of a preset file, the flag of `race fly`, the
-keyword of `quadsim.fly`, the slider of the page, and the error for a value that does not fit.
+its range. Everything else follows from it: the flag of `race fly`, the keyword of `quadsim.fly`,
+and the error for a value that does not fit. A number of the planner is a key of a preset file and a
+slider of the page as well.
 """
 
 from __future__ import annotations
@@ -100,7 +101,9 @@ class PartSettings:
 class FlightNumbers:
     """The settings that a Spec holds as they are given, and that a run records.
 
-    A new one needs no more than its field here and the place where it acts.
+    A new one needs its field here and the place where it acts, then `make fix`, which writes the
+    keywords and the tables of the documentation, and a value in
+    `test_every_number_of_a_flight_is_recorded_and_read`.
     """
 
     seed: Annotated[int, setting("random seed", ge=0, le=10**9)] = 0

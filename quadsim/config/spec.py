@@ -249,7 +249,7 @@ class Spec(FlightNumbers, HostSettings):
         return self.pilot is None and self.hand is None
 
     @property
-    def patience(self) -> float:
+    def stuck_after(self) -> float:
         """The time without progress after which the vehicle is stuck [s]."""
         return NO_PROGRESS_BY_HAND if self.hand else NO_PROGRESS
 

@@ -24,9 +24,10 @@ from quadsim.files.strict_yaml import FileError
 from quadsim.firmware.package import FIRMWARE_VERSION
 from quadsim.firmware.process import HIGH, LOW, MIDDLE, Firmware, FirmwareError, Reply
 from quadsim.rotation import Quaternion, Vec3
-from quadsim.vehicle import GRAVITY
+from quadsim.vehicle import GRAVITY, VEHICLES, Vehicle
 
 LARGEST = 200_000  # characters of a configuration
+SHIPPED = ".betaflight.txt"  # ends the name of the file that comes with a vehicle
 # Lines that have no meaning without the board: pins, ports, screens and transmitters
 COMMANDS_OF_BOARDS = [
     "resource",
@@ -274,6 +275,12 @@ def read_text(path: Path) -> Text:
     except UnicodeDecodeError:
         raise FileError(f"{path}: expected a text in UTF-8") from None
     return Text(str(path), tuple(text.splitlines()))
+
+
+def shipped_configuration(vehicle: Vehicle) -> Text | None:
+    """Return the firmware's configuration that comes with a vehicle, None if none does."""
+    path = VEHICLES / f"{vehicle.name.partition('-twr')[0]}{SHIPPED}"
+    return read_text(path) if path.exists() else None
 
 
 @lru_cache(maxsize=16)

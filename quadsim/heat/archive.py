@@ -41,14 +41,14 @@ from quadsim.record.archive import (
     find_run,
     list_heats,
     list_runs,
-    load_run,
+    read_run,
     write_run,
     written_at,
 )
 from quadsim.record.provenance import provenance
-from quadsim.record.run import Run, RunError, canonical
+from quadsim.record.run import RecordedRun, RunError, canonical
 from quadsim.record.schema import HEAT_FORMAT, StoredEntrant, StoredHeatSpec, TitledHeat
-from quadsim.record.whole_files import one_line, write_whole
+from quadsim.record.whole_files import file_errors, write_whole
 
 # Role of a part of the user's own that a text can name -> the form of the text
 AS_TEXT = {
@@ -87,7 +87,7 @@ class LoadedHeat(NamedTuple):
     """A race from the disk."""
 
     spec: RecordedHeatSpec
-    runs: tuple[Run, ...]
+    runs: tuple[RecordedRun, ...]
     start_times: tuple[float, ...]
 
     @property
@@ -117,7 +117,7 @@ def heat_key(heat: HeatSpec) -> str:
     return sha256(canonical(record)).hexdigest()
 
 
-def save_heat(heat: HeatSpec, runs: tuple[Run, ...], root: str | Path) -> Path:
+def save_heat(heat: HeatSpec, runs: tuple[RecordedRun, ...], root: str | Path) -> Path:
     """Write a race, whole or not at all, and return its folder.
 
     Args:
@@ -133,7 +133,7 @@ def save_heat(heat: HeatSpec, runs: tuple[Run, ...], root: str | Path) -> Path:
     with ClaimedFolder.open(root, heat_name(heat)) as folder:
         try:
             for name, run in zip(names, runs, strict=True):
-                with one_line(folder.part, "cannot make a folder for the race"):
+                with file_errors(folder.part, "cannot make a folder for the race"):
                     (folder.part / name).mkdir()
                 write_run(folder.part / name, run, flown_by)
             write_whole(folder.part / HEAT, _json(heat, runs, names))
@@ -148,7 +148,7 @@ def entrant_folder(number: int, name: str) -> str:
     return f"{number}_{re.sub(r'[^A-Za-z0-9._-]+', '-', name)[:60]}"
 
 
-def _json(heat: HeatSpec, runs: tuple[Run, ...], folders: list[str]) -> bytes:
+def _json(heat: HeatSpec, runs: tuple[RecordedRun, ...], folders: list[str]) -> bytes:
     """Return heat.json."""
     start_times = [heat.start_time(k) for k in range(len(runs))]
     record = {
@@ -252,7 +252,7 @@ def run_folders(wanted: str, root: str) -> list[Path]:
     return [find_run(wanted, root)] if heat is None else runs_of_heat(heat)
 
 
-def load_heat(path: str | Path) -> LoadedHeat:
+def read_heat(path: str | Path) -> LoadedHeat:
     """Return a stored race, equal to the last bit.
 
     Raises:
@@ -274,7 +274,7 @@ def load_heat(path: str | Path) -> LoadedHeat:
     for name in stored.runs:
         if Path(name).name != name:
             raise RunError(f"{file}: damaged: expected the name of a folder, got {name!r}")
-    runs = tuple(load_run(path / name) for name in stored.runs)
+    runs = tuple(read_run(path / name) for name in stored.runs)
     if heat_digest(runs) != stored.digest:
         raise RunError(f"{file}: the runs do not give the stored digest; changed after the race")
     return LoadedHeat(stored.spec, runs, tuple(stored.start_times))

@@ -128,7 +128,7 @@ def heats_of(
     ]
 
 
-def parse_race_variants(text: str) -> dict[str, dict[str, Any]]:
+def parse_heat_variants(text: str) -> dict[str, dict[str, Any]]:
     """Return settings of races, by name.
 
     Args:

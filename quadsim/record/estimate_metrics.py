@@ -1,10 +1,10 @@
-"""The accuracy of the estimate in a flight with sensors: short pure functions of a Run."""
+"""The accuracy of the estimate in a flight with sensors: short pure functions of a RecordedRun."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from quadsim.record.run import Run
+from quadsim.record.run import RecordedRun
 from quadsim.sensing.estimate_record import ERRORS
 
 # An estimate that is off by more is lost: [m], about half an opening, and [deg].
@@ -12,13 +12,13 @@ LOST = 0.5
 TURNED = 5.0
 
 
-def estimate_errors(run: Run) -> np.ndarray:
+def estimate_errors(run: RecordedRun) -> np.ndarray:
     """Return estimated less true position of every frame [m].  (frames, 3)"""
     x = run.telemetry
     return np.column_stack([x[f"est_{name}"] - x[name] for name in ("px", "py", "pz")])
 
 
-def attitude_error(run: Run, frame: int) -> float:
+def attitude_error(run: RecordedRun, frame: int) -> float:
     """Return the angle between estimated and true attitude in a frame [deg]."""
     x = run.telemetry
     names = ("qw", "qx", "qy", "qz")
@@ -27,7 +27,7 @@ def attitude_error(run: Run, frame: int) -> float:
     return float(np.degrees(2.0 * np.arccos(cosine)))
 
 
-def lost_estimate(run: Run) -> str:
+def lost_estimate(run: RecordedRun) -> str:
     """Return how far off the estimate was when a flight ended, and since when it was lost.
 
     Returns:
@@ -54,7 +54,7 @@ def lost_estimate(run: Run) -> str:
     return line
 
 
-def sensing_numbers(run: Run) -> dict | None:
+def sensing_numbers(run: RecordedRun) -> dict | None:
     """Return numbers about the estimate, None where the planner was given the true state.
 
     Returns:
@@ -95,7 +95,7 @@ def sensing_numbers(run: Run) -> dict | None:
     }
 
 
-def _at_gates(run: Run, distance: np.ndarray) -> float | None:
+def _at_gates(run: RecordedRun, distance: np.ndarray) -> float | None:
     """Return the RMS of the distances (frames,) where gates were passed, None without a pass."""
     passes = [gate["t"] for gate in run.gates]
     if not passes:
@@ -104,7 +104,7 @@ def _at_gates(run: Run, distance: np.ndarray) -> float | None:
     return _rms(distance[frames.clip(max=len(distance) - 1)])
 
 
-def _unaided(run: Run) -> float:
+def _unaided(run: RecordedRun) -> float:
     """Return the time from the last frame with a measurement to the end [s]."""
     t = run.telemetry["t"]
     aided = np.flatnonzero(run.telemetry["nis_dof"])

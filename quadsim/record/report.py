@@ -23,7 +23,7 @@ from quadsim.record.report_tables import (
     published_table,
 )
 from quadsim.record.run import (
-    Run,
+    RecordedRun,
     flown_with,
     has_planner,
     not_comparable,
@@ -42,7 +42,9 @@ SILENT = 1.0
 INDENT = 2
 
 
-def report(run: Run, limit: StoredSolution | None, columns: int) -> Iterator[RenderableType]:
+def report(
+    run: RecordedRun, limit: StoredSolution | None, columns: int
+) -> Iterator[RenderableType]:
     """Yield the parts of the report of a run.
 
     Args:
@@ -56,7 +58,7 @@ def report(run: Run, limit: StoredSolution | None, columns: int) -> Iterator[Ren
         yield Padding(part, (0, 0, 0, INDENT), expand=False)
 
 
-def _head(run: Run, limit: StoredSolution | None) -> Iterator[str]:
+def _head(run: RecordedRun, limit: StoredSolution | None) -> Iterator[str]:
     spec = run.spec
     colour = COLOUR.get(run.outcome, "yellow")
     laps = f"{len(run.laps)} of {spec['laps']} laps"
@@ -86,7 +88,7 @@ def _head(run: Run, limit: StoredSolution | None) -> Iterator[str]:
         yield f"[yellow]{remark}[/]"
 
 
-def _parts(run: Run, columns: int) -> Iterator[RenderableType]:
+def _parts(run: RecordedRun, columns: int) -> Iterator[RenderableType]:
     """Yield the tables below the head, fitted to the terminal's width in columns."""
     course = parse_course(run.spec["course_text"], run.spec["course"])
     yield from lap_tables(run, len(course.gates), columns)
@@ -108,7 +110,7 @@ def _parts(run: Run, columns: int) -> Iterator[RenderableType]:
     yield published_table(run, course)
 
 
-def _planning(run: Run) -> str:
+def _planning(run: RecordedRun) -> str:
     """Return the planning times and the speed of the simulation, as text."""
     plan_ms = run.wall["plan_ms"]
     ess = run.telemetry["ess"]
@@ -124,7 +126,7 @@ def _planning(run: Run) -> str:
     return f"[dim]{name}[/]  {', '.join(parts)}\n[dim]simulation[/]  {factor}"
 
 
-def _sensing(run: Run) -> str:
+def _sensing(run: RecordedRun) -> str:
     """Return the estimate's errors as text; empty where the planner was given the truth."""
     n = sensing_numbers(run)
     if n is None:

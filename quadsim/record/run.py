@@ -1,4 +1,4 @@
-"""Run: what a flight leaves behind. Frames go in, one Run comes out; reports read it.
+"""The record of one flight, made from its frames and read by reports.
 
 The spec of a run is a JSON dict. This module and the archive read the keys `course` and `sampler`
 (names), `course_text`, `seed`, `vehicle` (asdict(Vehicle)); `host`, which holds what must not
@@ -31,7 +31,8 @@ from quadsim.sensing.kept import Kept, kept_arrays
 
 # Key of a spec: the planner's numbers that were changed while it flew
 INTERACTIVE = "interactive"
-# Telemetry column -> unit, in the order of the digest
+# Telemetry column -> unit, in the order of the digest. Stored runs lack a column that is added
+# here, and would be refused; `columns_of` adds columns by a run's settings.
 COLUMNS = {
     "t": "s",
     **STATE_UNITS,
@@ -88,7 +89,7 @@ def columns_of(spec: dict[str, Any]) -> dict[str, str]:
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class RecordedRun:
     """A flight as it is kept and reported.
 
     Laps, splits and penalties are read off the events, so that they cannot disagree.
@@ -114,7 +115,7 @@ class Run:
         return plain(f"<Run {head}, {flown_with(self.spec)}>")
 
     @classmethod
-    def from_frames(cls, spec: dict[str, Any], frames: Iterable[Frame]) -> Run:
+    def from_frames(cls, spec: dict[str, Any], frames: Iterable[Frame]) -> RecordedRun:
         """Collect the frames of a flight."""
         recorder = Recorder()
         for frame in frames:
@@ -190,7 +191,7 @@ class Run:
         return found.hexdigest()
 
 
-def same_flight(one: Run, other: Run) -> bool:
+def same_flight(one: RecordedRun, other: RecordedRun) -> bool:
     """Return whether two runs have flown the same to the last bit, whatever their specs say."""
     if (one.events, one.outcome) != (other.events, other.outcome):
         return False
@@ -214,7 +215,7 @@ def own_parts(spec: dict[str, Any]) -> dict[str, str]:
     return names
 
 
-def why_not_repeatable(run: Run) -> str:
+def why_not_repeatable(run: RecordedRun) -> str:
     """Return why the spec alone does not give the same run again, "" where it does."""
     spec = run.spec
     if run.outcome == "interrupted":
@@ -375,7 +376,7 @@ class Recorder:
         rows = self._table[: len(self)].reshape(len(self), len(names))
         return dict(zip(names, rows.T, strict=True))
 
-    def run(self, spec: dict[str, Any]) -> Run:
+    def run(self, spec: dict[str, Any]) -> RecordedRun:
         """Return the flight so far, interrupted where its last frame has no outcome.
 
         Raises:
@@ -393,7 +394,7 @@ class Recorder:
             name: column.astype(int if name in COUNTS else float)
             for name, column in self.views(columns_of(spec)).items()
         }
-        return Run(
+        return RecordedRun(
             spec=spec,
             telemetry=telemetry,
             events=tuple(self.events),

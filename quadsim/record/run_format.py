@@ -22,7 +22,7 @@ from quadsim.record.number_changes import changes_of
 from quadsim.record.planner_snapshot import BEST, FRAMES, TERM, PlannerSnapshots
 from quadsim.record.run import (
     COUNTS,
-    Run,
+    RecordedRun,
     RunError,
     columns_of,
     why_not_repeatable,
@@ -63,7 +63,7 @@ CSV_COLUMNS = (
 )
 
 
-def expect_reportable(run: Run, path: object) -> None:
+def expect_reportable(run: RecordedRun, path: object) -> None:
     """Check that a report can be made of a run, whose spec may have been written by hand.
 
     Raises:
@@ -77,7 +77,7 @@ def expect_reportable(run: Run, path: object) -> None:
         raise RunError(f"{path}: spec: expected the spec of a flight: {error}") from error
 
 
-def write_json(run: Run, provenance: dict) -> bytes:
+def write_json(run: RecordedRun, provenance: dict) -> bytes:
     """Return run.json."""
     record = {
         "format": RUN_FORMAT,
@@ -131,7 +131,7 @@ def _other_format(header: Header) -> str:
     return f"{wanted}, got none: a quadsim from before the formats{commit} flew it and can read it"
 
 
-def write_npz(run: Run) -> bytes:
+def write_npz(run: RecordedRun) -> bytes:
     """Return the content of telemetry.npz."""
     snapshots = run.snapshots.arrays() if run.snapshots else {}
     return npz_bytes(run.telemetry | snapshots | (run.measurements or {}), compressed=True)
@@ -186,7 +186,7 @@ def _declared(wanted: Iterable[str]) -> dict[str, Declared]:
     }
 
 
-def write_csv(run: Run) -> bytes:
+def write_csv(run: RecordedRun) -> bytes:
     """Return events.csv, a row for each event.
 
     Numbers that were changed in flight have rows of the kind "change" among them, and columns of

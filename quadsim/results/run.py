@@ -15,8 +15,7 @@ from quadsim.record.exchange import telemetry_csv
 from quadsim.record.limits import StoredSolution, limit_of, limits_folder
 from quadsim.record.mcap_file import mcap_bytes
 from quadsim.record.report import report
-from quadsim.record.run import Run as RecordedRun
-from quadsim.record.run import columns_of
+from quadsim.record.run import RecordedRun, columns_of
 from quadsim.record.run_format import CSV_COLUMNS, event_row, expect_reportable
 from quadsim.record.run_metrics import RunMetrics, run_metrics
 from quadsim.record.run_text import paragraph

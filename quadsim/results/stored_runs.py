@@ -14,7 +14,7 @@ from rich.markup import escape
 
 from quadsim.console import as_text, plain_table
 from quadsim.files.extras import imported
-from quadsim.record.archive import HEAT, list_heats, list_runs, load_run
+from quadsim.record.archive import HEAT, list_heats, list_runs, read_run
 from quadsim.record.run import own_parts
 from quadsim.record.schema import ListedEntrant, ListedHeat, ListedRun
 from quadsim.results.heat import Heat
@@ -98,7 +98,7 @@ class StoredRun:
         Raises:
             RunError: it is damaged.
         """
-        return Run.of(load_run(self.path))
+        return Run.of(read_run(self.path))
 
     def as_json(self) -> dict[str, Any]:
         """Return the row as JSON."""

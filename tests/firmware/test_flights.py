@@ -13,7 +13,7 @@ from quadsim.config.build import plant_of
 from quadsim.config.recorded import spec_of_record
 from quadsim.firmware.process import Firmware, FirmwareError
 from quadsim.physics.plant import RigidPlant
-from quadsim.record.archive import load_run
+from quadsim.record.archive import read_run
 from quadsim.vehicle import GRAVITY, VEHICLES, load_vehicle
 from tests.small import SHORT, flags
 
@@ -71,7 +71,7 @@ def test_two_flights_are_the_same_to_the_last_bit(run):
 
 
 def test_a_stored_flight_is_flown_again(built, run, tmp_path):
-    loaded = load_run(run.save(tmp_path / "run"))
+    loaded = read_run(run.save(tmp_path / "run"))
     assert loaded.digest() == run.digest()
     assert loaded.spec["betaflight"]["firmware"]["firmware"] == built.firmware
     again = quadsim.fly(spec_of_record(loaded.spec))
@@ -85,7 +85,7 @@ def test_a_configuration_of_ones_own_flies(built, tmp_path, monkeypatch, capsys)
     command = ["fly", "split_s_swift", *flags(FLIGHT)]
     assert race([*command, "--betaflight", "mine.txt"]) == 1
     (run,) = quadsim.runs(tmp_path / "runs")
-    assert load_run(run.path).spec["betaflight"]["lines"] == lines.splitlines()
+    assert read_run(run.path).spec["betaflight"]["lines"] == lines.splitlines()
     (tmp_path / "mine.txt").write_text("set nothing = 1\n")
     capsys.readouterr()
     assert race([*command, "--betaflight", "mine.txt"]) == 2

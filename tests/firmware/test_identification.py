@@ -10,10 +10,10 @@ import pytest
 
 import quadsim
 from quadsim.cli.cli import race
-from quadsim.config.tuned_gains import FirmwareBench
 from quadsim.dynamics.quadrotor import Control, ModelParams, State, quadrotor
 from quadsim.firmware import identified as identified_module
 from quadsim.firmware.identification import RateLoop, TestBench, identify
+from quadsim.firmware.tuned_gains import FirmwareBench
 from quadsim.physics.plant_state import start_state
 from quadsim.vehicle import load_vehicle
 

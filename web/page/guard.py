@@ -217,7 +217,7 @@ def _viser_page() -> str:
     return page
 
 
-def one_line(record: logging.LogRecord) -> bool:
+def shorten_record(record: logging.LogRecord) -> bool:
     """Reduce the log record of a visitor's error to one line, without a traceback."""
     if record.exc_info and record.exc_info[1]:
         error = record.exc_info[1]
@@ -228,4 +228,4 @@ def one_line(record: logging.LogRecord) -> bool:
     return True
 
 
-LOG.addFilter(one_line)
+LOG.addFilter(shorten_record)

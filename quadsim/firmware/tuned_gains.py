@@ -7,10 +7,9 @@ from functools import partial
 from math import ceil, degrees
 from typing import Any, NamedTuple
 
-from quadsim.config.resolve import shipped_configuration
 from quadsim.files.values import SettingError
 from quadsim.firmware.actuators import BetaflightActuators, motors_reversed
-from quadsim.firmware.configuration import Text, with_other_gains
+from quadsim.firmware.configuration import Text, shipped_configuration, with_other_gains
 from quadsim.firmware.gain_search import StepResponse, search, step_response, wanted_response
 from quadsim.firmware.gains import AXIS_NAMES, AxisGains, Gains, gains_of, with_gains
 from quadsim.firmware.identification import NewActuators
