@@ -100,6 +100,14 @@ def test_a_controller_is_a_variant_of_a_comparison(laws):
     assert pd.spec.controller is laws.Pd
 
 
+@pytest.mark.parametrize("flag", [["--controller", "laws:Pd"], ["--pilot", "split_s_swift"]])
+def test_a_search_for_the_planners_numbers_takes_no_other_controller(flag, capsys):
+    """It searched among numbers of a planner that did not fly."""
+    assert race(["tune", "split_s_swift", *flag]) == 2
+    wanted = "expected none, as the search is for the planner's numbers"
+    assert capsys.readouterr().err == f"race tune: {flag[0]}: {wanted}\n"
+
+
 LINE_UP = ["--entrants", "pd=controller=laws:Pd", "strong=controller=laws:strong"]
 
 

@@ -105,6 +105,7 @@ def test_a_report_says_how_far_off_the_estimate_was_and_since_when(sensed):
         run = lost(sensed, grows, outcome=outcome)
         assert f"e{line}" in run.report()
         assert f"E{line}." in str(run)
+        assert line.removeprefix("stimate ") in run._repr_html_()
     turned = lost(sensed, np.full(frames, 0.02), turned=40.0)
     assert "estimate 2.0 cm and 40 deg off at the end\n" in turned.report()
     good = np.full(frames, 0.02)

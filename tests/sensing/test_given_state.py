@@ -58,6 +58,7 @@ def test_by_default_a_controller_is_given_the_state_in_which_its_command_acts():
     assert now > 10 * PREDICTED_WITHIN
     assert "state given 100 ms ahead of the measurement" in run.report()
     assert "State given 100 ms ahead of the measurement." in str(run)
+    assert "given 100 ms ahead of the measurement" in run._repr_html_()
 
 
 def test_without_a_prediction_a_controller_is_given_the_state_of_now():
