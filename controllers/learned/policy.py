@@ -244,8 +244,8 @@ def _checked(
     if widths[-1] != ACTIONS:
         wanted = f"expected {ACTIONS} outputs: body rates about x, y, z and thrust"
         raise SettingError("policy", f"{wanted}, got {widths[-1]}")
-    given = [activation] if isinstance(activation, str) else list(activation)
-    for one in given:
+    several = isinstance(activation, list | tuple)
+    for one in activation if several else (activation,):
         if one not in get_args(Activation):
             known = ", ".join(get_args(Activation))
             raise SettingError("activation", f"expected one of {known}, got {one!r}")
@@ -267,10 +267,10 @@ def _layer(number: int, pair: Any) -> tuple[np.ndarray, np.ndarray]:
     arrays = []
     for name, value, dimensions in zip(("matrix", "bias"), pair, (2, 1), strict=True):
         try:
-            array = np.asarray(value, float)
-        except (TypeError, ValueError):
+            array = np.asarray(value)
+        except ValueError:  # lists of different lengths
             array = np.array(None)
-        if array.dtype != float or array.ndim != dimensions or not array.size:
+        if array.dtype.kind not in "fiu" or array.ndim != dimensions or not array.size:
             wanted = f"{place}: expected a {name} of {dimensions} dimension{'s'[: dimensions - 1]}"
             raise SettingError("policy", f"{wanted}, got {shown_value(value)}")
         if not (abs(array) <= LARGEST_WEIGHT).all():
