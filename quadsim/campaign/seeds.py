@@ -23,7 +23,8 @@ def seeds_remark(specs: Iterable[Spec], rotated: bool = False) -> str:
     if not fixed:
         return ""
     parts = {
-        "the planner's noise": any(spec.has_planner for spec in fixed),
+        "the planner's noise": any(spec.has_planner and not spec.controller for spec in fixed),
+        "what your own controller draws": any(spec.controller and not spec.hand for spec in fixed),
         "the places on the grid": rotated,
         "the sensors' noise": any(spec.sensing is not None for spec in fixed),
         "the places of gates": any(spec.displace_gates for spec in fixed),

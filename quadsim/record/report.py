@@ -69,7 +69,7 @@ def _head(run: RecordedRun, limit: StoredSolution | None) -> Iterator[str]:
         yield escape(place)
     lost = lost_estimate(run)
     if lost:
-        yield f"[bold]{lost}[/]"
+        yield lost
     flown = [escape(flown_with(spec))]
     if spec.get("randomize"):
         flown.append(f"randomized {spec['randomize']:g}")

@@ -23,6 +23,7 @@ class Climb:
             "the planner's noise, the sensors' noise, the places of gates, the faults and lost"
             " frames alone",
         ),
+        ({"controller": Climb()}, "what your own controller draws alone"),
         ({"pilot": "split_s_swift"}, "nothing"),
     ],
 )
@@ -31,6 +32,7 @@ def test_the_remark_names_what_seeds_differ_in(settings, drawn):
     assert seeds_remark([spec]) == f"Seeds differ in {drawn}, {FIX}"
     assert seeds_remark([spec.but(randomize=1.0)]) == ""
     assert seeds_remark([spec, spec.but(randomize=1.0)]) == seeds_remark([spec])
+    assert "\n" not in seeds_remark([spec])
 
 
 @pytest.mark.parametrize("randomize", [0.0, 1.0])
@@ -44,6 +46,6 @@ def test_a_comparison_says_it_once_in_text_markdown_and_html(randomize):
 
 def test_a_comparison_of_races_says_it_too():
     entrants = {"a": {"controller": Climb()}, "b": {"controller": Climb()}}
-    for starts, drawn in ((1, "noise alone"), (2, "noise and the places on the grid alone")):
+    for starts, drawn in ((1, "draws alone"), (2, "draws and the places on the grid alone")):
         found = quadsim.compare_heats(entrants, "figure8", starts=starts, laps=1, timeout=0.05)
         assert f"{drawn}, so intervals are narrow" in " ".join(str(found).split())
