@@ -123,6 +123,20 @@ def test_networks_of_other_libraries_are_read(tmp_path):
         assert found.digest == expected.digest
 
 
+@pytest.mark.compiled
+@pytest.mark.parametrize("name", ["PPO", "A2C", "SAC", "TD3"])
+def test_a_model_of_stable_baselines_is_the_pilot_that_it_is(name, tmp_path):
+    library = pytest.importorskip("stable_baselines3")
+    from quadsim.learn.stable_baselines import RacingVecEnv
+
+    envs = RacingVecEnv(4, course="figure8", hold=2)
+    net = {"net_arch": [16, 8, 8]}
+    model = getattr(library, name)("MlpPolicy", envs, device="cpu", policy_kwargs=net)
+    pilot = quadsim.save_pilot(model, tmp_path / "p.npz", vehicle="swift", hold=2)
+    action, _ = model.predict(SEEN, deterministic=True)
+    np.testing.assert_allclose(pilot(SEEN), action, atol=1e-6)
+
+
 ZEROS = [(np.zeros((SIZE, 4)), np.zeros(4))]
 REFUSED = [
     (lambda seen: seen, {}, "controller=quadsim.PolicyController"),
