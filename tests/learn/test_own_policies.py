@@ -221,7 +221,9 @@ def test_an_action_that_is_none_ends_the_flight_in_one_line(action):
 
 def test_without_stable_baselines_its_environment_says_what_installs_it(monkeypatch):
     pytest.importorskip("gymnasium")
-    monkeypatch.setitem(sys.modules, "stable_baselines3", None)
+    package = "stable_baselines3"
+    for name in (package, *(name for name in sys.modules if name.startswith(f"{package}."))):
+        monkeypatch.setitem(sys.modules, name, None)
     monkeypatch.delitem(sys.modules, "quadsim.learn.stable_baselines", raising=False)
     with pytest.raises(
         ModuleNotFoundError, match=r"stable-baselines3 is not installed: .*pip install"
