@@ -31,11 +31,12 @@ import os
 import threading
 from _thread import LockType
 from contextlib import suppress
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from llvmlite import ir
 from numba import extending, njit, types
+from numba.core.compiler import CompileResult
 
 from controllers.lanes.atomics import add, exchange, load, pause, store, ticks
 from controllers.lanes.compiled import kept
@@ -65,6 +66,7 @@ REST_MIN, REST_MAX = 8, 1024  # numbers of loops of a rest
 SHARES = 16  # blocks are taken in about this many portions for each thread
 # Of run_parts: address of the desk, of a part, of what the parts share; number of blocks, threads
 RUN_PARTS = (types.int64, types.int64, types.int64, types.int64)
+HELP_CALLERS = (types.int64, types.int64)
 
 
 @extending.intrinsic
@@ -171,7 +173,8 @@ class Helpers:
         offset = -self._memory.ctypes.data % LINE
         self._desk = self._memory.ctypes.data + offset
         self._numbers = self._memory[offset : offset + SIZE].view(np.int64)
-        self._numbers[RUN // 8] = _address_of_run_parts()
+        self._numbers[RUN // 8] = _address(_compiled(run_parts, RUN_PARTS))
+        self._help = _compiled(help_callers, HELP_CALLERS).entry_point
         self._helpers: list[Helper] = []
         self._starts = threading.Lock()
         self._ends = False
@@ -210,7 +213,7 @@ class Helpers:
             bell.acquire()
             if self._ends:
                 return
-            help_callers(self._desk, SPINS)
+            self._help(self._desk, SPINS)
 
     def _end(self) -> None:
         """Let the helpers end before the compiled code that they run is unloaded."""
@@ -248,9 +251,12 @@ if hasattr(os, "register_at_fork"):  # platforms with fork
     os.register_at_fork(after_in_child=_forget)
 
 
-def _address_of_run_parts() -> int:
-    """Return the address of the compiled `run_parts`, whose code numba keeps."""
-    run_parts.compile(RUN_PARTS)
-    help_callers.compile((types.int64, types.int64))
-    code = run_parts.overloads[RUN_PARTS]
+def _compiled(function: Any, signature: tuple[types.Type, ...]) -> CompileResult:
+    """Return the code of a compiled function, which numba keeps."""
+    function.compile(signature)
+    return function.overloads[signature]
+
+
+def _address(code: CompileResult) -> int:
+    """Return the address of compiled code."""
     return code.library.get_pointer_to_function(code.fndesc.llvm_func_name)
