@@ -62,7 +62,7 @@ def test_a_class_a_function_of_the_spec_and_an_object_fly(laws):
     [
         ("laws:Nothing", "the class has no method 'control'"),
         ("laws:Missing", "module 'laws' has no attribute 'Missing'"),
-        ("elsewhere:Pd", "No module named 'elsewhere'"),
+        ("no_such_module:Pd", "No module named 'no_such_module'"),
         ("laws", "expected package.module:Class, got 'laws'"),
         ("laws:MODULE", "module 'laws' has no attribute 'MODULE'"),
     ],

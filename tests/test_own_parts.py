@@ -16,7 +16,9 @@ from controllers.lanes.planner_loops import module_source
 from controllers.plan import PlanStats
 from controllers.samplers import build_lanes
 from quadsim.campaign.variants import make_variants, parse_variants
-from quadsim.config.build import cost_on, planner_of, start_of, system_of
+from quadsim.config.build import planner_of
+from quadsim.config.build_cost import cost_on
+from quadsim.config.build_plant import start_of, system_of
 from quadsim.config.parts import made
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import State, quadrotor

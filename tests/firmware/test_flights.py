@@ -9,7 +9,7 @@ import pytest
 import quadsim
 from quadsim.campaign.attempt import fly_attempt
 from quadsim.cli.cli import race
-from quadsim.config.build import plant_of
+from quadsim.config.build_plant import plant_of
 from quadsim.config.recorded import spec_of_record
 from quadsim.firmware.process import Firmware, FirmwareError
 from quadsim.physics.plant import RigidPlant
