@@ -15,7 +15,6 @@ from rich.table import Table
 
 from quadsim.cli.flags import Help, Json, settings_as_flags
 from quadsim.console import UsageError, emit, emit_json, plain_table, progress_console
-from quadsim.firmware.configuration import read_text
 from quadsim.firmware.package import (
     ADVICE,
     FIRMWARE_VERSION,
@@ -26,6 +25,7 @@ from quadsim.firmware.package import (
     find_built,
     firmware_folder,
 )
+from quadsim.firmware.translation import read_text
 
 if TYPE_CHECKING:  # the module loads SciPy, which show and build do not need
     from quadsim.config.tuned_gains import Tuned

@@ -16,6 +16,7 @@ from quadsim.firmware.gains import AXIS_NAMES, AxisGains, Gains, gains_of, with_
 from quadsim.firmware.identification import NewActuators
 from quadsim.firmware.identified import firmware_for
 from quadsim.firmware.package import FIRMWARE_VERSION
+from quadsim.firmware.translation import in_this_version
 from quadsim.physics.link import Link
 from quadsim.vehicle import Vehicle
 
@@ -119,8 +120,8 @@ class FirmwareBench:
         self.vehicle = vehicle
         self.dt = dt
         self.period = period
-        self.built, self.configuration = firmware_for(vehicle, text)
-        self.text = text
+        self.text = in_this_version(text)
+        self.built, self.configuration = firmware_for(vehicle, self.text)
 
     @property
     def gains(self) -> AxisGains:
@@ -165,6 +166,7 @@ def tuned(
         FirmwareError, FileError: as for FirmwareBench.
     """
     bench = FirmwareBench(vehicle, text, dt, period)
+    text = bench.text
     before = bench.gains
     after = before
     for name in AXIS_NAMES:
