@@ -40,7 +40,7 @@ THRUSTS = (0.15, 0.7)  # range of thrust commands for its identification, shares
 RATES: Vec3 = (3.0, 3.0, 1.5)  # largest commanded body rates [rad/s]
 CUT = 0.5  # a body rate with a lower limit is next to none, and commanded beyond it [rad/s]
 PARTS = ("roll rate", "pitch rate", "yaw rate", "thrust")
-# Least standard deviation of an answer, as a share of its command's; that of loops that fly is near 1
+# Least standard deviation of an answer as a share of its command's, which is near 1 in flight
 LEAST_ANSWER = 0.05
 LATER = 0.06  # time in which an answer begins: rotors and filters take some 30 ms [s]
 # Correlation between what is missing and the change in this time: .5 to .9 in loops that fly

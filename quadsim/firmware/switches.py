@@ -73,6 +73,11 @@ class Switches(NamedTuple):
     flight: tuple[float, ...]
     throttle: float = LOW  # pulse at which the firmware takes the throttle as low [us]
 
+    @property
+    def pairs(self) -> list[tuple[float, float]]:
+        """The pulses of each AUX channel before arming and in flight [us]."""
+        return list(zip(self.idle, self.flight, strict=True))
+
     def channels(self, armed: bool = False) -> list[float]:
         """Return the pulses of all channels, with sticks in the middle and throttle down [us]."""
         return [MIDDLE, MIDDLE, self.throttle, MIDDLE, *(self.flight if armed else self.idle)]

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from enum import Enum
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from quadsim.files.strict_yaml import FileError
 from quadsim.firmware.package import FIRMWARE_VERSION
@@ -52,8 +52,8 @@ class Kind(Enum):
 
     TAKEN = "taken"
     TRANSLATED = "translated"
-    NOT_EXACT = "has no equal in this version"
-    NOT_SIMULATED = "is not simulated"
+    NOT_EXACT = "without an equal in this version"
+    NOT_SIMULATED = "not simulated"
     PROFILE = "of a profile that is not flown"
     TAKEN_BACK = "taken back by a later 'defaults'"
     BOARD = "of the board, the transmitter or another mode"
@@ -83,6 +83,7 @@ class Translation(NamedTuple):
     lines: tuple[Line, ...]
     entries: tuple[Entry, ...]
     reversed: Line | None = None  # the line that says whether the propellers are reversed
+    defaults: tuple[str, ...] = ()  # settings that the text's version has by default, not this one
 
     def of_kind(self, kind: Kind) -> list[Entry]:
         """Return the entries of a kind."""
@@ -113,6 +114,8 @@ class Translation(NamedTuple):
         Lines of the board and of profiles that are not flown are counted at the end.
         """
         shown = []
+        if self.defaults:
+            shown.append(f"defaults of its version: {', '.join(self.defaults)}")
         for entry in self.entries:
             if entry.kind in (Kind.TAKEN, Kind.BOARD, Kind.PROFILE):
                 continue
@@ -125,6 +128,22 @@ class Translation(NamedTuple):
             if count:
                 shown.append(f"{count} line{'s' * (count > 1)} {kind.value}: left out")
         return shown
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the version, and kind, number and text of each line with what it became."""
+        lines = [
+            {
+                "line": entry.line.number,
+                "text": entry.line.text,
+                "kind": entry.kind.name.lower(),
+                "became": list(entry.became),
+                "note": entry.note,
+            }
+            for entry in self.entries
+        ]
+        version = _dotted(self.version) if self.version else None
+        defaults = list(self.defaults)
+        return {"name": self.name, "version": version, "defaults": defaults, "lines": lines}
 
 
 class Text(NamedTuple):
@@ -382,6 +401,7 @@ class _Reader:
         self._mixer: Line | None = None
         self._mixes: list[Line] = []
         self._reversed: Line | None = None
+        self._defaults: tuple[str, ...] = ()
 
     def read(self) -> Translation:
         """Return the translation. Raises ConfigurationError."""
@@ -398,8 +418,14 @@ class _Reader:
         self._check_mixer()
         if self._problems:
             raise ConfigurationError("\n".join(self._problems))
-        version, lines, entries = self._version, tuple(self._lines), tuple(self._entries)
-        return Translation(self._text.name, version, lines, entries, self._reversed)
+        return Translation(
+            self._text.name,
+            self._version,
+            lines=tuple(self._lines),
+            entries=tuple(self._entries),
+            reversed=self._reversed,
+            defaults=self._defaults,
+        )
 
     # ---- the text as a whole ----
 
@@ -435,15 +461,16 @@ class _Reader:
     def _add_defaults(self) -> None:
         """Set the defaults of the text's version, from which a `diff all` counts."""
         version = self._version
-        lines = [
-            f"set {setting}"
+        self._defaults = tuple(
+            setting
             for last, settings in DEFAULTS
             if version and version <= last
             for setting in settings
-        ]
-        if lines:
+        )
+        if self._defaults:
             gains, rates = self._flown.gains, self._kept_rates(self._flown.rates)
             chosen = (f"profile {gains}", f"rateprofile {rates}")
+            lines = [f"set {setting}" for setting in self._defaults]
             self._lines += map(Line, (*chosen, *lines, "profile 0", "rateprofile 0"))
 
     def _kept_rates(self, profile: int) -> int:
@@ -656,7 +683,7 @@ class _Reader:
     def _refuse(self, line: Line, wanted: str, why: str) -> bool:
         """Note a problem; return False."""
         place = f"{self._text.name}:{line.number}"
-        got = f"got {_short(line.text)!r}: {why}: correct or remove it"
+        got = f"got '{_short(line.text)}': {why}: correct or remove it"
         self._problems.append(f"{place}: expected {wanted}, {got}")
         return False
 

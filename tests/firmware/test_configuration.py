@@ -13,8 +13,8 @@ from quadsim.firmware.configuration import (
     ConfigurationError,
     Text,
     configured,
-    read_text,
 )
+from quadsim.firmware.translation import read_text
 from quadsim.vehicle import VEHICLES
 
 ARM = "aux 0 0 0 1700 2100 0 0"
@@ -48,7 +48,7 @@ def rates(kind, *numbers):
 )
 def test_sticks_give_the_rates_that_are_asked_for(built, kind, numbers):
     found = configured(built.program, text(*rates(kind, *numbers)), False)
-    bench = Bench(built.program, found.eeprom, found.arm_channel, found.arm_pulse)
+    bench = Bench(built.program, found.eeprom, found.switches)
     largest = np.abs(found.rates).max(axis=1)
     for share in (-1.0, -0.613, -0.047, 0.0, 0.021, 0.377, 0.9):
         asked = share * largest
@@ -77,7 +77,7 @@ def test_a_rate_beyond_the_largest_is_the_largest(built):
 )
 def test_the_throttle_gives_the_motors_command_that_is_asked_for(built, lines):
     found = configured(built.program, text(*lines), False)
-    bench = Bench(built.program, found.eeprom, found.arm_channel, found.arm_pulse)
+    bench = Bench(built.program, found.eeprom, found.switches)
     bench.arm()
     low, high = found.motors[0], found.motors[-1]
     for share in (0.01, 0.3, 0.55, 0.98):
@@ -110,7 +110,7 @@ def test_a_line_that_the_firmware_does_not_take_is_named(built, lines, problem):
 
 
 def test_all_lines_that_the_firmware_does_not_take_are_named_at_once(built):
-    lines = ("set gyro_sync_denom = 1", "set p_roll = 40", "set debug_mode = NEVER")
+    lines = ("set gyro_sync_denom = 1", "set p_roll = 40", "set rates_type = NEVER")
     with pytest.raises(ConfigurationError) as caught:
         configured(built.program, text(*lines), False)
     first, second = str(caught.value).splitlines()
@@ -150,8 +150,8 @@ def test_a_feature_of_flight_is_that_of_the_text(built):
 @pytest.mark.parametrize(
     ("line", "problem"),
     [
-        ("aux 1 1 1 900 1300 0 0", r"ANGLE to be off at 1000 us, .*'aux 1 1 1 900 1300 0 0'"),
-        ("aux 1 49 0 1300 2100 0 0", "LAUNCH CONTROL to be off at 1900 us"),
+        ("aux 1 1 1 900 2100 0 0", r"ARM on and ANGLE off, .*'aux 1 1 1 900 2100 0 0'"),
+        ("aux 1 49 0 1300 2100 0 0", "ARM on and LAUNCH CONTROL off"),
     ],
 )
 def test_a_mode_that_would_take_the_sticks_in_flight_is_refused(built, line, problem):
@@ -164,18 +164,18 @@ def test_a_mode_that_is_off_in_flight_is_taken(built):
     found = configured(built.program, text("aux 1 1 1 1300 2100 0 0"), False)
     plain = configured(built.program, text(), False)
     assert found.eeprom != plain.eeprom
-    assert (found.arm_channel, found.arm_pulse) == (plain.arm_channel, plain.arm_pulse)
+    assert found.switches == plain.switches
 
 
 def test_the_channel_of_the_switch_is_that_of_the_text(built):
     found = configured(built.program, Text("x", ("aux 0 0 2 1300 1500 0 0",)), False)
-    assert (found.arm_channel, found.arm_pulse) == (6, 1400.0)
+    assert found.switches.channels(armed=True)[6] == 1400.0
 
 
 @pytest.mark.parametrize("path", sorted(VEHICLES.glob("*.betaflight.txt")), ids=lambda p: p.stem)
 def test_the_configuration_of_each_vehicle_is_read_and_arms(built, path):
     found = configured(built.program, read_text(path), False)
-    bench = Bench(built.program, found.eeprom, found.arm_channel, found.arm_pulse)
+    bench = Bench(built.program, found.eeprom, found.switches)
     bench.arm()
     assert bench._firmware.step(*STANDING, bench._channels, 100, 10).armed
     bench.close()
