@@ -110,6 +110,8 @@ class Configuration:
     rates: np.ndarray  # setpoints at these positions of roll, pitch, yaw [rad/s]  (3, n)
     throttles: np.ndarray  # pulses of the throttle [us], rising  (m,)
     motors: np.ndarray  # motor commands at these pulses, 0..1  (m,)
+    # share of their range that the motors use, above the throttle's where that is limited alone
+    output_limit: float = 1.0
 
     def pulse_for_rate(self, axis: int, rate: float) -> float:
         """Return the pulse of a stick [us] for a body rate [rad/s]; at most the largest one."""
@@ -137,7 +139,7 @@ def configured(program: Path, text: Text, motors_reversed: bool) -> Configuratio
             for another airframe, or has no positions of the switches to fly with.
         FirmwareError: the firmware does not arm.
     """
-    eeprom, switches = _read_by_firmware(program, text, motors_reversed)
+    eeprom, switches, output_limit = _read_by_firmware(program, text, motors_reversed)
     bench = Bench(program, eeprom, switches)
     try:
         positions, rates = bench.rates()
@@ -145,7 +147,7 @@ def configured(program: Path, text: Text, motors_reversed: bool) -> Configuratio
         throttles, motors = bench.throttle()
     finally:
         bench.close()
-    return Configuration(eeprom, switches, positions, rates, throttles, motors)
+    return Configuration(eeprom, switches, positions, rates, throttles, motors, output_limit)
 
 
 def with_other_gains(
@@ -162,7 +164,7 @@ def with_other_gains(
     Raises:
         ConfigurationError, FirmwareError: as for `configured`.
     """
-    eeprom, _ = _read_by_firmware(program, text, motors_reversed)
+    eeprom, *_ = _read_by_firmware(program, text, motors_reversed)
     return replace(configuration, eeprom=eeprom)
 
 
@@ -172,14 +174,14 @@ def eeprom_with_log(program: Path, text: Text, motors_reversed: bool) -> bytes:
 
     For arguments and errors see `configured`.
     """
-    eeprom, _ = _read_by_firmware(program, text, motors_reversed, LOG)
+    eeprom, *_ = _read_by_firmware(program, text, motors_reversed, LOG)
     return eeprom
 
 
 def _read_by_firmware(
     program: Path, text: Text, motors_reversed: bool, more: Sequence[str] = ()
-) -> tuple[bytes, Switches]:
-    """Return the stored configuration, and the positions of the switches.
+) -> tuple[bytes, Switches, float]:
+    """Return the stored configuration, the positions of the switches, and the limit of the motors.
 
     more: lines that follow the text.
     """
@@ -200,7 +202,8 @@ def _read_by_firmware(
         switches = switches_of(conditions, text.name)
         switches = switches._replace(throttle=_low_throttle(firmware))
         _read_enough_channels(firmware, conditions)
-        return firmware.save(), switches
+        output_limit = setting_of(firmware, "motor_output_limit") / 100.0
+        return firmware.save(), switches, output_limit
     finally:
         firmware.close()
 

@@ -17,9 +17,9 @@ from quadsim.vehicle import GRAVITY, Vehicle
 # in steps, and the firmware's own idle of 5.5 % of the speed gives next to no thrust.
 SMALL = 0.01
 # Share of a body rate at the end of a stick that the planner uses: a command at the very end leaves
-# the firmware nothing to correct with. With sticks up to 150 deg/s one of six laps crashed without
-# it, and none with it.
+# the firmware nothing to correct with.
 USED = 0.98
+FREE = 0.5
 AXIS_NAMES = ("roll", "pitch", "yaw")
 
 
@@ -51,12 +51,29 @@ def nominal_behind(vehicle: Vehicle, configuration: Configuration, name: str) ->
         got = f"got {lowest:.3g} to {highest:.3g} m/s^2 from {vehicle.name}"
         advice = "correct its throttle limit, motor output limit or idle"
         raise ConfigurationError(f"{name}: {wanted}, {got}: {advice}")
+    thrust_max = highest if highest < (1.0 - SMALL) * nominal.thrust_max else nominal.thrust_max
+    used = _share_given_up(vehicle, configuration, thrust_max)
+    tilt_x, tilt_y = nominal.tilt_cost
     return replace(
         nominal,
+        tilt_cost=(used * tilt_x, used * tilt_y),
+        yaw_cost=used * nominal.yaw_cost,
         rate_max=(roll, pitch, yaw),
-        thrust_max=highest if highest < (1.0 - SMALL) * nominal.thrust_max else nominal.thrust_max,
+        thrust_max=thrust_max,
         thrust_min=lowest if lowest > SMALL * nominal.thrust_max else nominal.thrust_min,
     )
+
+
+def _share_given_up(vehicle: Vehicle, configuration: Configuration, thrust_max: float) -> float:
+    """Return how much of the thrust that roll, pitch and yaw cost is given up at full throttle.
+
+    A limited throttle leaves the motors room above it, and a turn costs no thrust: all of it is
+    given up where they have no room, none where they could give FREE of their thrust beside it.
+    """
+    idle = float(configuration.motors[0])
+    most = thrust_of(vehicle, idle + (1.0 - idle) * configuration.output_limit)
+    room = (most - thrust_max) / most
+    return min(max(1.0 - room / FREE, 0.0), 1.0) if room > SMALL else 1.0
 
 
 def thrust_of(vehicle: Vehicle, motor: float) -> float:

@@ -195,3 +195,75 @@ def test_a_text_in_place_of_a_number_is_refused(built, value):
     text = Text("mine.txt", (f"set p_roll = {value}", "aux 0 0 0 1700 2100 0 0"))
     with pytest.raises(ConfigurationError, match=r"^mine\.txt:1: expected a line"):
         configured(built.program, text, motors_reversed=True)
+
+
+def switch_of(line):
+    """Return where a bench arms with the switch of a line alone."""
+    return Text("mine.txt", (line,))
+
+
+@pytest.mark.parametrize(
+    "text_",
+    [
+        text("aux 1 36 1 1700 2100 0 0"),  # PREARM
+        text("aux 1 36 0 1300 2100 0 0"),  # in the middle of the same switch
+        text("set min_check = 1000"),
+        text("rxrange 0 1100 1900"),
+        text("set rx_min_usec = 1050"),
+        text("aux 1 1 1 900 1300 0 0", "aux 2 2 1 1300 1700 0 0"),  # ANGLE, HORIZON
+        switch_of("aux 0 0 0 900 1300 0 0"),
+        switch_of("aux 0 0 6 1700 2100 0 0"),
+        switch_of("aux 0 0 11 1700 2100 0 0"),
+    ],
+    ids=lambda t: t.lines[-1],
+)
+def test_a_pilots_switches_and_sticks_arm(built, text_):
+    """Full sticks are the full rates; the curves have been measured."""
+    found = configured(built.program, text_, False)
+    assert np.rad2deg(found.rates[0]).max() == pytest.approx(670.0, abs=1.0)
+    assert found.motors[-1] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_the_firmware_joins_the_conditions_of_modes_as_we_do(built):
+    """In each case ARM and the rest are on where `modes_on` says so, or arming fails."""
+    lines = (
+        "aux 0 0 0 1700 2100 1 0",
+        "aux 1 0 1 1300 1700 1 0",
+        "aux 2 36 2 900 900 0 28",
+        "aux 3 28 3 1700 2100 0 0",
+    )
+    found = configured(built.program, Text("x", lines), False)
+    assert found.switches.flight[:4] == (1900.0, 1500.0, 1000.0, 1900.0)
+
+
+@pytest.mark.parametrize(
+    ("line", "direction"),
+    [("set yaw_motors_reversed = ON", False), ("set yaw_motors_reversed = OFF", True)],
+)
+def test_propellers_that_turn_the_other_way_are_one_line(built, line, direction):
+    configured(built.program, text(line), not direction)
+    with pytest.raises(ConfigurationError, match=r"^mine\.txt:2: expected yaw_motors_reversed"):
+        configured(built.program, text(line), direction)
+
+
+def test_idle_is_that_of_the_version_that_wrote_the_text(built):
+    old = Text("x", ("# Betaflight / STM32F405 (S405) 4.5.1", ARM, "set dshot_idle_value = 2000"))
+    new = Text("x", (ARM, "set motor_idle = 2000"))
+    one, other = (configured(built.program, t, False) for t in (old, new))
+    assert one.eeprom == other.eeprom
+    assert one.motors[0] == pytest.approx(0.2, abs=2e-3)
+
+
+def test_a_mixer_that_is_written_out_is_the_same_as_its_name(built):
+    mixes = ("mmix 0 1 -1 1 -1", "mmix 1 1 -1 -1 1", "mmix 2 1 1 1 1", "mmix 3 1 1 -1 -1")
+    found = configured(built.program, text("mixer CUSTOM", "mmix reset", *mixes), False)
+    np.testing.assert_array_equal(found.motors, configured(built.program, text(), False).motors)
+
+
+@pytest.mark.parametrize("version", ["4.2.0", "4.3.2", "4.4.2", "4.5.0"])
+def test_the_defaults_of_each_version_are_settings_of_this_one(built, version):
+    header = f"# Betaflight / STM32F405 (S405) {version} Apr 28 2024"
+    found = configured(built.program, Text("x", (header, "defaults nosave", ARM)), False)
+    largest = np.rad2deg(found.rates[0]).max()
+    # 4.2 has Betaflight's rates of 1.00 and 0.70, later versions actual rates up to 670 deg/s.
+    assert largest == pytest.approx(666.7 if version == "4.2.0" else 670.0, abs=1.0)
