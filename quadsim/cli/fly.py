@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from contextlib import closing, suppress
+from shlex import quote
 from typing import Annotated, Any
 
 from quadsim.cli.commands import EXIT
@@ -76,7 +77,8 @@ def fly(
         if spec.plant == "rigid" and not (settings or {}).get("plant"):
             complain("PyBullet is not installed: the built-in rigid body flies (--plant rigid)")
         if spec.betaflight and (read := translated(spec.betaflight)).changes_something:
-            complain(f"{read.summary()}: race firmware read --betaflight {spec.betaflight.name}")
+            shown = f"race firmware read --betaflight {quote(spec.betaflight.name)}"
+            complain(f"{read.summary()}: {shown}")
         if not getattr(parts.controller, "is_cached", True):
             complain(COMPILING)
         with settings_as_flags():  # a user's own sampler may return invalid values

@@ -51,7 +51,6 @@ NOT_AVAILABLE = "ERR_CMD_NA"
 LONGEST_PROBLEM = 160  # characters of the firmware's own message that an error shows
 
 THROTTLE = 2  # number of the channel
-FEW_AUX = 6  # channels of switches that the firmware reads by default
 LEAST_PULSE = 890.0  # of the throttle; the firmware takes a shorter one as a lost signal [us]
 BELOW_CHECK = 10.0  # of the low throttle below min_check [us]
 AXES = (0, 1, 3)  # channels of roll, pitch and yaw
@@ -145,6 +144,8 @@ def configured(program: Path, text: Text, motors_reversed: bool) -> Configuratio
         positions, rates = bench.rates()
         bench.arm()
         throttles, motors = bench.throttle()
+    except FirmwareError as error:
+        raise FirmwareError(f"{text.name}: {error}") from None
     finally:
         bench.close()
     return Configuration(eeprom, switches, positions, rates, throttles, motors, output_limit)
@@ -230,9 +231,8 @@ def _low_throttle(firmware: Firmware) -> float:
 def _read_enough_channels(firmware: Firmware, conditions: Sequence[Condition]) -> None:
     """Have the firmware read the channels of all switches, as it does on a board."""
     channels = 1 + max(condition.channel for condition in conditions)
-    if channels > FEW_AUX:
-        least = max(channels, setting_of(firmware, "max_aux_channels"))
-        _carry_out(firmware, f"set max_aux_channels = {least}", "the simulation")
+    if channels > setting_of(firmware, "max_aux_channels"):
+        _carry_out(firmware, f"set max_aux_channels = {channels}", "the simulation")
 
 
 def setting_of(firmware: Firmware, name: str) -> int:

@@ -32,9 +32,14 @@ from quadsim.vehicle import Vehicle
 # Without configured logging, a warning is one line on stderr.
 log = logging.getLogger("quadsim")
 # Files whose change makes cached identifications invalid
-CODE = tuple(
-    module.__file__
-    for module in (reading, actuators, identification, link, limits, switches, translation)
+CODE = (
+    reading.__file__,
+    actuators.__file__,
+    identification.__file__,
+    limits.__file__,
+    switches.__file__,
+    translation.__file__,
+    link.__file__,
 )
 
 

@@ -97,7 +97,8 @@ class Translation(NamedTuple):
     def summary(self) -> str:
         """Return one line: the version, and the number of lines of each kind."""
         counts = Counter(entry.kind for entry in self.entries)
-        parts = [f"{counts[Kind.TAKEN]} lines taken"]
+        taken = counts[Kind.TAKEN]
+        parts = [f"{taken} line{'s' * (taken != 1)} taken"]
         parts += [f"{counts[kind]} {kind.value}" for kind in list(Kind)[1:] if counts[kind]]
         return f"{Path(self.name).name}, {self.written_by}: " + ", ".join(parts)
 
@@ -320,8 +321,8 @@ class D(NamedTuple):
 
 
 # {axis: D} by default
-D_OF_4_3 = dict(zip(AXES, (D(40, 30), D(46, 34), D(0, 0)), strict=True))
-D_OF_4_2 = dict(zip(AXES, (D(35, 23), D(38, 25), D(0, 0)), strict=True))
+D_OF_4_3: dict[str, D] = dict(zip(AXES, (D(40, 30), D(46, 34), D(0, 0)), strict=True))
+D_OF_4_2: dict[str, D] = dict(zip(AXES, (D(35, 23), D(38, 25), D(0, 0)), strict=True))
 # Defaults that differ from those of 4.6, up to a version
 DEFAULTS: tuple[tuple[Version, tuple[str, ...]], ...] = (
     ((4, 5), ("feedforward_yaw_hold_gain = 0",)),

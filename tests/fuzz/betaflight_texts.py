@@ -99,6 +99,7 @@ STRAY = (
     "dump all",
     "\t set p_roll\t= 30 # comment",
 )
+PLACE = re.compile(r"f\.txt(:\d+)?: |firmware: |the simulation: ")
 MISSPELT = re.compile(r"set\s+(\w+)\s*=", re.IGNORECASE)
 
 
