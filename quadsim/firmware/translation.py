@@ -79,7 +79,8 @@ class Translation(NamedTuple):
     """A text in the words of the version that is simulated, and what became of its lines."""
 
     name: str  # of the file
-    version: Version | None  # None: the text names none
+    version: Version | None  # None: the text names none, and no setting of an older one
+    is_said: bool  # whether a header says so; False: the names of its settings do
     lines: tuple[Line, ...]
     entries: tuple[Entry, ...]
     reversed: Line | None = None  # the line that says whether the propellers are reversed
@@ -107,6 +108,8 @@ class Translation(NamedTuple):
         """The version of the text in words."""
         if self.version is None:
             return f"which names no version, read as Betaflight {FIRMWARE_VERSION}"
+        if not self.is_said:
+            return f"which names no version, by its settings of Betaflight {_dotted(self.version)}"
         return f"of Betaflight {_dotted(self.version)}"
 
     def report(self) -> list[str]:
@@ -301,6 +304,11 @@ NOT_SIMULATED = {
     "vbat_sag_compensation vbat_pid_gain": "the battery does not sag",
 }
 WITHOUT_SIMULATION = {name: why for names, why in NOT_SIMULATED.items() for name in names.split()}
+# Settings by which a text without a header is of an older version
+ONLY_TO_4_5 = _words("dshot_idle_value simplified_dmax_gain min_throttle") | {
+    f"d_min_{axis}" for axis in AXES
+}
+ONLY_TO_4_2 = {*RENAMED, *NOT_EXACT} - ONLY_TO_4_5 - {"anti_gravity_mode", "anti_gravity_threshold"}
 # Up to 4.3 a profile of rates has these, since then a profile of gains
 MOVED = ("tpa_rate", "tpa_breakpoint", "tpa_mode")
 MOVED_AFTER: Version = (4, 3)
@@ -323,6 +331,7 @@ class D(NamedTuple):
 # {axis: D} by default
 D_OF_4_3: dict[str, D] = dict(zip(AXES, (D(40, 30), D(46, 34), D(0, 0)), strict=True))
 D_OF_4_2: dict[str, D] = dict(zip(AXES, (D(35, 23), D(38, 25), D(0, 0)), strict=True))
+RATES_OF_4_2 = "rates_type = BETAFLIGHT"
 # Defaults that differ from those of 4.6, up to a version
 DEFAULTS: tuple[tuple[Version, tuple[str, ...]], ...] = (
     ((4, 5), ("feedforward_yaw_hold_gain = 0",)),
@@ -339,7 +348,7 @@ DEFAULTS: tuple[tuple[Version, tuple[str, ...]], ...] = (
             *("dterm_lpf1_static_hz = 150", "dterm_lpf2_static_hz = 150"),
             *("dterm_lpf1_dyn_min_hz = 70", "dterm_lpf1_dyn_max_hz = 170"),
             *("yaw_lowpass_hz = 0", "feedforward_max_rate_limit = 100"),
-            *("rates_type = BETAFLIGHT",),
+            RATES_OF_4_2,
             *(f"{axis}_rc_rate = 100" for axis in AXES),
             *(f"{axis}_srate = 70" for axis in AXES),
         ),
@@ -386,15 +395,13 @@ class _Reader:
 
     def __init__(self, text: Text):
         self._text = text
-        self._version = version_of(text)
+        self._is_said = version_of(text) is not None
         self._lines: list[Line] = []
         self._entries: list[Entry] = []
         self._problems: list[str] = []
         self._numbered = list(_commands(text))
-        names = {name for line in self._numbered if (name := _name(line.text))}
-        # d_min is in no later version.
-        old_names = any(name.startswith("d_min_") for name in names)
-        self._old_d = (self._version or (GREATEST_D_TO if old_names else THIS)) <= GREATEST_D_TO
+        self._version = version_of(text) or _latest_version(self._numbered)
+        self._old_d = self._version is not None and self._version <= GREATEST_D_TO
         self._at = Profiles()
         self._flown = self._selected()
         self._d = self._d_of_profiles()
@@ -410,8 +417,7 @@ class _Reader:
         for line in self._numbered[:start]:
             of_board = line.text.lower().split()[0] in COMMANDS_OF_BOARDS
             self._leave(line, Kind.BOARD if of_board else Kind.TAKEN_BACK)
-        if start:
-            self._add_defaults()
+        self._add_defaults(whole=start > 0)
         for line in self._numbered[start:]:
             if self._is_readable(line):
                 self._sort(line)
@@ -422,6 +428,7 @@ class _Reader:
         return Translation(
             self._text.name,
             self._version,
+            self._is_said,
             lines=tuple(self._lines),
             entries=tuple(self._entries),
             reversed=self._reversed,
@@ -459,15 +466,25 @@ class _Reader:
                 found[at.gains, axis] = before._replace(**changed)
         return found
 
-    def _add_defaults(self) -> None:
-        """Set the defaults of the text's version, from which a `diff all` counts."""
+    def _add_defaults(self, whole: bool) -> None:
+        """Set the defaults of the text's version, from which a `diff all` counts.
+
+        whole: whether the text sets everything to its default. One that does not only needs the
+        default by which its own rates are meant.
+        """
         version = self._version
-        self._defaults = tuple(
-            setting
-            for last, settings in DEFAULTS
-            if version and version <= last
-            for setting in settings
-        )
+        if whole:
+            self._defaults = tuple(
+                setting
+                for last, settings in DEFAULTS
+                if version and version <= last
+                for setting in settings
+            )
+        elif version and version <= OLDEST:
+            names = {name for line in self._numbered if (name := _name(line.text))}
+            rates = {name for name in names if name.endswith(("_rc_rate", "_srate"))}
+            if rates and "rates_type" not in names:
+                self._defaults = (RATES_OF_4_2,)
         if self._defaults:
             gains, rates = self._flown.gains, self._kept_rates(self._flown.rates)
             chosen = (f"profile {gains}", f"rateprofile {rates}")
@@ -586,11 +603,13 @@ class _Reader:
     # ---- the airframe ----
 
     def _motor_order(self, line: Line, value: str) -> None:
-        if [word.strip() for word in value.split(",")][:4] == ["0", "1", "2", "3"]:
-            self._entries.append(Entry(Kind.TAKEN, line))
+        """Leave out the order in which a board's outputs are wired to the motors."""
+        order = [word.strip() for word in value.split(",")][:4]
+        if sorted(order) == ["0", "1", "2", "3"]:
+            self._leave(line, Kind.BOARD)
         else:
-            why = "the vehicle's motors are in Betaflight's order"
-            self._refuse(line, "motor_output_reordering = 0,1,2,3,...", why)
+            why = "the vehicle has four motors"
+            self._refuse(line, "an order of the motors 0, 1, 2 and 3", why)
 
     def _mixer_line(self, line: Line) -> None:
         name = line.text.lower().split()[1:]
@@ -702,6 +721,14 @@ def _name(line: str) -> str | None:
     """Return the setting that a line sets, None if it is no such line."""
     setting = SET.fullmatch(line)
     return setting[1].lower() if setting else None
+
+
+def _latest_version(lines: Sequence[Line]) -> Version | None:
+    """Return the latest older version that has all settings of a text, None if this one has."""
+    names = {name for line in lines if (name := _name(line.text))}
+    if names & ONLY_TO_4_2:
+        return (4, 2)
+    return (4, 5) if names & ONLY_TO_4_5 else None
 
 
 def _next_profiles(at: Profiles, line: str) -> Profiles:

@@ -50,7 +50,8 @@ def carried_out(*lines, version=None):
     ],
 )
 def test_the_version_is_that_of_the_header(line, version):
-    assert translated(Text("x", (line, ARM))).version == version
+    found = translated(Text("x", (line, ARM)))
+    assert (found.version, found.is_said) == (version, version is not None)
 
 
 @pytest.mark.parametrize(("old", "new"), list(RENAMED.items()))
@@ -79,6 +80,15 @@ def test_a_setting_with_another_name_is_translated_whatever_the_header_says(old,
 )
 def test_the_greatest_d_of_a_text_stays_the_greatest(version, lines, expected):
     assert carried_out(*lines, version=version) == expected
+
+
+def test_a_text_without_a_header_is_of_the_version_of_its_settings():
+    """Pilots post parts of a text."""
+    lines = ("set dyn_lpf_gyro_min_hz = 240", "set d_roll = 54", "set anti_gravity_gain = 3900")
+    found = translated(text(*lines))
+    assert "which names no version, by its settings of Betaflight 4.2" in found.summary()
+    flown = [line.text for line in found.lines][1:]
+    assert flown == ["set gyro_lpf1_dyn_min_hz = 240", "set d_roll = 23", "set d_max_roll = 54"]
 
 
 def test_each_profile_has_its_own_d():
@@ -118,6 +128,16 @@ def test_defaults_are_those_of_the_version_of_the_text():
     assert carried_out("defaults nosave", version="4.6.0") == []
     # Two lines of an older version are no `diff all`.
     assert carried_out("set p_roll = 50", version="4.2.0") == ["set p_roll = 50"]
+
+
+def test_rates_of_a_part_of_a_text_are_meant_as_its_version_means_them():
+    line = "set roll_srate = 72"
+    assert "set rates_type = BETAFLIGHT" in carried_out(line, version="4.2.0")
+    assert carried_out(line, "set rates_type = ACTUAL", version="4.2.0") == [
+        line,
+        "set rates_type = ACTUAL",
+    ]
+    assert carried_out(line, version="4.3.0") == [line]
 
 
 def test_what_a_later_defaults_takes_back_does_not_fly():
@@ -172,6 +192,7 @@ def test_kinds_of_settings_do_not_overlap():
         "resource MOTOR 1 B01",
         "set osd_units = METRIC",
         "set dshot_bidir = ON",
+        "set motor_output_reordering = 2,3,0,1,4,5,6,7",  # how the board is wired
         "set debug_mode = GYRO_SCALED",
         "set name = Pilöt 1",
         "feature TELEMETRY",
@@ -201,7 +222,8 @@ def test_lines_of_the_board_are_left_out_and_counted(line):
         ("mixer CUSTOM", "expected four mmix lines"),
         ("feature 3D", "expected no feature 3D"),
         ("feature AIRMOD", "expected a feature of Betaflight"),
-        ("set motor_output_reordering = 1,0,2,3", "the vehicle's motors are in Betaflight's order"),
+        ("set motor_output_reordering = 1,1,2,3", "expected an order of the motors 0, 1, 2 and 3"),
+        ("set motor_output_reordering = 4,5,6,7,0,1,2,3", "the vehicle has four motors"),
         ("set p_roll 45", "expected 'set NAME = VALUE'"),
         ("set p_ro\x0bll = 45", r"got 'set p_ro\x0bll = 45'"),
         ("set p_roll = " + "4" * 300, "at most 255 characters"),
@@ -225,7 +247,6 @@ def test_a_line_for_another_airframe_or_link_is_one_line(line, said):
     "lines",
     [
         ("mixer QUADX",),
-        ("set motor_output_reordering = 0,1,2,3,4,5,6,7",),
         ("feature -3D", "set 3d_neutral = 1500"),
         (
             *("mixer CUSTOM", "mmix reset", "mmix 0 1.0 -0.6 1.0 -1.0", "mmix 1 1.0 -1 -1.0 1.0"),
