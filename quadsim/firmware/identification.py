@@ -46,8 +46,8 @@ LATER = 0.06  # time in which an answer begins: rotors and filters take some 30 
 # Correlation between what is missing and the change in this time: .5 to .9 in loops that fly
 LEAST_TOWARDS = 0.2
 OTHER_WAY = -0.5
-# Models of loops that fly explain 96 to 99 % of another flight's roll, pitch and thrust; one that
-# explains less than half is nearer to the mean of the response than to the response.
+# Models of loops that fly explain 96 to 99 % of another flight's roll, pitch and thrust. What one
+# misses that explains less than half is more than 70 % as large as the response.
 LEAST_EXPLAINED = 0.5
 ADVICE = "correct the gains, rates, limits or mixer of the configuration"
 # Initial guess of the search, and its limits [s]
