@@ -234,8 +234,9 @@ def test_a_firmware_that_ends_in_flight_is_no_crash_of_the_variant(built, monkey
 
 
 @pytest.fixture
-def killed(monkeypatch):
+def killed(built, monkeypatch):
     """Kill the firmware of each flight soon after its start."""
+    quadsim.Spec.of("split_s_swift", **FLIGHT)  # the configuration has been read
     step = Firmware.step
 
     def step_until_killed(firmware, *arguments, **keywords):
@@ -280,3 +281,13 @@ def test_a_text_of_an_older_version_flies_and_says_so(built, tmp_path, capsys):
     (run,) = quadsim.runs(tmp_path)
     stored = load_run(run.path)
     assert spec_of_record(stored.spec).betaflight.lines == tuple(file.read_text().splitlines())
+
+
+def test_a_race_of_which_a_firmware_is_killed_is_kept(built, killed, tmp_path, capsys):
+    entrants = ["--entrants", "colored", "colored", "--runs-dir", str(tmp_path)]
+    assert race(["heat", "split_s_swift", *entrants, *flags(FLIGHT)]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("race heat: firmware: its process ended after 6.7")
+    assert err.endswith("the race so far is kept\n")
+    kept = [load_run(path.parent) for path in tmp_path.rglob("run.json")]
+    assert [run.outcome for run in kept] == ["interrupted"] * 2
