@@ -282,7 +282,6 @@ NOT_EXACT = {
     "rc_smoothing_derivative_hz": "smoothing of the sticks is another one since 4.3",
     "rc_smoothing_derivative_type": "smoothing of the sticks is another one since 4.3",
     "rc_smoothing_auto_smoothness": "smoothing of the sticks is another one since 4.3",
-    "min_throttle": "idle of an analog protocol; dshot_idle_value is that of DShot",
 }
 # Settings of both, whose number means something else up to this version
 OTHER_MEANING: dict[str, tuple[Version, str]] = {
@@ -302,6 +301,8 @@ NOT_SIMULATED = {
     " dyn_notch_width_percent": "the motors do not vibrate",
     "rpm_limit rpm_limit_p rpm_limit_i rpm_limit_d rpm_limit_value": "it needs rotor speeds",
     "vbat_sag_compensation vbat_pid_gain": "the battery does not sag",
+    "min_throttle max_throttle min_command": "they are ends of an analog protocol",
+    "gyro_hardware_lpf": "the simulated gyro has no filter of its own",
 }
 WITHOUT_SIMULATION = {name: why for names, why in NOT_SIMULATED.items() for name in names.split()}
 # Settings by which a text without a header is of an older version
@@ -361,7 +362,7 @@ DEFAULTS: tuple[tuple[Version, tuple[str, ...]], ...] = (
 COMMANDS_OF_BOARDS = _words(
     "resource timer dma serial serialpassthrough gpspassthrough beeper beacon led color mode_color"
     " vtx vtx_info vtxtable osd board_name manufacturer_id mcu_id signature rxfail rxrange map"
-    " batch save exit defaults servo smix adjrange transponder name"
+    " batch save exit defaults servo smix transponder name"
     # They ask or do something, and set nothing
     " bl bind_rx msc motor dshotprog dshot_telemetry_info escprog flash_erase flash_info flash_read"
     " flash_scan flash_write sd_info gyroregisters play_sound rc_smoothing_info status tasks"
@@ -524,6 +525,8 @@ class _Reader:
             commands[word](line)
         elif word in COMMANDS_OF_BOARDS:
             self._leave(line, Kind.BOARD)
+        elif word == "adjrange":
+            self._leave(line, Kind.NOT_SIMULATED, "the profiles that are selected last fly")
         elif self._is_flown(line):
             self._take(line)
 

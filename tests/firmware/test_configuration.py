@@ -210,6 +210,9 @@ def switch_of(line):
         text("set min_check = 1000"),
         text("rxrange 0 1100 1900"),
         text("set rx_min_usec = 1050"),
+        text("set mid_rc = 1550"),
+        text("set max_throttle = 1500", "set min_command = 1100"),
+        text("set gyro_cal_on_first_arm = ON"),
         text("aux 1 1 1 900 1300 0 0", "aux 2 2 1 1300 1700 0 0"),  # ANGLE, HORIZON
         switch_of("aux 0 0 0 900 1300 0 0"),
         switch_of("aux 0 0 6 1700 2100 0 0"),
