@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from textwrap import shorten
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from quadsim.firmware.translation import (
     Line,
     Text,
     Translation,
-    translated,
+    sorted_lines,
 )
 from quadsim.rotation import Quaternion, Vec3
 from quadsim.vehicle import GRAVITY
@@ -138,8 +139,8 @@ def configured(program: Path, text: Text, motors_reversed: bool) -> Configuratio
             for another airframe, or has no positions of the switches to fly with.
         FirmwareError: the firmware does not arm.
     """
-    eeprom, switches, output_limit = _read_by_firmware(program, text, motors_reversed)
-    bench = Bench(program, eeprom, switches)
+    read = _read_by_firmware(program, text, motors_reversed)
+    bench = Bench(program, read.eeprom, read.switches)
     try:
         positions, rates = bench.rates()
         bench.arm()
@@ -148,7 +149,9 @@ def configured(program: Path, text: Text, motors_reversed: bool) -> Configuratio
         raise FirmwareError(f"{text.name}: {error}") from None
     finally:
         bench.close()
-    return Configuration(eeprom, switches, positions, rates, throttles, motors, output_limit)
+    return Configuration(
+        read.eeprom, read.switches, positions, rates, throttles, motors, read.output_limit
+    )
 
 
 def with_other_gains(
@@ -165,8 +168,8 @@ def with_other_gains(
     Raises:
         ConfigurationError, FirmwareError: as for `configured`.
     """
-    eeprom, *_ = _read_by_firmware(program, text, motors_reversed)
-    return replace(configuration, eeprom=eeprom)
+    read = _read_by_firmware(program, text, motors_reversed)
+    return replace(configuration, eeprom=read.eeprom)
 
 
 @lru_cache(maxsize=16)
@@ -175,19 +178,26 @@ def eeprom_with_log(program: Path, text: Text, motors_reversed: bool) -> bytes:
 
     For arguments and errors see `configured`.
     """
-    eeprom, *_ = _read_by_firmware(program, text, motors_reversed, LOG)
-    return eeprom
+    return _read_by_firmware(program, text, motors_reversed, LOG).eeprom
+
+
+class ReadText(NamedTuple):
+    """A text that the firmware has read."""
+
+    eeprom: bytes  # the configuration as the firmware stores it
+    switches: Switches
+    output_limit: float  # share of their range that the motors use
 
 
 def _read_by_firmware(
     program: Path, text: Text, motors_reversed: bool, more: Sequence[str] = ()
-) -> tuple[bytes, Switches, float]:
-    """Return the stored configuration, the positions of the switches, and the limit of the motors.
+) -> ReadText:
+    """Return a text as the firmware has read it.
 
     more: lines that follow the text.
     """
-    translation = translated(text)
-    problems = [_problem_with_direction(translation, motors_reversed)]
+    translation = sorted_lines(text)
+    problems = [*translation.problems, _problem_with_direction(translation, motors_reversed)]
     firmware = Firmware(program, PERIOD)
     try:
         firmware.command("defaults nosave")
@@ -204,7 +214,7 @@ def _read_by_firmware(
         switches = switches._replace(throttle=_low_throttle(firmware))
         _read_enough_channels(firmware, conditions)
         output_limit = setting_of(firmware, "motor_output_limit") / 100.0
-        return firmware.save(), switches, output_limit
+        return ReadText(firmware.save(), switches, output_limit)
     finally:
         firmware.close()
 
@@ -330,12 +340,6 @@ class Bench:
     def _hold(self, steps: int) -> Reply:
         """Hold the sticks for some steps, and return the last reply."""
         return self._firmware.step(*STANDING, self._channels, steps, FRAME_STEPS)
-
-
-def idle_channels() -> list[float]:
-    """Return the pulses of sticks in the middle, throttle down and switches off [us]."""
-    channels = [MIDDLE, MIDDLE, LOW, MIDDLE]
-    return channels + [LOW] * 12
 
 
 def expect_armed(reply: Reply) -> None:

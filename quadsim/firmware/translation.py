@@ -85,6 +85,7 @@ class Translation(NamedTuple):
     entries: tuple[Entry, ...]
     reversed: Line | None = None  # the line that says whether the propellers are reversed
     defaults: tuple[str, ...] = ()  # settings that the text's version has by default, not this one
+    problems: tuple[str, ...] = ()  # one line each
 
     def of_kind(self, kind: Kind) -> list[Entry]:
         """Return the entries of a kind."""
@@ -225,7 +226,6 @@ def version_of(text: Text) -> Version | None:
     return None
 
 
-@lru_cache(maxsize=64)
 def translated(text: Text) -> Translation:
     """Return a text in the words of the version that is simulated.
 
@@ -233,6 +233,15 @@ def translated(text: Text) -> Translation:
         ConfigurationError: lines that decide the airframe or the switches do not fit, or a line
             cannot be read.
     """
+    found = sorted_lines(text)
+    if found.problems:
+        raise ConfigurationError("\n".join(found.problems))
+    return found
+
+
+@lru_cache(maxsize=64)
+def sorted_lines(text: Text) -> Translation:
+    """Return a text as `translated` does, with its problems in place of an error."""
     return _Reader(text).read()
 
 
@@ -413,7 +422,7 @@ class _Reader:
         self._defaults: tuple[str, ...] = ()
 
     def read(self) -> Translation:
-        """Return the translation. Raises ConfigurationError."""
+        """Return the translation."""
         start = self._start()
         for line in self._numbered[:start]:
             of_board = line.text.lower().split()[0] in COMMANDS_OF_BOARDS
@@ -424,8 +433,6 @@ class _Reader:
                 self._sort(line)
         self._lines += self._moved
         self._check_mixer()
-        if self._problems:
-            raise ConfigurationError("\n".join(self._problems))
         return Translation(
             self._text.name,
             self._version,
@@ -434,6 +441,7 @@ class _Reader:
             entries=tuple(self._entries),
             reversed=self._reversed,
             defaults=self._defaults,
+            problems=tuple(self._problems),
         )
 
     # ---- the text as a whole ----

@@ -110,10 +110,11 @@ def test_a_line_that_the_firmware_does_not_take_is_named(built, lines, problem):
 
 
 def test_all_lines_that_the_firmware_does_not_take_are_named_at_once(built):
-    lines = ("set gyro_sync_denom = 1", "set p_roll = 40", "set rates_type = NEVER")
+    lines = ("set gyro_sync_denom = 1", "set p_roll = 40", "set rates_type = NEVER", "mixer BI")
     with pytest.raises(ConfigurationError) as caught:
         configured(built.program, text(*lines), False)
-    first, second = str(caught.value).splitlines()
+    airframe, first, second = str(caught.value).splitlines()
+    assert airframe.startswith("mine.txt:5: expected the mixer QUADX")
     assert first.startswith("mine.txt:2: expected a line of Betaflight's CLI")
     assert second.startswith("mine.txt:4: expected a line of Betaflight's CLI")
     # Not the hundred values that are allowed

@@ -12,11 +12,16 @@ import pytest
 
 from quadsim.files.locks import lock_folder
 from quadsim.firmware import process
-from quadsim.firmware.configuration import BOOT, expect_armed, idle_channels
+from quadsim.firmware.configuration import BOOT, expect_armed
 from quadsim.firmware.process import MAIN_LOOP, Firmware, FirmwareError
 
 PERIOD = 1e-3
 STANDING = ((0.0, 0.0, 0.0), (0.0, 0.0, 9.81), (1.0, 0.0, 0.0, 0.0))
+
+
+def idle_channels():
+    """Return the pulses of sticks in the middle, throttle down and switches off [us]."""
+    return [1500.0, 1500.0, 1000.0, 1500.0] + [1000.0] * 12
 
 
 @pytest.fixture
