@@ -127,6 +127,7 @@ def switches_of(conditions: Sequence[Condition], name: str) -> Switches:
     Raises:
         ConfigurationError: there are no such positions.
     """
+    conditions = _as_saved(conditions, name)
     modes = {condition.mode for condition in conditions}
     if ARM not in modes:
         raise ConfigurationError(
@@ -156,6 +157,23 @@ def switches_of(conditions: Sequence[Condition], name: str) -> Switches:
         wanted = "expected a position of the switch with ARM off, from which it is armed"
         raise ConfigurationError(f"{name}: {wanted}, got {lines}: correct it")
     return Switches(_pulses(idle), _pulses(flight))
+
+
+def _as_saved(conditions: Sequence[Condition], name: str) -> list[Condition]:
+    """Return the conditions without the modes that the firmware removes as it saves them.
+
+    A mode may follow another mode, but none that follows a third.
+
+    Raises:
+        ConfigurationError: ARM follows another mode, for which the firmware removes it.
+    """
+    following = {condition.mode for condition in conditions if condition.linked}
+    removed = {c.mode for c in conditions if c.linked and (c.mode == ARM or c.linked in following)}
+    if ARM in removed:
+        lines = ", ".join(repr(c.line) for c in conditions if c.mode == ARM and c.linked)
+        wanted = "expected ARM to follow no other mode, as Betaflight removes such switches"
+        raise ConfigurationError(f"{name}: {wanted}, got {lines}: correct or remove it")
+    return [condition for condition in conditions if condition.mode not in removed]
 
 
 def _pulses(positions: Positions) -> tuple[float, ...]:

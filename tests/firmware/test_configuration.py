@@ -1,5 +1,7 @@
 """The firmware reads a pilot's configuration, and the sticks follow from it."""
 
+from random import Random
+
 import numpy as np
 import pytest
 
@@ -228,16 +230,25 @@ def test_a_pilots_switches_and_sticks_arm(built, text_):
     assert found.motors[-1] == pytest.approx(1.0, abs=1e-3)
 
 
-def test_the_firmware_joins_the_conditions_of_modes_as_we_do(built):
-    """In each case ARM and the rest are on where `modes_on` says so, or arming fails."""
-    lines = (
-        "aux 0 0 0 1700 2100 1 0",
-        "aux 1 0 1 1300 1700 1 0",
-        "aux 2 36 2 900 900 0 28",
-        "aux 3 28 3 1700 2100 0 0",
-    )
-    found = configured(built.program, Text("x", lines), False)
-    assert found.switches.flight[:4] == (1900.0, 1500.0, 1000.0, 1900.0)
+def test_positions_that_are_found_arm(built):
+    """The firmware joins conditions of modes as quadsim.firmware.switches does."""
+    random = Random(4)
+    ends = range(900, 2101, 25)
+    armed = 0
+    for _ in range(30):
+        lines = ["aux 7 0 0 1700 2100 0 0"]
+        for index in range(random.randrange(1, 7)):
+            mode = random.choice((0, 1, 2, 36, 28, 35, 45, 49))
+            low, high = sorted(random.sample(ends, 2))
+            linked = random.choice((0, 0, 0, 1, 28)) if mode in (2, 35, 36) else 0
+            logic = random.choice((0, 0, 1))
+            lines.append(f"aux {index} {mode} {random.randrange(3)} {low} {high} {logic} {linked}")
+        try:
+            configured(built.program, Text("x", tuple(lines)), False)
+            armed += 1
+        except ConfigurationError:  # there is no such position
+            pass
+    assert armed > 10
 
 
 @pytest.mark.parametrize(

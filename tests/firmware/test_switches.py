@@ -79,6 +79,7 @@ def test_each_switch_is_where_it_can_fly(lines, expected):
         ((ARM, "aux 1 1 0 1700 2100 0 0"), "with ARM on and ANGLE off"),
         ((ARM, "aux 1 36 0 900 1300 0 0"), "with ARM and PREARM on"),
         (("aux 0 0 0 900 2100 0 0",), "with ARM off, from which it is armed"),
+        ((ARM, "aux 1 0 1 900 900 0 28"), "expected ARM to follow no other mode"),
         (
             (ARM, "aux 1 1 1 900 1500 0 0", "aux 2 2 1 1500 2100 0 0"),
             "ANGLE and HORIZON off",
