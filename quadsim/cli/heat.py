@@ -35,6 +35,7 @@ from quadsim.console import (
     progress_console,
     uninterrupted,
 )
+from quadsim.firmware.process import FirmwareError
 from quadsim.heat.archive import find_heat, read_heat, spec_of_heat
 from quadsim.heat.launch import heat_frames
 from quadsim.heat.line_up import heats_of, line_up, parts_of
@@ -151,7 +152,7 @@ def heat(
 
 def _one(spec: HeatSpec, runs_dir: str, plot: str | None, json: bool) -> int:
     """Fly one race, store it and print its report."""
-    flown = _flown(spec, quiet=json)
+    flown, ended = _flown(spec, quiet=json)
     folder = None
     failure = None
     with suppress(KeyboardInterrupt), uninterrupted():
@@ -169,6 +170,8 @@ def _one(spec: HeatSpec, runs_dir: str, plot: str | None, json: bool) -> int:
             emit("", f"[dim]stored in {escape(str(folder))}[/]")
     if failure:
         raise failure
+    if ended:
+        raise FirmwareError(f"{ended}: the race so far is kept")
     if any(run.outcome == "interrupted" for run in flown.runs):
         complain("race heat: interrupted, the race so far is kept")
         return 130
@@ -188,7 +191,9 @@ def _again(name: str, runs_dir: str | None, parts: Sequence[str], json: bool) ->
     stored = read_heat(find_heat(name, runs_dir or FlightSettings.runs_dir))
     with settings_as_flags():
         spec = spec_of_heat(stored, runs_dir, parts_of(parts))
-    flown = _flown(spec, quiet=json)
+    flown, ended = _flown(spec, quiet=json)
+    if ended:
+        raise ended
     if json:
         emit_json(flown.as_json())
     else:
@@ -202,11 +207,16 @@ def _again(name: str, runs_dir: str | None, parts: Sequence[str], json: bool) ->
     return 0
 
 
-def _flown(spec: HeatSpec, quiet: bool) -> Heat:
-    """Fly the race until it ends or Ctrl-C is pressed.
+def _flown(spec: HeatSpec, quiet: bool) -> tuple[Heat, FirmwareError | None]:
+    """Fly the race until it ends, Ctrl-C is pressed or a vehicle's firmware ends.
 
-    Raises KeyboardInterrupt unless all vehicles have started.
+    Returns:
+        The race, and the error of a firmware that has ended.
+
+    Raises:
+        KeyboardInterrupt, FirmwareError: not all vehicles have started.
     """
+    ended = None
     recorder = HeatRecorder(spec)
     console = progress_console()
     live = None
@@ -221,12 +231,14 @@ def _flown(spec: HeatSpec, quiet: bool) -> Heat:
                 if live and frame.t >= drawn + PERIOD:
                     live.update(_line(spec, recorder, frame.t), refresh=True)
                     drawn = frame.t
+    except FirmwareError as error:
+        ended = error
     finally:
         if live:
             live.stop()
     if not all(map(len, recorder.recorders)):
-        raise KeyboardInterrupt("race heat: interrupted, nothing to keep")
-    return Heat.flown(spec, recorder)
+        raise ended or KeyboardInterrupt("race heat: interrupted, nothing to keep")
+    return Heat.flown(spec, recorder), ended
 
 
 def _line(spec: HeatSpec, recorder: HeatRecorder, t: float) -> str:

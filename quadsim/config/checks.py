@@ -15,8 +15,8 @@ from quadsim.config.parts import check_part, is_registered
 from quadsim.config.settings import CONTROL_UNITS, LINK, PlantName, SettingError
 from quadsim.dynamics.quadrotor import Control
 from quadsim.files.yaml_errors import shown_value
-from quadsim.firmware.configuration import Text
 from quadsim.firmware.process import MAIN_LOOP
+from quadsim.firmware.text import Text
 from quadsim.physics.faults import CommandLoss, RotorFault, parse_fault, sensor_key
 from quadsim.physics.link import WIRE, LinkConfig
 from quadsim.racing.flight import whole_multiple

@@ -31,7 +31,7 @@ from quadsim.course import Course, parse_course
 from quadsim.files.exact_json import exactly
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.values import checked
-from quadsim.firmware.configuration import Text
+from quadsim.firmware.text import Text
 from quadsim.racing.hand import HAND
 from quadsim.record.run import canonical, hostless, own_parts
 from quadsim.record.schema import FlownSpec, NumberChange

@@ -24,7 +24,7 @@ from quadsim.course import Course
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.values import checked
 from quadsim.files.yaml_errors import did_you_mean, shown_value
-from quadsim.firmware.configuration import Text, read_text, shipped_configuration
+from quadsim.firmware.text import Text, read_text, shipped_configuration
 from quadsim.sensing import Sensing
 from quadsim.vehicle import Vehicle
 

@@ -71,9 +71,9 @@ from quadsim.course import Course, Start, load_course
 from quadsim.course.course import is_described
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.values import checked, kinds_of
-from quadsim.firmware.configuration import Text
-from quadsim.firmware.identified import identified
+from quadsim.firmware.identified import model_behind
 from quadsim.firmware.package import built_firmware
+from quadsim.firmware.text import Text
 from quadsim.physics.domain_randomization import Randomization, displaced, draw
 from quadsim.physics.faults import (
     Fault,
@@ -505,6 +505,6 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
     )
     # The spec is checked by now: what can never fly is refused before the firmware is asked for.
     if configuration is not None and given.get("model") is None:
-        found = identified(vehicle, configuration, spec.plant_dt, planner.mppi.dt).model(vehicle)
+        found = model_behind(vehicle, configuration, spec.plant_dt, planner.mppi.dt)
         return replace(spec, model=with_settings("model", found, given), settings=settings)
     return spec

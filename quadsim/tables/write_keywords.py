@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from quadsim.config.spec import Spec
     from quadsim.course import Course
     from quadsim.dynamics.quadrotor import ModelParams
-    from quadsim.firmware.configuration import Text
+    from quadsim.firmware.text import Text
     from quadsim.physics.plant import Plant
     from quadsim.racing.flight import ControlLaw, Controller, RefereeProtocol
     from quadsim.sensing import Sensing
