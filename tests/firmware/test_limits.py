@@ -4,7 +4,7 @@ from math import radians
 
 import numpy as np
 import pytest
-from quadsim.config.tuned_gains import first_configuration
+from quadsim.firmware.tuned_gains import first_configuration
 
 import quadsim
 from quadsim.firmware.configuration import Configuration
