@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import InitVar, asdict, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack, cast
 
 import msgspec
 
@@ -114,8 +114,8 @@ OTHER_FORMS = {
     "flight_controller": "betaflight",
     **dict.fromkeys(LINK, "link"),
 }
-# Numbers of the model, of MPPI, of samplers and of an inertial unit that were added later; older runs
-# lack them
+# Numbers of the model, of MPPI, of samplers and of an inertial unit that were added later; older
+# runs lack them
 ADDED = (
     "yaw_first",
     "rate_lag",
@@ -390,11 +390,12 @@ def _without_added(part: object) -> Any:
     Numbers in ADDED are left out at their defaults, so that records and their hashes stay the
     same.
     """
-    recorded = plain(part)
+    recorded: Any = plain(part)
     if not is_dataclass(part) or not isinstance(recorded, dict):
         return recorded
     nominal = {f.name: plain(f.default) for f in fields(part) if f.name in ADDED}
-    return {name: number for name, number in recorded.items() if number != nominal.get(name, ...)}
+    numbers = cast(dict[str, Any], recorded)
+    return {name: number for name, number in numbers.items() if number != nominal.get(name, ...)}
 
 
 def _of_sensing(sensing: Sensing | None) -> dict[str, Any] | None:
