@@ -16,6 +16,7 @@ from controllers.lanes.planner_loops import module_source
 from controllers.plan import PlanStats
 from controllers.samplers import build_lanes
 from quadsim.campaign.variants import make_variants, parse_variants
+from quadsim.cli.cli import race
 from quadsim.config.build import cost_on, planner_of, start_of, system_of
 from quadsim.config.parts import made
 from quadsim.dynamics.estimate import Estimate
@@ -641,3 +642,29 @@ def test_a_part_with_numbers_that_json_does_not_know_is_recorded():
     parameters = run.spec["own"]["controller"]["parameters"]
     assert parameters["bounds"] == ["-inf", "nan"]
     assert parameters["most"] == "inf"
+
+
+FAULTS_OF_USERS = {
+    "raises": ("1 / 0", "ZeroDivisionError: division by zero (own_that_fails.py, line 5)"),
+    "raises ValueError": ("int('x')", "ValueError: invalid literal for int() with base 10: 'x' "),
+    "raises KeyError": ("{}['a']", "KeyError: 'a' (own_that_fails.py, line 5)"),
+    "an error of two lines": ("raise OverflowError('a\\nb')", "OverflowError: a b (own_that"),
+}
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("what", FAULTS_OF_USERS)
+def test_what_ones_own_code_raises_is_one_line_with_its_place(what, tmp_path, monkeypatch, capsys):
+    line, text = FAULTS_OF_USERS[what]
+    (tmp_path / "own_that_fails.py").write_text(
+        "class Fails:\n    calls = 0\n    def sample(self, rng, samples, horizon, controls):\n"
+        "        self.calls += 1\n"
+        f"        if self.calls == 2: {line}\n"
+        "        return rng.standard_normal((samples, horizon, controls))\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "own_that_fails", raising=False)
+    settings = flags({**SHORT, "sampler": "own_that_fails:Fails", "runs_dir": str(tmp_path)})
+    assert race(["fly", "figure8", *settings]) == 2
+    (said,) = (row for row in capsys.readouterr().err.splitlines() if "race fly" in row)
+    assert said.startswith(f"race fly: {text}")

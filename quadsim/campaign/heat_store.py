@@ -104,4 +104,5 @@ def result_of(heat: Heat) -> StoredResult:
         events=[StoredEvent(e.kind, e.name, e.other, e.gate, e.lap) for e in heat.events],
         digest=heat.digest(),
         real_time_factor=min(factors),
+        faults=dict(heat.faults),
     )

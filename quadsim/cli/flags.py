@@ -16,6 +16,7 @@ from msgspec import inspect
 
 from controllers.presets import PRESETS
 from controllers.samplers import SAMPLERS
+from quadsim.config.library_code import error_text
 from quadsim.config.settings import (
     SETTINGS,
     FlightSettings,
@@ -54,7 +55,7 @@ def settings_as_flags() -> Iterator[None]:
     except ValueError as error:  # laps on an open course, a gate too small for the vehicle
         if type(error) is not ValueError:
             raise
-        raise UsageError(str(error)) from None
+        raise UsageError(error_text(error)) from None
 
 
 def flag(name: str) -> str:

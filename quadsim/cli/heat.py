@@ -201,9 +201,12 @@ def _flown(spec: HeatSpec, quiet: bool) -> Heat:
         live.start()
     drawn = -PERIOD
     try:
-        with suppress(KeyboardInterrupt):
+        with suppress(KeyboardInterrupt), settings_as_flags():
             for frame in heat_frames(spec):
                 recorder.add(frame)
+                if frame.fault:
+                    name = spec.names[frame.number]
+                    complain(f"race heat: {name} is out at {frame.t:.2f} s: {frame.fault}")
                 if live and frame.t >= drawn + PERIOD:
                     live.update(_line(spec, recorder, frame.t), refresh=True)
                     drawn = frame.t

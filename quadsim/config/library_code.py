@@ -1,7 +1,7 @@
 """Whether code is the user's own, or of Python, an installed package or this project.
 
 The file that holds the code decides, not its name: a user's own `web.py` is not this project's
-`web`, and a function that was given the name of a library's (`functools.wraps`) is the user's still.
+`web`, and a function that `functools.wraps` has given a library's name is still the user's.
 """
 
 from __future__ import annotations
@@ -127,3 +127,10 @@ def place_in_own_code(error: BaseException) -> str | None:
         if not frame.filename.startswith("<") and not is_library_file(frame.filename)
     ]
     return f"{Path(own[-1].filename).name}, line {own[-1].lineno}" if own else None
+
+
+def error_text(error: Exception) -> str:
+    """Return an error on one line, with its type and place if the user's own code has raised it."""
+    text = " ".join(str(error).split())
+    place = place_in_own_code(error)
+    return text if place is None else f"{type(error).__name__}: {text} ({place})"

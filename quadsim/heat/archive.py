@@ -67,6 +67,7 @@ class RecordedHeat(msgspec.Struct):
     runs: list[str]
     digest: str
     format: str = ""
+    faults: dict[str, str] = {}
 
 
 class LoadedHeat(NamedTuple):
@@ -75,6 +76,8 @@ class LoadedHeat(NamedTuple):
     spec: RecordedHeatSpec
     runs: tuple[Run, ...]
     start_times: tuple[float, ...]
+    # name of an entrant -> what its planner has raised in flight
+    faults: Mapping[str, str]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -103,13 +106,16 @@ def heat_key(heat: HeatSpec) -> str:
     return sha256(canonical(record)).hexdigest()
 
 
-def save_heat(heat: HeatSpec, runs: tuple[Run, ...], root: str | Path) -> Path:
+def save_heat(
+    heat: HeatSpec, runs: tuple[Run, ...], root: str | Path, faults: Mapping[str, str] | None = None
+) -> Path:
     """Write a race, whole or not at all, and return its folder.
 
     Args:
         heat: its specification.
         runs: the run of each entrant.
         root: folder of runs.
+        faults: name of an entrant -> what its planner has raised in flight.
 
     Raises:
         RunError: the disk is full, or the like; what was written is removed.
@@ -122,7 +128,7 @@ def save_heat(heat: HeatSpec, runs: tuple[Run, ...], root: str | Path) -> Path:
                 with one_line(folder.part, "cannot make a folder for the race"):
                     (folder.part / name).mkdir()
                 write_run(folder.part / name, run, flown_by)
-            write_whole(folder.part / HEAT, _json(heat, runs, names))
+            write_whole(folder.part / HEAT, _json(heat, runs, names, faults or {}))
             return folder.finish()
         except BaseException:
             folder.drop()
@@ -134,7 +140,9 @@ def entrant_folder(number: int, name: str) -> str:
     return f"{number}_{re.sub(r'[^A-Za-z0-9._-]+', '-', name)[:60]}"
 
 
-def _json(heat: HeatSpec, runs: tuple[Run, ...], folders: list[str]) -> bytes:
+def _json(
+    heat: HeatSpec, runs: tuple[Run, ...], folders: list[str], faults: Mapping[str, str]
+) -> bytes:
     """Return heat.json."""
     start_times = [heat.start_time(k) for k in range(len(runs))]
     record = {
@@ -148,6 +156,8 @@ def _json(heat: HeatSpec, runs: tuple[Run, ...], folders: list[str]) -> bytes:
         **provenance(),
         "digest": heat_digest(runs),
     }
+    if faults:
+        record["faults"] = dict(faults)
     return json.dumps(record, indent=1, allow_nan=False).encode()
 
 
@@ -263,7 +273,7 @@ def load_heat(path: str | Path) -> LoadedHeat:
     runs = tuple(load_run(path / name) for name in stored.runs)
     if heat_digest(runs) != stored.digest:
         raise RunError(f"{file}: the runs do not give the stored digest; changed after the race")
-    return LoadedHeat(stored.spec, runs, tuple(stored.start_times))
+    return LoadedHeat(stored.spec, runs, tuple(stored.start_times), stored.faults)
 
 
 def spec_of_heat(loaded: LoadedHeat, runs_dir: str | None = None) -> HeatSpec:

@@ -57,7 +57,12 @@ class HeatEvent(NamedTuple):
 
 
 class HeatRecorder:
-    """Collects the frames of a race."""
+    """Collects the frames of a race.
+
+    Attributes:
+        recorders: a recorder for each entrant.
+        faults: name of an entrant -> what its controller has raised, which ended its flight.
+    """
 
     def __init__(self, heat: HeatSpec):
         """Begin before the start.
@@ -66,10 +71,13 @@ class HeatRecorder:
         """
         self._heat = heat
         self.recorders = [Recorder() for _ in heat.entrants]
+        self.faults: dict[str, str] = {}
 
     def add(self, frame: RaceFrame) -> None:
         """Add the next frame of the race."""
         self.recorders[frame.number].add(frame.frame)
+        if frame.fault:
+            self.faults[self._heat.names[frame.number]] = frame.fault
 
     def runs(self) -> tuple[Run, ...]:
         """Return the run of each entrant so far, in the order of the entrants."""

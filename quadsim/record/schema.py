@@ -312,6 +312,8 @@ class StoredResult(Struct):
     events: list[StoredEvent]
     digest: str
     real_time_factor: float = 0.0
+    # name of an entrant -> what its planner or controller has raised in flight
+    faults: dict[str, str] = {}
 
 
 class StoredEntrant(Struct):
