@@ -1,5 +1,6 @@
 """Objects of the user's own in every role: sampler, cost, plant, controller, referee."""
 
+import importlib
 import json
 import os
 import subprocess
@@ -668,3 +669,46 @@ def test_what_ones_own_code_raises_is_one_line_with_its_place(what, tmp_path, mo
     assert race(["fly", "figure8", *settings]) == 2
     (said,) = (row for row in capsys.readouterr().err.splitlines() if "race fly" in row)
     assert said.startswith(f"race fly: {text}")
+
+
+COUNTING = """
+class Counting:
+    plans = 0
+    def __init__(self): self.plans = 0
+    def sample(self, rng, samples, horizon, controls):
+        self.plans += 1
+        return 0.1 * self.plans * rng.standard_normal((samples, horizon, controls))
+"""
+
+
+@pytest.fixture
+def counting(tmp_path, monkeypatch):
+    """Return the class of a sampler whose noise grows with each plan, in a module of its own."""
+    (tmp_path / "own_counting.py").write_text(COUNTING)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "own_counting", raising=False)
+    return importlib.import_module("own_counting").Counting
+
+
+@pytest.mark.compiled
+def test_a_sampler_that_changes_in_flight_is_recorded_as_it_was_before(counting, tmp_path, capsys):
+    runs_dir = str(tmp_path / "runs")
+    own = {"sampler": "own_counting:Counting", "runs_dir": runs_dir}
+    assert race(["fly", "figure8", *flags({**SHORT, **own})]) == 1
+    stored = quadsim.load_run("last", runs_dir)
+    assert stored.spec["own"]["sampler"]["parameters"] == {"plans": 0}
+    assert race(["fly", "--from", "last", *flags(own)]) == 1
+    assert "the same flight as the stored run, to the last bit" in capsys.readouterr().err
+    again = quadsim.fly("figure8", **SHORT, sampler=counting())
+    assert again.digest() == stored.digest()
+
+
+@pytest.mark.compiled
+def test_a_race_records_a_sampler_that_changes_as_it_was_before(counting, tmp_path):
+    heat = quadsim.race(
+        {"mine": {"sampler": counting()}, "other": {}}, "figure8", **SHORT, expect="nothing"
+    )
+    stored = quadsim.load_heat(heat.save(tmp_path))
+    assert stored["mine"].spec["own"]["sampler"]["parameters"] == {"plans": 0}
+    again = quadsim.race(stored.spec, parts={"mine": {"sampler": counting()}})
+    assert again.digest() == heat.digest()

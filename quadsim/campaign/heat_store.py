@@ -93,7 +93,7 @@ def key_of(heat: HeatSpec, versions: Mapping[str, str | None] | None = None) -> 
     """
     used = this_provenance()["versions"] if versions is None else versions
     libraries = {name: used.get(name) for name in LIBRARIES}
-    return sha256(heat_key(heat).encode() + canonical(libraries)).hexdigest()
+    return sha256(heat_key(heat.record()).encode() + canonical(libraries)).hexdigest()
 
 
 def result_of(heat: Heat) -> StoredResult:

@@ -63,13 +63,14 @@ def fly(
             raise UsageError(f"--from: expected no course beside a run, got {course!r}")
         before = stored_run(from_, settings or {})
         spec = spec_again(before, settings or {})
+    # Before `build`, which lets a sampler of the user's own draw
+    record = spec.record()
     try:
         parts = build(spec)
     except ValueError as error:  # laps on an open course, a gate too small for the vehicle
         raise UsageError(str(error)) from None
     remove_unfinished(spec.runs_dir)
 
-    record = spec.record()
     with closing(parts.plant), RunFolder.open(spec.runs_dir, record) as folder:
         if spec.plant == "rigid" and not (settings or {}).get("plant"):
             complain("PyBullet is not installed: the built-in rigid body flies (--plant rigid)")

@@ -39,7 +39,7 @@ from quadsim.record.archive import (
     written_at,
 )
 from quadsim.record.provenance import provenance
-from quadsim.record.run import Run, RunError, canonical
+from quadsim.record.run import Run, RunError, canonical, hostless
 from quadsim.record.schema import HEAT_FORMAT, StoredEntrant, StoredHeatSpec, TitledHeat
 from quadsim.record.whole_files import one_line, write_whole
 
@@ -91,28 +91,34 @@ class LoadedHeat(NamedTuple):
         return parse_course(spec["course_text"], spec["course"])
 
 
-def heat_name(heat: HeatSpec) -> str:
-    """Return `<UTC>_<course>_heat_s<seed>_<hash>`."""
+def heat_name(heat: HeatSpec, record: Mapping[str, Any]) -> str:
+    """Return `<UTC>_<course>_heat_s<seed>_<hash>` of a race with this record."""
     utc = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
     course = re.sub(r"[^\w.-]+", "-", heat.course.name)
-    return f"{utc}_{course}_heat_s{heat.seed}_{heat_key(heat)[:8]}"
+    return f"{utc}_{course}_heat_s{heat.seed}_{heat_key(record)[:8]}"
 
 
-def heat_key(heat: HeatSpec) -> str:
-    """Return the sha256 [hex] of all that decides a race, but for the libraries."""
-    record = heat.record()
-    for entrant in record["entrants"]:
-        entrant["spec"].pop("host", None)
-    return sha256(canonical(record)).hexdigest()
+def heat_key(record: Mapping[str, Any]) -> str:
+    """Return the sha256 [hex] of all that decides a race, but for the libraries.
+
+    record: the record of its specification.
+    """
+    entrants = [entrant | {"spec": hostless(entrant["spec"])} for entrant in record["entrants"]]
+    return sha256(canonical({**record, "entrants": entrants})).hexdigest()
 
 
 def save_heat(
-    heat: HeatSpec, runs: tuple[Run, ...], root: str | Path, faults: Mapping[str, str] | None = None
+    heat: HeatSpec,
+    record: Mapping[str, Any],
+    runs: tuple[Run, ...],
+    root: str | Path,
+    faults: Mapping[str, str] | None = None,
 ) -> Path:
     """Write a race, whole or not at all, and return its folder.
 
     Args:
         heat: its specification.
+        record: the record of that, as it was before the race.
         runs: the run of each entrant.
         root: folder of runs.
         faults: name of an entrant -> what its planner has raised in flight.
@@ -122,13 +128,13 @@ def save_heat(
     """
     names = [entrant_folder(k, entrant) for k, entrant in enumerate(heat.names, 1)]
     flown_by = provenance()
-    with ClaimedFolder.open(root, heat_name(heat)) as folder:
+    with ClaimedFolder.open(root, heat_name(heat, record)) as folder:
         try:
             for name, run in zip(names, runs, strict=True):
                 with one_line(folder.part, "cannot make a folder for the race"):
                     (folder.part / name).mkdir()
                 write_run(folder.part / name, run, flown_by)
-            write_whole(folder.part / HEAT, _json(heat, runs, names, faults or {}))
+            write_whole(folder.part / HEAT, _json(heat, record, runs, names, faults or {}))
             return folder.finish()
         except BaseException:
             folder.drop()
@@ -141,7 +147,11 @@ def entrant_folder(number: int, name: str) -> str:
 
 
 def _json(
-    heat: HeatSpec, runs: tuple[Run, ...], folders: list[str], faults: Mapping[str, str]
+    heat: HeatSpec,
+    of_heat: Mapping[str, Any],
+    runs: tuple[Run, ...],
+    folders: list[str],
+    faults: Mapping[str, str],
 ) -> bytes:
     """Return heat.json."""
     start_times = [heat.start_time(k) for k in range(len(runs))]
@@ -150,7 +160,7 @@ def _json(
         "course": heat.course.name,
         "order": [placing._asdict() for placing in placings(heat.names, runs, heat.course)],
         "events": [event._asdict() for event in heat_events(heat.names, runs, start_times)],
-        "spec": heat.record(),
+        "spec": of_heat,
         "start_times": start_times,
         "runs": folders,
         **provenance(),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from hashlib import sha256
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -60,6 +60,7 @@ class HeatRecorder:
     """Collects the frames of a race.
 
     Attributes:
+        record: the record of the race's specification.
         recorders: a recorder for each entrant.
         faults: name of an entrant -> what its controller has raised, which ended its flight.
     """
@@ -70,6 +71,8 @@ class HeatRecorder:
         heat: specification of the race.
         """
         self._heat = heat
+        # Taken before the race, in which parts of the user's own may change
+        self.record = heat.record()
         self.recorders = [Recorder() for _ in heat.entrants]
         self.faults: dict[str, str] = {}
 
@@ -79,20 +82,28 @@ class HeatRecorder:
         if frame.fault:
             self.faults[self._heat.names[frame.number]] = frame.fault
 
+    def run_records(self) -> list[dict[str, Any]]:
+        """Return the spec of each entrant's run: its own, and the race in which it was flown."""
+        return _run_records(self._heat, self.record)
+
     def runs(self) -> tuple[Run, ...]:
         """Return the run of each entrant so far, in the order of the entrants."""
-        records = run_records(self._heat)
+        records = self.run_records()
         return tuple(
             recorder.run(record) for recorder, record in zip(self.recorders, records, strict=True)
         )
 
 
-def run_records(heat: HeatSpec) -> list[dict[str, Any]]:
+def _run_records(heat: HeatSpec, of_heat: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the spec of each entrant's run: its own, and the race in which it was flown.
 
     The run of a race of one is that of its flight.
+
+    Args:
+        heat: the race.
+        of_heat: its record.
     """
-    record = heat.record()
+    record = {**of_heat, "entrants": [dict(entrant) for entrant in of_heat["entrants"]]}
     specs = [entrant.pop("spec") for entrant in record["entrants"]]
     if len(specs) == 1:
         return specs

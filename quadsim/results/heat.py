@@ -74,7 +74,7 @@ class Heat:
             course=spec.course,
             start_times=tuple(spec.start_time(k) for k in range(len(spec.entrants))),
             rules=spec.settings.rules,
-            spec=spec.record(),
+            spec=recorder.record,
             faults=recorder.faults,
             _flown=spec,
         )
@@ -197,7 +197,7 @@ class Heat:
         """
         if self._flown is None:
             raise ValueError("expected a race that was flown now; a stored one has its folder")
-        return save_heat(self._flown, self.runs, runs_dir, self.faults)
+        return save_heat(self._flown, self.spec, self.runs, runs_dir, self.faults)
 
 
 def fly_heat(spec: HeatSpec) -> Heat:
