@@ -12,7 +12,7 @@ from dataclasses import fields
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypedDict
 
 from cyclopts import Group, Parameter
-from msgspec import inspect
+from msgspec import Meta, inspect
 
 from controllers.presets import PRESETS
 from controllers.samplers import SAMPLERS
@@ -103,7 +103,7 @@ def vehicle_help(text: str = "a name (see `race vehicles`) or a FILE.yaml") -> P
 
 
 Json = Annotated[bool, Switch("print one JSON value in place of tables")]
-RunsDir = Annotated[str, Help("folder of the runs")]
+RunsDir = Annotated[str, Meta(min_length=1), Help("folder of the runs")]
 Stored = Annotated[
     str, Help("a run: its folder, a part of its name, or last", completer=names(stored_runs))
 ]

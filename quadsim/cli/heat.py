@@ -40,7 +40,7 @@ from quadsim.heat.line_up import heats_of, line_up
 from quadsim.heat.result import HeatRecorder
 from quadsim.heat.spec import HeatSpec
 from quadsim.record.run import RunError
-from quadsim.record.whole_files import expect_file
+from quadsim.record.whole_files import expect_file, try_writing
 from quadsim.results.heat import Heat
 
 # Default entrants
@@ -138,6 +138,11 @@ def heat(
 
 def _one(spec: HeatSpec, runs_dir: str, plot: str | None, json: bool) -> int:
     """Fly one race, store it and print its report."""
+    # Before the race, which may take minutes
+    try_writing(Path(runs_dir))
+    if plot:
+        expect_file(Path(plot))
+        try_writing(Path(plot).parent)
     flown = _flown(spec, quiet=json)
     folder = None
     failure = None
