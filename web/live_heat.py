@@ -10,7 +10,7 @@ import numpy as np
 from quadsim.heat.archive import entrant_folder
 from quadsim.heat.launch import heat_frames, is_compiled
 from quadsim.heat.loop import RaceFrame
-from quadsim.heat.result import HeatRecorder
+from quadsim.heat.result import HeatRecorder, run_records
 from quadsim.record.archive import remove_unfinished
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import columns_of
@@ -57,7 +57,7 @@ class LiveHeat:
         self.hand = next((spec.hand for spec in specs if spec.hand), None)
         self.period = min(spec.planner.mppi.dt for spec in specs)
         self.t = -self.period
-        records = self._recorder.run_records()
+        records = run_records(self._recorder.record)
         self._columns = [tuple(columns_of(record)) for record in records]
         self.entries = tuple(
             Competitor(

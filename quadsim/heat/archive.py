@@ -13,7 +13,7 @@ import json
 import os
 import re
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple, TypeGuard
@@ -25,7 +25,7 @@ from quadsim.course import Course, parse_course
 from quadsim.files.arrays import read_bytes
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.values import SettingError
-from quadsim.heat.result import heat_digest, heat_events, placings
+from quadsim.heat.result import heat_digest, heat_events, placings, run_records
 from quadsim.heat.settings import Awareness, HeatSettings
 from quadsim.heat.spec import Entrant, HeatSpec
 from quadsim.record.archive import (
@@ -39,7 +39,7 @@ from quadsim.record.archive import (
     written_at,
 )
 from quadsim.record.provenance import provenance
-from quadsim.record.run import Run, RunError, canonical, hostless
+from quadsim.record.run import CRASHES, Run, RunError, canonical, hostless
 from quadsim.record.schema import HEAT_FORMAT, StoredEntrant, StoredHeatSpec, TitledHeat
 from quadsim.record.whole_files import one_line, write_whole
 
@@ -267,7 +267,8 @@ def load_heat(path: str | Path) -> LoadedHeat:
     path = Path(path)
     file = path / HEAT
     try:
-        stored = msgspec.json.decode(read_bytes(file, "the record of a race"), type=RecordedHeat)
+        data = read_bytes(file, "the record of a race")
+        stored = msgspec.json.decode(data, type=RecordedHeat)
     except FileError as error:
         raise RunError(str(error)) from None
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
@@ -283,7 +284,61 @@ def load_heat(path: str | Path) -> LoadedHeat:
     runs = tuple(load_run(path / name) for name in stored.runs)
     if heat_digest(runs) != stored.digest:
         raise RunError(f"{file}: the runs do not give the stored digest; changed after the race")
+    differs = _differs(msgspec.json.decode(data)["spec"], stored, runs)
+    if differs is not None:
+        wanted = "expected what the runs of the race have"
+        raise RunError(f"{file}: {differs}: {wanted}; changed after the race")
     return LoadedHeat(stored.spec, runs, tuple(stored.start_times), stored.faults)
+
+
+def _differs(record: Mapping[str, Any], stored: RecordedHeat, runs: Sequence[Run]) -> str | None:
+    """Return what of heat.json is not as the runs have it, whose digest the file holds.
+
+    Args:
+        record: the specification in heat.json, with the keys that it has there.
+        stored: the same file.
+        runs: the runs, whose digest is right.
+
+    Returns:
+        The name of a key; None: all is as in the runs.
+    """
+    count = len(runs)
+    try:
+        expected = run_records(record)
+    except (KeyError, TypeError):
+        return "spec"
+    for k, (asked, run) in enumerate(zip(expected, runs, strict=True)):
+        of_race = run.spec.get("heat", {})
+        # The hash follows from the other keys
+        apart = {"host", "heat", "sha256"}
+        name = _first_difference(asked, run.spec, apart)
+        name = name or _first_difference(asked.get("heat", {}), of_race, apart)
+        if name is not None:
+            return name
+        if stored.start_times[k] != of_race.get("start_time", 0.0):
+            return "start_times"
+        if stored.spec.entrants[k].place != (k + stored.spec.rotation) % count + 1:
+            return "rotation"
+    if stored.spec.seed != runs[0].spec["seed"]:
+        return "seed"
+    out = {e.name for e, run in zip(stored.spec.entrants, runs, strict=True) if failed(run)}
+    return None if stored.faults.keys() <= out else "faults"
+
+
+def failed(run: Run) -> bool:
+    """Return whether a flight has crashed without an event of a crash: its planner has failed."""
+    return run.outcome == "crashed" and not any(event.kind in CRASHES for event in run.events)
+
+
+def _first_difference(
+    a: Mapping[str, Any], b: Mapping[str, Any], apart: Collection[str]
+) -> str | None:
+    """Return the first key, but for some, that two mappings do not have alike; None: there is none.
+
+    apart: the keys that do not count.
+    """
+    keys = sorted({*a, *b} - {*apart})
+    return next((key for key in keys if a.get(key, ...) != b.get(key, ...)), None)
 
 
 def spec_of_heat(loaded: LoadedHeat, runs_dir: str | None = None) -> HeatSpec:

@@ -82,29 +82,24 @@ class HeatRecorder:
         if frame.fault:
             self.faults[self._heat.names[frame.number]] = frame.fault
 
-    def run_records(self) -> list[dict[str, Any]]:
-        """Return the spec of each entrant's run: its own, and the race in which it was flown."""
-        return _run_records(self._heat, self.record)
-
     def runs(self) -> tuple[Run, ...]:
         """Return the run of each entrant so far, in the order of the entrants."""
-        records = self.run_records()
+        records = run_records(self.record)
         return tuple(
             recorder.run(record) for recorder, record in zip(self.recorders, records, strict=True)
         )
 
 
-def _run_records(heat: HeatSpec, of_heat: Mapping[str, Any]) -> list[dict[str, Any]]:
+def run_records(of_heat: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the spec of each entrant's run: its own, and the race in which it was flown.
 
     The run of a race of one is that of its flight.
 
-    Args:
-        heat: the race.
-        of_heat: its record.
+    of_heat: the record of the race's specification.
     """
     record = {**of_heat, "entrants": [dict(entrant) for entrant in of_heat["entrants"]]}
-    specs = [entrant.pop("spec") for entrant in record["entrants"]]
+    entrants = record["entrants"]
+    specs = [entrant.pop("spec") for entrant in entrants]
     if len(specs) == 1:
         return specs
     flown = [canonical(hostless(spec)) for spec in specs]
@@ -113,19 +108,19 @@ def _run_records(heat: HeatSpec, of_heat: Mapping[str, Any]) -> list[dict[str, A
         spec
         | {
             "heat": {
-                "name": heat.names[k],
-                "number": k + 1,
-                "names": list(heat.names),
-                "place": heat.place(k) + 1,
-                "start_time": heat.start_time(k),
-                "seed": heat.seed,
+                "name": entrant["name"],
+                "number": k,
+                "names": [one["name"] for one in entrants],
+                "place": entrant["place"],
+                "start_time": record["settings"]["stagger"] * (entrant["place"] - 1),
+                "seed": record["seed"],
                 "settings": record["settings"],
-                "awareness": record["entrants"][k]["awareness"],
+                "awareness": entrant["awareness"],
                 # of the specs of all entrants
                 "sha256": together,
             }
         }
-        for k, spec in enumerate(specs)
+        for k, (entrant, spec) in enumerate(zip(entrants, specs, strict=True), 1)
     ]
 
 

@@ -12,7 +12,7 @@ import msgspec
 from rich.console import RenderableType
 from rich.markup import escape
 
-from quadsim.console import as_text, plain_table
+from quadsim.console import as_text, plain, plain_table
 from quadsim.course import Course
 from quadsim.heat.archive import load_heat, save_heat
 from quadsim.heat.launch import heat_frames
@@ -101,7 +101,8 @@ class Heat:
         """Return the results in one line."""
         first = self.order[0]
         time = f"{first.time:.3f} s" if first.time is not None else first.outcome
-        return f"<Heat {self.course.name}: {len(self.runs)} entrants, first {first.name}, {time}>"
+        entrants = f"{len(self.runs)} entrants, first {first.name}, {time}"
+        return plain(f"<Heat {self.course.name}: {entrants}>")
 
     @cached_property
     def order(self) -> list[Placing]:
