@@ -43,6 +43,9 @@ from quadsim.record.run import CRASHES, Run, RunError, canonical, hostless
 from quadsim.record.schema import HEAT_FORMAT, StoredEntrant, StoredHeatSpec, TitledHeat
 from quadsim.record.whole_files import one_line, write_whole
 
+# Largest heat.json that is read [bytes]; a race of eight takes a hundredth
+LARGEST_HEAT = 20_000_000
+
 
 class RecordedEntrant(StoredEntrant):
     """An entrant in heat.json, with all that its flight is made from."""
@@ -191,7 +194,8 @@ def heat_title(path: str | Path) -> str:
     It is the folder's name if the race is not readable.
     """
     try:
-        stored = msgspec.json.decode(read_bytes(Path(path) / HEAT, "a race"), type=TitledHeat)
+        data = read_bytes(Path(path) / HEAT, "the record of a race", LARGEST_HEAT)
+        stored = msgspec.json.decode(data, type=TitledHeat)
         winner = stored.order[0]
     except (FileError, msgspec.DecodeError, ValueError, RecursionError, IndexError):
         return Path(path).name
@@ -267,7 +271,7 @@ def load_heat(path: str | Path) -> LoadedHeat:
     path = Path(path)
     file = path / HEAT
     try:
-        data = read_bytes(file, "the record of a race")
+        data = read_bytes(file, "the record of a race", LARGEST_HEAT)
         stored = msgspec.json.decode(data, type=RecordedHeat)
     except FileError as error:
         raise RunError(str(error)) from None
@@ -279,7 +283,7 @@ def load_heat(path: str | Path) -> LoadedHeat:
     if not count or len(stored.runs) != count or len(stored.start_times) != count:
         raise RunError(f"{file}: damaged: expected a run and a start time for each entrant")
     for name in stored.runs:
-        if Path(name).name != name:
+        if Path(name).name != name or name == "..":
             raise RunError(f"{file}: damaged: expected the name of a folder, got {name!r}")
     runs = tuple(load_run(path / name) for name in stored.runs)
     if heat_digest(runs) != stored.digest:

@@ -34,7 +34,7 @@ HEAT_FORMAT = "quadsim heat 1"
 CHANGE_COLUMNS = ("number", "from", "to")
 
 Number = int | float
-PlainText = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f]*$")]
+PlainText = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f]*\Z")]
 LapCount = Annotated[int, Meta(ge=1, le=1000)]
 
 

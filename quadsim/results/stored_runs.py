@@ -13,7 +13,9 @@ import msgspec
 from rich.markup import escape
 
 from quadsim.console import as_text, plain_table
+from quadsim.files.arrays import read_bytes
 from quadsim.files.extras import imported
+from quadsim.files.strict_yaml import FileError
 from quadsim.record.archive import list_runs, load_run
 from quadsim.record.schema import ListedRun
 from quadsim.results.run import Run
@@ -28,6 +30,10 @@ HEADS = ("when", "course", "flown by", "vehicle", "preset", "seed", "outcome", "
 TEXTS = (0, 1, 2, 3, 4, 6)
 # Of the printed table [columns]
 WIDTH = 140
+# Largest run.json or heat.json that is read for a list [bytes]; a run of 100 laps takes a tenth
+LARGEST_RECORD = 20_000_000
+# What `read_row` raises for a folder that cannot be read
+UNREADABLE = (FileError, msgspec.MsgspecError, UnicodeDecodeError, RecursionError)
 
 
 @dataclass(frozen=True)
@@ -186,7 +192,7 @@ def stored_runs(runs_dir: str | Path, **patterns: str | int | None) -> StoredRun
     for path in list_runs(runs_dir):
         try:
             row = read_row(path)
-        except (OSError, msgspec.MsgspecError, UnicodeDecodeError) as error:
+        except UNREADABLE as error:
             damaged[path] = f"cannot be read: {error}"
             continue
         if all(_fits(getattr(row, name), wanted) for name, wanted in patterns.items()):
@@ -202,11 +208,11 @@ def read_row(path: Path, data: bytes | None = None) -> StoredRun:
         data: content of its run.json; None: it is read.
 
     Raises:
-        OSError: the file cannot be read.
+        FileError: the file is missing, larger than any run's, or no regular file.
         msgspec.MsgspecError: the file is not the file of a run.
     """
     if data is None:
-        data = (path / "run.json").read_bytes()
+        data = read_bytes(path / "run.json", "the record of a flight", LARGEST_RECORD)
     found = msgspec.json.decode(data, type=ListedRun)
     spec = found.spec
     return StoredRun(
