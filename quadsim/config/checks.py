@@ -22,7 +22,7 @@ from quadsim.physics.link import WIRE, LinkConfig
 from quadsim.racing.flight import whole_multiple
 from quadsim.record.limits import LimitProblem, StoredSolution
 from quadsim.sensing import PERFECT, Sensing
-from quadsim.vehicle import Vehicle
+from quadsim.vehicle import Vehicle, check_vehicle
 
 PLANTS = get_args(PlantName)
 # Plants with the rotors of quadsim.physics.actuators
@@ -59,6 +59,25 @@ def check_classes(name: str, part: object) -> None:
         raise SettingError(name, f"{wanted}, got {kind.__name__}")
     for inner in fields(part):
         check_classes(name, getattr(part, inner.name))
+
+
+def check_numbers(name: str, part: object) -> None:
+    """Check the numbers of a vehicle or a sensing that comes from no file by the rules of a file.
+
+    Args:
+        name: the name of the setting.
+        part: the vehicle or the sensing; anything else has been checked.
+
+    Raises:
+        SettingError: a number is out of range, or the numbers do not fit together.
+    """
+    try:
+        if isinstance(part, Vehicle):
+            check_vehicle(part)
+        elif isinstance(part, Sensing):
+            part.but()
+    except SettingError as error:
+        raise SettingError(name, str(error)) from None
 
 
 def check_plant(plant: object) -> None:
