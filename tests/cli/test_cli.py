@@ -258,6 +258,43 @@ def test_check_refuses_a_preset_whose_vehicle_does_not_exist(tmp_path, capsys):
     assert err.startswith(f"{tmp_path}/p.yaml:2:10: vehicle: no vehicle 'swft'")
 
 
+@pytest.mark.parametrize("text", ["? [1]\n: 2\n", "? {a: b}\n: 2\n", "[1]", "1", "[base, race]"])
+def test_a_file_of_any_yaml_is_checked_in_one_line(text, tmp_path, capsys):
+    (tmp_path / "p.yaml").write_text(text)
+    code, out, err = outcome(f"check {tmp_path}/p.yaml", capsys)
+    assert (code, out) == (2, "")
+    assert err.startswith(f"{tmp_path}/p.yaml:1:")
+
+
+HEADINGS = """opening: [2, 2]
+start: {{position: [0, 0, 3], yaw_deg: 0}}
+gates:
+  - {{position: [4, 0, 3], yaw_deg: {}}}
+  - {{position: [8, 0, 3], yaw_deg: {}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("headings", "note"),
+    [
+        (
+            ("0", "0.785"),
+            ":5:36: yaw_deg: expected degrees, 0.785 looks like radians: 0.785 rad are",
+        ),
+        (("-0.78", "2.35"), ":4:36: yaw_deg: expected degrees, -0.78 looks like radians"),
+        (("0.5", "45"), None),  # 45 is no angle in radians
+        (("0", "3"), None),
+        (("-10", "12.5"), None),
+    ],
+)
+def test_headings_that_look_like_radians_are_noted(headings, note, tmp_path, capsys):
+    file = tmp_path / "c.yaml"
+    file.write_text(HEADINGS.format(*headings))
+    _, _, err = outcome(f"check {file}", capsys)
+    said = [line for line in err.splitlines() if "radians" in line]
+    assert [line.startswith(f"{file}{note}") for line in said] == ([True] if note else [])
+
+
 NARROW = """opening: [1.5, 0.3]
 start: {position: [0, 0, 2], yaw_deg: 0}
 gates:
