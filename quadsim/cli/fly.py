@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from contextlib import closing, suppress
+from contextlib import ExitStack, closing, suppress
+from pathlib import Path
 from typing import Annotated, Any
 
 from quadsim.cli.commands import EXIT
@@ -20,13 +21,21 @@ from quadsim.cli.flags import (
 from quadsim.cli.progress import Progress
 from quadsim.cli.report import present
 from quadsim.config.build import build, launch, with_threads
+from quadsim.config.checks import expect_new_log
 from quadsim.config.recorded import recorded_spec, sorted_settings
 from quadsim.config.settings import SETTINGS, FlightSettings
 from quadsim.config.spec import Spec
 from quadsim.console import COMPILING, UsageError, complain, uninterrupted
+from quadsim.files.arrays import read_bytes
+from quadsim.files.strict_yaml import FileError
+from quadsim.firmware.process import FirmwareError
 from quadsim.racing.events import Frame
 from quadsim.record.archive import RunFolder, find_run, load_reportable, remove_unfinished
 from quadsim.record.run import Recorder, Run, RunError, own_parts, same_flight, why_not_repeatable
+from quadsim.record.whole_files import write_whole
+
+# Name of the firmware's log in the folder of a run
+BLACKBOX = "blackbox.bbl"
 
 
 def fly(
@@ -55,6 +64,10 @@ def fly(
 
     race fly --from last
     """
+    log = (settings or {}).get("blackbox")
+    if log:
+        with settings_as_flags():
+            expect_new_log(log)
     before = None
     if from_ is None:
         spec = spec_of(course, settings)
@@ -71,7 +84,9 @@ def fly(
         raise UsageError(str(error)) from None
     remove_unfinished(spec.runs_dir)
 
-    with closing(parts.plant), RunFolder.open(spec.runs_dir, record) as folder:
+    end_of_plant = ExitStack()
+    end_of_plant.enter_context(closing(parts.plant))
+    with end_of_plant, RunFolder.open(spec.runs_dir, record) as folder:
         if spec.plant == "rigid" and not (settings or {}).get("plant"):
             complain("PyBullet is not installed: the built-in rigid body flies (--plant rigid)")
         if not getattr(parts.controller, "is_cached", True):
@@ -81,13 +96,15 @@ def fly(
         run = recorder.run(record)
         # The flight that a first Ctrl-C has ended is stored despite a second Ctrl-C.
         with suppress(KeyboardInterrupt), uninterrupted():
-            failure = _save(folder, run)
+            # A firmware writes its log at its end
+            unwritten = _closed(end_of_plant)
+            failure = _save(folder, run, None if unwritten else spec.blackbox)
 
     present(run, None if failure else folder.path, json, spec.runs_dir)
     if before:
         complain(compared(run, before, settings or {}))
-    if failure:
-        raise failure
+    if failure or unwritten:
+        raise failure or unwritten
     if run.outcome == "interrupted":
         end = run.telemetry["t"][-1]
         complain(f"race fly: interrupted at {end:.2f} s, the flight so far is kept")
@@ -165,13 +182,31 @@ def _recorded(flight: Iterable[Frame], spec: Spec, quiet: bool) -> Recorder:
     return recorder
 
 
-def _save(folder: RunFolder, run: Run) -> RunError | None:
+def _closed(end_of_plant: ExitStack) -> FirmwareError | None:
+    """Close the plant, and return the error if the firmware's log cannot be written."""
+    try:
+        end_of_plant.close()
+    except FirmwareError as error:
+        return error
+    return None
+
+
+def _save(folder: RunFolder, run: Run, blackbox: str | None) -> RunError | FileError | None:
     """Store the run and return the error if that fails.
 
     The caller prints the report before the error.
+
+    Args:
+        folder: the folder of the run.
+        run: the run.
+        blackbox: the file of the firmware's log, of which the folder gets a copy; None: no log.
     """
     try:
+        if blackbox is not None:
+            data = read_bytes(Path(blackbox), "a log of the firmware")
+            write_whole(folder.part / BLACKBOX, data)
         folder.save(run)
-    except RunError as error:
+    except (RunError, FileError) as error:
+        folder.drop()
         return error
     return None

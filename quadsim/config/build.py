@@ -22,6 +22,7 @@ from controllers.learned.pilot import PilotController
 from controllers.plan import PlannerSnapshot
 from controllers.presets import Planner
 from quadsim.config.changes import planner_after
+from quadsim.config.checks import expect_new_log
 from quadsim.config.parts import called, made
 from quadsim.config.reference import reference_of
 from quadsim.config.settings import SETTINGS, SettingError
@@ -242,11 +243,14 @@ def actuators_of(
     Raises:
         FirmwareError: the firmware is not built, or does not arm.
         FileError: it does not take its configuration.
+        SettingError: there is a file already where its log would be written.
     """
     stream = spec.streams.link
     if spec.betaflight is None:
         link = Link(dt, vehicle.latency, spec.link, stream=stream)
         return Actuators(vehicle, dt, faults, link)
+    if spec.blackbox is not None:
+        expect_new_log(spec.blackbox)
     link = Link(dt, vehicle.latency, spec.link, spec.planner.mppi.dt, stream)
     built, configuration = firmware_for(vehicle, spec.betaflight)
     log = None

@@ -166,6 +166,16 @@ def check_no_firmware(betaflight: Text | None, blackbox: str | None) -> None:
         raise SettingError("blackbox", f"{wanted}, got {blackbox!r}")
 
 
+def expect_new_log(blackbox: str | Path) -> None:
+    """Raise SettingError if there is a file already where the firmware's log would be written."""
+    if Path(blackbox).exists():
+        wanted = "expected a new file, of the log of this flight"
+        advice = "name another, or remove it"
+        raise SettingError(
+            "blackbox", f"{wanted}, got one that exists, {str(blackbox)!r}: {advice}"
+        )
+
+
 def check_firmware(
     betaflight: Text | None,
     blackbox: str | None,

@@ -10,7 +10,11 @@ import pytest
 from matplotlib.figure import Figure
 
 from quadsim.cli.cli import race
+from quadsim.cli.fly import BLACKBOX, _save
+from quadsim.config.checks import expect_new_log
 from quadsim.config.spec import Spec
+from quadsim.files.values import SettingError
+from quadsim.record.archive import RunFolder, load_run
 from tests.campaign_cases import RACE
 from tests.run_cases import save, two_laps
 from tests.small import SHORT, SMALL, flags
@@ -126,6 +130,26 @@ def test_every_mistake_is_one_line_and_exit_code_2(cwd, capsys):
             wrong[argv] = (code, out, err)
     assert wrong == {}
     assert not (cwd / "runs").exists()
+
+
+def test_the_log_of_another_flight_is_not_written_over(cwd, capsys):
+    (cwd / "flight.bbl").write_bytes(b"another")
+    command = "fly mine.yaml --flight-controller betaflight --blackbox flight.bbl"
+    code, out, err = outcome(command, capsys)
+    assert (code, out) == (2, "")
+    assert err.startswith("race fly: --blackbox: expected a new file, of the log of this flight")
+    assert (cwd / "flight.bbl").read_bytes() == b"another"
+    with pytest.raises(SettingError, match="blackbox: expected a new file"):
+        expect_new_log(cwd / "flight.bbl")
+
+
+def test_the_folder_of_a_run_gets_a_copy_of_the_firmwares_log(cwd):
+    run = two_laps(Spec.of("mine.yaml").record())
+    (cwd / "flight.bbl").write_bytes(b"H Product:Blackbox")
+    with RunFolder.open("runs", run.spec) as folder:
+        assert _save(folder, run, "flight.bbl") is None
+    assert (folder.path / BLACKBOX).read_bytes() == b"H Product:Blackbox"
+    assert load_run(folder.path).digest() == run.digest()
 
 
 @pytest.mark.compiled
