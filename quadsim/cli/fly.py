@@ -94,6 +94,8 @@ def fly(
         with settings_as_flags():  # a user's own sampler may return invalid values
             recorder = _recorded(launch(spec, parts), spec, quiet=json)
         run = recorder.run(record)
+        failure: RunError | FileError | None = None
+        unwritten: FirmwareError | None = None
         # The flight that a first Ctrl-C has ended is stored despite a second Ctrl-C.
         with suppress(KeyboardInterrupt), uninterrupted():
             # A firmware writes its log at its end
@@ -103,8 +105,9 @@ def fly(
     present(run, None if failure else folder.path, json, spec.runs_dir)
     if before:
         complain(compared(run, before, settings or {}))
-    if failure or unwritten:
-        raise failure or unwritten
+    for error in (failure, unwritten):
+        if error:
+            raise error
     if run.outcome == "interrupted":
         end = run.telemetry["t"][-1]
         complain(f"race fly: interrupted at {end:.2f} s, the flight so far is kept")

@@ -86,7 +86,7 @@ def is_of_library(made: Any) -> bool:
         return is_static or getattr(builtins, made.__qualname__, None) is made
     if not is_library(made.__module__):
         return False
-    if _named(made.__module__, made.__qualname__) is made:
+    if made.__module__ and _named(made.__module__, made.__qualname__) is made:
         return True
     # A class that was given a library's name has methods of the user's
     methods = [value for value in vars(made).values() if isinstance(value, types.FunctionType)]

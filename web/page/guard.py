@@ -256,7 +256,9 @@ class OneLineOfNoFiles(logging.Filter):
         if record.created - self._told < QUIET:
             return False
         self._told = record.created
-        record.msg = f"race web: {error.strerror.lower()}: new visitors wait; raise `ulimit -n`"
+        record.msg = (
+            f"race web: {str(error.strerror).lower()}: new visitors wait; raise `ulimit -n`"
+        )
         record.args = ()
         record.exc_info = None
         return True
