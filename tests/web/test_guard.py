@@ -9,6 +9,7 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from wire import CAMERA, PATIENCE, connect, get
 
+from web.page import guard
 from web.page.guard import OneLineOfNoFiles
 from web.page.messages import MOST_WAITING, problem_of
 from web.page.server import new_token, probe, serve
@@ -285,14 +286,37 @@ def test_a_message_that_is_deep_not_finite_or_has_more_fields_is_one_line(data):
     assert len(problem) < 100
 
 
+@pytest.fixture
+def serve_for(monkeypatch):
+    """Return a function that serves a page and waits so long for a whole request [s]."""
+    servers = []
+
+    def begin(seconds):
+        monkeypatch.setattr(guard, "OPEN_TIMEOUT", seconds)
+        servers.append(serve("127.0.0.1", 0, TOKEN, "race"))
+        return servers[-1].get_port()
+
+    yield begin
+    for server in servers:
+        server.stop()
+
+
+def half_open(port):
+    """Return a connection that has sent half of a request."""
+    one = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE)
+    one.sendall(b"GET / HTTP/1.1\r\nHost: ")
+    return one
+
+
 @pytest.mark.socket
-def test_visitors_who_send_no_whole_request_hold_few_connections(token_server, caplog):
-    port = token_server.get_port()
-    half = []
-    for _ in range(2 * MOST_WAITING):
-        one = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE)
-        one.sendall(b"GET / HTTP/1.1\r\nHost: ")
-        half.append(one)
+def test_half_of_a_request_is_not_waited_for(serve_for):
+    assert is_closed(half_open(serve_for(0.2)))
+
+
+@pytest.mark.socket
+def test_visitors_who_send_no_whole_request_hold_few_connections(serve_for, caplog):
+    port = serve_for(600.0)
+    half = [half_open(port) for _ in range(2 * MOST_WAITING)]
     # The first half of them is closed, and a whole request is answered
     for one in half[:MOST_WAITING]:
         assert is_closed(one)

@@ -241,7 +241,8 @@ class PageConnection(ServerConnection):
         super().connection_made(transport)
         handlers = self.server.handlers
         waiting = [each for each in handlers if each.state is State.CONNECTING]
-        for oldest in waiting[: len(waiting) - MOST_WAITING]:
+        too_many = max(len(waiting) - MOST_WAITING, 0)
+        for oldest in waiting[:too_many]:
             # Its handler ends with an error, which nobody has to read.
             oldest.logger = SILENT
             oldest.transport.abort()
