@@ -66,6 +66,8 @@ class HeatsSummary(NamedTuple):
     contact_ci: tuple[float, float]
     contacts: int
     overtakes: Mean  # in a race
+    # name of an entrant -> what its planner or controller has raised, in each of these races
+    faults: dict[str, list[str]]
 
 
 def summary(names: Sequence[str], results: Sequence[StoredResult], gates: int) -> HeatsSummary:
@@ -111,7 +113,17 @@ def summary(names: Sequence[str], results: Sequence[StoredResult], gates: int) -
         contact_ci=wilson(with_contact, len(results)),
         contacts=sum(contacts),
         overtakes=mean_interval([float(count) for count in overtakes]),
+        faults=_faults(results),
     )
+
+
+def _faults(results: Sequence[StoredResult]) -> dict[str, list[str]]:
+    """Return what entrants have raised, by name."""
+    found: dict[str, list[str]] = {}
+    for result in results:
+        for name, text in result.faults.items():
+            found.setdefault(name, []).append(text)
+    return found
 
 
 def _entrant_stats(

@@ -7,6 +7,7 @@ import sqlite3
 import subprocess
 import time
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -16,13 +17,14 @@ from quadsim.campaign.attempt import this_provenance
 from quadsim.campaign.compare_heats import fly_comparison
 from quadsim.campaign.database import code_of
 from quadsim.campaign.heat_runner import FlownHeat, HeatRunner
-from quadsim.campaign.heat_stats import summary
+from quadsim.campaign.heat_stats import summary, summary_as_json
 from quadsim.campaign.heat_store import HeatStore, key_of
-from quadsim.campaign.heat_tables import overtakers_table
+from quadsim.campaign.heat_tables import lines_of, overtakers_table, tables_of
 from quadsim.campaign.paired_heats import FlownHeats, HeatVariant, difference
 from quadsim.campaign.pool import Pool
 from quadsim.campaign.rating import bradley_terry
 from quadsim.cli.cli import race
+from quadsim.console import as_text
 from quadsim.files.values import SettingError
 from quadsim.heat.line_up import heats_of, line_up, parse_race_variants
 from quadsim.heat.spec import HeatSpec
@@ -142,6 +144,16 @@ def test_what_is_pooled_over_the_flights_of_a_race_has_the_race_as_its_unit():
     )
     paired = mean_interval([0.5, 0.7, 0.6])
     assert difference(of_a, of_b).time.high == pytest.approx(paired.high)
+
+
+def test_what_an_entrant_has_raised_is_in_its_row_and_in_the_report():
+    fault = "KeyError: '[a]' (mine.py, line 3)"
+    row = msgspec.structs.replace(stored("ab"), faults={"b": fault})
+    assert msgspec.json.decode(msgspec.json.encode(row), type=StoredResult) == row
+    found = summary(["a", "b"], [stored("ab"), row, row], gates=7)
+    assert lines_of(found)[-1] == f"b was out by an error in 2 of 3 races, first: {fault}"
+    assert fault in as_text(*tables_of(found))
+    assert summary_as_json(found)["faults"] == {"b": [fault, fault]}
 
 
 def test_few_overtakes_have_a_mean_without_an_interval():
