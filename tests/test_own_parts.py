@@ -3,6 +3,7 @@
 import importlib
 import json
 import os
+import re
 import subprocess
 import sys
 from dataclasses import dataclass, replace
@@ -18,8 +19,10 @@ from controllers.plan import PlanStats
 from controllers.samplers import build_lanes
 from quadsim.campaign.variants import make_variants, parse_variants
 from quadsim.cli.cli import race
+from quadsim.cli.flags import settings_as_flags
 from quadsim.config.build import cost_on, planner_of, start_of, system_of
 from quadsim.config.parts import made
+from quadsim.console import UsageError
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import State, quadrotor
 from quadsim.physics.plant import NamedPlant, PlantState
@@ -669,6 +672,16 @@ def test_what_ones_own_code_raises_is_one_line_with_its_place(what, tmp_path, mo
     assert race(["fly", "figure8", *settings]) == 2
     (said,) = (row for row in capsys.readouterr().err.splitlines() if "race fly" in row)
     assert said.startswith(f"race fly: {text}")
+
+
+@pytest.mark.parametrize("kind", [ValueError, FloatingPointError])
+def test_a_term_that_makes_every_cost_nan_is_one_line(kind):
+    """As MPPI raises it, without a compiled loop."""
+    with pytest.raises(UsageError) as error, settings_as_flags():
+        raise kind("MPPI: cost: expected a finite J,\ngot NaN")
+    place = r"\(test_own_parts\.py, line \d+\)"
+    text = rf"{kind.__name__}: MPPI: cost: expected a finite J, got NaN {place}"
+    assert re.fullmatch(text, str(error.value))
 
 
 COUNTING = """

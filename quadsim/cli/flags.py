@@ -56,6 +56,8 @@ def settings_as_flags() -> Iterator[None]:
         if type(error) is not ValueError:
             raise
         raise UsageError(error_text(error)) from None
+    except FloatingPointError as error:  # a term of the user's own makes every cost NaN
+        raise UsageError(error_text(error)) from None
 
 
 def flag(name: str) -> str:
