@@ -233,7 +233,7 @@ def per_channel(rates: float, thrust: float) -> tuple[float, float, float, float
     return rates, rates, rates, thrust
 
 
-def faults(planner: Planner) -> Iterator[tuple[str, str]]:
+def contradictions(planner: Planner) -> Iterator[tuple[str, str]]:
     """Yield the contradictions between numbers of a planner.
 
     Yields:

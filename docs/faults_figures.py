@@ -17,7 +17,7 @@ from quadsim.figures.course import draw_gates
 from quadsim.figures.run_figure import draw_faults
 from quadsim.figures.style import STYLE
 from quadsim.palette import HIT, INK, LIMIT, SPARE
-from quadsim.record.run import Run
+from quadsim.record.run import RecordedRun
 
 FOLDER = Path(__file__).parent
 COURSE = "split_s_swift"
@@ -52,12 +52,12 @@ def main() -> None:
     figure.savefig(FOLDER / "faults.png")
 
 
-def outcome(run: Run) -> str:
+def outcome(run: RecordedRun) -> str:
     """Return how and when a flight ended."""
     return f"{run.outcome}, {run.duration:.2f} s"
 
 
-def draw_paths(axes: Axes, sound: Run, faulty: Run) -> None:
+def draw_paths(axes: Axes, sound: RecordedRun, faulty: RecordedRun) -> None:
     """Draw both paths from above, and where the fault began."""
     draw_gates(axes, load_course(COURSE), (0, 1), 1.0)
     for run, colour, label in ((sound, LIMIT, "no fault"), (faulty, SPARE[0].colour, "fault")):
@@ -71,7 +71,7 @@ def draw_paths(axes: Axes, sound: Run, faulty: Run) -> None:
     axes.set_aspect("equal")
 
 
-def draw_column(axes: Axes, run: Run, name: str) -> None:
+def draw_column(axes: Axes, run: RecordedRun, name: str) -> None:
     """Draw a column of telemetry around the fault, commanded and delivered."""
     x = run.telemetry
     shown = (x["t"] >= BEGIN - BEFORE) & (x["t"] <= BEGIN + AFTER)

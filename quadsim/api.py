@@ -11,8 +11,7 @@ from quadsim.config.recorded import recorded_spec
 from quadsim.config.spec import Spec
 from quadsim.files.values import SettingError
 from quadsim.racing.events import Frame
-from quadsim.record.archive import find_run
-from quadsim.record.archive import load_run as _load_run
+from quadsim.record.archive import find_run, read_run
 from quadsim.results.run import Run
 
 if TYPE_CHECKING:
@@ -140,9 +139,9 @@ def race(
         return fly_heat(recorded_heat(entrants, parts, settings))
     if parts is not None:
         raise SettingError("parts", "expected parts only beside heat.spec of a recorded race")
-    made, of_race = line_up(course, entrants, settings)
+    made, of_heat = line_up(course, entrants, settings)
     seed = made[0].spec.seed if made else 0
-    return fly_heat(HeatSpec(made, of_race, seed, rotation))
+    return fly_heat(HeatSpec(made, of_heat, seed, rotation))
 
 
 def load_heat(heat: str | Path = "last", runs_dir: str = "runs") -> Heat:
@@ -195,7 +194,7 @@ def load_run(run: str | Path = "last", runs_dir: str = "runs") -> Run:
         >>> quadsim.load_run("last").outcome
         'finished'
     """
-    return Run.of(_load_run(find_run(str(run), runs_dir)))
+    return Run.of(read_run(find_run(str(run), runs_dir)))
 
 
 def save_run(run: Run, runs_dir: str | Path = "runs") -> Path:
@@ -232,10 +231,10 @@ def runs(
     seed: int | None = None,
     outcome: str | None = None,
 ) -> StoredRuns:
-    """List the stored runs of a folder, oldest first; only their run.json is read.
+    """List the stored runs and races of a folder, oldest first; only their records are read.
 
-    Texts are patterns as in a shell: course="split_s*". A run that cannot be read is left out, and
-    named in `.damaged`.
+    Texts are patterns as in a shell: course="split_s*". A race of several vehicles is listed if any
+    of its entrants fits. What cannot be read is left out, and named in `.damaged`.
 
     Args:
         runs_dir: the folder of runs.
@@ -249,7 +248,8 @@ def runs(
 
     Returns:
         A sequence of rows, with a table for `print` and `.to_pandas()`; `.load()` of a row reads
-            the whole run.
+            the whole Run, or the Heat of a race. `.flights` and `.races` have the one or the other
+            alone.
 
     Examples:
         >>> import quadsim
@@ -294,7 +294,7 @@ def plot(run: Run, path: str | Path | None = None) -> Figure:
 
 def compare(
     courses: CourseLike | Sequence[CourseLike],
-    variants: Mapping[str, Keywords] | Sequence[str] = ("gaussian", "colored"),
+    variants: Mapping[str, Keywords | str] | Sequence[str] | str = ("gaussian", "colored"),
     attempts: int = 10,
     jobs: int | None = None,
     campaign: str | Path | None = None,
@@ -306,7 +306,9 @@ def compare(
 
     Args:
         courses: one course or several.
-        variants: samplers by name, or {name: settings}; attempt i of each flies seed + i.
+        variants: {name: settings}, with the settings as a mapping or as a text such as
+            "race_small+samples=512"; or texts, such as ("gaussian", "colored"). Attempt i of each
+            flies seed + i.
         attempts: flights of each variant on each course.
         jobs: worker processes; None: all flights in this process, one after the other. With workers
             a script needs `if __name__ == "__main__":`, and objects of your own must be importable

@@ -7,7 +7,7 @@ import numpy as np
 from controllers.plan import PlannerSnapshot
 from quadsim.racing.events import Event, Frame
 from quadsim.record.archive import RunFolder
-from quadsim.record.run import Run
+from quadsim.record.run import RecordedRun
 
 SPEC = {
     "course": "test course",
@@ -60,7 +60,7 @@ def two_laps(spec=SPEC, outcome="finished", plan_ms=5.0, snapshot=None):
         frame(k, 1 + (k >= 30), events.get(k, ()), None, snapshot, plan_ms) for k in range(60)
     ]
     frames.append(frame(60, 2, events[60], outcome, snapshot, plan_ms))
-    return Run.from_frames(spec, frames)
+    return RecordedRun.from_frames(spec, frames)
 
 
 def save(root, run):
@@ -69,7 +69,7 @@ def save(root, run):
         return folder.save(run)
 
 
-def same(a: Run, b: Run) -> bool:
+def same(a: RecordedRun, b: RecordedRun) -> bool:
     """Return whether two runs are equal in every field, to the last bit."""
     if (a.spec, a.events, a.outcome, a.wall) != (b.spec, b.events, b.outcome, b.wall):
         return False
@@ -81,7 +81,7 @@ def _equal(a: np.ndarray, b: np.ndarray) -> bool:
     return a.dtype == b.dtype and np.array_equal(a, b, equal_nan=True)
 
 
-def _arrays(run: Run) -> dict[str, np.ndarray]:
+def _arrays(run: RecordedRun) -> dict[str, np.ndarray]:
     """Return the arrays of a run by name."""
     if run.snapshots is None:
         return run.telemetry

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from quadsim.config.recorded import spec_of_record
 from quadsim.config.spec import Spec
-from quadsim.heat.archive import load_heat, spec_of_heat
+from quadsim.heat.archive import read_heat, spec_of_heat
 from quadsim.heat.spec import HeatSpec
 from quadsim.record.archive import load_reportable
 
@@ -44,4 +44,4 @@ class HeatAgainChoices:
 
     def spec(self) -> HeatSpec:
         """Return the race. Raises RunError, ValueError, see AgainChoices."""
-        return spec_of_heat(load_heat(self.folder), self.root)
+        return spec_of_heat(read_heat(self.folder), self.root)

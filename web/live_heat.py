@@ -9,7 +9,7 @@ import numpy as np
 
 from quadsim.heat.archive import entrant_folder
 from quadsim.heat.launch import heat_frames, is_compiled
-from quadsim.heat.loop import RaceFrame
+from quadsim.heat.loop import HeatFrame
 from quadsim.heat.result import HeatRecorder, run_records
 from quadsim.record.archive import remove_unfinished
 from quadsim.record.limits import limit_of, limits_folder
@@ -49,7 +49,7 @@ class LiveHeat:
         else:
             bases = [entrant.spec.planner for entrant in self._spec.entrants]
         self._frames = heat_frames(self._spec)
-        self._ahead: RaceFrame | None = None  # the first frame of the next period
+        self._ahead: HeatFrame | None = None  # the first frame of the next period
         self._recorder = HeatRecorder(self._spec)
         self._root: str | None = None
         self.is_cached = is_compiled(self._spec)
@@ -115,7 +115,7 @@ class LiveHeat:
         self.entries = tuple(entries)
         return flown
 
-    def _with(self, entry: Competitor, frame: RaceFrame) -> Competitor:
+    def _with(self, entry: Competitor, frame: HeatFrame) -> Competitor:
         """Return a flight with its next frame."""
         recorder = self._recorder.recorders[frame.number]
         events = tuple(recorder.events)
@@ -171,6 +171,6 @@ class LiveHeat:
         self._frames.close()
 
 
-def _expected(frame: RaceFrame) -> tuple[np.ndarray, ...]:
+def _expected(frame: HeatFrame) -> tuple[np.ndarray, ...]:
     """Return the paths that a vehicle expects the others to fly [m]  (points, 3) each."""
     return tuple(path.at(frame.t + AHEAD) for _, path in frame.others)

@@ -74,79 +74,50 @@ class Learning(NamedTuple):
 
 
 RESTART = """
-@njit(inline="always")
-def drawn(seed, environment, episode, of):
-    # a number below `of`: splitmix64's finaliser (Steele, Lea and Flood 2014) of its arguments
-    h = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15)
-    h += np.uint64(environment) * np.uint64(0xD1B54A32D192ED03)
-    h += np.uint64(episode) * np.uint64(0x8CB92BA72F3D8DD7)
-    h = (h ^ (h >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    h = (h ^ (h >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return np.int64((h ^ (h >> np.uint64(31))) % np.uint64(of))
+from controllers.lanes.episode_loops import add_noise, drawn, hold, judge, move
 
 @njit(fastmath=FAST, error_model="numpy")
-def restart(l, environment, seed, starts, targets, state, target, model, last, room, row, steps,
-            passes, episode, obs):
-    start = starts[drawn(seed, environment, episode[l], starts.shape[0])]
+def restart(l, b, environment, episodes, beginnings):
+    # a lane of block b begins its next episode
+    c = beginnings.course[b]
+    state = episodes.states[b]
+    target = episodes.rows[b]
+    model = episodes.models[b]
+    last = episodes.actions_before[b]
+    obs = episodes.obs[b]
+    starts = beginnings.starts[c]
+    start = starts[drawn(beginnings.seed, environment, episodes.episode[b, l], starts.shape[0])]
     for k in range(<n_x>):
         state[k, l] = start[k]
-    row[l] = np.int32(start[<n_x>])
+    row = np.int32(start[<n_x>])
     for k in range(<n_p>):
         model[k, l] = start[<n_x> + 1 + k]
     for k in range(<n_u>):
         last[k, l] = start[<n_x> + 1 + <n_p> + k]
     for k in range(<n_row>):
-        target[k, l] = targets[row[l], k]
-    room[l] = F(0)
-    steps[l] = 0
-    passes[l] = 0
-    episode[l] += 1
+        target[k, l] = beginnings.targets[c, row, k]
+    episodes.row[b, l] = row
+    episodes.room[b, l] = F(0)
+    episodes.steps[b, l] = 0
+    episodes.passes[b, l] = 0
+    episodes.episode[b, l] += 1
     <observe>
 
 @kept
-@njit(fastmath=FAST, error_model="numpy")
-def begin(run_parts, first, last, states, rows, models, actions, way, room, row, steps, passes,
-          episode, over, obs, starts, targets, course, seed, chosen, racers):
-    if run_parts:
-        share(run_parts, last)
+@njit(fastmath=FAST, error_model="numpy", nogil=True)
+def begin(desk, first, last, episodes, beginnings, chosen, racers):
+    if desk:
+        share(desk, last)
         return
     # `racers` blocks in a row hold the vehicles of the same races: one draw starts all of a race
     for b in range(first, last):
         for l in range(L):
             if chosen[b, l]:
-                restart(l, b // racers * L + l, seed, starts[course[b]], targets[course[b]],
-                        states[b], rows[b], models[b], actions[b], room[b], row[b], steps[b],
-                        passes[b], episode[b], obs[b])
-                over[b, l] = False
+                restart(l, b, b // racers * L + l, episodes, beginnings)
+                episodes.over[b, l] = False
 """
 
 PARTS = """
-from controllers.lanes.normals import normal_rows
-
-@njit
-def move(source, to):
-    for k in range(to.shape[0]):
-        for l in range(L):
-            to[k, l] = source[k, l]
-
-@njit(fastmath=FAST, error_model="numpy")
-def hold(over, state, after, moved, way_before, way_now, crashed, reached):
-    # a vehicle whose episode has ended stays where it is, with all that it has reached
-    waits = np.int32(0)
-    for l in range(L):
-        waits |= np.int32(1) if over[l] else np.int32(0)
-    if waits == 0:
-        return
-    for k in range(<n_x>):
-        for l in range(L):
-            after[k, l] = state[k, l] if over[l] else after[k, l]
-    for l in range(L):
-        if over[l]:
-            moved[l] = F(0)
-            way_now[l] = way_before[l]
-            crashed[l] = F(0)
-            reached[l] = np.int32(0)
-
 @njit(fastmath=FAST, error_model="numpy")
 def meet_obstacles(state, after, moved, room, crashed, obstacles):
     # room: no box around an obstacle is nearer [m]. A vehicle is tested again after it has flown
@@ -180,38 +151,17 @@ def meet_obstacles(state, after, moved, room, crashed, obstacles):
 @njit(fastmath=FAST, error_model="numpy")
 def next_targets(target, row, passes, reached, targets, last_row):
     <next_targets>
-
-@njit(fastmath=FAST, error_model="numpy")
-def judge(steps, row, crashed, reached, over, ended, cut, passed, crashed_now, last_row, limit):
-    rare = False
-    for l in range(L):
-        steps[l] += np.int32(1)
-        ended[l] = (crashed[l] > F(0)) | (row[l] >= last_row)
-        cut[l] = (steps[l] >= limit) & (not ended[l])
-        passed[l] = reached[l] > 0
-        crashed_now[l] = crashed[l] > F(0)
-        rare |= ended[l] | cut[l] | over[l]
-    return rare
-
-@njit(fastmath=FAST, error_model="numpy")
-def add_noise(obs, noise, lane, key, call):
-    drawn_noise = np.empty((<n_obs>, L), F)
-    normal_rows(drawn_noise, noise, lane, 0, key, call)
-    for k in range(<n_obs>):
-        for l in range(L):
-            obs[k, l] += drawn_noise[k, l]
 """
 
 ADVANCE = """
 @kept
-@njit(fastmath=FAST, error_model="numpy")
-def advance(run_parts, first, last, states, rows, models, actions_before, way, room, row, steps,
-            passes, episode, over, obs, starts, targets, course, seed, p_cost, dt, actions, final,
-            reward_of, ended, cut, passed, crashed_now, last_row, obstacles, n_obstacles, low, half,
-            limit, mode, p_reward, noise, key, call):
-    if run_parts:
-        share(run_parts, last)
+@njit(fastmath=FAST, error_model="numpy", nogil=True)
+def advance(desk, first, last, episodes, beginnings, step, outcome):
+    if desk:
+        share(desk, last)
         return
+    dt = step.dt
+    mode = step.mode
     <read_command>
     <read_reward>
     # arrays that are read: state, action, target row, the vehicle's parameters, last action,
@@ -234,11 +184,23 @@ def advance(run_parts, first, last, states, rows, models, actions_before, way, r
     paid = np.empty(L, F)
     reached = np.empty(L, np.int32)
     for b in range(first, last):
-        c = course[b]
-        move(states[b], state)
-        move(actions[b], action)
-        move(rows[b][:<n_target>], target)
-        move(models[b], model)
+        c = beginnings.course[b]
+        last_row = step.last_row[c]
+        row = episodes.row[b]
+        steps = episodes.steps[b]
+        over = episodes.over[b]
+        way = episodes.way[b]
+        obs = episodes.obs[b]
+        ended = outcome.ended[b]
+        cut = outcome.cut[b]
+        passed = outcome.passed[b]
+        crashed_now = outcome.crashed_now[b]
+
+        # one step of the model, with the terms of the reward
+        move(episodes.states[b], state)
+        move(step.actions[b], action)
+        move(episodes.rows[b][:<n_target>], target)
+        move(episodes.models[b], model)
         <read_cost>
         for l in range(L):
             <step>
@@ -247,68 +209,48 @@ def advance(run_parts, first, last, states, rows, models, actions_before, way, r
             dz = after[2, l] - state[2, l]
             moved[l] = math.sqrt(dx * dx + dy * dy + dz * dz)
         if mode == <WAIT>:
-            hold(over[b], state, after, moved, way[b], way_now, crashed, reached)
+            hold(over, state, after, moved, way, way_now, crashed, reached)
         for l in range(L):
-            way_before[l] = way[b, l] if steps[b, l] > 0 else way_now[l]
-        meet_obstacles(states[b], after, moved, room[b], crashed,
-                       obstacles[c, : n_obstacles[c]])
-        next_targets(rows[b], row[b], passes[b], reached, targets[c], last_row[c])
-        move(actions_before[b], before)
-        move(rows[b][<n_target>:], gates)
+            way_before[l] = way[l] if steps[l] > 0 else way_now[l]
+        meet_obstacles(episodes.states[b], after, moved, episodes.room[b], crashed,
+                       step.obstacles[c, : step.n_obstacles[c]])
+
+        # reward and observation, with the next gates
+        next_targets(episodes.rows[b], row, episodes.passes[b], reached, beginnings.targets[c],
+                     last_row)
+        move(episodes.actions_before[b], before)
+        move(episodes.rows[b][<n_target>:], gates)
         for l in range(L):
             <pay>
-        move(after, states[b])
-        move(clipped, actions_before[b])
-        move(seen, obs[b])
+        move(after, episodes.states[b])
+        move(clipped, episodes.actions_before[b])
+        move(seen, obs)
         for l in range(L):
-            way[b, l] = way_now[l]
-            reward_of[b, l] = paid[l]
-        if judge(steps[b], row[b], crashed, reached, over[b], ended[b], cut[b], passed[b],
-                 crashed_now[b], last_row[c], limit):
+            way[l] = way_now[l]
+            outcome.reward_of[b, l] = paid[l]
+
+        # episodes that have ended
+        if judge(b, crashed, reached, episodes, outcome, last_row, step.limit):
             for l in range(L):
-                waited = over[b, l] and mode == <WAIT>
+                waited = over[l] and mode == <WAIT>
                 if waited:
-                    steps[b, l] -= np.int32(1)
-                if waited or (over[b, l] and mode == <NEXT_STEP>):
-                    ended[b, l] = False
-                    cut[b, l] = False
-                    passed[b, l] = False
-                    crashed_now[b, l] = False
-                    reward_of[b, l] = F(0)
-                done = ended[b, l] or cut[b, l]
-                again = done if mode == <SAME_STEP> else over[b, l] and mode == <NEXT_STEP>
-                over[b, l] = waited or (done and mode != <SAME_STEP>)
+                    steps[l] -= np.int32(1)
+                if waited or (over[l] and mode == <NEXT_STEP>):
+                    ended[l] = False
+                    cut[l] = False
+                    passed[l] = False
+                    crashed_now[l] = False
+                    outcome.reward_of[b, l] = F(0)
+                done = ended[l] or cut[l]
+                again = done if mode == <SAME_STEP> else over[l] and mode == <NEXT_STEP>
+                over[l] = waited or (done and mode != <SAME_STEP>)
                 if done and mode == <SAME_STEP>:
                     for k in range(<n_obs>):
-                        final[b, k, l] = obs[b, k, l]
+                        outcome.final[b, k, l] = obs[k, l]
                 if again:
-                    restart(l, b * L + l, seed, starts[c], targets[c], states[b], rows[b],
-                            models[b], actions_before[b], room[b], row[b], steps[b],
-                            passes[b], episode[b], obs[b])
-        if noise[0] >= F(0):
-            add_noise(obs[b], noise, b * L, key, call)
-
-@kept
-@njit
-def to_rows(run_parts, first, last, lanes, rows):
-    if run_parts:
-        share(run_parts, last)
-        return
-    for b in range(first, last):
-        for l in range(min(L, rows.shape[0] - b * L)):
-            for k in range(rows.shape[1]):
-                rows[b * L + l, k] = lanes[b, k, l]
-
-@kept
-@njit
-def to_lanes(run_parts, first, last, rows, lanes):
-    if run_parts:
-        share(run_parts, last)
-        return
-    for b in range(first, last):
-        for l in range(min(L, rows.shape[0] - b * L)):
-            for k in range(rows.shape[1]):
-                lanes[b, k, l] = rows[b * L + l, k]
+                    restart(l, b, b * L + l, episodes, beginnings)
+        if step.noise[0] >= F(0):
+            add_noise(obs, step.noise, b * L, step.key, step.call)
 """
 
 
@@ -320,7 +262,7 @@ def _load(source: str) -> ModuleType:
 
 
 def environment_module(system: System, cost: Cost, learning: Learning) -> ModuleType:
-    """Return the compiled loops `begin`, `advance`, `to_rows`, `to_lanes`.
+    """Return the compiled loops `begin` and `advance`.
 
     They are loaded from the disk's cache if they were built before.
     """
@@ -405,13 +347,13 @@ def _step(system: System, cost: Cost, learning: Learning) -> dict[str, str]:
         f"reached[l] = np.int32(1) if {writer(reached)} else np.int32(0)",
     )
     read_command = [
-        f"{side}_{name} = {side}[{k}]"
+        f"{side}_{name} = step.{side}[{k}]"
         for side in ("low", "half")
         for k, name in enumerate(system.controls)
     ]
     return {
         "step": "\n".join((lines, *stores)),
-        "read_cost": read(type(cost.params), "p", "p_cost[c, {k}]", writer),
+        "read_cost": read(type(cost.params), "p", "step.p_cost[c, {k}]", writer),
         "read_command": "\n".join(read_command),
     }
 
@@ -465,7 +407,7 @@ def _pay(system: System, learning: Learning) -> dict[str, str]:
     pay = (lines, f"paid[l] = {writer(paid)}", store(seen, "seen[{k}, l]", writer))
     return {
         "pay": "\n".join(pay),
-        "read_reward": read(learning.weights, "weight", "p_reward[{k}]", writer),
+        "read_reward": read(learning.weights, "weight", "step.p_reward[{k}]", writer),
     }
 
 

@@ -41,6 +41,22 @@ class Trajectories(NamedTuple):
         return Trajectories(*(each[m] for each in self))
 
 
+class Numbers(NamedTuple):
+    """The numbers that the compiled rollout reads, in the lanes' precision."""
+
+    noise_factor: np.ndarray  # factors on the noise of even and of odd blocks  (2, T)
+    cost_factor: np.ndarray  # factors on the cost of each step  (T,)
+    low: np.ndarray  # limits of the controls  (n_u,)
+    high: np.ndarray
+    dt: np.floating  # control period [s]
+    targets: np.ndarray  # the rows from the present target on  (rows, n_row)
+    system: np.ndarray  # parameters of the model  (n_p,)
+    cost: np.ndarray  # parameters and weights of the cost  (1 or T, numbers)
+    obstacles: np.ndarray  # the obstacles in reach  (obstacles, n_obstacle)
+    stride: int  # steps between two tests against obstacles
+    crash_weight: np.floating
+
+
 @dataclass(frozen=True)
 class Rollout:
     """J^m of M samples for one system and one cost. float32 unless asked otherwise."""
@@ -72,7 +88,7 @@ class Rollout:
         plan = U.astype(d, "C")
         keep_none = np.empty((0, 0, 0), d)
         loop = self._module.rollout
-        on_threads(loop, len(J), np.asarray(x0, d), plan, noise, J, keep_none, *numbers)
+        on_threads(loop, len(J), np.asarray(x0, d), plan, noise, J, keep_none, numbers)
 
     def trajectories(self, x0: np.ndarray, v: np.ndarray, target: int) -> Trajectories:
         """Return the trajectories under given controls.
@@ -90,14 +106,14 @@ class Rollout:
         plan = np.zeros((T, n_u), d)
         block = np.zeros((1, n_u, T, LANES), d)
         block[0, :, :, :samples] = v.transpose(1, 2, 0)
-        noise_factor, *numbers = self._numbers(x0, target, T)
-        full = np.ones_like(noise_factor)
+        numbers = self._numbers(x0, target, T)
+        full = numbers._replace(noise_factor=np.ones_like(numbers.noise_factor))
 
-        # Zero instead of `run_parts`: the loop runs on this thread, over one block.
+        # Zero in the place of the desk: the loop runs on this thread, over one block.
         n_x = len(self.system.states)
         J = np.empty((1, LANES), d)
         kept = np.empty((T, n_x + 2, samples), d)
-        self._module.rollout(0, 0, 1, np.asarray(x0, d), plan, block, J, kept, full, *numbers)
+        self._module.rollout(0, 0, 1, np.asarray(x0, d), plan, block, J, kept, full)
 
         kept = kept.transpose(2, 0, 1)
         return Trajectories(
@@ -112,8 +128,8 @@ class Rollout:
         """Whether the compiled loop is in this machine's cache."""
         return is_cached(self._module.rollout)
 
-    def _numbers(self, x0: np.ndarray, target: int, horizon: int) -> tuple:
-        """Return the further arguments of the loops, computed once per state.
+    def _numbers(self, x0: np.ndarray, target: int, horizon: int) -> Numbers:
+        """Return the numbers of the loops, computed once per state.
 
         All iterations and chunks of a control step start from the same state.
         """
@@ -123,34 +139,37 @@ class Rollout:
             self._found[key] = self._find_numbers(x0, target, horizon)
         return self._found[key]
 
-    def _find_numbers(self, x0: np.ndarray, target: int, horizon: int) -> tuple:
-        """Return the further arguments of the loops, in the lanes' precision.
+    def _find_numbers(self, x0: np.ndarray, target: int, horizon: int) -> Numbers:
+        """Return the numbers of the loops.
 
         Raises:
             ValueError: the weight of crashes depends on the step, and there are obstacles.
         """
         system, cost, d = self.system, self.cost, self.dtype
-        numbers = (
-            self.schedule.noise(horizon).astype(d),
-            self.schedule.cost(horizon).astype(d),
-            np.asarray(system.low, d),
-            np.asarray(system.high, d),
-            d(system.dt),
-            cost.targets_from(target, x0, d),
-            np.asarray(system.params, d),
-            cost.numbers(horizon, self.given).astype(d),
+        near = np.empty((0, 0), d)
+        crash_weight: Weight = 0.0
+        if cost.obstacles:
+            near = cost.obstacles.near(np.asarray(x0, float), horizon * system.dt).astype(d)
+            term = cost.terms[cost.crash_term]
+            crash_weight = self.given.get(number_name(term.name, "weight"), term.weight)
+            if np.ndim(crash_weight):
+                raise ValueError(
+                    f"cost {cost.name}: weight_{term.name}: expected one number, as there are "
+                    f"obstacles, got shape {np.shape(crash_weight)}"
+                )
+        return Numbers(
+            noise_factor=self.schedule.noise(horizon).astype(d),
+            cost_factor=self.schedule.cost(horizon).astype(d),
+            low=np.asarray(system.low, d),
+            high=np.asarray(system.high, d),
+            dt=d(system.dt),
+            targets=cost.targets_from(target, x0, d),
+            system=np.asarray(system.params, d),
+            cost=cost.numbers(horizon, self.given).astype(d),
+            obstacles=near,
+            stride=steps_between(system.dt),
+            crash_weight=d(crash_weight),
         )
-        if cost.obstacles is None:
-            return numbers
-        near = cost.obstacles.near(np.asarray(x0, float), horizon * system.dt).astype(d)
-        term = cost.terms[cost.crash_term]
-        weight = self.given.get(number_name(term.name, "weight"), term.weight)
-        if np.ndim(weight):
-            raise ValueError(
-                f"cost {cost.name}: weight_{term.name}: expected one number, as there are "
-                f"obstacles, got shape {np.shape(weight)}"
-            )
-        return *numbers, near, steps_between(system.dt), d(weight)
 
     @cached_property
     def _module(self) -> ModuleType:

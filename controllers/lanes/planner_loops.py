@@ -96,11 +96,19 @@ reached[l] = np.int32(1) if <is_reached> else np.int32(0)
 ROLLOUT = """
 @kept
 @njit(fastmath=FAST, error_model="numpy", nogil=True)
-def rollout(run_parts, first, last, x0, U, z, J, trajectory, noise_factor, cost_factor, low, high,
-            dt, targets, system_numbers, cost_numbers<obstacle_arguments>):
-    if run_parts:
-        share(run_parts, last)
+def rollout(desk, first, last, x0, U, z, J, trajectory, numbers):
+    if desk:
+        share(desk, last)
         return
+    dt = numbers.dt
+    low = numbers.low
+    high = numbers.high
+    targets = numbers.targets
+    system_numbers = numbers.system
+    cost_numbers = numbers.cost
+    noise_factor = numbers.noise_factor
+    cost_factor = numbers.cost_factor
+    <read_obstacles>
     T = U.shape[0]
     halves = z.shape[2] // T
     last_row = np.int32(targets.shape[0] - 1)
@@ -125,6 +133,12 @@ def rollout(run_parts, first, last, x0, U, z, J, trajectory, noise_factor, cost_
             <keep_marks>
         for l in range(L):
             J[b, l] = cost[l] / F(T)
+"""
+
+READ_OBSTACLES = """
+obstacles = numbers.obstacles
+stride = numbers.stride
+crash_weight = numbers.crash_weight
 """
 
 # For display: the state, whether the sample has crashed, and its target row in this step. The array
@@ -277,10 +291,8 @@ def _step(system: System, cost: Cost) -> _Step:
     parts = {
         "read_plan": _read_plan(system),
         "read_limits": _read_limits(system),
-        "obstacle_arguments": "",
+        "read_obstacles": _marks(cost, READ_OBSTACLES),
     }
-    if cost.obstacles:
-        parts["obstacle_arguments"] = ", obstacles, stride, crash_weight"
     loop = (ROLLOUT, BEGIN, STEP, KEEP, NEXT_TARGETS)
     around = (*loop, BEGIN_MARKS, KEEP_MARKS, *parts.values())
     writer = Writer("\n".join(around))

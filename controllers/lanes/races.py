@@ -28,7 +28,6 @@ from quadsim.dynamics.named_tuples import flat
 
 MOST_RACERS = 8
 NEVER = 1e9  # finishing step of a racer that has not finished
-ABSENT = 1e30  # squared distance of an opponent that is not in the race [m^2]
 
 
 class Racing(NamedTuple):
@@ -47,32 +46,26 @@ class Racing(NamedTuple):
 
 
 MEET = """
+from controllers.lanes.race_loops import ABSENT, apart, nearer_first, order
+
 @njit(fastmath=FAST, error_model="numpy")
 def least_apart(a_before, b_before, a_after, b_after, least):
     # the squared distance at which two vehicles pass each other in this step, in every lane
     for l in range(L):
         <nearest>
 
-@njit(fastmath=FAST, error_model="numpy")
-def order(a, b, finish, row, way, place):
-    # who leads: who finished first, else who has passed more gates, else who has less to go
-    for l in range(L):
-        earlier = finish[a, l] < finish[b, l]
-        same_time = finish[a, l] == finish[b, l]
-        farther = row[a, l] > row[b, l]
-        same_row = row[a, l] == row[b, l]
-        nearer = way[a, l] <= way[b, l]
-        ahead = earlier | (same_time & (farther | (same_row & nearer)))
-        place[a, l] += np.int32(0) if ahead else np.int32(1)
-        place[b, l] += np.int32(1) if ahead else np.int32(0)
-
 @kept
-@njit(fastmath=FAST, error_model="numpy")
-def meet(run_parts, first, last, states, row, way, steps, over, before, out, finish, collided, rank,
-         reward_of, ended, cut, crashed, p_reward, too_near, racers):
-    if run_parts:
-        share(run_parts, last)
+@njit(fastmath=FAST, error_model="numpy", nogil=True)
+def meet(desk, first, last, episodes, outcome, field, rules):
+    if desk:
+        share(desk, last)
         return
+    racers = rules.racers
+    states = episodes.states
+    steps = episodes.steps
+    ended = outcome.ended
+    crashed = outcome.crashed_now
+    out = field.out
     <read_weights>
     flies = np.empty((<most>, L), np.int32)
     least = np.empty(L, F)
@@ -81,6 +74,9 @@ def meet(run_parts, first, last, states, row, way, steps, over, before, out, fin
     paid = np.empty(L, F)
     for g in range(first, last):
         ours = g * racers
+        finish = field.finish[ours : ours + racers]
+        row = episodes.row[ours : ours + racers]
+        way = episodes.way[ours : ours + racers]
 
         # who is in the air: not who was out before this step, or has finished in it
         for a in range(racers):
@@ -94,11 +90,11 @@ def meet(run_parts, first, last, states, row, way, steps, over, before, out, fin
         # who comes too near to whom
         for a in range(racers):
             for b in range(a + 1, racers):
-                least_apart(before[ours + a], before[ours + b], states[ours + a],
+                least_apart(field.before[ours + a], field.before[ours + b], states[ours + a],
                             states[ours + b], least)
                 for l in range(L):
                     both = (flies[a, l] & flies[b, l]) > 0
-                    touch = F(1) if both & (least[l] < too_near) else F(0)
+                    touch = F(1) if both & (least[l] < rules.too_near) else F(0)
                     hit[a, l] = higher(hit[a, l], touch)
                     hit[b, l] = higher(hit[b, l], touch)
 
@@ -109,65 +105,37 @@ def meet(run_parts, first, last, states, row, way, steps, over, before, out, fin
                 touched = hit[a, l] > F(0)
                 # a racer that has hit a frame in this step has paid for a crash already
                 hit[a, l] = F(0) if crashed[b, l] else hit[a, l]
-                collided[b, l] = touched
+                field.collided[b, l] = touched
                 crashed[b, l] |= touched
                 ended[b, l] |= touched
-                cut[b, l] &= not touched
-                over[b, l] |= touched
+                outcome.cut[b, l] &= not touched
+                episodes.over[b, l] |= touched
                 if ended[b, l] & (not crashed[b, l]):
-                    finish[b, l] = F(steps[b, l])
+                    finish[a, l] = F(steps[b, l])
 
         # who is where, and what the places gained are worth
         for a in range(racers):
             for b in range(a + 1, racers):
-                order(a, b, finish[ours : ours + racers], row[ours : ours + racers],
-                      way[ours : ours + racers], place)
+                order(a, b, finish, row, way, place)
         for a in range(racers):
             b = ours + a
             for l in range(L):
                 # before the first step there are no places
-                gained = F(rank[b, l] - place[a, l]) if steps[b, l] > 1 else F(0)
+                gained = F(field.rank[b, l] - place[a, l]) if steps[b, l] > 1 else F(0)
                 <pay>
             for l in range(L):
-                rank[b, l] = place[a, l]
-                reward_of[b, l] += F(0) if out[b, l] else paid[l]
+                field.rank[b, l] = place[a, l]
+                outcome.reward_of[b, l] += F(0) if out[b, l] else paid[l]
 """
 
 LOOK = """
 from controllers.lanes.normals import normal_rows
 
 @njit(fastmath=FAST, error_model="numpy")
-def apart(mine, theirs, absent, near):
-    # the way from a vehicle to an opponent, in every lane: squared distance, position, velocity
-    for l in range(L):
-        dx = theirs[0, l] - mine[0, l]
-        dy = theirs[1, l] - mine[1, l]
-        dz = theirs[2, l] - mine[2, l]
-        near[0, l] = F(<absent>) if absent[l] else dx * dx + dy * dy + dz * dz
-        near[1, l] = dx
-        near[2, l] = dy
-        near[3, l] = dz
-    for k in range(3, 6):
-        for l in range(L):
-            near[1 + k, l] = theirs[k, l] - mine[k, l]
-
-@njit(fastmath=FAST, error_model="numpy")
-def nearer_first(one, other, swaps):
-    # exchange two opponents where the second is nearer
-    for l in range(L):
-        swaps[l] = np.int32(1) if other[0, l] < one[0, l] else np.int32(0)
-    for k in range(7):
-        for l in range(L):
-            a = one[k, l]
-            b = other[k, l]
-            one[k, l] = b if swaps[l] > 0 else a
-            other[k, l] = a if swaps[l] > 0 else b
-
-@njit(fastmath=FAST, error_model="numpy")
 def observe(state, near, j, seen):
     # the numbers of the j-th nearest opponent, zeros where there is none
     for l in range(L):
-        absent = near[0, l] >= F(<absent>)
+        absent = near[0, l] >= ABSENT
         <observe>
 
 @njit(fastmath=FAST, error_model="numpy")
@@ -181,11 +149,13 @@ def add_noise(seen, noise, lane, key, call):
             seen[k, l] += drawn_noise[k, l] * seen[here, l]
 
 @kept
-@njit(fastmath=FAST, error_model="numpy")
-def look(run_parts, first, last, states, over, out, obs, others, chosen, noise, key, call, racers):
-    if run_parts:
-        share(run_parts, last)
+@njit(fastmath=FAST, error_model="numpy", nogil=True)
+def look(desk, first, last, episodes, field, looks, chosen):
+    if desk:
+        share(desk, last)
         return
+    racers = looks.racers
+    noise = looks.noise
     opponents = racers - 1
     state = np.empty((<n_x>, L), F)
     near = np.empty((<most> - 1, 7, L), F)
@@ -195,62 +165,32 @@ def look(run_parts, first, last, states, over, out, obs, others, chosen, noise, 
         if chosen[g]:
             ours = g * racers
             for a in range(racers):
-                mine = states[ours + a]
+                mine = episodes.states[ours + a]
                 for k in range(<n_x>):
                     for l in range(L):
                         state[k, l] = mine[k, l]
                 for j in range(opponents):
                     b = ours + (j if j < a else j + 1)
-                    apart(state, states[b], over[b], near[j])
+                    apart(state, episodes.states[b], episodes.over[b], near[j])
                 for end in range(opponents - 1, 0, -1):
                     for j in range(end):
                         nearer_first(near[j], near[j + 1], swaps)
                 for j in range(opponents):
                     observe(state, near[j], j, seen)
                 if noise[1] > F(0):
-                    add_noise(seen[: opponents * <size>], noise, (ours + a) * L, key, call)
+                    lane = (ours + a) * L
+                    add_noise(seen[: opponents * <size>], noise, lane, looks.key, looks.call)
 
                 # a racer that was out before sees nothing
-                to = others[ours + a]
-                gone = out[ours + a]
+                to = field.others[ours + a]
+                gone = field.out[ours + a]
                 for k in range(opponents * <size>):
                     for l in range(L):
                         to[k, l] = F(0) if gone[l] else seen[k, l]
-                own = obs[ours + a]
+                own = episodes.obs[ours + a]
                 for k in range(own.shape[0]):
                     for l in range(L):
                         own[k, l] = F(0) if gone[l] else own[k, l]
-"""
-
-ROWS = """
-@kept
-@njit
-def observations_to_rows(run_parts, first, last, obs, others, rows):
-    if run_parts:
-        share(run_parts, last)
-        return
-    races, racers, numbers = rows.shape
-    own = obs.shape[1]
-    for g in range(first, last):
-        for l in range(min(L, races - g * L)):
-            for a in range(racers):
-                for k in range(own):
-                    rows[g * L + l, a, k] = obs[g * racers + a, k, l]
-                for k in range(own, numbers):
-                    rows[g * L + l, a, k] = others[g * racers + a, k - own, l]
-
-@kept
-@njit
-def actions_to_lanes(run_parts, first, last, rows, lanes):
-    if run_parts:
-        share(run_parts, last)
-        return
-    races, racers, numbers = rows.shape
-    for g in range(first, last):
-        for l in range(min(L, races - g * L)):
-            for a in range(racers):
-                for k in range(numbers):
-                    lanes[g * racers + a, k, l] = rows[g * L + l, a, k]
 """
 
 
@@ -262,7 +202,7 @@ def _load(source: str) -> ModuleType:
 
 
 def races_module(system: System, racing: Racing, observed: int) -> ModuleType:
-    """Return the compiled loops `meet`, `look`, `observations_to_rows`, `actions_to_lanes`.
+    """Return the compiled loops `meet` and `look`.
 
     They are loaded from the disk's cache if they were built before.
 
@@ -289,8 +229,7 @@ def races_source(system: System, racing: Racing, observed: int) -> str:
     texts = (
         header(np.float32),
         fill(MEET, **sizes, nearest=nearest, pay=pay, read_weights=read_weights),
-        fill(LOOK, **sizes, observe=seen.text, absent=repr(ABSENT), group=group),
-        ROWS,
+        fill(LOOK, **sizes, observe=seen.text, group=group),
     )
     return "\n".join(texts)
 
@@ -318,7 +257,7 @@ def _pay(racing: Racing) -> tuple[str, str]:
     found = trace_number(racing.reward, touched, gained, weights)
     writer = Writer(MEET)
     lines = "\n".join((writer.lines([found]), f"paid[l] = {writer(found)}"))
-    return lines, read(racing.weights, "weight", "p_reward[{k}]", writer)
+    return lines, read(racing.weights, "weight", "rules.p_reward[{k}]", writer)
 
 
 class _Seen(NamedTuple):

@@ -17,7 +17,7 @@ from quadsim.dynamics.expected_path import ExpectedPath
 from quadsim.dynamics.quadrotor import State
 from quadsim.heat.aware_planner import AwarePlanner, Perception
 from quadsim.heat.launch import expectation_of, heat_frames, keep_clear_terms, with_terms
-from quadsim.heat.loop import RaceFrame
+from quadsim.heat.loop import HeatFrame
 from quadsim.heat.settings import Expect, HeatSettings
 from quadsim.heat.spec import Entrant, HeatSpec
 from quadsim.heat.traffic import Traffic
@@ -55,7 +55,7 @@ class WorldTime(NamedTuple):
     us: float
 
 
-class RaceTime(NamedTuple):
+class HeatTime(NamedTuple):
     """The measured time of a race in one world: plans, physics and rules, without a page."""
 
     vehicles: int
@@ -74,7 +74,7 @@ class HeatTimes(NamedTuple):
 
     beside: list[OthersTime]
     worlds: list[WorldTime]
-    races: list[RaceTime]
+    races: list[HeatTime]
 
 
 def measure_heats(seconds: float) -> HeatTimes:
@@ -84,7 +84,7 @@ def measure_heats(seconds: float) -> HeatTimes:
         seconds: approximate time for each case of the world, and for each series of control steps
             beside a race [s].
     """
-    return HeatTimes(list(others_times()), list(world_times(seconds)), list(race_times(seconds)))
+    return HeatTimes(list(others_times()), list(world_times(seconds)), list(heat_times(seconds)))
 
 
 def others_times() -> Iterator[OthersTime]:
@@ -180,7 +180,7 @@ def world_times(seconds: float) -> Iterator[WorldTime]:
                 yield WorldTime(world, vehicles, 1e3 * median_ms(step, seconds))
 
 
-def race_times(seconds: float) -> Iterator[RaceTime]:
+def heat_times(seconds: float) -> Iterator[HeatTime]:
     """Yield the time of a race for each number of vehicles, which plan each other's flights.
 
     Args:
@@ -199,7 +199,7 @@ def race_times(seconds: float) -> Iterator[RaceTime]:
             raced = run_until(frames, t + RACE_TIME) - t
             spent = perf_counter() - began
         ms = 1e3 * spent * period / raced
-        yield RaceTime(
+        yield HeatTime(
             vehicles=vehicles,
             samples=RACE_SAMPLES,
             ms=ms,
@@ -208,7 +208,7 @@ def race_times(seconds: float) -> Iterator[RaceTime]:
         )
 
 
-def run_until(frames: Iterator[RaceFrame], t: float) -> float:
+def run_until(frames: Iterator[HeatFrame], t: float) -> float:
     """Fly a race until t [s] or to its earlier end, and return the reached race time [s]."""
     last = 0.0
     for frame in frames:

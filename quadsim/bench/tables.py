@@ -10,7 +10,7 @@ from rich.table import Table
 from quadsim.bench.cases import QUADROTOR, SWEPT, CaseTime, paper_case
 from quadsim.bench.envs import PUBLISHED, EnvsSpeed, RacesSpeed
 from quadsim.bench.gates import GatesTime
-from quadsim.bench.heats import OthersTime, RaceTime, WorldTime
+from quadsim.bench.heats import HeatTime, OthersTime, WorldTime
 from quadsim.bench.peers import PeerTime
 from quadsim.bench.stages import PartTime
 from quadsim.console import plain_table
@@ -116,7 +116,7 @@ def worlds_table(rows: Sequence[WorldTime]) -> Table:
     return table
 
 
-def heat_table(rows: Sequence[RaceTime]) -> Table:
+def heat_table(rows: Sequence[HeatTime]) -> Table:
     """Return the times of races in one world."""
     heads = (
         "vehicles\nin a race",

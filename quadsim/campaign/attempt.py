@@ -21,7 +21,7 @@ from quadsim.config.parts import fault_in_flight
 from quadsim.config.spec import Spec
 from quadsim.record.metrics import chatter, motor_use
 from quadsim.record.provenance import provenance
-from quadsim.record.run import CRASHES, PlanTime, Recorder, Run, canonical
+from quadsim.record.run import CRASHES, PlanTime, RecordedRun, Recorder, canonical
 from quadsim.record.turning_back import TurnedBack, turned_back
 
 LABELS = ("host", "preset")  # keys of a spec's record that do not decide the flight
@@ -41,7 +41,7 @@ this_provenance = lru_cache(provenance)
 class Flown:
     """An attempt that a worker has flown."""
 
-    run: Run
+    run: RecordedRun
     provenance: dict  # of the worker: versions, commit, cpu
     fault: str | None  # the planner's error, if it raised one in flight
 
@@ -209,7 +209,7 @@ def result(flown: Flown) -> Result:
     return numbers
 
 
-def _crash(run: Run) -> Crash:
+def _crash(run: RecordedRun) -> Crash:
     columns = run.telemetry
     lap = int(columns["lap"][-1])
     last = run.events[-1] if run.events else None

@@ -27,7 +27,7 @@ from msgspec.structs import replace
 from quadsim.campaign.attempt import Flown, result
 from quadsim.campaign.database import code_of
 from quadsim.campaign.pool import Pool
-from quadsim.campaign.runner import Attempt, Tally, fly_attempts
+from quadsim.campaign.runner import PlannedAttempt, Tally, fly_attempts
 from quadsim.campaign.summary_stats import FINISHED
 from quadsim.campaign.variants import Variant
 from quadsim.config.setting_texts import Settings, parse_parts, resolve
@@ -109,7 +109,7 @@ def fly_baselines(pool: Pool, variants: Sequence[Variant], attempts: Sequence[in
         RunError: an attempt was lost twice with its worker.
     """
     wanted = [
-        [Attempt(variant, spec) for spec in variant.attempts(number)]
+        [PlannedAttempt(variant, spec) for spec in variant.attempts(number)]
         for variant, number in zip(variants, attempts, strict=True)
     ]
     todo = [attempt for of_variant in wanted for attempt in of_variant]

@@ -13,7 +13,7 @@ from rich.console import RenderableType
 from rich.markup import escape
 
 from quadsim.campaign.heat_runner import HeatRunner
-from quadsim.campaign.heat_stats import plain, summary_as_json
+from quadsim.campaign.heat_stats import plain_fields, summary_as_json
 from quadsim.campaign.heat_tables import (
     differences_table,
     entrants_table,
@@ -31,12 +31,13 @@ from quadsim.campaign.paired_heats import (
     fly_variants,
     heat_variants,
 )
+from quadsim.campaign.seeds import seeds_remark
 from quadsim.campaign.tables import TextTable, as_html, as_markdown, as_table, mixed_commits
 from quadsim.config.setting_texts import Place, Settings
 from quadsim.console import as_text
 from quadsim.figures import html
 from quadsim.figures.style import save_figure
-from quadsim.heat.line_up import Entrants, parse_race_variants
+from quadsim.heat.line_up import Entrants, parse_heat_variants
 from quadsim.record.run import RunError
 
 if TYPE_CHECKING:
@@ -66,6 +67,7 @@ class HeatComparison:
     course: str
     settings: list[FlownHeats]
     differences: list[HeatsDifference]
+    remark: str = ""  # what the seeds do not draw
 
     def __getitem__(self, name: str) -> FlownHeats:
         """Return the heats of a setting. Raises KeyError."""
@@ -91,7 +93,8 @@ class HeatComparison:
 
     def notes(self) -> list[str]:
         """Return what has to be read with the tables."""
-        return mixed_commits({setting.name: setting.commits for setting in self.settings})
+        commits = mixed_commits({setting.name: setting.commits for setting in self.settings})
+        return [*([self.remark] if self.remark else []), *commits]
 
     def markdown(self, title: str, picture: str) -> str:
         """Return the report, with a link to the file of its picture."""
@@ -123,10 +126,10 @@ class HeatComparison:
         return as_text(*self.renderables(), columns=COLUMNS)
 
     def as_json(self) -> dict[str, Any]:
-        """Return the numbers as plain dictionaries; a number that is not known is None."""
+        """Return the numbers as plain_fields dictionaries; a number that is not known is None."""
         return {
             "settings": {one.name: summary_as_json(one.summary) for one in self.settings},
-            "differences": [plain(one) for one in self.differences],
+            "differences": [plain_fields(one) for one in self.differences],
         }
 
     def plot(self, path: str | Path | None = None) -> Figure:
@@ -163,7 +166,10 @@ def fly_comparison(variants: Sequence[HeatVariant], runner: HeatRunner) -> HeatC
             raise RunError(f"{setting.name}: no race was flown")
     first, *others = flown
     course = variants[0].heats[0].course.name
-    return HeatComparison(course, flown, [difference(first, other) for other in others])
+    specs = [entrant.spec for variant in variants for entrant in variant.heats[0].entrants]
+    rotated = len({heat.rotation for variant in variants for heat in variant.heats}) > 1
+    differences = [difference(first, other) for other in others]
+    return HeatComparison(course, flown, differences, seeds_remark(specs, rotated))
 
 
 def compare_heats(
@@ -178,7 +184,7 @@ def compare_heats(
 ) -> HeatComparison:
     """Compare settings of heats; `quadsim.compare_heats` describes the arguments."""
     if isinstance(variants, str):
-        variants = parse_race_variants(variants)
+        variants = parse_heat_variants(variants)
     made = heat_variants(course, entrants, variants or {"race": {}}, settings, starts, rotate)
     folder = nullcontext(campaign) if campaign else TemporaryDirectory(prefix="quadsim-")
     with folder as place:

@@ -71,7 +71,7 @@ class Database(Generic[AnyRow]):
         self._damaged: set[tuple[str, str]] = set()  # key and code of rows that cannot be read
         if not create and not path.exists():
             raise RunError(f"{path}: no such campaign; `{self.made_by}` makes one")
-        with one_line(path):
+        with database_errors(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             self._db = sqlite3.connect(path, timeout=BUSY_TIMEOUT, isolation_level=None)
             # Bytes that are no UTF-8 become \x.., which JSON does not know: such a row is damaged.
@@ -140,7 +140,7 @@ class Database(Generic[AnyRow]):
         names = ", ".join(columns)
         marks = ", ".join("?" * len(columns))
         clash = "REPLACE" if (row.key, row.code) in self._damaged else "IGNORE"
-        with one_line(self.path):
+        with database_errors(self.path):
             statement = f"INSERT OR {clash} INTO {self.table} ({names}) VALUES ({marks})"
             return bool(self._db.execute(statement, values).rowcount)
 
@@ -158,7 +158,7 @@ class Database(Generic[AnyRow]):
         if keys is not None:
             query += " WHERE key IN (SELECT value FROM json_each(?))"
             given = (json.dumps(list(keys)),)
-        with one_line(self.path):
+        with database_errors(self.path):
             found = self._db.execute(f"{query} ORDER BY flown_at, seed", given).fetchall()
         rows = [self._row(values, number) for *values, number in found]
         return [row for row in rows if row is not None]
@@ -210,7 +210,7 @@ class Database(Generic[AnyRow]):
 
     def spec(self, key: str) -> dict:
         """Return the full specification of a row. Raises RunError."""
-        with one_line(self.path):
+        with database_errors(self.path):
             query = f"SELECT spec FROM {self.table} WHERE key = ?"
             (text,) = self._db.execute(query, (key,)).fetchone()
         try:
@@ -227,7 +227,7 @@ def code_of(provenance: Mapping[str, Any]) -> str:
 
 
 @contextmanager
-def one_line(path: Path) -> Iterator[None]:
+def database_errors(path: Path) -> Iterator[None]:
     """Turn errors of SQLite and of files into a RunError."""
     try:
         yield

@@ -20,7 +20,7 @@ from quadsim.figures.notebook_figure import NotebookFigure
 from quadsim.figures.run_figure import arrow_scale, draw_gates, draw_obstacles
 from quadsim.figures.style import STYLE, line
 from quadsim.palette import Style, styles
-from quadsim.record.archive import load_run
+from quadsim.record.archive import read_run
 from quadsim.record.run import RunError
 from quadsim.record.statistics import mean_interval
 
@@ -175,5 +175,5 @@ def _paths(section: Section, rows: Sequence[Row]) -> Iterator[np.ndarray]:
     for row in finished_first[:PATHS]:
         # Telemetry may have been removed, or never been kept.
         with suppress(RunError):
-            columns = load_run(section.home / row.folder).telemetry
+            columns = read_run(section.home / row.folder).telemetry
             yield np.column_stack([columns["px"], columns["py"]])

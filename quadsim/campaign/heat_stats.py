@@ -178,14 +178,14 @@ def _overtakers(results: Sequence[StoredResult], gates: int) -> Iterator[Overtak
 
 def summary_as_json(found: HeatsSummary) -> dict[str, Any]:
     """Return the numbers of many races as JSON."""
-    return plain(found) | {
-        "entrants": [plain(entrant) for entrant in found.entrants],
+    return plain_fields(found) | {
+        "entrants": [plain_fields(entrant) for entrant in found.entrants],
         "pairs": [pair._asdict() for pair in found.pairs],
-        "overtakers": [plain(overtaker) for overtaker in found.overtakers],
+        "overtakers": [plain_fields(overtaker) for overtaker in found.overtakers],
     }
 
 
-def plain(record: NamedTuple) -> dict[str, Any]:
+def plain_fields(record: NamedTuple) -> dict[str, Any]:
     """Return a record of numbers as a dictionary; a number that is not known is None."""
 
     def number(value: object) -> object:

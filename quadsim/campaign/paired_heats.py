@@ -90,9 +90,9 @@ def heat_variants(
     made = []
     for name, own in variants.items():
         settings: dict[str, Any] = {**shared, **own}
-        flown, of_race = line_up(course, entrants, settings)
+        flown, of_heat = line_up(course, entrants, settings)
         seed = flown[0].spec.seed if flown else 0
-        made.append(HeatVariant(name, heats_of(flown, of_race, seed, starts, rotate)))
+        made.append(HeatVariant(name, heats_of(flown, of_heat, seed, starts, rotate)))
     return made
 
 

@@ -23,7 +23,7 @@ from quadsim.console import complain, progress_console, uninterrupted
 from quadsim.record.run import RunError
 
 
-class Attempt(NamedTuple):
+class PlannedAttempt(NamedTuple):
     """One flight of a variant that is to be flown."""
 
     variant: Variant
@@ -78,7 +78,7 @@ class Tally(Progress):
 
 
 def fly_attempts(
-    pool: Pool, attempts: Sequence[Attempt], tally: Tally | None
+    pool: Pool, attempts: Sequence[PlannedAttempt], tally: Tally | None
 ) -> Iterator[FlownAttempt]:
     """Yield attempts as they finish.
 
@@ -180,7 +180,7 @@ class Runner(CampaignRunner):
             expect_identities(variants)
         wanted = [
             {
-                attempt_key(spec.record(), twin=variant.twin): Attempt(variant, spec)
+                attempt_key(spec.record(), twin=variant.twin): PlannedAttempt(variant, spec)
                 for spec in variant.attempts(attempts)
             }
             for variant in variants

@@ -73,7 +73,7 @@ class Search:
         """
         self._campaign = campaign
         self._space = {p.name: _distribution(p) for p in parameters}
-        with self._one_line():
+        with self._search_errors():
             campaign.parent.mkdir(parents=True, exist_ok=True)
             # A file's name may hold what means something in a URL, so that it is not part of one.
             connect = partial(sqlite3.connect, campaign, timeout=BUSY_TIMEOUT)
@@ -116,7 +116,7 @@ class Search:
     @property
     def done(self) -> int:
         """Return the number of trials that have been flown. Raises RunError."""
-        with self._one_line():
+        with self._search_errors():
             return len(self._trials(TrialState.COMPLETE))
 
     @property
@@ -130,7 +130,7 @@ class Search:
 
     def ask(self, number: int) -> list[Trial]:
         """Return a number of trials to fly. Raises RunError."""
-        with self._one_line():
+        with self._search_errors():
             return [self._ask() for _ in range(number)]
 
     def _ask(self) -> Trial:
@@ -152,19 +152,19 @@ class Search:
         Raises:
             RunError: the file cannot be written.
         """
-        with self._one_line():
+        with self._search_errors():
             trial.set_user_attr(STATS, asdict(stats))
             self._study.tell(trial, value)
 
     def give_up(self, trial: Trial) -> None:
         """Note that a trial cannot be flown. Raises RunError."""
-        with self._one_line():
+        with self._search_errors():
             trial.set_user_attr(NOT_FLOWN, True)
             self._study.tell(trial, state=TrialState.FAIL)
 
     def flown(self) -> list[FlownTrial]:
         """Return the trials that have been flown, in their order. Raises RunError."""
-        with self._one_line():
+        with self._search_errors():
             return [_flown(trial) for trial in self._trials(TrialState.COMPLETE)]
 
     def best(self, number: int) -> list[FlownTrial]:
@@ -180,7 +180,7 @@ class Search:
         return self._study.get_trials(deepcopy=False, states=states)
 
     @contextmanager
-    def _one_line(self) -> Iterator[None]:
+    def _search_errors(self) -> Iterator[None]:
         """Turn the errors of optuna and SQLAlchemy into a RunError.
 
         A table that something else has changed fails in a dozen ways.

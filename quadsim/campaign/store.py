@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import cast
 
 from quadsim.campaign.attempt import Flown, Result, attempt_key, result, variant_key
-from quadsim.campaign.database import SCHEMA_VERSION, Database, code_of, one_line
+from quadsim.campaign.database import SCHEMA_VERSION, Database, code_of, database_errors
 from quadsim.config.spec import Spec
 from quadsim.record.archive import RunFolder, remove_unfinished
 from quadsim.record.run import Outcome
@@ -63,7 +63,7 @@ class Store(Database[Row]):
         super().__init__(path, create)
         self.flights = path.with_suffix(".flights")
         if create:
-            with one_line(path):
+            with database_errors(path):
                 remove_unfinished(self.flights, self._has)
 
     def _create_table(self) -> None:

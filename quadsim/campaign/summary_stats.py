@@ -105,6 +105,7 @@ class Section:
     pairs: list[PairStats]
     rows: list[Sequence[Row]]  # of each variant
     home: Path  # folder that their telemetry is relative to
+    remark: str = ""  # what the seeds do not draw, for people
 
 
 def variant_stats(

@@ -11,8 +11,8 @@ from rich.markup import escape
 from quadsim.campaign.compare import comparison, identity, write_report
 from quadsim.campaign.runner import Runner
 from quadsim.campaign.variants import make_variants, parse_variants
-from quadsim.cli.compare_races import compare_races
-from quadsim.cli.flags import Given, GivenRace, Help, Json, Switch, course_help, settings_as_flags
+from quadsim.cli.compare_heats import compare_heats
+from quadsim.cli.flags import Given, GivenHeat, Help, Json, Switch, course_help, settings_as_flags
 from quadsim.console import UsageError, emit, emit_json
 from quadsim.record.run import RunError
 from quadsim.record.whole_files import expect_file, try_writing
@@ -68,7 +68,7 @@ def compare(
         str | None, Help("folder of Markdown and figures; default: beside the campaign")
     ] = None,
     json: Json = False,
-    race: GivenRace = None,
+    race: GivenHeat = None,
     settings: Given = None,
 ) -> int:
     """Fly variants on the same seeds and report their differences with intervals.
@@ -94,7 +94,7 @@ def compare(
             raise UsageError("--line-up: expected --starts in place of --attempts")
         if len(courses) > 1:
             raise UsageError(f"--line-up: expected one course, got {len(courses)}")
-        return compare_races(
+        return compare_heats(
             course=next(iter(courses), None),
             entrants=line_up,
             variants=variants,

@@ -40,8 +40,12 @@ TITLES = {
     "cost": "Cost",
     "model": "Planner's model of the vehicle",
 }
-# Formats of the values of flags that may be repeated.
-METAVARS = {"term": "MODULE:FUNCTION=WEIGHT", "fault": "PART=WHAT@TIME"}
+# Formats of the values of flags that name parts of the user's own, or may be repeated.
+METAVARS = {
+    "controller": "MODULE:CLASS",
+    "term": "MODULE:FUNCTION=WEIGHT",
+    "fault": "PART=WHAT@TIME",
+}
 DEFAULT_PLANNER = PRESETS[FlightSettings.preset][FlightSettings.sampler]
 
 
@@ -87,6 +91,13 @@ def stored_runs() -> list[str]:
     return ["last", *(run.name for run in list_runs(FlightSettings.runs_dir))]
 
 
+def stored_runs_and_races() -> list[str]:
+    """Return the names of the stored runs and races in the folder `runs`, and "last"."""
+    from quadsim.record.archive import list_heats
+
+    return [*stored_runs(), *(heat.name for heat in list_heats(FlightSettings.runs_dir))]
+
+
 COMPLETERS = {
     "preset": names(lambda: PRESETS),
     "vehicle": names(vehicle_names),
@@ -107,7 +118,11 @@ def vehicle_help(text: str = "a name (see `race vehicles`) or a FILE.yaml") -> P
 Json = Annotated[bool, Switch("print one JSON value in place of tables")]
 RunsDir = Annotated[str, Meta(min_length=1), Help("folder of the runs")]
 Stored = Annotated[
-    str, Help("a run: its folder, a part of its name, or last", completer=names(stored_runs))
+    str,
+    Help(
+        "a run: its folder, a part of its name, or last",
+        completer=names(stored_runs_and_races),
+    ),
 ]
 CourseName = Annotated[
     str | None,
@@ -156,6 +171,8 @@ def _flag(setting: Setting, group: Group, default: object) -> Any:
             metavar = "X"
         case inspect.IntType():
             metavar = "N"
+    if setting.name == "controller":
+        metavar = METAVARS[setting.name]
     if setting.name == "sampler":
         hint = Literal[tuple(SAMPLERS)] | str
         metavar = "NAME"
@@ -186,7 +203,7 @@ def _shown(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _race_flags() -> Any:
+def _heat_flags() -> Any:
     """Return a type for cyclopts with one key for each setting of a race of several vehicles."""
     group = Group("Race of several vehicles", sort_key=-1)
     defaults = HeatSettings()
@@ -203,7 +220,7 @@ def _race_flags() -> Any:
 # The given settings by name; their values are texts, see quadsim.files.values.
 if TYPE_CHECKING:
     Given = dict[str, Any] | None
-    GivenRace = dict[str, Any] | None
+    GivenHeat = dict[str, Any] | None
 else:
     Given = Annotated[_flight_flags() | None, Parameter(name="*")]
-    GivenRace = Annotated[_race_flags() | None, Parameter(name="*")]
+    GivenHeat = Annotated[_heat_flags() | None, Parameter(name="*")]

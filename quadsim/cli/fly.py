@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from contextlib import ExitStack, closing, suppress
 from pathlib import Path
+from shlex import quote
 from typing import Annotated, Any
 
 from quadsim.cli.commands import EXIT
@@ -29,9 +30,18 @@ from quadsim.console import COMPILING, UsageError, complain, uninterrupted
 from quadsim.files.arrays import read_bytes
 from quadsim.files.strict_yaml import FileError
 from quadsim.firmware.process import FirmwareError
+from quadsim.firmware.translation import translated
 from quadsim.racing.events import Frame
+from quadsim.racing.flight import Controller
 from quadsim.record.archive import RunFolder, find_run, load_reportable, remove_unfinished
-from quadsim.record.run import Recorder, Run, RunError, own_parts, same_flight, why_not_repeatable
+from quadsim.record.run import (
+    RecordedRun,
+    Recorder,
+    RunError,
+    own_parts,
+    same_flight,
+    why_not_repeatable,
+)
 from quadsim.record.whole_files import write_whole
 
 # Name of the firmware's log in the folder of a run
@@ -64,18 +74,7 @@ def fly(
 
     race fly --from last
     """
-    log = (settings or {}).get("blackbox")
-    if log:
-        with settings_as_flags():
-            expect_new_log(log)
-    before = None
-    if from_ is None:
-        spec = spec_of(course, settings)
-    else:
-        if course is not None:
-            raise UsageError(f"--from: expected no course beside a run, got {course!r}")
-        before = stored_run(from_, settings or {})
-        spec = spec_again(before, settings or {})
+    spec, before = _asked(course, from_, settings or {})
     # Before `build`, which lets a sampler of the user's own draw
     record = spec.record()
     try:
@@ -87,12 +86,9 @@ def fly(
     end_of_plant = ExitStack()
     end_of_plant.enter_context(closing(parts.plant))
     with end_of_plant, RunFolder.open(spec.runs_dir, record) as folder:
-        if spec.plant == "rigid" and not (settings or {}).get("plant"):
-            complain("PyBullet is not installed: the built-in rigid body flies (--plant rigid)")
-        if not getattr(parts.controller, "is_cached", True):
-            complain(COMPILING)
+        _complain_before(spec, parts.controller, settings or {})
         with settings_as_flags():  # a user's own sampler may return invalid values
-            recorder = _recorded(launch(spec, parts), spec, quiet=json)
+            recorder, ended = _recorded(launch(spec, parts), spec, quiet=json)
         run = recorder.run(record)
         failure: RunError | FileError | None = None
         unwritten: FirmwareError | None = None
@@ -108,10 +104,43 @@ def fly(
     for error in (failure, unwritten):
         if error:
             raise error
+    if ended:
+        raise FirmwareError(f"{ended}: the flight so far is kept")
     if run.outcome == "interrupted":
         end = run.telemetry["t"][-1]
         complain(f"race fly: interrupted at {end:.2f} s, the flight so far is kept")
     return EXIT[run.outcome]
+
+
+def _asked(
+    course: str | None, from_: str | None, settings: Mapping[str, Any]
+) -> tuple[Spec, RecordedRun | None]:
+    """Return the Spec of a flight, and the stored run that it repeats, if it does.
+
+    Raises:
+        UsageError: a flag cannot be used.
+        FileError, RunError: a file or the stored run cannot be read.
+    """
+    if settings.get("blackbox"):
+        with settings_as_flags():
+            expect_new_log(settings["blackbox"])
+    if from_ is None:
+        return spec_of(course, dict(settings)), None
+    if course is not None:
+        raise UsageError(f"--from: expected no course beside a run, got {course!r}")
+    before = stored_run(from_, settings)
+    return spec_again(before, settings), before
+
+
+def _complain_before(spec: Spec, controller: Controller, settings: Mapping[str, Any]) -> None:
+    """Say which plant flies, what of a configuration is left out, and that loops are compiled."""
+    if spec.plant == "rigid" and not settings.get("plant"):
+        complain("PyBullet is not installed: the built-in rigid body flies (--plant rigid)")
+    if spec.betaflight and (read := translated(spec.betaflight)).changes_something:
+        shown = f"race firmware read --betaflight {quote(spec.betaflight.name)}"
+        complain(f"{read.summary()}: {shown}")
+    if not getattr(controller, "is_cached", True):
+        complain(COMPILING)
 
 
 def spec_of(course: str | None, settings: Given = None) -> Spec:
@@ -140,12 +169,12 @@ def check_beside_pilot(given: Mapping[str, Any]) -> None:
             raise UsageError(f"{flag(name)}: {wanted}")
 
 
-def stored_run(name: str, settings: Mapping[str, Any]) -> Run:
+def stored_run(name: str, settings: Mapping[str, Any]) -> RecordedRun:
     """Return the stored run to repeat. Raises RunError."""
     return load_reportable(find_run(name, settings.get("runs_dir") or FlightSettings.runs_dir))
 
 
-def spec_again(before: Run, settings: Mapping[str, Any]) -> Spec:
+def spec_again(before: RecordedRun, settings: Mapping[str, Any]) -> Spec:
     """Return the Spec of a stored run with the given flags, and apply its number of threads.
 
     Raises:
@@ -156,7 +185,7 @@ def spec_again(before: Run, settings: Mapping[str, Any]) -> Spec:
         return with_threads(recorded_spec(before.spec, settings))
 
 
-def compared(run: Run, before: Run, settings: Mapping[str, Any]) -> str:
+def compared(run: RecordedRun, before: RecordedRun, settings: Mapping[str, Any]) -> str:
     """Return one line that says whether a repeated run equals the original."""
     _, changed = sorted_settings(before.spec, settings)
     if changed:
@@ -170,19 +199,29 @@ def compared(run: Run, before: Run, settings: Mapping[str, Any]) -> str:
     return f"not the same flight as the stored run: {reason or 'see its cpu and versions'}"
 
 
-def _recorded(flight: Iterable[Frame], spec: Spec, quiet: bool) -> Recorder:
-    """Record every frame until the flight ends or Ctrl-C is pressed.
+def _recorded(
+    flight: Iterable[Frame], spec: Spec, quiet: bool
+) -> tuple[Recorder, FirmwareError | None]:
+    """Record every frame until the flight ends, Ctrl-C is pressed or the firmware ends.
 
-    Raises KeyboardInterrupt if there is no frame yet.
+    Returns:
+        The recorder, and the error of a firmware that has ended in flight.
+
+    Raises:
+        KeyboardInterrupt, FirmwareError: there is no frame yet.
     """
     recorder = Recorder()
-    with Progress(spec, quiet) as line, suppress(KeyboardInterrupt):
-        for frame in flight:
-            recorder.add(frame)
-            line.show(frame)
+    ended = None
+    try:
+        with Progress(spec, quiet) as line, suppress(KeyboardInterrupt):
+            for frame in flight:
+                recorder.add(frame)
+                line.show(frame)
+    except FirmwareError as error:
+        ended = error
     if not len(recorder):
-        raise KeyboardInterrupt("race fly: interrupted, nothing to keep")
-    return recorder
+        raise ended or KeyboardInterrupt("race fly: interrupted, nothing to keep")
+    return recorder, ended
 
 
 def _closed(end_of_plant: ExitStack) -> FirmwareError | None:
@@ -194,7 +233,7 @@ def _closed(end_of_plant: ExitStack) -> FirmwareError | None:
     return None
 
 
-def _save(folder: RunFolder, run: Run, blackbox: str | None) -> RunError | FileError | None:
+def _save(folder: RunFolder, run: RecordedRun, blackbox: str | None) -> RunError | FileError | None:
     """Store the run and return the error if that fails.
 
     The caller prints the report before the error.

@@ -18,7 +18,7 @@ from quadsim.console import UsageError, complain, emit, emit_json, plain, uninte
 from quadsim.course import load_course
 from quadsim.files.extras import needs_extra
 from quadsim.files.strict_yaml import unit
-from quadsim.record.archive import RunFolder, find_run, load_run
+from quadsim.record.archive import RunFolder, find_run, read_run
 from quadsim.record.keeper import Keeper
 from quadsim.record.limits import LimitProblem, ModelName, StoredSolution, limits_folder
 from quadsim.record.whole_files import try_writing
@@ -27,7 +27,7 @@ from quadsim.vehicle import load_vehicle, with_thrust_to_weight
 if TYPE_CHECKING:
     # Imported when a search begins, as these modules load the optimiser
     from quadsim.limit.guess import Flight
-    from quadsim.limit.search import Attempt, Progress, Search
+    from quadsim.limit.search import Progress, Search, SolveAttempt
     from quadsim.limit.solve import Show
 
 Laps = Annotated[int, Meta(ge=1, le=20)]
@@ -96,7 +96,7 @@ def limit(
     keeper = Keeper(problem, folder, problem.best_known(folder))
     search = _search(problem)
     try_writing(folder)
-    attempts: list[Attempt] = []
+    attempts: list[SolveAttempt] = []
     # The optimiser would treat Ctrl-C as a failure
     with suppress(KeyboardInterrupt), uninterrupted() as stopped:
         progress = _progress(stopped, quiet=json)
@@ -180,7 +180,7 @@ def _flight(problem: LimitProblem, name: str, runs_dir: str) -> Flight:
         UsageError: the run is not a finished flight of this race.
         RunError: the run cannot be read.
     """
-    run = load_run(find_run(name, runs_dir))
+    run = read_run(find_run(name, runs_dir))
     passes = [gate["t"] for gate in run.gates]
     race = problem.laps * len(problem.course.gates)
     same_course = run.spec["course"] == problem.course.name
@@ -216,7 +216,9 @@ def _progress(stopped: list[int], quiet: bool) -> Progress:
     return show
 
 
-def _summary(problem: LimitProblem, known: StoredSolution | None, attempts: list[Attempt]) -> dict:
+def _summary(
+    problem: LimitProblem, known: StoredSolution | None, attempts: list[SolveAttempt]
+) -> dict:
     """Return the result as JSON, in seconds and metres; time: null if nothing is known."""
     return {
         "course": problem.course.name,

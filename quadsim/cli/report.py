@@ -14,12 +14,12 @@ from quadsim.record.limits import StoredSolution, limit_of, limits_folder
 from quadsim.record.metrics import chatter, missed_deadlines, splits
 from quadsim.record.model_differences import differing
 from quadsim.record.report import report as run_report
-from quadsim.record.run import INTERACTIVE, Run, own_parts
+from quadsim.record.run import INTERACTIVE, RecordedRun, own_parts
 from quadsim.record.turning_back import turned_back
 
 
 def present(
-    run: Run, folder: Path | None, as_json: bool, runs_dir: str | Path | None = None
+    run: RecordedRun, folder: Path | None, as_json: bool, runs_dir: str | Path | None = None
 ) -> None:
     """Print the report of a run.
 
@@ -36,7 +36,7 @@ def present(
 
 
 def known_limit(
-    run: Run, folder: Path | None, runs_dir: str | Path | None = None
+    run: RecordedRun, folder: Path | None, runs_dir: str | Path | None = None
 ) -> StoredSolution | None:
     """Return the best known limit of a run's race.
 
@@ -60,7 +60,7 @@ def _remark(problem: str) -> None:
 
 
 def report(
-    run: Run, folder: Path | None, columns: int, runs_dir: str | Path | None = None
+    run: RecordedRun, folder: Path | None, columns: int, runs_dir: str | Path | None = None
 ) -> Iterator[RenderableType]:
     """Yield the parts of the report of a run, and the path of its folder.
 
@@ -75,7 +75,7 @@ def report(
     yield f"stored in {escape(str(folder))}" if folder else "[red]not stored[/]"
 
 
-def summary(run: Run, folder: Path | None, runs_dir: str | Path | None = None) -> dict:
+def summary(run: RecordedRun, folder: Path | None, runs_dir: str | Path | None = None) -> dict:
     """Return the report as JSON, in seconds, metres and m/s; `plan_ms` in milliseconds.
 
     limit is null if none is known; run_dir is null if the run could not be stored.
@@ -115,7 +115,7 @@ def summary(run: Run, folder: Path | None, runs_dir: str | Path | None = None) -
     }
 
 
-def _limit_summary(run: Run, limit: StoredSolution | None) -> dict | None:
+def _limit_summary(run: RecordedRun, limit: StoredSolution | None) -> dict | None:
     """Return a limit as JSON; above: null if the race was not finished."""
     if limit is None:
         return None

@@ -9,14 +9,14 @@ from typing import get_args
 
 from controllers.costs import Cost
 from controllers.presets import Planner
-from controllers.presets import faults as faults_of_planner
+from controllers.presets import contradictions as contradictions_of_planner
 from controllers.samplers import Sampling
 from quadsim.config.parts import check_part, is_registered
 from quadsim.config.settings import CONTROL_UNITS, LINK, PlantName, SettingError
 from quadsim.dynamics.quadrotor import Control
 from quadsim.files.yaml_errors import shown_value
-from quadsim.firmware.configuration import Text
 from quadsim.firmware.process import MAIN_LOOP
+from quadsim.firmware.text import Text
 from quadsim.physics.faults import CommandLoss, RotorFault, parse_fault, sensor_key
 from quadsim.physics.link import WIRE, LinkConfig
 from quadsim.racing.flight import whole_multiple
@@ -112,11 +112,18 @@ def check_view(view_weight: float, sensing: Sensing | None) -> None:
         raise SettingError("view_weight", f"{wanted}, got {sensing_name(sensing)}")
 
 
+def check_record_sensing(record_sensing: bool, sensing: Sensing | None) -> None:
+    """Check that a flight whose sensing is to be kept has sensors. Raises SettingError."""
+    if record_sensing and sensing is None:
+        wanted = "expected a sensing with sensors beside it"
+        raise SettingError("record_sensing", f"{wanted}, got {PERFECT}")
+
+
 def check_planner(planner: Planner) -> None:
     """Check the numbers of a planner against each other. Raises SettingError."""
     if is_registered(planner.sampling):
         _check_channels(planner.sampling)
-    for path, problem in faults_of_planner(planner):
+    for path, problem in contradictions_of_planner(planner):
         raise SettingError(path.partition(".")[2], problem)
 
 

@@ -9,7 +9,11 @@ from __future__ import annotations
 
 # The first name of each module that has moved. A move adds a line and never changes one.
 FIRST_NAMES = {
+    "controllers.costs.cost": "controllers.costs",
     "quadsim.config": "quadsim.spec",
+    "quadsim.config.build_cost": "quadsim.spec.build",
+    "quadsim.config.build_navigation": "quadsim.spec.build",
+    "quadsim.config.build_plant": "quadsim.spec.build",
     "quadsim.config.checks": "quadsim.spec.spec",
     "quadsim.config.resolve": "quadsim.spec.spec",
     "quadsim.course.course_file": "quadsim.course.course",
@@ -21,6 +25,7 @@ FIRST_NAMES = {
     "quadsim.firmware.gain_search": "quadsim.physics.gain_search",
     "quadsim.firmware.identification": "quadsim.physics.identification",
     "quadsim.firmware.identified": "quadsim.spec.identified",
+    "quadsim.firmware.tuned_gains": "quadsim.spec.tuned_gains",
     "quadsim.heat.grid": "quadsim.racing.grid",
     "quadsim.heat.line_up": "quadsim.campaign.line_ups",
     "quadsim.heat.loop": "quadsim.racing.heat",

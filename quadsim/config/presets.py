@@ -18,7 +18,7 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 import yaml
 from msgspec import defstruct
 
-from controllers.presets import PRESETS, Planner, faults, preset
+from controllers.presets import PRESETS, Planner, contradictions, preset
 from controllers.samplers import SAMPLERS
 from quadsim.config.settings import CONTROL_UNITS
 from quadsim.dynamics.quadrotor import Control
@@ -83,7 +83,7 @@ def parse_planner(text: str, file: str, sampler: str, firmware: bool = False) ->
         numbers = {key: getattr(given, key) for key in keys if key in known}
         changes[group] = replace(base_part, **numbers)
     planner = replace(base, **changes)
-    for path, problem in faults(planner):
+    for path, problem in contradictions(planner):
         raise document.error(path, problem)
     return planner
 

@@ -24,17 +24,18 @@ from quadsim.course import Course
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.values import checked
 from quadsim.files.yaml_errors import did_you_mean, shown_value
-from quadsim.firmware.configuration import Text, read_text
+from quadsim.firmware.text import Text, read_text, shipped_configuration
 from quadsim.sensing import Sensing
-from quadsim.vehicle import VEHICLES, Vehicle
+from quadsim.vehicle import Vehicle
 
 DEFAULT_COURSE = "split_s_swift"
 # Keywords that take an object and are not settings.
-OBJECTS = ("course", "planner", "model", "controller", "referee", "cost", "terms")
+OBJECTS = ("course", "planner", "model", "referee", "cost", "terms")
 KEYWORDS = (*SETTINGS, *OBJECTS)
 # Settings that take an object in place of a name
-OBJECT_SETTINGS = ("sampler", "pilot", "vehicle", "sensing", "plant", "preset", "betaflight")
-CONFIGURATION = ".betaflight.txt"  # ends the file of a vehicle's configuration of the firmware
+OBJECT_SETTINGS = (
+    *("sampler", "pilot", "controller", "vehicle", "sensing", "plant", "preset", "betaflight"),
+)
 # Physics step with the firmware: its gyro and its link are exchanged in each [s]
 FIRMWARE_STEP = 1e-3
 
@@ -125,12 +126,6 @@ def configuration_of(
     if flight.flight_controller == "ideal":
         return None
     return shipped_configuration(vehicle)
-
-
-def shipped_configuration(vehicle: Vehicle) -> Text | None:
-    """Return the firmware's configuration that comes with a vehicle, None if none does."""
-    path = VEHICLES / f"{vehicle.name.partition('-twr')[0]}{CONFIGURATION}"
-    return read_text(path) if path.exists() else None
 
 
 def base_planner(given: Mapping[str, Any], flight: FlightSettings, read: dict[str, Any]) -> Planner:

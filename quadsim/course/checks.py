@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import product
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from quadsim.course.gate import Gate, Start
 from quadsim.course.obstacles import Obstacle
 from quadsim.course.opening import InGate, half_sizes
 from quadsim.course.swept_obstacles import SweptObstacle
+from quadsim.files.values import FieldProblem
 from quadsim.rotation import Vec3
 
 # [m] around the start, and before and behind gates: the largest vehicle (.25) and half a bar (.05)
@@ -44,34 +45,29 @@ class Layout(Protocol):
     def laps(self) -> int: ...
 
 
-class Fault(NamedTuple):
-    """A key of the course file, and the problem with it."""
-
-    key: str
-    problem: str
-
-
-def faults(course: Layout) -> Iterator[Fault]:
-    """Yield all faults of a course; the first is the one to show."""
+def problems(course: Layout) -> Iterator[FieldProblem]:
+    """Yield all problems of a course; the first is the one to show."""
     if course.laps > 1 and not course.loop:
-        yield Fault("laps", f"expected 1 on an open course (or loop: true), got {course.laps}")
+        yield FieldProblem(
+            "laps", f"expected 1 on an open course (or loop: true), got {course.laps}"
+        )
     for i, (axis, (low, high)) in enumerate(zip("xyz", course.bounds, strict=True)):
         if low >= high:
             problem = f"expected {axis}_min < {axis}_max [m], got [{low:g}, {high:g}]"
-            yield Fault(f"bounds[{i}]", problem)
-    yield from _start_faults(course)
-    yield from _gate_faults(course)
-    yield from _obstacle_faults(course)
+            yield FieldProblem(f"bounds[{i}]", problem)
+    yield from _start_problems(course)
+    yield from _gate_problems(course)
+    yield from _obstacle_problems(course)
 
 
-def _start_faults(course: Layout) -> Iterator[Fault]:
-    """Yield the faults of the start."""
+def _start_problems(course: Layout) -> Iterator[FieldProblem]:
+    """Yield the problems of the start."""
     key = "start.position"
     start = course.start.position
     if start[2] < 0.0:
-        yield Fault(key, f"expected z >= 0, on or above the ground [m], got {start[2]:g}")
+        yield FieldProblem(key, f"expected z >= 0, on or above the ground [m], got {start[2]:g}")
     for problem in start_problems(course, start):
-        yield Fault(key, problem)
+        yield FieldProblem(key, problem)
 
 
 def start_problems(course: Layout, start: Vec3) -> Iterator[str]:
@@ -104,34 +100,34 @@ def misplaced_gates(course: Layout) -> dict[int, str]:
     """
     found = {}
     for i, gate in enumerate(course.gates):
-        problems = [fault.problem for fault in _faults_of_gate(course, i, gate)]
+        wrong = [problem.problem for problem in _problems_of_gate(course, i, gate)]
         distance = gate.frame_distance(course.start.position)
         if distance < ROOM:
-            problems.append(f"expected {ROOM} m of room, got {distance:.2f} m to the start")
+            wrong.append(f"expected {ROOM} m of room, got {distance:.2f} m to the start")
         if course.obstacles and _blocked(gate, course.obstacles):
-            problems.append("expected a free line through the gate, got obstacles across all of it")
-        if problems:
-            found[i] = problems[0]
+            wrong.append("expected a free line through the gate, got obstacles across all of it")
+        if wrong:
+            found[i] = wrong[0]
     return found
 
 
-def _gate_faults(course: Layout) -> Iterator[Fault]:
-    """Yield the faults of every gate and of the room before and behind it."""
+def _gate_problems(course: Layout) -> Iterator[FieldProblem]:
+    """Yield the problems of every gate and of the room before and behind it."""
     for i, gate in enumerate(course.gates):
-        yield from _faults_of_gate(course, i, gate)
+        yield from _problems_of_gate(course, i, gate)
 
 
-def _faults_of_gate(course: Layout, i: int, gate: Gate) -> Iterator[Fault]:
-    """Yield the faults of one gate, whose index is i."""
+def _problems_of_gate(course: Layout, i: int, gate: Gate) -> Iterator[FieldProblem]:
+    """Yield the problems of one gate, whose index is i."""
     key = f"gates[{i}].position"
     opening = gate.corners()
     lowest = opening[:, 2].min()
     if lowest < -ROUNDING:
         problem = f"expected an opening above the ground, got its lowest corner at {lowest:.2f}"
-        yield Fault(key, f"{problem} [m]")
+        yield FieldProblem(key, f"{problem} [m]")
     outside = _outside(course, opening)
     if outside:
-        yield Fault(key, outside)
+        yield FieldProblem(key, outside)
 
     # The last gate of an open course too: a planner stays within the bounds by the vehicle's
     # size, and would not reach a gate that stands on them.
@@ -139,30 +135,30 @@ def _faults_of_gate(course: Layout, i: int, gate: Gate) -> Iterator[Fault]:
         point = gate.to_world(InGate(along, 0.0, 0.0))
         if point[2] < -ROUNDING:
             problem = f"expected {ROOM} m of room {where} the gate, got the ground nearer"
-            yield Fault(key, problem)
+            yield FieldProblem(key, problem)
         outside = _outside(course, np.array([point]))
         if outside:
-            yield Fault(key, f"{ROOM} m {where} the gate, along its passage, is {outside}")
+            yield FieldProblem(key, f"{ROOM} m {where} the gate, along its passage, is {outside}")
 
 
-def _obstacle_faults(course: Layout) -> Iterator[Fault]:
-    """Yield the faults of obstacles, and the gates that they block."""
+def _obstacle_problems(course: Layout) -> Iterator[FieldProblem]:
+    """Yield the problems of obstacles, and the gates that they block."""
     for i, obstacle in enumerate(course.obstacles):
         key = f"obstacles[{i}]"
         if obstacle.top <= 0.0:
             problem = f"expected an obstacle above the ground, got its top at {obstacle.top:.2f}"
-            yield Fault(key, f"{problem} [m]")
+            yield FieldProblem(key, f"{problem} [m]")
         corners = obstacle.corners()
         spans = zip("xyz", corners.min(axis=0), corners.max(axis=0), course.bounds, strict=True)
         for axis, low, high, (least, most) in spans:
             if high < least or low > most:
                 expected = f"expected {axis} within [{least:g}, {most:g}] [m]"
                 got = f"got {low:.2f} to {high:.2f}"
-                yield Fault(key, f"outside the bounds, {expected}, {got}")
+                yield FieldProblem(key, f"outside the bounds, {expected}, {got}")
     for i, gate in enumerate(course.gates):
         if course.obstacles and _blocked(gate, course.obstacles):
             expected = f"expected a free line of {2 * ROOM:g} m through the gate"
-            yield Fault(f"gates[{i}]", f"{expected}, got obstacles across all of it")
+            yield FieldProblem(f"gates[{i}]", f"{expected}, got obstacles across all of it")
 
 
 def _blocked(gate: Gate, obstacles: Sequence[Obstacle]) -> bool:

@@ -16,7 +16,7 @@ from typing import Any, TypedDict, Unpack
 
 import numpy as np
 
-from quadsim.course.checks import faults
+from quadsim.course.checks import problems
 from quadsim.course.course_file import CourseFile, GateEntry, ObstacleEntry, Published
 from quadsim.course.gate import Gate, Start
 from quadsim.course.obstacles import Box, Cylinder, Obstacle
@@ -194,7 +194,7 @@ def parse_course(text: str, file: str) -> Course:
     """
     document = parse(text, file)
     course = _read(document)
-    for path, problem in faults(course):
+    for path, problem in problems(course):
         raise document.error(path, problem)
     return course
 
@@ -213,7 +213,7 @@ def course_errors(text: str, file: str) -> list[FileError]:
         course = _read(document)
     except FileError as error:
         return [error]
-    return [document.error(path, problem) for path, problem in faults(course)]
+    return [document.error(path, problem) for path, problem in problems(course)]
 
 
 def course_entries(course: Course) -> CourseFile:

@@ -15,7 +15,7 @@ from quadsim.figures.notebook_figure import NotebookFigure
 from quadsim.figures.style import STYLE, line
 from quadsim.heat.result import HeatEvent, placings
 from quadsim.palette import HIT, MARK, Style, styles
-from quadsim.record.run import Run
+from quadsim.record.run import RecordedRun
 
 # Largest drawn gap [s]
 LARGEST_GAP = 4.0
@@ -23,7 +23,7 @@ LARGEST_GAP = 4.0
 
 def draw_heat(
     names: Sequence[str],
-    runs: Sequence[Run],
+    runs: Sequence[RecordedRun],
     start_times: Sequence[float],
     events: Sequence[HeatEvent],
     course: Course,
@@ -52,12 +52,12 @@ def draw_heat(
     return figure
 
 
-def _passes(run: Run, start_time: float) -> list[float]:
+def _passes(run: RecordedRun, start_time: float) -> list[float]:
     """Return the race times at which a run passed its gates [s]."""
     return [start_time + event.t for event in run.events if event.kind == "pass"]
 
 
-def _title(names: Sequence[str], runs: Sequence[Run], course: Course) -> str:
+def _title(names: Sequence[str], runs: Sequence[RecordedRun], course: Course) -> str:
     """Return the results in one line."""
     results = []
     for placing in placings(names, runs, course):
@@ -68,7 +68,7 @@ def _title(names: Sequence[str], runs: Sequence[Run], course: Course) -> str:
 
 def draw_paths(
     axes: Axes,
-    runs: Sequence[Run],
+    runs: Sequence[RecordedRun],
     looks: Sequence[Style],
     events: Sequence[HeatEvent],
     course: Course,

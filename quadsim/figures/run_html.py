@@ -8,7 +8,9 @@ from quadsim.course import parse_course
 from quadsim.figures.html import block, facts, image, paragraph, text
 from quadsim.figures.run_figure import draw_map
 from quadsim.files.strict_yaml import FileError
-from quadsim.record.run import Run, flown_with, not_comparable
+from quadsim.record.estimate_metrics import lost_estimate
+from quadsim.record.given_state import given_state
+from quadsim.record.run import RecordedRun, flown_with, not_comparable
 from quadsim.record.run_metrics import RunMetrics
 from quadsim.record.run_text import (
     chatter_text,
@@ -20,7 +22,7 @@ from quadsim.record.run_text import (
 )
 
 
-def run_html(run: Run, metrics: RunMetrics) -> str:
+def run_html(run: RecordedRun, metrics: RunMetrics) -> str:
     """Return a run as HTML, with a picture if the course is readable."""
     head = f"<b>{text(run.spec['course'])}</b>, {text(flown_with(run.spec))}"
     parts = [head, facts(_facts(run, metrics))]
@@ -35,10 +37,13 @@ def run_html(run: Run, metrics: RunMetrics) -> str:
     return block(*parts, image(draw_map(run, course), described))
 
 
-def _facts(run: Run, metrics: RunMetrics) -> Iterator[tuple[str, str]]:
+def _facts(run: RecordedRun, metrics: RunMetrics) -> Iterator[tuple[str, str]]:
     """Yield the rows of the table beside the picture."""
     laps = f"{len(run.laps)} of {run.spec['laps']} laps in {run.duration:.3f} s"
     yield "outcome", f"{run.outcome}, {laps}{crash_place(run)}"
+    for name, line in (("state", given_state(run.spec)), ("estimate", lost_estimate(run))):
+        if line:
+            yield name, line.removeprefix(f"{name} ")
     if run.laps:
         yield "lap times", lap_times(run)
     if metrics.above_limit is not None:

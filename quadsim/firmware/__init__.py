@@ -2,7 +2,7 @@
 
 The modules build the firmware (`package`), configure it (`configuration`, `gains`) and step it
 (`process`, `actuators`); on a test bench they identify the rate loop and tune the gains
-(`identification`, `gain_search`).
+(`identification`, `gain_search`, `tuned_gains`).
 """
 
 from typing import Literal

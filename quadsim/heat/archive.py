@@ -16,11 +16,18 @@ import time
 from collections.abc import Collection, Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
+from shlex import quote
 from typing import Any, NamedTuple, TypeGuard
 
 import msgspec
 
-from quadsim.config.recorded import RecordError, recorded_spec
+from quadsim.config.recorded import (
+    MissingPartError,
+    RecordError,
+    recorded_spec,
+    sorted_settings,
+)
+from quadsim.config.spec import Spec
 from quadsim.course import Course, parse_course
 from quadsim.files.arrays import read_bytes
 from quadsim.files.strict_yaml import FileError
@@ -34,14 +41,21 @@ from quadsim.record.archive import (
     find_run,
     list_heats,
     list_runs,
-    load_run,
+    read_run,
     write_run,
     written_at,
 )
 from quadsim.record.provenance import provenance
-from quadsim.record.run import CRASHES, Run, RunError, canonical, hostless
+from quadsim.record.run import CRASHES, RecordedRun, RunError, canonical, hostless
 from quadsim.record.schema import HEAT_FORMAT, StoredEntrant, StoredHeatSpec, TitledHeat
-from quadsim.record.whole_files import one_line, write_whole
+from quadsim.record.whole_files import file_errors, write_whole
+
+# Role of a part of the user's own that a text can name -> the form of the text
+AS_TEXT = {
+    "controller": "controller=package.module:Class",
+    "sampler": "sampler=package.module:Class",
+    "terms": "term=package.module:function=WEIGHT",
+}
 
 # Largest heat.json that is read [bytes]; a race of eight takes a hundredth
 LARGEST_HEAT = 20_000_000
@@ -77,7 +91,7 @@ class LoadedHeat(NamedTuple):
     """A race from the disk."""
 
     spec: RecordedHeatSpec
-    runs: tuple[Run, ...]
+    runs: tuple[RecordedRun, ...]
     start_times: tuple[float, ...]
     # name of an entrant -> what its planner has raised in flight
     faults: Mapping[str, str]
@@ -113,7 +127,7 @@ def heat_key(record: Mapping[str, Any]) -> str:
 def save_heat(
     heat: HeatSpec,
     record: Mapping[str, Any],
-    runs: tuple[Run, ...],
+    runs: tuple[RecordedRun, ...],
     root: str | Path,
     faults: Mapping[str, str] | None = None,
 ) -> Path:
@@ -134,7 +148,7 @@ def save_heat(
     with ClaimedFolder.open(root, heat_name(heat, record)) as folder:
         try:
             for name, run in zip(names, runs, strict=True):
-                with one_line(folder.part, "cannot make a folder for the race"):
+                with file_errors(folder.part, "cannot make a folder for the race"):
                     (folder.part / name).mkdir()
                 write_run(folder.part / name, run, flown_by)
             write_whole(folder.part / HEAT, _json(heat, record, runs, names, faults or {}))
@@ -152,7 +166,7 @@ def entrant_folder(number: int, name: str) -> str:
 def _json(
     heat: HeatSpec,
     of_heat: Mapping[str, Any],
-    runs: tuple[Run, ...],
+    runs: tuple[RecordedRun, ...],
     folders: list[str],
     faults: Mapping[str, str],
 ) -> bytes:
@@ -262,7 +276,7 @@ def run_folders(wanted: str, root: str) -> list[Path]:
     return [find_run(wanted, root)] if heat is None else runs_of_heat(heat)
 
 
-def load_heat(path: str | Path) -> LoadedHeat:
+def read_heat(path: str | Path) -> LoadedHeat:
     """Return a stored race, equal to the last bit.
 
     Raises:
@@ -285,7 +299,7 @@ def load_heat(path: str | Path) -> LoadedHeat:
     for name in stored.runs:
         if Path(name).name != name or name == "..":
             raise RunError(f"{file}: damaged: expected the name of a folder, got {name!r}")
-    runs = tuple(load_run(path / name) for name in stored.runs)
+    runs = tuple(read_run(path / name) for name in stored.runs)
     if heat_digest(runs) != stored.digest:
         raise RunError(f"{file}: the runs do not give the stored digest; changed after the race")
     differs = _differs(msgspec.json.decode(data)["spec"], stored, runs)
@@ -295,7 +309,9 @@ def load_heat(path: str | Path) -> LoadedHeat:
     return LoadedHeat(stored.spec, runs, tuple(stored.start_times), stored.faults)
 
 
-def _differs(record: Mapping[str, Any], stored: RecordedHeat, runs: Sequence[Run]) -> str | None:
+def _differs(
+    record: Mapping[str, Any], stored: RecordedHeat, runs: Sequence[RecordedRun]
+) -> str | None:
     """Return what of heat.json is not as the runs have it, whose digest the file holds.
 
     Args:
@@ -329,7 +345,7 @@ def _differs(record: Mapping[str, Any], stored: RecordedHeat, runs: Sequence[Run
     return None if stored.faults.keys() <= out else "faults"
 
 
-def failed(run: Run) -> bool:
+def failed(run: RecordedRun) -> bool:
     """Return whether a flight has crashed without an event of a crash: its planner has failed."""
     return run.outcome == "crashed" and not any(event.kind in CRASHES for event in run.events)
 
@@ -345,17 +361,22 @@ def _first_difference(
     return next((key for key in keys if a.get(key, ...) != b.get(key, ...)), None)
 
 
-def spec_of_heat(loaded: LoadedHeat, runs_dir: str | None = None) -> HeatSpec:
+def spec_of_heat(
+    loaded: LoadedHeat,
+    runs_dir: str | None = None,
+    parts: Mapping[str, Mapping[str, Any]] | None = None,
+) -> HeatSpec:
     """Return the specification of a stored race, which flies the same again.
 
     Args:
         loaded: the race.
         runs_dir: folder of runs in place of the recorded one.
+        parts: see `recorded_heat`.
 
     Raises:
-        RecordError: see `recorded_heat`.
+        RecordError, SettingError: see `recorded_heat`.
     """
-    return _heat_spec(loaded.spec, {}, {"runs_dir": runs_dir} if runs_dir else {})
+    return _heat_spec(loaded.spec, parts or {}, {"runs_dir": runs_dir} if runs_dir else {})
 
 
 def is_record_of_heat(value: object) -> TypeGuard[Mapping[str, Any]]:
@@ -385,10 +406,6 @@ def recorded_heat(
         stored = msgspec.convert(record, RecordedHeatSpec)
     except msgspec.ValidationError as error:
         raise RecordError(f"expected the record of a race: {error}") from None
-    names = [entrant.name for entrant in stored.entrants]
-    for name in parts or {}:
-        if name not in names:
-            raise SettingError("parts", f"expected one of {', '.join(names)}, got {name!r}")
     for name in settings or {}:
         if name != "runs_dir":
             wanted = "expected nothing but parts, runs_dir and threads beside a recorded race"
@@ -402,12 +419,43 @@ def _heat_spec(
     settings: Mapping[str, Any],
 ) -> HeatSpec:
     """Return the specification that a record holds."""
+    names = [entrant.name for entrant in stored.entrants]
+    for name in parts:
+        if name not in names:
+            raise SettingError("parts", f"expected one of {', '.join(names)}, got {name!r}")
     entrants = [
         Entrant(
             name=one.name,
-            spec=recorded_spec(one.spec, {**settings, **parts.get(one.name, {})}),
+            spec=_entrant_spec(one, parts.get(one.name, {}), settings),
             awareness=one.awareness,
         )
         for one in stored.entrants
     ]
     return HeatSpec(tuple(entrants), stored.settings, stored.seed, stored.rotation)
+
+
+def _entrant_spec(
+    one: RecordedEntrant, parts: Mapping[str, Any], settings: Mapping[str, Any]
+) -> Spec:
+    """Return the spec of a recorded entrant.
+
+    Args:
+        one: the entrant.
+        parts: the user's own parts of its flight, by role.
+        settings: see `recorded_heat`.
+
+    Raises:
+        RecordError: a file or a part is missing or differs.
+        SettingError: the parts have a setting that would change the flight.
+    """
+    _, changed = sorted_settings(one.spec, parts)
+    for name in changed.keys() - {"pilot"}:
+        wanted = f"expected parts of your own that flew as {one.name!r}"
+        raise SettingError("parts", f"{wanted}, got {name!r}")
+    try:
+        return recorded_spec(one.spec, {**settings, **parts})
+    except MissingPartError as error:
+        how = f"give it again as parts={{{one.name!r}: {{{error.role!r}: ...}}}}"
+        if error.role in AS_TEXT:
+            how += f", or --parts {quote(f'{one.name}={AS_TEXT[error.role]}')}"
+        raise RecordError(f"{one.name}: {error.what}; {how}") from None

@@ -17,7 +17,7 @@ from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.expected_path import ExpectedPath, OtherVehicle
 from quadsim.heat.expectations import Expectation, Perceived, planned_path
 from quadsim.heat.patience import Patience
-from quadsim.heat.rules import Progress
+from quadsim.heat.rules import Standing
 from quadsim.heat.traffic import Sighting, Traffic
 from quadsim.racing.referee import way_left
 
@@ -56,10 +56,10 @@ class Perception:
         near = dist(seen.position, estimate.x[:3].tolist()) < CLOSE
         return near and not self.is_behind(seen, estimate)
 
-    def _progress(self, passed: int, position: tuple[float, ...]) -> Progress:
+    def _progress(self, passed: int, position: tuple[float, ...]) -> Standing:
         x, y, z = position
         gates = self._course.gates
-        return Progress(passed, way_left(gates[passed % len(gates)], (x, y, z)))
+        return Standing(passed, way_left(gates[passed % len(gates)], (x, y, z)))
 
 
 class Tactics(NamedTuple):

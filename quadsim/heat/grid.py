@@ -11,7 +11,7 @@ from dataclasses import replace
 from math import asin, atan2, cos, dist, hypot, pi, sin
 
 from quadsim.course import Course, Start
-from quadsim.course.checks import faults
+from quadsim.course.checks import problems
 from quadsim.files.values import SettingError
 
 IN_ROW = 4  # places in a row
@@ -70,7 +70,7 @@ def start_grid(course: Course, places: int, spacing: float = SPACING) -> list[St
 
 def place_fault(course: Course, start: Start) -> str:
     """Return what is wrong with a place on the grid, "" where nothing is."""
-    found = next(faults(replace(course, start=start)), None)
+    found = next(problems(replace(course, start=start)), None)
     return found.problem if found else ""
 
 

@@ -6,7 +6,7 @@ from collections.abc import Generator, Iterable, Mapping
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
-from typing import cast
+from typing import assert_never, cast
 
 from controllers.costs.keep_clear import Clearance, KeepClear
 from controllers.in_flight import PlannerInFlight
@@ -25,14 +25,14 @@ from quadsim.heat.expectations import (
     OwnPlans,
 )
 from quadsim.heat.loop import (
+    HeatFrame,
     PlantInArena,
-    RaceFrame,
     Started,
     Starter,
+    heat_loop,
     in_turn,
-    race_frames,
 )
-from quadsim.heat.marshal import Marshal, RaceReferee
+from quadsim.heat.marshal import HeatReferee, Marshal
 from quadsim.heat.patience import Patience
 from quadsim.heat.rules import RULES
 from quadsim.heat.settings import Awareness
@@ -52,14 +52,14 @@ FIRST_ITERATIONS = 20
 OPPONENT_ESS = 5.0
 
 
-def heat_frames(heat: HeatSpec) -> Generator[RaceFrame, None, None]:
+def heat_frames(heat: HeatSpec) -> Generator[HeatFrame, None, None]:
     """Build and simulate a race; yield a frame for each control step of each vehicle.
 
     A race of one is the flight of its spec.
     """
     if len(heat.entrants) == 1:
         for frame in flight_frames(heat.flown_spec(0)):
-            yield RaceFrame(0, frame.t, frame)
+            yield HeatFrame(0, frame.t, frame)
         return
     first = heat.entrants[0].spec
     assert isinstance(first.plant, str)
@@ -73,7 +73,7 @@ def heat_frames(heat: HeatSpec) -> Generator[RaceFrame, None, None]:
         radii = [entrant.spec.vehicle.radius for entrant in heat.entrants]
         marshal = Marshal(rules, [starter.referee for starter in starters], radii)
         make_plans = side_by_side if _may_plan_side_by_side(heat) else in_turn
-        yield from race_frames(arena, starters, marshal, traffic, first.plant_dt, make_plans)
+        yield from heat_loop(arena, starters, marshal, traffic, first.plant_dt, make_plans)
 
 
 def _may_plan_side_by_side(heat: HeatSpec) -> bool:
@@ -99,14 +99,14 @@ def _starter(heat: HeatSpec, k: int, arena: Arena, traffic: Traffic) -> Starter:
         ValueError: course, laps and vehicle do not fit together.
     """
     spec = heat.flown_spec(k)
-    referee = RaceReferee(
+    referee = HeatReferee(
         Referee(
             spec.flown_course,
             spec.vehicle.radius,
             laps=spec.laps,
             timeout=spec.timeout,
             penalties=spec.penalties,
-            patience=spec.patience,
+            stuck_after=spec.stuck_after,
         )
     )
     downwash = Downwash(spec.vehicle) if heat.settings.downwash else None
@@ -124,7 +124,7 @@ def _fault(spec: Spec, error: Exception) -> str | None:
     return fault_in_flight(error, bool(spec.own_objects()))
 
 
-def _start(heat: HeatSpec, k: int, arena: Arena, traffic: Traffic, referee: RaceReferee) -> Started:
+def _start(heat: HeatSpec, k: int, arena: Arena, traffic: Traffic, referee: HeatReferee) -> Started:
     """Put entrant k into the world, and begin its flight."""
     # The planner's cost has a term for each other vehicle.
     terms = keep_clear_terms(heat, k)
@@ -240,14 +240,18 @@ def expectation_of(heat: HeatSpec, k: int, traffic: Traffic) -> Expectation | No
             return ConstantVelocity()
         case "plans":
             return AnnouncedPlans(traffic)
-    noise = heat.settings.seen_velocity_noise
-    return OwnPlans(k, partial(_opponent, heat, k), noise)
+        case "own":
+            noise = heat.settings.seen_velocity_noise
+            return OwnPlans(k, partial(_opponent, heat, k), noise)
+        case unknown:
+            assert_never(unknown)
 
 
 def _opponent(heat: HeatSpec, k: int, m: int) -> OpponentModel:
     """Return the planner with which entrant k predicts the flight of entrant m.
 
-    It is the planner of entrant k with fewer samples.
+    It is the planner of entrant k with fewer samples. Settings of entrant k that act through its
+    cost therefore act on the prediction as well.
     """
     spec = heat.entrants[k].spec
     awareness = heat.awareness(k)

@@ -14,7 +14,7 @@ from typing import NamedTuple, Protocol
 
 from quadsim.dynamics.expected_path import OtherVehicle
 from quadsim.dynamics.quadrotor import State
-from quadsim.heat.marshal import Marshal, Move, RaceReferee
+from quadsim.heat.marshal import HeatReferee, Marshal, Move
 from quadsim.heat.traffic import Traffic
 from quadsim.physics.downwash import Downwash
 from quadsim.physics.plant import Arena
@@ -69,7 +69,7 @@ class Starter(NamedTuple):
 
     # when its flight starts, in the time of the race [s]
     start_time: float
-    referee: RaceReferee
+    referee: HeatReferee
     # the flow below its rotors; None: the race has no downwash
     downwash: Downwash | None
     # puts the vehicle into the world
@@ -88,7 +88,7 @@ def in_turn(plannings: Sequence[Planning]) -> None:
         planning.run()
 
 
-class RaceFrame(NamedTuple):
+class HeatFrame(NamedTuple):
     """One control step of one vehicle of a race."""
 
     # index of the vehicle
@@ -102,14 +102,14 @@ class RaceFrame(NamedTuple):
     fault: str = ""
 
 
-def race_frames(
+def heat_loop(
     arena: Arena,
     starters: Sequence[Starter],
     marshal: Marshal,
     traffic: Traffic,
     dt: float,
     make_plans: MakePlans = in_turn,
-) -> Iterator[RaceFrame]:
+) -> Iterator[HeatFrame]:
     """Simulate a race until the last flight has ended, and yield the frames of all flights.
 
     Args:
@@ -136,7 +136,7 @@ def _race(
     dt: float,
     make_plans: MakePlans,
     started: dict[int, Started],
-) -> Iterator[RaceFrame]:
+) -> Iterator[HeatFrame]:
     """Simulate a race; `started` collects the flights that have begun."""
     flying: set[int] = set()
     for step in count():
@@ -163,7 +163,7 @@ def _race(
                     commands[k] = item.u
                     break
                 if isinstance(item, Frame):
-                    yield RaceFrame(k, t, item, started[k].others(), faults.get(k, ""))
+                    yield HeatFrame(k, t, item, started[k].others(), faults.get(k, ""))
             else:
                 flying.discard(k)
                 started[k].plant.remove()

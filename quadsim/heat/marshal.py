@@ -8,7 +8,7 @@ from math import dist, inf
 from typing import NamedTuple
 
 from quadsim.course.swept import first_within, lerp
-from quadsim.heat.rules import Progress, Rules
+from quadsim.heat.rules import Rules, Standing
 from quadsim.racing.events import Event
 from quadsim.racing.referee import CLEAR, Referee
 from quadsim.rotation import Vec3
@@ -28,7 +28,7 @@ class Move(NamedTuple):
     p1: Vec3
 
 
-class RaceReferee:
+class HeatReferee:
     """The referee of one vehicle in a race: the rules of a flight, and what the marshal calls."""
 
     def __init__(self, referee: Referee):
@@ -82,7 +82,7 @@ class RaceReferee:
 class Marshal:
     """Watches all vehicles of a race in every physics step."""
 
-    def __init__(self, rules: Rules, referees: Sequence[RaceReferee], radii: Sequence[float]):
+    def __init__(self, rules: Rules, referees: Sequence[HeatReferee], radii: Sequence[float]):
         """Begin before the start.
 
         Args:
@@ -155,5 +155,5 @@ class Marshal:
         """
         if self._rules.out != "chaser":
             return pair if self._rules.out == "both" else ()
-        first, second = (Progress.of(self._referees[k].flight, at[k]) for k in pair)
+        first, second = (Standing.of(self._referees[k].flight, at[k]) for k in pair)
         return (pair[0],) if first.is_behind(second) else (pair[1],)

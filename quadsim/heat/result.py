@@ -8,11 +8,11 @@ from itertools import combinations
 from typing import Any, NamedTuple
 
 from quadsim.course import Course
-from quadsim.heat.loop import RaceFrame
+from quadsim.heat.loop import HeatFrame
 from quadsim.heat.spec import HeatSpec
 from quadsim.racing.events import Event
 from quadsim.racing.referee import way_left
-from quadsim.record.run import Recorder, Run, canonical, hostless
+from quadsim.record.run import RecordedRun, Recorder, canonical, hostless
 
 # [s] Two that pass a gate within this time pass it side by side.
 UNAMBIGUOUS = 0.05
@@ -76,13 +76,13 @@ class HeatRecorder:
         self.recorders = [Recorder() for _ in heat.entrants]
         self.faults: dict[str, str] = {}
 
-    def add(self, frame: RaceFrame) -> None:
+    def add(self, frame: HeatFrame) -> None:
         """Add the next frame of the race."""
         self.recorders[frame.number].add(frame.frame)
         if frame.fault:
             self.faults[self._heat.names[frame.number]] = frame.fault
 
-    def runs(self) -> tuple[Run, ...]:
+    def runs(self) -> tuple[RecordedRun, ...]:
         """Return the run of each entrant so far, in the order of the entrants."""
         records = run_records(self.record)
         return tuple(
@@ -124,7 +124,7 @@ def run_records(of_heat: Mapping[str, Any]) -> list[dict[str, Any]]:
     ]
 
 
-def placings(names: Sequence[str], runs: Sequence[Run], course: Course) -> list[Placing]:
+def placings(names: Sequence[str], runs: Sequence[RecordedRun], course: Course) -> list[Placing]:
     """Return the results, the winner first.
 
     Those that have finished are ranked by their time, the others behind them by the gates that they
@@ -154,7 +154,7 @@ def placings(names: Sequence[str], runs: Sequence[Run], course: Course) -> list[
 
 
 def heat_events(
-    names: Sequence[str], runs: Sequence[Run], start_times: Sequence[float]
+    names: Sequence[str], runs: Sequence[RecordedRun], start_times: Sequence[float]
 ) -> list[HeatEvent]:
     """Return what happened between entrants, in the order of time.
 
@@ -182,7 +182,7 @@ def heat_events(
     return sorted([*found, *overtakes(names, passes, ends)])
 
 
-def _out(k: int, run: Run, names: Sequence[str], start_time: float) -> HeatEvent:
+def _out(k: int, run: RecordedRun, names: Sequence[str], start_time: float) -> HeatEvent:
     """Return the event of an entrant that has not finished."""
     last: Event | None = run.events[-1] if run.events else None
     other = names[last.vehicle - 1] if last and last.vehicle else ""
@@ -241,6 +241,6 @@ def _overtakes_of_two(
         leader = first
 
 
-def heat_digest(runs: Sequence[Run]) -> str:
+def heat_digest(runs: Sequence[RecordedRun]) -> str:
     """Return the sha256 [hex] of all that a race's seed determines: that of its runs."""
     return sha256("".join(run.digest() for run in runs).encode()).hexdigest()

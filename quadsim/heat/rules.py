@@ -43,7 +43,7 @@ assert tuple(RULES) == get_args(RulesName)
 
 
 @dataclass(frozen=True)
-class Progress:
+class Standing:
     """How far a vehicle has come: gates passed, then the way to the next one."""
 
     passed: int
@@ -51,12 +51,12 @@ class Progress:
     way: float
 
     @classmethod
-    def of(cls, referee: Referee, position: Vec3) -> Progress:
+    def of(cls, referee: Referee, position: Vec3) -> Standing:
         """Return the progress of a vehicle at a position [m], by its referee's count."""
         gate = referee.course.gates[referee.next_gate]
         return cls(referee.passed, way_left(gate, position))
 
-    def is_behind(self, other: Progress) -> bool:
+    def is_behind(self, other: Standing) -> bool:
         """Return whether this vehicle has come less far than another one."""
         if self.passed != other.passed:
             return self.passed < other.passed

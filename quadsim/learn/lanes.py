@@ -11,6 +11,7 @@ import numpy as np
 
 from controllers.costs.race import clearance, progress
 from controllers.lanes.environment import DISABLED, Learning, environment_module
+from controllers.lanes.episode_loops import to_lanes, to_rows
 from controllers.lanes.layout import LANES, blocks
 from controllers.lanes.sharing import on_threads
 from controllers.learned.observation import GATE_NUMBERS, SIZE, NextGates, observation
@@ -21,7 +22,7 @@ from quadsim.streams import observation_noise_key
 
 
 class Episodes(NamedTuple):
-    """The running episodes. `begin` and `advance` of the compiled module both write them."""
+    """The running episodes, which the compiled loops `begin` and `advance` both write."""
 
     states: np.ndarray  # (blocks, n_x, LANES)
     rows: np.ndarray  # (blocks, n_row, LANES) row of the target
@@ -58,28 +59,22 @@ class Outcome(NamedTuple):
 
 
 class Step(NamedTuple):
-    """The further arguments of `advance`, after the episodes and their beginnings, in order."""
+    """The numbers of one step, and those of the task, which `advance` reads."""
 
-    p_cost: np.ndarray  # (courses, n_q)
-    dt: np.float32  # [s]
     actions: np.ndarray  # (blocks, n_u, LANES)
-    final: np.ndarray  # to `crashed_now`: see Outcome
-    reward_of: np.ndarray
-    ended: np.ndarray
-    cut: np.ndarray
-    passed: np.ndarray
-    crashed_now: np.ndarray
+    call: int  # number of this step since the seed
+    dt: np.float32  # [s]
+    low: np.ndarray  # (n_u,) commands at -1
+    half: np.ndarray  # (n_u,) half of their ranges
+    p_cost: np.ndarray  # (courses, n_q)
     last_row: np.ndarray  # (courses,) row at which a race is finished
     obstacles: np.ndarray  # (courses, obstacles, n_obstacle)
     n_obstacles: np.ndarray  # (courses,)
-    low: np.ndarray  # (n_u,) commands at -1
-    half: np.ndarray  # (n_u,) half of their ranges
     limit: np.int32  # steps of the longest episode
-    mode: int  # SAME_STEP, NEXT_STEP or DISABLED
+    mode: int  # SAME_STEP, NEXT_STEP, DISABLED or WAIT
     p_reward: np.ndarray  # RewardParams as an array
     noise: np.ndarray  # (SIZE,) standard deviations of the observation; negative: none
     key: np.ndarray  # (2,) of the noise
-    call: int  # number of this step since the seed
 
 
 class LaneEnvironments:
@@ -104,10 +99,9 @@ class LaneEnvironments:
             the time limit; hit: a gate was passed.
     """
 
-    racers = 1
-
     def __init__(self, task: LearningTask, n: int, seed: int = 0, autoreset: int = DISABLED):
         self.task = task
+        self.racers = task.racers
         self.n = n
         self.seed = seed
         self.autoreset = autoreset
@@ -205,14 +199,13 @@ class LaneEnvironments:
         if seed is not None or self.tables is None:
             self.seed = self.seed if seed is None else seed
             self._calls = 0
-            self.tables = self._make_tables()
+            self.tables = tables(self.task, self.seed)
             self.episodes.episode[:] = 0
         if chosen is None:
             chosen = np.ones_like(self.over)
         beginnings = self._beginnings(self.tables)
-        on_threads(
-            self._module.begin, len(self.X), *self.episodes, *beginnings, chosen, self.racers
-        )
+        begin = self._module.begin
+        on_threads(begin, len(self.X), self.episodes, beginnings, chosen, self.racers)
 
     def step(self, actions: np.ndarray) -> None:
         """Fly one step of dt.
@@ -223,43 +216,41 @@ class LaneEnvironments:
         assert self.tables is not None, "step before begin"
         self._calls += 1
         step = Step(
-            self.tables.p_cost,
-            self._dt,
-            actions,
-            *self._outcome,
+            actions=actions,
+            call=self._calls,
+            dt=self._dt,
+            low=self._low,
+            half=self._half,
+            p_cost=self.tables.p_cost,
             last_row=self.tables.final_row,
             obstacles=self.tables.obstacles,
             n_obstacles=self.tables.n_obstacles,
-            low=self._low,
-            half=self._half,
             limit=self._limit,
             mode=self.autoreset,
             p_reward=self._rewards,
             noise=self._noise,
             key=observation_noise_key(self.seed),
-            call=self._calls,
         )
         beginnings = self._beginnings(self.tables)
-        on_threads(self._module.advance, len(self.X), *self.episodes, *beginnings, *step)
+        advance = self._module.advance
+        on_threads(advance, len(self.X), self.episodes, beginnings, step, self._outcome)
 
     def rows_to_lanes(self, rows: np.ndarray, lanes: np.ndarray) -> None:
         """Copy numbers of each environment (environments, n) to lanes (blocks, n, LANES)."""
-        on_threads(self._module.to_lanes, len(lanes), rows, lanes)
+        on_threads(to_lanes, len(lanes), rows, lanes)
 
     def lanes_to_rows(self, lanes: np.ndarray, rows: np.ndarray) -> None:
         """Copy lanes (blocks, n, LANES) to numbers of each environment (environments, n)."""
-        on_threads(self._module.to_rows, len(lanes), lanes, rows)
+        on_threads(to_rows, len(lanes), lanes, rows)
 
     def _beginnings(self, found: Tables) -> Beginnings:
         return Beginnings(found.starts, found.targets, self.course, self.seed)
 
-    def _make_tables(self) -> Tables:
-        """Return the arrays of the task's courses, with starts drawn from the seed."""
-        return tables(self.task, self.seed)
-
     def _course_of_blocks(self, blocks: int) -> np.ndarray:
         """Return the row of the tables for each block.  (blocks,) int32"""
-        return (np.arange(blocks) % len(self.task.courses)).astype(np.int32)
+        block = np.arange(blocks)
+        course = block // self.racers % len(self.task.courses)
+        return (course * self.racers + block % self.racers).astype(np.int32)
 
     def _check_courses(self) -> None:
         """Raise SettingError unless the courses fit the n environments."""

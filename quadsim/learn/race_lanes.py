@@ -13,6 +13,7 @@ import numpy as np
 
 from controllers.lanes.environment import WAIT
 from controllers.lanes.layout import LANES, blocks
+from controllers.lanes.race_loops import actions_to_lanes, observations_to_rows
 from controllers.lanes.races import NEVER, Racing, races_module
 from controllers.lanes.sharing import on_threads
 from controllers.learned.observation import SIZE
@@ -23,9 +24,7 @@ from quadsim.learn.race_task import (
     RaceTask,
     nearest_square,
     race_reward,
-    race_tables,
 )
-from quadsim.learn.task import Tables
 from quadsim.streams import observation_noise_key
 
 
@@ -35,6 +34,34 @@ class Told(NamedTuple):
     row: np.ndarray  # number of the target's row
     steps: np.ndarray  # since the start
     passes: np.ndarray  # gates passed since the start
+
+
+class Field(NamedTuple):
+    """The vehicles of the races, as the compiled loops `meet` and `look` read and write them."""
+
+    others: np.ndarray  # (blocks, (racers - 1) * OPPONENT_SIZE, LANES) observed opponents
+    out: np.ndarray  # (blocks, LANES) whether the racer was out before the last step
+    collided: np.ndarray  # (blocks, LANES) whether it has collided in the last step
+    rank: np.ndarray  # (blocks, LANES) from 1
+    finish: np.ndarray  # (blocks, LANES) step in which it has finished, NEVER if it has not
+    before: np.ndarray  # (blocks, 3, LANES) positions before the last step
+
+
+class Rules(NamedTuple):
+    """The numbers that `meet` reads."""
+
+    racers: int
+    too_near: np.float32  # squared distance of a collision [m^2]
+    p_reward: np.ndarray  # RaceRewardParams as an array
+
+
+class Looks(NamedTuple):
+    """The numbers that `look` reads."""
+
+    racers: int
+    noise: np.ndarray  # ((racers - 1) * OPPONENT_SIZE,) standard deviations
+    key: np.ndarray  # (2,) of the noise
+    call: int  # number of this step since the seed
 
 
 class RaceLanes(LaneEnvironments):
@@ -66,26 +93,33 @@ class RaceLanes(LaneEnvironments):
 
     def __init__(self, task: RaceTask, races: int, seed: int = 0, restart: bool = False):
         self.races = races
-        self.racers = task.racers
         self.restart = restart
         super().__init__(task, blocks(races) * task.racers * LANES, seed, WAIT)
         B = len(self.X)
         opponents = (task.racers - 1) * OPPONENT_SIZE
-        self.others = np.zeros((B, opponents, LANES), np.float32)
+        self.field = Field(
+            others=np.zeros((B, opponents, LANES), np.float32),
+            out=np.zeros((B, LANES), bool),
+            collided=np.zeros((B, LANES), bool),
+            rank=np.zeros((B, LANES), np.int32),
+            finish=np.full((B, LANES), NEVER, np.float32),
+            before=np.zeros((B, 3, LANES), np.float32),
+        )
+        self.others = self.field.others
+        self.out = self.field.out
+        self.collided = self.field.collided
+        self.rank = self.field.rank
         self.final_others = np.zeros_like(self.others)
-        self.out = np.zeros((B, LANES), bool)
-        self.collided = np.zeros((B, LANES), bool)
-        self.rank = np.zeros((B, LANES), np.int32)
         self.done = np.zeros((blocks(races), LANES), bool)
         self.told = Told(self.row, self.steps, self.passes)
-        # step in which a racer has finished, NEVER if it has not
-        self._finish = np.full((B, LANES), NEVER, np.float32)
-        self._before = np.zeros((B, 3, LANES), np.float32)  # positions before the last step
-        self._too_near = np.float32(task.collision_distance**2)
         # standard deviations of the observations of opponents; their presence is observed exactly
         self._others_noise = np.full(opponents, task.noise, np.float32)
         self._others_noise[::OPPONENT_SIZE] = 0.0
-        self._race_rewards = np.array(task.rewards.race_params, np.float32)
+        self._rules = Rules(
+            racers=task.racers,
+            too_near=np.float32(task.collision_distance**2),
+            p_reward=np.array(task.rewards.race_params, np.float32),
+        )
 
     def _load_loops(self) -> None:
         super()._load_loops()
@@ -95,14 +129,6 @@ class RaceLanes(LaneEnvironments):
     def __getstate__(self) -> dict[str, Any]:
         """Return everything but the compiled loops, which a copy loads again."""
         return {name: v for name, v in super().__getstate__().items() if name != "_race_module"}
-
-    def _make_tables(self) -> Tables:
-        return race_tables(self.task, self.seed)
-
-    def _course_of_blocks(self, blocks: int) -> np.ndarray:
-        block = np.arange(blocks)
-        course = block // self.racers % len(self.task.courses)
-        return (course * self.racers + block % self.racers).astype(np.int32)
 
     def _check_courses(self) -> None:
         check_courses(self.task, self.races, "races")
@@ -118,7 +144,7 @@ class RaceLanes(LaneEnvironments):
             chosen = np.ones_like(self.done)
         of_racers = np.repeat(chosen, self.racers, axis=0)
         super().begin(seed, of_racers)
-        self._finish[of_racers] = NEVER
+        self.field.finish[of_racers] = NEVER
         self.out[of_racers] = False
         self.rank[of_racers] = 0
         self._look(np.any(chosen, axis=1))
@@ -130,29 +156,11 @@ class RaceLanes(LaneEnvironments):
             actions: (blocks, n_u, LANES) float32, clipped to -1..1.
         """
         np.copyto(self.out, self.over)
-        np.copyto(self._before, self.X[:, :3])
+        np.copyto(self.field.before, self.X[:, :3])
         super().step(actions)
-        on_threads(
-            self._race_module.meet,
-            len(self.done),
-            self.X,
-            self.row,
-            self.way,
-            self.steps,
-            self.over,
-            self._before,
-            self.out,
-            self._finish,
-            self.collided,
-            self.rank,
-            self.reward,
-            self.ended,
-            self.cut,
-            self.crashed,
-            self._race_rewards,
-            self._too_near,
-            self.racers,
-        )
+        meet = self._race_module.meet
+        groups = len(self.done)
+        on_threads(meet, groups, self.episodes, self._outcome, self.field, self._rules)
         self._look(np.ones(len(self.done), bool))
 
         all_out = self._by_race(self.over).all(axis=1)
@@ -184,25 +192,19 @@ class RaceLanes(LaneEnvironments):
 
     def _look(self, chosen: Any) -> None:
         """Compute the observations of opponents for some groups of races.  (groups,)"""
-        on_threads(
-            self._race_module.look,
-            len(chosen),
-            self.X,
-            self.over,
-            self.out,
-            self.obs,
-            self.others,
-            chosen,
-            self._others_noise,
-            observation_noise_key(self.seed),
-            self._calls,
-            self.racers,
+        looks = Looks(
+            racers=self.racers,
+            noise=self._others_noise,
+            key=observation_noise_key(self.seed),
+            call=self._calls,
         )
+        look = self._race_module.look
+        on_threads(look, len(chosen), self.episodes, self.field, looks, chosen)
 
     def actions_to_lanes(self, rows: np.ndarray, lanes: np.ndarray) -> None:
         """Copy actions (races, racers, n_u) to lanes  (blocks, n_u, LANES)."""
-        on_threads(self._race_module.actions_to_lanes, len(self.done), rows, lanes)
+        on_threads(actions_to_lanes, len(self.done), rows, lanes)
 
     def observations_to_rows(self, obs: np.ndarray, others: np.ndarray, rows: np.ndarray) -> None:
         """Copy the observations `obs` and `others` to rows  (races, racers, numbers)."""
-        on_threads(self._race_module.observations_to_rows, len(self.done), obs, others, rows)
+        on_threads(observations_to_rows, len(self.done), obs, others, rows)

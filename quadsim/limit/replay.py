@@ -9,14 +9,14 @@ from quadsim.dynamics.quadrotor import Control, State
 from quadsim.limit.verify import referee_of
 from quadsim.racing.events import Event, Frame
 from quadsim.record.limits import LimitProblem, StoredSolution
-from quadsim.record.run import Recorder, Run
+from quadsim.record.run import RecordedRun, Recorder
 
 # Rate of the referee's steps [Hz], and number of steps between two frames
 RATE = 1000.0
 EVERY = 10
 
 
-def replayed(stored: StoredSolution, problem: LimitProblem) -> Run:
+def replayed(stored: StoredSolution, problem: LimitProblem) -> RecordedRun:
     """Return a solution as a run: 100 frames a second, with the referee's events."""
     referee = referee_of(problem)
     path = stored.path(RATE)

@@ -35,7 +35,7 @@ class Solved(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Attempt:
+class SolveAttempt:
     """The result of one initial guess on one mesh."""
 
     start: str
@@ -69,7 +69,7 @@ class Search:
 
     def attempts(
         self, flights: Iterable[Flight], intervals: int, progress: Progress
-    ) -> Iterator[Attempt]:
+    ) -> Iterator[SolveAttempt]:
         """Yield attempts: from flights, from straight lines, and the best on a finer mesh.
 
         Args:
@@ -77,7 +77,7 @@ class Search:
             intervals: mean number of intervals to a gate.
             progress: see Progress.
         """
-        found: list[Attempt] = []
+        found: list[SolveAttempt] = []
         mesh = self._route.mesh(intervals)
         for guess in self._guesses(flights):
             for attempt in self._rounds(guess, mesh, (), progress):
@@ -90,7 +90,7 @@ class Search:
             finer = self._route.mesh(FINER * intervals)
             yield from self._rounds(guess, finer, coarse.around, progress)
 
-    def stored(self, attempts: Iterable[Attempt]) -> StoredSolution | None:
+    def stored(self, attempts: Iterable[SolveAttempt]) -> StoredSolution | None:
         """Return the fastest verified attempt as a StoredSolution; None if there is none."""
         fastest = best(attempts)
         if not fastest or not fastest.solved:
@@ -118,7 +118,7 @@ class Search:
 
     def _rounds(
         self, guess: Guess, mesh: list[int], around: tuple[Detour, ...], progress: Progress
-    ) -> Iterator[Attempt]:
+    ) -> Iterator[SolveAttempt]:
         """Yield attempts of one guess: while frames are hit, repeat with a detour around each."""
         plan = segments(self._route, mesh)
         name = guess.name
@@ -150,16 +150,16 @@ class Search:
 
     def _attempt(
         self, guess: Guess, mesh: list[int], around: tuple[Detour, ...], progress: Progress
-    ) -> Attempt:
+    ) -> SolveAttempt:
         plan = segments(self._route, mesh)
         nodes = sum(segment.intervals for segment in plan) + 1
         show = progress(guess.name, nodes)
         try:
             solution = solve(self._route, self._model, mesh, guess, show, around)
         except NotSolvedError as error:
-            return Attempt(guess.name, nodes, [f"optimiser: {error}"])
+            return SolveAttempt(guess.name, nodes, [f"optimiser: {error}"])
         verified = verify(solution, self._model, referee_of(self._problem))
-        return Attempt(
+        return SolveAttempt(
             start=guess.name,
             nodes=nodes,
             broken=verified.broken,
@@ -168,7 +168,7 @@ class Search:
         )
 
 
-def best(attempts: Iterable[Attempt]) -> Attempt | None:
+def best(attempts: Iterable[SolveAttempt]) -> SolveAttempt | None:
     """Return the fastest verified attempt; None if there is none."""
     fastest = None
     for attempt in attempts:
@@ -179,11 +179,11 @@ def best(attempts: Iterable[Attempt]) -> Attempt | None:
     return fastest
 
 
-def _least_broken(attempts: Iterable[Attempt]) -> Attempt | None:
+def _least_broken(attempts: Iterable[SolveAttempt]) -> SolveAttempt | None:
     """Return the solved attempt with the fewest faults; None if none is solved."""
     found = [attempt for attempt in attempts if attempt.solved]
     return min(found, key=_faults, default=None)
 
 
-def _faults(attempt: Attempt) -> int:
+def _faults(attempt: SolveAttempt) -> int:
     return len(attempt.broken)

@@ -29,7 +29,7 @@ from quadsim.paper.corridor import ZIGZAG, DriveReferee
 from quadsim.paper.corridor_cost import corridor_cost
 from quadsim.paper.result import Result, write_csv
 from quadsim.paper.runs import kept_runs
-from quadsim.paper.table1 import Attempt, draw_paths, table1, table1_row
+from quadsim.paper.table1 import MotionAttempt, draw_paths, table1, table1_row
 from quadsim.streams import offroad_streams
 
 # Section IV-A: "I = 3 iterations, M = 6144 samples, lambda = 0.1, dt = 0.02 s, and T = 250"; "the
@@ -163,7 +163,7 @@ def make(runs: int, folder: Path) -> Result:
 def row(name: str, drives: Sequence[Drive]) -> dict:
     """Return a row of Table I, with completed legs and the outcomes of unfinished drives."""
     attempts = [
-        Attempt(drive.time if drive.outcome == "finished" else None, drive.plan_ms)
+        MotionAttempt(drive.time if drive.outcome == "finished" else None, drive.plan_ms)
         for drive in drives
     ]
     outcomes = [drive.outcome for drive in drives]

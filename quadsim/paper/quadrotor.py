@@ -26,10 +26,10 @@ from quadsim.dynamics.quadrotor import CONTROL
 from quadsim.figures.style import STYLE, write_figure
 from quadsim.palette import INK, style
 from quadsim.paper.result import Result, write_csv
-from quadsim.paper.table1 import Attempt, draw_paths, table1, table1_row
-from quadsim.record.archive import load_run
+from quadsim.paper.table1 import MotionAttempt, draw_paths, table1, table1_row
+from quadsim.record.archive import read_run
 from quadsim.record.metrics import chatter
-from quadsim.record.run import Run, RunError
+from quadsim.record.run import RecordedRun, RunError
 
 COURSE = "paper_flat"
 SAMPLERS = ("gaussian", "colored")
@@ -80,11 +80,11 @@ def flown(variants: Sequence[Variant], runs: int, folder: Path) -> dict[str, lis
     return {variant.name: of_variant for variant, of_variant in zip(variants, rows, strict=True)}
 
 
-def load_flight(row: Row, spec: Spec, folder: Path) -> Run:
+def load_flight(row: Row, spec: Spec, folder: Path) -> RecordedRun:
     """Return an attempt with its telemetry, flown again if that is missing or damaged."""
     if row.folder:
         try:
-            return load_run(folder / row.folder)
+            return read_run(folder / row.folder)
         except RunError as error:
             complain(f"{error}; flown again")
     run = fly_attempt(replace(spec, seed=row.seed)).run
@@ -96,16 +96,16 @@ def load_flight(row: Row, spec: Spec, folder: Path) -> Run:
     return run
 
 
-def attempt(row: Row) -> Attempt:
+def attempt(row: Row) -> MotionAttempt:
     """Return the numbers of one attempt for Table I."""
     finished = row.outcome == "finished"
-    return Attempt(
+    return MotionAttempt(
         time=row.result["laps"][0] if finished else None,
         plan_ms=row.result["plan_ms"]["p50"],
     )
 
 
-def mean_chatter(flights: Sequence[Run]) -> dict[str, float]:
+def mean_chatter(flights: Sequence[RecordedRun]) -> dict[str, float]:
     """Return the mean chatter of the commanded thrust.
 
     Returns:
@@ -117,17 +117,17 @@ def mean_chatter(flights: Sequence[Run]) -> dict[str, float]:
     return {key: float(np.mean([commanded[key] for commanded in each])) for key in keys}
 
 
-def finished(flights: Sequence[Run]) -> list[Run]:
+def finished(flights: Sequence[RecordedRun]) -> list[RecordedRun]:
     """Return the flights that finished."""
     return [run for run in flights if run.outcome == "finished"]
 
 
-def fastest(flights: Sequence[Run]) -> Run | None:
+def fastest(flights: Sequence[RecordedRun]) -> RecordedRun | None:
     """Return the flight with the fastest lap; None if none has finished."""
     return min(finished(flights), key=lambda run: run.laps[0], default=None)
 
 
-def csv_rows(run: Run) -> list[dict]:
+def csv_rows(run: RecordedRun) -> list[dict]:
     """Return the CSV_COLUMNS of the telemetry, a row for each control step, to five decimals."""
     columns = [run.telemetry[name].tolist() for name in CSV_COLUMNS]
     return [
@@ -136,7 +136,7 @@ def csv_rows(run: Run) -> list[dict]:
     ]
 
 
-def draw_laps(flights: Mapping[str, Sequence[Run]]) -> Figure:
+def draw_laps(flights: Mapping[str, Sequence[RecordedRun]]) -> Figure:
     """Draw for each sampler the first finished laps, and the controls of the fastest lap."""
     with rc_context(STYLE):
         figure = Figure(figsize=(12, 8), dpi=110, layout="constrained")
@@ -150,7 +150,7 @@ def draw_laps(flights: Mapping[str, Sequence[Run]]) -> Figure:
     return figure
 
 
-def _draw_first_laps(part: SubFigure, sampler: str, flights: Sequence[Run]) -> None:
+def _draw_first_laps(part: SubFigure, sampler: str, flights: Sequence[RecordedRun]) -> None:
     """Draw the paths of the first laps, coloured by ground speed, and the gates."""
     axes = part.subplots()
     laps = finished(flights)[:LAPS_SHOWN]
@@ -166,7 +166,7 @@ def _draw_first_laps(part: SubFigure, sampler: str, flights: Sequence[Run]) -> N
     axes.margins(0.03)
 
 
-def _draw_controls(rows: Sequence[Axes], sampler: str, run: Run) -> None:
+def _draw_controls(rows: Sequence[Axes], sampler: str, run: RecordedRun) -> None:
     """Draw the controls of one lap, a row for each."""
     names = ("roll [rad/s]", "pitch [rad/s]", "yaw [rad/s]", "thrust [m/s$^2$]")
     colour = style(sampler).colour

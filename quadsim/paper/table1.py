@@ -26,7 +26,7 @@ class Published(NamedTuple):
     attempts: int | None = None
 
 
-class Attempt(NamedTuple):
+class MotionAttempt(NamedTuple):
     """One of our attempts."""
 
     time: float | None  # from the start to the goal [s]; None: not finished
@@ -41,7 +41,7 @@ PUBLISHED = {
 }
 
 
-def table1_row(system: str, sampler: str, attempts: Sequence[Attempt]) -> dict:
+def table1_row(system: str, sampler: str, attempts: Sequence[MotionAttempt]) -> dict:
     """Return success and times [s] of finished attempts, with the paper's values.
 
     Missing numbers are None.

@@ -140,7 +140,7 @@ def new_arena(plant: str, course: Course, dt: float, collide: bool) -> Arena:
     # imported here, so that models and referees do not load pybullet
     from quadsim.physics import world
 
-    return world.Arena(course, dt, collide)
+    return world.BulletArena(course, dt, collide)
 
 
 class ActuatorsProtocol(Protocol):
@@ -306,7 +306,7 @@ class BulletPlant(RigidPlant):
         # imported here, so that models and referees do not load pybullet
         from quadsim.physics import world
 
-        return world.World(course, body, dt)
+        return world.BulletWorld(course, body, dt)
 
 
 PlantName = Literal["bullet", "rigid", "rotorpy"]

@@ -44,10 +44,10 @@ OTHER_BODY = 2
 CONTACT_DISTANCE = 8
 
 
-class Arena:
+class BulletArena:
     """The ground at z = 0, gates and obstacles, and one vehicle or several among them.
 
-    A vehicle is a rigid sphere with its own inertia. Each Arena has a Bullet client of its own.
+    A vehicle is a rigid sphere with its own inertia. Each arena has a Bullet client of its own.
     """
 
     def __init__(self, course: Course, dt: float, collide: bool = True):
@@ -165,9 +165,9 @@ class Arena:
 
 
 class Body:
-    """One vehicle in an Arena: a sphere without damping."""
+    """One vehicle in a BulletArena: a sphere without damping."""
 
-    def __init__(self, arena: Arena, vehicle: Vehicle):
+    def __init__(self, arena: BulletArena, vehicle: Vehicle):
         """Add a vehicle to an arena."""
         self._arena = arena
         self._at = arena.at
@@ -244,8 +244,8 @@ class Body:
         self._arena.close()
 
 
-class World(Body):
-    """One vehicle in an Arena of its own."""
+class BulletWorld(Body):
+    """One vehicle in a BulletArena of its own."""
 
     def __init__(self, course: Course, vehicle: Vehicle, dt: float):
         """Make the world.
@@ -255,4 +255,4 @@ class World(Body):
             vehicle: mass, inertia and radius of the vehicle.
             dt: physics step [s].
         """
-        super().__init__(Arena(course, dt), vehicle)
+        super().__init__(BulletArena(course, dt), vehicle)

@@ -70,7 +70,7 @@ class Referee:
         laps: int,
         timeout: float,
         penalties: bool = False,
-        patience: float = NO_PROGRESS,
+        stuck_after: float = NO_PROGRESS,
     ):
         """Start before the first gate.
 
@@ -80,7 +80,7 @@ class Referee:
             laps: number of laps to fly.
             timeout: time limit of the flight [s].
             penalties: whether a hit adds time instead of ending the flight (timed mode).
-            patience: time without progress after which the vehicle is stuck [s].
+            stuck_after: time without progress after which the vehicle is stuck [s].
 
         Raises:
             ValueError: more than one lap of an open course, or a gate too small for the vehicle.
@@ -90,7 +90,7 @@ class Referee:
         self.laps = laps
         self.timeout = timeout
         self.timed = penalties
-        self.patience = patience
+        self.stuck_after = stuck_after
         self.passed = 0
         self.outcome: str | None = None
         self.events: list[Event] = []
@@ -185,7 +185,7 @@ class Referee:
         way = way_left(self._gates[self.next_gate].gate, p1)
         if way < self._nearest.way - NEARER:
             self._nearest = Nearest(t1, way)
-        elif t1 - self._nearest.t >= self.patience:
+        elif t1 - self._nearest.t >= self.stuck_after:
             found.append(Incident(1.0, "stuck"))
         if t1 >= self.timeout:
             found.append(Incident((self.timeout - t0) / (t1 - t0), "timeout"))

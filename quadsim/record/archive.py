@@ -22,7 +22,7 @@ from quadsim.files.arrays import read_bytes
 from quadsim.files.locks import lock_folder
 from quadsim.files.strict_yaml import FileError
 from quadsim.record.provenance import provenance
-from quadsim.record.run import Run, RunError, canonical, hostless
+from quadsim.record.run import RecordedRun, RunError, canonical, hostless
 from quadsim.record.run_format import (
     expect_reportable,
     read_json,
@@ -31,7 +31,7 @@ from quadsim.record.run_format import (
     write_json,
     write_npz,
 )
-from quadsim.record.whole_files import one_line, write_whole
+from quadsim.record.whole_files import file_errors, write_whole
 
 PART = ".part"
 HEAT = "heat.json"  # the record of a race of several vehicles
@@ -67,7 +67,7 @@ class ClaimedFolder:
         if not str(root):
             raise RunError("expected the name of a folder for runs, got ''")
         root = Path(root)
-        with one_line(root, "cannot make a folder for runs here"):
+        with file_errors(root, "cannot make a folder for runs here"):
             root.mkdir(parents=True, exist_ok=True)
         path = root / name
         lock = _claim(path)
@@ -94,12 +94,12 @@ class ClaimedFolder:
 
     def finish(self) -> Path:
         """Give the folder its name without `.part`, and return it. Raises RunError."""
-        with one_line(self.path, "cannot finish the folder"):
+        with file_errors(self.path, "cannot finish the folder"):
             self.part.rename(self.path)
         return self.path
 
 
-def write_run(folder: Path, run: Run, flown_by: dict[str, Any]) -> None:
+def write_run(folder: Path, run: RecordedRun, flown_by: dict[str, Any]) -> None:
     """Write the files of a run into a folder.
 
     Args:
@@ -159,7 +159,7 @@ class RunFolder:
     def __exit__(self, *exception: object) -> None:
         self._claimed.__exit__(*exception)
 
-    def save(self, run: Run) -> Path:
+    def save(self, run: RecordedRun) -> Path:
         """Write the run and take `.part` off the folder's name; return the folder.
 
         Raises:
@@ -168,7 +168,7 @@ class RunFolder:
         self.write(run)
         return self.finish()
 
-    def write(self, run: Run) -> None:
+    def write(self, run: RecordedRun) -> None:
         """Write all files, still under the name that says the folder is not finished.
 
         Raises:
@@ -270,7 +270,7 @@ def find_run(wanted: str, root: str) -> Path:
     raise RunError(f"{wanted!r} fits {len(fits)} runs, expected one: {names}{more}")
 
 
-def load_run(path: str | Path) -> Run:
+def read_run(path: str | Path) -> RecordedRun:
     """Return a stored run, equal to the last bit.
 
     Raises:
@@ -284,14 +284,15 @@ def load_run(path: str | Path) -> Run:
         raise RunError(f"{path}: expected a run folder, found {found}")
     record = read_json(_read(path / "run.json"), path / "run.json")
     stored = _read(path / "telemetry.npz")
-    telemetry, snapshots = read_npz(stored, record.spec, path / "telemetry.npz")
-    run = Run(
+    arrays = read_npz(stored, record.spec, path / "telemetry.npz")
+    run = RecordedRun(
         spec=record.spec,
-        telemetry=telemetry,
+        telemetry=arrays.telemetry,
         events=record.events,
         outcome=record.outcome,
         wall={"plan_ms": record.plan_ms, "real_time_factor": record.real_time_factor},
-        snapshots=snapshots,
+        snapshots=arrays.snapshots,
+        measurements=arrays.measurements,
     )
     if _digest(run) != record.digest:
         raise RunError(
@@ -301,18 +302,18 @@ def load_run(path: str | Path) -> Run:
     return run
 
 
-def load_reportable(path: str | Path) -> Run:
+def load_reportable(path: str | Path) -> RecordedRun:
     """Return a stored run whose spec has all that a report reads.
 
     Raises:
-        RunError: as `load_run`, or the spec lacks something.
+        RunError: as `read_run`, or the spec lacks something.
     """
-    run = load_run(path)
+    run = read_run(path)
     expect_reportable(run, path)
     return run
 
 
-def _digest(run: Run) -> str | None:
+def _digest(run: RecordedRun) -> str | None:
     """Return the digest, None for a run that has none: laps without an end, a nan in the spec."""
     try:
         return run.digest()
@@ -355,7 +356,7 @@ def _claim(path: Path) -> int | None:
     A name belongs to the flight that makes its `.part` and holds the lock.
     """
     part = _part_of(path)
-    with one_line(part, "cannot make a run folder"):
+    with file_errors(part, "cannot make a run folder"):
         try:
             part.mkdir()
         except FileExistsError:

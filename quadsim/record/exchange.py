@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from math import isnan
 
 from quadsim.record.number_changes import changes_of, values_in_flight
-from quadsim.record.run import Run, RunError, columns_of
+from quadsim.record.run import RecordedRun, RunError, columns_of
 
 
-def telemetry_csv(runs: Sequence[tuple[str, Run]]) -> bytes:
+def telemetry_csv(runs: Sequence[tuple[str, RecordedRun]]) -> bytes:
     """Return a table with a row for each control step.
 
     The header has column and unit, `px [m]`. Of several runs the first column is the run's name.

@@ -32,7 +32,7 @@ from quadsim.course.obstacles import Box, Obstacle
 from quadsim.files.extras import imported
 from quadsim.palette import FRAME, HIT, NEXT
 from quadsim.racing.events import Event
-from quadsim.record.run import COUNTS, CRASHES, Run, columns_of
+from quadsim.record.run import COUNTS, CRASHES, RecordedRun, columns_of
 from quadsim.record.run_format import CSV_COLUMNS, event_row
 from quadsim.rotation import from_euler, from_yaw, without_jumps
 
@@ -62,7 +62,7 @@ class Message(NamedTuple):
     content: Any
 
 
-def mcap_bytes(run: Run) -> bytes:
+def mcap_bytes(run: RecordedRun) -> bytes:
     """Return a run as the content of an MCAP file.
 
     The metadata record `run` has course, vehicle, sampler, seed, outcome, lap times and digest.
@@ -88,7 +88,7 @@ def nanoseconds(t: float) -> int:
     return round(t * NANOSECONDS)
 
 
-def _metadata(run: Run) -> dict[str, str]:
+def _metadata(run: RecordedRun) -> dict[str, str]:
     spec = run.spec
     facts = {
         "course": spec["course"],
@@ -106,7 +106,7 @@ def _metadata(run: Run) -> dict[str, str]:
     }
 
 
-def _messages(run: Run) -> Iterator[Message]:
+def _messages(run: RecordedRun) -> Iterator[Message]:
     """Yield the messages of all topics, one topic after the other."""
     schemas = _Schemas()
     course = parse_course(run.spec["course_text"], run.spec["course"])
@@ -122,7 +122,7 @@ def _attitudes(x: Mapping[str, np.ndarray], names: Sequence[str]) -> list[list[f
     return without_jumps(np.column_stack([x[name] for name in names])).tolist()
 
 
-def _of_steps(run: Run, schemas: _Schemas) -> Iterator[Message]:
+def _of_steps(run: RecordedRun, schemas: _Schemas) -> Iterator[Message]:
     """Yield the messages of each control step."""
     x = run.telemetry
     columns = columns_of(run.spec)
@@ -156,7 +156,7 @@ def _of_steps(run: Run, schemas: _Schemas) -> Iterator[Message]:
         yield Message(time, "/telemetry", telemetry(**row))
 
 
-def _of_events(run: Run, schemas: _Schemas) -> Iterator[Message]:
+def _of_events(run: RecordedRun, schemas: _Schemas) -> Iterator[Message]:
     """Yield the messages of each event."""
     types = {name: EVENT_TYPES.get(name, "double") for name in CSV_COLUMNS}
     event_class = message_class("Event", types)
@@ -252,7 +252,7 @@ class _Schemas:
         pose = self._pose(position, wxyz)
         return self._new("PoseInFrame", timestamp=self._stamp(time), frame_id=WORLD, pose=pose)
 
-    def path(self, run: Run) -> Any:
+    def path(self, run: RecordedRun) -> Any:
         """Return the poses of all control steps."""
         x = run.telemetry
         positions = np.column_stack([x[name] for name in POSITION])

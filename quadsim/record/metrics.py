@@ -1,4 +1,4 @@
-"""Metrics of a run: short pure functions of a Run or of plain arrays.
+"""Metrics of a run: short pure functions of a RecordedRun or of plain arrays.
 
 Chatter is measured on the commanded thrust, which is held over each control period, and on the
 delivered one, which is part of the state.
@@ -13,7 +13,7 @@ import numpy as np
 from quadsim.dynamics.first_order import remaining
 from quadsim.physics.plant_state import MotorUse
 from quadsim.racing.events import sector_times
-from quadsim.record.run import Run
+from quadsim.record.run import RecordedRun
 
 # Lag of a racing quadrotor's motors, for vehicles whose thrust acts at once [s]
 MOTOR_TAU = 0.033
@@ -21,7 +21,7 @@ MOTOR_TAU = 0.033
 WELCH_SEGMENT = 256
 
 
-def chatter(run: Run) -> dict:
+def chatter(run: RecordedRun) -> dict:
     """Return measures of how roughly a flight was controlled.
 
     Returns:
@@ -64,25 +64,25 @@ def _chatter(t: np.ndarray, thrust: np.ndarray, rates: np.ndarray, tau: float) -
     }
 
 
-def commanded_rates(run: Run) -> np.ndarray:
+def commanded_rates(run: RecordedRun) -> np.ndarray:
     """Return the commanded body rates of every frame [rad/s].  (3, frames)"""
     x = run.telemetry
     return np.stack([x["wx_cmd"], x["wy_cmd"], x["wz_cmd"]])
 
 
-def delivered_rates(run: Run) -> np.ndarray:
+def delivered_rates(run: RecordedRun) -> np.ndarray:
     """Return the body rates of every frame [rad/s].  (3, frames)"""
     x = run.telemetry
     return np.stack([x["wx"], x["wy"], x["wz"]])
 
 
-def speed(run: Run) -> np.ndarray:
+def speed(run: RecordedRun) -> np.ndarray:
     """Return the speed of every frame [m/s].  (frames,)"""
     x = run.telemetry
     return np.sqrt(x["vx"] ** 2 + x["vy"] ** 2 + x["vz"] ** 2)
 
 
-def motor_use(run: Run) -> MotorUse | None:
+def motor_use(run: RecordedRun) -> MotorUse | None:
     """Return what a flight asked of its motors per second of its time [1/s], [m/s^2].
 
     None where no firmware commanded them.
@@ -96,7 +96,7 @@ def motor_use(run: Run) -> MotorUse | None:
     return MotorUse(*(float(x[name][-1]) / flown for name in MotorUse._fields))
 
 
-def path_length(run: Run) -> float:
+def path_length(run: RecordedRun) -> float:
     """Return the length of the flown path through the positions of all frames [m]."""
     x = run.telemetry
     steps = np.diff(np.stack([x["px"], x["py"], x["pz"]]))
@@ -180,12 +180,12 @@ def high_frequency_fraction(t: np.ndarray, u: np.ndarray, corner: float) -> floa
     return float(psd[f > corner].sum()) / total
 
 
-def splits(run: Run) -> list[list[float]]:
+def splits(run: RecordedRun) -> list[list[float]]:
     """Return the flown times from gate to gate, one list a lap [s]."""
     return sector_times(run.events)
 
 
-def missed_deadlines(run: Run) -> int:
+def missed_deadlines(run: RecordedRun) -> int:
     """Return the number of control periods that came late because a plan was not ready.
 
     Under the simulated clock none does.

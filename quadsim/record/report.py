@@ -11,7 +11,8 @@ from rich.markup import escape
 from rich.padding import Padding
 
 from quadsim.course import parse_course
-from quadsim.record.estimate_metrics import sensing_numbers
+from quadsim.record.estimate_metrics import lost_estimate, sensing_numbers
+from quadsim.record.given_state import given_state
 from quadsim.record.limits import StoredSolution
 from quadsim.record.metrics import missed_deadlines
 from quadsim.record.model_differences import model_table
@@ -22,12 +23,13 @@ from quadsim.record.report_tables import (
     published_table,
 )
 from quadsim.record.run import (
-    Run,
+    RecordedRun,
     flown_with,
     has_planner,
     not_comparable,
     why_not_repeatable,
 )
+from quadsim.record.run_text import crash_place
 from quadsim.record.turning_back import turned_back
 
 # Colour of an outcome; any other is yellow
@@ -40,7 +42,9 @@ SILENT = 1.0
 INDENT = 2
 
 
-def report(run: Run, limit: StoredSolution | None, columns: int) -> Iterator[RenderableType]:
+def report(
+    run: RecordedRun, limit: StoredSolution | None, columns: int
+) -> Iterator[RenderableType]:
     """Yield the parts of the report of a run.
 
     Args:
@@ -54,18 +58,27 @@ def report(run: Run, limit: StoredSolution | None, columns: int) -> Iterator[Ren
         yield Padding(part, (0, 0, 0, INDENT), expand=False)
 
 
-def _head(run: Run, limit: StoredSolution | None) -> Iterator[str]:
+def _head(run: RecordedRun, limit: StoredSolution | None) -> Iterator[str]:
     spec = run.spec
     colour = COLOUR.get(run.outcome, "yellow")
     laps = f"{len(run.laps)} of {spec['laps']} laps"
     course = escape(spec["course"])
+    place = crash_place(run).removeprefix("; ")
     yield f"[bold]{course}[/]  [bold {colour}]{run.outcome}[/]  {laps}, {run.duration:.3f} s"
+    if place:
+        yield escape(place)
+    lost = lost_estimate(run)
+    if lost:
+        yield lost
     flown = [escape(flown_with(spec))]
     if spec.get("randomize"):
         flown.append(f"randomized {spec['randomize']:g}")
     if spec.get("displace_gates"):
         flown.append(f"gates up to {spec['displace_gates']:g} m off the map")
     yield from wrap(", ".join(flown), WIDTH, break_on_hyphens=False)
+    state = given_state(spec)
+    if state:
+        yield state
     if limit and run.outcome == "finished":
         # Adding 0.0 makes a negative zero a plain one
         above = round(100.0 * limit.above(run.duration), 1) + 0.0
@@ -75,7 +88,7 @@ def _head(run: Run, limit: StoredSolution | None) -> Iterator[str]:
         yield f"[yellow]{remark}[/]"
 
 
-def _parts(run: Run, columns: int) -> Iterator[RenderableType]:
+def _parts(run: RecordedRun, columns: int) -> Iterator[RenderableType]:
     """Yield the tables below the head, fitted to the terminal's width in columns."""
     course = parse_course(run.spec["course_text"], run.spec["course"])
     yield from lap_tables(run, len(course.gates), columns)
@@ -97,7 +110,7 @@ def _parts(run: Run, columns: int) -> Iterator[RenderableType]:
     yield published_table(run, course)
 
 
-def _planning(run: Run) -> str:
+def _planning(run: RecordedRun) -> str:
     """Return the planning times and the speed of the simulation, as text."""
     plan_ms = run.wall["plan_ms"]
     ess = run.telemetry["ess"]
@@ -113,7 +126,7 @@ def _planning(run: Run) -> str:
     return f"[dim]{name}[/]  {', '.join(parts)}\n[dim]simulation[/]  {factor}"
 
 
-def _sensing(run: Run) -> str:
+def _sensing(run: RecordedRun) -> str:
     """Return the estimate's errors as text; empty where the planner was given the truth."""
     n = sensing_numbers(run)
     if n is None:

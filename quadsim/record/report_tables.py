@@ -14,7 +14,7 @@ from quadsim.console import plain_table
 from quadsim.course import Course
 from quadsim.racing.events import Event
 from quadsim.record.metrics import chatter, speed, splits
-from quadsim.record.run import Run
+from quadsim.record.run import RecordedRun
 
 # Columns of the terminal for lap, time, top speed and the word "gate"; and for penalties
 LEFT = 23
@@ -46,7 +46,7 @@ CHATTER = (
 )
 
 
-def lap_tables(run: Run, gates: int, width: int) -> Iterator[Table | str]:
+def lap_tables(run: RecordedRun, gates: int, width: int) -> Iterator[Table | str]:
     """Yield one table for every range of gates that fits side by side.
 
     The best of each column is green.
@@ -82,7 +82,7 @@ def lap_tables(run: Run, gates: int, width: int) -> Iterator[Table | str]:
         yield f"gates {shown + 1} to {gates} were not passed"
 
 
-def _whole_laps(run: Run, laps: int) -> dict[str, list[str]]:
+def _whole_laps(run: RecordedRun, laps: int) -> dict[str, list[str]]:
     """Return time and top speed of each lap, and the penalties in it where there are any."""
     v = speed(run)
     unfinished = [None] * (laps - len(run.laps))
@@ -109,12 +109,21 @@ def _time_text(t: float | None, best: float | None) -> str:
     return f"{t:.3f}"
 
 
-def incident_table(run: Run) -> RenderableType:
+def incident_table(run: RecordedRun) -> RenderableType:
     """Return a row for each hit, miss and the like, or a line that there was none."""
     incidents = [event for event in run.events if event.kind in INCIDENTS]
     if not incidents:
         return "no hits, no misses"
-    heads = ("t [s]", "lap", "gate", "incident", "left [m]", "up [m]", "speed [m/s]")
+    heads = (
+        "t\n[s]",
+        "lap",
+        "gate",
+        "incident",
+        "left\n[m]",
+        "up\n[m]",
+        "speed\n[m/s]",
+        "at x, y, z\n[m]",
+    )
     table = plain_table(*heads, left=(3,))
     for event in incidents:
         offset = [f"{v:+.2f}" for v in event.offset] if event.gate else ["", ""]
@@ -125,6 +134,7 @@ def incident_table(run: Run) -> RenderableType:
             f"[red]{_incident_name(event)}[/]",
             *offset,
             f"{event.speed:.1f}",
+            ", ".join(f"{number:.1f}" for number in event.position),
         )
     return table
 
@@ -136,7 +146,7 @@ def _incident_name(event: Event) -> str:
     return f"{name}, {event.place}" if event.obstacle else name
 
 
-def chatter_table(run: Run) -> Table:
+def chatter_table(run: RecordedRun) -> Table:
     """Return the measures of chatter, of the commanded and the delivered thrust."""
     numbers = chatter(run)
     table = plain_table("chatter", "commanded", "delivered", "", left=(0, 3))
@@ -148,7 +158,7 @@ def chatter_table(run: Run) -> Table:
     return table
 
 
-def published_table(run: Run, course: Course) -> RenderableType:
+def published_table(run: RecordedRun, course: Course) -> RenderableType:
     """Return the run's times among the published ones, in order."""
     if not course.published:
         return "[dim]no times are published for this course[/]"

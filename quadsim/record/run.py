@@ -1,4 +1,4 @@
-"""Run: what a flight leaves behind. Frames go in, one Run comes out; reports read it.
+"""The record of one flight, made from its frames and read by reports.
 
 The spec of a run is a JSON dict. This module and the archive read the keys `course` and `sampler`
 (names), `course_text`, `seed`, `vehicle` (asdict(Vehicle)); `host`, which holds what must not
@@ -27,10 +27,12 @@ from quadsim.racing.hand import HAND
 from quadsim.record.planner_snapshot import PlannerSnapshots
 from quadsim.record.preset_changes import preset_changes
 from quadsim.sensing.estimate_record import ESTIMATE_UNITS
+from quadsim.sensing.kept import Kept, kept_arrays
 
 # Key of a spec: the planner's numbers that were changed while it flew
 INTERACTIVE = "interactive"
-# Telemetry column -> unit, in the order of the digest
+# Telemetry column -> unit, in the order of the digest. Stored runs lack a column that is added
+# here, and would be refused; `columns_of` adds columns by a run's settings.
 COLUMNS = {
     "t": "s",
     **STATE_UNITS,
@@ -87,7 +89,7 @@ def columns_of(spec: dict[str, Any]) -> dict[str, str]:
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class RecordedRun:
     """A flight as it is kept and reported.
 
     Laps, splits and penalties are read off the events, so that they cannot disagree.
@@ -103,6 +105,8 @@ class Run:
     # Wall clock: plan_ms {p50, p95}, real_time_factor
     wall: dict
     snapshots: PlannerSnapshots | None = None
+    # Arrays of quadsim.sensing.kept by name, if the flight kept its sensing
+    measurements: dict[str, np.ndarray] | None = None
 
     def __repr__(self) -> str:
         """Return one line: course, outcome, laps, time, and what the run was flown with."""
@@ -111,7 +115,7 @@ class Run:
         return plain(f"<Run {head}, {flown_with(self.spec)}>")
 
     @classmethod
-    def from_frames(cls, spec: dict[str, Any], frames: Iterable[Frame]) -> Run:
+    def from_frames(cls, spec: dict[str, Any], frames: Iterable[Frame]) -> RecordedRun:
         """Collect the frames of a flight."""
         recorder = Recorder()
         for frame in frames:
@@ -172,7 +176,7 @@ class Run:
     def digest(self) -> str:
         """Return the sha256 [hex] of all that a seed determines.
 
-        The wall clock, spec["host"] and the snapshots do not enter it.
+        The wall clock, spec["host"], the snapshots and the measurements do not enter it.
         """
         decided = {
             "spec": hostless(self.spec),
@@ -187,7 +191,7 @@ class Run:
         return found.hexdigest()
 
 
-def same_flight(one: Run, other: Run) -> bool:
+def same_flight(one: RecordedRun, other: RecordedRun) -> bool:
     """Return whether two runs have flown the same to the last bit, whatever their specs say."""
     if (one.events, one.outcome) != (other.events, other.outcome):
         return False
@@ -211,7 +215,7 @@ def own_parts(spec: dict[str, Any]) -> dict[str, str]:
     return names
 
 
-def why_not_repeatable(run: Run) -> str:
+def why_not_repeatable(run: RecordedRun) -> str:
     """Return why the spec alone does not give the same run again, "" where it does."""
     spec = run.spec
     if run.outcome == "interrupted":
@@ -323,11 +327,14 @@ class Recorder:
         self._table = np.empty((0, 1))
         self._frames = 0
         self._snapshots: list[tuple[int, PlannerSnapshot]] = []
+        self._kept: list[Kept] = []
 
     def add(self, frame: Frame) -> None:
         """Add the next frame of the flight."""
         if frame.snapshot:
             self._snapshots.append((len(self), frame.snapshot))
+        if frame.kept:
+            self._kept.append(frame.kept)
         row = (
             frame.t,
             *frame.x,
@@ -369,7 +376,7 @@ class Recorder:
         rows = self._table[: len(self)].reshape(len(self), len(names))
         return dict(zip(names, rows.T, strict=True))
 
-    def run(self, spec: dict[str, Any]) -> Run:
+    def run(self, spec: dict[str, Any]) -> RecordedRun:
         """Return the flight so far, interrupted where its last frame has no outcome.
 
         Raises:
@@ -387,13 +394,14 @@ class Recorder:
             name: column.astype(int if name in COUNTS else float)
             for name, column in self.views(columns_of(spec)).items()
         }
-        return Run(
+        return RecordedRun(
             spec=spec,
             telemetry=telemetry,
             events=tuple(self.events),
             outcome=outcome,
             wall=self._wall(telemetry["plan_ms"]),
             snapshots=PlannerSnapshots.of(self._snapshots),
+            measurements=kept_arrays(self._kept) if self._kept else None,
         )
 
     def _wall(self, plan_ms: np.ndarray) -> dict:

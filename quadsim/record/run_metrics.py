@@ -15,7 +15,7 @@ from quadsim.record.metrics import (
     splits,
     total_variation,
 )
-from quadsim.record.run import Run
+from quadsim.record.run import RecordedRun
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class RunMetrics:
     position_rms: float | None
 
 
-def run_metrics(run: Run, limit: StoredSolution | None) -> RunMetrics:
+def run_metrics(run: RecordedRun, limit: StoredSolution | None) -> RunMetrics:
     """Return the numbers of a run.
 
     Args:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from quadsim.racing.hand import HAND
-from quadsim.record.run import CRASHES, Run, flown_with, not_comparable
+from quadsim.record.estimate_metrics import lost_estimate
+from quadsim.record.given_state import given_state
+from quadsim.record.run import CRASHES, RecordedRun, flown_with, not_comparable
 from quadsim.record.run_metrics import RunMetrics
 
 # Lap times in the paragraph, at most
@@ -14,15 +16,18 @@ LAPS = 6
 ENDS = {"hit": "hit", "ground": "hit the ground", "bounds": "left the bounds", "wall": "hit a wall"}
 
 
-def paragraph(run: Run, metrics: RunMetrics) -> str:
+def paragraph(run: RecordedRun, metrics: RunMetrics) -> str:
     """Return a run in a few sentences: outcome, laps, conditions, limit, chatter, planning time."""
     return " ".join(_sentences(run, metrics))
 
 
-def _sentences(run: Run, metrics: RunMetrics) -> Iterator[str]:
+def _sentences(run: RecordedRun, metrics: RunMetrics) -> Iterator[str]:
     laps = f"{len(run.laps)} of {run.spec['laps']} laps in {run.duration:.3f} s"
     yield f"{run.spec['course']}: {run.outcome}, {laps}{crash_place(run)}."
     yield f"Flown with {flown_with(run.spec)}."
+    for line in (given_state(run.spec), lost_estimate(run)):
+        if line:
+            yield f"{line[0].upper()}{line[1:]}."
     if run.laps:
         yield f"Lap times: {lap_times(run)}."
     if metrics.above_limit is not None:
@@ -38,19 +43,23 @@ def _sentences(run: Run, metrics: RunMetrics) -> Iterator[str]:
         yield f"{remark[0].upper()}{remark[1:]}."
 
 
-def crash_place(run: Run) -> str:
+def crash_place(run: RecordedRun) -> str:
     """Return where a crashed run ended, as text that continues a sentence; empty for others."""
     if run.outcome != "crashed":
         return ""
     last = run.events[-1] if run.events else None
     if last is None or last.kind not in CRASHES:
         return "; the planner raised an error"
-    x, y, z = last.position
     what = f"{ENDS[last.kind]} {last.place}" if last.kind == "hit" else ENDS[last.kind]
-    return f"; it {what} in lap {last.lap}, at ({x:.1f}, {y:.1f}, {z:.1f}) m"
+    return f"; it {what} in lap {last.lap}, at {place_text(last.position)}"
 
 
-def lap_times(run: Run) -> str:
+def place_text(position: Iterable[float]) -> str:
+    """Return a position as text, "(1.0, 2.0, 3.0) m"."""
+    return f"({', '.join(f'{number:.1f}' for number in position)}) m"
+
+
+def lap_times(run: RecordedRun) -> str:
     """Return the times of the first laps as text."""
     times = [f"{t:.3f}" for t in run.laps[:LAPS]]
     more = ", ..." if len(run.laps) > LAPS else ""

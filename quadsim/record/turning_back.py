@@ -18,7 +18,7 @@ import numpy as np
 from quadsim.course import Course, Gate, parse_course
 from quadsim.course.opening import approach_length
 from quadsim.files.strict_yaml import FileError
-from quadsim.record.run import Run
+from quadsim.record.run import RecordedRun
 
 # Openings from the gate's centre within which a vehicle is close
 CLOSE = 3.0
@@ -35,7 +35,7 @@ class TurnedBack(TypedDict):
     t: float
 
 
-def turned_back(run: Run) -> list[TurnedBack]:
+def turned_back(run: RecordedRun) -> list[TurnedBack]:
     """Return the places where a run turned back, at most one for each gate of each lap.
 
     A run whose course cannot be read has none.

@@ -22,14 +22,14 @@ def write_whole(path: Path, data: bytes) -> None:
         RunError: the file cannot be written.
     """
     expect_file(path)
-    with one_line(path, "cannot write"):
+    with file_errors(path, "cannot write"):
         path.parent.mkdir(parents=True, exist_ok=True)
         replace_file(path, data)
 
 
 def expect_file(path: Path) -> None:
     """Raise RunError unless a file is, or may be written, at this path."""
-    with one_line(path, "cannot use"):
+    with file_errors(path, "cannot use"):
         if path.name and (not path.exists() or path.is_file()):
             return
     found = "a folder" if path.is_dir() else "a pipe or a device"
@@ -58,7 +58,7 @@ def try_writing(folder: Path) -> None:
     probe = folder / f".{uuid4().hex}.tmp"
     made: list[Path] = []
     try:
-        with one_line(folder, "cannot write here"):
+        with file_errors(folder, "cannot write here"):
             made = [place for place in (folder, *folder.parents) if not place.exists()]
             folder.mkdir(parents=True, exist_ok=True)
             replace_file(probe, bytes(PROBE))
@@ -72,7 +72,7 @@ def try_writing(folder: Path) -> None:
 
 
 @contextmanager
-def one_line(path: str | Path, problem: str) -> Iterator[None]:
+def file_errors(path: str | Path, problem: str) -> Iterator[None]:
     """Turn an OSError inside into a RunError of one line that names the path and the problem."""
     try:
         yield

@@ -14,7 +14,7 @@ from rich.markup import escape
 
 from quadsim.console import as_text, plain, plain_table
 from quadsim.course import Course
-from quadsim.heat.archive import load_heat, save_heat
+from quadsim.heat.archive import read_heat, save_heat
 from quadsim.heat.launch import heat_frames
 from quadsim.heat.result import (
     HeatEvent,
@@ -82,7 +82,7 @@ class Heat:
     @classmethod
     def load(cls, folder: str | Path) -> Heat:
         """Return a stored race. Raises RunError."""
-        loaded = load_heat(folder)
+        loaded = read_heat(folder)
         return cls(
             names=loaded.names,
             runs=tuple(map(Run.of, loaded.runs)),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,8 +15,7 @@ from quadsim.record.exchange import telemetry_csv
 from quadsim.record.limits import StoredSolution, limit_of, limits_folder
 from quadsim.record.mcap_file import mcap_bytes
 from quadsim.record.report import report
-from quadsim.record.run import Run as RecordedRun
-from quadsim.record.run import columns_of
+from quadsim.record.run import RecordedRun, columns_of
 from quadsim.record.run_format import CSV_COLUMNS, event_row, expect_reportable
 from quadsim.record.run_metrics import RunMetrics, run_metrics
 from quadsim.record.run_text import paragraph
@@ -41,6 +41,8 @@ class Run(RecordedRun):
         outcome: finished, crashed, stuck, timeout or interrupted.
         wall: wall-clock numbers: plan_ms with p50 and p95 [ms], and real_time_factor.
         snapshots: the planner's best samples every few control steps; None without any.
+        measurements: with `record_sensing=True`, what the sensors measured and what the estimator
+            made of it: name -> array, see docs/sensing.md; else None.
 
     Examples:
         >>> import quadsim
@@ -60,7 +62,7 @@ class Run(RecordedRun):
     @classmethod
     def of(cls, run: RecordedRun) -> Run:
         """Return a recorded run with the methods of this class."""
-        return cls(run.spec, run.telemetry, run.events, run.outcome, run.wall, run.snapshots)
+        return cls(**{field.name: getattr(run, field.name) for field in fields(RecordedRun)})
 
     @classmethod
     def from_frames(cls, spec: dict[str, Any], frames: Iterable[Frame]) -> Run:

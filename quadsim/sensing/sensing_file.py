@@ -11,12 +11,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, TypedDict, Unpack
+from typing import Annotated, Any, TypedDict, Unpack
 
 from msgspec import Struct
 
 from quadsim.files.data_files import locate, names, read_text
 from quadsim.files.strict_yaml import parse, setting
+from quadsim.files.values import FieldProblem
 from quadsim.files.yaml_text import dump, remade, written
 from quadsim.sensing.config import GateCameraConfig, ImuConfig, PoseConfig, RotorConfig
 
@@ -152,7 +153,7 @@ def parse_sensing(text: str, file: str) -> Sensing:
     """
     document = parse(text, file)
     entry = document.fill(SensingFile)
-    for fault in _faults(entry):
+    for fault in _problems(entry):
         raise document.error(fault.key, fault.problem)
     sensors = {key: getattr(entry, key) for key in SENSORS}
     return Sensing(name=Path(file).stem, source=entry.source, **sensors)
@@ -177,38 +178,31 @@ def _sensor_entry(config: Any) -> dict[str, Any]:
     }
 
 
-class Fault(NamedTuple):
-    """A key of the sensing file, and the problem with it."""
-
-    key: str
-    problem: str
-
-
-def _faults(entry: SensingFile) -> Iterator[Fault]:
+def _problems(entry: SensingFile) -> Iterator[FieldProblem]:
     """Yield all faults of a sensing, the most important first."""
     given = [key for key in SENSORS if getattr(entry, key)]
     if entry.exact and given:
         problem = f"expected no sensor beside exact: true, got {given[0]}: remove one"
-        yield Fault(given[0], problem)
+        yield FieldProblem(given[0], problem)
     if not entry.exact and entry.imu is None:
         expected = "expected an inertial measurement unit: {rate: 250}, or exact: true"
-        yield Fault("imu", f"missing, {expected}")
+        yield FieldProblem("imu", f"missing, {expected}")
     if entry.imu and not (entry.pose or entry.camera):
         problem = "expected a pose or a camera beside it, as without one positions run away"
-        yield Fault("imu", problem)
+        yield FieldProblem("imu", problem)
     if entry.pose:
-        yield from _pose_faults(entry.pose)
+        yield from _pose_problems(entry.pose)
 
 
-def _pose_faults(pose: PoseConfig) -> Iterator[Fault]:
+def _pose_problems(pose: PoseConfig) -> Iterator[FieldProblem]:
     """Yield the faults of a pose sensor: spikes and dropouts need both a share and a size."""
     if pose.spikes > 0.0 and pose.spike == 0.0:
-        yield Fault("pose.spike", "expected how far off spikes are [m], got 0")
+        yield FieldProblem("pose.spike", "expected how far off spikes are [m], got 0")
     if pose.spike > 0.0 and pose.spikes == 0.0:
         expected = "expected spikes beside it, the share of samples that are off by so much"
-        yield Fault("pose.spike", f"{expected}, got none")
+        yield FieldProblem("pose.spike", f"{expected}, got none")
     if pose.dropouts > 0.0 and pose.dropout == 0.0:
-        yield Fault("pose.dropout", "expected how long dropouts last [s], got 0")
+        yield FieldProblem("pose.dropout", "expected how long dropouts last [s], got 0")
     if pose.dropout > 0.0 and pose.dropouts == 0.0:
         expected = "expected dropouts beside it, the probability per sample that one begins"
-        yield Fault("pose.dropout", f"{expected}, got none")
+        yield FieldProblem("pose.dropout", f"{expected}, got none")

@@ -11,13 +11,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isclose, nextafter, sqrt
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, TypedDict, Unpack
+from typing import Annotated, Any, TypedDict, Unpack
 
 from msgspec import Struct
 
 from quadsim.files.data_files import locate, names, read_text
 from quadsim.files.strict_yaml import parse, setting, unit
-from quadsim.files.values import SettingError
+from quadsim.files.values import FieldProblem, SettingError
 from quadsim.files.yaml_text import dump, remade, written
 from quadsim.rotation import Vec3
 
@@ -317,13 +317,13 @@ def parse_vehicle(text: str, file: str) -> Vehicle:
     """
     document = parse(text, file)
     entry = document.fill(VehicleFile)
-    for fault in _faults(entry):
+    for fault in _problems(entry):
         raise document.error(fault.key, fault.problem)
     rotors = _rotors(entry.rotors) if entry.rotors else None
     thrust_max = entry.thrust_max
     if rotors:
         thrust_max = 4 * rotors.thrust(rotors.omega_max) / entry.mass
-    # `_faults` has rejected a vehicle with neither rotors nor thrust_max.
+    # `_problems` has rejected a vehicle with neither rotors nor thrust_max.
     assert thrust_max is not None
     return Vehicle(
         name=Path(file).stem,
@@ -471,13 +471,6 @@ def _arm(side: float) -> float | None:
     return next((each for each in near if each / sqrt(2) == side), None)
 
 
-class Fault(NamedTuple):
-    """A key of the vehicle file, and the problem with it."""
-
-    key: str
-    problem: str
-
-
 def _rotors(entry: RotorsEntry) -> Rotors:
     """Return the rotors, with Flightmare's directions of rotation.
 
@@ -497,24 +490,24 @@ def _rotors(entry: RotorsEntry) -> Rotors:
     )
 
 
-def _faults(entry: VehicleFile) -> Iterator[Fault]:
+def _problems(entry: VehicleFile) -> Iterator[FieldProblem]:
     """Yield all faults of a vehicle, the most important first."""
     if 2 * max(entry.inertia) > sum(entry.inertia):
         expected = "expected each moment at most the sum of the other two [kg m^2]"
-        yield Fault("inertia", f"{expected}, got {_list(entry.inertia)}")
+        yield FieldProblem("inertia", f"{expected}, got {_list(entry.inertia)}")
     if entry.rotors:
         if entry.thrust_max is not None:
             problem = "expected none beside rotors, whose thrust_map gives it: remove one"
-            yield Fault("thrust_max", problem)
-        yield from _rotor_faults(entry.rotors, entry.mass * GRAVITY)
+            yield FieldProblem("thrust_max", problem)
+        yield from _rotor_problems(entry.rotors, entry.mass * GRAVITY)
     elif entry.thrust_max is None:
-        yield Fault("thrust_max", "missing, expected a number [m/s^2], or rotors")
+        yield FieldProblem("thrust_max", "missing, expected a number [m/s^2], or rotors")
     elif entry.thrust_max <= GRAVITY:
         problem = f"cannot hover: expected more than {GRAVITY} [m/s^2], got {entry.thrust_max:g}"
-        yield Fault("thrust_max", problem)
+        yield FieldProblem("thrust_max", problem)
 
 
-def _rotor_faults(entry: RotorsEntry, weight: float) -> Iterator[Fault]:
+def _rotor_problems(entry: RotorsEntry, weight: float) -> Iterator[FieldProblem]:
     """Yield the faults of the rotors.
 
     Args:
@@ -524,27 +517,27 @@ def _rotor_faults(entry: RotorsEntry, weight: float) -> Iterator[Fault]:
     sides = [entry.rotor_x is not None, entry.rotor_y is not None]
     one_way = not any(sides) if entry.arm_l is not None else all(sides)
     if not one_way:
-        yield Fault("rotors", "expected either arm_l [m] or both rotor_x and rotor_y [m]")
+        yield FieldProblem("rotors", "expected either arm_l [m] or both rotor_x and rotor_y [m]")
 
     rotors = _rotors(entry)
     low = rotors.omega_min
     high = rotors.omega_max
     if low >= high:
         problem = f"expected more than motor_omega_min = {low:g} [rad/s], got {high:g}"
-        yield Fault("rotors.motor_omega_max", problem)
+        yield FieldProblem("rotors.motor_omega_max", problem)
     c2, c1, _ = rotors.thrust_map
     if c2 <= 0.0 or 2 * c2 * low + c1 < 0.0:
         expected = "expected thrust that rises, ever faster, with the speed"
-        yield Fault("rotors.thrust_map", f"{expected}, got {_list(rotors.thrust_map)}")
+        yield FieldProblem("rotors.thrust_map", f"{expected}, got {_list(rotors.thrust_map)}")
 
     idle = 4 * rotors.thrust(low)
     full = 4 * rotors.thrust(high)
     if full <= weight:
         expected = f"expected more than the weight of {weight:.2f} N"
-        yield Fault("rotors", f"cannot hover: {expected}, got {full:.2f} N at full speed")
+        yield FieldProblem("rotors", f"cannot hover: {expected}, got {full:.2f} N at full speed")
     if idle >= weight:
         expected = f"expected less than the weight of {weight:.2f} N"
-        yield Fault("rotors", f"cannot descend: {expected}, got {idle:.2f} N at idle")
+        yield FieldProblem("rotors", f"cannot descend: {expected}, got {idle:.2f} N at idle")
 
 
 def _list(numbers: tuple[float, ...]) -> str:

@@ -6,7 +6,7 @@ import pytest
 
 from quadsim.campaign.attempt import Flown, this_provenance
 from quadsim.campaign.runner import Runner
-from quadsim.record.run import Run
+from quadsim.record.run import RecordedRun
 from tests.campaign_cases import specs, variant
 from tests.run_cases import frame
 
@@ -18,7 +18,7 @@ def flown():
     """One attempt without a planner, three control periods long: (spec, Flown)."""
     (spec,) = specs(1)
     frames = [frame(0), frame(1), frame(2, outcome="timeout")]
-    return spec, Flown(Run.from_frames(spec.record(), frames), this_provenance(), None)
+    return spec, Flown(RecordedRun.from_frames(spec.record(), frames), this_provenance(), None)
 
 
 @pytest.fixture(scope="session")

@@ -26,7 +26,7 @@ from quadsim.campaign.rating import bradley_terry
 from quadsim.cli.cli import race
 from quadsim.console import as_text
 from quadsim.files.values import SettingError
-from quadsim.heat.line_up import heats_of, line_up, parse_race_variants
+from quadsim.heat.line_up import heats_of, line_up, parse_heat_variants
 from quadsim.heat.spec import HeatSpec
 from quadsim.record.run import RunError
 from quadsim.record.schema import StoredEvent, StoredPlacing, StoredResult
@@ -183,14 +183,14 @@ def test_settings_are_compared_race_by_race():
 
 
 def test_settings_of_races_are_read_with_and_without_names():
-    found = parse_race_variants("expect=own,soft=keep-weight=50+rules=physics,gaussian")
+    found = parse_heat_variants("expect=own,soft=keep-weight=50+rules=physics,gaussian")
     assert found == {
         "expect=own": {"expect": "own"},
         "soft": {"keep_weight": "50", "rules": "physics"},
         "gaussian": {"sampler": "gaussian"},
     }
     with pytest.raises(SettingError, match="twice"):
-        parse_race_variants("expect=own,expect=own")
+        parse_heat_variants("expect=own,expect=own")
 
 
 @pytest.fixture

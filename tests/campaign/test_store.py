@@ -13,7 +13,7 @@ import pytest
 from quadsim.campaign import attempt
 from quadsim.campaign.attempt import attempt_key, fly_attempt, result
 from quadsim.campaign.store import SCHEMA_VERSION, Store
-from quadsim.record.archive import RunFolder, list_runs, load_run
+from quadsim.record.archive import RunFolder, list_runs, read_run
 from quadsim.record.run import RunError
 from tests.campaign_cases import specs
 
@@ -32,7 +32,7 @@ def test_a_stored_attempt_is_read_back_with_its_telemetry(tmp_path, flown):
         assert store.spec(kept.key)["seed"] == spec.seed
         assert store.rows(["another"]) == []
     assert (kept.name, kept.outcome, kept.seed) == ("mine", "timeout", 0)
-    run = load_run(tmp_path / kept.folder)
+    run = read_run(tmp_path / kept.folder)
     assert run.digest() == flight.run.digest() == kept.result["digest"]
 
 
@@ -135,7 +135,7 @@ def test_a_kill_between_row_and_folder_loses_nothing(tmp_path, flown):
     assert list_runs(tmp_path / "c.flights") == []
     with Store(tmp_path / "c.sqlite"):
         assert [p.name for p in (tmp_path / "c.flights").iterdir()] == [Path(kept.folder).name]
-    assert load_run(tmp_path / kept.folder).digest() == flight.run.digest()
+    assert read_run(tmp_path / kept.folder).digest() == flight.run.digest()
 
 
 @pytest.mark.compiled

@@ -25,7 +25,7 @@ from quadsim.record.limits import (
     dump,
     limit_of,
 )
-from quadsim.record.run import Run
+from quadsim.record.run import RecordedRun
 from quadsim.vehicle import load_vehicle
 
 COURSE = """opening: [1.5, 1.5]
@@ -72,7 +72,7 @@ def flown(time=1.0, outcome="finished", **settings):
     last = replace(
         frames[-1], t=time, events=(passes,) if outcome == "finished" else (), outcome=outcome
     )
-    return Run.from_frames(spec(**settings), [*frames[:-1], last])
+    return RecordedRun.from_frames(spec(**settings), [*frames[:-1], last])
 
 
 def limit():

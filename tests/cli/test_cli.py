@@ -14,7 +14,7 @@ from quadsim.cli.fly import BLACKBOX, _save
 from quadsim.config.checks import expect_new_log
 from quadsim.config.spec import Spec
 from quadsim.files.values import SettingError
-from quadsim.record.archive import RunFolder, load_run
+from quadsim.record.archive import RunFolder, read_run
 from tests.campaign_cases import RACE
 from tests.run_cases import save, two_laps
 from tests.small import SHORT, SMALL, flags
@@ -149,7 +149,7 @@ def test_the_folder_of_a_run_gets_a_copy_of_the_firmwares_log(cwd):
     with RunFolder.open("runs", run.spec) as folder:
         assert _save(folder, run, "flight.bbl") is None
     assert (folder.path / BLACKBOX).read_bytes() == b"H Product:Blackbox"
-    assert load_run(folder.path).digest() == run.digest()
+    assert read_run(folder.path).digest() == run.digest()
 
 
 @pytest.mark.compiled

@@ -10,7 +10,7 @@ import pytest
 
 from quadsim.cli.cli import race
 from quadsim.console import uninterrupted
-from quadsim.record.archive import list_runs, load_run
+from quadsim.record.archive import list_runs, read_run
 from tests.campaign_cases import RACE
 from tests.small import SMALL, flags
 
@@ -56,7 +56,7 @@ def test_an_interrupted_flight_is_reported_and_kept(flying, tmp_path):
     assert "Traceback" not in shown
     assert "interrupted" in shown.rstrip().splitlines()[-1]
     (folder,) = list_runs(tmp_path / "runs")
-    run = load_run(folder)
+    run = read_run(folder)
     assert run.outcome == "interrupted"
     assert run.telemetry["t"][-1] > 0.0
 

@@ -17,7 +17,7 @@ from quadsim.config.build import flight_frames
 from quadsim.config.spec import Spec
 from quadsim.dynamics.quadrotor import CONTROL, STATE
 from quadsim.figures.run_figure import draw
-from quadsim.record.archive import load_run
+from quadsim.record.archive import read_run
 from tests.run_cases import same, save, two_laps
 from tests.small import SHORT
 
@@ -77,7 +77,7 @@ def test_any_outcome_is_reported_kept_and_drawn_also_without_an_event_or_a_frame
     for left in (without_events, without_frames):
         assert left.laps == left.penalties == []
         assert outcome in printed(left)
-        assert same(load_run(save(tmp_path, left)), left)
+        assert same(read_run(save(tmp_path, left)), left)
         assert outcome in draw(left).get_suptitle()
 
 

@@ -16,7 +16,7 @@ from quadsim.racing.events import Event, Frame
 from quadsim.record.metrics import splits
 from quadsim.record.model_differences import differing
 from quadsim.record.report_tables import lap_tables
-from quadsim.record.run import Run
+from quadsim.record.run import RecordedRun
 
 GATES, LAPS = 7, 3
 
@@ -62,7 +62,7 @@ def run(gates=GATES * LAPS, outcome="finished", more=(), **model):
         )
         frames.append(frame)
     frames[-1] = replace(frames[-1], events=events, outcome=outcome)
-    return Run.from_frames(spec(**model), frames)
+    return RecordedRun.from_frames(spec(**model), frames)
 
 
 def printed(flown, width=80):

@@ -10,7 +10,7 @@ import quadsim
 from quadsim.cli.cli import race
 from quadsim.config.changes import changeable_numbers
 from quadsim.config.spec import Spec
-from quadsim.record.archive import list_runs, load_run
+from quadsim.record.archive import list_runs, read_run
 from quadsim.record.run import hostless, same_flight
 from quadsim.record.schema import NumberChange
 from quadsim.tables.wording import settings_of, wording
@@ -58,12 +58,12 @@ def test_the_command_flies_the_same_bits(tmp_path, capsys):
     course = {"sampler": "gaussian", "sigma": (1, 1, 0.1, 4), "fault": "rotor2=.5@.2"}
     run = quadsim.fly("figure8", **SHORT, **course)
     folder = run.save(tmp_path / "runs")
-    words = shlex.split(wording(load_run(folder).spec, folder).command)
+    words = shlex.split(wording(read_run(folder).spec, folder).command)
     assert words[:3] == ["race", "fly", "figure8"]
     race([*words[1:], "--runs-dir", str(tmp_path / "again")])
     capsys.readouterr()
     (again,) = list_runs(tmp_path / "again")
-    assert load_run(again).digest() == run.digest()
+    assert read_run(again).digest() == run.digest()
 
 
 def test_what_settings_cannot_give_names_the_folder(tmp_path):
@@ -88,9 +88,9 @@ def test_the_command_of_a_run_on_a_course_of_ones_own_flies_the_same_bits(tmp_pa
     run = quadsim.fly(str(mine), **SHORT, sampler="gaussian")
     folder = run.save(tmp_path / "runs")
     mine.unlink()
-    words = shlex.split(wording(load_run(folder).spec, folder).command)
+    words = shlex.split(wording(read_run(folder).spec, folder).command)
     race([*words[1:], "--runs-dir", str(tmp_path / "again")])
     capsys.readouterr()
     # it is stored in the folder that the flags name
-    again = [load_run(path) for path in list_runs(tmp_path / "again")]
+    again = [read_run(path) for path in list_runs(tmp_path / "again")]
     assert [same_flight(one, run) for one in again] == [True]

@@ -13,7 +13,7 @@ import shutil
 from functools import partial
 from pathlib import Path
 
-from quadsim.record.archive import list_runs, load_run
+from quadsim.record.archive import list_runs, read_run
 from quadsim.record.run import RunError
 from tests.fuzz.base import COMPARE, FLIGHTS, SHORT, base, campaign_base
 from tests.fuzz.damage import WORDS
@@ -108,7 +108,7 @@ def _nothing_looks_finished(folder: Path, _: Outcome) -> str:
     runs = folder / "runs"
     for path in list_runs(runs) if runs.exists() else ():
         try:
-            load_run(path)
+            read_run(path)
         except RunError as error:
             return f"looks finished: {error}"
     return ""

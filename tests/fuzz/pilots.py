@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from controllers.learned.pilot import PILOTS
-from quadsim.record.archive import list_runs, load_run
+from quadsim.record.archive import list_runs, read_run
 from quadsim.record.run import RunError
 from tests.fuzz.arrays import damage_place, damaged_npz
 from tests.fuzz.harness import Case, Outcome
@@ -54,7 +54,7 @@ def _finite(runs: Path) -> str:
     """Return what is not finite in the runs that were stored, or ""."""
     for path in list_runs(runs) if runs.exists() else ():
         try:
-            telemetry = load_run(path).telemetry
+            telemetry = read_run(path).telemetry
         except RunError as error:
             return f"a run that cannot be read: {error}"
         for name, column in telemetry.items():

@@ -11,7 +11,7 @@ import quadsim
 from controllers.lanes.threads import most_threads
 from controllers.plan import PlanStats
 from quadsim.cli.cli import race
-from quadsim.heat.archive import list_heats, load_heat
+from quadsim.heat.archive import list_heats, read_heat
 from quadsim.heat.launch import heat_frames
 from quadsim.heat.line_up import line_up
 from quadsim.heat.loop import Starter, end_flights
@@ -267,7 +267,7 @@ def test_downwash_pushes_who_flies_below_down_and_nobody_up():
 def test_a_stored_race_is_read_and_flown_again_to_the_last_bit(raced, stored, capsys):
     assert {run.outcome for run in raced.runs} == {"finished"}
     assert list_heats(stored.parent) == [stored]
-    loaded = load_heat(stored)
+    loaded = read_heat(stored)
     assert [run.digest() for run in loaded.runs] == [run.digest() for run in raced.runs]
     assert quadsim.load_heat(stored).order == raced.order
     assert race(["heat", "--from", "last", "--runs-dir", str(stored.parent), "--json"]) == 0
@@ -329,7 +329,7 @@ def test_what_a_race_says_of_itself_is_what_its_runs_say(what, stored, tmp_path)
     change(record["spec"])
     (folder / "heat.json").write_text(json.dumps(record))
     with pytest.raises(RunError, match=rf"heat\.json: {key}.*; changed after the race"):
-        load_heat(folder)
+        read_heat(folder)
 
 
 @pytest.mark.compiled
@@ -339,7 +339,7 @@ def test_an_entrant_that_has_finished_has_no_fault(stored, tmp_path):
     record["faults"] = {"fast": "ZeroDivisionError: division by zero"}
     (folder / "heat.json").write_text(json.dumps(record))
     with pytest.raises(RunError, match="faults: expected what the runs of the race have"):
-        load_heat(folder)
+        read_heat(folder)
 
 
 @pytest.mark.compiled
@@ -348,10 +348,10 @@ def test_a_changed_race_is_refused(raced, stored, tmp_path):
     file = folder / "heat.json"
     file.write_text(file.read_text().replace(raced.digest(), "0" * 64))
     with pytest.raises(RunError, match="changed after the race"):
-        load_heat(folder)
+        read_heat(folder)
     file.write_text("{")
     with pytest.raises(RunError, match="damaged"):
-        load_heat(folder)
+        read_heat(folder)
 
 
 @pytest.mark.compiled

@@ -4,8 +4,8 @@ import pytest
 from referee_cases import FAR, gate
 
 from quadsim.course import Course, Start
-from quadsim.heat.marshal import Marshal, Move, RaceReferee
-from quadsim.heat.rules import RULES, Progress
+from quadsim.heat.marshal import HeatReferee, Marshal, Move
+from quadsim.heat.rules import RULES, Standing
 from quadsim.racing.referee import CLEAR, Referee
 
 R = 0.14
@@ -16,7 +16,7 @@ COURSE = Course("test", "", GATES, Start((0.0, 0.0, 10.0), 0.0), FAR, True, 1, (
 
 def race(rules, vehicles=2):
     """Return the marshal and the referees of a race."""
-    referees = [RaceReferee(Referee(COURSE, R, 9, 1e3)) for _ in range(vehicles)]
+    referees = [HeatReferee(Referee(COURSE, R, 9, 1e3)) for _ in range(vehicles)]
     return Marshal(RULES[rules], referees, [R] * vehicles), referees
 
 
@@ -60,7 +60,7 @@ def test_who_is_out_passes_no_gate():
     assert [event.kind for event in found] == ["contact"]
     assert a.passed == 0
     # without the marshal's call the same step is a pass
-    alone = RaceReferee(Referee(COURSE, R, 9, 1e3))
+    alone = HeatReferee(Referee(COURSE, R, 9, 1e3))
     found = alone.observe(1.0 - DT, (9.9, 0.0, 10.0), 1.0, (10.1, 0.0, 10.0))
     assert [event.kind for event in found] == ["pass"]
 
@@ -77,10 +77,10 @@ def test_side_by_side_is_no_contact_under_elimination_but_is_one_for_the_chaser(
 
 
 def test_the_chaser_is_who_has_passed_fewer_gates():
-    ahead = Progress(passed=3, way=9.0)
-    assert Progress(passed=2, way=1.0).is_behind(ahead)
-    assert not ahead.is_behind(Progress(passed=2, way=1.0))
-    assert Progress(passed=3, way=9.5).is_behind(ahead)
+    ahead = Standing(passed=3, way=9.0)
+    assert Standing(passed=2, way=1.0).is_behind(ahead)
+    assert not ahead.is_behind(Standing(passed=2, way=1.0))
+    assert Standing(passed=3, way=9.5).is_behind(ahead)
 
 
 def test_under_physics_nobody_is_out_and_a_contact_counts_once():

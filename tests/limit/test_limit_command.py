@@ -21,10 +21,10 @@ from quadsim.config.spec import Spec
 from quadsim.course import parse_course
 from quadsim.limit.dynamics import dynamics
 from quadsim.limit.route import MARGIN
-from quadsim.limit.search import Attempt, Search, Solved
+from quadsim.limit.search import Search, SolveAttempt, Solved
 from quadsim.limit.verify import referee_of, verify
 from quadsim.record import keeper
-from quadsim.record.archive import load_run
+from quadsim.record.archive import read_run
 from quadsim.record.limits import (
     LimitError,
     LimitProblem,
@@ -78,7 +78,7 @@ def found_again(place, monkeypatch):
     problem = mine()
     solution = problem.best_known(limits_folder(place[0] / "X")).solution
     verified = verify(solution, dynamics(SWIFT, problem.model), referee_of(problem))
-    attempt = Attempt("again", len(solution.t), verified.broken, Solved(solution, verified))
+    attempt = SolveAttempt("again", len(solution.t), verified.broken, Solved(solution, verified))
     monkeypatch.setattr(Search, "attempts", lambda *_: iter([attempt]))
 
 
@@ -356,7 +356,7 @@ def test_what_is_known_is_kept_as_a_run_that_the_page_can_race(place, capsys):
     words = ("limit", f"{folder}/mine.yaml", "--known", "--runs-dir", f"{folder}/X", "--json")
     code, out, _ = run(capsys, *words)
     assert code == 0
-    flown = load_run(json.loads(out)["run_dir"])
+    flown = read_run(json.loads(out)["run_dir"])
     assert flown.outcome == "finished"
     assert flown.duration == pytest.approx(told["time"], abs=1e-4)
     assert [event.kind for event in flown.events] == ["pass"]

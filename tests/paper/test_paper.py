@@ -20,7 +20,7 @@ from quadsim.config.spec import Spec
 from quadsim.paper import double_integrator, exploration, noise, offroad, quadrotor, runs, table2
 from quadsim.paper.offroad import Drive, DriveTask
 from quadsim.paper.runs import as_bytes, from_bytes, kept_runs, run_key
-from quadsim.paper.table1 import Attempt, table1_row
+from quadsim.paper.table1 import MotionAttempt, table1_row
 from quadsim.paper.table2 import (
     GOAL,
     SIGMAS,
@@ -311,7 +311,12 @@ def test_times_are_those_of_the_attempts_that_finished():
     numbers = table1_row(
         "quadrotor",
         "colored",
-        [Attempt(8.0, 1.0), Attempt(None, 2.0), Attempt(9.0, 3.0), Attempt(None, 5.0)],
+        [
+            MotionAttempt(8.0, 1.0),
+            MotionAttempt(None, 2.0),
+            MotionAttempt(9.0, 3.0),
+            MotionAttempt(None, 5.0),
+        ],
     )
     assert (numbers["finished"], numbers["attempts"]) == (2, 4)
     assert (numbers["mean"], numbers["min"], numbers["ms"]) == (8.5, 8.0, 2.5)
@@ -319,7 +324,7 @@ def test_times_are_those_of_the_attempts_that_finished():
     assert 0 < numbers["success_low"] < 0.5 < numbers["success_high"] < 1
     assert numbers["paper_mean"] == 8.691
     assert (numbers["paper_valid"], numbers["paper_attempts"]) == (9, 21)
-    none = table1_row("offroad", "gaussian", [Attempt(None, 1.0)])
+    none = table1_row("offroad", "gaussian", [MotionAttempt(None, 1.0)])
     assert (none["finished"], none["mean"], none["sd"], none["min"]) == (0, None, None, None)
 
 

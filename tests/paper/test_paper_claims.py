@@ -21,7 +21,7 @@ from quadsim.paper.noise import perturbations
 from quadsim.paper.offroad import DriveTask
 from quadsim.paper.table2 import TABLE2, Motion, MotionTask, accumulated_cost, move, samplings
 from quadsim.record.metrics import chatter
-from quadsim.record.run import Run
+from quadsim.record.run import RecordedRun
 from tests.small import SMALL
 
 
@@ -167,7 +167,7 @@ def test_colored_thrust_varies_less_than_gaussian():
 
     def variation(sampler):
         spec = Spec.of("paper_flat", preset="paper", sampler=sampler, samples=1024, timeout=1.5)
-        run = Run.from_frames(spec.record(), flight_frames(spec))
+        run = RecordedRun.from_frames(spec.record(), flight_frames(spec))
         return chatter(run)["commanded"]["thrust_tv"]
 
     assert variation("colored") < 0.3 * variation("gaussian")

@@ -13,7 +13,7 @@ from quadsim.course import Course, Gate, Start
 from quadsim.vehicle import GRAVITY, Vehicle
 
 bullet = pytest.importorskip("pybullet", reason=NO_BULLET)
-from quadsim.physics.world import World  # noqa: E402
+from quadsim.physics.world import BulletWorld  # noqa: E402
 
 DT, DEPTH, RADIUS = 1 / 400, 0.1, 0.1
 LEVEL, REST = (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
@@ -34,7 +34,7 @@ COURSE = Course(
 
 @pytest.fixture
 def world():
-    with closing(World(COURSE, SPHERE, DT)) as world:
+    with closing(BulletWorld(COURSE, SPHERE, DT)) as world:
         yield world
 
 
@@ -103,7 +103,7 @@ def test_force_and_torque_act_in_the_body_frame_and_quaternions_are_wxyz(world):
 
 def energy_gained(dt):
     """Relative change of the rotational energy in a 6 rad/s tumble of 2 s without torque."""
-    with closing(World(COURSE, SPHERE, dt)) as world:
+    with closing(BulletWorld(COURSE, SPHERE, dt)) as world:
         world.place((0.0, 0.0, 90.0), LEVEL, omega=(12**0.5,) * 3)
         energy = [np.dot(INERTIA, np.square(world.read()[3]))]
         for _ in range(round(2.0 / dt)):
@@ -124,7 +124,7 @@ def test_worlds_do_not_disturb_each_other(world):
         return coast(world, 0.5, (0.1, 0.0, 3.0), (0.001, 0.002, 0.0))
 
     alone = fall(world)
-    with closing(World(COURSE, SPHERE, DT)) as other:
+    with closing(BulletWorld(COURSE, SPHERE, DT)) as other:
         other.place((3.0, 0.0, 5.0), LEVEL, v=(30.0, 0.0, 0.0))
         other.step()
         assert fall(world) == alone
@@ -186,7 +186,7 @@ def test_of_many_gates_only_those_around_the_vehicle_stand_and_keep_their_number
     course = Course(
         "line", "", gates * 2, Start((0.0, 0.0, 2.0), 0.0), ((-1e4, 1e4),) * 3, False, 1, (), ""
     )
-    with closing(World(course, SPHERE, DT)) as world:
+    with closing(BulletWorld(course, SPHERE, DT)) as world:
         for number in (1, 150, 200, 3):
             world.place((4.0 * number, 0.8, 2.0), LEVEL)
             world.step()
@@ -199,7 +199,7 @@ def test_gates_are_put_up_on_the_way():
     course = Course(
         "line", "", gates, Start((0.0, 0.0, 2.0), 0.0), ((-1e4, 1e4),) * 3, False, 1, (), ""
     )
-    with closing(World(course, SPHERE, DT)) as world:
+    with closing(BulletWorld(course, SPHERE, DT)) as world:
         world.place((4.0, 0.0, 2.0), LEVEL, (90.0, 0.0, 0.0))
         for _ in range(600):
             world.step()
@@ -224,7 +224,7 @@ def test_a_vehicle_that_stood_still_wakes_up(world):
 
 
 def test_closing_twice_is_harmless():
-    world = World(COURSE, SPHERE, DT)
+    world = BulletWorld(COURSE, SPHERE, DT)
     world.close()
     world.close()
     assert not bullet.isConnected(**world._at)

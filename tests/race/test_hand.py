@@ -96,5 +96,5 @@ def test_a_run_of_a_person_cannot_be_flown_again(run):
 
 def test_a_person_has_longer_to_turn_round_than_a_planner(run):
     spec = quadsim.Spec.of("figure8")
-    assert spec.patience == NO_PROGRESS
-    assert spec.but(controller=Hand(RATES)).patience > 2 * NO_PROGRESS
+    assert spec.stuck_after == NO_PROGRESS
+    assert spec.but(controller=Hand(RATES)).stuck_after > 2 * NO_PROGRESS

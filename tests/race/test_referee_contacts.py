@@ -19,7 +19,7 @@ from quadsim.racing.referee import Referee
 from quadsim.vehicle import GRAVITY, Vehicle
 
 pytest.importorskip("pybullet", reason=NO_BULLET)
-from quadsim.physics.world import World
+from quadsim.physics.world import BulletWorld
 
 GATE = gate((0.0, 0.0, 10.0), yaw=0.7, pitch=-0.4, roll=0.2)
 PROBE = Vehicle(
@@ -91,7 +91,7 @@ def fly_pass(world, trial):
 @pytest.fixture(scope="module")
 def trials():
     rng = np.random.default_rng(1)
-    with closing(World(course(GATE), PROBE, DT)) as world:
+    with closing(BulletWorld(course(GATE), PROBE, DT)) as world:
         return [
             (trial, *fly_pass(world, trial)) for trial in (random_pass(rng) for _ in range(250))
         ]
@@ -124,7 +124,7 @@ def test_disagreement_is_put_on_record():
     wrong = gate((0.0, 3.0, 10.0))
     referee = Referee(course(wrong), R, laps=99, timeout=1e3, penalties=True)
     true = gate((0.0, 0.0, 10.0))
-    with closing(World(course(true), PROBE, DT)) as world:
+    with closing(BulletWorld(course(true), PROBE, DT)) as world:
         p0 = (-0.5, HALF[0] + WIDTH / 2, 10.0)
         world.place(p0, (1.0, 0.0, 0.0, 0.0), (5.0, 0.0, 0.0))
         for k in range(60):

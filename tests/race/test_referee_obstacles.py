@@ -76,10 +76,10 @@ def test_our_rigid_body_reports_an_obstacle_and_stands_clear_of_it_at_the_start(
 )
 def test_every_contact_that_pybullet_sees_is_a_hit_and_hits_are_near(obstacle):
     pytest.importorskip("pybullet", reason=NO_BULLET)
-    from quadsim.physics.world import World
+    from quadsim.physics.world import BulletWorld
 
     rng, outcomes = np.random.default_rng(5), []
-    with closing(World(course(obstacle, gates=AWAY), PROBE, DT)) as world:
+    with closing(BulletWorld(course(obstacle, gates=AWAY), PROBE, DT)) as world:
         for _ in range(50):
             aim = np.array(obstacle.centre) + rng.uniform(-0.5, 0.5, 3) * np.ptp(
                 obstacle.corners(), axis=0

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from quadsim.record.archive import RunFolder, list_runs, load_run, remove_unfinished
-from quadsim.record.run import COLUMNS, Run, RunError
+from quadsim.record.archive import RunFolder, list_runs, read_run, remove_unfinished
+from quadsim.record.run import COLUMNS, RecordedRun, RunError
 from quadsim.record.whole_files import write_whole
 from tests.run_cases import SPEC, same, save, snapshot, two_laps
 
@@ -28,19 +28,19 @@ def full(_):
 @pytest.mark.parametrize("seen", [None, snapshot(), snapshot(terms=())])
 def test_round_trip_is_exact(tmp_path, seen):
     run = two_laps(snapshot=seen)
-    assert same(load_run(save(tmp_path, run)), run)
+    assert same(read_run(save(tmp_path, run)), run)
 
 
 def test_interrupted_run_without_a_frame_survives_the_round_trip(tmp_path):
-    run = Run.from_frames(SPEC, [])
-    assert same(load_run(save(tmp_path, run)), run)
+    run = RecordedRun.from_frames(SPEC, [])
+    assert same(read_run(save(tmp_path, run)), run)
 
 
 def test_plant_that_blew_up_is_saved_with_its_nan(tmp_path):
     run = two_laps()
     run.telemetry["a"][-1] = np.nan
     path = save(tmp_path, run)
-    assert same(load_run(path), run)
+    assert same(read_run(path), run)
     assert json.loads((path / "run.json").read_text())["chatter"]["delivered"]["thrust_tv"] is None
 
 
@@ -118,7 +118,7 @@ with RunFolder.open({str(tmp_path)!r}, {SPEC!r}):
     (part / "run.json").write_text("{}")  # had it come a moment later
     assert list_runs(tmp_path) == []
     with pytest.raises(RunError, match=r"\.part"):
-        load_run(part)
+        read_run(part)
     remove_unfinished(tmp_path)
     assert list(tmp_path.iterdir()) == [], "the next flight removes it"
 
@@ -132,7 +132,7 @@ def test_what_another_process_or_a_user_has_there_is_not_removed(tmp_path):
         assert sorted(tmp_path.iterdir()) == there
         folder.write(two_laps())
     remove_unfinished(tmp_path, complete=lambda name: name == folder.path.name)
-    assert same(load_run(folder.path), two_laps()), "it was complete but for its name"
+    assert same(read_run(folder.path), two_laps()), "it was complete but for its name"
 
 
 def test_root_that_cannot_be_written_is_one_line_before_the_flight(tmp_path):

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from quadsim.record.archive import list_runs, load_run
+from quadsim.record.archive import list_runs, read_run
 from quadsim.record.planner_snapshot import TERM
 from quadsim.record.run import RunError
 from tests.run_cases import save, two_laps
@@ -100,7 +100,7 @@ def test_damaged_folder_is_one_line_that_names_it(tmp_path):
         shutil.copytree(whole, path)
         harm(path)
         with pytest.raises(RunError, match=message) as error:
-            load_run(path)
+            read_run(path)
         assert str(error.value).startswith(str(path))
         assert "\n" not in str(error.value), damage
 
@@ -116,7 +116,7 @@ def test_random_damage_never_gets_past_the_reader_unseen(tmp_path, name):
         data[rng.integers(len(data))] ^= 1 << rng.integers(8)
         (path / name).write_bytes(data[: rng.integers(len(data)) if rng.random() < 0.3 else None])
         try:
-            loaded = load_run(path)
+            loaded = read_run(path)
         except RunError:
             continue
         assert loaded.digest() == run.digest()
@@ -124,5 +124,5 @@ def test_random_damage_never_gets_past_the_reader_unseen(tmp_path, name):
 
 def test_a_missing_run_is_an_error_that_names_it():
     with pytest.raises(RunError, match=r"^nowhere: "):
-        load_run(Path("nowhere"))
+        read_run(Path("nowhere"))
     assert list_runs("nowhere") == []

@@ -16,7 +16,7 @@ from quadsim.record.metrics import (
     thrust_psd,
     total_variation,
 )
-from quadsim.record.run import Run
+from quadsim.record.run import RecordedRun
 from tests.run_cases import SPEC, frame, two_laps
 
 DT = 0.01
@@ -113,7 +113,7 @@ def test_every_chatter_of_filtered_thrust_is_lower_than_of_white_thrust():
 
 def measures(t, u):
     frames = [replace(frame(k), u=(0.0, 0.0, 0.0, float(a))) for k, a in enumerate(u)]
-    commanded = chatter(Run.from_frames(SPEC, frames))["commanded"]
+    commanded = chatter(RecordedRun.from_frames(SPEC, frames))["commanded"]
     return [v for k, v in commanded.items() if k != "body_rates_tv"]
 
 
@@ -136,7 +136,7 @@ def test_chatter_tells_commanded_from_delivered():
 
 @pytest.mark.parametrize("frames", [0, 1, 2, 3])
 def test_chatter_of_the_shortest_flights_is_a_number(frames):
-    result = chatter(Run.from_frames(SPEC, [frame(k) for k in range(frames)]))
+    result = chatter(RecordedRun.from_frames(SPEC, [frame(k) for k in range(frames)]))
     assert all(
         np.isfinite(list(result[side].values())).all() for side in ("commanded", "delivered")
     )

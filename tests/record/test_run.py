@@ -7,7 +7,7 @@ import pytest
 
 from quadsim.dynamics.quadrotor import CONTROL, STATE
 from quadsim.racing.events import PENALTY, sector_times
-from quadsim.record.run import COLUMNS, Run
+from quadsim.record.run import COLUMNS, RecordedRun
 from tests.run_cases import SPEC, event, frame, snapshot, two_laps
 
 
@@ -39,20 +39,20 @@ def test_flight_that_nobody_ended_is_interrupted_and_keeps_its_full_laps():
 
 
 def test_crash_in_the_first_lap_has_no_laps():
-    run = Run.from_frames(
+    run = RecordedRun.from_frames(
         SPEC, [frame(0), frame(1, events=(event(0.005, "hit"),), outcome="crashed")]
     )
     assert (run.outcome, run.laps, run.penalties, run.gates) == ("crashed", [], [], [])
 
 
 def test_flight_interrupted_before_its_first_frame_is_still_a_run():
-    run = Run.from_frames(SPEC, [])
+    run = RecordedRun.from_frames(SPEC, [])
     assert (run.outcome, run.laps, len(run.telemetry["t"])) == ("interrupted", [], 0)
     assert len(run.digest()) == 64
 
 
 def test_a_finished_flight_without_a_pass_has_no_lap_time_and_ends_at_its_last_frame():
-    run = Run.from_frames(SPEC, [frame(0), frame(1), frame(2, outcome="finished")])
+    run = RecordedRun.from_frames(SPEC, [frame(0), frame(1), frame(2, outcome="finished")])
     assert (run.laps, run.penalties, run.duration) == ([], [], 0.02)
     assert len(run.digest()) == 64
 
@@ -75,12 +75,12 @@ def test_an_outcome_that_could_not_be_read_back_is_refused():
     with pytest.raises(
         ValueError, match=r"referee: expected an outcome of finished, crashed, .* got 'landed'"
     ):
-        Run.from_frames(SPEC, [frame(0, outcome="landed")])
+        RecordedRun.from_frames(SPEC, [frame(0, outcome="landed")])
 
 
 def test_wall_clock_is_percentiles_and_simulated_over_real_seconds():
     frames = [frame(k, plan_ms=float(k)) for k in range(101)]
-    assert Run.from_frames(SPEC, frames).wall == {
+    assert RecordedRun.from_frames(SPEC, frames).wall == {
         "plan_ms": {"p50": 50.0, "p95": 95.0},
         "real_time_factor": 0.5,
     }
@@ -88,7 +88,9 @@ def test_wall_clock_is_percentiles_and_simulated_over_real_seconds():
 
 def test_snapshots_are_kept_where_a_frame_has_them():
     seen = snapshot()
-    snapshots = Run.from_frames(SPEC, [frame(0), frame(1, snapshot=seen), frame(2)]).snapshots
+    snapshots = RecordedRun.from_frames(
+        SPEC, [frame(0), frame(1, snapshot=seen), frame(2)]
+    ).snapshots
     assert snapshots.frames.tolist() == [1]
     assert np.array_equal(snapshots.best, np.float32([seen.best]))
     assert snapshots.terms == {name: np.float32([value]) for name, value in seen.terms.items()}
@@ -97,7 +99,7 @@ def test_snapshots_are_kept_where_a_frame_has_them():
 
 def test_the_latest_snapshot_is_the_last_one_up_to_a_frame():
     first, second = snapshot(1), snapshot(2)
-    snapshots = Run.from_frames(
+    snapshots = RecordedRun.from_frames(
         SPEC, [frame(0), frame(1, snapshot=first), frame(2), frame(3, snapshot=second)]
     ).snapshots
     assert snapshots.latest(0) is None
@@ -139,6 +141,6 @@ def test_digest_sees_events_spec_and_outcome():
 
 def test_spec_that_json_cannot_hold_is_refused():
     with pytest.raises(TypeError):
-        Run.from_frames({"course": object()}, [])
+        RecordedRun.from_frames({"course": object()}, [])
     with pytest.raises(ValueError, match="JSON"):
-        Run.from_frames({"sigma": float("nan")}, [])
+        RecordedRun.from_frames({"sigma": float("nan")}, [])

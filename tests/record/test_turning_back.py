@@ -9,7 +9,7 @@ import pytest
 
 from quadsim.course import load_course, parse_course
 from quadsim.record.limits import SOLUTIONS, load
-from quadsim.record.run import COLUMNS, Run
+from quadsim.record.run import COLUMNS, RecordedRun
 from quadsim.record.turning_back import turned_back, turns
 from tests.run_cases import two_laps
 
@@ -97,4 +97,4 @@ def test_a_stored_run_of_any_age_is_asked_by_its_telemetry():
     (turn,) = turned_back(flown)
     assert (turn["gate"], turn["lap"]) == (1, 1)
     assert turned_back(replace(flown, spec=flown.spec | {"course_text": "damaged"})) == []
-    assert isinstance(flown, Run)
+    assert isinstance(flown, RecordedRun)

@@ -9,7 +9,8 @@ import pytest
 
 import quadsim
 from controllers.costs.race_targets import GateTarget
-from quadsim.config.build import FlightParts, build, flight_frames, navigation_of
+from quadsim.config.build import build, flight_frames
+from quadsim.config.build_navigation import navigation_of
 from quadsim.config.spec import Spec
 from quadsim.course import EstimatedGate, load_course
 from quadsim.course.frames import frames
@@ -18,8 +19,9 @@ from quadsim.dynamics.quadrotor import Control, ModelParams, State
 from quadsim.files.strict_yaml import FileError
 from quadsim.physics.domain_randomization import displaced
 from quadsim.physics.plant import RigidPlant
+from quadsim.racing.flight import FlightParts
 from quadsim.record.estimate_metrics import estimate_errors, sensing_numbers
-from quadsim.record.run import Run
+from quadsim.record.run import RecordedRun
 from quadsim.record.run_format import read_npz, write_npz
 from quadsim.sensing import load_sensing, parse_sensing, sensing_names
 from quadsim.sensing.estimation.estimator import Estimator
@@ -198,7 +200,7 @@ def test_the_last_frame_is_estimated_at_its_own_time():
     """A flight ends between two control periods; the estimate of the period's beginning would be
     centimetres behind."""
     spec = Spec.of("split_s_swift", sensing="mocap", **FLIGHT | {"timeout": 1.0075})
-    run = Run.from_frames(spec.record(), flight_frames(spec))
+    run = RecordedRun.from_frames(spec.record(), flight_frames(spec))
     t, off = run.telemetry["t"], np.linalg.norm(estimate_errors(run), axis=1)
     assert t[-1] - t[-2] == pytest.approx(0.0075)
     speed = np.linalg.norm([run.telemetry[name][-1] for name in ("vx", "vy", "vz")])
@@ -236,7 +238,7 @@ def test_the_same_seed_gives_the_same_bits_and_another_seed_others():
 def test_a_run_keeps_the_estimate_beside_the_truth(sensed):
     name, run = sensed
     assert run.spec["displace_gates"] == 0.15
-    telemetry, _ = read_npz(write_npz(run), run.spec, "run")
+    telemetry = read_npz(write_npz(run), run.spec, "run").telemetry
     assert telemetry.keys() == run.telemetry.keys()
     assert ("est_px" in telemetry) == (name != "perfect")
     assert all(np.isfinite(column).all() for column in telemetry.values())
@@ -260,7 +262,7 @@ def test_a_flight_goes_on_by_the_inertial_unit_when_its_pose_sensor_dies(tmp_pat
     mocap = "imu: {rate: 250}\npose: {rate: 100, dies_at: 0.3}\n"
     (tmp_path / "dying.yaml").write_text(mocap)
     spec = Spec.of("split_s_swift", sensing=str(tmp_path / "dying.yaml"), timeout=1.5, **FLIGHT)
-    run = Run.from_frames(spec.record(), flight_frames(spec))
+    run = RecordedRun.from_frames(spec.record(), flight_frames(spec))
     assert run.outcome in {"crashed", "timeout"}
     assert all(np.isfinite(column).all() for column in run.telemetry.values())
     silent = sensing_numbers(run)["unaided"]

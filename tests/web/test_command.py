@@ -15,7 +15,7 @@ from web_cases import COURSE, Glider, choices, free_port, run_of, until
 from wire import connect, get, link
 
 from quadsim.cli.cli import race
-from quadsim.record.archive import list_runs, load_run
+from quadsim.record.archive import list_runs, read_run
 
 # The command, with flights without physics in place of the planner's, which would be compiled
 PROGRAM = f"""
@@ -79,7 +79,7 @@ def test_the_address_opens_the_page_one_click_flies_and_ctrl_c_keeps_what_was_fl
     assert "Traceback" not in err
     assert program.returncode == 130
     assert not list(tmp_path.glob("*.part"))
-    assert [load_run(folder).outcome for folder in list_runs(tmp_path)] == ["interrupted"] * 2
+    assert [read_run(folder).outcome for folder in list_runs(tmp_path)] == ["interrupted"] * 2
     with pytest.raises(ProcessLookupError):
         os.kill(program.pid, 0)
 

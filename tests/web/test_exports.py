@@ -14,7 +14,7 @@ from web_cases import Glider, choices, run_of, store, stored
 
 from quadsim.cli.cli import race
 from quadsim.palette import STYLES
-from quadsim.record.archive import load_run
+from quadsim.record.archive import read_run
 from quadsim.record.exchange import telemetry_csv
 from quadsim.record.run import COLUMNS, RunError
 from quadsim.record.run_format import write_csv
@@ -35,7 +35,7 @@ def test_the_table_holds_every_number_of_the_run(folder, tmp_path, capsys):
     assert head == [f"{name} [{unit}]" for name, unit in COLUMNS.items()]
     table = np.array(rows, float)
     for i, name in enumerate(COLUMNS):
-        assert np.array_equal(table[:, i], load_run(folder).telemetry[name])
+        assert np.array_equal(table[:, i], read_run(folder).telemetry[name])
 
 
 def test_two_runs_are_in_one_table_and_one_zip(folder, tmp_path):
@@ -47,15 +47,15 @@ def test_two_runs_are_in_one_table_and_one_zip(folder, tmp_path):
     assert head == ["run", *(f"{name} [{unit}]" for name, unit in COLUMNS.items())]
     for path in (folder, other):
         px = [float(row[2]) for row in rows if row[0] == path.name]
-        assert px == load_run(path).telemetry["px"].tolist()
+        assert px == read_run(path).telemetry["px"].tolist()
     with zipfile.ZipFile(tmp_path / "two.zip") as archive:
         archive.extractall(tmp_path / "out")
     for path in (folder, other):
-        assert load_run(tmp_path / "out" / path.name).digest() == load_run(path).digest()
+        assert read_run(tmp_path / "out" / path.name).digest() == read_run(path).digest()
 
 
 def test_numbers_that_were_changed_in_flight_are_in_both_tables(folder, tmp_path):
-    run = load_run(folder)
+    run = read_run(folder)
     changes = [
         {"t": 0.5, "name": "samples", "from": 4096.0, "to": 512.0},
         {"t": 0.9, "name": "samples", "from": 512.0, "to": 1024.0},
@@ -108,7 +108,7 @@ def test_the_zip_holds_a_run_that_can_be_loaded(folder, tmp_path):
     assert race(["export", str(folder), "--zip", "--out", str(tmp_path / "run.zip")]) == 0
     with zipfile.ZipFile(tmp_path / "run.zip") as archive:
         archive.extractall(tmp_path)
-    assert load_run(tmp_path / folder.name).digest() == load_run(folder).digest()
+    assert read_run(tmp_path / folder.name).digest() == read_run(folder).digest()
 
 
 @pytest.mark.parametrize("link", ["notes.txt", "events.csv"])

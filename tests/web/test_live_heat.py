@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 import quadsim
-from quadsim.heat.archive import load_heat
+from quadsim.heat.archive import read_heat
 from quadsim.heat.result import heat_digest
 from tests.small import SHORT
 from web.choices import Choices, HeatChoices
@@ -41,7 +41,7 @@ def test_the_page_flies_and_stores_the_race_of_the_command(tmp_path):
     assert expected[1] == [1, 1]
     assert expected[-1] == [0, 0]
     (folder,) = {entry.folder.parent for entry in heat.entries}
-    stored = load_heat(folder)
+    stored = read_heat(folder)
     assert stored.names == ENTRANTS
     same = quadsim.race(list(ENTRANTS), "figure8", vehicle="swift", **SHORT)
     assert heat_digest(stored.runs) == same.digest()

@@ -9,7 +9,7 @@ from wire import link
 import quadsim
 from quadsim.config.changes import changeable_numbers
 from quadsim.config.spec import Spec
-from quadsim.record.archive import list_runs, load_run
+from quadsim.record.archive import list_runs, read_run
 from quadsim.record.run import same_flight
 from quadsim.record.schema import NumberChange
 from tests.small import SHORT
@@ -99,8 +99,8 @@ def test_a_run_is_flown_again_and_stored(page, root):
         linked.ask("runs", "list_runs")
         linked.send("fly_again", name=folder.name)
         assert until(lambda: len(list_runs(root)) == 2)
-    digests = {load_run(path).digest() for path in list_runs(root)}
-    assert digests == {load_run(folder).digest()}
+    digests = {read_run(path).digest() for path in list_runs(root)}
+    assert digests == {read_run(folder).digest()}
 
 
 @pytest.mark.socket
@@ -143,7 +143,7 @@ def test_a_real_flight_is_flown_again_to_the_same_bits(tmp_path, flight):
     else:
         run = quadsim.fly("split_s_swift", pilot="split_s_swift", sensing="gates", timeout=0.3)
     folder = run.save(tmp_path)
-    again = load_run(flown_again(AgainChoices(folder, str(tmp_path)), tmp_path))
+    again = read_run(flown_again(AgainChoices(folder, str(tmp_path)), tmp_path))
     assert again.digest() == run.digest()
 
 
@@ -157,7 +157,7 @@ def test_a_real_race_of_several_is_flown_again_to_the_same_bits(tmp_path):
         flight.turn()
     flight.end()
     for entry, run in zip(flight.entries, heat.runs, strict=True):
-        assert same_flight(load_run(entry.folder), run)
+        assert same_flight(read_run(entry.folder), run)
 
 
 def test_a_run_on_the_wall_clock_is_flown_again_on_it(tmp_path):

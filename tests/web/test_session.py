@@ -10,7 +10,7 @@ import pytest
 from web_cases import COURSE, PERIOD, Clock, Glider, Gliders, choices, until
 
 from quadsim.files.values import checked
-from quadsim.record.archive import list_runs, load_run
+from quadsim.record.archive import list_runs, read_run
 from quadsim.record.limits import limit_of
 from web.choices import Choices, planner_settings, preset_of
 from web.numbers import SLIDERS, Change, with_change
@@ -74,7 +74,7 @@ def test_a_change_in_flight_is_on_the_record_and_marks_the_run(session, gliders,
     session.tell(PageRace.change, Change("gamma_rates", 1.0))
     fast(session)
     assert over(session)
-    (change,) = load_run(list_runs(tmp_path)[0]).spec["interactive"]
+    (change,) = read_run(list_runs(tmp_path)[0]).spec["interactive"]
     assert (change["name"], change["from"], change["to"]) == ("gamma_rates", 0.8, 1.0)
     assert change["t"] in session.snapshot.competitors[0].t[5:-1]
     assert gliders.built[0].now.numbers(inf)["gamma_rates"] == 1.0
@@ -85,7 +85,7 @@ def test_an_untouched_flight_is_not_marked(session, tmp_path):
     session.tell(PageRace.start, [choices()])
     session.tell(PageRace.change, Change("samples", None))  # unchanged
     assert over(session)
-    assert "interactive" not in load_run(list_runs(tmp_path)[0]).spec
+    assert "interactive" not in read_run(list_runs(tmp_path)[0]).spec
 
 
 def changed(glider, *changes):
@@ -253,7 +253,7 @@ def test_a_closed_flight_that_has_passed_a_gate_is_kept_as_interrupted(tmp_path)
     assert until(lambda: session.snapshot.competitors and session.snapshot.competitors[0].events)
     session.close()
     (folder,) = list_runs(tmp_path)
-    assert load_run(folder).outcome == "interrupted"
+    assert read_run(folder).outcome == "interrupted"
 
 
 def test_snapshots_only_ever_grow(session):

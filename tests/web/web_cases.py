@@ -13,7 +13,7 @@ import numpy as np
 from controllers.plan import PlannerSnapshot
 from quadsim.racing.events import Event, Frame
 from quadsim.record.archive import RunFolder
-from quadsim.record.run import Run
+from quadsim.record.run import RecordedRun
 from web.choices import Choices
 from web.live_flight import LiveFlight
 from web.page.dashboard import Dashboard
@@ -128,7 +128,7 @@ def choices(sampler="colored", laps=1, **more):
 
 def run_of(glider):
     """The run of a whole flight."""
-    return Run.from_frames(glider.now.spec, list(glider.frames()))
+    return RecordedRun.from_frames(glider.now.spec, list(glider.frames()))
 
 
 def competitor(sampler="colored", laps=3, **more):

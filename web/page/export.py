@@ -15,7 +15,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from quadsim.files.links import is_within
-from quadsim.record.archive import load_run
+from quadsim.record.archive import read_run
 from quadsim.record.exchange import telemetry_csv
 from quadsim.record.run import RunError
 from web.competitor import Competitor, named
@@ -84,7 +84,7 @@ def _download(client: viser.ClientHandle, what: str, s: Snapshot) -> Download:
         entries = named([stored_competitor(folder) for folder in folders])
         return Download(f"{name}.html", offline_page(entries).encode())
     if what == "CSV":
-        runs = [(folder.name, load_run(folder)) for folder in folders]
+        runs = [(folder.name, read_run(folder)) for folder in folders]
         return Download(f"{name}.csv", telemetry_csv(runs))
     return Download(f"{name}.zip", zipped(folders))
 

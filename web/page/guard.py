@@ -224,7 +224,7 @@ def _viser_page() -> str:
     return page
 
 
-def one_line(record: logging.LogRecord) -> bool:
+def shorten_record(record: logging.LogRecord) -> bool:
     """Reduce the log record of a visitor's error to one line, without a traceback."""
     if record.exc_info and record.exc_info[1]:
         error = record.exc_info[1]
@@ -235,7 +235,7 @@ def one_line(record: logging.LogRecord) -> bool:
     return True
 
 
-LOG.addFilter(one_line)
+LOG.addFilter(shorten_record)
 
 
 class OneLineOfNoFiles(logging.Filter):

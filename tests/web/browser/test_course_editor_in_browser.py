@@ -10,7 +10,7 @@ from wire import connect
 
 from quadsim.cli.cli import race
 from quadsim.course import load_course
-from quadsim.record.archive import list_runs, load_run
+from quadsim.record.archive import list_runs, read_run
 from quadsim.record.run import same_flight
 from tests.small import SMALL, flags
 from web.race import PageRace, take_off
@@ -128,7 +128,7 @@ def test_a_course_made_in_the_browser_is_flown_again_by_the_command_to_the_same_
     assert session.snapshot.competitors[0].course == course
 
     (first,) = list_runs(root)
-    flown = load_run(first)
+    flown = read_run(first)
     assert flown.outcome == "finished"
     words = shlex.split(command)[1:]
     assert race([*words, *FLAGS, "--seed", "3", "--runs-dir", str(root)]) == 0
@@ -136,11 +136,11 @@ def test_a_course_made_in_the_browser_is_flown_again_by_the_command_to_the_same_
     assert "the same flight as the stored run, to the last bit" in capsys.readouterr().err
     again = set(list_runs(root)) - {first}
     assert len(again) == 2
-    assert all(same_flight(load_run(run), flown) for run in again)
+    assert all(same_flight(read_run(run), flown) for run in again)
     # the claim could fail
     assert race([*words, *FLAGS, "--seed", "4", "--runs-dir", str(root)]) == 0
     (other,) = set(list_runs(root)) - {first, *again}
-    assert not same_flight(load_run(other), flown)
+    assert not same_flight(read_run(other), flown)
 
 
 def test_a_gate_that_is_clicked_is_chosen(page):

@@ -24,7 +24,7 @@ from browser_cases import (
 import quadsim
 from controllers.presets import PRESETS
 from quadsim.cli.fly import spec_again
-from quadsim.record.archive import list_runs, load_run
+from quadsim.record.archive import list_runs, read_run
 from quadsim.record.run import same_flight
 from tests.small import SMALL
 from web.choices import PILOT
@@ -88,7 +88,7 @@ def replayed(page, session, root, piloted):
     # a slider that moves by itself cannot be typed into
     session.tell(PageRace.play, False)
     assert waited(page, lambda: not session.snapshot.playing)
-    return load_run(folder).telemetry
+    return read_run(folder).telemetry
 
 
 def estimate(page, part):
@@ -205,7 +205,7 @@ def test_what_is_called_repeatable_is_flown_again_to_the_last_bit_with_its_chang
     assert waited(page, lambda: not session.snapshot.flying)
     session.tell(PageRace.set_speed, 1.0)
     (entry,) = session.snapshot.competitors
-    run = load_run(entry.folder)
+    run = read_run(entry.folder)
     assert len(run.spec["interactive"]) == 1
     assert json.loads((entry.folder / "run.json").read_text())["repeatable_from_spec"] is True
     assert same_flight(run, quadsim.fly(spec_again(run, {})))

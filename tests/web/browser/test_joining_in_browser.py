@@ -7,7 +7,7 @@ from wire import link
 
 from quadsim.firmware.package import find_built
 from quadsim.racing.hand import HAND, SINKING, Sticks
-from quadsim.record.archive import list_runs, load_run
+from quadsim.record.archive import list_runs, read_run
 from web.by_hand import flight_controller_of
 from web.race import PageRace, take_off
 
@@ -123,7 +123,7 @@ def test_a_scripted_gamepad_flies_a_lap_that_is_kept(page, session, root, waitin
         entry = fly(page, session)
     assert entry.outcome == "finished", entry.events
     assert "ms both ways" in page.locator(".cockpit .link").inner_text()
-    kept = load_run(entry.folder)
+    kept = read_run(entry.folder)
     assert entry.folder in list_runs(root)
     assert len(kept.laps) == 1
     assert kept.spec["sampler"] == HAND

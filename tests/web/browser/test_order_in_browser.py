@@ -6,7 +6,7 @@ import pytest
 from browser_cases import waited
 from web_cases import choices, stored
 
-from quadsim.record.archive import load_run
+from quadsim.record.archive import read_run
 from quadsim.record.metrics import chatter
 from web.race import PageRace
 
@@ -38,7 +38,7 @@ def test_who_is_farther_on_the_course_leads_also_with_more_laps_to_go(page, sess
 
 def test_chatter_is_the_command_lines_total_variation(page, session, root):
     folder = stored(root, "colored", laps=2)
-    tv = f"{chatter(load_run(folder))['commanded']['thrust_tv']:.1f}"
+    tv = f"{chatter(read_run(folder))['commanded']['thrust_tv']:.1f}"
     session.tell(PageRace.start, [], [folder])
     session.tell(PageRace.play, False)
     session.tell(PageRace.scrub, 99.0)

@@ -14,7 +14,7 @@ from wire import connect
 from quadsim.palette import STYLES
 from quadsim.racing.events import Event
 from quadsim.record.limits import limit_of
-from quadsim.record.run import Run
+from quadsim.record.run import RecordedRun
 from web.race import PageRace
 from web.stored_runs import stored_competitor
 
@@ -63,7 +63,7 @@ def crashed(root):
     last = frames[-1]
     hit = Event(last.t + 0.01, "hit", 4, 1, (0.0, 0.0), 9.0, (1.0, 2.0, 3.0))
     end = replace(last, t=hit.t, outcome="crashed", events=(hit,))
-    return store(root, Run.from_frames(glider.now.spec, [*frames, end]))
+    return store(root, RecordedRun.from_frames(glider.now.spec, [*frames, end]))
 
 
 @pytest.fixture(scope="module")

@@ -13,11 +13,11 @@ from quadsim.campaign.heat_runner import HeatRunner
 from quadsim.campaign.paired_heats import heat_variants
 from quadsim.cli.flags import settings_as_flags
 from quadsim.console import emit, emit_json
-from quadsim.heat.line_up import parse_race_variants
+from quadsim.heat.line_up import parse_heat_variants
 from quadsim.record.whole_files import expect_file, try_writing
 
 
-def compare_races(
+def compare_heats(
     course: str | None,
     entrants: list[str],
     variants: str | None,
@@ -36,7 +36,7 @@ def compare_races(
     Args:
         course: a name or a FILE.yaml; None: the default course.
         entrants: the line-up.
-        variants: settings of the races, see `parse_race_variants`; None: a single one.
+        variants: settings of the races, see `parse_heat_variants`; None: a single one.
         given: settings of all races and flights.
         starts: races of each setting.
         rotate: whether entrants change places from race to race.
@@ -52,7 +52,7 @@ def compare_races(
         RunError: a file cannot be read or written, or no race was flown.
     """
     with settings_as_flags():
-        own = parse_race_variants(variants) if variants else {"race": {}}
+        own = parse_heat_variants(variants) if variants else {"race": {}}
         made = heat_variants(course, entrants, own, given, starts, rotate)
     expect_file(campaign)
     report = out or campaign.with_name(f"{campaign.stem}.report")
