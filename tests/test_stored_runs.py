@@ -75,6 +75,15 @@ def large(file):
         written.truncate(LARGEST_RECORD + 1)
 
 
+def test_a_pipe_in_place_of_the_record_of_a_race_is_not_waited_for(root):
+    race = root / "20991231T000000Z_figure8_heat_s0_00000000"
+    race.mkdir()
+    os.mkfifo(race / "heat.json")
+    runs = quadsim.runs(root)
+    assert len(runs) == 3
+    assert "expected the record of a race" in runs.damaged[race]
+
+
 @pytest.mark.parametrize("make", [os.mkfifo, lambda file: file.symlink_to("/dev/zero"), large])
 def test_what_is_no_file_of_a_run_is_neither_waited_for_nor_read(make, root):
     folder = quadsim.runs(root)[0].path

@@ -363,10 +363,11 @@ def read_heat_row(path: Path) -> StoredHeat:
     """Return what the heat.json of a folder says.
 
     Raises:
-        OSError: the file cannot be read.
+        FileError: the file is missing, larger than any race's, or no regular file.
         msgspec.MsgspecError, LookupError: the file is not the file of a race.
     """
-    found = msgspec.json.decode((path / HEAT).read_bytes(), type=ListedHeat)
+    data = read_bytes(path / HEAT, "the record of a race", LARGEST_RECORD)
+    found = msgspec.json.decode(data, type=ListedHeat)
     specs = [msgspec.convert(entrant.spec, ListedEntrant) for entrant in found.spec.entrants]
     winner = found.order[0]
     values = {
