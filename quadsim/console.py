@@ -16,14 +16,21 @@ from contextlib import contextmanager
 from io import StringIO
 from typing import Any
 
-from rich.console import Console, RenderableType
+from rich.console import (
+    Console,
+    ConsoleOptions,
+    ConsoleRenderable,
+    RenderableType,
+    RenderHook,
+    RenderResult,
+)
 from rich.markup import escape
 from rich.table import Table
 
 from quadsim.files.json_values import without_nan
 
-# Control characters, but not the colours of rich
-CONTROL = re.compile(r"(?!\x1b\[[\d;]*m)[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+# Control characters but tabs and new lines
+CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 COLOUR = re.compile("\x1b[^m]*m")
 COMPILING = "compiling the planner for this machine, once: some 15 s"
 
@@ -74,13 +81,13 @@ def emit(*parts: RenderableType) -> None:
     They are written as one string, so that a reader who leaves early is one BrokenPipeError, not an
     exit by rich.
     """
-    sys.stdout.write(_printed(Console(file=sys.stdout, highlight=False), parts))
+    sys.stdout.write(_printed(console_of(file=sys.stdout), parts))
     sys.stdout.flush()
 
 
 def as_text(*parts: RenderableType, columns: int = 100) -> str:
     """Return what `emit` prints, without colours, for a terminal of so many columns."""
-    console = Console(file=StringIO(), width=columns, color_system=None, highlight=False)
+    console = console_of(file=StringIO(), width=columns, color_system=None)
     return _printed(console, parts).rstrip("\n")
 
 
@@ -89,8 +96,39 @@ def _printed(console: Console, parts: Iterable[RenderableType]) -> str:
     with console.capture() as captured:
         for part in parts:
             console.print(part, soft_wrap=isinstance(part, str))
-    lines = plain(captured.get()).split("\n")[:-1]
+    lines = captured.get().split("\n")[:-1]
     return "".join(line.rstrip() + "\n" for line in lines)
+
+
+def console_of(**options: Any) -> Console:
+    """Return a console that escapes the control characters of all texts, which may come from files.
+
+    Its own colours are no part of the texts, and stay.
+
+    options: as for rich's Console.
+    """
+    console = Console(highlight=False, **options)
+    console.push_render_hook(_PlainTexts())
+    return console
+
+
+class _PlainTexts(RenderHook):
+    """Replaces what a console prints by the same with plain texts."""
+
+    def process_renderables(self, renderables: list[ConsoleRenderable]) -> list[ConsoleRenderable]:
+        return [_PlainText(renderable) for renderable in renderables]
+
+
+class _PlainText:
+    """Something that a console prints, with plain texts."""
+
+    def __init__(self, inner: ConsoleRenderable):
+        self._inner = inner
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        for part in console.render(self._inner, options):
+            # Rich moves the cursor of a live line by parts that are no text.
+            yield part if part.control else part._replace(text=plain(part.text))
 
 
 def progress_console() -> Console:
@@ -98,7 +136,7 @@ def progress_console() -> Console:
 
     It counts as a terminal only where it is one, though FORCE_COLOR may ask for colours in a file.
     """
-    return Console(stderr=True, highlight=False, force_terminal=sys.stderr.isatty())
+    return console_of(stderr=True, force_terminal=sys.stderr.isatty())
 
 
 def width() -> int:
@@ -136,7 +174,7 @@ def complain(line: str) -> None:
 def plain(text: str) -> str:
     """Return a text whose control characters are escaped, so that none reaches the terminal.
 
-    They may come from names and files. The colours of rich stay.
+    They may come from names and files.
     """
     return CONTROL.sub(_escaped, text)
 

@@ -239,6 +239,17 @@ def euler_angles(q: Sequence[float]) -> Vec3:
 # Matrices.
 
 
+def without_jumps(q: np.ndarray) -> np.ndarray:
+    """Return a sequence of quaternions in which each has the sign that is nearer to the one before.
+
+    q and -q are one attitude; a simulator may change from one to the other between two steps.
+
+    q: quaternions wxyz  (n, 4)
+    """
+    signs = np.where(np.sum(q[1:] * q[:-1], axis=1) < 0.0, -1.0, 1.0)
+    return q * np.concatenate([[1.0], np.cumprod(signs)])[: len(q), None]
+
+
 def matrix(q: Sequence[float]) -> np.ndarray:
     """Return R(q), whose columns are the body's axes in the world.  (3, 3)"""
     # the world's components of the body's x, y and z axis, in turn

@@ -1,7 +1,9 @@
 """Objects of the user's own in every role: sampler, cost, plant, controller, referee."""
 
+import importlib
 import json
 import os
+import re
 import subprocess
 import sys
 from dataclasses import dataclass, replace
@@ -16,10 +18,13 @@ from controllers.lanes.planner_loops import module_source
 from controllers.plan import PlanStats
 from controllers.samplers import build_lanes
 from quadsim.campaign.variants import make_variants, parse_variants
+from quadsim.cli.cli import race
+from quadsim.cli.flags import settings_as_flags
 from quadsim.config.build import planner_of
 from quadsim.config.build_cost import cost_on
 from quadsim.config.build_plant import start_of, system_of
 from quadsim.config.parts import made
+from quadsim.console import UsageError
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import State, quadrotor
 from quadsim.physics.plant import NamedPlant, PlantState
@@ -659,3 +664,82 @@ def test_a_part_with_numbers_that_json_does_not_know_is_recorded():
     parameters = run.spec["own"]["controller"]["parameters"]
     assert parameters["bounds"] == ["-inf", "nan"]
     assert parameters["most"] == "inf"
+
+
+FAULTS_OF_USERS = {
+    "raises": ("1 / 0", "ZeroDivisionError: division by zero (own_that_fails.py, line 5)"),
+    "raises ValueError": ("int('x')", "ValueError: invalid literal for int() with base 10: 'x' "),
+    "raises KeyError": ("{}['a']", "KeyError: 'a' (own_that_fails.py, line 5)"),
+    "an error of two lines": ("raise OverflowError('a\\nb')", "OverflowError: a b (own_that"),
+}
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("what", FAULTS_OF_USERS)
+def test_what_ones_own_code_raises_is_one_line_with_its_place(what, tmp_path, monkeypatch, capsys):
+    line, text = FAULTS_OF_USERS[what]
+    (tmp_path / "own_that_fails.py").write_text(
+        "class Fails:\n    calls = 0\n    def sample(self, rng, samples, horizon, controls):\n"
+        "        self.calls += 1\n"
+        f"        if self.calls == 2: {line}\n"
+        "        return rng.standard_normal((samples, horizon, controls))\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "own_that_fails", raising=False)
+    settings = flags({**SHORT, "sampler": "own_that_fails:Fails", "runs_dir": str(tmp_path)})
+    assert race(["fly", "figure8", *settings]) == 2
+    (said,) = (row for row in capsys.readouterr().err.splitlines() if "race fly" in row)
+    assert said.startswith(f"race fly: {text}")
+
+
+@pytest.mark.parametrize("kind", [ValueError, FloatingPointError])
+def test_a_term_that_makes_every_cost_nan_is_one_line(kind):
+    """As MPPI raises it, without a compiled loop."""
+    with pytest.raises(UsageError) as error, settings_as_flags():
+        raise kind("MPPI: cost: expected a finite J,\ngot NaN")
+    place = r"\(test_own_parts\.py, line \d+\)"
+    text = rf"{kind.__name__}: MPPI: cost: expected a finite J, got NaN {place}"
+    assert re.fullmatch(text, str(error.value))
+
+
+COUNTING = """
+class Counting:
+    plans = 0
+    def __init__(self): self.plans = 0
+    def sample(self, rng, samples, horizon, controls):
+        self.plans += 1
+        return 0.1 * self.plans * rng.standard_normal((samples, horizon, controls))
+"""
+
+
+@pytest.fixture
+def counting(tmp_path, monkeypatch):
+    """Return the class of a sampler whose noise grows with each plan, in a module of its own."""
+    (tmp_path / "own_counting.py").write_text(COUNTING)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "own_counting", raising=False)
+    return importlib.import_module("own_counting").Counting
+
+
+@pytest.mark.compiled
+def test_a_sampler_that_changes_in_flight_is_recorded_as_it_was_before(counting, tmp_path, capsys):
+    runs_dir = str(tmp_path / "runs")
+    own = {"sampler": "own_counting:Counting", "runs_dir": runs_dir}
+    assert race(["fly", "figure8", *flags({**SHORT, **own})]) == 1
+    stored = quadsim.load_run("last", runs_dir)
+    assert stored.spec["own"]["sampler"]["parameters"] == {"plans": 0}
+    assert race(["fly", "--from", "last", *flags(own)]) == 1
+    assert "the same flight as the stored run, to the last bit" in capsys.readouterr().err
+    again = quadsim.fly("figure8", **SHORT, sampler=counting())
+    assert again.digest() == stored.digest()
+
+
+@pytest.mark.compiled
+def test_a_race_records_a_sampler_that_changes_as_it_was_before(counting, tmp_path):
+    heat = quadsim.race(
+        {"mine": {"sampler": counting()}, "other": {}}, "figure8", **SHORT, expect="nothing"
+    )
+    stored = quadsim.load_heat(heat.save(tmp_path))
+    assert stored["mine"].spec["own"]["sampler"]["parameters"] == {"plans": 0}
+    again = quadsim.race(stored.spec, parts={"mine": {"sampler": counting()}})
+    assert again.digest() == heat.digest()

@@ -26,6 +26,7 @@ from quadsim.rotation import (
     to_world,
     turned,
     turned_at,
+    without_jumps,
 )
 
 NEAR = {"rtol": 0, "atol": 1e-12}
@@ -205,3 +206,12 @@ def test_euler_angles_give_the_attitude_again_also_where_a_gate_points_up_or_dow
         yaw, pitch, roll = euler_angles(q)
         assert abs(pitch) <= radians(90.0)
         np.testing.assert_allclose(euler_matrix(yaw, pitch, roll), matrix(q), rtol=0, atol=1e-6)
+
+
+def test_an_attitude_that_changes_its_sign_is_the_same_attitude_without_a_jump():
+    angles = np.linspace(0.0, 4.0 * np.pi, 50)
+    smooth = np.column_stack([np.cos(angles / 2), np.zeros((50, 2)), np.sin(angles / 2)])
+    signs = np.where(np.arange(50) % 7 < 3, 1.0, -1.0)[:, None]
+    np.testing.assert_array_equal(without_jumps(signs * smooth), smooth)
+    np.testing.assert_array_equal(without_jumps(smooth), smooth)
+    assert without_jumps(smooth[:0]).shape == (0, 4)

@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 from matplotlib import pyplot
 from matplotlib.image import imread
+from rich.markup import escape
 from run_cases import event, frame, same, two_laps
 
 import quadsim
 from quadsim.cli.cli import race
+from quadsim.console import complain, emit, plain_table, progress_console
 from quadsim.figures.notebook_figure import NotebookFigure
 from quadsim.record.metrics import chatter, splits
 from quadsim.record.run import columns_of
@@ -193,6 +195,25 @@ def test_no_text_of_a_run_becomes_html_or_moves_the_cursor():
     # A report is of a spec as it is stored, in which courses have no such names
     texts = [html, str(run), repr(run), with_texts(keys[1:]).report()]
     assert not any("\x1b" in text for text in texts)
+
+
+@pytest.mark.parametrize(
+    "code", ["\x1b[2J", "\x1b[8m", "\x1b]0;title\x07", "\x9b31m", "\r", "\x00"]
+)
+def test_no_control_character_of_a_stored_text_reaches_a_terminal(code, capsys, monkeypatch):
+    """Not even a colour: a text that is hidden (\\x1b[8m) is another report."""
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    name = f"a{code}b"
+    table = plain_table("name", left=(0,))
+    table.add_row(escape(name))
+    emit(f"[bold]{escape(name)}[/]", table)
+    complain(name)
+    console = progress_console()
+    console.print(escape(name))
+    said = capsys.readouterr()
+    assert f"a{repr(code)[1:-1]}b\n" in said.err
+    assert "\x1b[1m" in said.out  # the command's own colours
+    assert code not in said.out + said.err
 
 
 def test_the_report_is_that_of_the_command_without_colours(tmp_path, capsys, monkeypatch):

@@ -1,6 +1,7 @@
 """Claims about quadsim.runs: the stored runs of a folder as a list."""
 
 import json
+import os
 from datetime import datetime
 
 import pytest
@@ -9,6 +10,8 @@ from run_cases import SPEC, same, save, two_laps
 import quadsim
 from quadsim.cli.cli import race
 from quadsim.record.archive import read_run
+from quadsim.results.stored_runs import LARGEST_RECORD
+from web.stored_runs import titled_runs
 
 PILOT = {"name": "ace", "sha256": "0" * 64}
 
@@ -65,6 +68,31 @@ def test_a_damaged_run_is_named_and_the_others_are_listed(root, content):
     assert list(runs.damaged) == [folder]
     assert str(folder) in str(runs)
     assert "1 damaged" in repr(runs)
+
+
+def large(file):
+    with file.open("wb") as written:
+        written.truncate(LARGEST_RECORD + 1)
+
+
+def test_a_pipe_in_place_of_the_record_of_a_race_is_not_waited_for(root):
+    race = root / "20991231T000000Z_figure8_heat_s0_00000000"
+    race.mkdir()
+    os.mkfifo(race / "heat.json")
+    runs = quadsim.runs(root)
+    assert len(runs) == 3
+    assert "expected the record of a race" in runs.damaged[race]
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, lambda file: file.symlink_to("/dev/zero"), large])
+def test_what_is_no_file_of_a_run_is_neither_waited_for_nor_read(make, root):
+    folder = quadsim.runs(root)[0].path
+    (folder / "run.json").unlink()
+    make(folder / "run.json")
+    runs = quadsim.runs(root)
+    assert len(runs) == 2
+    assert "expected the record of a flight" in runs.damaged[folder]
+    assert len(titled_runs(str(root), 10)) == 3
 
 
 def test_the_table_has_a_line_for_each_run(root):

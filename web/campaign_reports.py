@@ -18,6 +18,7 @@ from quadsim.campaign.results import COLUMNS, TEXTS, stored
 from quadsim.campaign.store import is_campaign
 from quadsim.campaign.tables import TextTable, as_markdown
 from quadsim.files.arrays import read_bytes
+from quadsim.files.links import is_within
 
 # The folder of campaigns beside the folder of runs, as made by `race compare`
 CAMPAIGNS = "campaigns"
@@ -93,12 +94,14 @@ class CampaignReports:
         path = self._paths.get(name)
         if path is None:
             raise ValueError("expected a report of the list; it may have been removed")
+        if not is_within(path, _folder_of(path)):
+            raise ValueError("expected a report of the list, got a link to another place")
         if path.suffix == SUFFIX:
             return Report(self._table(path), "")
         text = read_bytes(path, "a report", LARGEST_TEXT).decode(errors="replace")
         picture = path.with_suffix(".png")
         figure = ""
-        if picture.is_file():
+        if picture.is_file() and is_within(picture, path.parent):
             data = read_bytes(picture, "the figure of a report", LARGEST_FIGURE)
             if data.startswith(PNG):
                 figure = f"data:image/png;base64,{b64encode(data).decode()}"
@@ -116,11 +119,18 @@ class CampaignReports:
         """Yield each report with its time of writing [s since 1970]."""
         for folder in (self._beside / CAMPAIGNS, self._beside):
             for path in folder.glob("*.report/*.md"):
-                if path.is_file() and path.name.isprintable():
+                if path.is_file() and path.name.isprintable() and is_within(path, folder):
                     yield path.stat().st_mtime, path
             for path in folder.glob(f"*{SUFFIX}"):
-                if path.is_file() and path.name.isprintable() and is_campaign(path):
+                if not (path.is_file() and path.name.isprintable() and is_within(path, folder)):
+                    continue
+                if is_campaign(path):
                     yield path.stat().st_mtime, path
+
+
+def _folder_of(path: Path) -> Path:
+    """Return the folder of campaigns that a report or a campaign's file lies in."""
+    return path.parent if path.suffix == SUFFIX else path.parent.parent
 
 
 def _campaign_of(path: Path) -> str:

@@ -161,8 +161,16 @@ class Competitor:
         return tuple(lap for lap, end in zip(self.laps, ends, strict=True) if end <= t + SAME_TIME)
 
     def numbers(self, t: float) -> dict[str, float]:
-        """Return the planner's numbers at t, including changes for its next plan."""
-        changed = {change["name"]: change["to"] for change in self.changes if change["t"] <= t}
+        """Return the planner's numbers at t, including changes for its next plan.
+
+        A change of a number that the page does not know, as another version may have recorded it,
+        is left out.
+        """
+        changed = {
+            change["name"]: change["to"]
+            for change in self.changes
+            if change["t"] <= t and change["name"] in self.start_numbers
+        }
         return {**self.start_numbers, **changed, **self.pending_numbers}
 
     def rows(self, names: Sequence[str], rows: Rows = ALL) -> np.ndarray:

@@ -65,10 +65,11 @@ class LiveFlight:
         self._numbers = planner = spec.planner
         self.period = planner.mppi.dt
         self._pending: dict[str, Change] = {}
+        # Before `_take_off`, which lets a sampler of the user's own draw
+        record = self._spec.record()
         self._frames = self._take_off()
         self._recorder = Recorder()
         self._folder: RunFolder | None = None
-        record = self._spec.record()
         self._columns = tuple(columns_of(record))
         self.now = Competitor(
             name=spec.sampler,

@@ -57,7 +57,7 @@ class LiveHeat:
         self.hand = next((spec.hand for spec in specs if spec.hand), None)
         self.period = min(spec.planner.mppi.dt for spec in specs)
         self.t = -self.period
-        records = run_records(self._spec)
+        records = run_records(self._recorder.record)
         self._columns = [tuple(columns_of(record)) for record in records]
         self.entries = tuple(
             Competitor(

@@ -24,12 +24,10 @@ from quadsim.record.archive import PART
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import canonical
 from quadsim.record.schema import AnyRun, ListedEntrant, ListedHeat
-from quadsim.results.stored_runs import flown_at, read_row
+from quadsim.results.stored_runs import LARGEST_RECORD, flown_at, read_row
 from quadsim.sensing import PERFECT
 
 RECORD = "run.json"
-# Largest run.json or heat.json that is read [bytes]; a run of 100 laps takes a tenth
-LARGEST = 20_000_000
 # Longest name in a row [characters]
 LONGEST = 80
 # A folder modified less than this time ago [s] may change again without a new time
@@ -190,7 +188,7 @@ def _read(path: Path, record: str) -> _Read:
     """Read the row of a folder; for a damaged folder the row has the error."""
     when = flown_at(path)
     try:
-        data = read_bytes(path / record, "the record of a flight", LARGEST)
+        data = read_bytes(path / record, "the record of a flight", LARGEST_RECORD)
         return _race(path.name, when, data) if record == HEAT else _run(path, data)
     except (FileError, msgspec.MsgspecError, ValueError, RecursionError, IndexError) as error:
         problem = " ".join(str(error).split())

@@ -16,7 +16,7 @@ from quadsim.record.archive import list_runs, load_reportable
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import RecordedRun, RunError
 from quadsim.record.schema import ReplayedPlanner, ReplayedSampling, ReplayedSpec
-from quadsim.results.stored_runs import flown_at, read_row
+from quadsim.results.stored_runs import UNREADABLE, flown_at, read_row
 from web.competitor import Competitor
 from web.legs import Legs
 from web.numbers import slider_values
@@ -126,7 +126,7 @@ def _result(path: Path) -> str:
         return heat_title(path)
     try:
         row = read_row(path)
-    except (OSError, msgspec.MsgspecError, UnicodeDecodeError):
+    except UNREADABLE:
         return path.name
     if row.time is not None:
         ended = f"{row.time:.3f} s"

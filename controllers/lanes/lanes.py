@@ -8,11 +8,13 @@ inlined from their plain functions.
 from __future__ import annotations
 
 import hashlib
+import os
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from types import ModuleType
+from pathlib import Path
+from types import FunctionType, ModuleType
 from typing import NamedTuple
 
 import numpy as np
@@ -177,6 +179,7 @@ class Rollout:
 
 _modules: dict[tuple, ModuleType] = {}
 OWN_PACKAGES = ("controllers", "quadsim")
+OWN_FOLDERS = tuple(f"{Path(__file__).parents[2] / name}{os.sep}" for name in OWN_PACKAGES)
 
 
 def compiled_module(system: System, cost: Cost, dtype: type) -> ModuleType:
@@ -215,6 +218,9 @@ def trace_anew(system: System, cost: Cost, dtype: type = np.float32) -> None:
 
 def _is_of_project(function: object) -> bool:
     """Return whether a function is of this project, which has none that takes a changing number."""
+    if isinstance(function, FunctionType):
+        # Not its module, which `functools.wraps` copies from another function
+        return function.__code__.co_filename.startswith(OWN_FOLDERS)
     module = getattr(function, "__module__", None) or ""
     return function is None or module.partition(".")[0] in OWN_PACKAGES
 

@@ -46,7 +46,7 @@ MOST_LAYERS = 100
 
 Activation = Literal["relu", "tanh", "identity"]
 Output = Literal["clip", "tanh"]
-Name = Annotated[str, Meta(pattern=r"^[^/]{1,200}$")]
+Name = Annotated[str, Meta(pattern=r"^[^/]{1,200}\Z")]
 Rate = Annotated[float, Meta(ge=-100, le=100)]
 Thrust = Annotated[float, Meta(ge=0, le=1000)]
 # the commands of a Control

@@ -17,8 +17,8 @@ from hashlib import sha256
 from typing import NotRequired, TypedDict, TypeVar
 
 from quadsim.config.build import build, launch
+from quadsim.config.parts import fault_in_flight
 from quadsim.config.spec import Spec
-from quadsim.firmware.process import FirmwareError
 from quadsim.record.metrics import chatter, motor_use
 from quadsim.record.provenance import provenance
 from quadsim.record.run import CRASHES, PlanTime, RecordedRun, Recorder, canonical
@@ -90,7 +90,7 @@ def fly_attempt(spec: Spec) -> Flown:
     firmware has ended has not: that says nothing of the variant, so it is no result to keep.
 
     Raises:
-        FirmwareError: the firmware does not run, or has ended in flight.
+        FirmwareError: the firmware does not run, or has ended in flight (a ValueError).
         Exception: the planner or a part of the user's own raised an error before the flight.
     """
     use_one_thread_in_a_worker()
@@ -106,17 +106,11 @@ def fly_attempt(spec: Spec) -> Flown:
         try:
             for frame in launch(spec, parts):
                 recorder.add(replace(frame, snapshot=None))
-        except FirmwareError:
-            raise
-        except (ValueError, FloatingPointError) as error:
-            if not len(recorder):
-                raise
-            fault = str(error)
         except Exception as error:
             # The user's own parts may raise anything.
-            if not len(recorder) or not spec.own_objects():
+            fault = fault_in_flight(error, bool(spec.own_objects()))
+            if fault is None or not len(recorder):
                 raise
-            fault = f"{type(error).__name__}: {error}"
     run = recorder.run(record)
     if fault is not None:
         run = replace(run, outcome="crashed")

@@ -9,7 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console, RenderableType
+from rich.console import RenderableType
 from rich.markup import escape
 from rich.padding import Padding
 
@@ -36,6 +36,7 @@ from quadsim.campaign.tables import (
 )
 from quadsim.campaign.variants import Variant, make_variants, named_variants
 from quadsim.config.setting_texts import Place, Settings
+from quadsim.console import console_of
 from quadsim.course import Course
 from quadsim.figures import html
 from quadsim.figures.style import save_figure, write_figure
@@ -142,7 +143,7 @@ class Comparison:
         return html.block(*parts)
 
     def __str__(self) -> str:
-        console = Console(width=100, color_system=None, highlight=False)
+        console = console_of(width=100, color_system=None)
         with console.capture() as text:
             console.print(*self.renderables(), sep="\n")
         return text.get().rstrip()

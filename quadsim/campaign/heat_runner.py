@@ -93,6 +93,8 @@ class HeatRunner(CampaignRunner):
                 self._store.add(heat, flown.result, flown.provenance)
             self._kept += 1
             expect_same_libraries(flown.provenance["versions"])
+            for name, fault in flown.result.faults.items():
+                complain(f"{label}: {name} is out: {fault}")
             tally.count(f"{label}: first {flown.result.order[0].name}")
 
     def _rows(self, keys: Mapping[str, HeatSpec]) -> dict[str, HeatRow]:

@@ -9,7 +9,13 @@ from typing import Any, NamedTuple
 from quadsim.campaign.rating import HeadToHead, bradley_terry
 from quadsim.files.json_values import without_nan
 from quadsim.record.schema import StoredPlacing, StoredResult
-from quadsim.record.statistics import Mean, mean_interval, wilson
+from quadsim.record.statistics import (
+    Mean,
+    clustered_mean,
+    clustered_wilson,
+    mean_interval,
+    wilson,
+)
 
 
 class EntrantStats(NamedTuple):
@@ -49,17 +55,19 @@ class HeatsSummary(NamedTuple):
     entrants: list[EntrantStats]
     pairs: list[HeadToHead]
     overtakers: list[OvertakeStats]
-    # flights that finished, of all
+    # flights that finished, of all; the interval is by race
     flights: int
     finished: int
     finished_ci: tuple[float, float]
-    # time of those that finished [s]
+    # time of those that finished [s]; the interval is by race
     race: Mean
     # races with a contact of two vehicles
     with_contact: int
     contact_ci: tuple[float, float]
     contacts: int
     overtakes: Mean  # in a race
+    # name of an entrant -> what its planner or controller has raised, in each of these races
+    faults: dict[str, list[str]]
 
 
 def summary(names: Sequence[str], results: Sequence[StoredResult], gates: int) -> HeatsSummary:
@@ -75,14 +83,23 @@ def summary(names: Sequence[str], results: Sequence[StoredResult], gates: int) -
     for a, b in combinations(names, 2):
         first = sum(race[a].rank < race[b].rank for race in ranks)
         pairs.append(HeadToHead(a, b, len(ranks), first, wilson(first, len(ranks))))
-    ratings = bradley_terry(names, pairs)
+    ratings = bradley_terry(
+        names, [{name: placing.rank for name, placing in race.items()} for race in ranks]
+    )
     entrants = [_entrant_stats(name, ranks, results, *ratings[name]) for name in names]
     flights = len(names) * len(results)
     finished = sum(entrant.finished for entrant in entrants)
     contacts = [sum(event.kind == "contact" for event in result.events) for result in results]
     overtakes = [sum(event.kind == "overtake" for event in result.events) for result in results]
     with_contact = sum(count > 0 for count in contacts)
-    times = [placing.time for result in results for placing in result.order]
+    # The flights of one race share its course and its seed, and act on each other: what is pooled
+    # over them has the race as its unit.
+    times = [
+        [placing.time for placing in result.order if placing.time is not None] for result in results
+    ]
+    finishers = [
+        sum(placing.outcome == "finished" for placing in result.order) for result in results
+    ]
     return HeatsSummary(
         races=len(results),
         entrants=entrants,
@@ -90,13 +107,23 @@ def summary(names: Sequence[str], results: Sequence[StoredResult], gates: int) -
         overtakers=list(_overtakers(results, gates)),
         flights=flights,
         finished=finished,
-        finished_ci=wilson(finished, flights),
-        race=mean_interval([time for time in times if time is not None]),
+        finished_ci=clustered_wilson(finishers, [len(names)] * len(results)),
+        race=clustered_mean(times),
         with_contact=with_contact,
         contact_ci=wilson(with_contact, len(results)),
         contacts=sum(contacts),
         overtakes=mean_interval([float(count) for count in overtakes]),
+        faults=_faults(results),
     )
+
+
+def _faults(results: Sequence[StoredResult]) -> dict[str, list[str]]:
+    """Return what entrants have raised, by name."""
+    found: dict[str, list[str]] = {}
+    for result in results:
+        for name, text in result.faults.items():
+            found.setdefault(name, []).append(text)
+    return found
 
 
 def _entrant_stats(

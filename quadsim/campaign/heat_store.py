@@ -93,7 +93,7 @@ def key_of(heat: HeatSpec, versions: Mapping[str, str | None] | None = None) -> 
     """
     used = this_provenance()["versions"] if versions is None else versions
     libraries = {name: used.get(name) for name in LIBRARIES}
-    return sha256(heat_key(heat).encode() + canonical(libraries)).hexdigest()
+    return sha256(heat_key(heat.record()).encode() + canonical(libraries)).hexdigest()
 
 
 def result_of(heat: Heat) -> StoredResult:
@@ -104,4 +104,5 @@ def result_of(heat: Heat) -> StoredResult:
         events=[StoredEvent(e.kind, e.name, e.other, e.gate, e.lap) for e in heat.events],
         digest=heat.digest(),
         real_time_factor=min(factors),
+        faults=dict(heat.faults),
     )

@@ -7,6 +7,7 @@ from dataclasses import replace
 from math import isnan
 
 from rich.console import RenderableType
+from rich.markup import escape
 
 from quadsim.campaign.heat_stats import EntrantStats, HeatsSummary
 from quadsim.campaign.paired_heats import FlownHeats, HeatsDifference
@@ -80,6 +81,10 @@ def lines_of(found: HeatsSummary) -> list[str]:
         f"finished {found.finished} of {found.flights} flights ({_percent(found.finished_ci)})",
         f"{races} ({_percent(found.contact_ci)}), {found.contacts} contacts in all",
         f"overtakes in a race {_mean(found.overtakes)}",
+        *(
+            f"{name} was out by an error in {len(texts)} of {found.races} races, first: {texts[0]}"
+            for name, texts in found.faults.items()
+        ),
     ]
 
 
@@ -149,5 +154,5 @@ def tables_of(found: HeatsSummary) -> list[RenderableType]:
         as_table(win_matrix(found)),
         "",
         *((as_table(overtakers_table(found)), "") if found.overtakers else ()),
-        *(f"  {line}" for line in lines_of(found)),
+        *(f"  {escape(line)}" for line in lines_of(found)),
     ]

@@ -15,7 +15,7 @@ from quadsim.heat.line_up import Entrants, heats_of, line_up
 from quadsim.heat.spec import HeatSpec
 from quadsim.record.run import RunError
 from quadsim.record.schema import StoredResult
-from quadsim.record.statistics import Mean, mcnemar, mean_interval
+from quadsim.record.statistics import Mean, clustered_mean, mcnemar, mean_interval
 
 
 class HeatVariant(NamedTuple):
@@ -57,7 +57,7 @@ class HeatsDifference(NamedTuple):
     contacts: Mean
     finished: Mean
     overtakes: Mean
-    # time of b less that of a, of the flights that finished under both [s]
+    # time of b less that of a, of the flights that finished under both; by race [s]
     time: Mean
     # races with a contact under one setting alone, and the exact test that it is either's alike
     contact_a_only: int
@@ -143,7 +143,7 @@ def difference(a: FlownHeats, b: FlownHeats) -> HeatsDifference:
         contacts=mean_interval([float(of_b - of_a) for of_a, of_b in contacts]),
         finished=mean_interval([float(more) for more in finished]),
         overtakes=mean_interval([float(more) for more in overtakes]),
-        time=mean_interval([later for pair in both for later in _later(*pair)]),
+        time=clustered_mean([_later(*pair) for pair in both]),
         contact_a_only=a_only,
         contact_b_only=b_only,
         p_contact=mcnemar(a_only, b_only),

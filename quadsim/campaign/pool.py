@@ -18,6 +18,8 @@ from typing import Any, NamedTuple, Self, TypeVar
 from urllib.parse import urlsplit
 
 from quadsim.campaign.attempt import Flown, fly_attempt
+from quadsim.config.build_cost import one_line
+from quadsim.config.library_code import place_in_own_code
 from quadsim.config.spec import Spec
 from quadsim.console import complain
 from quadsim.files.extras import needs_extra
@@ -297,7 +299,9 @@ def _answer(future: Future, spec: Any) -> Any:
         raise
     except Exception as error:
         seed = f"seed {spec.seed}: " if hasattr(spec, "seed") else ""
-        raise RunError(f"{seed}{type(error).__name__}: {error}") from error
+        place = place_in_own_code(error)
+        at = "" if place is None else f" ({place})"
+        raise RunError(f"{seed}{type(error).__name__}: {one_line(error)}{at}") from error
 
 
 def _may_submit(pool: Pool, running: dict[Future, _Job], job: _Job) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -27,26 +27,28 @@ class HeadToHead(NamedTuple):
 
 
 def bradley_terry(
-    names: Sequence[str], pairs: Sequence[HeadToHead]
+    names: Sequence[str], races: Sequence[Mapping[str, int]]
 ) -> dict[str, tuple[float, float]]:
     """Return a rating of each entrant and half of its 95 % interval.
 
     By the model of Bradley and Terry (1952) entrant a comes in before b with the probability
     1 / (1 + exp(s_b - s_a)). The strengths s are those of the greatest likelihood, with PRIOR_DRAWS
     added to each pair. Their mean is zero. A rating is MEAN_RATING + RATING_SCALE s / log(10), the
-    scale of Elo. The interval is that of the likelihood's curvature.
+    scale of Elo.
+
+    The pairs of one race are not independent: who is first of four is ahead of three. So the
+    variance is that of the races' scores (the cluster-robust one), where it is larger than that of
+    the likelihood's curvature, which takes all pairs as independent.
 
     Args:
         names: names of the entrants.
-        pairs: how often one came in before another.
+        races: rank of each entrant in each race, by name.
     """
-    index = {name: k for k, name in enumerate(names)}
     n = len(names)
-    wins = np.zeros((n, n))
-    for pair in pairs:
-        a, b = index[pair.a], index[pair.b]
-        wins[a, b] += pair.a_first + 0.5 * PRIOR_DRAWS
-        wins[b, a] += pair.races - pair.a_first + 0.5 * PRIOR_DRAWS
+    ranks = np.array([[race[name] for name in names] for race in races])  # (races, n)
+    ahead_of = (ranks[:, :, None] < ranks[:, None, :]).astype(float)  # (races, n, n)
+    others = 1.0 - np.eye(n)
+    wins = ahead_of.sum(axis=0) + 0.5 * PRIOR_DRAWS * others
     games = wins + wins.T
 
     def cost(s: np.ndarray) -> float:
@@ -62,8 +64,26 @@ def bradley_terry(
     information = games * p * (1.0 - p)
     curvature = np.diag(information.sum(axis=1)) - information
     covariance = np.linalg.pinv(curvature)
+    variances = np.maximum(np.diag(covariance), _variances_by_race(ahead_of, p, covariance))
     scale = RATING_SCALE / np.log(10.0)
     return {
-        name: (MEAN_RATING + scale * float(s[k]), Z * scale * float(np.sqrt(covariance[k, k])))
-        for name, k in index.items()
+        name: (MEAN_RATING + scale * float(s[k]), Z * scale * float(np.sqrt(variances[k])))
+        for k, name in enumerate(names)
     }
+
+
+def _variances_by_race(ahead_of: np.ndarray, p: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Return the cluster-robust variance of each strength  (n,).
+
+    Args:
+        ahead_of: 1 where one entrant came in before another  (races, n, n).
+        p: the probability of that by the model  (n, n).
+        covariance: inverse of the likelihood's curvature  (n, n).
+    """
+    races = len(ahead_of)
+    if races < 2:
+        return np.zeros(len(p))
+    either = ahead_of + ahead_of.transpose(0, 2, 1)  # 0 on the diagonal and for a dead heat
+    scores = (ahead_of - either * p).sum(axis=2)  # (races, n)
+    meat = races / (races - 1) * scores.T @ scores
+    return np.diag(covariance @ meat @ covariance)

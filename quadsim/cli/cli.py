@@ -64,6 +64,7 @@ def _run(argv: list[str]) -> int:
     from quadsim.cli.parse import run
     from quadsim.console import UsageError
     from quadsim.files.strict_yaml import FileError
+    from quadsim.files.values import SettingError
     from quadsim.firmware.process import FirmwareError
     from quadsim.record.run import RunError
 
@@ -72,8 +73,18 @@ def _run(argv: list[str]) -> int:
         if COMMANDS[name].compiles and not {"-h", "--help"} & set(argv):
             _check_compiler()
         return run(argv)
-    except (UsageError, FileError, FirmwareError, RunError) as error:
+    except (UsageError, FileError, SettingError, FirmwareError, RunError) as error:
         return _complain(f"race {name}: {error}", 2)
+    except (OSError, KeyboardInterrupt):
+        raise
+    except Exception as error:
+        # What the user's own code has raised is the user's to mend. Anything else is a fault of
+        # this program, whose traceback helps.
+        from quadsim.config.library_code import error_text, place_in_own_code
+
+        if place_in_own_code(error) is None:
+            raise
+        return _complain(f"race {name}: {error_text(error)}", 2)
 
 
 def _check_compiler() -> None:

@@ -15,7 +15,7 @@ from quadsim.cli.compare_heats import compare_heats
 from quadsim.cli.flags import Given, GivenHeat, Help, Json, Switch, course_help, settings_as_flags
 from quadsim.console import UsageError, emit, emit_json
 from quadsim.record.run import RunError
-from quadsim.record.whole_files import expect_file, expect_writable
+from quadsim.record.whole_files import expect_file, try_writing
 
 CAMPAIGN = "campaigns/race.sqlite"
 RACES = "campaigns/heats.sqlite"  # of --line-up
@@ -123,7 +123,7 @@ def compare(
     path = Path(campaign)
     expect_file(path)
     report = Path(out) if out else path.with_name(f"{path.stem}.report")
-    expect_writable(report)
+    try_writing(report)
 
     with Runner(path, jobs, scheduler, this_commit) as runner:
         rows = runner(made, attempts)

@@ -14,7 +14,7 @@ from quadsim.campaign.paired_heats import heat_variants
 from quadsim.cli.flags import settings_as_flags
 from quadsim.console import emit, emit_json
 from quadsim.heat.line_up import parse_heat_variants
-from quadsim.record.whole_files import expect_file, expect_writable
+from quadsim.record.whole_files import expect_file, try_writing
 
 
 def compare_heats(
@@ -56,7 +56,7 @@ def compare_heats(
         made = heat_variants(course, entrants, own, given, starts, rotate)
     expect_file(campaign)
     report = out or campaign.with_name(f"{campaign.stem}.report")
-    expect_writable(report)
+    try_writing(report)
 
     with HeatRunner(campaign, jobs, scheduler, this_commit) as runner:
         found = fly_comparison(made, runner)

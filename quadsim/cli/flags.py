@@ -12,10 +12,11 @@ from dataclasses import fields
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypedDict
 
 from cyclopts import Group, Parameter
-from msgspec import inspect
+from msgspec import Meta, inspect
 
 from controllers.presets import PRESETS
 from controllers.samplers import SAMPLERS
+from quadsim.config.library_code import error_text
 from quadsim.config.settings import (
     SETTINGS,
     FlightSettings,
@@ -58,7 +59,9 @@ def settings_as_flags() -> Iterator[None]:
     except ValueError as error:  # laps on an open course, a gate too small for the vehicle
         if type(error) is not ValueError:
             raise
-        raise UsageError(str(error)) from None
+        raise UsageError(error_text(error)) from None
+    except FloatingPointError as error:  # a term of the user's own makes every cost NaN
+        raise UsageError(error_text(error)) from None
 
 
 def flag(name: str) -> str:
@@ -113,7 +116,7 @@ def vehicle_help(text: str = "a name (see `race vehicles`) or a FILE.yaml") -> P
 
 
 Json = Annotated[bool, Switch("print one JSON value in place of tables")]
-RunsDir = Annotated[str, Help("folder of the runs")]
+RunsDir = Annotated[str, Meta(min_length=1), Help("folder of the runs")]
 Stored = Annotated[
     str,
     Help(

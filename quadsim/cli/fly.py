@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from contextlib import closing, suppress
+from contextlib import ExitStack, closing, suppress
+from pathlib import Path
 from shlex import quote
 from typing import Annotated, Any
 
@@ -21,13 +22,17 @@ from quadsim.cli.flags import (
 from quadsim.cli.progress import Progress
 from quadsim.cli.report import present
 from quadsim.config.build import build, launch, with_threads
+from quadsim.config.checks import expect_new_log
 from quadsim.config.recorded import recorded_spec, sorted_settings
 from quadsim.config.settings import SETTINGS, FlightSettings
 from quadsim.config.spec import Spec
 from quadsim.console import COMPILING, UsageError, complain, uninterrupted
+from quadsim.files.arrays import read_bytes
+from quadsim.files.strict_yaml import FileError
 from quadsim.firmware.process import FirmwareError
 from quadsim.firmware.translation import translated
 from quadsim.racing.events import Frame
+from quadsim.racing.flight import Controller
 from quadsim.record.archive import RunFolder, find_run, load_reportable, remove_unfinished
 from quadsim.record.run import (
     RecordedRun,
@@ -37,6 +42,10 @@ from quadsim.record.run import (
     same_flight,
     why_not_repeatable,
 )
+from quadsim.record.whole_files import write_whole
+
+# Name of the firmware's log in the folder of a run
+BLACKBOX = "blackbox.bbl"
 
 
 def fly(
@@ -65,47 +74,73 @@ def fly(
 
     race fly --from last
     """
-    before = None
-    if from_ is None:
-        spec = spec_of(course, settings)
-    else:
-        if course is not None:
-            raise UsageError(f"--from: expected no course beside a run, got {course!r}")
-        before = stored_run(from_, settings or {})
-        spec = spec_again(before, settings or {})
+    spec, before = _asked(course, from_, settings or {})
+    # Before `build`, which lets a sampler of the user's own draw
+    record = spec.record()
     try:
         parts = build(spec)
     except ValueError as error:  # laps on an open course, a gate too small for the vehicle
         raise UsageError(str(error)) from None
     remove_unfinished(spec.runs_dir)
 
-    record = spec.record()
-    with closing(parts.plant), RunFolder.open(spec.runs_dir, record) as folder:
-        if spec.plant == "rigid" and not (settings or {}).get("plant"):
-            complain("PyBullet is not installed: the built-in rigid body flies (--plant rigid)")
-        if spec.betaflight and (read := translated(spec.betaflight)).changes_something:
-            shown = f"race firmware read --betaflight {quote(spec.betaflight.name)}"
-            complain(f"{read.summary()}: {shown}")
-        if not getattr(parts.controller, "is_cached", True):
-            complain(COMPILING)
+    end_of_plant = ExitStack()
+    end_of_plant.enter_context(closing(parts.plant))
+    with end_of_plant, RunFolder.open(spec.runs_dir, record) as folder:
+        _complain_before(spec, parts.controller, settings or {})
         with settings_as_flags():  # a user's own sampler may return invalid values
             recorder, ended = _recorded(launch(spec, parts), spec, quiet=json)
         run = recorder.run(record)
+        failure: RunError | FileError | None = None
+        unwritten: FirmwareError | None = None
         # The flight that a first Ctrl-C has ended is stored despite a second Ctrl-C.
         with suppress(KeyboardInterrupt), uninterrupted():
-            failure = _save(folder, run)
+            # A firmware writes its log at its end
+            unwritten = _closed(end_of_plant)
+            failure = _save(folder, run, None if unwritten else spec.blackbox)
 
     present(run, None if failure else folder.path, json, spec.runs_dir)
     if before:
         complain(compared(run, before, settings or {}))
-    if failure:
-        raise failure
+    for error in (failure, unwritten):
+        if error:
+            raise error
     if ended:
         raise FirmwareError(f"{ended}: the flight so far is kept")
     if run.outcome == "interrupted":
         end = run.telemetry["t"][-1]
         complain(f"race fly: interrupted at {end:.2f} s, the flight so far is kept")
     return EXIT[run.outcome]
+
+
+def _asked(
+    course: str | None, from_: str | None, settings: Mapping[str, Any]
+) -> tuple[Spec, RecordedRun | None]:
+    """Return the Spec of a flight, and the stored run that it repeats, if it does.
+
+    Raises:
+        UsageError: a flag cannot be used.
+        FileError, RunError: a file or the stored run cannot be read.
+    """
+    if settings.get("blackbox"):
+        with settings_as_flags():
+            expect_new_log(settings["blackbox"])
+    if from_ is None:
+        return spec_of(course, dict(settings)), None
+    if course is not None:
+        raise UsageError(f"--from: expected no course beside a run, got {course!r}")
+    before = stored_run(from_, settings)
+    return spec_again(before, settings), before
+
+
+def _complain_before(spec: Spec, controller: Controller, settings: Mapping[str, Any]) -> None:
+    """Say which plant flies, what of a configuration is left out, and that loops are compiled."""
+    if spec.plant == "rigid" and not settings.get("plant"):
+        complain("PyBullet is not installed: the built-in rigid body flies (--plant rigid)")
+    if spec.betaflight and (read := translated(spec.betaflight)).changes_something:
+        shown = f"race firmware read --betaflight {quote(spec.betaflight.name)}"
+        complain(f"{read.summary()}: {shown}")
+    if not getattr(controller, "is_cached", True):
+        complain(COMPILING)
 
 
 def spec_of(course: str | None, settings: Given = None) -> Spec:
@@ -189,13 +224,31 @@ def _recorded(
     return recorder, ended
 
 
-def _save(folder: RunFolder, run: RecordedRun) -> RunError | None:
+def _closed(end_of_plant: ExitStack) -> FirmwareError | None:
+    """Close the plant, and return the error if the firmware's log cannot be written."""
+    try:
+        end_of_plant.close()
+    except FirmwareError as error:
+        return error
+    return None
+
+
+def _save(folder: RunFolder, run: RecordedRun, blackbox: str | None) -> RunError | FileError | None:
     """Store the run and return the error if that fails.
 
     The caller prints the report before the error.
+
+    Args:
+        folder: the folder of the run.
+        run: the run.
+        blackbox: the file of the firmware's log, of which the folder gets a copy; None: no log.
     """
     try:
+        if blackbox is not None:
+            data = read_bytes(Path(blackbox), "a log of the firmware")
+            write_whole(folder.part / BLACKBOX, data)
         folder.save(run)
-    except RunError as error:
+    except (RunError, FileError) as error:
+        folder.drop()
         return error
     return None

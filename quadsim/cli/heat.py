@@ -42,7 +42,7 @@ from quadsim.heat.line_up import heats_of, line_up, parts_of
 from quadsim.heat.result import HeatRecorder
 from quadsim.heat.spec import HeatSpec
 from quadsim.record.run import RunError
-from quadsim.record.whole_files import expect_file
+from quadsim.record.whole_files import expect_file, try_writing
 from quadsim.results.heat import Heat
 
 # Default entrants
@@ -152,6 +152,11 @@ def heat(
 
 def _one(spec: HeatSpec, runs_dir: str, plot: str | None, json: bool) -> int:
     """Fly one race, store it and print its report."""
+    # Before the race, which may take minutes
+    try_writing(Path(runs_dir))
+    if plot:
+        expect_file(Path(plot))
+        try_writing(Path(plot).parent)
     flown, ended = _flown(spec, quiet=json)
     folder = None
     failure = None
@@ -225,9 +230,12 @@ def _flown(spec: HeatSpec, quiet: bool) -> tuple[Heat, FirmwareError | None]:
         live.start()
     drawn = -PERIOD
     try:
-        with suppress(KeyboardInterrupt):
+        with suppress(KeyboardInterrupt), settings_as_flags():
             for frame in heat_frames(spec):
                 recorder.add(frame)
+                if frame.fault:
+                    name = spec.names[frame.number]
+                    complain(f"race heat: {name} is out at {frame.t:.2f} s: {frame.fault}")
                 if live and frame.t >= drawn + PERIOD:
                     live.update(_line(spec, recorder, frame.t), refresh=True)
                     drawn = frame.t

@@ -14,7 +14,7 @@ from rich.markup import escape
 
 from quadsim.cli.commands import EXIT
 from quadsim.cli.flags import Help, Json, RunsDir, Stored, Switch, course_help, vehicle_help
-from quadsim.console import UsageError, complain, emit, emit_json, uninterrupted
+from quadsim.console import UsageError, complain, emit, emit_json, plain, uninterrupted
 from quadsim.course import load_course
 from quadsim.files.extras import needs_extra
 from quadsim.files.strict_yaml import unit
@@ -208,7 +208,7 @@ def _progress(stopped: list[int], quiet: bool) -> Progress:
             if stopped:
                 raise KeyboardInterrupt
             if console.is_terminal and not quiet:
-                line = f"{escape(name)}, {nodes} nodes: iteration {iteration}, {time:.3f} s"
+                line = f"{escape(plain(name))}, {nodes} nodes: iteration {iteration}, {time:.3f} s"
                 console.print(line, end="    \r")
 
         return tell

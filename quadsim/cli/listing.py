@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from itertools import product
+from math import degrees, pi
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -181,13 +182,19 @@ def check(
 
 
 def examine(name: str) -> dict:
-    """Return file, ok, kind and summary of a file, or file, ok, error and excerpt."""
+    """Return file, ok, kind, summary and notes of a file, or file, ok, error and excerpt."""
+    text = ""
+    path = Path(name)
     try:
         path = _find(name)
-        kind, summary = describe(read_text(path), str(path))
+        text = read_text(path)
+        found = describe(text, str(path))
+        result = {"file": str(path), "ok": True, "kind": found.kind, "summary": found.summary}
     except FileError as error:
-        return {"file": name, "ok": False, "error": str(error), "excerpt": error.excerpt}
-    return {"file": str(path), "ok": True, "kind": kind, "summary": summary}
+        result = {"file": name, "ok": False, "error": str(error), "excerpt": error.excerpt}
+    # Also of a course that cannot be used, as this may be why
+    note = looks_like_radians(text, str(path))
+    return result | {"notes": [note]} if note else result
 
 
 def with_fits(results: Sequence[dict]) -> list[dict]:
@@ -228,7 +235,7 @@ def describe(text: str, file: str) -> Described:
     root = parse(text, file).root
     keys = set()
     if isinstance(root, yaml.MappingNode):
-        keys = {key.value for key, _ in root.value}
+        keys = {key.value for key, _ in root.value if isinstance(key, yaml.ScalarNode)}
     if keys & OF_VEHICLE:
         vehicle = parse_vehicle(text, file)
         ratio = f"thrust-to-weight {vehicle.thrust_to_weight:.2f}"
@@ -240,6 +247,37 @@ def describe(text: str, file: str) -> Described:
         given = [name for name in SENSORS if getattr(sensing, name)]
         return Described("sensing", ", ".join(given) or "the true state")
     return Described("course", summary(parse_course(text, file)))
+
+
+def looks_like_radians(text: str, file: str) -> str | None:
+    """Return one line on the first heading of a course that looks like radians, None without one.
+
+    No heading does if one of them is larger than a full turn in radians, or all are whole numbers.
+    """
+    found: list[tuple[yaml.ScalarNode, float]] = []
+    with suppress(FileError, ValueError):
+        found = [(node, float(node.value)) for node in _headings(parse(text, file).root)]
+    if any(abs(number) > 2.0 * pi for _, number in found):
+        return None
+    for node, number in found:
+        if not number.is_integer():
+            at = f"{file}:{node.start_mark.line + 1}:{node.start_mark.column + 1}"
+            meant = f"{number:g} rad are {degrees(number):.1f} deg"
+            return f"{at}: yaw_deg: expected degrees, {node.value} looks like radians: {meant}"
+    return None
+
+
+def _headings(node: yaml.Node) -> Iterator[yaml.ScalarNode]:
+    """Yield the values of `yaw_deg` in a course that has been read."""
+    if isinstance(node, yaml.SequenceNode):
+        for item in node.value:
+            yield from _headings(item)
+    elif isinstance(node, yaml.MappingNode):
+        for key, value in node.value:
+            if key.value == "yaw_deg" and isinstance(value, yaml.ScalarNode):
+                yield value
+            else:
+                yield from _headings(value)
 
 
 def _describe_preset(text: str, file: str) -> Described:
@@ -274,7 +312,9 @@ def _find(name: str) -> Path:
 def _print_result(result: dict) -> None:
     if result["ok"]:
         emit(f"{escape(result['file'])}: [green]ok[/], {result['kind']}: {result['summary']}")
-        return
-    complain(result["error"])
-    if result["excerpt"]:
-        complain(result["excerpt"])
+    else:
+        complain(result["error"])
+        if result["excerpt"]:
+            complain(result["excerpt"])
+    for note in result.get("notes", ()):
+        complain(note)

@@ -53,7 +53,10 @@ def paper(
     """
     if name not in NAMES:
         raise UsageError(f"no experiment {name!r}: {did_you_mean(name, NAMES)}")
+    from quadsim.record.whole_files import try_writing  # --help does not load it
+
     folder = Path(runs_dir) / "paper"
+    try_writing(folder)
     chosen = tuple(EXPERIMENTS) if name == "all" else (name,)
     results = {}
     for one in chosen:

@@ -12,7 +12,7 @@ from msgspec import inspect
 
 from quadsim.cli.commands import COMMANDS
 from quadsim.cli.flags import settings_as_flags
-from quadsim.config.settings import SETTINGS
+from quadsim.config.settings import SETTINGS, bare
 from quadsim.console import UsageError
 from quadsim.files.values import checked
 from quadsim.files.yaml_errors import expected
@@ -49,9 +49,12 @@ def _check(function: Callable[..., Any], arguments: Mapping[str, Any]) -> None:
     """Check a command's own flags by their annotations. Raises UsageError."""
     hints = get_type_hints(function, include_extras=True)
     for name, value in arguments.items():
-        if isinstance(value, int | float) and not isinstance(value, bool):
+        if isinstance(value, int | float | str) and not isinstance(value, bool):
+            kind = inspect.type_info(hints[name])
+            if isinstance(value, str) and not isinstance(bare(kind), inspect.StrType):
+                continue
             with settings_as_flags():
-                checked(name, value, inspect.type_info(hints[name]))
+                checked(name, value, kind)
 
 
 def _line(error: CycloptsError, app: App) -> str:

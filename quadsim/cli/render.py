@@ -26,6 +26,7 @@ from quadsim.files.yaml_errors import did_you_mean
 from quadsim.physics.plant import has_bullet
 from quadsim.record.archive import find_run, load_reportable
 from quadsim.record.run import RunError
+from quadsim.record.whole_files import expect_file, try_writing
 from quadsim.render.folder import annotate, claimed, whole, write_mp4
 from quadsim.render.frames import Job, Pictures, make_frames
 from quadsim.render.look import VARIED
@@ -223,6 +224,8 @@ def _film(
         raise UsageError(f"--film: expected a folder that exists, got {str(path.parent)!r}")
     if target.endswith(SUFFIXES) or target in course_names():
         raise UsageError(f"--film: expected a run, got the course {target!r}")
+    expect_file(path)
+    try_writing(path.parent)
     lens = load_camera(camera) if camera else film.CAMERA
     run = load_reportable(_run_folder(target, runs_dir))
     course = parse_course(run.spec["course_text"], run.spec["course"])

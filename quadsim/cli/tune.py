@@ -19,7 +19,7 @@ from quadsim.cli.flags import Given, Help, Json, course_help, settings_as_flags
 from quadsim.config.setting_texts import resolve
 from quadsim.console import UsageError, complain, emit, emit_json
 from quadsim.files.extras import needs_extra
-from quadsim.record.whole_files import expect_file, expect_writable, write_whole
+from quadsim.record.whole_files import expect_file, try_writing, write_whole
 
 if TYPE_CHECKING:  # these modules load optuna, which --help does not need
     from quadsim.campaign.search import FlownTrial
@@ -57,7 +57,7 @@ def tune(
     race tune paper_flat --preset paper --search sigma temperature
     """
     expect_file(Path(out))
-    expect_writable(Path(out).parent)
+    try_writing(Path(out).parent)
     with settings_as_flags():
         base = Variant("base", resolve(course, settings or {}))
     for name in ("pilot", "controller"):

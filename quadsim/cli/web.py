@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from contextlib import suppress
+from pathlib import Path
 from time import sleep
 from typing import Annotated
 
@@ -14,6 +15,8 @@ from quadsim.cli.flags import Help, Json, RunsDir, Stored, course_help
 from quadsim.console import UsageError, complain, emit, emit_json, uninterrupted
 from quadsim.course import load_course
 from quadsim.heat.archive import run_folders
+from quadsim.record.run import RunError
+from quadsim.record.whole_files import try_writing
 
 WAKE = 0.5  # [s] period at which the wait checks for signals received by other threads
 
@@ -37,6 +40,11 @@ def web(
     race web --course mine.yaml --host 192.168.1.7
     """
     load_course(course)  # raises an error if the course cannot be read
+    try:
+        try_writing(Path(runs_dir))
+    except RunError as error:
+        # Runs can be watched all the same
+        complain(f"race web: {error}: flights of this page cannot be stored")
     paths = [folder for run in runs for folder in run_folders(run, runs_dir)]
     # imported here, as they load numba and viser, which --help does not need
     from web.choices import Choices

@@ -8,6 +8,7 @@ from math import sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
+from quadsim.config.checks import expect_new_log
 from quadsim.config.parts import made
 from quadsim.config.spec import Spec
 from quadsim.dynamics import System
@@ -99,11 +100,14 @@ def actuators_of(
     Raises:
         FirmwareError: the firmware is not built, or does not arm.
         FileError: it does not take its configuration.
+        SettingError: there is a file already where its log would be written.
     """
     stream = spec.streams.link
     if spec.betaflight is None:
         link = Link(dt, vehicle.latency, spec.link, stream=stream)
         return Actuators(vehicle, dt, faults, link)
+    if spec.blackbox is not None:
+        expect_new_log(spec.blackbox)
     link = Link(dt, vehicle.latency, spec.link, spec.planner.mppi.dt, stream)
     built, configuration = firmware_for(vehicle, spec.betaflight)
     log = None

@@ -22,7 +22,7 @@ from quadsim.physics.link import WIRE, LinkConfig
 from quadsim.racing.flight import whole_multiple
 from quadsim.record.limits import LimitProblem, StoredSolution
 from quadsim.sensing import PERFECT, Sensing
-from quadsim.vehicle import Vehicle
+from quadsim.vehicle import Vehicle, check_vehicle
 
 PLANTS = get_args(PlantName)
 # Plants with the rotors of quadsim.physics.actuators
@@ -59,6 +59,25 @@ def check_classes(name: str, part: object) -> None:
         raise SettingError(name, f"{wanted}, got {kind.__name__}")
     for inner in fields(part):
         check_classes(name, getattr(part, inner.name))
+
+
+def check_numbers(name: str, part: object) -> None:
+    """Check the numbers of a vehicle or a sensing that comes from no file by the rules of a file.
+
+    Args:
+        name: the name of the setting.
+        part: the vehicle or the sensing; anything else has been checked.
+
+    Raises:
+        SettingError: a number is out of range, or the numbers do not fit together.
+    """
+    try:
+        if isinstance(part, Vehicle):
+            check_vehicle(part)
+        elif isinstance(part, Sensing):
+            part.but()
+    except SettingError as error:
+        raise SettingError(name, str(error)) from None
 
 
 def check_plant(plant: object) -> None:
@@ -152,6 +171,16 @@ def check_no_firmware(betaflight: Text | None, blackbox: str | None) -> None:
     if blackbox is not None:
         wanted = "expected none without the flight controller 'betaflight'"
         raise SettingError("blackbox", f"{wanted}, got {blackbox!r}")
+
+
+def expect_new_log(blackbox: str | Path) -> None:
+    """Raise SettingError if there is a file already where the firmware's log would be written."""
+    if Path(blackbox).exists():
+        wanted = "expected a new file, of the log of this flight"
+        advice = "name another, or remove it"
+        raise SettingError(
+            "blackbox", f"{wanted}, got one that exists, {str(blackbox)!r}: {advice}"
+        )
 
 
 def check_firmware(

@@ -18,7 +18,6 @@ import enum
 import functools
 import re
 import sys
-import sysconfig
 import types
 from collections.abc import Iterable, Iterator, Mapping
 from functools import singledispatchmethod
@@ -29,10 +28,8 @@ from typing import Any
 import numpy as np
 
 from quadsim.config.first_names import first_name
+from quadsim.config.library_code import is_library, is_library_module, is_of_library
 
-OWN_PACKAGES = ("quadsim", "controllers", "web")
-# Modules without a file, in which compiled packages keep their common types
-COMPILERS = ("_cython", "pybind11")
 MOST_DEPTH = 60  # of objects within objects
 MOST_OBJECTS = 100_000  # in one walk
 DATACLASSES = dataclasses.__file__
@@ -189,7 +186,7 @@ class _Walk:
     def _module(self, value: types.ModuleType, place: str) -> Iterator[str]:
         """Yield a library's name and version, and all that one of the user's own modules has."""
         yield from ("module", _module_version(value))
-        if not _is_library(value.__name__):
+        if not is_library_module(value):
             names = {name: inner for name, inner in vars(value).items() if not _is_special(name)}
             yield from self._pairs(names, value.__name__)
 
@@ -274,7 +271,7 @@ class _Walk:
     @_parts.register
     def _function(self, function: types.FunctionType, place: str) -> Iterator[str]:
         """Yield a function's code, its defaults, its closure and the globals that it uses."""
-        if _is_of_library(function):
+        if is_of_library(function):
             yield from ("function", _module_version(sys.modules.get(function.__module__)))
             yield function.__qualname__
             # A function that a library has made, such as a decorator's, may hold one of the user's
@@ -298,7 +295,7 @@ class _Walk:
                 yield self.digest(function.__globals__[name], f"{place} {name}")
         for name in sorted(_imports(function.__code__)):
             yield name
-            if not _is_library(name):
+            if not is_library(name):
                 module = sys.modules.get(name)
                 if module is None:
                     raise IdentityError(f"{place}: the module {name} is imported later")
@@ -309,7 +306,7 @@ class _Walk:
         """Yield a class's bases and attributes; of a library's class, its name and version."""
         yield "class"
         yield kind.__qualname__
-        if _is_of_library(kind):
+        if is_of_library(kind):
             yield _module_version(sys.modules.get(kind.__module__))
             return
         yield self.digest(type(kind), place)
@@ -339,11 +336,11 @@ class _Walk:
             yield from self._compiled(value, place)
             return
         # The state of a user's object by name, even if it says how it wants to be pickled
-        if not _is_of_library(kind):
+        if not is_of_library(kind):
             state = _without_caches(kind, getattr(value, "__dict__", {}))
             state |= {slot: getattr(value, slot) for slot in _slots(kind) if hasattr(value, slot)}
             yield from self._pairs(state, place)
-            if all(base is object or not _is_of_library(base) for base in kind.__mro__):
+            if all(base is object or not is_of_library(base) for base in kind.__mro__):
                 return
         # A library's record by its fields
         if dataclasses.is_dataclass(value):
@@ -466,7 +463,9 @@ def _is_generated(kind: type, name: str, value: object) -> bool:
     if value is None or not isinstance(value, types.FunctionType):
         return value is None
     inner: Any = getattr(value, "__wrapped__", value)
-    return inner.__code__.co_filename in ("<string>", DATACLASSES)
+    code = inner.__code__
+    is_written = code.co_filename == "<string>" and code.co_qualname.startswith("__create_fn__.")
+    return is_written or code.co_filename == DATACLASSES
 
 
 def _is_empty(cell: types.CellType) -> bool:
@@ -476,40 +475,6 @@ def _is_empty(cell: types.CellType) -> bool:
     except ValueError:
         return True
     return False
-
-
-@functools.cache
-def _library_folders() -> tuple[Path, ...]:
-    """Return the folders of Python's own modules and of installed packages."""
-    names = ("stdlib", "platstdlib", "purelib", "platlib")
-    return tuple(Path(sysconfig.get_path(name)).resolve() for name in names)
-
-
-@functools.cache
-def _is_library(module: str | None) -> bool:
-    """Return whether a module is Python's, an installed package's or this project's."""
-    if module is None or module in ("__main__", "__mp_main__"):
-        return False
-    package = module.partition(".")[0]
-    if package in OWN_PACKAGES or package in sys.stdlib_module_names:
-        return True
-    if package.startswith(COMPILERS):
-        return True
-    loaded = sys.modules.get(module) or sys.modules.get(package)
-    file = getattr(loaded, "__file__", None)
-    if file is None:
-        return False
-    folders = Path(file).resolve().parents
-    return any(folder in folders for folder in _library_folders())
-
-
-def _is_of_library(made: Any) -> bool:
-    """Return whether a class or function is a library's."""
-    if not isinstance(made.__module__, str | None):  # a class that is written in C
-        return True
-    # `make_dataclass` says that the classes it makes are of the module `types`
-    is_made = made.__module__ == "types" and not hasattr(types, made.__name__)
-    return not is_made and _is_library(made.__module__)
 
 
 def _module_version(module: types.ModuleType | None) -> str:

@@ -22,8 +22,10 @@ from controllers.costs import Term, Weight, is_weight
 from controllers.samplers import SAMPLERS, PlainSampler, Sampling
 from quadsim.config.first_names import first_name
 from quadsim.config.identity import IdentityError, identity_of
+from quadsim.config.library_code import error_text
 from quadsim.config.settings import SettingError
 from quadsim.files.yaml_errors import did_you_mean, shown_value
+from quadsim.firmware.process import FirmwareError
 
 Json = Any  # a value that JSON can hold
 Sampler = Sampling | PlainSampler
@@ -121,6 +123,28 @@ def called(role: str, function: Callable[..., Any], name: str, *arguments: objec
             raise
         wanted = f"expected a function of {name}, got {shown_value(function)}"
         raise SettingError(role, f"{wanted}: {error}") from None
+
+
+def fault_in_flight(error: Exception, has_own_parts: bool) -> str | None:
+    """Return the text of an error by which a flight has ended as crashed, on one line.
+
+    Args:
+        error: what the planner or a part of the user's own has raised in flight.
+        has_own_parts: whether the flight has parts of the user's own, which may raise anything.
+
+    Returns:
+        The text; None for an error that says nothing of the flight: the firmware has ended, or the
+        program has a fault.
+    """
+    if isinstance(error, FirmwareError):
+        return None
+    if isinstance(error, ValueError | FloatingPointError):
+        return error_text(error)
+    if not has_own_parts:
+        return None
+    text = error_text(error)
+    name = type(error).__name__
+    return text if text.startswith(f"{name}: ") else f"{name}: {text}"
 
 
 def _has_method(role: str, part: object) -> bool:

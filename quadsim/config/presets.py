@@ -101,7 +101,9 @@ def _base(document: Document, sampler: str, firmware: bool) -> Planner:
     A file without `base` gets the first preset; its schema then reports the missing key.
     """
     name = None
-    for key, node in getattr(document.root, "value", ()):
+    # Anything but a mapping is refused by the schema
+    pairs = document.root.value if isinstance(document.root, yaml.MappingNode) else ()
+    for key, node in pairs:
         if isinstance(key, yaml.ScalarNode) and key.value == "base":
             name = node.value
     if not isinstance(name, str):

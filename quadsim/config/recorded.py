@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
+from math import isfinite
 from pathlib import Path
 from typing import Any, cast
 
@@ -16,7 +17,7 @@ from controllers.learned.pilot import Pilot, load_pilot
 from controllers.presets import Planner
 from controllers.samplers import SAMPLERS, Sampling
 from quadsim.config.changes import planner_after
-from quadsim.config.checks import PLANTS
+from quadsim.config.checks import PLANTS, check_numbers
 from quadsim.config.parts import (
     describe,
     own_controller,
@@ -28,9 +29,10 @@ from quadsim.config.reference import followed_problem, followed_reference
 from quadsim.config.settings import LINK, SETTINGS, FlightNumbers, HostSettings
 from quadsim.config.spec import ALWAYS, Spec
 from quadsim.course import Course, parse_course
+from quadsim.course.checks import problems
 from quadsim.files.exact_json import exactly
 from quadsim.files.strict_yaml import FileError
-from quadsim.files.values import checked
+from quadsim.files.values import SettingError, checked
 from quadsim.firmware.text import Text
 from quadsim.racing.hand import HAND
 from quadsim.record.run import canonical, hostless, own_parts
@@ -218,6 +220,7 @@ def _built(
             the folder of the Spec.
     """
     course: Course = own.get("course") or parse_course(read.course_text, read.course)
+    _check_ranges(read, course)
     planner = _planner(read, own)
     reference = None
     if read.reference and isinstance(planner.cost, ReferenceWeights):
@@ -245,6 +248,24 @@ def _built(
         runs_dir=folders[0],
         **numbers,
     )
+
+
+def _check_ranges(read: FlownSpec, course: Course) -> None:
+    """Check the parts of a record that come from files by the rules of these files.
+
+    Raises:
+        RecordError: a number is out of range.
+    """
+    try:
+        check_numbers("vehicle", read.vehicle)
+        check_numbers("sensing", read.sensing)
+    except SettingError as error:
+        raise RecordError(str(error)) from None
+    if read.start is not None:
+        numbers = (*read.start.position, read.start.yaw)
+        fault = next(problems(replace(course, start=read.start)), None)
+        if fault is not None or not all(map(isfinite, numbers)):
+            raise RecordError(f"start: {fault.problem if fault else 'expected finite numbers'}")
 
 
 def _plant(name: str) -> Any:

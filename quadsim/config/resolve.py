@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from controllers.presets import Planner
 from controllers.samplers import SAMPLERS
-from quadsim.config.checks import check_type
+from quadsim.config.checks import check_numbers, check_type
 from quadsim.config.parts import is_registered, own_sampler, sampler_name
 from quadsim.config.presets import PresetSource
 from quadsim.config.settings import (
@@ -96,7 +96,7 @@ def given_part(
 ) -> T:
     """Return a part that was given, see `loaded_part`. Raises SettingError."""
     if isinstance(given, kind):
-        _check_numbers(name, given)
+        check_numbers(name, given)
         return given
     if not isinstance(given, str | Path):
         wanted = f"expected a name, a FILE.yaml or a {kind.__name__}"
@@ -104,16 +104,6 @@ def given_part(
     loaded = load(str(given))
     read[name] = loaded
     return loaded
-
-
-def _check_numbers(name: str, part: object) -> None:
-    """Check the numbers of a vehicle or a sensing as in a file. Raises SettingError."""
-    if not isinstance(part, Vehicle | Sensing):
-        return
-    try:
-        part.but()
-    except SettingError as error:
-        raise SettingError(name, str(error)) from None
 
 
 def configuration_of(

@@ -34,6 +34,7 @@ from quadsim.sensing import PERFECT
 Clock = Literal["simulated", "wall"]
 LapCount = Annotated[int, Meta(ge=1, le=1000)]
 ThreadCount = Annotated[int, Meta(ge=1)]
+FileName = Annotated[str, Meta(min_length=1)]
 ThrustToWeight = Annotated[float, Meta(gt=1, le=20)]
 TimeLimit = Annotated[float, unit("s", gt=0, le=1e5)]
 FrameRate = Annotated[float, unit("Hz", ge=1, le=1e4)]
@@ -166,12 +167,15 @@ class HostSettings:
         ThreadCount | None, setting("CPU threads, which do not change results (default: all)")
     ] = None
     blackbox: Annotated[
-        str | None, setting("keeps the firmware's own log of the flight, FILE.bbl (default: none)")
+        FileName | None,
+        setting("keeps the firmware's own log of the flight, FILE.bbl (default: none)"),
     ] = None
     record_sensing: Annotated[
         bool, setting("keeps every measurement of the sensors, and what the estimator made of it")
     ] = False
-    runs_dir: Annotated[str, setting("folder of runs and of the solutions of race limit")] = "runs"
+    runs_dir: Annotated[
+        str, setting("folder of runs and of the solutions of race limit", min_length=1)
+    ] = "runs"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,7 @@ Degree = Annotated[float, unit("deg", ge=-360, le=360)]
 Point = tuple[Metre, Metre, Metre]
 Span = tuple[Metre, Metre]
 # Folders of runs have the name of their course.
-Name = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
+Name = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}\Z")]
 Second = Annotated[float, unit("s", gt=0)]
 
 

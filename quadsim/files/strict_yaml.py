@@ -51,7 +51,7 @@ def unit(name: str, **bounds: Any) -> msgspec.Meta:
 
     Args:
         name: the unit, which errors show.
-        bounds: msgspec's bounds gt, ge, lt or le.
+        bounds: msgspec's bounds gt, ge, lt, le or min_length.
     """
     return msgspec.Meta(extra={"unit": name}, **bounds)
 

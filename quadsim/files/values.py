@@ -148,6 +148,8 @@ def _read(given: object, kind: Kind) -> object:
         case inspect.LiteralType():
             return _one_of(given, kind.values)
         case inspect.StrType() if isinstance(given, str | Path):
+            if len(str(given)) < (kind.min_length or 0):
+                raise _Unfit
             return str(given)
         case inspect.TupleType():
             items = _items(given)

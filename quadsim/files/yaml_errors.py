@@ -46,7 +46,7 @@ def expected(kind: Any, unit: str = "", count: str = "") -> str:
         case inspect.LiteralType():
             return " or ".join(map(repr, kind.values))
         case inspect.StrType():
-            rest = f" like {kind.pattern}" if kind.pattern else ""
+            rest = _which_text(kind)
             return f"{count} texts{rest}" if count else f"text{rest}"
         case inspect.FloatType():
             noun = "number"
@@ -58,6 +58,13 @@ def expected(kind: Any, unit: str = "", count: str = "") -> str:
             required = ", ".join(f.encode_name for f in kind.fields if f.required)
             rest = f" with {required}" if required else ""
     return f"{count} {noun}s{rest}" if count else f"a {noun}{rest}"
+
+
+def _which_text(kind: inspect.StrType) -> str:
+    """Return which texts a type asks for, such as " like [0-9]+"; "" for any text."""
+    if kind.pattern:
+        return f" like {kind.pattern}"
+    return " that is not empty" if kind.min_length else ""
 
 
 def limits(kind: Any) -> str:

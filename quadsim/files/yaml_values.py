@@ -8,7 +8,7 @@ scalar that YAML reads as text is text.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import yaml
@@ -27,6 +27,8 @@ from quadsim.files.yaml_errors import (
     unit_of,
     unless_null,
 )
+
+MOST_KEYS = 12  # that an error names beside the first
 
 
 class Misfit(Exception):  # noqa: N818 (strict_yaml makes a FileError of it, with the file's name)
@@ -107,8 +109,9 @@ def _mapping(node: yaml.Node, kind: Any, path: str) -> Any:
     fields = {f.encode_name: f for f in kind.fields}
     lines: dict[str, int] = {}
     values: dict[str, Any] = {}
+    unknown = _unknown(node, fields)
     for key_node, value_node in node.value:
-        key = _key(key_node, path, fields, lines)
+        key = _key(key_node, path, fields, lines, unknown)
         lines[key] = key_node.start_mark.line + 1
         values[key] = value(value_node, fields[key].type, _join(path, key))
     for name, field in fields.items():
@@ -121,15 +124,39 @@ def _mapping(node: yaml.Node, kind: Any, path: str) -> Any:
         raise Misfit(node.start_mark, path, str(error)) from None
 
 
-def _key(node: yaml.Node, path: str, known: Iterable[str], lines: dict[str, int]) -> str:
-    """Return the key, which is one of `known` and not among the `lines` read so far."""
+def _unknown(node: yaml.MappingNode, known: Iterable[str]) -> list[str]:
+    """Return the keys of a mapping that are not known, as an error shows them."""
+    keys = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
+    return [_plain(key) for key in dict.fromkeys(keys) if key not in known]
+
+
+def _plain(key: str) -> str:
+    """Return a key as an error shows it."""
+    return key if key.isidentifier() and len(key) <= LONGEST else shown(key)
+
+
+def _key(
+    node: yaml.Node,
+    path: str,
+    known: Iterable[str],
+    lines: dict[str, int],
+    unknown: Sequence[str],
+) -> str:
+    """Return the key, which is one of `known` and not among the `lines` read so far.
+
+    unknown: all keys of the mapping that are not known.
+    """
     if not isinstance(node, yaml.ScalarNode):
         raise Misfit(node.start_mark, path, f"expected a key, got {found(node)}")
     key = node.value
-    is_plain = key.isidentifier() and len(key) <= LONGEST
-    where = _join(path, key if is_plain else shown(key))
+    where = _join(path, _plain(key))
     if key not in known:
-        raise Misfit(node.start_mark, where, f"unknown key, {did_you_mean(key, known)}")
+        problem = f"unknown key, {did_you_mean(key, known)}"
+        others = [other for other in unknown if other != _plain(key)]
+        if others:
+            more = ", ..." if len(others) > MOST_KEYS else ""
+            problem += f"; also unknown: {', '.join(others[:MOST_KEYS])}{more}"
+        raise Misfit(node.start_mark, where, problem)
     if key in lines:
         raise Misfit(node.start_mark, where, f"duplicate key, first on line {lines[key]}")
     return key

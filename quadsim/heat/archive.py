@@ -13,7 +13,7 @@ import json
 import os
 import re
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
 from shlex import quote
@@ -32,7 +32,7 @@ from quadsim.course import Course, parse_course
 from quadsim.files.arrays import read_bytes
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.values import SettingError
-from quadsim.heat.result import heat_digest, heat_events, placings
+from quadsim.heat.result import heat_digest, heat_events, placings, run_records
 from quadsim.heat.settings import Awareness, HeatSettings
 from quadsim.heat.spec import Entrant, HeatSpec
 from quadsim.record.archive import (
@@ -46,7 +46,7 @@ from quadsim.record.archive import (
     written_at,
 )
 from quadsim.record.provenance import provenance
-from quadsim.record.run import RecordedRun, RunError, canonical
+from quadsim.record.run import CRASHES, RecordedRun, RunError, canonical, hostless
 from quadsim.record.schema import HEAT_FORMAT, StoredEntrant, StoredHeatSpec, TitledHeat
 from quadsim.record.whole_files import file_errors, write_whole
 
@@ -56,6 +56,9 @@ AS_TEXT = {
     "sampler": "sampler=package.module:Class",
     "terms": "term=package.module:function=WEIGHT",
 }
+
+# Largest heat.json that is read [bytes]; a race of eight takes a hundredth
+LARGEST_HEAT = 20_000_000
 
 
 class RecordedEntrant(StoredEntrant):
@@ -81,6 +84,7 @@ class RecordedHeat(msgspec.Struct):
     runs: list[str]
     digest: str
     format: str = ""
+    faults: dict[str, str] = {}
 
 
 class LoadedHeat(NamedTuple):
@@ -89,6 +93,8 @@ class LoadedHeat(NamedTuple):
     spec: RecordedHeatSpec
     runs: tuple[RecordedRun, ...]
     start_times: tuple[float, ...]
+    # name of an entrant -> what its planner has raised in flight
+    faults: Mapping[str, str]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -102,41 +108,50 @@ class LoadedHeat(NamedTuple):
         return parse_course(spec["course_text"], spec["course"])
 
 
-def heat_name(heat: HeatSpec) -> str:
-    """Return `<UTC>_<course>_heat_s<seed>_<hash>`."""
+def heat_name(heat: HeatSpec, record: Mapping[str, Any]) -> str:
+    """Return `<UTC>_<course>_heat_s<seed>_<hash>` of a race with this record."""
     utc = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
     course = re.sub(r"[^\w.-]+", "-", heat.course.name)
-    return f"{utc}_{course}_heat_s{heat.seed}_{heat_key(heat)[:8]}"
+    return f"{utc}_{course}_heat_s{heat.seed}_{heat_key(record)[:8]}"
 
 
-def heat_key(heat: HeatSpec) -> str:
-    """Return the sha256 [hex] of all that decides a race, but for the libraries."""
-    record = heat.record()
-    for entrant in record["entrants"]:
-        entrant["spec"].pop("host", None)
-    return sha256(canonical(record)).hexdigest()
+def heat_key(record: Mapping[str, Any]) -> str:
+    """Return the sha256 [hex] of all that decides a race, but for the libraries.
+
+    record: the record of its specification.
+    """
+    entrants = [entrant | {"spec": hostless(entrant["spec"])} for entrant in record["entrants"]]
+    return sha256(canonical({**record, "entrants": entrants})).hexdigest()
 
 
-def save_heat(heat: HeatSpec, runs: tuple[RecordedRun, ...], root: str | Path) -> Path:
+def save_heat(
+    heat: HeatSpec,
+    record: Mapping[str, Any],
+    runs: tuple[RecordedRun, ...],
+    root: str | Path,
+    faults: Mapping[str, str] | None = None,
+) -> Path:
     """Write a race, whole or not at all, and return its folder.
 
     Args:
         heat: its specification.
+        record: the record of that, as it was before the race.
         runs: the run of each entrant.
         root: folder of runs.
+        faults: name of an entrant -> what its planner has raised in flight.
 
     Raises:
         RunError: the disk is full, or the like; what was written is removed.
     """
     names = [entrant_folder(k, entrant) for k, entrant in enumerate(heat.names, 1)]
     flown_by = provenance()
-    with ClaimedFolder.open(root, heat_name(heat)) as folder:
+    with ClaimedFolder.open(root, heat_name(heat, record)) as folder:
         try:
             for name, run in zip(names, runs, strict=True):
                 with file_errors(folder.part, "cannot make a folder for the race"):
                     (folder.part / name).mkdir()
                 write_run(folder.part / name, run, flown_by)
-            write_whole(folder.part / HEAT, _json(heat, runs, names))
+            write_whole(folder.part / HEAT, _json(heat, record, runs, names, faults or {}))
             return folder.finish()
         except BaseException:
             folder.drop()
@@ -148,7 +163,13 @@ def entrant_folder(number: int, name: str) -> str:
     return f"{number}_{re.sub(r'[^A-Za-z0-9._-]+', '-', name)[:60]}"
 
 
-def _json(heat: HeatSpec, runs: tuple[RecordedRun, ...], folders: list[str]) -> bytes:
+def _json(
+    heat: HeatSpec,
+    of_heat: Mapping[str, Any],
+    runs: tuple[RecordedRun, ...],
+    folders: list[str],
+    faults: Mapping[str, str],
+) -> bytes:
     """Return heat.json."""
     start_times = [heat.start_time(k) for k in range(len(runs))]
     record = {
@@ -156,12 +177,14 @@ def _json(heat: HeatSpec, runs: tuple[RecordedRun, ...], folders: list[str]) -> 
         "course": heat.course.name,
         "order": [placing._asdict() for placing in placings(heat.names, runs, heat.course)],
         "events": [event._asdict() for event in heat_events(heat.names, runs, start_times)],
-        "spec": heat.record(),
+        "spec": of_heat,
         "start_times": start_times,
         "runs": folders,
         **provenance(),
         "digest": heat_digest(runs),
     }
+    if faults:
+        record["faults"] = dict(faults)
     return json.dumps(record, indent=1, allow_nan=False).encode()
 
 
@@ -185,7 +208,8 @@ def heat_title(path: str | Path) -> str:
     It is the folder's name if the race is not readable.
     """
     try:
-        stored = msgspec.json.decode(read_bytes(Path(path) / HEAT, "a race"), type=TitledHeat)
+        data = read_bytes(Path(path) / HEAT, "the record of a race", LARGEST_HEAT)
+        stored = msgspec.json.decode(data, type=TitledHeat)
         winner = stored.order[0]
     except (FileError, msgspec.DecodeError, ValueError, RecursionError, IndexError):
         return Path(path).name
@@ -261,7 +285,8 @@ def read_heat(path: str | Path) -> LoadedHeat:
     path = Path(path)
     file = path / HEAT
     try:
-        stored = msgspec.json.decode(read_bytes(file, "the record of a race"), type=RecordedHeat)
+        data = read_bytes(file, "the record of a race", LARGEST_HEAT)
+        stored = msgspec.json.decode(data, type=RecordedHeat)
     except FileError as error:
         raise RunError(str(error)) from None
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
@@ -272,12 +297,68 @@ def read_heat(path: str | Path) -> LoadedHeat:
     if not count or len(stored.runs) != count or len(stored.start_times) != count:
         raise RunError(f"{file}: damaged: expected a run and a start time for each entrant")
     for name in stored.runs:
-        if Path(name).name != name:
+        if Path(name).name != name or name == "..":
             raise RunError(f"{file}: damaged: expected the name of a folder, got {name!r}")
     runs = tuple(read_run(path / name) for name in stored.runs)
     if heat_digest(runs) != stored.digest:
         raise RunError(f"{file}: the runs do not give the stored digest; changed after the race")
-    return LoadedHeat(stored.spec, runs, tuple(stored.start_times))
+    differs = _differs(msgspec.json.decode(data)["spec"], stored, runs)
+    if differs is not None:
+        wanted = "expected what the runs of the race have"
+        raise RunError(f"{file}: {differs}: {wanted}; changed after the race")
+    return LoadedHeat(stored.spec, runs, tuple(stored.start_times), stored.faults)
+
+
+def _differs(
+    record: Mapping[str, Any], stored: RecordedHeat, runs: Sequence[RecordedRun]
+) -> str | None:
+    """Return what of heat.json is not as the runs have it, whose digest the file holds.
+
+    Args:
+        record: the specification in heat.json, with the keys that it has there.
+        stored: the same file.
+        runs: the runs, whose digest is right.
+
+    Returns:
+        The name of a key; None: all is as in the runs.
+    """
+    count = len(runs)
+    try:
+        expected = run_records(record)
+    except (KeyError, TypeError):
+        return "spec"
+    for k, (asked, run) in enumerate(zip(expected, runs, strict=True)):
+        of_race = run.spec.get("heat", {})
+        # The hash follows from the other keys
+        apart = {"host", "heat", "sha256"}
+        name = _first_difference(asked, run.spec, apart)
+        name = name or _first_difference(asked.get("heat", {}), of_race, apart)
+        if name is not None:
+            return name
+        if stored.start_times[k] != of_race.get("start_time", 0.0):
+            return "start_times"
+        if stored.spec.entrants[k].place != (k + stored.spec.rotation) % count + 1:
+            return "rotation"
+    if stored.spec.seed != runs[0].spec["seed"]:
+        return "seed"
+    out = {e.name for e, run in zip(stored.spec.entrants, runs, strict=True) if failed(run)}
+    return None if stored.faults.keys() <= out else "faults"
+
+
+def failed(run: RecordedRun) -> bool:
+    """Return whether a flight has crashed without an event of a crash: its planner has failed."""
+    return run.outcome == "crashed" and not any(event.kind in CRASHES for event in run.events)
+
+
+def _first_difference(
+    a: Mapping[str, Any], b: Mapping[str, Any], apart: Collection[str]
+) -> str | None:
+    """Return the first key, but for some, that two mappings do not have alike; None: there is none.
+
+    apart: the keys that do not count.
+    """
+    keys = sorted({*a, *b} - {*apart})
+    return next((key for key in keys if a.get(key, ...) != b.get(key, ...)), None)
 
 
 def spec_of_heat(

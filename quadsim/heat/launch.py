@@ -12,6 +12,7 @@ from controllers.costs.keep_clear import Clearance, KeepClear
 from controllers.in_flight import PlannerInFlight
 from controllers.samplers import Sampling
 from quadsim.config.build import Launched, build, flight_frames, launched, planner_of
+from quadsim.config.parts import fault_in_flight
 from quadsim.config.spec import Spec
 from quadsim.dynamics.expected_path import OtherVehicle
 from quadsim.heat.aware_planner import AwarePlanner, Perception, Tactics
@@ -114,7 +115,13 @@ def _starter(heat: HeatSpec, k: int, arena: Arena, traffic: Traffic) -> Starter:
         referee=referee,
         downwash=downwash,
         start=partial(_start, heat, k, arena, traffic, referee),
+        fault=partial(_fault, spec),
     )
+
+
+def _fault(spec: Spec, error: Exception) -> str | None:
+    """Return the text of an error that ends the flight of a spec; see `fault_in_flight`."""
+    return fault_in_flight(error, bool(spec.own_objects()))
 
 
 def _start(heat: HeatSpec, k: int, arena: Arena, traffic: Traffic, referee: HeatReferee) -> Started:

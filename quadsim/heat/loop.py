@@ -8,7 +8,7 @@ own referees do.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain, count
 from typing import NamedTuple, Protocol
 
@@ -59,6 +59,11 @@ class Started(NamedTuple):
     others: Callable[[], tuple[OtherVehicle, ...]]
 
 
+def no_fault(error: Exception) -> str | None:
+    """Return None: every error ends the race."""
+    return None
+
+
 class Starter(NamedTuple):
     """A vehicle on the start grid."""
 
@@ -69,6 +74,8 @@ class Starter(NamedTuple):
     downwash: Downwash | None
     # puts the vehicle into the world
     start: Callable[[], Started]
+    # returns the text of an error that ends this vehicle's flight alone; None: it ends the race
+    fault: Callable[[Exception], str | None] = no_fault
 
 
 # A function that makes all plans of one instant
@@ -91,6 +98,8 @@ class HeatFrame(NamedTuple):
     frame: Frame
     # the other vehicles as the plan of this step expects them; times of their paths are of the race
     others: tuple[OtherVehicle, ...] = ()
+    # what the vehicle's controller has raised in this step, which ends its flight; "": nothing
+    fault: str = ""
 
 
 def heat_loop(
@@ -143,6 +152,7 @@ def _race(
         # The vehicles whose control period has ended plan.
         first_items = {k: next(started[k].steps) for k in sorted(flying)}
         make_plans([item for item in first_items.values() if isinstance(item, Planning)])
+        faults = end_flights(first_items, starters)
         traffic.publish()
 
         # Each flight goes on until it needs the next physics step. A flight that has ended leaves.
@@ -153,7 +163,7 @@ def _race(
                     commands[k] = item.u
                     break
                 if isinstance(item, Frame):
-                    yield HeatFrame(k, t, item, started[k].others())
+                    yield HeatFrame(k, t, item, started[k].others(), faults.get(k, ""))
             else:
                 flying.discard(k)
                 started[k].plant.remove()
@@ -174,6 +184,25 @@ def _race(
             traffic.note(k, t + dt, new.x, starters[k].referee.passed)
             moves[k] = Move(old.t, new.t, old.position, new.position)
         marshal.observe(t + dt, moves)
+
+
+def end_flights(items: Mapping[int, object], starters: Sequence[Starter]) -> dict[int, str]:
+    """End the flights whose controllers have raised an error, and return their texts.
+
+    An error that is no fault of one vehicle is raised by its flight.
+
+    Args:
+        items: number -> what the flight has asked for.
+        starters: the vehicles.
+    """
+    faults: dict[int, str] = {}
+    for k, item in items.items():
+        if isinstance(item, Planning) and item.error is not None:
+            fault = starters[k].fault(item.error)
+            if fault is not None:
+                item.ends_flight = True
+                faults[k] = fault
+    return faults
 
 
 def _downwash(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from hashlib import sha256
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -57,7 +57,13 @@ class HeatEvent(NamedTuple):
 
 
 class HeatRecorder:
-    """Collects the frames of a race."""
+    """Collects the frames of a race.
+
+    Attributes:
+        record: the record of the race's specification.
+        recorders: a recorder for each entrant.
+        faults: name of an entrant -> what its controller has raised, which ended its flight.
+    """
 
     def __init__(self, heat: HeatSpec):
         """Begin before the start.
@@ -65,27 +71,35 @@ class HeatRecorder:
         heat: specification of the race.
         """
         self._heat = heat
+        # Taken before the race, in which parts of the user's own may change
+        self.record = heat.record()
         self.recorders = [Recorder() for _ in heat.entrants]
+        self.faults: dict[str, str] = {}
 
     def add(self, frame: HeatFrame) -> None:
         """Add the next frame of the race."""
         self.recorders[frame.number].add(frame.frame)
+        if frame.fault:
+            self.faults[self._heat.names[frame.number]] = frame.fault
 
     def runs(self) -> tuple[RecordedRun, ...]:
         """Return the run of each entrant so far, in the order of the entrants."""
-        records = run_records(self._heat)
+        records = run_records(self.record)
         return tuple(
             recorder.run(record) for recorder, record in zip(self.recorders, records, strict=True)
         )
 
 
-def run_records(heat: HeatSpec) -> list[dict[str, Any]]:
+def run_records(of_heat: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the spec of each entrant's run: its own, and the race in which it was flown.
 
     The run of a race of one is that of its flight.
+
+    of_heat: the record of the race's specification.
     """
-    record = heat.record()
-    specs = [entrant.pop("spec") for entrant in record["entrants"]]
+    record = {**of_heat, "entrants": [dict(entrant) for entrant in of_heat["entrants"]]}
+    entrants = record["entrants"]
+    specs = [entrant.pop("spec") for entrant in entrants]
     if len(specs) == 1:
         return specs
     flown = [canonical(hostless(spec)) for spec in specs]
@@ -94,19 +108,19 @@ def run_records(heat: HeatSpec) -> list[dict[str, Any]]:
         spec
         | {
             "heat": {
-                "name": heat.names[k],
-                "number": k + 1,
-                "names": list(heat.names),
-                "place": heat.place(k) + 1,
-                "start_time": heat.start_time(k),
-                "seed": heat.seed,
+                "name": entrant["name"],
+                "number": k,
+                "names": [one["name"] for one in entrants],
+                "place": entrant["place"],
+                "start_time": record["settings"]["stagger"] * (entrant["place"] - 1),
+                "seed": record["seed"],
                 "settings": record["settings"],
-                "awareness": record["entrants"][k]["awareness"],
+                "awareness": entrant["awareness"],
                 # of the specs of all entrants
                 "sha256": together,
             }
         }
-        for k, spec in enumerate(specs)
+        for k, (entrant, spec) in enumerate(zip(entrants, specs, strict=True), 1)
     ]
 
 

@@ -40,11 +40,7 @@ class SideBySide:
             self._pool.shutdown()
 
     def __call__(self, plannings: Sequence[Planning]) -> None:
-        """Make the plans, and return when all of them are made.
-
-        Raises:
-            Exception: what the first of the plans that fail raises.
-        """
+        """Make the plans, and return when all of them are made."""
         # Imported here, as it loads the compiler
         from controllers.lanes.threads import threads
 
@@ -62,7 +58,7 @@ class SideBySide:
         share = max(available // len(plannings), 1)
         futures = [self._pool.submit(_plan, planning, share) for planning in plannings]
 
-        # An error is raised only after the last plan, so that no plan outlives the race.
+        # No plan outlives the race.
         wait(futures)
         for future in futures:
             future.result()

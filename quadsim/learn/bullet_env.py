@@ -95,7 +95,7 @@ class RacingBulletEnv(Env):
 
         Args:
             seed: decides what is randomized, 0 to 2^63 - 1.
-            options: not used.
+            options: not used; wrappers may hand on any.
 
         Raises:
             SettingError: the seed is no whole number or out of its range.
@@ -118,8 +118,10 @@ class RacingBulletEnv(Env):
         The referee decides `crashed` in the info.
         """
         chosen = np.clip(checked_actions(action, (ACTIONS,)), -1, 1).astype(float)
-        if self._plant is None or self._referee.outcome is not None:
+        if self._plant is None:
             raise ResetNeeded("RacingBullet-v0: step() before reset()")
+        if self._referee.outcome is not None:
+            raise ResetNeeded("RacingBullet-v0: the episode has ended: call reset()")
         u = command(chosen, self._system.low, self._system.high)
         plant_steps = whole_multiple(self.task.dt, self._plant.dt)
         until = self._plant.state.t + plant_steps * self._plant.dt

@@ -105,7 +105,7 @@ class RacingParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
 
         Args:
             seed: starts the series of races anew, 0 to 2^63 - 1.
-            options: not used.
+            options: not used; wrappers may hand on any.
 
         Raises:
             SettingError: the seed is no whole number or out of its range.

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from gymnasium import Env
+from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 
 from quadsim.learn.render import RENDER_MODES, ViewerFactory
@@ -46,6 +47,7 @@ class RacingEnv(Env):
             viewer=viewer,
             **settings,
         )
+        self._has_ended = False
         self.task = self._envs.task
         self.render_mode = render_mode
         self.observation_space = observation_space()
@@ -58,7 +60,7 @@ class RacingEnv(Env):
 
         Args:
             seed: starts the series of episodes anew, 0 to 2^63 - 1.
-            options: not used.
+            options: not used; wrappers may hand on any.
 
         Raises:
             SettingError: the seed is no whole number or out of its range.
@@ -66,13 +68,22 @@ class RacingEnv(Env):
         seed = checked_reset(seed, options)
         super().reset(seed=seed)
         observations, _ = self._envs.reset(seed=seed)
+        self._has_ended = False
         return observations[0], {}
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        """Fly one step of dt under an action (4,); see RacingVectorEnv.step."""
+        """Fly one step of dt under an action (4,); see RacingVectorEnv.step.
+
+        Raises:
+            ValueError: the action has a wrong shape, or is not finite.
+            gymnasium.error.ResetNeeded: before the first reset, or after the episode has ended.
+        """
+        if self._has_ended:
+            raise ResetNeeded("Racing-v0: the episode has ended: call reset()")
         chosen = checked_actions(action, (ACTIONS,))
         obs, reward, ended, cut, info = self._envs.step(chosen[None])
         of_one = {name: values[0].item() for name, values in info.items()}
+        self._has_ended = bool(ended[0] or cut[0])
         return obs[0], float(reward[0]), bool(ended[0]), bool(cut[0]), of_one
 
     def render(self) -> np.ndarray | None:

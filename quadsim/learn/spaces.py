@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Annotated, Any
 
 import numpy as np
@@ -58,12 +58,23 @@ def checked_actions(actions: Any, shape: tuple[int, ...]) -> np.ndarray:
     return found
 
 
-def checked_reset(seed: Any, options: Any) -> int | None:
+def checked_reset(seed: Any, options: Any, known: Collection[str] | None = None) -> int | None:
     """Return the seed of a reset as an int, None if none is given.
 
+    Args:
+        seed: the seed.
+        options: the options.
+        known: names of the options; None: no option is used, and any may be given, as libraries of
+            environments hand on options that are meant for others.
+
     Raises:
-        SettingError: the seed is no whole number or out of its range, or the options are no dict.
+        SettingError: the seed is no whole number or out of its range, or the options are no dict,
+            or have an unknown name.
     """
     if not (options is None or isinstance(options, Mapping)):
         raise SettingError("options", f"expected a dict or None, got {shown_value(options)}")
+    unknown = [name for name in options or () if known is not None and name not in known]
+    if unknown:
+        wanted = f"expected {' or '.join(map(repr, known or ()))}"
+        raise SettingError("options", f"{wanted}, got {shown_value(unknown[0])}")
     return None if seed is None else checked_object("seed", seed, SEED)

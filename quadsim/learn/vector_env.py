@@ -31,6 +31,7 @@ from quadsim.learn.task import task
 from quadsim.streams import fresh_seed
 
 COUNT = inspect.type_info(Annotated[int, Meta(ge=1)])
+RESET_MASK = "reset_mask"  # name of the option of a reset
 BYTES = 1500  # memory of one environment and of what a step returns, at least
 
 MODES = {
@@ -114,15 +115,16 @@ class RacingVectorEnv(VectorEnv):
                 default all are reset.
 
         Raises:
-            SettingError: the seed is no whole number or out of its range.
+            SettingError: the seed is no whole number or out of its range, or another option is
+                given.
             ValueError: the mask has a wrong shape or type.
         """
-        seed = checked_reset(seed, options)
+        seed = checked_reset(seed, options, (RESET_MASK,))
         if seed is None and not self._begun:
             seed = fresh_seed()
         super().reset(seed=seed)
         chosen = np.ones_like(self.lanes.over)
-        mask = (options or {}).get("reset_mask")
+        mask = (options or {}).get(RESET_MASK)
         if mask is not None:
             chosen.ravel()[: self.num_envs] = self._checked_mask(mask)
         self.lanes.begin(seed, chosen)
@@ -154,7 +156,7 @@ class RacingVectorEnv(VectorEnv):
             raise ResetNeeded("Racing-v0: step() before reset()")
         if e.autoreset == DISABLED and self._used(e.over).any():
             ended = int(np.flatnonzero(self._used(e.over))[0])
-            problem = f"the episode of environment {ended} has ended: reset it by reset_mask"
+            problem = f"the episode of environment {ended} has ended: reset it by {RESET_MASK}"
             raise ResetNeeded(f"Racing-v0: {problem}")
         e.rows_to_lanes(checked_actions(actions, (self.num_envs, ACTIONS)), self._actions)
         steps = e.steps.copy()

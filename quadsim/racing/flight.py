@@ -189,6 +189,9 @@ class Planning:
 
     Attributes:
         is_first: whether this is the first plan of the flight, for which loops may be compiled.
+        error: what the controller has raised; None: nothing.
+        ends_flight: whether the flight ends here, as crashed, without a plan. Whoever runs the plan
+            sets it; otherwise the flight raises the error.
     """
 
     def __init__(
@@ -213,27 +216,37 @@ class Planning:
         self._navigation = navigation
         self._t = t
         self._controls = controls
+        self.ends_flight = False
+        self.error: Exception | None = None
         self._plan: Plan | None = None
 
     def run(self) -> None:
-        """Make the plan, and measure its duration.
+        """Make the plan, and measure its duration. What the controller raises is kept as `error`.
 
-        Raises:
-            SettingError: the controller does not return a control and PlanStats.
+        So the flight that has asked raises it, and not the thread or the race that runs the plan.
         """
         before = perf_counter()
-        answer = self._controller.control(self._navigation.estimate(self._t))
-        spent = perf_counter() - before
-        u, stats = checked_plan(self._controller, answer, self._controls)
-        self._plan = Plan(u, stats, spent)
+        try:
+            answer = self._controller.control(self._navigation.estimate(self._t))
+            spent = perf_counter() - before
+            u, stats = checked_plan(self._controller, answer, self._controls)
+        except Exception as error:
+            # A controller of the user's own may raise anything.
+            self.error = error
+        else:
+            self._plan = Plan(u, stats, spent)
 
     @property
     def plan(self) -> Plan:
         """The finished plan.
 
         Raises:
+            SettingError: the controller has not returned a control and PlanStats.
+            Exception: what the controller has raised.
             RuntimeError: the plan has not been made.
         """
+        if self.error is not None:
+            raise self.error
         if self._plan is None:
             raise RuntimeError("the flight goes on before its plan has been made: call run()")
         return self._plan
@@ -278,6 +291,7 @@ def simulate(
         ValueError: the period is not a whole multiple of the plant's step.
         SettingError: a part returns an invalid value, or the plant's time does not advance (a
             ValueError).
+        Exception: what a part of the user's own raises.
     """
     parts = (plant, controller, referee)
     for step in flight(*parts, period, clock, snapshot, navigation, time_limit):
@@ -328,7 +342,11 @@ def flight(
         if flying:
             planning = Planning(controller, navigation, state.t, len(rest), is_first=k == 0)
             yield planning
-            plan = planning.plan
+            if planning.ends_flight:
+                outcome = "crashed"
+                flying = False
+            else:
+                plan = planning.plan
         # The clock is read before the frame is yielded, as its consumer may take a while.
         ready = clock.ready(state.t, 0.0 if k == 0 else plan.spent)
         taken = snapshot() if snapshot and flying and k % SNAPSHOT_EVERY == 0 else None

@@ -64,6 +64,8 @@ class ClaimedFolder:
         Raises:
             RunError: the root cannot be written.
         """
+        if not str(root):
+            raise RunError("expected the name of a folder for runs, got ''")
         root = Path(root)
         with file_errors(root, "cannot make a folder for runs here"):
             root.mkdir(parents=True, exist_ok=True)

@@ -34,7 +34,7 @@ from quadsim.palette import FRAME, HIT, NEXT
 from quadsim.racing.events import Event
 from quadsim.record.run import COUNTS, CRASHES, RecordedRun, columns_of
 from quadsim.record.run_format import CSV_COLUMNS, event_row
-from quadsim.rotation import from_euler, from_yaw
+from quadsim.rotation import from_euler, from_yaw, without_jumps
 
 # Names of the world's frame and of the vehicle's
 WORLD = "world"
@@ -117,6 +117,11 @@ def _messages(run: RecordedRun) -> Iterator[Message]:
     yield from _of_events(run, schemas)
 
 
+def _attitudes(x: Mapping[str, np.ndarray], names: Sequence[str]) -> list[list[float]]:
+    """Return the attitudes of these columns, without changes of sign.  (frames, 4)"""
+    return without_jumps(np.column_stack([x[name] for name in names])).tolist()
+
+
 def _of_steps(run: RecordedRun, schemas: _Schemas) -> Iterator[Message]:
     """Yield the messages of each control step."""
     x = run.telemetry
@@ -126,17 +131,20 @@ def _of_steps(run: RecordedRun, schemas: _Schemas) -> Iterator[Message]:
     command = message_class("Command", dict.fromkeys(("t", "wx", "wy", "wz", "thrust"), "double"))
     has_estimate = "est_px" in columns
     rows = zip(*(x[name].tolist() for name in columns), strict=True)
-    for values in rows:
+    # Viewers interpolate between two poses
+    attitudes = _attitudes(x, QUATERNION)
+    estimates = _attitudes(
+        x, [f"est_{name}" for name in QUATERNION] if has_estimate else QUATERNION
+    )
+    for values, quaternion, estimated in zip(rows, attitudes, estimates, strict=True):
         row = dict(zip(columns, values, strict=True))
         time = nanoseconds(row["t"])
         position = [row[name] for name in POSITION]
-        quaternion = [row[name] for name in QUATERNION]
         yield Message(time, "/tf", schemas.transform(time, position, quaternion))
         yield Message(time, "/pose", schemas.pose_in_frame(time, position, quaternion))
         if has_estimate:
             position = [row[f"est_{name}"] for name in POSITION]
-            quaternion = [row[f"est_{name}"] for name in QUATERNION]
-            yield Message(time, "/estimate", schemas.pose_in_frame(time, position, quaternion))
+            yield Message(time, "/estimate", schemas.pose_in_frame(time, position, estimated))
         commanded = command(
             t=row["t"],
             wx=row["wx_cmd"],
@@ -248,7 +256,7 @@ class _Schemas:
         """Return the poses of all control steps."""
         x = run.telemetry
         positions = np.column_stack([x[name] for name in POSITION])
-        quaternions = np.column_stack([x[name] for name in QUATERNION])
+        quaternions = _attitudes(x, QUATERNION)
         return self._poses([self._pose(p, q) for p, q in zip(positions, quaternions, strict=True)])
 
     def gates(self, course: Course) -> Any:

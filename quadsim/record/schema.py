@@ -34,7 +34,7 @@ HEAT_FORMAT = "quadsim heat 1"
 CHANGE_COLUMNS = ("number", "from", "to")
 
 Number = int | float
-PlainText = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f]*$")]
+PlainText = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f]*\Z")]
 LapCount = Annotated[int, Meta(ge=1, le=1000)]
 
 
@@ -312,6 +312,8 @@ class StoredResult(Struct):
     events: list[StoredEvent]
     digest: str
     real_time_factor: float = 0.0
+    # name of an entrant -> what its planner or controller has raised in flight
+    faults: dict[str, str] = {}
 
 
 class StoredEntrant(Struct):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import exp, hypot, log, nan, sqrt
 
 import numpy as np
-from scipy.special import nctdtrinc, stdtr, stdtrit
+from scipy.special import nctdtrinc, ndtri, stdtr, stdtrit
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,29 @@ def mean_interval(values: Sequence[float], confidence: float = 0.95) -> Mean:
     sd = float(x.std(ddof=1))
     half = float(stdtrit(n - 1, (1 + confidence) / 2)) * sd / sqrt(n)
     return Mean(mean, mean - half, mean + half, n, sd)
+
+
+def clustered_mean(groups: Sequence[Sequence[float]], confidence: float = 0.95) -> Mean:
+    """Return the mean of all values, with an interval for values that are alike within a group.
+
+    The group is the unit: the variance is that of the groups' sums of residuals (the cluster-robust
+    one, Liang and Zeger 1986), with Student's t of one less than their number. Groups of one value
+    each have `mean_interval`. It is nan for fewer than two groups.
+
+    Args:
+        groups: the values of each group, such as the times of the flights of one race.
+        confidence: confidence of the interval.
+    """
+    arrays = [np.asarray(group, float) for group in groups if len(group)]
+    x = np.concatenate(arrays) if arrays else np.empty(0)
+    count = len(arrays)
+    if count < 2:
+        return Mean(float(x.mean()) if len(x) else nan, nan, nan, len(x), nan)
+    mean = float(x.mean())
+    residuals = np.array([(array - mean).sum() for array in arrays])
+    variance = count / (count - 1) * float(residuals @ residuals) / len(x) ** 2
+    half = float(stdtrit(count - 1, (1 + confidence) / 2)) * sqrt(variance)
+    return Mean(mean, mean - half, mean + half, len(x), float(x.std(ddof=1)))
 
 
 def ratio_interval(pairs: Sequence[tuple[float, float]]) -> Mean:
@@ -102,6 +125,50 @@ def wilson(k: int, n: int, confidence: float = 0.95) -> tuple[float, float]:
 
     interval = binomtest(k, n).proportion_ci(confidence, method="wilson")
     return float(interval.low), float(interval.high)
+
+
+def clustered_wilson(
+    successes: Sequence[int], sizes: Sequence[int], confidence: float = 0.95
+) -> tuple[float, float]:
+    """Return the score interval of a proportion whose trials are alike within a group.
+
+    It is Wilson's interval of an effective number of trials (Korn and Graubard 1998): the number
+    of independent trials that have the variance of the groups' successes, at most that of all
+    trials, with Student's t of one less than the number of groups. If all trials succeed, or none
+    does, they show no variance, and each group counts as one trial.
+
+    Args:
+        successes: successes in each group, such as the flights of one race that have finished.
+        sizes: trials in each group.
+        confidence: confidence of the interval.
+    """
+    k = np.asarray(successes, float)
+    n = np.asarray(sizes, float)
+    groups = len(k)
+    trials = float(n.sum())
+    p = float(k.sum()) / trials
+    if groups < 2 or p in (0.0, 1.0):
+        return _score_interval(p, groups, confidence)
+    residuals = k - p * n
+    variance = groups / (groups - 1) * float(residuals @ residuals) / trials**2
+    independent = p * (1.0 - p)
+    effective = min(independent / variance, trials) if variance > 0.0 else trials
+    t = float(stdtrit(groups - 1, (1 + confidence) / 2))
+    return _score_interval(p, effective * (_normal(confidence) / t) ** 2, confidence)
+
+
+def _normal(confidence: float) -> float:
+    """Return half the width of a two-sided interval of the standard normal distribution."""
+    return float(ndtri((1 + confidence) / 2))
+
+
+def _score_interval(p: float, n: float, confidence: float) -> tuple[float, float]:
+    """Return Wilson's interval of a proportion p among n trials, which may be no whole number."""
+    z = _normal(confidence)
+    centre = p + z * z / (2.0 * n)
+    half = z * sqrt(p * (1.0 - p) / n + z * z / (4.0 * n * n))
+    low, high = ((centre + sign * half) / (1.0 + z * z / n) for sign in (-1.0, 1.0))
+    return max(low, 0.0), min(high, 1.0)
 
 
 def mcnemar(only_a: int, only_b: int) -> float:

@@ -54,6 +54,7 @@ def try_writing(folder: Path) -> None:
     Raises:
         RunError: the folder cannot be made, or a file cannot be written there.
     """
+    expect_writable(folder)
     probe = folder / f".{uuid4().hex}.tmp"
     made: list[Path] = []
     try:

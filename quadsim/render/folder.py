@@ -9,10 +9,11 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from quadsim.files.arrays import read_bytes
 from quadsim.files.atomic import replace_file
 from quadsim.files.locks import lock_folder
 from quadsim.files.strict_yaml import FileError
-from quadsim.render.frames import SUFFIXES, Pictures, path_of, whole_label
+from quadsim.render.frames import LARGEST_JSON, SUFFIXES, Pictures, path_of, whole_label
 from quadsim.render.labels import coco
 
 SETTINGS = "settings.json"
@@ -81,7 +82,7 @@ def _read(path: Path) -> dict[str, Any]:
     """Return the settings in this file. Raises FileError."""
     before: Any = None
     with suppress(ValueError):
-        before = json.loads(path.read_bytes())
+        before = json.loads(read_bytes(path, "the settings of pictures", LARGEST_JSON))
     if not isinstance(before, dict):
         advice = "name another folder, or remove this one"
         raise FileError(f"{path}: expected the settings of pictures: {advice}")

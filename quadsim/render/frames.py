@@ -20,7 +20,7 @@ import numpy as np
 from PIL import Image
 
 from quadsim.course import Course, parse_course
-from quadsim.files.arrays import npz_bytes
+from quadsim.files.arrays import npz_bytes, read_bytes
 from quadsim.files.atomic import replace_file
 from quadsim.render.labels import label
 from quadsim.render.look import Look, drawn_look, plain_look
@@ -31,6 +31,8 @@ from quadsim.streams import look_streams
 if TYPE_CHECKING:
     from quadsim.render.scene import Scene
 
+# Largest label or record of settings that is read [bytes]
+LARGEST_JSON = 20_000_000
 SUFFIXES = {"rgb": "png", "segmentation": "png", "depth": "npz", "labels": "json"}
 LABELS = "labels"
 
@@ -74,7 +76,7 @@ def whole_label(out: Path, i: int) -> dict | None:
         The label; None unless all files of the picture exist in their recorded size.
     """
     try:
-        label = json.loads(path_of(out, LABELS, i).read_bytes())
+        label = json.loads(read_bytes(path_of(out, LABELS, i), "a label", LARGEST_JSON))
         for kind, name in label["files"].items():
             if (out / name).stat().st_size != label["bytes"][kind]:
                 return None

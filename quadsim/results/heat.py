@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,7 @@ import msgspec
 from rich.console import RenderableType
 from rich.markup import escape
 
-from quadsim.console import as_text, plain_table
+from quadsim.console import as_text, plain, plain_table
 from quadsim.course import Course
 from quadsim.heat.archive import read_heat, save_heat
 from quadsim.heat.launch import heat_frames
@@ -43,6 +44,8 @@ class Heat:
         start_times: when each of them started [s].
         rules: the name of the rules.
         spec: the record of the specification, which `quadsim.race` flies again.
+        faults: name of an entrant -> what its planner or controller has raised in flight, for which
+            it counts as crashed.
 
     Examples:
         >>> import quadsim
@@ -59,6 +62,7 @@ class Heat:
     start_times: tuple[float, ...]
     rules: str
     spec: dict[str, Any]
+    faults: Mapping[str, str] = field(default_factory=dict)
     _flown: HeatSpec | None = None  # the specification of a race that was flown now
 
     @classmethod
@@ -70,7 +74,8 @@ class Heat:
             course=spec.course,
             start_times=tuple(spec.start_time(k) for k in range(len(spec.entrants))),
             rules=spec.settings.rules,
-            spec=spec.record(),
+            spec=recorder.record,
+            faults=recorder.faults,
             _flown=spec,
         )
 
@@ -85,6 +90,7 @@ class Heat:
             start_times=loaded.start_times,
             rules=loaded.spec.settings.rules,
             spec=msgspec.to_builtins(loaded.spec),
+            faults=loaded.faults,
         )
 
     def __getitem__(self, name: str) -> Run:
@@ -95,7 +101,8 @@ class Heat:
         """Return the results in one line."""
         first = self.order[0]
         time = f"{first.time:.3f} s" if first.time is not None else first.outcome
-        return f"<Heat {self.course.name}: {len(self.runs)} entrants, first {first.name}, {time}>"
+        entrants = f"{len(self.runs)} entrants, first {first.name}, {time}"
+        return plain(f"<Heat {self.course.name}: {entrants}>")
 
     @cached_property
     def order(self) -> list[Placing]:
@@ -145,6 +152,8 @@ class Heat:
             case "contact":
                 return f"{t}  contact of {event.name} and {event.other}"
         run = self[event.name]
+        if event.name in self.faults:
+            return f"{t}  {event.name} is out: {run.outcome}, {self.faults[event.name]}"
         where = run.events[-1].place if run.events else ""
         at = f" with {event.other}" if event.other else f" at {where}" if where else ""
         return f"{t}  {event.name} is out: {run.outcome}{at}"
@@ -159,6 +168,7 @@ class Heat:
             "rules": self.rules,
             "order": [placing._asdict() for placing in self.order],
             "events": [event._asdict() for event in self.events],
+            "faults": dict(self.faults),
             "digest": self.digest(),
         }
 
@@ -188,7 +198,7 @@ class Heat:
         """
         if self._flown is None:
             raise ValueError("expected a race that was flown now; a stored one has its folder")
-        return save_heat(self._flown, self.runs, runs_dir)
+        return save_heat(self._flown, self.spec, self.runs, runs_dir, self.faults)
 
 
 def fly_heat(spec: HeatSpec) -> Heat:

@@ -13,7 +13,9 @@ import msgspec
 from rich.markup import escape
 
 from quadsim.console import as_text, plain_table
+from quadsim.files.arrays import read_bytes
 from quadsim.files.extras import imported
+from quadsim.files.strict_yaml import FileError
 from quadsim.record.archive import HEAT, list_heats, list_runs, read_run
 from quadsim.record.run import own_parts
 from quadsim.record.schema import ListedEntrant, ListedHeat, ListedRun
@@ -33,6 +35,10 @@ SHOWN_ONCE = ("vehicle", "sampler", "preset", "sensing")
 BY_NAME = (2, 3, 4, 6, 7, 8)
 # Of the printed table [columns]
 WIDTH = 200
+# Largest run.json or heat.json that is read for a list [bytes]; a run of 100 laps takes a tenth
+LARGEST_RECORD = 20_000_000
+# What a reader of a row raises for a folder that cannot be read
+UNREADABLE = (FileError, msgspec.MsgspecError, ValueError, LookupError, RecursionError)
 
 
 @dataclass(frozen=True)
@@ -311,7 +317,7 @@ def stored_runs(runs_dir: str | Path, **patterns: str | int | None) -> StoredRun
     for path, read in sorted(readers.items(), key=lambda item: item[0].name):
         try:
             row = read(path)
-        except (OSError, msgspec.MsgspecError, ValueError, LookupError) as error:
+        except UNREADABLE as error:
             damaged[path] = f"cannot be read: {' '.join(str(error).split())}"
             continue
         if all(_fits_row(row, name, wanted) for name, wanted in patterns.items()):
@@ -327,11 +333,11 @@ def read_row(path: Path, data: bytes | None = None) -> StoredRun:
         data: content of its run.json; None: it is read.
 
     Raises:
-        OSError: the file cannot be read.
+        FileError: the file is missing, larger than any run's, or no regular file.
         msgspec.MsgspecError: the file is not the file of a run.
     """
     if data is None:
-        data = (path / "run.json").read_bytes()
+        data = read_bytes(path / "run.json", "the record of a flight", LARGEST_RECORD)
     found = msgspec.json.decode(data, type=ListedRun)
     spec = found.spec
     return StoredRun(
@@ -357,10 +363,11 @@ def read_heat_row(path: Path) -> StoredHeat:
     """Return what the heat.json of a folder says.
 
     Raises:
-        OSError: the file cannot be read.
+        FileError: the file is missing, larger than any race's, or no regular file.
         msgspec.MsgspecError, LookupError: the file is not the file of a race.
     """
-    found = msgspec.json.decode((path / HEAT).read_bytes(), type=ListedHeat)
+    data = read_bytes(path / HEAT, "the record of a race", LARGEST_RECORD)
+    found = msgspec.json.decode(data, type=ListedHeat)
     specs = [msgspec.convert(entrant.spec, ListedEntrant) for entrant in found.spec.entrants]
     winner = found.order[0]
     values = {

@@ -37,7 +37,9 @@ LARGEST_RATIO = 20.0
 # Tolerance for rounding between thrust_max and the thrust of the rotors
 ROUNDING = 1e-9
 
-Length = Annotated[float, unit("m", gt=0, le=2)]
+LARGEST_ARM = 2.0  # of a rotor, along x or y [m]
+
+Length = Annotated[float, unit("m", gt=0, le=LARGEST_ARM)]
 Speed = Annotated[float, unit("rad/s", ge=0, le=20000)]
 Lag = Annotated[float, unit("s", ge=0, le=2)]
 Rate = Annotated[float, unit("rad/s", gt=0, le=100)]
@@ -382,6 +384,27 @@ def _check_keys(changes: Mapping[str, Any], keys: Mapping[str, str], parent: str
     for name in changes:
         if name in keys:
             raise SettingError(f"{parent}{name}", f"a vehicle file has it as {keys[name]}")
+
+
+def check_vehicle(vehicle: Vehicle) -> None:
+    """Check the numbers of a vehicle that comes from no file by the ranges of a vehicle file.
+
+    Raises:
+        SettingError: a number is out of range, or the numbers do not fit together.
+    """
+    remade(_entries(vehicle), parse_vehicle, vehicle.name)
+    # The thrust of a vehicle with rotors, and the places of the rotors, are no keys of a file.
+    alone = _entries(replace(vehicle, rotors=None))
+    remade(alone, parse_vehicle, vehicle.name)
+    if vehicle.rotors is None:
+        return
+    sides = [abs(side) for position in vehicle.rotors.positions for side in position]
+    if len(sides) != 8 or not all(0.0 < side <= LARGEST_ARM for side in sides):
+        wanted = f"expected 4 pairs of numbers within +-{LARGEST_ARM:g} [m], none of them 0"
+        raise SettingError("rotors.positions", f"{wanted}, got {vehicle.rotors.positions}")
+    if sorted(vehicle.rotors.spin) != [-1, -1, 1, 1]:
+        wanted = "expected two rotors of each direction, 1 and -1"
+        raise SettingError("rotors.spin", f"{wanted}, got {vehicle.rotors.spin}")
 
 
 def _as_yaml(vehicle: Vehicle) -> str:

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 from quadsim.record.statistics import (
+    clustered_mean,
+    clustered_wilson,
     detectable,
     false_alarm,
     fisher,
@@ -99,3 +101,61 @@ def test_no_crash_in_ten_flights_says_under_28_percent_and_in_100_under_3_7():
     assert wilson(0, 10) == (0.0, pytest.approx(0.2775, abs=1e-4))
     assert wilson(0, 100)[1] == pytest.approx(0.037, abs=1e-4)
     assert wilson(10, 10)[1] == 1.0
+
+
+def grouped(p, alike, groups, size, trials):
+    """Return the successes of groups of trials. alike: 0 independent, 1 the same in a group."""
+    rng = np.random.default_rng(5)
+    shape = (trials, groups)
+    if alike == 0.0:
+        chances = np.full(shape, p)
+    elif alike == 1.0:
+        chances = (rng.random(shape) < p).astype(float)
+    else:
+        scale = (1.0 - alike) / alike
+        chances = rng.beta(p * scale, (1.0 - p) * scale, shape)
+    return rng.binomial(size, chances)
+
+
+@pytest.mark.parametrize("alike", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("p", [0.5, 0.9])
+@pytest.mark.parametrize("groups", [16, 64])
+def test_an_interval_by_group_covers_where_trials_of_a_group_are_alike(p, alike, groups):
+    """And the one of independent trials does not."""
+    size = 4
+    drawn = grouped(p, alike, groups, size, trials=500)
+    by_group = [clustered_wilson(k, [size] * groups) for k in drawn]
+    pooled = [wilson(int(k.sum()), size * groups) for k in drawn]
+    covered, naive = (
+        np.mean([low <= p <= high for low, high in found]) for found in (by_group, pooled)
+    )
+    assert covered >= 0.92
+    assert naive < (0.9 if alike else 0.99)
+
+
+def test_a_mean_by_group_covers_where_values_of_a_group_are_alike():
+    rng = np.random.default_rng(6)
+    groups, size = 16, 4
+    shared = rng.standard_normal((1000, groups, 1))
+    values = shared + 0.5 * rng.standard_normal((1000, groups, size))
+    by_group = [clustered_mean(list(x)) for x in values]
+    pooled = [mean_interval(x.ravel()) for x in values]
+    covered, naive = (np.mean([m.low < 0 < m.high for m in found]) for found in (by_group, pooled))
+    assert 0.93 <= covered <= 0.97
+    assert naive < 0.8
+
+
+def test_groups_of_one_are_independent_values():
+    values = [1.0, 2.0, 4.0, 8.0]
+    by_group, plain = clustered_mean([[x] for x in values]), mean_interval(values)
+    assert (by_group.low, by_group.high) == pytest.approx((plain.low, plain.high))
+    assert clustered_mean([[1.0, 2.0], []]).n == 2
+    assert np.isnan(clustered_mean([[1.0, 2.0], []]).low)
+    assert np.isnan(clustered_mean([]).mean)
+
+
+def test_136_of_256_flights_that_are_alike_within_64_races():
+    """All four of a race finish, or none: as many as 34 of 64 races."""
+    low, high = clustered_wilson([4] * 34 + [0] * 30, [4] * 64)
+    assert (low, high) == pytest.approx(wilson(34, 64), abs=0.005)
+    assert high - low > 1.9 * np.diff(wilson(136, 256))[0]

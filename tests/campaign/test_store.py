@@ -157,7 +157,8 @@ def test_a_planner_that_raises_an_error_in_flight_is_a_crash_with_its_reason(mon
     flights = attempt.launch
     monkeypatch.setattr(attempt, "launch", stall)
     flight = fly_attempt(spec)
-    assert (flight.run.outcome, flight.fault) == ("crashed", "no finite cost")
+    assert flight.run.outcome == "crashed"
+    assert flight.fault.startswith("FloatingPointError: no finite cost (test_store.py, line ")
     assert result(flight)["crash"]["kind"] == "planner"
 
 

@@ -10,7 +10,11 @@ import pytest
 from matplotlib.figure import Figure
 
 from quadsim.cli.cli import race
+from quadsim.cli.fly import BLACKBOX, _save
+from quadsim.config.checks import expect_new_log
 from quadsim.config.spec import Spec
+from quadsim.files.values import SettingError
+from quadsim.record.archive import RunFolder, read_run
 from tests.campaign_cases import RACE
 from tests.run_cases import save, two_laps
 from tests.small import SHORT, SMALL, flags
@@ -49,6 +53,18 @@ WRONG = {
     "compare paper_flat --campaign=": "'.': expected",
     "results --campaigns .": "'.': expected",
     "results --campaigns /dev/null": "'/dev/null': expected",
+    # Where nothing can be stored nothing is flown
+    "heat mine.yaml --runs-dir /proc/x": "/proc/x: cannot write here",
+    "heat mine.yaml --plot /proc/x/p.png": "/proc/x: cannot write here",
+    "heat mine.yaml --starts 2 --campaign /proc/x/c.sqlite": "/proc/x/c.sqlite: cannot keep",
+    "tune mine.yaml --out /proc/x/p.yaml": "/proc/x: cannot write here",
+    "compare mine.yaml --out /proc/x/r": "/proc/x/r: cannot write here",
+    "compare mine.yaml --line-up colored gaussian --out /proc/x/r": "/proc/x/r: cannot write here",
+    "paper noise --runs-dir /proc/x": "/proc/x/paper: cannot write here",
+    "fly mine.yaml --runs-dir=": "--runs-dir: expected text that is not empty, got ''",
+    "heat mine.yaml --runs-dir=": "--runs-dir: expected text that is not empty, got ''",
+    "show last --runs-dir=": "--runs-dir: expected text that is not empty, got ''",
+    "fly mine.yaml --blackbox=": "--blackbox: expected text that is not empty, got ''",
     "check no\x1b[2J.yaml": "no\\x1b[2J.yaml: no such file",
     "fly --vehicle swft": "no vehicle 'swft': did you mean 'swift'?",
     "fly --sampler colred": "--sampler: no sampler 'colred': did you mean 'colored'?",
@@ -114,6 +130,26 @@ def test_every_mistake_is_one_line_and_exit_code_2(cwd, capsys):
             wrong[argv] = (code, out, err)
     assert wrong == {}
     assert not (cwd / "runs").exists()
+
+
+def test_the_log_of_another_flight_is_not_written_over(cwd, capsys):
+    (cwd / "flight.bbl").write_bytes(b"another")
+    command = "fly mine.yaml --flight-controller betaflight --blackbox flight.bbl"
+    code, out, err = outcome(command, capsys)
+    assert (code, out) == (2, "")
+    assert err.startswith("race fly: --blackbox: expected a new file, of the log of this flight")
+    assert (cwd / "flight.bbl").read_bytes() == b"another"
+    with pytest.raises(SettingError, match="blackbox: expected a new file"):
+        expect_new_log(cwd / "flight.bbl")
+
+
+def test_the_folder_of_a_run_gets_a_copy_of_the_firmwares_log(cwd):
+    run = two_laps(Spec.of("mine.yaml").record())
+    (cwd / "flight.bbl").write_bytes(b"H Product:Blackbox")
+    with RunFolder.open("runs", run.spec) as folder:
+        assert _save(folder, run, "flight.bbl") is None
+    assert (folder.path / BLACKBOX).read_bytes() == b"H Product:Blackbox"
+    assert read_run(folder.path).digest() == run.digest()
 
 
 @pytest.mark.compiled
@@ -244,6 +280,43 @@ def test_check_refuses_a_preset_whose_vehicle_does_not_exist(tmp_path, capsys):
     code, _, err = outcome(f"check {tmp_path}/p.yaml", capsys)
     assert code == 2
     assert err.startswith(f"{tmp_path}/p.yaml:2:10: vehicle: no vehicle 'swft'")
+
+
+@pytest.mark.parametrize("text", ["? [1]\n: 2\n", "? {a: b}\n: 2\n", "[1]", "1", "[base, race]"])
+def test_a_file_of_any_yaml_is_checked_in_one_line(text, tmp_path, capsys):
+    (tmp_path / "p.yaml").write_text(text)
+    code, out, err = outcome(f"check {tmp_path}/p.yaml", capsys)
+    assert (code, out) == (2, "")
+    assert err.startswith(f"{tmp_path}/p.yaml:1:")
+
+
+HEADINGS = """opening: [2, 2]
+start: {{position: [0, 0, 3], yaw_deg: 0}}
+gates:
+  - {{position: [4, 0, 3], yaw_deg: {}}}
+  - {{position: [8, 0, 3], yaw_deg: {}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("headings", "note"),
+    [
+        (
+            ("0", "0.785"),
+            ":5:36: yaw_deg: expected degrees, 0.785 looks like radians: 0.785 rad are",
+        ),
+        (("-0.78", "2.35"), ":4:36: yaw_deg: expected degrees, -0.78 looks like radians"),
+        (("0.5", "45"), None),  # 45 is no angle in radians
+        (("0", "3"), None),
+        (("-10", "12.5"), None),
+    ],
+)
+def test_headings_that_look_like_radians_are_noted(headings, note, tmp_path, capsys):
+    file = tmp_path / "c.yaml"
+    file.write_text(HEADINGS.format(*headings))
+    _, _, err = outcome(f"check {file}", capsys)
+    said = [line for line in err.splitlines() if "radians" in line]
+    assert [line.startswith(f"{file}{note}") for line in said] == ([True] if note else [])
 
 
 NARROW = """opening: [1.5, 0.3]

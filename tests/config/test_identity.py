@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from controllers.costs.race import RaceWeights
+from quadsim.config import library_code
 from quadsim.config.first_names import FIRST_NAMES, first_name
 from quadsim.config.identity import IdentityError, identity_of
 from quadsim.config.parts import qualified_name
@@ -115,7 +116,61 @@ def of_meta(number):
     return type(f"Meta{number}", (type,), {"number": number})("Own", (), {})()
 
 
+def named_like_numpy(factor):
+    """Return a function of the user's that has the name of one of NumPy's."""
+
+    @functools.wraps(np.sum)
+    def total(x):
+        return factor * np.sum(x)
+
+    return total
+
+
+def executed(text, name="A"):
+    """Return an object that a text without a module's name has made, as `exec(code, {})` does."""
+    made: dict = {}
+    exec(text, made)
+    return made[name]
+
+
+def from_a_file(folder, name, text):
+    """Return a module of the user's own that lies in a file."""
+    file = folder / f"{name}.py"
+    file.write_text(text)
+    spec = importlib.util.spec_from_file_location(name, file)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
 DIFFERENT = {
+    "a function with the name of NumPy's": (named_like_numpy(1.0), named_like_numpy(2.0)),
+    "an edited function with the name of NumPy's": (
+        functools.wraps(np.sum)(compiled_from("def f(x):\n    return x + 1")),
+        functools.wraps(np.sum)(compiled_from("def f(x):\n    return x + 2")),
+    ),
+    "a class with the name of NumPy's": (
+        functools.wraps(np.random.Generator, updated=())(
+            compiled_from("class A:\n    def sample(self): return 1", "A")
+        ),
+        functools.wraps(np.random.Generator, updated=())(
+            compiled_from("class A:\n    def sample(self): return 2", "A")
+        ),
+    ),
+    "a class from exec": (
+        executed("class A:\n    k = 1\n    def sample(self): return 1")(),
+        executed("class A:\n    k = 2\n    def sample(self): return 1")(),
+    ),
+    "a record's own method from exec": (
+        executed(
+            "import dataclasses\n@dataclasses.dataclass(init=False)\nclass A:\n"
+            "    def __init__(self): self.sample = lambda: 1"
+        ),
+        executed(
+            "import dataclasses\n@dataclasses.dataclass(init=False)\nclass A:\n"
+            "    def __init__(self): self.sample = lambda: 2"
+        ),
+    ),
     "one number of a large matrix": (Held(matrix()), Held(matrix(number=1e-9))),
     "the type of a matrix": (Held(matrix()), Held(matrix(dtype=np.float32))),
     "a closure's number": (scaled(1.0), scaled(1.5)),
@@ -176,6 +231,22 @@ def test_objects_that_differ_have_different_identities(what):
     one, other = DIFFERENT[what]
     assert identity_of(one) == identity_of(one)
     assert identity_of(one) != identity_of(other)
+
+
+@pytest.mark.parametrize("name", ["web", "queue", "quadsim"])
+def test_a_module_of_ones_own_may_have_the_name_of_a_library(name, tmp_path, monkeypatch):
+    found = []
+    for gain in (1, 2):
+        text = f"GAIN = {gain}\nclass Mine:\n    def sample(self): return GAIN"
+        module = from_a_file(tmp_path, name, text)
+        found.append((identity_of(Held(module)), identity_of(module.Mine())))
+        with monkeypatch.context() as patch:
+            patch.setitem(sys.modules, name, module)
+            assert identity_of(module.Mine()) == found[-1][1]
+            imports = compiled_from(f"def f():\n    import {name}\n    return {name}.GAIN")
+            found[-1] += (identity_of(imports),)
+    one, other = found
+    assert not set(one) & set(other)
 
 
 ALIKE = {
@@ -250,6 +321,7 @@ def test_a_ufunc_of_a_python_function_and_a_long_chain_have_no_identity():
 
 PROCESS = """
 import numpy as np
+from quadsim.config import library_code
 from quadsim.config.first_names import FIRST_NAMES, first_name
 from quadsim.config.identity import identity_of
 class Mine:
@@ -276,6 +348,7 @@ def test_a_file_of_the_project_that_moves_leaves_parts_that_use_it_the_same(monk
     text = "class Weights: ...\ndef gain(x): return x"
     before, after = (module_of(text, f"quadsim.{name}") for name in ("before", "after"))
     for module in (before, after):
+        module.__file__ = library_code.__file__
         monkeypatch.setitem(sys.modules, module.__name__, module)
     uses = [(lambda m=module: (m.Weights, m.gain, m.Weights())) for module in (before, after)]
     old, new = (identity_of(use()) for use in uses)

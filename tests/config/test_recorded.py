@@ -350,6 +350,33 @@ DAMAGED = {
     "course": ({"course_text": "gates: []"}, "figure8"),
     "plant": ({"plant": "gazebo"}, "plant: expected 'bullet'"),
 }
+# A record obeys the ranges of the files that its parts come from: key, value, message
+OUT_OF_RANGE = {
+    "mass": (("vehicle", "mass"), 0.0, "vehicle: mass: expected"),
+    "inertia": (("vehicle", "inertia", 0), 0.0, r"vehicle: inertia\[0\]: expected"),
+    "radius": (("vehicle", "radius"), -1.0, "vehicle: radius: expected"),
+    "latency": (("vehicle", "latency"), 1e9, "vehicle: latency: expected"),
+    "thrust": (("vehicle", "thrust_max"), 1e308, "vehicle: thrust_max: expected"),
+    "thrust map": (("vehicle", "rotors", "thrust_map"), [0, 0, 0], "vehicle: rotors.thrust_map"),
+    "rotors": (("vehicle", "rotors", "positions", 0, 0), 0.0, "vehicle: rotors.positions: exp"),
+    "spin": (("vehicle", "rotors", "spin", 0), 10**6, "vehicle: rotors.spin: expected"),
+    "start": (("start",), {"position": [1e308, 0.0, 1.0], "yaw": 0.0}, "start: "),
+    "yaw": (("start",), {"position": [-8.0, 0.0, 1.0], "yaw": float("nan")}, "start: expected"),
+    "sensor": (("sensing", "pose", "rate"), 1e9, "sensing"),
+}
+
+
+@pytest.mark.parametrize("what", OUT_OF_RANGE)
+def test_a_record_obeys_the_ranges_of_files(what):
+    place, value, message = OUT_OF_RANGE[what]
+    record = as_stored(Spec.of("figure8", **BRIEF, sensing="mocap").record())
+    inner = record
+    for key in place[:-1]:
+        inner = inner[key]
+    inner[place[-1]] = value
+    with pytest.raises(RecordError, match=message) as error:
+        quadsim.fly(record)
+    assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("what", DAMAGED)

@@ -67,6 +67,11 @@ BAD = [
         "1:7: name: expected",
     ),
     (
+        "loop: true",
+        'name: "a\\n"',
+        "1:7: name: expected",
+    ),
+    (
         "loop: true\n",
         "loop: true\n" + ROOMY.replace("[0, 9]", "[9, 0]"),
         "2:32: bounds[2]: expected",

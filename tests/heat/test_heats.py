@@ -14,9 +14,11 @@ from quadsim.cli.cli import race
 from quadsim.heat.archive import list_heats, read_heat
 from quadsim.heat.launch import heat_frames
 from quadsim.heat.line_up import line_up
+from quadsim.heat.loop import Starter, end_flights
 from quadsim.heat.result import HeatRecorder
 from quadsim.heat.settings import HeatSettings
 from quadsim.heat.spec import Entrant, HeatSpec
+from quadsim.racing.flight import Planning
 from quadsim.record.run import RunError
 from quadsim.results.heat import fly_heat
 from quadsim.vehicle import GRAVITY
@@ -65,10 +67,26 @@ class Holds:
         return command, PlanStats(0.0, 0.0, 0.0)
 
 
-def held(*controllers, **settings):
+class Fails(Holds):
+    """A controller that raises an error at a time, or returns what is no control."""
+
+    def __init__(self, at, error=None):
+        super().__init__()
+        self._at = at
+        self._error = error
+
+    def control(self, estimate, /):
+        if estimate.t < self._at - 1e-9:
+            return super().control(estimate)
+        if self._error:
+            raise self._error
+        return np.full(4, np.nan), PlanStats(0.0, 0.0, 0.0)
+
+
+def held(*controllers, timeout=None, **settings):
     """Return a race of such controllers; each stands on the left of the one before it."""
     entrants = (
-        Entrant(f"vehicle {k}", quadsim.Spec.of("figure8", controller=one, laps=1))
+        Entrant(f"vehicle {k}", quadsim.Spec.of("figure8", controller=one, laps=1, timeout=timeout))
         for k, one in enumerate(controllers, 1)
     )
     return HeatSpec(tuple(entrants), HeatSettings(**settings))
@@ -77,6 +95,39 @@ def held(*controllers, **settings):
 def towards_each_other(**settings):
     """Return a race of two that roll towards each other and soon meet."""
     return held(Holds(roll=-5.0), Holds(roll=5.0), downwash=False, **settings)
+
+
+@pytest.mark.parametrize(
+    ("error", "text"),
+    [
+        (ValueError("no plan today"), "ValueError: no plan today (test_heats.py, line "),
+        (ZeroDivisionError("division by zero"), "ZeroDivisionError: division by zero (test_h"),
+        (KeyError("a"), "KeyError: 'a' (test_heats.py, line "),
+        (None, "controller: Fails.control: expected a control of 4 numbers"),
+    ],
+    ids=["ValueError", "ZeroDivisionError", "KeyError", "nan"],
+)
+@pytest.mark.parametrize("at", [0.0, 0.05])
+def test_an_entrant_whose_controller_fails_is_out_and_the_others_fly_on(at, error, text, tmp_path):
+    spec = held(Holds(), Fails(at, error), timeout=0.2)
+    race = fly_heat(spec)
+    assert [run.outcome for run in race.runs] == ["timeout", "crashed"]
+    assert race.runs[1].duration == pytest.approx(at)
+    assert list(race.faults) == ["vehicle 2"]
+    assert race.faults["vehicle 2"].startswith(text)
+    assert f"vehicle 2 is out: crashed, {race.faults['vehicle 2']}" in str(race)
+    stored = quadsim.load_heat(race.save(tmp_path))
+    assert stored.faults == race.faults
+    assert str(stored) == str(race)
+
+
+def test_a_fault_of_the_program_ends_a_race():
+    """An error that no part of the user's own can have raised is not one entrant's."""
+    item = Planning(Fails(0.0, KeyError("a")), None, 0.0, 4)
+    item.error = KeyError("a")
+    starter = Starter(0.0, None, None, None)
+    assert end_flights({0: item}, [starter]) == {}
+    assert not item.ends_flight
 
 
 @pytest.mark.compiled
@@ -252,6 +303,43 @@ def test_what_is_no_record_of_a_race_is_one_line():
     assert "\n" not in str(error.value)
     with pytest.raises(quadsim.SettingError, match=r"expected parts only beside heat\.spec"):
         quadsim.race(["colored"], parts={"colored": {}})
+
+
+CHANGED = {
+    "rules": (lambda spec: spec["settings"].update(rules="physics"), "settings"),
+    "seed": (lambda spec: spec.update(seed=6), "seed"),
+    "rotation": (lambda spec: spec.update(rotation=1), "rotation"),
+    "name": (lambda spec: spec["entrants"][0].update(name="slow"), "name"),
+    "place": (
+        lambda spec: [one.update(place=3 - one["place"]) for one in spec["entrants"]],
+        "place",
+    ),
+    "laps": (lambda spec: spec["entrants"][0]["spec"].update(laps=2), "laps"),
+    "awareness": (lambda spec: spec["entrants"][1]["awareness"].update(keep=0.1), "awareness"),
+    "order": (lambda spec: spec["entrants"].reverse(), "planner"),
+}
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("what", CHANGED)
+def test_what_a_race_says_of_itself_is_what_its_runs_say(what, stored, tmp_path):
+    folder = shutil.copytree(stored, tmp_path / stored.name)
+    record = json.loads((folder / "heat.json").read_text())
+    change, key = CHANGED[what]
+    change(record["spec"])
+    (folder / "heat.json").write_text(json.dumps(record))
+    with pytest.raises(RunError, match=rf"heat\.json: {key}.*; changed after the race"):
+        read_heat(folder)
+
+
+@pytest.mark.compiled
+def test_an_entrant_that_has_finished_has_no_fault(stored, tmp_path):
+    folder = shutil.copytree(stored, tmp_path / stored.name)
+    record = json.loads((folder / "heat.json").read_text())
+    record["faults"] = {"fast": "ZeroDivisionError: division by zero"}
+    (folder / "heat.json").write_text(json.dumps(record))
+    with pytest.raises(RunError, match="faults: expected what the runs of the race have"):
+        read_heat(folder)
 
 
 @pytest.mark.compiled

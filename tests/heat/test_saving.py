@@ -22,9 +22,9 @@ SAVES = """
         path.write_bytes(data)
 
     archive.write_whole = pause
-    archive._json = lambda heat, runs, names: b"{}"
-    archive.heat_name = lambda heat: "20260101T000000Z_figure8_heat_s0_00000000"
-    archive.save_heat(SimpleNamespace(names=()), (), sys.argv[1])
+    archive._json = lambda *of_heat: b"{}"
+    archive.heat_name = lambda heat, record: "20260101T000000Z_figure8_heat_s0_00000000"
+    archive.save_heat(SimpleNamespace(names=()), {}, (), sys.argv[1])
 """
 
 

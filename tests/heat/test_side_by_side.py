@@ -108,9 +108,12 @@ def test_one_alone_plans_on_all_threads():
 
 def test_an_error_comes_when_all_have_planned():
     fails, plans = Notes(ArithmeticError("no plan")), Notes()
-    with SideBySide() as make_plans, pytest.raises(ArithmeticError, match="no plan"):
-        make_plans([planning(fails), planning(plans)])
+    plannings = [planning(fails), planning(plans)]
+    with SideBySide() as make_plans:
+        make_plans(plannings)
     assert plans.planned_on is not None
+    with pytest.raises(ArithmeticError, match="no plan"):
+        _ = plannings[0].plan
 
 
 def test_its_threads_end_with_it():

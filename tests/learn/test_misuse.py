@@ -11,6 +11,8 @@ import pytest
 
 gymnasium = pytest.importorskip("gymnasium", reason="the extra rl is not installed")
 
+from gymnasium.error import ResetNeeded  # noqa: E402
+
 from quadsim.files.values import SettingError  # noqa: E402
 from quadsim.learn.bullet_env import RacingBulletEnv  # noqa: E402
 from quadsim.learn.lanes import LaneEnvironments  # noqa: E402
@@ -77,6 +79,29 @@ def test_every_seed_of_the_range_serves(kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_options_are_a_dict(kind):
     assert "expected a dict or None, got 3" in refused("options", made(kind).reset, options=3)
+
+
+@pytest.mark.compiled
+def test_an_unknown_option_of_many_environments_is_refused():
+    """A misspelt reset_mask would reset them all. One environment ignores what wrappers hand on."""
+    text = refused("options", made(RacingVectorEnv).reset, options={"reset_masks": [True]})
+    assert "expected 'reset_mask', got 'reset_masks'" in text
+    made(RacingEnv).reset(options={"any": 1})
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("kind", [RacingEnv, RacingBulletEnv])
+def test_after_its_end_one_environment_asks_for_reset(kind):
+    env = made(kind, time_limit=0.1)
+    env.reset(seed=0)
+    over = False
+    while not over:
+        _, _, ended, cut, _ = env.step(np.zeros(4))
+        over = ended or cut
+    with pytest.raises(ResetNeeded, match=r"the episode has ended: call reset\(\)"):
+        env.step(np.zeros(4))
+    env.reset()
+    env.step(np.zeros(4))
 
 
 def test_a_weight_of_the_reward_is_a_finite_number():

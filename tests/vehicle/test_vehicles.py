@@ -54,6 +54,13 @@ BAD = [
         "4:12: rate_tau[0]: expected",
     ),
     (SIMPLE, "mass: 1", "weight: 1", "1:1: weight: unknown key"),
+    (
+        SIMPLE,
+        "mass: 1",
+        "tbm_fr: 1\nmass: 1\ntbm_bl: 2\n'a b': 3",
+        "1:1: tbm_fr: unknown key, known are source, mass, inertia, radius, rate_tau, omega_max,"
+        " thrust_max, drag, latency, rotors; also unknown: tbm_bl, 'a b'",
+    ),
     (SIMPLE, "radius: 0.15\n", "", "1:1: radius: missing"),
     (
         SIMPLE,

@@ -164,7 +164,8 @@ def path_files(folder):
 
 
 @pytest.mark.parametrize(
-    "name", ["", "../evil", "a/b", "/tmp/evil", "a b", ".hidden", "x" * 65, "figure8", "Figure8"]
+    "name",
+    ["", "../evil", "a/b", "/tmp/evil", "a b", ".hidden", "x" * 65, "a\n", "figure8", "Figure8"],
 )
 def test_a_name_that_leaves_the_folder_or_is_a_shipped_courses_is_refused(tmp_path, name):
     with pytest.raises(ValueError, match="name of the course"):

@@ -111,6 +111,18 @@ def test_the_zip_holds_a_run_that_can_be_loaded(folder, tmp_path):
     assert read_run(tmp_path / folder.name).digest() == read_run(folder).digest()
 
 
+@pytest.mark.parametrize("link", ["notes.txt", "events.csv"])
+def test_the_zip_does_not_follow_a_link_out_of_the_run(link, folder, tmp_path, capsys):
+    copied = shutil.copytree(folder, tmp_path / folder.name)
+    (tmp_path / "secret").write_text("secret")
+    (copied / link).unlink(missing_ok=True)
+    (copied / link).symlink_to(tmp_path / "secret")
+    out = tmp_path / "run.zip"
+    assert race(["export", str(copied), "--zip", "--out", str(out)]) == 2
+    assert f"{link}: expected a file of the run, got a link" in capsys.readouterr().err
+    assert not out.exists()
+
+
 @pytest.mark.socket
 def test_the_page_is_one_file_that_loads_nothing(folder, tmp_path):
     assert race(["export", str(folder), "--html", "--out", str(tmp_path / "race.html")]) == 0

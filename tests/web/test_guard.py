@@ -1,5 +1,7 @@
 """Claims about who may use the server, over raw sockets."""
 
+import errno
+import logging
 import socket
 
 import msgspec
@@ -7,7 +9,9 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from wire import CAMERA, PATIENCE, connect, get
 
-from web.page.messages import problem_of
+from web.page import guard
+from web.page.guard import OneLineOfNoFiles
+from web.page.messages import MOST_WAITING, problem_of
 from web.page.server import new_token, probe, serve
 
 TOKEN = "a-token-of-this-test"
@@ -280,6 +284,82 @@ def test_a_message_that_is_deep_not_finite_or_has_more_fields_is_one_line(data):
     assert problem
     assert problem.isprintable()
     assert len(problem) < 100
+
+
+@pytest.fixture
+def serve_for(monkeypatch):
+    """Return a function that serves a page and waits so long for a whole request [s]."""
+    servers = []
+
+    def begin(seconds):
+        monkeypatch.setattr(guard, "OPEN_TIMEOUT", seconds)
+        servers.append(serve("127.0.0.1", 0, TOKEN, "race"))
+        return servers[-1].get_port()
+
+    yield begin
+    for server in servers:
+        server.stop()
+
+
+def half_open(port):
+    """Return a connection that has sent half of a request."""
+    one = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE)
+    one.sendall(b"GET / HTTP/1.1\r\nHost: ")
+    return one
+
+
+@pytest.mark.socket
+def test_half_of_a_request_is_not_waited_for(serve_for):
+    assert is_closed(half_open(serve_for(0.2)))
+
+
+@pytest.mark.socket
+def test_visitors_who_send_no_whole_request_hold_few_connections(serve_for, caplog):
+    port = serve_for(600.0)
+    half = [half_open(port) for _ in range(2 * MOST_WAITING)]
+    # The first half of them is closed, and a whole request is answered
+    for one in half[:MOST_WAITING]:
+        assert is_closed(one)
+    assert get(port)[0] == 401
+    open_still = [one for one in half[MOST_WAITING:] if not is_closed(one, patience=0.0)]
+    assert len(open_still) >= MOST_WAITING - 1
+    for one in half:
+        one.close()
+    assert not any(record.exc_info for record in caplog.records)
+
+
+def is_closed(one, patience=PATIENCE):
+    """Return whether the server has closed a connection."""
+    one.settimeout(patience or 0.001)
+    try:
+        return one.recv(1) == b""
+    except ConnectionError:
+        return True
+    except TimeoutError:
+        return False
+
+
+def test_a_process_without_files_says_so_in_a_line_a_minute():
+    quiet = OneLineOfNoFiles()
+    error = OSError(errno.EMFILE, "Too many open files")
+
+    def record(seconds):
+        made = logging.LogRecord(
+            "asyncio", logging.ERROR, "", 0, "a\nb", (), (OSError, error, None)
+        )
+        made.created = seconds
+        return made
+
+    first = record(0.0)
+    assert quiet.filter(first)
+    assert first.exc_info is None
+    said = "race web: too many open files: new visitors wait; raise `ulimit -n`"
+    assert first.getMessage() == said
+    assert [quiet.filter(record(seconds)) for seconds in (0.1, 59.0, 61.0)] == [False, False, True]
+    fault = ValueError("another")
+    other = logging.LogRecord("asyncio", logging.ERROR, "", 0, "a", (), (ValueError, fault, None))
+    assert quiet.filter(other)
+    assert other.exc_info
 
 
 @pytest.mark.socket

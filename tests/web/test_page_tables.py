@@ -17,6 +17,7 @@ from web.legs import Legs
 from web.page.comparison import headline
 from web.page.competitor_table import announced
 from web.page.course_map import Map, timeline
+from web.page.flight_numbers import _numbers
 from web.page.html import label
 from web.page.laps import chatter, coloured_time, laps, splits
 from web.page.timing import events, hud, planner, tower
@@ -250,6 +251,18 @@ def test_beside_other_laps_a_run_changed_in_flight_is_named_so(competitors):
     page = laps([competitors[0], changed])
     assert page.count("not comparable") == 1
     assert "comparable" not in laps(competitors)
+
+
+def test_a_change_of_an_unknown_number_is_listed_and_is_no_number_of_the_page(competitors):
+    changes = [
+        {"t": 0.1, "name": "sigma", "from": 1.0, "to": 2.0},
+        {"t": 0.1, "name": "wind", "from": 1.0, "to": 3.0},
+    ]
+    spec = {**competitors[1].spec, "interactive": changes}
+    changed = replace(competitors[1], spec=spec)
+    assert changed.numbers(0.2) == competitors[1].numbers(0.2) | {"sigma": 2.0}
+    assert _numbers([changed], 0.2)["sigma"] == 2.0
+    assert "wind 1 → 3" in events([changed], 0.2)
 
 
 def test_the_bar_of_a_strip_is_students_interval(competitors):

@@ -13,7 +13,7 @@ import quadsim
 from quadsim.record.limits import limit_of
 from tests.small import SHORT
 from web import run_table
-from web.campaign_reports import CampaignReports
+from web.campaign_reports import CampaignReports, Report
 from web.run_table import RunTable
 
 
@@ -139,6 +139,41 @@ def test_reports_beside_the_runs_are_listed_and_read_by_their_listed_names_alone
     for name in ("secret.md", "campaigns/race.report/../../secret.md", str(tmp_path / "secret.md")):
         with pytest.raises(ValueError, match="expected a report of the list"):
             reports.read(name)
+
+
+def test_a_report_that_is_a_link_to_another_place_is_not_shown(tmp_path):
+    secret = tmp_path / "secret"
+    secret.mkdir()
+    (secret / "a.md").write_text("secret")
+    (secret / "a.png").write_bytes(b"\x89PNG\r\n\x1a\nsecret")
+    here = tmp_path / "here"
+    report = here / "campaigns" / "race.report"
+    report.mkdir(parents=True)
+    (report / "link.md").symlink_to(secret / "a.md")
+    (report / "own.md").write_text("own")
+    (report / "own.png").symlink_to(secret / "a.png")
+    (here / "campaigns" / "other.report").symlink_to(secret)
+    reports = CampaignReports(str(here / "runs"))
+    reports.refresh()
+    (row,) = reports.rows
+    assert reports.read(row.name) == Report("own", "")
+    # A report that becomes a link after it was listed
+    (report / "own.md").unlink()
+    (report / "own.md").symlink_to(secret / "a.md")
+    with pytest.raises(ValueError, match="got a link to another place"):
+        reports.read(row.name)
+
+
+def test_campaigns_may_lie_on_another_disk(tmp_path):
+    report = tmp_path / "disk" / "race.report"
+    report.mkdir(parents=True)
+    (report / "own.md").write_text("own")
+    (tmp_path / "here").mkdir()
+    (tmp_path / "here" / "campaigns").symlink_to(tmp_path / "disk")
+    reports = CampaignReports(str(tmp_path / "here" / "runs"))
+    reports.refresh()
+    (row,) = reports.rows
+    assert reports.read(row.name).markdown == "own"
 
 
 @pytest.mark.compiled

@@ -14,6 +14,7 @@ import viser
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from quadsim.files.links import is_within
 from quadsim.record.archive import read_run
 from quadsim.record.exchange import telemetry_csv
 from quadsim.record.run import RunError
@@ -134,11 +135,18 @@ def _caption(entry: Competitor) -> str:
 
 
 def zipped(folders: Sequence[Path]) -> bytes:
-    """Return a zip of run folders as they are on the disk."""
+    """Return a zip of run folders as they are on the disk.
+
+    Raises:
+        RunError: a file is a link that leads out of its folder.
+    """
     data = io.BytesIO()
     with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as archive:
         for folder in folders:
             for path in sorted(folder.iterdir()):
+                if not is_within(path, folder):
+                    wanted = "expected a file of the run"
+                    raise RunError(f"{path}: {wanted}, got a link out of its folder")
                 if path.is_file():
                     archive.write(path, f"{folder.name}/{path.name}")
     return data.getvalue()

@@ -13,8 +13,10 @@ import secrets
 import threading
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
+from errno import EMFILE, ENFILE
 from functools import cache, partial
 from http import HTTPStatus
+from math import inf
 from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, parse_qsl, urlencode, urlsplit
@@ -53,6 +55,10 @@ PAGE_SCRIPTS = tuple(
     for name in ("link.js", "sticks.js", "page.js", "boxes.js", "runs.js", "charts.js")
 )
 LOG = logging.getLogger("race web")
+# Within which a visitor sends a whole request [s]
+OPEN_TIMEOUT = 5.0
+# Between two lines that say that files cannot be opened [s]
+QUIET = 60.0
 
 Serves = Callable[[ServerConnection], Awaitable[None]]
 ProcessRequest = Callable[[ServerConnection, Request], Response | None]
@@ -99,6 +105,7 @@ class Guard:
                 "process_request": partial(self._process, process_request),
                 "create_connection": partial(PageConnection, self._find_control),
                 "max_size": MAX_BYTES,
+                "open_timeout": OPEN_TIMEOUT,
                 "logger": LOG,
             }
             return original(serves, *arguments, **keywords)
@@ -229,3 +236,32 @@ def shorten_record(record: logging.LogRecord) -> bool:
 
 
 LOG.addFilter(shorten_record)
+
+
+class OneLineOfNoFiles(logging.Filter):
+    """Reduces asyncio's records of a process without free file descriptors to a line a minute.
+
+    asyncio tries to accept each waiting connection again, with a traceback each.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._told = -inf
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Return whether a record is written."""
+        error = record.exc_info[1] if record.exc_info else None
+        if not (isinstance(error, OSError) and error.errno in (EMFILE, ENFILE)):
+            return True
+        if record.created - self._told < QUIET:
+            return False
+        self._told = record.created
+        record.msg = (
+            f"race web: {str(error.strerror).lower()}: new visitors wait; raise `ulimit -n`"
+        )
+        record.args = ()
+        record.exc_info = None
+        return True
+
+
+logging.getLogger("asyncio").addFilter(OneLineOfNoFiles())

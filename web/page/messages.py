@@ -8,6 +8,8 @@ existing handles.
 
 from __future__ import annotations
 
+import asyncio
+import logging
 from collections.abc import Callable
 from itertools import chain
 from math import hypot, isfinite
@@ -17,6 +19,7 @@ from urllib.parse import urlsplit
 import msgspec
 import viser
 from websockets.asyncio.server import ServerConnection
+from websockets.protocol import State
 from websockets.typing import Data
 
 from quadsim.files.yaml_errors import cut
@@ -210,6 +213,11 @@ def is_link(connection: ServerConnection) -> bool:
     return request is not None and urlsplit(request.path).path == LINK_PATH
 
 
+SILENT = logging.Logger("silent", logging.CRITICAL + 1)
+# Connections that may be open without having sent a whole request
+MOST_WAITING = 32
+
+
 class PageConnection(ServerConnection):
     """A connection that receives only accepted messages, and logs the first rejected one.
 
@@ -224,6 +232,20 @@ class PageConnection(ServerConnection):
         super().__init__(*arguments, **keywords)
         self._find_control = find_control
         self._has_logged = False
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Begin; the oldest of too many connections without a whole request is dropped.
+
+        Each of them holds a file descriptor, which a visitor without the token could use up.
+        """
+        super().connection_made(transport)
+        handlers = self.server.handlers
+        waiting = [each for each in handlers if each.state is State.CONNECTING]
+        too_many = max(len(waiting) - MOST_WAITING, 0)
+        for oldest in waiting[:too_many]:
+            # Its handler ends with an error, which nobody has to read.
+            oldest.logger = SILENT
+            oldest.transport.abort()
 
     async def recv(self, decode: bool | None = None) -> Any:
         """Return the next accepted message."""

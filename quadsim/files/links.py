@@ -1,0 +1,13 @@
+"""Symbolic links, which may lead out of the folder that they lie in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+def is_within(path: Path, folder: Path) -> bool:
+    """Return whether a path is within a folder, also after all links are followed."""
+    try:
+        return path.resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError):  # a link that leads to itself
+        return False
