@@ -12,8 +12,9 @@ import numpy as np
 
 from controllers.costs import Cost
 from controllers.costs.race import RaceParams
-from quadsim.course import Course
+from quadsim.course import Course, Start
 from quadsim.dynamics.quadrotor import State
+from quadsim.heat.distances import default_spacing
 from quadsim.heat.grid import SPACING, place_fault, start_grid
 from quadsim.learn.starts import ROWS, STANDING, hover_action, in_flight, system_params
 from quadsim.physics.domain_randomization import Randomization, draw
@@ -24,9 +25,26 @@ from quadsim.vehicle import Vehicle
 BESIDE = 0.2  # standard deviation of starts in flight about the line of racers, per axis [m]
 
 
-def start_fault(course: Course, racers: int) -> str:
-    """Return the reason why a racer has no valid start position, "" if all have one."""
-    for number, start in enumerate(start_grid(course, racers)):
+def learning_grid(course: Course, racers: int, radius: float) -> list[Start]:
+    """Return the places in which equal racers start.
+
+    Args:
+        course: the course.
+        racers: number of racers.
+        radius: radius of a racer [m].
+    """
+    return start_grid(course, racers, default_spacing(course, [radius] * racers))
+
+
+def start_fault(course: Course, racers: int, radius: float) -> str:
+    """Return the reason why a racer has no valid start position, "" if all have one.
+
+    Args:
+        course: the course.
+        racers: number of racers.
+        radius: radius of a racer [m].
+    """
+    for number, start in enumerate(learning_grid(course, racers, radius)):
         problem = place_fault(course, start)
         if problem:
             x, y, _ = start.position
@@ -58,7 +76,7 @@ def race_start_rows(
     count = ROWS if randomize or start == "anywhere" else 1
     nominal = system_params(vehicle, Randomization(), dt)
     hover = hover_action(vehicle, dt)
-    grid = start_grid(course, racers)
+    grid = learning_grid(course, racers, vehicle.radius)
     rows: list[list[list[float]]] = [[] for _ in range(racers)]
     for number in range(count):
         varied = [draw(racer_vehicle_stream(seeds, number, a), randomize) for a in range(racers)]
