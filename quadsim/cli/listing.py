@@ -17,12 +17,13 @@ from controllers.presets import PRESETS
 from quadsim.cli.flags import Help, Json
 from quadsim.config.presets import parse_planner
 from quadsim.console import UsageError, complain, emit, emit_json, width
-from quadsim.course import COURSES, course_names, load_course, parse_course
-from quadsim.course.course import summary
+from quadsim.course import COURSES, Course, course_names, load_course, parse_course
+from quadsim.course.checks import looks_like_radians
+from quadsim.course.course import in_degrees, summary
 from quadsim.files.atomic import replace_file
 from quadsim.files.data_files import locate, read_text
 from quadsim.files.strict_yaml import FileError, parse
-from quadsim.files.yaml_errors import did_you_mean
+from quadsim.files.yaml_errors import cut, did_you_mean
 from quadsim.racing.fits import misfit
 from quadsim.record.whole_files import expect_writable
 from quadsim.sensing.sensing_file import (
@@ -51,10 +52,11 @@ RANDOM_COURSES = "random_courses"
 
 
 class Described(NamedTuple):
-    """The kind of a file, and a summary of its content."""
+    """The kind of a file, a summary of its content, and what is allowed but looks wrong."""
 
     kind: str
     summary: str
+    remark: str = ""
 
 
 def courses(
@@ -181,13 +183,13 @@ def check(
 
 
 def examine(name: str) -> dict:
-    """Return file, ok, kind and summary of a file, or file, ok, error and excerpt."""
+    """Return file, ok, kind, summary and remark of a file, or file, ok, error and excerpt."""
     try:
         path = _find(name)
-        kind, summary = describe(read_text(path), str(path))
+        found = describe(read_text(path), str(path))
     except FileError as error:
         return {"file": name, "ok": False, "error": str(error), "excerpt": error.excerpt}
-    return {"file": str(path), "ok": True, "kind": kind, "summary": summary}
+    return {"file": str(path), "ok": True, **found._asdict()}
 
 
 def with_fits(results: Sequence[dict]) -> list[dict]:
@@ -239,7 +241,17 @@ def describe(text: str, file: str) -> Described:
         sensing = parse_sensing(text, file)
         given = [name for name in SENSORS if getattr(sensing, name)]
         return Described("sensing", ", ".join(given) or "the true state")
-    return Described("course", summary(parse_course(text, file)))
+    course = parse_course(text, file)
+    return Described("course", summary(course), _remark(course))
+
+
+def _remark(course: Course) -> str:
+    """Return what the checks allow in a course but looks wrong, "" if nothing does."""
+    angles = [in_degrees(gate.yaw) for gate in course.gates]
+    if not looks_like_radians(angles):
+        return ""
+    got = cut(", ".join(f"{angle:g}" for angle in angles))
+    return f"yaw_deg of the gates looks like radians, expected degrees, got {got}"
 
 
 def _describe_preset(text: str, file: str) -> Described:
@@ -274,6 +286,8 @@ def _find(name: str) -> Path:
 def _print_result(result: dict) -> None:
     if result["ok"]:
         emit(f"{escape(result['file'])}: [green]ok[/], {result['kind']}: {result['summary']}")
+        if result["remark"]:
+            complain(f"{result['file']}: {result['remark']}")
         return
     complain(result["error"])
     if result["excerpt"]:
