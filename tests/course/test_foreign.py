@@ -8,7 +8,7 @@ import pytest
 
 import quadsim
 from quadsim.cli.cli import race
-from quadsim.course import load_course, parse_course
+from quadsim.course import Cylinder, load_course, parse_course
 from quadsim.course.foreign import FORMATS, Reading, convert
 
 LSY = """\
@@ -120,6 +120,7 @@ def test_a_level_of_lsy_is_in_radians_and_has_poles_and_limits(file):
     assert course.start == quadsim.Start((-1.5, 0.75, 0.01), 0.0)
     assert course.bounds == ((-2.5, 2.5), (-1.5, 1.5), (-0.001, 2.0))
     (pole,) = course.obstacles
+    assert isinstance(pole, Cylinder)
     assert (pole.base, pole.radius, pole.height) == ((0.0, 0.9, 0.0), 0.015, 1.55)
 
 
@@ -323,5 +324,5 @@ def test_angles_that_look_like_radians_are_remarked_on(file, capsys):
     assert race(["check", path]) == 0
     assert "looks like radians, expected degrees, got -0.78, 2.35, 3.14" in capsys.readouterr().err
     for name in quadsim.courses():
-        race(["check", name["name"] if isinstance(name, dict) else str(name)])
+        race(["check", name])
     assert capsys.readouterr().err == ""
