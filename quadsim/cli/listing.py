@@ -49,6 +49,7 @@ OF_VEHICLE = {"mass", "inertia", "rate_tau"}
 OF_PRESET = {"base"}
 OF_SENSING = {"exact", *SENSORS}
 RANDOM_COURSES = "random_courses"
+MOST_OTHERS = 19  # errors of a file that are printed besides the first
 
 
 class Described(NamedTuple):
@@ -183,13 +184,23 @@ def check(
 
 
 def examine(name: str) -> dict:
-    """Return file, ok, kind, summary and remark of a file, or file, ok, error and excerpt."""
+    """Return file, ok, kind, summary and remark of a file; or file, ok, error, excerpt and others.
+
+    `others` are the further errors of the file, each with its excerpt.
+    """
     try:
         path = _find(name)
         found = describe(read_text(path), str(path))
     except FileError as error:
-        return {"file": name, "ok": False, "error": str(error), "excerpt": error.excerpt}
+        return _wrong(name, error)
     return {"file": str(path), "ok": True, **found._asdict()}
+
+
+def _wrong(name: str, error: FileError) -> dict:
+    """Return the result of a file with errors."""
+    others = [{"error": str(other), "excerpt": other.excerpt} for other in error.others]
+    wrong = {"error": str(error), "excerpt": error.excerpt}
+    return {"file": name, "ok": False, **wrong, "others": others}
 
 
 def with_fits(results: Sequence[dict]) -> list[dict]:
@@ -212,8 +223,7 @@ def with_fits(results: Sequence[dict]) -> list[dict]:
     checked = []
     for result in results:
         error = problems.get(result["file"])
-        wrong = {"file": result["file"], "ok": False, "error": error, "excerpt": ""}
-        checked.append(wrong if error else result)
+        checked.append(_wrong(result["file"], FileError(error)) if error else result)
     return checked
 
 
@@ -289,6 +299,10 @@ def _print_result(result: dict) -> None:
         if result["remark"]:
             complain(f"{result['file']}: {result['remark']}")
         return
-    complain(result["error"])
-    if result["excerpt"]:
-        complain(result["excerpt"])
+    for wrong in (result, *result["others"][:MOST_OTHERS]):
+        complain(wrong["error"])
+        if wrong["excerpt"]:
+            complain(wrong["excerpt"])
+    left = len(result["others"]) - MOST_OTHERS
+    if left > 0:
+        complain(f"{result['file']}: {left} more errors")

@@ -10,6 +10,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from quadsim.cli.cli import race
+from quadsim.cli.regress import flags_text
 from quadsim.config.spec import Spec
 from tests.campaign_cases import RACE
 from tests.run_cases import save, two_laps
@@ -237,6 +238,24 @@ def test_no_control_character_of_a_file_reaches_the_terminal(cwd, capsys):
     (cwd / name).write_text(COURSE)
     assert race(["check", name]) == 0
     assert capsys.readouterr().out.startswith("a\\x1b[2Jb.yaml: ok, course")
+
+
+def test_check_says_all_that_is_wrong_with_a_file(tmp_path, capsys):
+    """It said one error at a time; what lies in wrong keys is said before what does not fit."""
+    file = tmp_path / "c.yaml"
+    wrong = COURSE.replace("opening", "openin").replace("yaw_deg", "yaw")
+    file.write_text(wrong)
+    code, _, err = outcome(f"check {file}", capsys)
+    assert code == 2
+    errors = [line for line in err.splitlines() if line.startswith(str(file))]
+    assert len(errors) == len(set(errors)) == 2 * (1 + wrong.count("yaw:"))  # unknown and missing
+    _, out, _ = outcome(f"check {file} --json", capsys)
+    (found,) = json.loads(out)
+    assert [found["error"], *(other["error"] for other in found["others"])] == errors
+
+
+def test_the_flags_that_regress_adds_are_text():
+    assert flags_text({"sigma": ("1", "2"), "preset": "p.yaml"}) == "--sigma 1 2 --preset p.yaml"
 
 
 def test_check_refuses_a_preset_whose_vehicle_does_not_exist(tmp_path, capsys):

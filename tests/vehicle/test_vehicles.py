@@ -54,6 +54,12 @@ BAD = [
         "4:12: rate_tau[0]: expected",
     ),
     (SIMPLE, "mass: 1", "weight: 1", "1:1: weight: unknown key"),
+    (
+        SIMPLE,
+        "mass: 1",
+        "motor_tau: 0.03\nmass: 1",
+        "1:1: motor_tau: unknown key, it belongs under 'rotors'",
+    ),
     (SIMPLE, "radius: 0.15\n", "", "1:1: radius: missing"),
     (
         SIMPLE,
