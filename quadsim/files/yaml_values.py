@@ -209,11 +209,11 @@ def _key(node: yaml.Node, path: str, known: Mapping[str, Any], lines: dict[str, 
 def _home(key: str, known: Mapping[str, Any]) -> str:
     """Return the key of the mapping that has a key of this name, "" if none has."""
     for name, field in known.items():
-        kind = field.type
+        kind: Any = field.type
         while isinstance(kind, inspect.Metadata | inspect.UnionType):
             kind = kind.type if isinstance(kind, inspect.Metadata) else unless_null(kind)
-        is_mapping = isinstance(kind, inspect.StructType | inspect.DataclassType)
-        if is_mapping and key in {f.encode_name for f in kind.fields}:
+        has_keys = isinstance(kind, inspect.StructType | inspect.DataclassType)
+        if has_keys and key in {f.encode_name for f in kind.fields}:
             return name
     return ""
 
