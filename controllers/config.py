@@ -79,7 +79,12 @@ class MPPIConfig:
     ] = 1.0
     cost_rise: Annotated[
         float,
-        setting("exponent of the weight ((t + 1) / T)^cost_rise of the stage cost", ge=0, le=10),
+        setting(
+            "exponent of the weight ((t + 1) / T)^cost_rise of the cost of step t, which makes the"
+            " first steps count little",
+            ge=0,
+            le=10,
+        ),
     ] = 0.0
     adapt: Annotated[
         bool, setting("whether thrust gain, drag and maximum thrust are estimated in flight")

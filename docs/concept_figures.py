@@ -20,7 +20,8 @@ from controllers.mppi import MPPI
 from controllers.sampled_trajectories import controls, sampled_trajectories
 from controllers.update import weights
 from quadsim import Colored, Gaussian, MPPIConfig, Spec
-from quadsim.config.build import build, launch, navigation_of
+from quadsim.config.build import build, launch
+from quadsim.config.build_navigation import navigation_of
 from quadsim.dynamics.estimate import Estimate
 from quadsim.figures.course import gate_bar
 from quadsim.figures.style import STYLE

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import quadsim
 from quadsim import Spec
-from quadsim.config.build import start_of
+from quadsim.config.build_plant import start_of
 from quadsim.dynamics.quadrotor import quadrotor
 from quadsim.physics.plant import PlantState
 

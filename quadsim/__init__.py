@@ -16,6 +16,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from controllers.config import MPPIConfig
     from controllers.costs import Cost, Term
+    from controllers.learned.observation import gate_rows, observe
+    from controllers.learned.pilot import load_pilot
+    from controllers.learned.policy import PolicyController, save_pilot
     from controllers.mppi import MPPI
     from controllers.plan import PlanStats
     from controllers.samplers import Colored, Gaussian, LogNormal, Smooth, SmoothStar
@@ -50,6 +53,9 @@ if TYPE_CHECKING:
 _HOMES = {
     "controllers.config": ("MPPIConfig",),
     "controllers.costs": ("Cost", "Term"),
+    "controllers.learned.observation": ("gate_rows", "observe"),
+    "controllers.learned.pilot": ("load_pilot",),
+    "controllers.learned.policy": ("PolicyController", "save_pilot"),
     "controllers.mppi": ("MPPI",),
     "controllers.plan": ("PlanStats",),
     "controllers.samplers": ("Colored", "Gaussian", "LogNormal", "Smooth", "SmoothStar"),

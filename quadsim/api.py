@@ -231,10 +231,10 @@ def runs(
     seed: int | None = None,
     outcome: str | None = None,
 ) -> StoredRuns:
-    """List the stored runs of a folder, oldest first; only their run.json is read.
+    """List the stored runs and races of a folder, oldest first; only their records are read.
 
-    Texts are patterns as in a shell: course="split_s*". A run that cannot be read is left out, and
-    named in `.damaged`.
+    Texts are patterns as in a shell: course="split_s*". A race of several vehicles is listed if any
+    of its entrants fits. What cannot be read is left out, and named in `.damaged`.
 
     Args:
         runs_dir: the folder of runs.
@@ -248,7 +248,8 @@ def runs(
 
     Returns:
         A sequence of rows, with a table for `print` and `.to_pandas()`; `.load()` of a row reads
-            the whole run.
+            the whole Run, or the Heat of a race. `.flights` and `.races` have the one or the other
+            alone.
 
     Examples:
         >>> import quadsim
@@ -293,7 +294,7 @@ def plot(run: Run, path: str | Path | None = None) -> Figure:
 
 def compare(
     courses: CourseLike | Sequence[CourseLike],
-    variants: Mapping[str, Keywords] | Sequence[str] = ("gaussian", "colored"),
+    variants: Mapping[str, Keywords | str] | Sequence[str] | str = ("gaussian", "colored"),
     attempts: int = 10,
     jobs: int | None = None,
     campaign: str | Path | None = None,
@@ -306,7 +307,9 @@ def compare(
 
     Args:
         courses: one course or several.
-        variants: samplers by name, or {name: settings}; attempt i of each flies seed + i.
+        variants: {name: settings}, with the settings as a mapping or as a text such as
+            "race_small+samples=512"; or texts, such as ("gaussian", "colored"). Attempt i of each
+            flies seed + i.
         attempts: flights of each variant on each course.
         jobs: worker processes; None: all flights in this process, one after the other. With workers
             a script needs `if __name__ == "__main__":`, and objects of your own must be importable

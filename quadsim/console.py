@@ -34,8 +34,10 @@ class UsageError(ValueError):
 
 def prepare_process() -> None:
     """Make streams that can be written to, warnings of one line, and no window."""
-    # SIGTERM ends a command like Ctrl-C
+    # SIGTERM, and a terminal that is closed, end a command like Ctrl-C
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    if signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:  # nohup ignores it
+        signal.signal(signal.SIGHUP, signal.default_int_handler)
     _open_closed_streams()
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)

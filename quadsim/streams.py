@@ -148,6 +148,17 @@ def sensor_streams(sensors: SeedSequence) -> SensorStreams:
     )
 
 
+def alignment_stream(imu: SeedSequence) -> SeedSequence:
+    """Return the stream of the scale factors and the misalignment of an inertial unit.
+
+    A unit without them draws nothing, and its noise is the same with them.
+
+    Args:
+        imu: the stream of the unit.
+    """
+    return _child(imu, 0)
+
+
 def offroad_streams(seed: int) -> Streams:
     """Return the streams of an off-road drive.
 
@@ -189,25 +200,17 @@ def start_stream(seed: int, course: int) -> SeedSequence:
     return _child(SeedSequence(seed), course)
 
 
-def start_vehicle_stream(starts: SeedSequence, row: int) -> SeedSequence:
-    """Return the stream of the domain randomization of one row of starts.
+def start_vehicle_streams(starts: SeedSequence, row: int, racers: int) -> list[SeedSequence]:
+    """Return the streams of the domain randomization of one row of starts, one for each racer.
 
     Args:
         starts: the course's `start_stream`.
         row: index of the row, from 0.
+        racers: number of vehicles that race together.
     """
-    return _child(starts, row)
-
-
-def racer_vehicle_stream(starts: SeedSequence, row: int, racer: int) -> SeedSequence:
-    """Return the stream of the domain randomization of one racer in one row of a race's starts.
-
-    Args:
-        starts: the course's `start_stream`.
-        row: index of the row, from 0.
-        racer: index of the racer, from 0.
-    """
-    return _child(starts, row, racer)
+    if racers == 1:
+        return [_child(starts, row)]
+    return [_child(starts, row, racer) for racer in range(racers)]
 
 
 def observation_noise_key(seed: int) -> np.ndarray:

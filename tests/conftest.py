@@ -5,14 +5,12 @@ import signal
 from collections import Counter
 from functools import cache
 
-# Otherwise the threads of BLAS spin against those of the compiled loops, and those of two workers
-# against each other. Both are read when the libraries are loaded, here and in child processes.
+# Otherwise the threads of BLAS spin against those of the compiled loops. The library reads it when
+# it is loaded, here and in child processes.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 # Progress is drawn for a terminal that can move its cursor, whatever terminal runs the tests.
 os.environ["TERM"] = "xterm-256color"
 
-import numba
 import numpy as np
 import pytest
 
@@ -30,7 +28,9 @@ def pytest_runtest_setup() -> None:
     A command that ran in the test before may have set another number.
     """
     if "PYTEST_XDIST_WORKER" in os.environ:
-        numba.set_num_threads(1)
+        from controllers.lanes.threads import use_threads
+
+        use_threads(1)
 
 
 def pytest_sessionstart() -> None:

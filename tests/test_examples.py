@@ -19,7 +19,7 @@ import matplotlib.pyplot as plt
 import pytest
 
 import quadsim
-from quadsim.config.build import check_cost, cost_on
+from quadsim.config.build_cost import check_cost, cost_on
 from tests.docs.pages import ROOT, blocks
 from tests.small import SMALL
 

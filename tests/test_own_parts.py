@@ -16,7 +16,9 @@ from controllers.lanes.planner_loops import module_source
 from controllers.plan import PlanStats
 from controllers.samplers import build_lanes
 from quadsim.campaign.variants import make_variants, parse_variants
-from quadsim.config.build import cost_on, planner_of, start_of, system_of
+from quadsim.config.build import planner_of
+from quadsim.config.build_cost import cost_on
+from quadsim.config.build_plant import start_of, system_of
 from quadsim.config.parts import made
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import State, quadrotor
@@ -406,9 +408,25 @@ def beside(role):
 
 @pytest.mark.parametrize("role", ["plant", "controller", "referee", "cost"])
 def test_a_maker_takes_one_argument(role):
-    for function in (lambda: None, lambda spec, more: None, len):
+    for function in (lambda spec, more: None, len):
         text = refused(role, **beside(role), **{role: function})
         assert f"{role}: expected a function of the " in text
+
+
+class Tuned(Climb):
+    """A controller whose class has numbers with defaults, which a Spec is none of."""
+
+    def __init__(self, gain=4.0):
+        self.gain = gain
+
+
+def test_a_maker_without_a_parameter_for_the_spec_is_called_without_it():
+    assert made("controller", Tuned, SPEC).gain == 4.0
+    assert isinstance(made("controller", lambda: Climb(), SPEC), Climb)
+    for maker in (Tuned, partial(Tuned, 5.0), partial(Tuned, gain=5.0)):
+        assert isinstance(made("controller", maker, SPEC).gain, float)
+    for maker in (lambda spec: Tuned(spec), lambda spec=None: Tuned(spec), lambda *a: Tuned(*a)):
+        assert made("controller", maker, SPEC).gain is SPEC
 
 
 @pytest.mark.parametrize("role", ["plant", "controller", "referee", "cost"])

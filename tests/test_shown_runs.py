@@ -76,6 +76,53 @@ PLACES = (
 )
 
 
+def lost(run, off, turned=0.0, outcome="crashed"):
+    """Return a run whose estimate is off by these distances in x [m], in the end turned [deg]."""
+    x = dict(run.telemetry)
+    x["est_px"] = x["px"] + off
+    for name in ("qw", "qx", "qy", "qz"):
+        x[f"est_{name}"] = x[name].copy()
+    half = np.radians(turned / 2)
+    last = [x[name][-1] for name in ("qw", "qx", "qy", "qz")]
+    # turned about z from behind
+    w, a, b, c = last
+    cos, sin = np.cos(half), np.sin(half)
+    turned_q = (w * cos - c * sin, a * cos + b * sin, b * cos - a * sin, c * cos + w * sin)
+    for name, number in zip(("qw", "qx", "qy", "qz"), turned_q, strict=True):
+        x[f"est_{name}"][-1] = number
+    for name in ("py", "pz"):
+        x[f"est_{name}"] = x[name]
+    return replace(run, telemetry=x, outcome=outcome)
+
+
+@pytest.mark.compiled
+def test_a_report_says_how_far_off_the_estimate_was_and_since_when(sensed):
+    frames = len(sensed.telemetry["t"])
+    grows = np.linspace(0.0, 2.4, frames)
+    since = sensed.telemetry["t"][np.flatnonzero(grows <= 0.5)[-1] + 1]
+    line = f"stimate 2.4 m off at the end, more than 0.5 m from {since:.1f} s on"
+    for outcome in ("crashed", "timeout"):
+        run = lost(sensed, grows, outcome=outcome)
+        assert f"e{line}" in run.report()
+        assert f"E{line}." in str(run)
+        assert line.removeprefix("stimate ") in run._repr_html_()
+    turned = lost(sensed, np.full(frames, 0.02), turned=40.0)
+    assert "estimate 2.0 cm and 40 deg off at the end\n" in turned.report()
+    good = np.full(frames, 0.02)
+    assert "estimate 2.0 cm off at the end\n" in lost(sensed, good).report()
+    assert "off at the end" not in lost(sensed, good, outcome="finished").report()
+    # It was lost for a while, and found again.
+    assert "more than" not in lost(sensed, np.linspace(2.4, 0.0, frames)).report()
+    assert "off at the end" not in crashed().report()
+
+
+def test_a_table_of_incidents_has_their_places():
+    run = crashed("bounds", 0)
+    x, y, z = run.events[-1].position
+    assert f"{x:.1f}, {y:.1f}, {z:.1f}" in run.report().partition("bounds  ")[2]
+    assert f"it left the bounds in lap 1, at ({x:.1f}, {y:.1f}, {z:.1f}) m" in run.report()
+
+
 def test_a_crashed_run_tells_where_it_crashed():
     for run, place in PLACES:
         assert place in str(run)

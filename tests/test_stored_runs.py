@@ -1,11 +1,13 @@
 """Claims about quadsim.runs: the stored runs of a folder as a list."""
 
+import json
 from datetime import datetime
 
 import pytest
 from run_cases import SPEC, same, save, two_laps
 
 import quadsim
+from quadsim.cli.cli import race
 from quadsim.record.archive import read_run
 
 PILOT = {"name": "ace", "sha256": "0" * 64}
@@ -90,3 +92,79 @@ def test_it_is_a_sequence_and_a_table_of_pandas(root):
     assert frame["name"].tolist() == [run.name for run in runs]
     assert frame["time"].isna().sum() == 1
     assert quadsim.runs(root, sampler="none").to_pandas().columns.tolist() == list(frame.columns)
+
+
+class Climb:
+    def control(self, x):
+        return 0.0, 0.0, 0.0, 11.0
+
+
+@pytest.fixture
+def raced(root):
+    """The folder with a race of two beside its three runs, and the race."""
+    line_up = {
+        name: {"controller": Climb(), "vehicle": vehicle}
+        for name, vehicle in (("up", "swift"), ("[b]off", "kingfisher"))
+    }
+    heat = quadsim.race(line_up, "figure8", laps=1, timeout=0.05, seed=9)
+    heat.save(root)
+    return heat
+
+
+def test_races_of_several_are_listed_beside_the_runs(root, raced):
+    stored = quadsim.runs(root)
+    assert (len(stored), len(stored.flights), len(stored.races)) == (4, 3, 1)
+    (row,) = stored.races
+    assert (row.course, row.seed, row.entrants) == ("figure8", 9, ("up", "[b]off"))
+    assert (row.vehicle, row.laps_wanted, row.time) == ("swift, kingfisher", 1, None)
+    assert row.outcome == f"0 of 2 finished, {raced.order[0].name} first"
+    assert row.load().digest() == raced.digest()
+    assert "race: up, [b]off" in str(stored)
+    assert row.name in stored.by_name()
+    assert [row.controller for row in stored.flights] == [None] * 3
+
+
+def test_a_race_is_found_by_any_of_its_entrants(root, raced):
+    for settings, races in (
+        ({"vehicle": "king*"}, 1),
+        ({"vehicle": "cpc"}, 0),
+        ({"course": "figure8"}, 1),
+        ({"seed": 9}, 1),
+        ({"seed": 3}, 0),
+        ({"outcome": "timeout"}, 1),
+        ({"outcome": "finished"}, 0),
+        ({"pilot": "*"}, 0),
+    ):
+        assert len(quadsim.runs(root, **settings).races) == races, settings
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"{}", b"\xff", b'{"course": "x", "order": []}'])
+def test_a_damaged_race_is_named_and_the_runs_are_listed(root, raced, content):
+    folder = quadsim.runs(root).races[0].path
+    (folder / "heat.json").write_bytes(content)
+    runs = quadsim.runs(root)
+    assert (len(runs), list(runs.damaged)) == (3, [folder])
+    assert len(str(runs).splitlines()) == 1 + 3 + 1
+
+
+def test_the_command_lists_names_that_other_commands_take(root, raced, capsys):
+    flags = ["--runs-dir", str(root)]
+    assert race(["runs", *flags]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    names = [line.split()[0] for line in lines[1:]]
+    assert names == sorted(path.name for path in root.iterdir())
+    (heat,) = [name for name in names if "_heat_" in name]
+    assert race(["show", heat, *flags]) == 0
+    capsys.readouterr()
+    assert race(["runs", *flags, "--vehicle", "kingfisher", "--json"]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert [row["name"] for row in shown["runs"]] == [heat]
+    assert race(["runs", *flags, "--seed", "77"]) == 0
+    assert "no stored run matches" in capsys.readouterr().out
+
+
+def test_a_controller_of_ones_own_is_named_in_place_of_a_sampler(tmp_path):
+    quadsim.fly("figure8", controller=Climb(), laps=1, timeout=0.05).save(tmp_path)
+    (row,) = quadsim.runs(tmp_path)
+    assert (row.controller, row.flown_by) == ("Climb", "controller Climb")
+    assert "controller Climb" in str(quadsim.runs(tmp_path))

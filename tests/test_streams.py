@@ -27,10 +27,9 @@ from quadsim.streams import (
     offroad_streams,
     pose_stream,
     quadrotor_streams,
-    racer_vehicle_stream,
     sensor_streams,
     start_stream,
-    start_vehicle_stream,
+    start_vehicle_streams,
     texture_stream,
     training_stream,
 )
@@ -93,9 +92,11 @@ def test_environments_and_training_have_the_streams_they_have_always_had(seed):
         starts = start_stream(seed, k)
         assert_same(starts, before)
         for row, vehicle in enumerate(before.spawn(4)):
-            assert_same(start_vehicle_stream(starts, row), vehicle)
-            for racer, of_racer in enumerate(vehicle.spawn(3)):
-                assert_same(racer_vehicle_stream(starts, row, racer), of_racer)
+            (alone,) = start_vehicle_streams(starts, row, racers=1)
+            assert_same(alone, vehicle)
+            together = start_vehicle_streams(starts, row, racers=3)
+            for found, of_racer in zip(together, vehicle.spawn(3), strict=True):
+                assert_same(found, of_racer)
     assert observation_noise_key(seed).tolist() == [seed & 0xFFFFFFFF, 0x0B5E]
     assert observation_noise_key(seed).dtype == np.uint32
     assert_same(training_stream(seed), np.random.SeedSequence([seed, 1]))

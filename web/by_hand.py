@@ -6,9 +6,9 @@ from dataclasses import replace
 
 from quadsim.config.spec import Spec
 from quadsim.firmware import FlightControllerName
-from quadsim.firmware.configuration import shipped_configuration
 from quadsim.firmware.package import built_firmware
 from quadsim.firmware.process import FirmwareError
+from quadsim.firmware.text import shipped_configuration
 from quadsim.racing.hand import Hand, HandRates
 from quadsim.vehicle import load_vehicle
 

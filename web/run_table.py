@@ -24,7 +24,7 @@ from quadsim.record.archive import PART
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import canonical
 from quadsim.record.schema import AnyRun, ListedEntrant, ListedHeat
-from quadsim.results.stored_runs import StoredRun, flown_at, read_row
+from quadsim.results.stored_runs import flown_at, read_row
 from quadsim.sensing import PERFECT
 
 RECORD = "run.json"
@@ -206,7 +206,7 @@ def _run(path: Path, data: bytes) -> _Read:
         name=path.name,
         when=_text(run.when),
         course=_cut(run.course),
-        flown_by=_cut(_flown_by(run)),
+        flown_by=_cut(run.flown_by),
         vehicle=_cut(run.vehicle),
         preset=_cut("" if run.pilot else run.preset),
         sensing=_cut(run.sensing),
@@ -217,10 +217,6 @@ def _run(path: Path, data: bytes) -> _Read:
         time=run.time,
     )
     return _Read(row, *_of_limit(spec))
-
-
-def _flown_by(run: StoredRun) -> str:
-    return f"pilot {run.pilot}" if run.pilot else run.sampler
 
 
 def _race(name: str, when: datetime, data: bytes) -> _Read:

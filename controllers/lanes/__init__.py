@@ -6,20 +6,12 @@ A rollout takes the plain functions of a model and a cost through these files:
     text.py           write the graph as assignments
     planner_loops.py  put them into the loops over time and lanes
     compiled.py       compile that module, or load its code from the disk (code_cache.py)
-    sharing.py        run a compiled loop on several threads
+    sharing.py        run a compiled loop on several threads, with those of helpers.py
     lanes.py          call the compiled loops: Rollout
 
 environment.py does the same for learning environments, transform.py and passes.py for the Fourier
 transforms of colored noise.
 """
-
-import os
-
-# Waiting threads spin for about a tenth of a millisecond, then sleep: longer than the gap between
-# two loops of a control step, and short enough for shared cores. If they spin without end (OpenMP's
-# default) beside other programs, each parallel loop waits for a time slice: 17 ms per loop were
-# measured instead of 0.1 ms.
-os.environ.setdefault("GOMP_SPINCOUNT", "30000")
 
 # Differences allowed between compiled arithmetic and the source: fused multiply-add, reciprocals,
 # either zero. Reassociation is not allowed: the compiler would then choose the order of a sum, and

@@ -27,7 +27,14 @@ from quadsim.files.cache import cache_folder
 SUM = sha256().digest_size
 # Files whose functions are inlined into loops of other files; a change of these files makes all
 # cached code invalid
-INLINED = ("episode_loops.py", "normals.py", "race_loops.py", "sharing.py")
+INLINED = (
+    "atomics.py",
+    "episode_loops.py",
+    "helpers.py",
+    "normals.py",
+    "race_loops.py",
+    "sharing.py",
+)
 LARGEST = 50_000_000  # bytes that are read at most; the code of a planner has 300 000
 # Without configured logging, a warning is one line on stderr.
 log = logging.getLogger("quadsim")

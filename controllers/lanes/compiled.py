@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import linecache
-import os
 import re
 import signal
 import sys
@@ -15,7 +14,6 @@ from types import ModuleType
 from typing import Any
 
 from numba.core.errors import NumbaError
-from numba.np.ufunc import parallel
 
 from controllers.lanes.code_cache import CodeCache
 from controllers.lanes.trace import TraceError
@@ -26,9 +24,6 @@ COLOUR = re.compile("\x1b\\[[0-9;]*m")  # of numba's errors in a terminal
 # Steps of numba that the loops do not need, and that take a tenth of the compile time: an entry for
 # callbacks from C, and the rewriting of expressions over whole arrays and of `raise`
 SPARED = {"no_cfunc_wrapper": True, "no_rewrites": True}
-
-# The loops that run on several threads
-_parallel: list[Any] = []
 
 
 def kept(function: Any) -> Any:
@@ -48,10 +43,6 @@ def kept(function: Any) -> Any:
 
     function._cache = CodeCache(function)
     function.compile = compiled
-    if function.targetoptions.get("parallel"):
-        _parallel.append(function)
-        if _lost_threads:
-            _use_one_thread(function)
     return function
 
 
@@ -67,38 +58,6 @@ def _refused(error: NumbaError) -> str:
     above = (linecache.getline(place.filename, k).strip() for k in range(place.line, 0, -1))
     part = next((text for text in above if text.startswith("# ")), "")
     return f"{part[2:]}: numba cannot compile the line `{line}`: {problem}".removeprefix(": ")
-
-
-# True in a process that was forked after its parent had started the threads of the loops
-_lost_threads = False
-
-
-def lost_threads() -> bool:
-    """Return whether this process was forked after its parent had started the loops' threads."""
-    return _lost_threads
-
-
-def _after_fork() -> None:
-    """Make the loops of a forked process run on its single thread.
-
-    A fork does not inherit its parent's threads, and OpenMP ends a process that uses them.
-    """
-    global _lost_threads
-    if parallel._is_initialized:
-        _lost_threads = True
-        for function in _parallel:
-            _use_one_thread(function)
-
-
-if hasattr(os, "register_at_fork"):  # platforms with fork
-    os.register_at_fork(after_in_child=_after_fork)
-
-
-def _use_one_thread(function: Any) -> None:
-    """Make the next call of a loop compile it, or load it, without threads."""
-    function.targetoptions["parallel"] = False
-    function._reset_overloads()
-    function._cache = CodeCache(function)
 
 
 @contextmanager

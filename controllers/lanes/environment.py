@@ -104,10 +104,10 @@ def restart(l, b, environment, episodes, beginnings):
     <observe>
 
 @kept
-@njit(fastmath=FAST, error_model="numpy")
-def begin(run_parts, first, last, episodes, beginnings, chosen, racers):
-    if run_parts:
-        share(run_parts, last)
+@njit(fastmath=FAST, error_model="numpy", nogil=True)
+def begin(desk, first, last, episodes, beginnings, chosen, racers):
+    if desk:
+        share(desk, last)
         return
     # `racers` blocks in a row hold the vehicles of the same races: one draw starts all of a race
     for b in range(first, last):
@@ -155,10 +155,10 @@ def next_targets(target, row, passes, reached, targets, last_row):
 
 ADVANCE = """
 @kept
-@njit(fastmath=FAST, error_model="numpy")
-def advance(run_parts, first, last, episodes, beginnings, step, outcome):
-    if run_parts:
-        share(run_parts, last)
+@njit(fastmath=FAST, error_model="numpy", nogil=True)
+def advance(desk, first, last, episodes, beginnings, step, outcome):
+    if desk:
+        share(desk, last)
         return
     dt = step.dt
     mode = step.mode

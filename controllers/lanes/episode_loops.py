@@ -122,11 +122,11 @@ def judge(b, crashed, reached, episodes, outcome, last_row, limit):
 
 
 @kept
-@njit
-def to_rows(run_parts, first, last, lanes, rows):
+@njit(nogil=True)
+def to_rows(desk, first, last, lanes, rows):
     """Copy lanes (blocks, n, LANES) to numbers of each environment (environments, n)."""
-    if run_parts:
-        share(run_parts, last)  # pyright: ignore[reportCallIssue]
+    if desk:
+        share(desk, last)  # pyright: ignore[reportCallIssue]
         return
     for b in range(first, last):
         for i in range(min(L, rows.shape[0] - b * L)):
@@ -135,11 +135,11 @@ def to_rows(run_parts, first, last, lanes, rows):
 
 
 @kept
-@njit
-def to_lanes(run_parts, first, last, rows, lanes):
+@njit(nogil=True)
+def to_lanes(desk, first, last, rows, lanes):
     """Copy numbers of each environment (environments, n) to lanes (blocks, n, LANES)."""
-    if run_parts:
-        share(run_parts, last)  # pyright: ignore[reportCallIssue]
+    if desk:
+        share(desk, last)  # pyright: ignore[reportCallIssue]
         return
     for b in range(first, last):
         for i in range(min(L, rows.shape[0] - b * L)):

@@ -107,7 +107,7 @@ class Rollout:
         numbers = self._numbers(x0, target, T)
         full = numbers._replace(noise_factor=np.ones_like(numbers.noise_factor))
 
-        # Zero instead of `run_parts`: the loop runs on this thread, over one block.
+        # Zero in the place of the desk: the loop runs on this thread, over one block.
         n_x = len(self.system.states)
         J = np.empty((1, LANES), d)
         kept = np.empty((T, n_x + 2, samples), d)

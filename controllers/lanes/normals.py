@@ -134,10 +134,10 @@ def normal_rows(out, scale, lane, group, key, call):
 
 @kept
 @njit(fastmath=FAST, error_model="numpy", nogil=True)
-def normal_blocks(run_parts, first, last, out, scale, key, call, first_block):
+def normal_blocks(desk, first, last, out, scale, key, call, first_block):
     """Fill the blocks of out from `first` to before `last`, see fill_normals and lanes.sharing."""
-    if run_parts:
-        share(run_parts, last)  # pyright: ignore[reportCallIssue]
+    if desk:
+        share(desk, last)  # pyright: ignore[reportCallIssue]
         return
     for b in range(first, last):
         normal_rows(out[b], scale, (first_block + b) * out.shape[2], 0, key, call)

@@ -96,9 +96,9 @@ reached[l] = np.int32(1) if <is_reached> else np.int32(0)
 ROLLOUT = """
 @kept
 @njit(fastmath=FAST, error_model="numpy", nogil=True)
-def rollout(run_parts, first, last, x0, U, z, J, trajectory, numbers):
-    if run_parts:
-        share(run_parts, last)
+def rollout(desk, first, last, x0, U, z, J, trajectory, numbers):
+    if desk:
+        share(desk, last)
         return
     dt = numbers.dt
     low = numbers.low

@@ -85,18 +85,18 @@ def nearer_first(one, other, swaps):
 
 
 @kept
-@njit
-def observations_to_rows(run_parts, first, last, obs, others, rows):
+@njit(nogil=True)
+def observations_to_rows(desk, first, last, obs, others, rows):
     """Copy observations of vehicles and of opponents to rows.
 
     Args:
-        run_parts, first, last: see controllers.lanes.sharing; the blocks are groups of races.
+        desk, first, last: see controllers.lanes.sharing; the blocks are groups of races.
         obs: observations of each vehicle by itself  (blocks, n, LANES).
         others: observations of its opponents  (blocks, m, LANES).
         rows: to fill  (races, racers, n + m).
     """
-    if run_parts:
-        share(run_parts, last)  # pyright: ignore[reportCallIssue]
+    if desk:
+        share(desk, last)  # pyright: ignore[reportCallIssue]
         return
     races, racers, numbers = rows.shape
     own = obs.shape[1]
@@ -110,11 +110,11 @@ def observations_to_rows(run_parts, first, last, obs, others, rows):
 
 
 @kept
-@njit
-def actions_to_lanes(run_parts, first, last, rows, lanes):
+@njit(nogil=True)
+def actions_to_lanes(desk, first, last, rows, lanes):
     """Copy actions (races, racers, n) to lanes (blocks, n, LANES)."""
-    if run_parts:
-        share(run_parts, last)  # pyright: ignore[reportCallIssue]
+    if desk:
+        share(desk, last)  # pyright: ignore[reportCallIssue]
         return
     races, racers, numbers = rows.shape
     for g in range(first, last):

@@ -55,10 +55,10 @@ def least_apart(a_before, b_before, a_after, b_after, least):
         <nearest>
 
 @kept
-@njit(fastmath=FAST, error_model="numpy")
-def meet(run_parts, first, last, episodes, outcome, field, rules):
-    if run_parts:
-        share(run_parts, last)
+@njit(fastmath=FAST, error_model="numpy", nogil=True)
+def meet(desk, first, last, episodes, outcome, field, rules):
+    if desk:
+        share(desk, last)
         return
     racers = rules.racers
     states = episodes.states
@@ -149,10 +149,10 @@ def add_noise(seen, noise, lane, key, call):
             seen[k, l] += drawn_noise[k, l] * seen[here, l]
 
 @kept
-@njit(fastmath=FAST, error_model="numpy")
-def look(run_parts, first, last, episodes, field, looks, chosen):
-    if run_parts:
-        share(run_parts, last)
+@njit(fastmath=FAST, error_model="numpy", nogil=True)
+def look(desk, first, last, episodes, field, looks, chosen):
+    if desk:
+        share(desk, last)
         return
     racers = looks.racers
     noise = looks.noise

@@ -16,7 +16,7 @@ CHUNK = 25  # number of steps of the horizon that a thread sums at a time: 6 kB 
 @kept
 @njit(fastmath=FAST, error_model="numpy", nogil=True)
 def _lane_sums(  # noqa: PLR0913 (three are the arguments of each shared loop)
-    run_parts, first, last, noise, ramp, U, low, high, weights, sums
+    desk, first, last, noise, ramp, U, low, high, weights, sums
 ):
     """Fill sums with sums[c, t, i] = sum_b w[b, i] (clip(U + ramp noise) - U).
 
@@ -24,8 +24,8 @@ def _lane_sums(  # noqa: PLR0913 (three are the arguments of each shared loop)
     see lanes.sharing. Blocks are added in their order, so that the sums do not depend on the number
     of threads.
     """
-    if run_parts:
-        share(run_parts, last)  # pyright: ignore[reportCallIssue]
+    if desk:
+        share(desk, last)  # pyright: ignore[reportCallIssue]
         return
     T = U.shape[0]
     blocks, lanes = weights.shape

@@ -1,23 +1,22 @@
 """Loops over blocks that run on several threads, and whose text is compiled once.
 
-numba compiles the body of a `prange` twice, as a part of the function and as a kernel, and links it
-three times, which takes most of the time that a long loop takes to compile. So a long loop is a
-plain function instead, which runs the blocks from `first` to before `last`:
+Such a loop is a plain function that runs the blocks from `first` to before `last`:
 
     @kept
     @njit(nogil=True)
-    def scaled(run_parts, first, last, x, factor):
-        if run_parts:
-            share(run_parts, last)
+    def scaled(desk, first, last, x, factor):
+        if desk:
+            share(desk, last)
             return
         for b in range(first, last):
             ...
 
     on_threads(scaled, len(x), x, factor)
 
-`share` hands the function itself and its arguments to `run_parts`, the one loop that is parallel.
-`run_parts` calls the function again on each thread, with a part of the blocks and with zero in the
-place of `run_parts`. A call from Python with zero in that place runs on the calling thread alone.
+`share` hands the function itself and its arguments to `helpers.run_parts`, which calls the function
+again on several threads, with some of the blocks and with zero in the place of `desk`. A call from
+Python with zero in that place runs on the calling thread alone. numba's own parallel loops would be
+compiled twice and linked three times, and wait for threads that are not running.
 
 The parts know the function and its arguments by address only, which is safe because `share` returns
 when all parts have: until then the caller holds the arguments. No block may depend on another one,
@@ -27,73 +26,36 @@ as the order in which they run differs.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 from typing import Any
 
 from llvmlite import ir
-from numba import extending, njit, prange, types
+from numba import extending, types
 from numba.core import cgutils
 from numba.core.callconv import RETCODE_OK
 
-# numba.get_num_threads as numba's own parallel loops call it: compiled code that calls the public
-# function holds an address of this process, and so cannot be kept on the disk.
-from numba.np.ufunc.parallel import _iget_num_threads
-
-from controllers.lanes.compiled import kept, lost_threads
+from controllers.lanes.helpers import RUN_PARTS, helpers
+from controllers.lanes.threads import threads
 
 ADDRESS = ir.IntType(64)
 FLAG = ir.IntType(8)
-OWN = 3  # arguments of a loop that each part has for itself: run_parts, first, last
-# The address of a part, the address of what it shares with the others, the number of blocks
-RUN_PARTS = (types.int64, types.int64, types.int64)
+OWN = 3  # arguments of a loop that each part has for itself: desk, first, last
 NO_MEMORY = "no memory is left for a loop on several threads"
 
 
 @extending.intrinsic
-def _call(typing_context, part, shared, first, last):
-    """Call a part, see `share`, for the blocks from `first` to before `last`."""
-
-    def generate(context, builder, signature, values):
-        part, *rest = values
-        kind = ir.FunctionType(ir.VoidType(), [ADDRESS] * len(rest))
-        builder.call(builder.inttoptr(part, kind.as_pointer()), rest)
-        return context.get_dummy_value()
-
-    return types.void(part, shared, first, last), generate
-
-
-@kept
-@njit(parallel=True, nogil=True)
-def run_parts(part, shared, blocks):
-    """Run a part for some of the blocks on each thread.
-
-    Args:
-        part: address of the part, see `share`.
-        shared: address of what the parts share.
-        blocks: number of blocks.
-    """
-    threads = _iget_num_threads()  # pyright: ignore[reportCallIssue]
-    parts = min(threads, blocks)
-    for k in prange(parts):
-        first = k * blocks // parts
-        last = (k + 1) * blocks // parts
-        _call(part, shared, first, last)  # pyright: ignore[reportCallIssue]
-
-
-@extending.intrinsic
-def share(typing_context, run_parts, blocks):
+def share(typing_context, desk, blocks):
     """Run the function that calls this on several threads, for all blocks.
 
-    The first arguments of that function are `run_parts`, `first` and `last`, of 64 bits each. It
+    The first arguments of that function are `desk`, `first` and `last`, of 64 bits each. It
     returns nothing, and raises nothing unless memory runs out.
 
     Args:
-        run_parts: address of the compiled `run_parts`.
+        desk: address of the desk, see controllers.lanes.helpers.
         blocks: number of blocks.
     """
 
     def generate(context, builder, signature, values):
-        run_parts, blocks = values
+        desk, blocks = values
         loop = builder.function
         result, error, *arguments = loop.args
         arguments = arguments[OWN:]
@@ -123,10 +85,12 @@ def share(typing_context, run_parts, blocks):
             inside.store(FLAG(1), cgutils.gep_inbounds(inside, found, 0, 0))
         inside.ret_void()
 
-        # Call `run_parts`, another function of numba.
+        # Call `helpers.run_parts`, another function of numba, whose address is the desk's first
+        # number.
         kind = context.call_conv.get_function_type(types.none, RUN_PARTS)
-        run = builder.inttoptr(run_parts, kind.as_pointer())
-        numbers = [builder.ptrtoint(part, ADDRESS), builder.ptrtoint(shared, ADDRESS), blocks]
+        address_of_run = builder.load(builder.inttoptr(desk, ADDRESS.as_pointer()))
+        run = builder.inttoptr(address_of_run, kind.as_pointer())
+        numbers = [desk, builder.ptrtoint(part, ADDRESS), builder.ptrtoint(shared, ADDRESS), blocks]
         status, _ = context.call_conv.call_function(builder, run, types.none, RUN_PARTS, numbers)
 
         # An error in another thread would be lost, so that the caller would take what is in its
@@ -145,28 +109,13 @@ def on_threads(loop: Callable, blocks: int, *arguments: Any) -> None:
     """Run a loop that shares its blocks on the threads in use.
 
     Args:
-        loop: the compiled function of (run_parts, first, last, *arguments).
+        loop: the compiled function of (desk, first, last, *arguments).
         blocks: number of blocks.
         arguments: its further arguments.
 
     Raises:
         MemoryError: the loop makes arrays, for which no memory is left.
     """
-    loop(_address(lost_threads()), 0, blocks, *arguments)
-
-
-# Compiled code of run_parts that addresses point to
-_held: list[Any] = []
-
-
-@cache
-def _address(one_thread: bool) -> int:
-    """Return the address of the compiled `run_parts`.
-
-    Args:
-        one_thread: whether this process has lost its threads, for which other code is compiled.
-    """
-    run_parts.compile(RUN_PARTS)
-    code = run_parts.overloads[RUN_PARTS]
-    _held.append(code)
-    return code.library.get_pointer_to_function(code.fndesc.llvm_func_name)
+    wanted = min(threads(), blocks) - 1
+    desk = helpers().wake(wanted) if wanted > 0 else 0
+    loop(desk, 0, blocks, *arguments)

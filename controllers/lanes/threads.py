@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import os
+import threading
 
 import numba
 import numpy as np
-from numba.np.ufunc import parallel
 
-from controllers.lanes.compiled import lost_threads
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import shown_value
 
+_chosen = threading.local()  # its `number` is the one that this thread has set
+
 
 def threads() -> int:
-    """Return the number of threads in use."""
-    return numba.get_num_threads()
+    """Return the number of threads that loops use which this thread calls."""
+    return getattr(_chosen, "number", 0) or most_threads()
 
 
 def most_threads() -> int:
@@ -26,20 +27,8 @@ def most_threads() -> int:
     return most
 
 
-def can_run_side_by_side() -> bool:
-    """Return whether loops may run on several threads for several callers at once.
-
-    numba's own threads ("workqueue") serve one caller at a time; OpenMP and TBB threads serve
-    several. Which of these is used depends on the machine, and is known after the first loop.
-    """
-    if lost_threads() or not parallel._is_initialized:
-        return False
-    layer = numba.threading_layer()  # pyright: ignore[reportPrivateImportUsage]
-    return layer in ("omp", "tbb")
-
-
 def use_threads(n: int | None) -> int:
-    """Set the number of threads.
+    """Set the number of threads of the loops that this thread calls.
 
     Args:
         n: the number; None: every core that this process may run on.
@@ -56,5 +45,5 @@ def use_threads(n: int | None) -> int:
     if not is_whole or not 1 <= n <= most:
         problem = f"expected 1 to {most} on this machine, got {shown_value(n)}"
         raise SettingError("threads", problem)
-    numba.set_num_threads(int(n))
+    _chosen.number = int(n)
     return int(n)

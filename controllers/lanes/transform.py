@@ -38,9 +38,9 @@ F = np.float32
 
 @kept
 @njit(fastmath=set({fast}), error_model="numpy", nogil=True)
-def transformed(run_parts, first, last, out, scale, offset, turns, key, call, first_pair):
-    if run_parts:
-        share(run_parts, last)
+def transformed(desk, first, last, out, scale, offset, turns, key, call, first_pair):
+    if desk:
+        share(desk, last)
         return
     series, channels, steps, lanes = out.shape
     x, y = np.empty({size}, F), np.empty({size}, F)

@@ -148,15 +148,28 @@ def observe(
     gates: Sequence[float] | np.ndarray,
     last: Sequence[float] | np.ndarray,
 ) -> np.ndarray:
-    """Return the Observation as an array.
+    """Return what a pilot observes, as the learning environments do: an Observation as an array.
 
     Args:
-        x: state (n_x,).
-        gates: a row of `gate_rows`.
-        last: the last action (4,).
+        x: state of the quadrotor: position [m], velocity [m/s], attitude (a unit quaternion wxyz),
+            body rates [rad/s] and so on, as an Estimate has it  (n_x,).
+        gates: a row of `gate_rows`, by the number of gates passed  (18,).
+        last: the last action, each in -1..1  (4,).
 
     Returns:
-        (SIZE,) float32.
+        38 numbers of the order of one, float32; docs/learning.md has their order and their units.
+
+    Examples:
+        >>> import quadsim
+        >>> class Watching:
+        ...     def control(self, x):
+        ...         self.seen = quadsim.observe(x, ROWS[0], last=(0.0, 0.0, 0.0, 0.0))
+        ...         return 0.0, 0.0, 0.0, 9.81
+        >>> ROWS = quadsim.gate_rows(quadsim.load_course("figure8"), laps=1)
+        >>> law = Watching()
+        >>> run = quadsim.fly("figure8", controller=law, timeout=0.1)
+        >>> law.seen.shape
+        (38,)
     """
     seen = observation(State._make(x), unflat(NextGates, iter(gates)), Control._make(last))
     return np.array(list(flat(seen)), np.float32)
@@ -165,8 +178,19 @@ def observe(
 def gate_rows(course: Course, laps: int) -> np.ndarray:
     """Return the next two gates for each number of gates passed, up to all of them.
 
+    Args:
+        course: the course.
+        laps: laps of the race.
+
     Returns:
-        (laps * gates + 1, 18), the GateNumbers of the next gate and of the gate after it.
+        (laps * gates + 1, 18), of the next gate and then of the gate after it, in the world frame
+        [m]: the centre of the opening, the vector from there to the middle of the left edge, and to
+        the middle of the upper edge.
+
+    Examples:
+        >>> import quadsim
+        >>> quadsim.gate_rows(quadsim.load_course("figure8"), laps=1).shape
+        (9, 18)
     """
     gates = [gate_numbers(gate) for gate in course.gates]
     if course.loop:

@@ -2,6 +2,8 @@
 
 The file is an .npz with the weights of each layer and `about`, the JSON of an `About`: observations
 and commands of the pilot, its vehicle and its training. Nothing in the file is executed.
+`layer_0` and `layer_1` are matrix (inputs, outputs) and bias (outputs,) of the first layer,
+`layer_2` and `layer_3` of the second, and so on.
 
 A file is accepted if all numbers are plausible: control periods of 1 to 100 ms, actions held for at
 most 100 periods, body rates up to 100 rad/s, thrust up to 1000 m/s^2, each lower limit below its
@@ -11,12 +13,15 @@ upper limit, and weights up to 1e6, which cannot overflow in flight.
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import os
-from collections.abc import Sequence
+import zipfile
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from msgspec import Meta, Struct, structs
@@ -32,27 +37,29 @@ from quadsim.files.strict_yaml import FileError
 
 PILOTS = Path(__file__).parent / "pilots"
 FORMAT = "quadsim pilot 1"
-WHAT = "a pilot as `race train` writes it"
+WHAT = "a pilot as `race train` and `quadsim.save_pilot` write it"
 LARGEST = 50_000_000  # largest accepted file [bytes]
 ACTIONS = 4
 # greatest absolute value of a weight; sums of such products are far below float32's limit
 LARGEST_WEIGHT = 1e6
-# matrix (inputs, outputs) and bias of each of three layers
-LAYERS = {
-    "layer_0": Declared("float32", (SIZE, "first hidden"), most=LARGEST_WEIGHT),
-    "layer_1": Declared("float32", ("first hidden",), most=LARGEST_WEIGHT),
-    "layer_2": Declared("float32", ("first hidden", "second hidden"), most=LARGEST_WEIGHT),
-    "layer_3": Declared("float32", ("second hidden",), most=LARGEST_WEIGHT),
-    "layer_4": Declared("float32", ("second hidden", ACTIONS), most=LARGEST_WEIGHT),
-    "layer_5": Declared("float32", (ACTIONS,), most=LARGEST_WEIGHT),
-}
+MOST_LAYERS = 100
 
-Activation = Literal["relu", "tanh"]
+Activation = Literal["relu", "tanh", "identity"]
+Output = Literal["clip", "tanh"]
 Name = Annotated[str, Meta(pattern=r"^[^/]{1,200}$")]
 Rate = Annotated[float, Meta(ge=-100, le=100)]
 Thrust = Annotated[float, Meta(ge=0, le=1000)]
 # the commands of a Control
 Limits = tuple[Rate, Rate, Rate, Thrust]
+
+
+class Actions(NamedTuple):
+    """How an action becomes a command."""
+
+    dt: float  # control period [s]
+    hold: int  # control periods for which an action is held
+    low: Sequence[float]  # command at -1 [rad/s, m/s^2]  (4,)
+    high: Sequence[float]  # command at 1  (4,)
 
 
 class About(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -66,11 +73,18 @@ class About(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     course: str  # course of the training
     training: dict[str, Any] = {}  # seed, steps, time, settings, command
     observes: tuple[str, ...] = tuple(UNITS)
-    # activation of the hidden layers, tanh in an older file
-    activation: Activation = "tanh"
+    # activation of the hidden layers, or of each of them; tanh in an older file
+    activation: Activation | tuple[Activation, ...] = "tanh"
+    # how the last layer's outputs become actions in -1..1
+    output: Output = "clip"
     # sha256 of the training vehicle, hexadecimal, "" in an older file. A flight may use a changed
     # vehicle, and its record says so.
     vehicle_sha256: str = ""
+
+    @property
+    def actions(self) -> Actions:
+        """How an action becomes a command."""
+        return Actions(self.dt, self.hold, self.low, self.high)
 
 
 class AboutFile(About, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -85,13 +99,13 @@ class Header(Struct):
     format: str = ""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Pilot:
     """The weights of a policy's mean, and what they are for."""
 
     name: str
     about: About
-    weights: tuple[np.ndarray, ...]  # of LAYERS
+    weights: tuple[np.ndarray, ...]  # matrix (inputs, outputs) and bias (outputs,) of each layer
     digest: str = ""  # sha256 of the file, hexadecimal
     path: str = ""  # path of the file, or the name of a pilot that comes with the project
 
@@ -104,7 +118,19 @@ class Pilot:
         Returns:
             (4,), or rows of it.
         """
-        return np.clip(forward(self.weights, obs, self.about.activation), -1.0, 1.0)
+        outputs = forward(self.weights, obs, self.about.activation)
+        return np.tanh(outputs) if self.about.output == "tanh" else np.clip(outputs, -1.0, 1.0)
+
+    def __repr__(self) -> str:
+        """Return one line: the layers, the output, the vehicle and the training's course."""
+        about = self.about
+        sizes = "-".join(str(len(array)) for array in (*self.weights[::2], self.weights[-1]))
+        given = about.activation
+        activation = given if isinstance(given, str) else "-".join(given)
+        network = " ".join(filter(None, (sizes, activation, about.output)))
+        hold = f"an action held for {1e3 * about.hold * about.dt:g} ms"
+        course = f", trained on {about.course}" if about.course else ""
+        return f"<Pilot {self.name}: {network}, {hold}, vehicle {about.vehicle}{course}>"
 
     @property
     def place(self) -> str:
@@ -126,17 +152,33 @@ class Pilot:
 
 
 class PilotController:
-    """The controller of one flight by a pilot.
+    """The controller of one flight by a pilot, or by another policy.
 
     Each action is held for as many control periods as in the training.
     """
 
-    def __init__(self, pilot: Pilot, course: Course, laps: int, rest: Sequence[float]):
-        self.pilot = pilot
+    def __init__(
+        self,
+        policy: Callable[[np.ndarray], np.ndarray],
+        actions: Actions,
+        course: Course,
+        laps: int,
+        rest: Sequence[float],
+    ):
+        """Prepare a flight.
+
+        Args:
+            policy: returns the action in -1..1 (4,) for an observation (SIZE,).
+            actions: how an action becomes a command.
+            course, laps: the race.
+            rest: the control that acts until the first action  (4,).
+        """
         self.rest = np.array(rest)
+        self._policy = policy
+        self._actions = actions
         self._gates = gate_rows(course, laps)
-        self._last = normalised(rest, pilot.about.low, pilot.about.high)
-        self._periods = ControlPeriods(pilot.about.dt)
+        self._last = normalised(rest, actions.low, actions.high)
+        self._periods = ControlPeriods(actions.dt)
         self._until_next = 0  # control periods until the next action
 
     def control(self, estimate: Estimate) -> tuple[np.ndarray, PlanStats]:
@@ -144,35 +186,80 @@ class PilotController:
 
         See quadsim.racing.flight.Controller.
         """
-        about = self.pilot.about
+        actions = self._actions
         self._until_next -= self._periods.advance(estimate.t)
         if self._until_next <= 0:
             gates = self._gates[min(estimate.target, len(self._gates) - 1)]
-            self._last = self.pilot(observe(estimate.x, gates, self._last))
-            self._until_next = about.hold
-        return command(self._last, about.low, about.high), PlanStats(0.0, 0.0, 0.0)
+            self._last = self._policy(observe(estimate.x, gates, self._last))
+            self._until_next = actions.hold
+        return command(self._last, actions.low, actions.high), PlanStats(0.0, 0.0, 0.0)
 
 
-def forward(weights: Sequence[np.ndarray], x: np.ndarray, activation: Activation) -> np.ndarray:
+def forward(
+    weights: Sequence[np.ndarray], x: np.ndarray, activation: Activation | Sequence[Activation]
+) -> np.ndarray:
     """Return the outputs of a multilayer perceptron.
 
     Args:
         weights: matrix (inputs, outputs) and bias (outputs,) of each layer in turn.
         x: inputs, (inputs,) or (rows, inputs).
-        activation: activation of the hidden layers: relu, max(0, x), or tanh.
+        activation: activation of the hidden layers, or of each of them: relu, max(0, x), tanh or
+            identity.
     """
     *hidden, matrix, bias = weights
-    for k in range(0, len(hidden), 2):
-        x = x @ hidden[k] + hidden[k + 1]
-        x = np.tanh(x) if activation == "tanh" else np.maximum(x, 0.0)
+    for k, one in enumerate(activations(activation, len(hidden) // 2)):
+        x = x @ hidden[2 * k] + hidden[2 * k + 1]
+        if one == "tanh":
+            x = np.tanh(x)
+        elif one == "relu":
+            x = np.maximum(x, 0.0)
     return x @ matrix + bias
+
+
+def activations(
+    activation: Activation | Sequence[Activation], hidden: int
+) -> tuple[Activation, ...]:
+    """Return the activation of each hidden layer, of which there are `hidden`.
+
+    Raises:
+        ValueError: another number of activations is given.
+    """
+    if isinstance(activation, str):
+        return (activation,) * hidden
+    if len(activation) != hidden:
+        raise ValueError(
+            f"activation: expected one for each of {hidden} hidden layers, got {len(activation)}"
+        )
+    return tuple(activation)
+
+
+def layers(count: int) -> dict[str, Declared]:
+    """Return the arrays of a file with this number of layers."""
+    widths = [SIZE, *(f"width of hidden layer {k}" for k in range(1, count)), ACTIONS]
+    found = {}
+    for k, (inputs, outputs) in enumerate(pairwise(widths)):
+        found[f"layer_{2 * k}"] = Declared("float32", (inputs, outputs), most=LARGEST_WEIGHT)
+        found[f"layer_{2 * k + 1}"] = Declared("float32", (outputs,), most=LARGEST_WEIGHT)
+    return found
+
+
+def _layer_count(data: bytes) -> int:
+    """Return the number of layers in the content of a file; 1 for none and for a damaged file."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            names = [name for name in archive.namelist() if name.startswith("layer_")]
+    except Exception:  # a damaged archive fails in a dozen ways; its arrays are read next
+        return 1
+    return min(max((len(names) + 1) // 2, 1), MOST_LAYERS)
 
 
 def pilot_bytes(weights: Sequence[np.ndarray], about: About) -> bytes:
     """Return the content of a pilot's file."""
-    text = json.dumps({"format": FORMAT} | structs.asdict(about), allow_nan=False)
-    arrays = {"about": np.array(text)}
-    for name, layer in zip(LAYERS, weights, strict=True):
+    record = {"format": FORMAT} | structs.asdict(about)
+    if about.output == "clip":
+        del record["output"]  # as in the files of older versions
+    arrays = {"about": np.array(json.dumps(record, allow_nan=False))}
+    for name, layer in zip(layers(len(weights) // 2), weights, strict=True):
         arrays[name] = np.asarray(layer, np.float32)
     return npz_bytes(arrays)
 
@@ -191,8 +278,8 @@ def load_pilot(path: str | Path) -> Pilot:
     Examples:
         >>> from controllers.learned.pilot import load_pilot
         >>> pilot = load_pilot("split_s_swift")
-        >>> pilot.about.vehicle, pilot.about.course
-        ('swift', 'split_s_swift')
+        >>> print(pilot)
+        <Pilot split_s_swift: 38-64-64-4 relu clip, ... vehicle swift, trained on split_s_swift>
     """
     given = str(path)
     if given in pilot_names():
@@ -202,10 +289,28 @@ def load_pilot(path: str | Path) -> Pilot:
         names = ", ".join(pilot_names())
         wanted = f"expected FILE.npz, or one that comes with quadsim: {names}"
         raise FileError(f"no pilot {str(path)!r}: {wanted}")
-    data = read_bytes(path, WHAT, LARGEST)
-    arrays = arrays_of(data, {"about": TEXT} | LAYERS, path, WHAT, LARGEST)
+    return pilot_of(read_bytes(path, WHAT, LARGEST), path, given)
+
+
+def pilot_of(data: bytes, path: Path, given: str) -> Pilot:
+    """Return the pilot in the content of a file.
+
+    Args:
+        data: the content.
+        path: the file.
+        given: its path as it was given, or the name of a pilot that comes with the project.
+
+    Raises:
+        FileError: the content is damaged.
+    """
+    declared = layers(_layer_count(data))
+    arrays = arrays_of(data, {"about": TEXT} | declared, path, WHAT, LARGEST)
     about = _about(path, arrays["about"])
-    weights = tuple(arrays[name] for name in LAYERS)
+    try:
+        activations(about.activation, len(declared) // 2 - 1)
+    except ValueError as error:
+        raise FileError(f"{path}: expected {WHAT}: about: {error}") from None
+    weights = tuple(arrays[name] for name in declared)
     return Pilot(path.stem, about, weights, hashlib.sha256(data).hexdigest(), given)
 
 

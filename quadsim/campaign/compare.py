@@ -13,9 +13,9 @@ from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.padding import Padding
 
-from controllers.samplers import SAMPLERS
 from quadsim.campaign.attempts import Attempt, attempts_of
 from quadsim.campaign.runner import Runner
+from quadsim.campaign.seeds import seeds_remark
 from quadsim.campaign.store import Row
 from quadsim.campaign.summary_stats import (
     PairStats,
@@ -35,7 +35,7 @@ from quadsim.campaign.tables import (
     comparison_tables,
     notes,
 )
-from quadsim.campaign.variants import Variant, make_variants
+from quadsim.campaign.variants import Variant, make_variants, named_variants
 from quadsim.config.setting_texts import Place, Settings
 from quadsim.course import Course
 from quadsim.figures import html
@@ -153,7 +153,7 @@ class Comparison:
 
 def compare(
     courses: Place | Sequence[Place],
-    variants: Mapping[str, Settings] | Sequence[str],
+    variants: Mapping[str, Settings | str] | Sequence[str] | str,
     attempts: int,
     jobs: int | None,
     campaign: str | Path | None,
@@ -161,12 +161,10 @@ def compare(
     settings: Settings,
 ) -> Comparison:
     """Compare variants; `quadsim.compare` describes the arguments."""
-    named = variants if isinstance(variants, Mapping) else {name: {} for name in variants}
+    named = named_variants(variants)
     check_baseline(list(named), baseline)
     several = [courses] if isinstance(courses, str | Path | Course) else list(courses)
-    made = make_variants(
-        several, {name: _with_sampler(name, own) for name, own in named.items()}, settings
-    )
+    made = make_variants(several, named, settings)
     folder = None if campaign else TemporaryDirectory(prefix="quadsim-")
     path = Path(folder.name) / "campaign.sqlite" if folder else Path(campaign or "")
     with Runner(path, jobs or 0, temporary=folder is not None) as runner:
@@ -193,11 +191,6 @@ def check_baseline(names: Sequence[str], baseline: str | None) -> None:
         raise SettingError("baseline", f"no variant {baseline!r}, {did_you_mean(baseline, names)}")
     if len(names) < 2:
         raise SettingError("baseline", f"expected another variant beside {baseline!r}, got none")
-
-
-def _with_sampler(name: str, settings: Settings) -> Settings:
-    """Return the settings of a variant, whose name may be that of its sampler."""
-    return {"sampler": name, **settings} if name in SAMPLERS else settings
 
 
 def comparison(
@@ -251,6 +244,7 @@ def _section(
         rows=rows,
         home=home,
         baseline=baseline if baseline in names else None,
+        remark=seeds_remark(variant.spec for variant, _ in flown),
     )
 
 
@@ -266,15 +260,18 @@ def _setting(variant: Variant, rows: Sequence[Sequence[Row]]) -> str:
     )
 
 
+def _notes(section: Section) -> list[str]:
+    """Return what has to be read with the tables of a course."""
+    found = notes(section.variants, section.pairs, section.limit)
+    return [*([section.remark] if section.remark else []), *found]
+
+
 def _shown(section: Section) -> list[RenderableType]:
     tables = [
         Padding(as_table(table), (1, 0, 0, INDENT), expand=False)
         for table in comparison_tables(section.variants, section.pairs)
     ]
-    remarks = [
-        f"  [dim]{escape(note)}[/]"
-        for note in notes(section.variants, section.pairs, section.limit)
-    ]
+    remarks = [f"  [dim]{escape(note)}[/]" for note in _notes(section)]
     head = f"[bold]{escape(section.course.name)}[/]  {escape(section.setting)}"
     return [head, *tables, "", *remarks, ""]
 
@@ -285,7 +282,7 @@ def _as_html(section: Section) -> list[str]:
         f"<h4>{html.text(section.course.name)}</h4>",
         html.paragraph(section.setting),
         *(as_html(table) for table in comparison_tables(section.variants, section.pairs)),
-        *map(html.paragraph, notes(section.variants, section.pairs, section.limit)),
+        *map(html.paragraph, _notes(section)),
     ]
 
 
@@ -296,7 +293,7 @@ def _written(section: Section) -> list[str]:
         f"## {section.course.name}",
         f"{setting}.",
         *(as_markdown(table) for table in comparison_tables(section.variants, section.pairs)),
-        *(f"* {note}" for note in notes(section.variants, section.pairs, section.limit)),
+        *(f"* {note}" for note in _notes(section)),
     ]
 
 

@@ -31,6 +31,7 @@ from quadsim.campaign.paired_heats import (
     fly_variants,
     heat_variants,
 )
+from quadsim.campaign.seeds import seeds_remark
 from quadsim.campaign.tables import TextTable, as_html, as_markdown, as_table, mixed_commits
 from quadsim.config.setting_texts import Place, Settings
 from quadsim.console import as_text
@@ -66,6 +67,7 @@ class HeatComparison:
     course: str
     settings: list[FlownHeats]
     differences: list[HeatsDifference]
+    remark: str = ""  # what the seeds do not draw
 
     def __getitem__(self, name: str) -> FlownHeats:
         """Return the heats of a setting. Raises KeyError."""
@@ -91,7 +93,8 @@ class HeatComparison:
 
     def notes(self) -> list[str]:
         """Return what has to be read with the tables."""
-        return mixed_commits({setting.name: setting.commits for setting in self.settings})
+        commits = mixed_commits({setting.name: setting.commits for setting in self.settings})
+        return [*([self.remark] if self.remark else []), *commits]
 
     def markdown(self, title: str, picture: str) -> str:
         """Return the report, with a link to the file of its picture."""
@@ -163,7 +166,10 @@ def fly_comparison(variants: Sequence[HeatVariant], runner: HeatRunner) -> HeatC
             raise RunError(f"{setting.name}: no race was flown")
     first, *others = flown
     course = variants[0].heats[0].course.name
-    return HeatComparison(course, flown, [difference(first, other) for other in others])
+    specs = [entrant.spec for variant in variants for entrant in variant.heats[0].entrants]
+    rotated = len({heat.rotation for variant in variants for heat in variant.heats}) > 1
+    differences = [difference(first, other) for other in others]
+    return HeatComparison(course, flown, differences, seeds_remark(specs, rotated))
 
 
 def compare_heats(

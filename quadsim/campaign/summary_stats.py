@@ -124,6 +124,7 @@ class Section:
     pairs: list[PairStats]
     rows: list[Sequence[Row]]  # of each variant
     home: Path  # folder that their telemetry is relative to
+    remark: str = ""  # what the seeds do not draw, for people
     baseline: str | None = None  # variant that the others are compared with; None: all pairs
 
     @property

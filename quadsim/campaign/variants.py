@@ -16,11 +16,13 @@ from dataclasses import dataclass, replace
 from types import FunctionType
 from typing import Any
 
+from controllers.samplers import SAMPLERS
 from quadsim.campaign.attempt import planner_key
 from quadsim.config.identity import IdentityError, identity_of
 from quadsim.config.setting_texts import Place, Settings, parse_parts, resolve, with_shared
 from quadsim.config.settings import SettingError
 from quadsim.config.spec import Spec
+from quadsim.files.yaml_errors import shown_value
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,40 @@ def parse_variants(text: str) -> dict[str, dict[str, Any]]:
         except ValueError as error:
             raise _wrong(str(error)) from None
     return found
+
+
+def named_variants(
+    variants: Mapping[str, Settings | str] | Sequence[str] | str,
+) -> dict[str, Settings]:
+    """Return the settings of each variant by name, as they are given in Python.
+
+    Args:
+        variants: {name: settings}, with settings as a mapping or as a text such as
+            "race+target-ess=200"; texts, each as in `parse_variants`, or one text.
+
+    Raises:
+        SettingError: they name no variants.
+    """
+    if isinstance(variants, str):
+        return dict(parse_variants(variants))
+    if not isinstance(variants, Mapping):
+        return dict(parse_variants(",".join(_as_text(one) for one in variants)))
+    return {name: _own_settings(name, own) for name, own in variants.items()}
+
+
+def _as_text(one: object) -> str:
+    if isinstance(one, str):
+        return one
+    raise _wrong(f"expected texts, or a mapping {{name: settings}}, got {shown_value(one)}")
+
+
+def _own_settings(name: str, own: object) -> Settings:
+    """Return the settings of a variant, whose name may be that of its sampler."""
+    if isinstance(own, str):
+        return parse_variants(f"{name}={own}")[name]
+    if not isinstance(own, Mapping):
+        raise _wrong(f"{name}: expected settings as a mapping or a text, got {shown_value(own)}")
+    return {"sampler": name, **own} if name in SAMPLERS else dict(own)
 
 
 def _wrong(problem: str) -> SettingError:

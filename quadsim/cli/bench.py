@@ -32,7 +32,8 @@ from quadsim.bench.tables import (
     worlds_table,
 )
 from quadsim.cli.flags import Help, Json, Switch
-from quadsim.config.build import cost_on, system_of
+from quadsim.config.build_cost import cost_on
+from quadsim.config.build_plant import system_of
 from quadsim.config.spec import Spec
 from quadsim.console import emit, emit_json, progress_console
 from quadsim.record.provenance import cpu_name

@@ -23,6 +23,7 @@ COMMANDS = {
     "heat": Command(
         "quadsim.cli.heat:heat", "a race of several vehicles: places, overtakes, collisions", True
     ),
+    "runs": Command("quadsim.cli.stored:runs", "the stored runs and races: list, filter"),
     "show": Command("quadsim.cli.stored:show", "the report of a stored run"),
     "plot": Command(
         "quadsim.cli.stored:plot", "a stored run as a picture: path, height, controls, spectrum"

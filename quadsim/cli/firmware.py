@@ -15,7 +15,6 @@ from rich.table import Table
 
 from quadsim.cli.flags import Help, Json, settings_as_flags
 from quadsim.console import UsageError, emit, emit_json, plain_table, progress_console
-from quadsim.firmware.configuration import read_text
 from quadsim.firmware.package import (
     ADVICE,
     FIRMWARE_VERSION,
@@ -26,22 +25,30 @@ from quadsim.firmware.package import (
     find_built,
     firmware_folder,
 )
+from quadsim.firmware.process import LOW
+from quadsim.firmware.text import read_text
+from quadsim.firmware.translation import translated
 
 if TYPE_CHECKING:  # the module loads SciPy, which show and build do not need
     from quadsim.firmware.tuned_gains import Tuned
 
 # The flags that an action takes beside --json
 FLAGS = {
+    "read": ("--vehicle", "--betaflight"),
     "identify": ("--vehicle", "--betaflight"),
     "tune": ("--vehicle", "--betaflight", "--out"),
 }
+# Numbers of the planner's model that a configuration may limit
+LIMITS = ("rate_max", "thrust_max", "thrust_min")
 
 
 def firmware(
     action: Annotated[
-        Literal["show", "build", "identify", "tune"],
+        Literal["show", "build", "read", "identify", "tune"],
         Help(
             "show: what there is. build: fetch the source with pip, compile it and keep it."
+            " read: what a configuration says: lines that fly, are translated or are left out,"
+            " positions of the switches, limits."
             " identify: how a vehicle's body rates and thrust follow their commands behind it."
             " tune: find gains for a vehicle by step responses"
         ),
@@ -49,10 +56,12 @@ def firmware(
     /,
     *,
     vehicle: Annotated[
-        str | None, Help("for identify and tune: a name or a FILE.yaml; default: the preset's")
+        str | None,
+        Help("for read, identify, tune: a name or a FILE.yaml; default: the preset's"),
     ] = None,
     betaflight: Annotated[
-        str | None, Help("for identify and tune: configuration, FILE.txt; default: the vehicle's")
+        str | None,
+        Help("for read, identify and tune: configuration, FILE.txt; default: the vehicle's"),
     ] = None,
     out: Annotated[str | None, Help("for tune: new FILE.txt for the configuration found")] = None,
     json: Json = False,
@@ -65,6 +74,8 @@ def firmware(
 
     race firmware build
 
+    race firmware read --betaflight mine.txt
+
     race firmware identify --vehicle mine.yaml --betaflight mine.txt
 
     race firmware tune --vehicle mine.yaml --out mine.txt
@@ -75,6 +86,8 @@ def firmware(
             raise UsageError(f"{name}: expected none beside {action}, got {value!r}")
     if action == "tune":
         return _tune(vehicle, betaflight, out, json)
+    if action == "read":
+        return _read(vehicle, betaflight, json)
     if action == "identify":
         return _identify(vehicle, betaflight, json)
     built = _built(quiet=json) if action == "build" else find_built()
@@ -89,6 +102,40 @@ def firmware(
             f"compiler  {built.compiler}",
             f"program   {built.program}",
         )
+    return 0
+
+
+def _read(vehicle: str | None, betaflight: str | None, json: bool) -> int:
+    """Show what becomes of the lines of a configuration, and what follows from it."""
+    # imported here, as show and build need no spec
+    from quadsim.config.spec import Spec
+    from quadsim.config.tuned_gains import first_configuration
+    from quadsim.firmware.identified import firmware_for
+    from quadsim.firmware.limits import nominal_behind
+
+    with settings_as_flags():
+        spec = Spec.of(vehicle=vehicle)
+        text = read_text(Path(betaflight)) if betaflight else first_configuration(spec.vehicle)
+    found = translated(text)
+    _, configuration = firmware_for(spec.vehicle, text)
+    model = nominal_behind(spec.vehicle, configuration, text.name)
+    if json:
+        limits = {name: getattr(model, name) for name in LIMITS}
+        emit_json(found.as_json() | {"switches": configuration.switches._asdict()} | limits)
+        return 0
+    moved = [
+        f"AUX{number} {before:g} to {after:g} us"
+        for number, (before, after) in enumerate(configuration.switches.pairs, 1)
+        if before != after or after != LOW
+    ]
+    rates = ", ".join(f"{rate:.3g}" for rate in model.rate_max)
+    emit(
+        escape(found.summary()),
+        *(escape(f"  {line}") for line in found.report()),
+        f"switches, before arming and in flight: {', '.join(moved)}; the others {LOW:g} us",
+        f"limits of {spec.vehicle.name}: thrust {model.thrust_min:.3g} to {model.thrust_max:.4g}"
+        f" m/s^2, body rates {rates} rad/s",
+    )
     return 0
 
 

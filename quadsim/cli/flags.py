@@ -39,8 +39,12 @@ TITLES = {
     "cost": "Cost",
     "model": "Planner's model of the vehicle",
 }
-# Formats of the values of flags that may be repeated.
-METAVARS = {"term": "MODULE:FUNCTION=WEIGHT", "fault": "PART=WHAT@TIME"}
+# Formats of the values of flags that name parts of the user's own, or may be repeated.
+METAVARS = {
+    "controller": "MODULE:CLASS",
+    "term": "MODULE:FUNCTION=WEIGHT",
+    "fault": "PART=WHAT@TIME",
+}
 DEFAULT_PLANNER = PRESETS[FlightSettings.preset][FlightSettings.sampler]
 
 
@@ -84,6 +88,13 @@ def stored_runs() -> list[str]:
     return ["last", *(run.name for run in list_runs(FlightSettings.runs_dir))]
 
 
+def stored_runs_and_races() -> list[str]:
+    """Return the names of the stored runs and races in the folder `runs`, and "last"."""
+    from quadsim.record.archive import list_heats
+
+    return [*stored_runs(), *(heat.name for heat in list_heats(FlightSettings.runs_dir))]
+
+
 COMPLETERS = {
     "preset": names(lambda: PRESETS),
     "vehicle": names(vehicle_names),
@@ -104,7 +115,11 @@ def vehicle_help(text: str = "a name (see `race vehicles`) or a FILE.yaml") -> P
 Json = Annotated[bool, Switch("print one JSON value in place of tables")]
 RunsDir = Annotated[str, Help("folder of the runs")]
 Stored = Annotated[
-    str, Help("a run: its folder, a part of its name, or last", completer=names(stored_runs))
+    str,
+    Help(
+        "a run: its folder, a part of its name, or last",
+        completer=names(stored_runs_and_races),
+    ),
 ]
 CourseName = Annotated[
     str | None,
@@ -153,6 +168,8 @@ def _flag(setting: Setting, group: Group, default: object) -> Any:
             metavar = "X"
         case inspect.IntType():
             metavar = "N"
+    if setting.name == "controller":
+        metavar = METAVARS[setting.name]
     if setting.name == "sampler":
         hint = Literal[tuple(SAMPLERS)] | str
         metavar = "NAME"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from contextlib import closing, suppress
+from shlex import quote
 from typing import Annotated, Any
 
 from quadsim.cli.commands import EXIT
@@ -24,6 +25,8 @@ from quadsim.config.recorded import recorded_spec, sorted_settings
 from quadsim.config.settings import SETTINGS, FlightSettings
 from quadsim.config.spec import Spec
 from quadsim.console import COMPILING, UsageError, complain, uninterrupted
+from quadsim.firmware.process import FirmwareError
+from quadsim.firmware.translation import translated
 from quadsim.racing.events import Frame
 from quadsim.record.archive import RunFolder, find_run, load_reportable, remove_unfinished
 from quadsim.record.run import (
@@ -80,10 +83,13 @@ def fly(
     with closing(parts.plant), RunFolder.open(spec.runs_dir, record) as folder:
         if spec.plant == "rigid" and not (settings or {}).get("plant"):
             complain("PyBullet is not installed: the built-in rigid body flies (--plant rigid)")
+        if spec.betaflight and (read := translated(spec.betaflight)).changes_something:
+            shown = f"race firmware read --betaflight {quote(spec.betaflight.name)}"
+            complain(f"{read.summary()}: {shown}")
         if not getattr(parts.controller, "is_cached", True):
             complain(COMPILING)
         with settings_as_flags():  # a user's own sampler may return invalid values
-            recorder = _recorded(launch(spec, parts), spec, quiet=json)
+            recorder, ended = _recorded(launch(spec, parts), spec, quiet=json)
         run = recorder.run(record)
         # The flight that a first Ctrl-C has ended is stored despite a second Ctrl-C.
         with suppress(KeyboardInterrupt), uninterrupted():
@@ -94,6 +100,8 @@ def fly(
         complain(compared(run, before, settings or {}))
     if failure:
         raise failure
+    if ended:
+        raise FirmwareError(f"{ended}: the flight so far is kept")
     if run.outcome == "interrupted":
         end = run.telemetry["t"][-1]
         complain(f"race fly: interrupted at {end:.2f} s, the flight so far is kept")
@@ -156,19 +164,29 @@ def compared(run: RecordedRun, before: RecordedRun, settings: Mapping[str, Any])
     return f"not the same flight as the stored run: {reason or 'see its cpu and versions'}"
 
 
-def _recorded(flight: Iterable[Frame], spec: Spec, quiet: bool) -> Recorder:
-    """Record every frame until the flight ends or Ctrl-C is pressed.
+def _recorded(
+    flight: Iterable[Frame], spec: Spec, quiet: bool
+) -> tuple[Recorder, FirmwareError | None]:
+    """Record every frame until the flight ends, Ctrl-C is pressed or the firmware ends.
 
-    Raises KeyboardInterrupt if there is no frame yet.
+    Returns:
+        The recorder, and the error of a firmware that has ended in flight.
+
+    Raises:
+        KeyboardInterrupt, FirmwareError: there is no frame yet.
     """
     recorder = Recorder()
-    with Progress(spec, quiet) as line, suppress(KeyboardInterrupt):
-        for frame in flight:
-            recorder.add(frame)
-            line.show(frame)
+    ended = None
+    try:
+        with Progress(spec, quiet) as line, suppress(KeyboardInterrupt):
+            for frame in flight:
+                recorder.add(frame)
+                line.show(frame)
+    except FirmwareError as error:
+        ended = error
     if not len(recorder):
-        raise KeyboardInterrupt("race fly: interrupted, nothing to keep")
-    return recorder
+        raise ended or KeyboardInterrupt("race fly: interrupted, nothing to keep")
+    return recorder, ended
 
 
 def _save(folder: RunFolder, run: RecordedRun) -> RunError | None:

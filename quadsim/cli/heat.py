@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
@@ -34,9 +35,10 @@ from quadsim.console import (
     progress_console,
     uninterrupted,
 )
+from quadsim.firmware.process import FirmwareError
 from quadsim.heat.archive import find_heat, read_heat, spec_of_heat
 from quadsim.heat.launch import heat_frames
-from quadsim.heat.line_up import heats_of, line_up
+from quadsim.heat.line_up import heats_of, line_up, parts_of
 from quadsim.heat.result import HeatRecorder
 from quadsim.heat.spec import HeatSpec
 from quadsim.record.run import RunError
@@ -79,6 +81,14 @@ def heat(
         str | None,
         Help("fly a stored race again: its folder, a part of its name, or last", name="--from"),
     ] = None,
+    parts: Annotated[
+        list[str] | None,
+        Help(
+            "parts of your own that flew, beside --from: NAME=controller=package.module:Class",
+            consume_multiple=True,
+            negative_iterable="",
+        ),
+    ] = None,
     race: GivenHeat = None,
     settings: Given = None,
     json: Json = False,
@@ -102,9 +112,13 @@ def heat(
         named = course is not None or entrants is not None
         runs_dir = given.pop("runs_dir", None)
         if named or given or race or starts > 1 or rotation or plot or not rotate:
-            wanted = "neither a course nor other flags than --runs-dir beside a race"
+            wanted = "neither a course nor other flags than --runs-dir and --parts beside a race"
             raise UsageError(f"--from: expected {wanted}")
-        return _again(from_, runs_dir, json)
+        return _again(from_, runs_dir, parts or (), json)
+    if parts:
+        raise UsageError(
+            "--parts: expected none without --from; --entrants have parts of their own"
+        )
     with settings_as_flags():
         threads = given.pop("threads", None)
         if threads and starts > 1:
@@ -138,7 +152,7 @@ def heat(
 
 def _one(spec: HeatSpec, runs_dir: str, plot: str | None, json: bool) -> int:
     """Fly one race, store it and print its report."""
-    flown = _flown(spec, quiet=json)
+    flown, ended = _flown(spec, quiet=json)
     folder = None
     failure = None
     with suppress(KeyboardInterrupt), uninterrupted():
@@ -156,25 +170,30 @@ def _one(spec: HeatSpec, runs_dir: str, plot: str | None, json: bool) -> int:
             emit("", f"[dim]stored in {escape(str(folder))}[/]")
     if failure:
         raise failure
+    if ended:
+        raise FirmwareError(f"{ended}: the race so far is kept")
     if any(run.outcome == "interrupted" for run in flown.runs):
         complain("race heat: interrupted, the race so far is kept")
         return 130
     return 0
 
 
-def _again(name: str, runs_dir: str | None, json: bool) -> int:
+def _again(name: str, runs_dir: str | None, parts: Sequence[str], json: bool) -> int:
     """Fly a stored race again, and report whether the result is the same.
 
     Args:
         name: folder of the race, a part of its name, or "last".
         runs_dir: folder of runs with the race and the solutions that its planners follow; None: the
             default folder, and for the solutions the folder of the record.
+        parts: texts of the user's own parts that flew, see `parts_of`.
         json: whether the report is JSON.
     """
     stored = read_heat(find_heat(name, runs_dir or FlightSettings.runs_dir))
     with settings_as_flags():
-        spec = spec_of_heat(stored, runs_dir)
-    flown = _flown(spec, quiet=json)
+        spec = spec_of_heat(stored, runs_dir, parts_of(parts))
+    flown, ended = _flown(spec, quiet=json)
+    if ended:
+        raise ended
     if json:
         emit_json(flown.as_json())
     else:
@@ -188,11 +207,16 @@ def _again(name: str, runs_dir: str | None, json: bool) -> int:
     return 0
 
 
-def _flown(spec: HeatSpec, quiet: bool) -> Heat:
-    """Fly the race until it ends or Ctrl-C is pressed.
+def _flown(spec: HeatSpec, quiet: bool) -> tuple[Heat, FirmwareError | None]:
+    """Fly the race until it ends, Ctrl-C is pressed or a vehicle's firmware ends.
 
-    Raises KeyboardInterrupt unless all vehicles have started.
+    Returns:
+        The race, and the error of a firmware that has ended.
+
+    Raises:
+        KeyboardInterrupt, FirmwareError: not all vehicles have started.
     """
+    ended = None
     recorder = HeatRecorder(spec)
     console = progress_console()
     live = None
@@ -207,12 +231,14 @@ def _flown(spec: HeatSpec, quiet: bool) -> Heat:
                 if live and frame.t >= drawn + PERIOD:
                     live.update(_line(spec, recorder, frame.t), refresh=True)
                     drawn = frame.t
+    except FirmwareError as error:
+        ended = error
     finally:
         if live:
             live.stop()
     if not all(map(len, recorder.recorders)):
-        raise KeyboardInterrupt("race heat: interrupted, nothing to keep")
-    return Heat.flown(spec, recorder)
+        raise ended or KeyboardInterrupt("race heat: interrupted, nothing to keep")
+    return Heat.flown(spec, recorder), ended
 
 
 def _line(spec: HeatSpec, recorder: HeatRecorder, t: float) -> str:

@@ -17,6 +17,43 @@ from quadsim.record.exchange import telemetry_csv
 from quadsim.record.mcap_file import mcap_bytes
 from quadsim.record.whole_files import write_whole
 from quadsim.results.heat import Heat
+from quadsim.results.stored_runs import stored_runs
+
+
+def runs(
+    *,
+    course: Annotated[str | None, Help("pattern of the courses to list")] = None,
+    vehicle: Annotated[str | None, Help("pattern of the vehicles to list")] = None,
+    sampler: Annotated[str | None, Help("pattern of the samplers to list")] = None,
+    preset: Annotated[str | None, Help("pattern of the presets to list")] = None,
+    pilot: Annotated[str | None, Help("pattern of the learned pilots to list")] = None,
+    seed: Annotated[int | None, Help("seed of the runs to list")] = None,
+    outcome: Annotated[str | None, Help("outcome of the runs to list")] = None,
+    runs_dir: RunsDir = "runs",
+    json: Json = False,
+) -> int:
+    """List the stored runs and races of several vehicles, the oldest first.
+
+    A race is listed if any of its entrants fits.
+
+    race runs --course 'split_s*' --outcome finished
+    """
+    found = stored_runs(
+        runs_dir,
+        course=course,
+        vehicle=vehicle,
+        sampler=sampler,
+        preset=preset,
+        pilot=pilot,
+        seed=seed,
+        outcome=outcome,
+    )
+    if json:
+        damaged = {str(path): problem for path, problem in found.damaged.items()}
+        emit_json({"runs": [row.as_json() for row in found], "damaged": damaged})
+    else:
+        emit(*map(escape, found.by_name().splitlines()))
+    return 0
 
 
 def show(run: Stored = "last", /, *, runs_dir: RunsDir = "runs", json: Json = False) -> int:

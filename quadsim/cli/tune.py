@@ -60,6 +60,9 @@ def tune(
     expect_writable(Path(out).parent)
     with settings_as_flags():
         base = Variant("base", resolve(course, settings or {}))
+    for name in ("pilot", "controller"):
+        if getattr(base.spec, name) is not None:
+            raise UsageError(f"--{name}: expected none, as the search is for the planner's numbers")
     sampler = base.spec.sampler
     space = list(parameters(base.spec.planner, search))
     if not space:

@@ -15,8 +15,8 @@ from quadsim.config.parts import check_part, is_registered
 from quadsim.config.settings import CONTROL_UNITS, LINK, PlantName, SettingError
 from quadsim.dynamics.quadrotor import Control
 from quadsim.files.yaml_errors import shown_value
-from quadsim.firmware.configuration import Text
 from quadsim.firmware.process import MAIN_LOOP
+from quadsim.firmware.text import Text
 from quadsim.physics.faults import CommandLoss, RotorFault, parse_fault, sensor_key
 from quadsim.physics.link import WIRE, LinkConfig
 from quadsim.racing.flight import whole_multiple
@@ -91,6 +91,13 @@ def check_view(view_weight: float, sensing: Sensing | None) -> None:
     if view_weight and not (sensing and sensing.camera):
         wanted = "expected a sensing with a camera"
         raise SettingError("view_weight", f"{wanted}, got {sensing_name(sensing)}")
+
+
+def check_record_sensing(record_sensing: bool, sensing: Sensing | None) -> None:
+    """Check that a flight whose sensing is to be kept has sensors. Raises SettingError."""
+    if record_sensing and sensing is None:
+        wanted = "expected a sensing with sensors beside it"
+        raise SettingError("record_sensing", f"{wanted}, got {PERFECT}")
 
 
 def check_planner(planner: Planner) -> None:

@@ -11,6 +11,9 @@ from __future__ import annotations
 FIRST_NAMES = {
     "controllers.costs.cost": "controllers.costs",
     "quadsim.config": "quadsim.spec",
+    "quadsim.config.build_cost": "quadsim.spec.build",
+    "quadsim.config.build_navigation": "quadsim.spec.build",
+    "quadsim.config.build_plant": "quadsim.spec.build",
     "quadsim.config.checks": "quadsim.spec.spec",
     "quadsim.config.resolve": "quadsim.spec.spec",
     "quadsim.course.course_file": "quadsim.course.course",

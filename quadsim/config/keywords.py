@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from quadsim.config.spec import Spec
     from quadsim.course import Course
     from quadsim.dynamics.quadrotor import ModelParams
-    from quadsim.firmware.configuration import Text
+    from quadsim.firmware.text import Text
     from quadsim.physics.plant import Plant
     from quadsim.racing.flight import ControlLaw, Controller, RefereeProtocol
     from quadsim.sensing import Sensing
@@ -34,6 +34,7 @@ class Keywords(TypedDict, total=False):
 
     sampler: str | Sampling | PlainSampler | None
     pilot: str | Path | Pilot | None
+    controller: str | Controller | ControlLaw | Callable[[Spec], Controller | ControlLaw] | None
     preset: str | Path | None
     vehicle: str | Path | Vehicle | None
     thrust_to_weight: float | None
@@ -55,10 +56,12 @@ class Keywords(TypedDict, total=False):
     link_latency: float | None
     link_loss: float | None
     link_burst: float | None
+    predict: bool | None
     clock: Literal["simulated", "wall"] | None
     deadline_ms: float | None
     threads: int | None
     blackbox: str | None
+    record_sensing: bool | None
     runs_dir: str | Path | None
     sigma: Numbers | None
     gamma: Numbers | None
@@ -116,5 +119,4 @@ class Keywords(TypedDict, total=False):
     model: ModelParams | None
     terms: Sequence[Term | tuple[Callable[..., Any], float | NDArray[Any]]] | None
     cost: Cost | Callable[[Cost], Cost] | None
-    controller: Controller | ControlLaw | Callable[[Spec], Controller | ControlLaw] | None
     referee: RefereeProtocol | Callable[[Spec], RefereeProtocol] | None

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from functools import partial
 from importlib import import_module
+from inspect import Parameter, signature
 from math import isfinite
 from pathlib import Path
 from types import FunctionType
@@ -32,6 +33,8 @@ DEEPEST = 12  # levels of objects within each other that a run stores
 LARGE = 1000  # a run stores only the shape of an array of more numbers than this
 # role of the user's own object -> the method that it needs
 METHODS = {"plant": "step", "controller": "control", "referee": "observe"}
+# Kinds of parameters that take an argument by its place
+BY_PLACE = (Parameter.POSITIONAL_ONLY, Parameter.POSITIONAL_OR_KEYWORD)
 # The errors that a user's own module may end in when it is imported.
 UNIMPORTABLE = (Exception, SystemExit)
 
@@ -52,7 +55,7 @@ def check_part(role: str, part: object) -> None:
 
 
 def is_maker(role: str, part: object) -> bool:
-    """Return whether a part is called with the Spec to make the object of its role.
+    """Return whether a part is called to make the object of its role for a flight.
 
     A maker is a class, or anything else that can be called and lacks the method of the role: a
     function, a bound method, a functools.partial or an object with `__call__`.
@@ -63,38 +66,55 @@ def is_maker(role: str, part: object) -> bool:
 def made(role: str, part: Any, spec: object) -> Any:
     """Return the part itself, or the object that its maker makes for this flight.
 
+    A maker is called with the Spec, unless it can be called without arguments and none of its
+    parameters is named `spec`.
+
     Args:
         role: one of METHODS.
         part: the part, or its maker.
-        spec: the Spec that a maker is called with.
+        spec: the Spec.
 
     Raises:
         SettingError: a maker returns an object without the method of its role.
     """
     if part is None or not is_maker(role, part):
         return part
-    found = called(role, part, "the Spec", spec)
+    found = called(role, part, "the Spec", *([spec] if _takes_spec(part) else []))
     if isinstance(found, type) or not _has_method(role, found):
         wanted = f"expected {shown_value(part)} to return an object with {METHODS[role]!r}"
         raise SettingError(role, f"{wanted}, got {shown_value(found)}")
     return found
 
 
-def called(role: str, function: Callable[[Any], Any], name: str, argument: object) -> Any:
-    """Return what the user's function returns for one argument.
+def _takes_spec(maker: Callable[..., object]) -> bool:
+    """Return whether a maker is called with the Spec, see `made`."""
+    try:
+        parameters = signature(maker).parameters.values()
+    except (TypeError, ValueError):  # one of C
+        return True
+    return any(
+        one.kind is one.VAR_POSITIONAL
+        or one.name == "spec"
+        or (one.kind in BY_PLACE and one.default is one.empty)
+        for one in parameters
+    )
+
+
+def called(role: str, function: Callable[..., Any], name: str, *arguments: object) -> Any:
+    """Return what the user's function returns for one argument, or for none.
 
     Args:
         role: the setting that the function was given for.
         function: the function.
         name: of the argument, for the error.
-        argument: the argument.
+        arguments: the argument, if the function is called with one.
 
     Raises:
         SettingError: the function cannot be called with one argument of this type. What the user's
             own lines raise is not changed.
     """
     try:
-        return function(argument)
+        return function(*arguments)
     except TypeError as error:
         # An error of the call itself, or of a function of C, comes from no further line of Python.
         if error.__traceback__ is not None and error.__traceback__.tb_next is not None:
@@ -179,6 +199,28 @@ def own_sampler(given: object) -> Sampler | None:
             raise
         wanted = f"expected package.module:Class without arguments, got {given!r}"
         raise SettingError("sampler", f"{wanted}: {reason(error)}") from None
+
+
+def own_controller(given: object) -> Any:
+    """Return a controller, or its maker, given as an object or as "package.module:Class".
+
+    Raises:
+        SettingError: there is no such controller.
+    """
+    if not isinstance(given, str):
+        return given
+    wanted = f"expected package.module:Class, got {given!r}"
+    if ":" not in given:
+        raise SettingError("controller", wanted)
+    try:
+        found = _imported(given)
+    except UNIMPORTABLE as error:
+        raise SettingError("controller", f"{wanted}: {reason(error)}") from None
+    if isinstance(found, type) and not _has_method("controller", found):
+        problem = f"the class has no method {METHODS['controller']!r}"
+        raise SettingError("controller", f"{wanted}: {problem}")
+    check_part("controller", found)
+    return found
 
 
 def reason(error: BaseException) -> str:

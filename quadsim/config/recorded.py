@@ -17,7 +17,13 @@ from controllers.presets import Planner
 from controllers.samplers import SAMPLERS, Sampling
 from quadsim.config.changes import planner_after
 from quadsim.config.checks import PLANTS
-from quadsim.config.parts import own_sampler, term_of_text, terms_of
+from quadsim.config.parts import (
+    describe,
+    own_controller,
+    own_sampler,
+    term_of_text,
+    terms_of,
+)
 from quadsim.config.reference import followed_problem, followed_reference
 from quadsim.config.settings import LINK, SETTINGS, FlightNumbers, HostSettings
 from quadsim.config.spec import ALWAYS, Spec
@@ -25,7 +31,7 @@ from quadsim.course import Course, parse_course
 from quadsim.files.exact_json import exactly
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.values import checked
-from quadsim.firmware.configuration import Text
+from quadsim.firmware.text import Text
 from quadsim.racing.hand import HAND
 from quadsim.record.run import canonical, hostless, own_parts
 from quadsim.record.schema import FlownSpec, NumberChange
@@ -37,6 +43,26 @@ HOST = tuple(f.name for f in fields(HostSettings))
 
 class RecordError(FileError):
     """A recorded flight cannot be flown again. One line: which part of it, and what to do."""
+
+
+class MissingPartError(RecordError):
+    """A recorded flight needs a part of the user's own, which was not given.
+
+    Attributes:
+        role: the role of the part.
+        what: the first part of the message, without what to do.
+    """
+
+    def __init__(self, role: str, how: str):
+        """Describe a missing part.
+
+        Args:
+            role: its role.
+            how: what to do.
+        """
+        self.role = role
+        self.what = f"{role}: the flight had one of your own, whose code is not in the record"
+        super().__init__(f"{self.what}; {how}")
 
 
 def spec_of_record(record: Mapping[str, Any], runs_dir: str | None = None, **own: object) -> Spec:
@@ -101,6 +127,8 @@ def recorded_spec(record: Mapping[str, Any], settings: Mapping[str, Any]) -> Spe
     if term is not None:
         texts = [term] if isinstance(term, str) else term
         own["terms"] = tuple(map(term_of_text, texts))
+    if "controller" in own:
+        own["controller"] = _own_controller(own["controller"], record["own"]["controller"])
     if runs_dir is not None:
         runs_dir = str(checked("runs_dir", runs_dir, SETTINGS["runs_dir"].kind))
     # The pilot that flew may lie somewhere else by now
@@ -131,16 +159,33 @@ def sorted_settings(
 def _check_own(described: set[str], own: Mapping[str, object]) -> None:
     """Raise RecordError unless the user's own parts are the parts that the record has."""
     for role in sorted(described - own.keys()):
-        what = "of your own, whose code is not in the record"
         how = f"give it again as {role}=..."
-        if role in ("sampler", "terms"):
+        if role in ("sampler", "terms", "controller"):
             how += f", or --{role.removesuffix('s')}"
         if role == "course":
             # `quadsim.fly` takes the record in the course's place
             how = "fly spec_of_record(run.spec, course=...) of quadsim.config.recorded"
-        raise RecordError(f"{role}: the flight had one {what}; {how}")
+        raise MissingPartError(role, how)
     for role in sorted(own.keys() - described):
         raise RecordError(f"{role}: expected none, as the recorded flight had none of its own")
+
+
+def _own_controller(given: object, described: object) -> object:
+    """Return the controller that was given for a recorded one.
+
+    A text names its class; the flight may have been given the class or an object of it.
+
+    Raises:
+        SettingError: there is no such controller.
+    """
+    found = own_controller(given)
+    if not isinstance(given, str) or not isinstance(found, type) or describe(found) == described:
+        return found
+    try:
+        one = found()
+    except TypeError:  # it needs arguments, which only the user's own program knows
+        return found
+    return one if describe(one) == described else found
 
 
 def _numbers(record: Mapping[str, Any], read: FlownSpec) -> dict[str, Any]:

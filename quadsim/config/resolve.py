@@ -24,16 +24,18 @@ from quadsim.course import Course
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.values import checked
 from quadsim.files.yaml_errors import did_you_mean, shown_value
-from quadsim.firmware.configuration import Text, read_text, shipped_configuration
+from quadsim.firmware.text import Text, read_text, shipped_configuration
 from quadsim.sensing import Sensing
 from quadsim.vehicle import Vehicle
 
 DEFAULT_COURSE = "split_s_swift"
 # Keywords that take an object and are not settings.
-OBJECTS = ("course", "planner", "model", "controller", "referee", "cost", "terms")
+OBJECTS = ("course", "planner", "model", "referee", "cost", "terms")
 KEYWORDS = (*SETTINGS, *OBJECTS)
 # Settings that take an object in place of a name
-OBJECT_SETTINGS = ("sampler", "pilot", "vehicle", "sensing", "plant", "preset", "betaflight")
+OBJECT_SETTINGS = (
+    *("sampler", "pilot", "controller", "vehicle", "sensing", "plant", "preset", "betaflight"),
+)
 # Physics step with the firmware: its gyro and its link are exchanged in each [s]
 FIRMWARE_STEP = 1e-3
 

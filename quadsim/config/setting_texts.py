@@ -4,6 +4,7 @@
     race+target-ess=200           presets, samplers and settings, joined by +
     gaussian+sigma=3:3:.6:6       several numbers are joined by colons
     race+term=mine:calm=50        a cost term of one's own and its weight
+    controller=mine:Pid           a controller of one's own in the planner's place
     race+fault=rotor2=.5@3        a fault in flight; faults and terms may be repeated
     split_s.npz                   a learned pilot in the planner's place: a file, or split_s_swift
 
@@ -29,7 +30,12 @@ from quadsim.files.yaml_errors import did_you_mean
 
 Place = str | Path | Course  # a course by name, a FILE.yaml, or the course itself
 Settings = Mapping[str, Any]  # name of a setting of `quadsim.fly` -> its value, or a text for it
-WITH_COLONS = ("sampler", "term", "fault")  # settings whose text may have colons of its own
+WITH_COLONS = (
+    "sampler",
+    "controller",
+    "term",
+    "fault",
+)  # settings whose text may have colons of its own
 REPEATED = ("term", "fault")  # settings that a text may have several times
 SWITCH = {"yes": True, "no": False}
 

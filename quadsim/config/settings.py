@@ -1,8 +1,9 @@
 """The settings of a flight: one table, made from annotated dataclasses.
 
 A setting is a field of one of the dataclasses below. Its annotation holds its help, its unit and
-its range. Everything else follows from it: the key of a preset file, the flag of `race fly`, the
-keyword of `quadsim.fly`, the slider of the page, and the error for a value that does not fit.
+its range. Everything else follows from it: the flag of `race fly`, the keyword of `quadsim.fly`,
+and the error for a value that does not fit. A number of the planner is a key of a preset file and a
+slider of the page as well.
 """
 
 from __future__ import annotations
@@ -54,6 +55,10 @@ class PartSettings:
     pilot: Annotated[
         str | None, setting("learned pilot in the planner's place: FILE.npz or split_s_swift")
     ] = None
+    controller: Annotated[
+        str | None,
+        setting("controller of your own in the planner's place, package.module:Class"),
+    ] = None
     preset: Annotated[str, setting("source of the planner's numbers: a name or a FILE.yaml")] = (
         "race"
     )
@@ -96,7 +101,9 @@ class PartSettings:
 class FlightNumbers:
     """The settings that a Spec holds as they are given, and that a run records.
 
-    A new one needs no more than its field here and the place where it acts.
+    A new one needs its field here and the place where it acts, then `make fix`, which writes the
+    keywords and the tables of the documentation, and a value in
+    `test_every_number_of_a_flight_is_recorded_and_read`.
     """
 
     seed: Annotated[int, setting("random seed", ge=0, le=10**9)] = 0
@@ -135,6 +142,13 @@ class FlightNumbers:
         BurstLength | None,
         setting("mean number of frames lost in a row (default: they are lost independently)"),
     ] = None
+    predict: Annotated[
+        bool,
+        setting(
+            "gives the controller the state in which its command will act, predicted by the"
+            " planner's model; off: the state as measured"
+        ),
+    ] = True
     clock: Annotated[
         Clock, setting("simulated: planning takes no time; wall: the flight continues meanwhile")
     ] = "simulated"
@@ -154,6 +168,9 @@ class HostSettings:
     blackbox: Annotated[
         str | None, setting("keeps the firmware's own log of the flight, FILE.bbl (default: none)")
     ] = None
+    record_sensing: Annotated[
+        bool, setting("keeps every measurement of the sensors, and what the estimator made of it")
+    ] = False
     runs_dir: Annotated[str, setting("folder of runs and of the solutions of race limit")] = "runs"
 
 

@@ -25,6 +25,7 @@ from quadsim.config.checks import (
     check_period,
     check_planner,
     check_plant,
+    check_record_sensing,
     check_reference,
     check_type,
     check_view,
@@ -34,6 +35,7 @@ from quadsim.config.parts import (
     describe,
     describe_term,
     is_registered,
+    own_controller,
     plain,
     sampler_name,
     term_of_text,
@@ -69,9 +71,9 @@ from quadsim.course import Course, Start, load_course
 from quadsim.course.course import is_described
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.values import checked, kinds_of
-from quadsim.firmware.configuration import Text
-from quadsim.firmware.identified import identified
+from quadsim.firmware.identified import model_behind
 from quadsim.firmware.package import built_firmware
+from quadsim.firmware.text import Text
 from quadsim.physics.domain_randomization import Randomization, displaced, draw
 from quadsim.physics.faults import (
     Fault,
@@ -114,6 +116,13 @@ OTHER_FORMS = {
 }
 # Numbers of the model that were added later; older runs lack them
 ADDED = ("yaw_first", "rate_lag", "delay")
+# Numbers of an inertial unit that were added later
+ADDED_TO_IMU = (
+    "gyro_scale",
+    "gyro_misalignment_deg",
+    "accelerometer_scale",
+    "accelerometer_misalignment_deg",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -309,7 +318,7 @@ class Spec(FlightNumbers, HostSettings):
         # Parts that a flight does not use are left out.
         used = {
             "start": plain(self.start),
-            "sensing": plain(self.sensing),
+            "sensing": _of_sensing(self.sensing),
             "view_weight": self.view_weight,
             "faults": [str(fault) for fault in self.faults],
             "drawn_faults": [str(fault) for fault in self.drawn_faults],
@@ -382,6 +391,21 @@ def _of_model(model: ModelParams) -> dict[str, Any]:
     return {name: number for name, number in numbers.items() if number != nominal.get(name, ...)}
 
 
+def _of_sensing(sensing: Sensing | None) -> dict[str, Any] | None:
+    """Return the sensors as a record has them, without numbers in ADDED_TO_IMU at their defaults.
+
+    So records and their hashes stay the same.
+    """
+    if sensing is None:
+        return None
+    record: dict[str, Any] = plain(sensing)
+    if sensing.imu is not None:
+        for field in fields(sensing.imu):
+            if field.name in ADDED_TO_IMU and getattr(sensing.imu, field.name) == field.default:
+                del record["imu"][field.name]
+    return record
+
+
 def _of_firmware(text: Text | None) -> dict[str, Any] | None:
     """Return the configuration and the firmware that reads it, as a record has them."""
     if text is None:
@@ -411,6 +435,7 @@ def validate(spec: Spec) -> None:
     check_period(dt, spec.plant_dt)
     check_planner(spec.planner)
     check_view(spec.view_weight, spec.sensing)
+    check_record_sensing(spec.record_sensing, spec.sensing)
     if isinstance(spec.planner.cost, ReferenceWeights):
         check_beside_reference(spec.displace_gates, spec.view_weight)
         problem = followed_problem(spec.course, spec.vehicle, spec.laps, spec.planner.cost)
@@ -438,6 +463,9 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
     course = loaded_part(given, "course", Course, load_course, DEFAULT_COURSE, read)
     own_pilot = given.get("pilot")
     pilot = None if own_pilot is None else given_part("pilot", own_pilot, Pilot, load_pilot, read)
+    controller = own_controller(given.get("controller"))
+    if controller is not None:
+        read["controller"] = controller
     sensing = loaded_part(given, "sensing", Sensing, load_sensing, PERFECT, read)
     base = base_planner(given, flight, read)
     default_vehicle = pilot.about.vehicle if pilot else base.vehicle
@@ -469,7 +497,7 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
         betaflight=configuration,
         terms=(*terms_of(() if own_terms is None else own_terms), *map(term_of_text, flight.term)),
         cost=given.get("cost"),
-        controller=given.get("controller"),
+        controller=controller,
         referee=given.get("referee"),
         reference=reference,
         settings=settings,
@@ -477,6 +505,6 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
     )
     # The spec is checked by now: what can never fly is refused before the firmware is asked for.
     if configuration is not None and given.get("model") is None:
-        found = identified(vehicle, configuration, spec.plant_dt, planner.mppi.dt).model(vehicle)
+        found = model_behind(vehicle, configuration, spec.plant_dt, planner.mppi.dt)
         return replace(spec, model=with_settings("model", found, given), settings=settings)
     return spec

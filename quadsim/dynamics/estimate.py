@@ -31,7 +31,8 @@ class Estimate:
 
     # time at which the control is asked for [s]
     t: float
-    # state in which the control will act, later than t if commands act late  (n_x,)
+    # state in which the control will act, later than t if commands act late; with `predict=False`
+    # in a flight the state as measured  (n_x,)
     x: np.ndarray
     # gates passed by then since the start: the row of the cost's targets
     target: int = 0
@@ -45,9 +46,16 @@ class Estimate:
     others: tuple[OtherVehicle, ...] = ()
     # when the flight started, in the time of these paths [s]
     start_time: float = 0.0
+    # the present state as it is measured or estimated, before any prediction; None: x  (n_x,)
+    measured: np.ndarray | None = None
+    # whether x is the state at `acts`; False: x is the state as measured
+    predicted: bool = True
 
     @property
     def begins(self) -> float:
-        """When a plan from this estimate begins to act, in the time of the others' paths [s]."""
-        acts = self.t if self.acts is None else self.acts
+        """The time of the state x, from which a plan begins, in the time of the others' paths [s].
+
+        It is when the control will act, unless x is the state as measured.
+        """
+        acts = self.t if self.acts is None or not self.predicted else self.acts
         return self.start_time + acts

@@ -12,7 +12,8 @@ import numpy as np
 class ExpectedPath:
     """A path that a vehicle is expected to fly.
 
-    It keeps a copy of the positions that cannot be written to.
+    It keeps a copy of the positions that cannot be written to. The path goes on straight beyond its
+    ends; a path that ends at a place has this place as its last two positions.
 
     Examples:
         >>> import numpy as np
@@ -53,6 +54,6 @@ class ExpectedPath:
 class OtherVehicle(NamedTuple):
     """Another vehicle of a race, as it is known."""
 
-    # its number in the race, from 0
+    # its index in the race, from 0
     number: int
     path: ExpectedPath

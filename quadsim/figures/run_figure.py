@@ -21,8 +21,9 @@ from quadsim.figures.course import (
 )
 from quadsim.figures.notebook_figure import NotebookFigure
 from quadsim.figures.style import STYLE, line
-from quadsim.palette import FINE, HIT, INK, LIMIT, MARK, style
+from quadsim.palette import FINE, HIT, INK, LIMIT, MARK, SPARE, style
 from quadsim.physics.faults import parse_fault
+from quadsim.record.estimate_metrics import estimate_errors
 from quadsim.record.limits import StoredSolution
 from quadsim.record.metrics import motor_corner, motor_tau, speed, thrust_psd
 from quadsim.record.run import RecordedRun, flown_with, not_comparable
@@ -49,6 +50,8 @@ MARKS = {
 # Line widths, such that both lines are visible if they coincide
 COMMANDED = 2.0
 DELIVERED = 0.8
+# Of an estimate beside the truth
+ESTIMATE = SPARE[0].colour
 # Smallest number of frames of a spectrum
 FEWEST = 16
 # Largest number of laps in a title
@@ -68,9 +71,14 @@ def draw(run: RecordedRun, limit: StoredSolution | None = None) -> Figure:
         left, right = figure.subfigures(1, 2, width_ratios=(1.25, 1), squeeze=False)[0]
         draw_views(left, run, course, limit)
         over_time, over_frequency = right.subfigures(2, 1, height_ratios=(3.9, 1.8))
-        thrust, *rates = over_time.subplots(4, 1, height_ratios=(1.5, 0.8, 0.8, 0.8), sharex=True)
+        sensed = has_estimate(run)
+        heights = (1.5, 0.8, 0.8, 0.8, *([0.8] if sensed else []))
+        thrust, *rows = over_time.subplots(len(heights), 1, height_ratios=heights, sharex=True)
         draw_thrust(thrust, run)
-        draw_rates(rates, run)
+        draw_rates(rows[:3], run)
+        if sensed:
+            draw_estimate_error(rows[3], run)
+        rows[-1].set_xlabel("t [s]")
         draw_spectrum(over_frequency.subplots(), run)
         figure.suptitle(title(run), x=0.012, ha="left", fontsize=12)
     return figure
@@ -162,11 +170,36 @@ def draw_view(
     lines = draw_path(axes, positions(run)[:, plane], speed(run))
     draw_gates(axes, course, plane, scale)
     draw_obstacles(axes, course, plane, scale)
+    if has_estimate(run):
+        draw_estimate(axes, run, plane)
     draw_events(axes, run, plane)
     horizontal, vertical = ("xyz"[axis] for axis in plane)
     axes.set(xlabel=f"{horizontal} [m]", ylabel=f"{vertical} [m]")
     axes.margins(0.07)
     return lines
+
+
+def has_estimate(run: RecordedRun) -> bool:
+    """Return whether a run flew on sensors."""
+    return "est_px" in run.telemetry
+
+
+def draw_estimate(axes: Axes, run: RecordedRun, plane: tuple[int, int]) -> None:
+    """Draw the estimated path in the view of these world axes, and the measured poses if kept."""
+    x = run.telemetry
+    estimated = np.stack([x["est_px"], x["est_py"], x["est_pz"]], axis=1)
+    if run.measurements and "pose.position" in run.measurements:
+        measured = run.measurements["pose.position"]
+        look: dict[str, Any] = {"color": MARK, "markersize": 2.0, "zorder": 1.5}
+        axes.plot(*measured[:, plane].T, ".", label="measured poses", **look)
+    axes.plot(
+        *estimated[:, plane].T,
+        color=ESTIMATE,
+        linestyle="--",
+        linewidth=1.0,
+        zorder=3,
+        label="estimate",
+    )
 
 
 def draw_path(axes: Axes, points: np.ndarray, speed: np.ndarray) -> LineCollection:
@@ -234,7 +267,24 @@ def draw_rates(rows: Sequence[Axes], run: RecordedRun) -> None:
         axes.set_ylabel(name)
         axes.label_outer()
     rows[0].set_title("body rates [rad/s]")
-    rows[-1].set_xlabel("t [s]")
+
+
+def draw_estimate_error(axes: Axes, run: RecordedRun) -> None:
+    """Draw how far the estimated position is off over time, and what the estimator expects.
+
+    The expected error is the root of the trace of the position's covariance.
+    """
+    x = run.telemetry
+    off = np.linalg.norm(estimate_errors(run), axis=1)
+    expected = np.sqrt(x["cov_xx"] + x["cov_yy"] + x["cov_zz"])
+    axes.plot(x["t"], off, color=ESTIMATE, linewidth=COMMANDED, label="off the true position")
+    axes.plot(x["t"], expected, color=INK, linewidth=DELIVERED, label="standard deviation")
+    draw_faults(axes, run)
+    axes.margins(x=0.01)
+    axes.set_ylim(bottom=0.0)
+    axes.set_title("estimated position [m]")
+    axes.legend(loc="upper left", ncols=2)
+    axes.label_outer()
 
 
 def _draw_pair(axes: Axes, run: RecordedRun, commanded: str, delivered: str) -> None:

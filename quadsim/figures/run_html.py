@@ -8,6 +8,8 @@ from quadsim.course import parse_course
 from quadsim.figures.html import block, facts, image, paragraph, text
 from quadsim.figures.run_figure import draw_map
 from quadsim.files.strict_yaml import FileError
+from quadsim.record.estimate_metrics import lost_estimate
+from quadsim.record.given_state import given_state
 from quadsim.record.run import RecordedRun, flown_with, not_comparable
 from quadsim.record.run_metrics import RunMetrics
 from quadsim.record.run_text import (
@@ -39,6 +41,9 @@ def _facts(run: RecordedRun, metrics: RunMetrics) -> Iterator[tuple[str, str]]:
     """Yield the rows of the table beside the picture."""
     laps = f"{len(run.laps)} of {run.spec['laps']} laps in {run.duration:.3f} s"
     yield "outcome", f"{run.outcome}, {laps}{crash_place(run)}"
+    for name, line in (("state", given_state(run.spec)), ("estimate", lost_estimate(run))):
+        if line:
+            yield name, line.removeprefix(f"{name} ")
     if run.laps:
         yield "lap times", lap_times(run)
     if metrics.above_limit is not None:

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple, TypeVar, get_args, get_type_hints
 import numpy as np
 from msgspec import Meta, inspect
 
+from quadsim.files.scalars import decimal_number, is_in_range, truth_value, whole_number
 from quadsim.files.yaml_errors import cut, expected, limits, shown_value, unless_null
-from quadsim.files.yaml_values import DECIMAL, WHOLE
 
 Kind = inspect.Type  # type, range and unit of a value, as msgspec reads an annotation
 Number = TypeVar("Number", int, float)
@@ -160,27 +160,24 @@ def _read(given: object, kind: Kind) -> object:
 
 
 def _truth(given: object) -> bool:
-    if isinstance(given, bool):
-        return given
-    if isinstance(given, str) and given.lower() in ("true", "false"):
-        return given.lower() == "true"
+    found = truth_value(given) if isinstance(given, str) else given
+    if isinstance(found, bool):
+        return found
     raise _Unfit
 
 
 def _whole(given: object) -> int:
-    if isinstance(given, str) and WHOLE.fullmatch(given) and isfinite(float(given)):
-        return int(given)
-    if isinstance(given, int) and not isinstance(given, bool):
-        return given
+    found = whole_number(given) if isinstance(given, str) else given
+    if isinstance(found, int) and not isinstance(found, bool):
+        return found
     raise _Unfit
 
 
 def _number(given: object) -> float:
-    if isinstance(given, str) and DECIMAL.fullmatch(given):
-        given = float(given)
-    if isinstance(given, int | float) and not isinstance(given, bool):
+    found = decimal_number(given) if isinstance(given, str) else given
+    if isinstance(found, int | float) and not isinstance(found, bool):
         try:
-            number = float(given)
+            number = float(found)
         except OverflowError:
             raise _Unfit from None
         if isfinite(number):
@@ -204,9 +201,7 @@ def _items(given: object) -> list[object]:
 
 def _within(number: Number, kind: inspect.IntType | inspect.FloatType) -> Number:
     """Return the number. Raises _Unfit if it lies outside the range of its kind."""
-    above = (kind.ge is None or number >= kind.ge) and (kind.gt is None or number > kind.gt)
-    below = (kind.le is None or number <= kind.le) and (kind.lt is None or number < kind.lt)
-    if not (above and below):
+    if not is_in_range(number, kind):
         raise _Unfit
     return number
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping, Sequence
-from math import isfinite
 from typing import Any
 
 import yaml
 from msgspec import inspect
 
+from quadsim.files.scalars import decimal_number, is_in_range, truth_value, whole_number
 from quadsim.files.yaml_errors import (
     LONGEST,
     TEXT,
@@ -27,9 +27,6 @@ from quadsim.files.yaml_errors import (
     unit_of,
     unless_null,
 )
-
-DECIMAL = re.compile(r"[-+]?((0|[1-9]\d*)(\.\d*)?|\.\d+)([eE][-+]?\d+)?", re.ASCII)
-WHOLE = re.compile(r"[-+]?(0|[1-9]\d*)", re.ASCII)
 
 
 class Misfit(Exception):  # noqa: N818 (strict_yaml makes a FileError of it, with the file's name)
@@ -66,12 +63,12 @@ def value(node: yaml.Node, kind: Any, path: str = "", unit: str = "") -> Any:
             return _mapping(node, kind, path)
         case inspect.TupleType() | inspect.VarTupleType() if isinstance(node, yaml.SequenceNode):
             return _sequence(node, kind, path, unit)
-        case inspect.FloatType() if DECIMAL.fullmatch(unquoted) and isfinite(float(unquoted)):
-            return _within_range(float(unquoted), node, kind, path, unit)
-        case inspect.IntType() if WHOLE.fullmatch(unquoted) and isfinite(float(unquoted)):
-            return _within_range(int(unquoted), node, kind, path, unit)
-        case inspect.BoolType() if unquoted.lower() in ("true", "false"):
-            return unquoted.lower() == "true"
+        case inspect.FloatType() if (number := decimal_number(unquoted)) is not None:
+            return _within_range(number, node, kind, path, unit)
+        case inspect.IntType() if (number := whole_number(unquoted)) is not None:
+            return _within_range(number, node, kind, path, unit)
+        case inspect.BoolType() if (truth := truth_value(unquoted)) is not None:
+            return truth
         case inspect.StrType() if node.tag == TEXT and re.search(kind.pattern or "", text):
             return text
         case inspect.LiteralType() if text in kind.values:
@@ -159,9 +156,7 @@ def descend(node: yaml.Node, path: str) -> yaml.Node:
 
 def _within_range(number: float, node: yaml.Node, kind: Any, path: str, unit: str) -> float:
     """Return the number. Raises Misfit where it is out of its range."""
-    high_enough = (kind.ge is None or number >= kind.ge) and (kind.gt is None or number > kind.gt)
-    low_enough = (kind.le is None or number <= kind.le) and (kind.lt is None or number < kind.lt)
-    if not (high_enough and low_enough):
+    if not is_in_range(number, kind):
         wanted = f"expected {expected(kind, unit)} {limits(kind)}"
         raise Misfit(node.start_mark, path, f"{wanted}, got {node.value[:LONGEST]}")
     return number

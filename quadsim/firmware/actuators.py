@@ -20,16 +20,10 @@ from numpy.random import SeedSequence, default_rng
 
 from quadsim.dynamics.quadrotor import Control
 from quadsim.files.atomic import replace_file
-from quadsim.firmware.configuration import (
-    AXES,
-    BOOT,
-    THROTTLE,
-    Configuration,
-    expect_armed,
-    idle_channels,
-)
+from quadsim.firmware.configuration import AXES, BOOT, THROTTLE, Configuration, expect_armed
 from quadsim.firmware.package import Built
 from quadsim.firmware.process import LOW, Firmware, FirmwareError
+from quadsim.firmware.switches import FIRST_AUX
 from quadsim.physics.actuators import (
     Motors,
     Wrench,
@@ -126,7 +120,7 @@ class BetaflightActuators:
         self.angular_acceleration: Vec3 = STILL
         # specific force in the body frame [m/s^2]
         self._specific_force: Vec3 = (0.0, 0.0, GRAVITY)
-        self._channels = idle_channels()
+        self._channels = configuration.switches.channels()
         self._log = log
         self._noise_std = np.zeros(6)
         self._random = None
@@ -145,7 +139,7 @@ class BetaflightActuators:
         standing = (STILL, self._specific_force, LEVEL)
         every = self._link.frame_steps
         self._firmware.step(*standing, self._channels, round(BOOT / self._dt), every)
-        self._channels[self._configuration.arm_channel] = self._configuration.arm_pulse
+        self._channels[FIRST_AUX:] = self._configuration.switches.flight
         half = round(0.5 * READY / self._dt)
         expect_armed(self._firmware.step(*standing, self._channels, half, every))
         self._set_sticks(HOVER)
@@ -238,7 +232,7 @@ class BetaflightActuators:
 
     def _keep_log(self, path: Path) -> None:
         """Disarm, so that the firmware closes its log, and keep the log. Raises FirmwareError."""
-        self._channels[self._configuration.arm_channel] = LOW
+        self._channels[FIRST_AUX:] = self._configuration.switches.idle
         standing = (STILL, self._specific_force, LEVEL)
         with suppress(FirmwareError):  # the firmware has ended and closed its log
             self._firmware.step(*standing, self._channels, round(LOG_END / self._dt))

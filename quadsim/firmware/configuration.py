@@ -20,130 +20,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quadsim.files.strict_yaml import FileError
 from quadsim.firmware.package import FIRMWARE_VERSION
 from quadsim.firmware.process import HIGH, LOW, MIDDLE, Firmware, FirmwareError, Reply
+from quadsim.firmware.switches import FIRST_AUX, Condition, Switches, conditions_of, switches_of
+from quadsim.firmware.text import Text
+from quadsim.firmware.translation import ConfigurationError, Line, Translation, sorted_lines
 from quadsim.rotation import Quaternion, Vec3
-from quadsim.vehicle import GRAVITY, VEHICLES, Vehicle
+from quadsim.vehicle import GRAVITY
 
-LARGEST = 200_000  # characters of a configuration
-SHIPPED = ".betaflight.txt"  # ends the name of the file that comes with a vehicle
-# Lines that have no meaning without the board: pins, ports, screens and transmitters
-COMMANDS_OF_BOARDS = [
-    "resource",
-    "timer",
-    "dma",
-    "serial",
-    "serialpassthrough",
-    "beeper",
-    "beacon",
-    "led",
-    "color",
-    "mode_color",
-    "vtx",
-    "vtxtable",
-    "osd",
-    "board_name",
-    "manufacturer_id",
-    "mcu_id",
-    "signature",
-    "adjrange",
-    "rxfail",
-    "batch",
-    "save",
-    "exit",
-    "defaults",
-    r"feature(?!\s+-?(airmode|anti_gravity|motor_stop|3d)\b)",
-]
-# Settings that exist only on a board: pins and ports as above, telemetry, and filters that follow
-# the noise of motors, which the firmware's simulation target lacks
-SETTINGS_OF_BOARDS = [
-    "osd",
-    "vtx",
-    "vbat",
-    "ibat",
-    "cms",
-    "displayport",
-    "serialrx",
-    "telemetry",
-    "frsky",
-    "crsf",
-    "srxl",
-    "sbus",
-    "hott",
-    "smartport",
-    "beeper",
-    "gps",
-    "mag",
-    "baro",
-    "acc_cal",
-    "craft",
-    "pilot",
-    "name",
-    "ledstrip",
-    "dshot",
-    "use_unsynced",
-    "motor_pwm",
-    "motor_poles",
-    "rpm_filter",
-    "dyn_idle",
-    "rssi",
-    "camera",
-    "rcdevice",
-    "usb",
-    "flash",
-    "sdcard",
-    "pinio",
-    "enable_stick",
-    "stats",
-    "cpu",
-    "vcd",
-    "max7456",
-    "i2c",
-    "esc_sensor",
-    "gyro_1",
-    "gyro_2",
-    "gyro_to",
-    "blackbox",
-    "tri_",
-    "servo",
-    "battery",
-    "current",
-    "force_bat",
-    "task",
-    "timezone",
-    "pwr_on",
-    "transponder",
-    "opticalflow",
-    "rangefinder",
-    "box_user",
-    "scheduler",
-    "adc",
-    "cc2500",
-    "channel_forwarding",
-    "dashboard",
-    "dyn_notch",
-    "expresslrs",
-    "flysky",
-    "gimbal",
-    "ibus",
-    "input_filtering",
-    "led_inversion",
-    "mavlink",
-    "mco",
-    "pid_in_tlm",
-    "report_cell",
-    "rpm_limit",
-    "rx_spi",
-    "sdio",
-    "spektrum",
-    "system_hse",
-    "tlm",
-]
-OF_THE_BOARD = re.compile(
-    rf"#.*|({'|'.join(COMMANDS_OF_BOARDS)})\b.*|set ({'|'.join(SETTINGS_OF_BOARDS)})\w*\b.*",
-    re.IGNORECASE,
-)
 # Settings that the simulation overrides: orientation of the virtual board, order of motors and
 # channels, and the log
 FIXED = (
@@ -155,23 +39,6 @@ FIXED = (
 )
 # Settings that make the firmware write its log from arming on
 LOG = ("set blackbox_device = VIRTUAL", "set blackbox_mode = NORMAL")
-# The firmware's list of modes: channel, lowest and highest pulse of a mode
-MODE = re.compile(r"aux \d+ (?P<mode>\d+) (?P<channel>\d+) (?P<low>\d+) (?P<high>\d+)\b.*")
-ARM_MODE = 0
-# Modes in which the sticks do not command body rates and thrust, by number
-OTHER_STICKS = {
-    1: "ANGLE",
-    2: "HORIZON",
-    3: "ALTHOLD",
-    6: "HEADFREE",
-    11: "POS HOLD",
-    12: "PASSTHRU",
-    27: "FAILSAFE",
-    35: "FLIP OVER AFTER CRASH",
-    46: "GPS RESCUE",
-    47: "ACRO TRAINER",
-    49: "LAUNCH CONTROL",
-}
 SET = re.compile(r"set\s+\w+\s*=\s*(.*?)\s*", re.IGNORECASE)
 TAKEN = re.compile(r"\w+ set to (.*?)\s*$", re.MULTILINE)
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
@@ -180,7 +47,8 @@ NOT_AVAILABLE = "ERR_CMD_NA"
 LONGEST_PROBLEM = 160  # characters of the firmware's own message that an error shows
 
 THROTTLE = 2  # number of the channel
-FIRST_AUX = 4
+LEAST_PULSE = 890.0  # of the throttle; the firmware takes a shorter one as a lost signal [us]
+BELOW_CHECK = 10.0  # of the low throttle below min_check [us]
 AXES = (0, 1, 3)  # channels of roll, pitch and yaw
 STANDING: tuple[Vec3, Vec3, Quaternion] = ((0, 0, 0), (0, 0, GRAVITY), (1, 0, 0, 0))
 PERIOD = 1e-3  # period of the measurement [s]
@@ -224,10 +92,6 @@ ARMING_FLAGS = [
 ]
 
 
-class ConfigurationError(FileError):
-    """The firmware rejects lines of a configuration; the message has one line for each."""
-
-
 @dataclass(frozen=True)
 class Configuration:
     """A configuration that the firmware has read, and the measured stick curves.
@@ -236,12 +100,13 @@ class Configuration:
     """
 
     eeprom: bytes  # the configuration as the firmware stores it
-    arm_channel: int
-    arm_pulse: float  # pulse of the arming switch when on [us]
+    switches: Switches
     positions: np.ndarray  # pulses of a stick [us], rising  (n,)
     rates: np.ndarray  # setpoints at these positions of roll, pitch, yaw [rad/s]  (3, n)
     throttles: np.ndarray  # pulses of the throttle [us], rising  (m,)
     motors: np.ndarray  # motor commands at these pulses, 0..1  (m,)
+    # share of their range that the motors use, above the throttle's where that is limited alone
+    output_limit: float = 1.0
 
     def pulse_for_rate(self, axis: int, rate: float) -> float:
         """Return the pulse of a stick [us] for a body rate [rad/s]; at most the largest one."""
@@ -255,34 +120,6 @@ class Configuration:
         return float(np.interp(motor, self.motors, self.throttles))
 
 
-class Text(NamedTuple):
-    """The text of a configuration."""
-
-    name: str  # of the file
-    lines: tuple[str, ...]
-
-
-def read_text(path: Path) -> Text:
-    """Return the lines of a configuration's file. Raises FileError."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise FileError(f"{path}: expected a text of Betaflight's CLI: {error.strerror}") from None
-    if len(data) > LARGEST:
-        raise FileError(f"{path}: expected at most {LARGEST} bytes, got {len(data)}")
-    try:
-        text = data.decode()
-    except UnicodeDecodeError:
-        raise FileError(f"{path}: expected a text in UTF-8") from None
-    return Text(str(path), tuple(text.splitlines()))
-
-
-def shipped_configuration(vehicle: Vehicle) -> Text | None:
-    """Return the firmware's configuration that comes with a vehicle, None if none does."""
-    path = VEHICLES / f"{vehicle.name.partition('-twr')[0]}{SHIPPED}"
-    return read_text(path) if path.exists() else None
-
-
 @lru_cache(maxsize=16)
 def configured(program: Path, text: Text, motors_reversed: bool) -> Configuration:
     """Return the configuration after the firmware has read a text.
@@ -293,18 +130,23 @@ def configured(program: Path, text: Text, motors_reversed: bool) -> Configuratio
         motors_reversed: whether the propellers turn opposite to Betaflight's default.
 
     Raises:
-        ConfigurationError: the firmware does not know a line, or rejects its value.
+        ConfigurationError: the firmware does not know a line, or rejects its value; or the text is
+            for another airframe, or has no positions of the switches to fly with.
         FirmwareError: the firmware does not arm.
     """
-    eeprom, (channel, pulse) = _read_by_firmware(program, text, motors_reversed)
-    bench = Bench(program, eeprom, channel, pulse)
+    read = _read_by_firmware(program, text, motors_reversed)
+    bench = Bench(program, read.eeprom, read.switches)
     try:
         positions, rates = bench.rates()
         bench.arm()
         throttles, motors = bench.throttle()
+    except FirmwareError as error:
+        raise FirmwareError(f"{text.name}: {error}") from None
     finally:
         bench.close()
-    return Configuration(eeprom, channel, pulse, positions, rates, throttles, motors)
+    return Configuration(
+        read.eeprom, read.switches, positions, rates, throttles, motors, read.output_limit
+    )
 
 
 def with_other_gains(
@@ -321,8 +163,8 @@ def with_other_gains(
     Raises:
         ConfigurationError, FirmwareError: as for `configured`.
     """
-    eeprom, _ = _read_by_firmware(program, text, motors_reversed)
-    return replace(configuration, eeprom=eeprom)
+    read = _read_by_firmware(program, text, motors_reversed)
+    return replace(configuration, eeprom=read.eeprom)
 
 
 @lru_cache(maxsize=16)
@@ -331,40 +173,91 @@ def eeprom_with_log(program: Path, text: Text, motors_reversed: bool) -> bytes:
 
     For arguments and errors see `configured`.
     """
-    eeprom, _ = _read_by_firmware(program, text, motors_reversed, LOG)
-    return eeprom
+    return _read_by_firmware(program, text, motors_reversed, LOG).eeprom
+
+
+class ReadText(NamedTuple):
+    """A text that the firmware has read."""
+
+    eeprom: bytes  # the configuration as the firmware stores it
+    switches: Switches
+    output_limit: float  # share of their range that the motors use
 
 
 def _read_by_firmware(
     program: Path, text: Text, motors_reversed: bool, more: Sequence[str] = ()
-) -> tuple[bytes, tuple[int, float]]:
-    """Return the stored configuration, and channel and pulse of the arming switch.
+) -> ReadText:
+    """Return a text as the firmware has read it.
 
     more: lines that follow the text.
     """
+    translation = sorted_lines(text)
+    problems = [*translation.problems, _problem_with_direction(translation, motors_reversed)]
     firmware = Firmware(program, PERIOD)
     try:
         firmware.command("defaults nosave")
-        problems = []
-        for number, line in enumerate(text.lines, 1):
-            if line.strip() and not OF_THE_BOARD.fullmatch(line.strip()):
-                problems.append(_carry_out(firmware, line.strip(), f"{text.name}:{number}"))
+        for line in translation.lines:
+            place = f"{text.name}:{line.number}" if line.number else text.name
+            problems.append(_carry_out(firmware, line.text, place))
         direction = "ON" if motors_reversed else "OFF"
         for line in (*FIXED, f"set yaw_motors_reversed = {direction}", *more):
             problems.append(_carry_out(firmware, line, "the simulation"))
         if any(problems):
             raise ConfigurationError("\n".join(filter(None, problems)))
-        modes = list(_modes(firmware.command("aux")))
-        arm = _arm_switch(modes, text.name)
-        _check_other_switches(modes, arm, text.name)
-        return firmware.save(), arm
+        conditions = conditions_of(firmware.command("aux"))
+        switches = switches_of(conditions, text.name)
+        switches = switches._replace(throttle=_low_throttle(firmware))
+        _read_enough_channels(firmware, conditions)
+        output_limit = setting_of(firmware, "motor_output_limit") / 100.0
+        return ReadText(firmware.save(), switches, output_limit)
     finally:
         firmware.close()
 
 
+def _problem_with_direction(translation: Translation, motors_reversed: bool) -> str | None:
+    """Return the problem with a line that turns the propellers otherwise than the vehicle's."""
+    line: Line | None = translation.reversed
+    if line is None:
+        return None
+    wanted = "ON" if motors_reversed else "OFF"
+    given = line.text.partition("=")[2].strip().upper()
+    if given == wanted:
+        return None
+    expected = f"expected yaw_motors_reversed = {wanted}, as the vehicle's propellers turn"
+    return f"{translation.name}:{line.number}: {expected}, got {given!r}: correct or remove it"
+
+
+def _low_throttle(firmware: Firmware) -> float:
+    """Return a pulse of the throttle at which the firmware arms [us]."""
+    low = setting_of(firmware, "min_check") - BELOW_CHECK
+    return max(min(LOW, low), LEAST_PULSE)
+
+
+def _read_enough_channels(firmware: Firmware, conditions: Sequence[Condition]) -> None:
+    """Have the firmware read the channels of all switches, as it does on a board."""
+    channels = 1 + max(condition.channel for condition in conditions)
+    if channels > setting_of(firmware, "max_aux_channels"):
+        _carry_out(firmware, f"set max_aux_channels = {channels}", "the simulation")
+
+
+def setting_of(firmware: Firmware, name: str) -> int:
+    """Return an integer setting of the firmware."""
+    found = re.search(rf"\b{name} = (-?\d+)", firmware.command(f"get {name}"))
+    assert found, f"Betaflight has the setting {name}"
+    return int(found[1])
+
+
 def _carry_out(firmware: Firmware, line: str, place: str) -> str | None:
-    """Have the firmware read a line; return the problem with it, None if it is accepted."""
-    printed = firmware.command(line)
+    """Have the firmware read a line; return the problem with it, None if it is accepted.
+
+    Raises:
+        ConfigurationError: the firmware ends at this line.
+    """
+    wanted = "expected a line of Betaflight's CLI"
+    try:
+        printed = firmware.command(line)
+    except FirmwareError as error:
+        raise ConfigurationError(f"{place}: {wanted}, got {line!r}: {error}: remove it") from None
     if ERROR in printed:
         problem = printed[printed.index(ERROR) :].strip().strip("#").removeprefix("ERROR ")
     elif NOT_AVAILABLE in printed:
@@ -375,7 +268,6 @@ def _carry_out(firmware: Firmware, line: str, place: str) -> str | None:
         return None
     # The allowed values of some settings are a hundred names.
     problem = shorten(problem, LONGEST_PROBLEM, placeholder=" ...")
-    wanted = "expected a line of Betaflight's CLI"
     return f"{place}: {wanted}, got {line!r}: {problem}: correct or remove it"
 
 
@@ -391,68 +283,19 @@ def _is_text_for_number(line: str, printed: str) -> bool:
     return bool(NUMBER.fullmatch(taken[1])) and not NUMBER.fullmatch(given[1])
 
 
-class Mode(NamedTuple):
-    """A mode of the firmware, and the pulses of the switch that turn it on."""
-
-    number: int
-    channel: int
-    low: int  # least pulse [us]
-    high: int  # [us]; the mode is off from here on
-    line: str
-
-    def is_on(self, pulse: float) -> bool:
-        """Return whether the mode is on at a pulse of its switch [us]."""
-        return self.low <= pulse < self.high
-
-
-def _modes(printed: str) -> Iterator[Mode]:
-    """Yield the modes that have a switch, from the firmware's printed list."""
-    for found in MODE.finditer(printed):
-        number, channel, low, high = map(int, found.groups())
-        if low < high:
-            yield Mode(number, FIRST_AUX + channel, low, high, found[0].strip())
-
-
-def _arm_switch(modes: Sequence[Mode], name: str) -> tuple[int, float]:
-    """Return the channel and the pulse [us] of the mode ARM. Raises ConfigurationError."""
-    for mode in modes:
-        if mode.number == ARM_MODE:
-            return mode.channel, min(max((mode.low + mode.high) / 2, LOW), HIGH)
-    raise ConfigurationError(
-        f"{name}: expected a switch for ARM, such as 'aux 0 0 0 1700 2100 0 0', got none"
-    )
-
-
-def _check_other_switches(modes: Sequence[Mode], arm: tuple[int, float], name: str) -> None:
-    """Check that in flight the sticks command body rates and thrust. Raises ConfigurationError.
-
-    All switches but the one for ARM are at their lowest pulse in flight.
-    """
-    arm_channel, arm_pulse = arm
-    for mode in modes:
-        pulse = arm_pulse if mode.channel == arm_channel else LOW
-        if mode.number in OTHER_STICKS and mode.is_on(pulse):
-            wanted = f"expected {OTHER_STICKS[mode.number]} to be off at {pulse:g} us"
-            raise ConfigurationError(
-                f"{name}: {wanted}, where its switch is in flight, got {mode.line!r}: "
-                "correct or remove it"
-            )
-
-
 class Bench:
     """A firmware at rest, for the measurement of its stick curves."""
 
-    def __init__(self, program: Path, eeprom: bytes, arm_channel: int, arm_pulse: float):
+    def __init__(self, program: Path, eeprom: bytes, switches: Switches):
         self._firmware = Firmware(program, PERIOD, eeprom)
-        self._arm = (arm_channel, arm_pulse)
-        self._channels = idle_channels()
+        self._switches = switches
+        self._channels = switches.channels()
 
     def arm(self) -> None:
         """Wait until the firmware permits arming, and arm it. Raises FirmwareError."""
-        self._channels[THROTTLE] = LOW
+        self._channels[THROTTLE] = self._switches.throttle
         self._hold(max(round((BOOT - self._firmware.time) / PERIOD), SETTLING))
-        channel, pulse = self._arm
-        self._channels[channel] = pulse
+        self._channels[FIRST_AUX:] = self._switches.flight
         reply = self._hold(round(ARMING / PERIOD))
         expect_armed(reply)
 
@@ -492,12 +335,6 @@ class Bench:
     def _hold(self, steps: int) -> Reply:
         """Hold the sticks for some steps, and return the last reply."""
         return self._firmware.step(*STANDING, self._channels, steps, FRAME_STEPS)
-
-
-def idle_channels() -> list[float]:
-    """Return the pulses of sticks in the middle, throttle down and switches off [us]."""
-    channels = [MIDDLE, MIDDLE, LOW, MIDDLE]
-    return channels + [LOW] * 12
 
 
 def expect_armed(reply: Reply) -> None:

@@ -6,8 +6,9 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from quadsim.firmware.configuration import PERIOD, Configuration, Text
+from quadsim.firmware.configuration import PERIOD, Configuration, setting_of
 from quadsim.firmware.process import Firmware
+from quadsim.firmware.text import Text
 
 # Lines that save a configuration at its end, and empty lines
 LAST_LINES = re.compile(r"(save|exit|batch end)\b.*|", re.IGNORECASE)
@@ -63,19 +64,12 @@ def gains_of(program: Path, configuration: Configuration) -> AxisGains:
     firmware = Firmware(program, PERIOD, configuration.eeprom)
     try:
         found = [
-            Gains(*(_read(firmware, f"{letter}_{axis}") for letter in Gains._fields))
+            Gains(*(setting_of(firmware, f"{letter}_{axis}") for letter in Gains._fields))
             for axis in AXIS_NAMES
         ]
     finally:
         firmware.close()
     return AxisGains(*found)
-
-
-def _read(firmware: Firmware, name: str) -> int:
-    """Return an integer setting of the firmware."""
-    found = re.search(rf"\b{name} = (\d+)", firmware.command(f"get {name}"))
-    assert found, f"Betaflight has the setting {name}"
-    return int(found[1])
 
 
 def _settings(gains: AxisGains) -> list[tuple[str, str]]:

@@ -28,16 +28,28 @@ from numpy.random import Generator, SeedSequence, default_rng
 
 from quadsim.dynamics.first_order import response
 from quadsim.dynamics.quadrotor import Control, ModelParams
+from quadsim.firmware.process import FirmwareError
 from quadsim.physics.plant import ActuatorsProtocol
 from quadsim.rotation import Quaternion, Vec3, turned_at
 from quadsim.streams import identification_streams
-from quadsim.vehicle import Vehicle
 
 DURATION = 3.0  # duration of each part of the flight [s]
 LONGEST_HOLD = 0.25  # longest time of a constant command [s]
 THRUST = 0.6  # thrust for the identification of body rates, share of the largest
 THRUSTS = (0.15, 0.7)  # range of thrust commands for its identification, shares of the largest
 RATES: Vec3 = (3.0, 3.0, 1.5)  # largest commanded body rates [rad/s]
+CUT = 0.5  # a body rate with a lower limit is next to none, and commanded beyond it [rad/s]
+PARTS = ("roll rate", "pitch rate", "yaw rate", "thrust")
+# Least standard deviation of an answer as a share of its command's, which is near 1 in flight
+LEAST_ANSWER = 0.05
+LATER = 0.06  # time in which an answer begins: rotors and filters take some 30 ms [s]
+# Correlation between what is missing and the change in this time: .5 to .9 in loops that fly
+LEAST_TOWARDS = 0.2
+OTHER_WAY = -0.5
+# Models of loops that fly explain 96 to 99 % of another flight's roll, pitch and thrust. What one
+# misses that explains less than half is more than 70 % as large as the response.
+LEAST_EXPLAINED = 0.5
+ADVICE = "correct the gains, rates, limits or mixer of the configuration"
 # Initial guess of the search, and its limits [s]
 FIRST_LAG = 0.03
 SHORTEST_LAG = 1e-3
@@ -91,11 +103,11 @@ class Identification(NamedTuple):
         """The rate loops about x, y, z."""
         return self.roll, self.pitch, self.yaw
 
-    def model(self, vehicle: Vehicle) -> ModelParams:
-        """Return the planner's model of the vehicle with the identified numbers."""
+    def model(self, nominal: ModelParams) -> ModelParams:
+        """Return the planner's model: the nominal one with the identified numbers."""
         x, y, z = self.axes
         return replace(
-            ModelParams.of(vehicle),
+            nominal,
             rate_tau=(x.rate_tau, y.rate_tau, z.rate_tau),
             rate_lag=(x.rate_lag, y.rate_lag, z.rate_lag),
             motor_tau=self.thrust_lag,
@@ -105,23 +117,29 @@ class Identification(NamedTuple):
         )
 
 
+class NoResponseError(FirmwareError):
+    """A vehicle does not answer on the test bench as a quadrotor does; one line."""
+
+
 def identify(
-    vehicle: Vehicle, dt: float, period: float, new_actuators: NewActuators
+    nominal: ModelParams, dt: float, period: float, new_actuators: NewActuators
 ) -> Identification:
     """Identify the rate loop of a vehicle from two flights on the test bench.
 
     Args:
-        vehicle: the vehicle.
+        nominal: nominal model of the vehicle, with the limits of its commands.
         dt: physics step [s].
         period: control period, the step of the identified model [s].
         new_actuators: function that starts the actuators for one part of a flight.
 
     Raises:
+        NoResponseError: the vehicle does not answer as it is commanded, or no model of this kind
+            explains how.
         FirmwareError: the firmware does not run.
     """
 
     def responses(stream: SeedSequence) -> list[Response]:
-        signals = _signals(default_rng(stream), vehicle, period)
+        signals = _signals(default_rng(stream), nominal, period)
         found = []
         for signal in signals:
             with closing(new_actuators()) as actuators:
@@ -130,6 +148,8 @@ def identify(
 
     # The first flight gives the numbers, and a second one with different commands checks them.
     flown, checked = (responses(stream) for stream in identification_streams())
+    _check_responses(flown, period)
+    _check_responses(checked, period)
     numbers = _fitted(flown, period)
     explained = [
         1.0 - np.var(simulated - response.measured) / np.var(response.measured)
@@ -139,12 +159,56 @@ def identify(
         RateLoop(tau, lag, float(share))
         for tau, lag, share in zip(numbers.rate_tau, numbers.rate_lag, explained[:3], strict=True)
     ]
-    return Identification(
+    found = Identification(
         *axes,
         thrust_lag=numbers.thrust_lag,
         thrust_explained=float(explained[3]),
         delay=numbers.delay,
     )
+    check_explained(found)
+    return found
+
+
+def _check_responses(flown: Sequence[Response], period: float) -> None:
+    """Raise NoResponseError if a vehicle does not follow its commands.
+
+    Whatever its gains are, a rate loop turns the vehicle towards its command: the change that
+    follows has the sign of what is missing.
+    """
+    later = max(round(LATER / period), 1)
+    for name, part in zip(PARTS, flown, strict=True):
+        wanted = f"expected the {name} to follow its command"
+        if not np.all(np.isfinite(part.measured)):
+            raise NoResponseError(f"{wanted}, but it grows without end: {ADVICE}")
+        size = float(np.std(part.measured) / np.std(part.command))
+        if size < LEAST_ANSWER:
+            raise NoResponseError(f"{wanted}, but it does not answer: {ADVICE}")
+        missing = (part.command - part.measured)[:-later]
+        change = part.measured[later:] - part.measured[:-later]
+        towards = float(np.corrcoef(missing, change)[0, 1])
+        if towards < OTHER_WAY:
+            raise NoResponseError(f"{wanted}, but it goes the other way: {ADVICE}")
+        if towards < LEAST_TOWARDS:
+            raise NoResponseError(f"{wanted}, but it goes elsewhere: {ADVICE}")
+
+
+def check_explained(found: Identification) -> None:
+    """Raise NoResponseError if the model explains too little of roll, pitch or thrust.
+
+    Yaw may be explained badly: with Betaflight's own gains it swings behind slow rotors, and such
+    configurations finish races. See `weak_yaw`.
+    """
+    shares = (found.roll.explained, found.pitch.explained, found.thrust_explained)
+    for name, share in zip((*PARTS[:2], PARTS[3]), shares, strict=True):
+        if not share >= LEAST_EXPLAINED:
+            wanted = f"expected a model that explains {100 * LEAST_EXPLAINED:g} % of the {name}"
+            explained = f"but the best one explains {100 * max(share, 0.0):.3g} %"
+            raise NoResponseError(f"{wanted} after commands, {explained}: {ADVICE}")
+
+
+def weak_yaw(found: Identification, nominal: ModelParams) -> bool:
+    """Return whether the model hardly describes the yaw, although it is commanded in flight."""
+    return found.yaw.explained < LEAST_EXPLAINED and nominal.rate_max[2] >= CUT
 
 
 # ---- the flight ----
@@ -157,12 +221,20 @@ class Signal(NamedTuple):
     commands: list[Control]  # one for each control period
 
 
-def _signals(random: Generator, vehicle: Vehicle, period: float) -> list[Signal]:
-    """Return the commands of the four parts: body rates about x, y, z, and thrust."""
+def _signals(random: Generator, nominal: ModelParams, period: float) -> list[Signal]:
+    """Return the commands of the four parts: body rates about x, y, z, and thrust.
+
+    They stay within the limits, but for a yaw that is next to none.
+    """
     periods = round(DURATION / period)
-    still = Control(0.0, 0.0, 0.0, THRUST * vehicle.thrust_max)
-    lowest, highest = (share * vehicle.thrust_max for share in THRUSTS)
-    limits = [(-rate, rate) for rate in RATES] + [(lowest, highest)]
+    still = Control(0.0, 0.0, 0.0, THRUST * nominal.thrust_max)
+    lowest, highest = (share * nominal.thrust_max for share in THRUSTS)
+    lowest = max(lowest, nominal.thrust_min)
+    rates = [
+        rate if most < CUT else min(rate, most)
+        for rate, most in zip(RATES, nominal.rate_max, strict=True)
+    ]
+    limits = [(-rate, rate) for rate in rates] + [(lowest, highest)]
     signals = []
     for channel, (low, high) in enumerate(limits):
         levels = _random_steps(random, periods, period, low, high)

@@ -10,14 +10,22 @@ from pathlib import Path
 
 import msgspec
 
+from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.atomic import replace_file
 from quadsim.files.cache import cache_folder
-from quadsim.firmware import actuators, identification
+from quadsim.firmware import actuators, identification, limits, switches, translation
 from quadsim.firmware import configuration as reading
 from quadsim.firmware.actuators import BetaflightActuators, motors_reversed
-from quadsim.firmware.configuration import Configuration, Text, configured
-from quadsim.firmware.identification import Identification, identify
+from quadsim.firmware.configuration import Configuration, configured
+from quadsim.firmware.identification import (
+    Identification,
+    NoResponseError,
+    identify,
+    weak_yaw,
+)
+from quadsim.firmware.limits import nominal_behind
 from quadsim.firmware.package import Built, built_firmware
+from quadsim.firmware.text import Text
 from quadsim.physics import link
 from quadsim.physics.link import Link
 from quadsim.vehicle import Vehicle
@@ -25,7 +33,15 @@ from quadsim.vehicle import Vehicle
 # Without configured logging, a warning is one line on stderr.
 log = logging.getLogger("quadsim")
 # Files whose change makes cached identifications invalid
-CODE = (reading.__file__, actuators.__file__, identification.__file__, link.__file__)
+CODE = (
+    reading.__file__,
+    actuators.__file__,
+    identification.__file__,
+    limits.__file__,
+    switches.__file__,
+    translation.__file__,
+    link.__file__,
+)
 
 
 def firmware_for(vehicle: Vehicle, text: Text) -> tuple[Built, Configuration]:
@@ -50,9 +66,11 @@ def identified(vehicle: Vehicle, text: Text, dt: float, period: float) -> Identi
         period: control period [s].
 
     Raises:
-        FirmwareError, FileError: as for `firmware_for`.
+        FirmwareError, FileError: as for `firmware_for`; or the vehicle does not answer as it is
+            commanded.
     """
     built, configuration = firmware_for(vehicle, text)
+    nominal = nominal_behind(vehicle, configuration, text.name)
     path = _path(built, vehicle, text, dt, period)
     found = _read(path)
     if found is None:
@@ -65,13 +83,32 @@ def identified(vehicle: Vehicle, text: Text, dt: float, period: float) -> Identi
             wire = Link(dt, interpolation=period)
             return BetaflightActuators(vehicle, dt, built, configuration, link=wire)
 
-        found = identify(vehicle, dt, period, actuators)
+        try:
+            found = identify(nominal, dt, period, actuators)
+        except NoResponseError as error:
+            raise NoResponseError(f"{text.name}: {vehicle.name} on a bench: {error}") from None
         # If the cache cannot be written, the next call identifies the vehicle again.
         if path:
             with suppress(OSError):
                 path.parent.mkdir(parents=True, exist_ok=True)
                 replace_file(path, msgspec.json.encode(found))
+    if weak_yaw(found, nominal):
+        share = f"{100 * max(found.yaw.explained, 0.0):.0f} %"
+        log.warning(
+            f"{text.name}: {vehicle.name} swings about yaw, and the planner's model explains"
+            f" {share} of it: race firmware tune finds other gains"
+        )
     return found
+
+
+def model_behind(vehicle: Vehicle, text: Text, dt: float, period: float) -> ModelParams:
+    """Return the planner's model of a vehicle behind the firmware: identified, within its limits.
+
+    For arguments and errors see `identified`.
+    """
+    _, configuration = firmware_for(vehicle, text)
+    nominal = nominal_behind(vehicle, configuration, text.name)
+    return identified(vehicle, text, dt, period).model(nominal)
 
 
 def _path(built: Built, vehicle: Vehicle, text: Text, dt: float, period: float) -> Path | None:

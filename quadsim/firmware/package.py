@@ -73,6 +73,7 @@ COMPILED = "%% "
 FILES = 290  # approximate number of compiled files, for the progress
 
 ADVICE = "race firmware build"
+LARGEST_RECORD = 100_000  # bytes of build.json
 
 # (description of the step, finished share)
 Progress = Callable[[str, float], None]
@@ -134,10 +135,12 @@ def find_built() -> Built | None:
         if not record.exists():
             return None
         try:
-            numbers = json.loads(record.read_text())
+            with record.open("rb") as file:
+                numbers = json.loads(file.read(LARGEST_RECORD))
             built = Built(**(numbers | {"program": folder / "betaflight"}))
             found = sha256(built.program.read_bytes()).hexdigest()
-        except (OSError, ValueError, TypeError) as error:
+        # Brackets within brackets are a RecursionError.
+        except (OSError, ValueError, TypeError, RecursionError) as error:
             raise _damaged(str(error).partition("\n")[0]) from None
     if found != built.program_sha256:
         raise _damaged("its program is not the one that was built")

@@ -7,11 +7,16 @@ import struct
 import subprocess
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import cache
 from math import nan
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from shutil import rmtree
+from stat import S_ISDIR
+from tempfile import TemporaryDirectory, gettempdir
+from time import time
 from typing import NamedTuple
 
+from quadsim.files.locks import lock_folder
 from quadsim.rotation import Quaternion, Vec3
 
 CHANNELS = 16
@@ -30,6 +35,32 @@ COMMAND_LINE_KIND = 2
 
 # Number of characters of the firmware's last messages in an error
 SHOWN = 200
+
+PREFIX = "quadsim-betaflight-"  # of the folders of processes
+YOUNG = 60.0  # age of a folder that its process may not hold yet [s]
+
+
+def _held(folder: Path) -> int | None:
+    """Return a handle that holds a folder until this process ends, None where none is possible."""
+    try:
+        return lock_folder(folder)
+    except OSError:
+        return None
+
+
+@cache
+def _remove_left_folders() -> None:
+    """Remove the folders of processes that were killed, once in each process of this project."""
+    for folder in Path(gettempdir()).glob(f"{PREFIX}*"):
+        # Another user's folder, or one that vanishes now
+        with suppress(OSError):
+            about = folder.lstat()
+            old = time() - about.st_mtime > YOUNG
+            if not old or about.st_uid != os.getuid() or not S_ISDIR(about.st_mode):
+                continue
+            handle = lock_folder(folder)
+            rmtree(folder, ignore_errors=True)
+            os.close(handle)
 
 
 class FirmwareError(ValueError):
@@ -63,8 +94,10 @@ class Firmware:
         Raises:
             FirmwareError: the program does not start.
         """
-        self._folder = TemporaryDirectory(prefix="quadsim-firmware-")
+        _remove_left_folders()
+        self._folder = TemporaryDirectory(prefix=PREFIX)
         self.folder = Path(self._folder.name)
+        self._lock = _held(self.folder)
         self._period = period
         self._steps = 0
         if eeprom is not None:
@@ -88,7 +121,7 @@ class Firmware:
                 )
         except OSError as error:
             self._replies.close()
-            self._folder.cleanup()
+            self._remove_folder()
             raise FirmwareError(f"{program}: expected the firmware's program: {error}") from None
         finally:
             os.close(replies_of_firmware)
@@ -168,7 +201,13 @@ class Firmware:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+        self._remove_folder()
+
+    def _remove_folder(self) -> None:
         self._folder.cleanup()
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
 
     def _send(self, data: bytes) -> None:
         assert self._process.stdin

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from math import ceil, degrees
 from typing import Any, NamedTuple
 
 from quadsim.files.values import SettingError
 from quadsim.firmware.actuators import BetaflightActuators, motors_reversed
-from quadsim.firmware.configuration import Text, shipped_configuration, with_other_gains
+from quadsim.firmware.configuration import with_other_gains
 from quadsim.firmware.gain_search import StepResponse, search, step_response, wanted_response
 from quadsim.firmware.gains import AXIS_NAMES, AxisGains, Gains, gains_of, with_gains
 from quadsim.firmware.identification import NewActuators
 from quadsim.firmware.identified import firmware_for
+from quadsim.firmware.limits import nominal_behind
 from quadsim.firmware.package import FIRMWARE_VERSION
+from quadsim.firmware.text import Text, shipped_configuration
+from quadsim.firmware.translation import in_this_version
 from quadsim.physics.link import Link
 from quadsim.vehicle import Vehicle
 
@@ -115,11 +119,13 @@ class FirmwareBench:
             FirmwareError: the firmware is not built, or does not arm.
             FileError: it does not take its configuration.
         """
-        self.vehicle = vehicle
         self.dt = dt
         self.period = period
-        self.built, self.configuration = firmware_for(vehicle, text)
-        self.text = text
+        self.text = in_this_version(text)
+        self.built, self.configuration = firmware_for(vehicle, self.text)
+        limits = nominal_behind(vehicle, self.configuration, text.name)
+        # Steps stay within what the configuration gives.
+        self.vehicle = replace(vehicle, rate_max=limits.rate_max, thrust_max=limits.thrust_max)
 
     @property
     def gains(self) -> AxisGains:
@@ -164,6 +170,7 @@ def tuned(
         FirmwareError, FileError: as for FirmwareBench.
     """
     bench = FirmwareBench(vehicle, text, dt, period)
+    text = bench.text
     before = bench.gains
     after = before
     for name in AXIS_NAMES:
@@ -171,7 +178,7 @@ def tuned(
     responses = [
         Responses(
             name,
-            wanted_response(vehicle, axis, dt, period),
+            wanted_response(bench.vehicle, axis, dt, period),
             bench.response(axis),
             bench.response(axis, after),
         )

@@ -16,11 +16,18 @@ import time
 from collections.abc import Mapping
 from hashlib import sha256
 from pathlib import Path
+from shlex import quote
 from typing import Any, NamedTuple, TypeGuard
 
 import msgspec
 
-from quadsim.config.recorded import RecordError, recorded_spec
+from quadsim.config.recorded import (
+    MissingPartError,
+    RecordError,
+    recorded_spec,
+    sorted_settings,
+)
+from quadsim.config.spec import Spec
 from quadsim.course import Course, parse_course
 from quadsim.files.arrays import read_bytes
 from quadsim.files.strict_yaml import FileError
@@ -42,6 +49,13 @@ from quadsim.record.provenance import provenance
 from quadsim.record.run import RecordedRun, RunError, canonical
 from quadsim.record.schema import HEAT_FORMAT, StoredEntrant, StoredHeatSpec, TitledHeat
 from quadsim.record.whole_files import file_errors, write_whole
+
+# Role of a part of the user's own that a text can name -> the form of the text
+AS_TEXT = {
+    "controller": "controller=package.module:Class",
+    "sampler": "sampler=package.module:Class",
+    "terms": "term=package.module:function=WEIGHT",
+}
 
 
 class RecordedEntrant(StoredEntrant):
@@ -266,17 +280,22 @@ def read_heat(path: str | Path) -> LoadedHeat:
     return LoadedHeat(stored.spec, runs, tuple(stored.start_times))
 
 
-def spec_of_heat(loaded: LoadedHeat, runs_dir: str | None = None) -> HeatSpec:
+def spec_of_heat(
+    loaded: LoadedHeat,
+    runs_dir: str | None = None,
+    parts: Mapping[str, Mapping[str, Any]] | None = None,
+) -> HeatSpec:
     """Return the specification of a stored race, which flies the same again.
 
     Args:
         loaded: the race.
         runs_dir: folder of runs in place of the recorded one.
+        parts: see `recorded_heat`.
 
     Raises:
-        RecordError: see `recorded_heat`.
+        RecordError, SettingError: see `recorded_heat`.
     """
-    return _heat_spec(loaded.spec, {}, {"runs_dir": runs_dir} if runs_dir else {})
+    return _heat_spec(loaded.spec, parts or {}, {"runs_dir": runs_dir} if runs_dir else {})
 
 
 def is_record_of_heat(value: object) -> TypeGuard[Mapping[str, Any]]:
@@ -306,10 +325,6 @@ def recorded_heat(
         stored = msgspec.convert(record, RecordedHeatSpec)
     except msgspec.ValidationError as error:
         raise RecordError(f"expected the record of a race: {error}") from None
-    names = [entrant.name for entrant in stored.entrants]
-    for name in parts or {}:
-        if name not in names:
-            raise SettingError("parts", f"expected one of {', '.join(names)}, got {name!r}")
     for name in settings or {}:
         if name != "runs_dir":
             wanted = "expected nothing but parts, runs_dir and threads beside a recorded race"
@@ -323,12 +338,43 @@ def _heat_spec(
     settings: Mapping[str, Any],
 ) -> HeatSpec:
     """Return the specification that a record holds."""
+    names = [entrant.name for entrant in stored.entrants]
+    for name in parts:
+        if name not in names:
+            raise SettingError("parts", f"expected one of {', '.join(names)}, got {name!r}")
     entrants = [
         Entrant(
             name=one.name,
-            spec=recorded_spec(one.spec, {**settings, **parts.get(one.name, {})}),
+            spec=_entrant_spec(one, parts.get(one.name, {}), settings),
             awareness=one.awareness,
         )
         for one in stored.entrants
     ]
     return HeatSpec(tuple(entrants), stored.settings, stored.seed, stored.rotation)
+
+
+def _entrant_spec(
+    one: RecordedEntrant, parts: Mapping[str, Any], settings: Mapping[str, Any]
+) -> Spec:
+    """Return the spec of a recorded entrant.
+
+    Args:
+        one: the entrant.
+        parts: the user's own parts of its flight, by role.
+        settings: see `recorded_heat`.
+
+    Raises:
+        RecordError: a file or a part is missing or differs.
+        SettingError: the parts have a setting that would change the flight.
+    """
+    _, changed = sorted_settings(one.spec, parts)
+    for name in changed.keys() - {"pilot"}:
+        wanted = f"expected parts of your own that flew as {one.name!r}"
+        raise SettingError("parts", f"{wanted}, got {name!r}")
+    try:
+        return recorded_spec(one.spec, {**settings, **parts})
+    except MissingPartError as error:
+        how = f"give it again as parts={{{one.name!r}: {{{error.role!r}: ...}}}}"
+        if error.role in AS_TEXT:
+            how += f", or --parts {quote(f'{one.name}={AS_TEXT[error.role]}')}"
+        raise RecordError(f"{one.name}: {error.what}; {how}") from None

@@ -6,7 +6,7 @@ from collections.abc import Generator, Iterable, Mapping
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
-from typing import cast
+from typing import assert_never, cast
 
 from controllers.costs.keep_clear import Clearance, KeepClear
 from controllers.in_flight import PlannerInFlight
@@ -234,14 +234,18 @@ def expectation_of(heat: HeatSpec, k: int, traffic: Traffic) -> Expectation | No
             return ConstantVelocity()
         case "plans":
             return AnnouncedPlans(traffic)
-    noise = heat.settings.seen_velocity_noise
-    return OwnPlans(k, partial(_opponent, heat, k), noise)
+        case "own":
+            noise = heat.settings.seen_velocity_noise
+            return OwnPlans(k, partial(_opponent, heat, k), noise)
+        case unknown:
+            assert_never(unknown)
 
 
 def _opponent(heat: HeatSpec, k: int, m: int) -> OpponentModel:
     """Return the planner with which entrant k predicts the flight of entrant m.
 
-    It is the planner of entrant k with fewer samples.
+    It is the planner of entrant k with fewer samples. Settings of entrant k that act through its
+    cost therefore act on the prediction as well.
     """
     spec = heat.entrants[k].spec
     awareness = heat.awareness(k)

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 from msgspec import inspect
 
+from quadsim.config.recorded import recorded_spec
 from quadsim.config.resolve import DEFAULT_COURSE, KEYWORDS
 from quadsim.config.setting_texts import Place, Settings, parse_parts, resolve, with_shared
 from quadsim.config.settings import SETTINGS
@@ -150,6 +151,27 @@ def parse_heat_variants(text: str) -> dict[str, dict[str, Any]]:
     return found
 
 
+def parts_of(texts: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Return {entrant: {role: text}} of the user's own parts that a recorded race needs again.
+
+    Args:
+        texts: such as "mine=controller=package.module:Class"; several parts are joined by +.
+
+    Raises:
+        SettingError: a text is not of this form.
+    """
+    found = {}
+    for text in texts:
+        name, named, parts = text.partition("=")
+        try:
+            if not (name and named):
+                raise ValueError(f"expected NAME=controller=package.module:Class, got {text!r}")
+            found[name] = parse_parts(parts)
+        except ValueError as error:
+            raise SettingError("parts", str(error)) from None
+    return found
+
+
 def _named(one: object) -> tuple[str | None, Any]:
     """Return the name of an entrant, None if it was given without one, and its settings."""
     if isinstance(one, str):
@@ -181,13 +203,21 @@ def _entrant(
     shared: Settings,
     heat: HeatSettings,
 ) -> _Made:
-    """Return the entrant of a text or of settings. Raises SettingError."""
+    """Return the entrant of a text, of settings or of the record of a flight.
+
+    Raises:
+        SettingError: a setting is invalid.
+        RecordError: the recorded flight cannot be flown again.
+    """
     if isinstance(one, str):
         kind = one
         try:
             own = parse_parts(one)
         except ValueError as error:
             raise SettingError("entrants", str(error)) from None
+    elif "course_text" in one:  # `spec` of a recorded run
+        spec = recorded_spec(one, {})
+        return _Made(name, spec.sampler, spec, None)
     else:
         own = dict(one)
         kind = str(own.get("pilot") or own.get("sampler") or shared.get("sampler", "colored"))

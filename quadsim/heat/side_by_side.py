@@ -46,13 +46,13 @@ class SideBySide:
             Exception: what the first of the plans that fail raises.
         """
         # Imported here, as it loads the compiler
-        from controllers.lanes.threads import can_run_side_by_side, threads
+        from controllers.lanes.threads import threads
 
         # Make them in turn where nothing can be shared, or a loop may have to be compiled.
         available = threads()
         is_alone = len(plannings) < 2 or available < 2
         compiles = any(planning.is_first for planning in plannings)
-        if is_alone or compiles or not can_run_side_by_side():
+        if is_alone or compiles:
             in_turn(plannings)
             return
 

@@ -99,10 +99,9 @@ class LaneEnvironments:
             the time limit; hit: a gate was passed.
     """
 
-    racers = 1
-
     def __init__(self, task: LearningTask, n: int, seed: int = 0, autoreset: int = DISABLED):
         self.task = task
+        self.racers = task.racers
         self.n = n
         self.seed = seed
         self.autoreset = autoreset
@@ -200,7 +199,7 @@ class LaneEnvironments:
         if seed is not None or self.tables is None:
             self.seed = self.seed if seed is None else seed
             self._calls = 0
-            self.tables = self._make_tables()
+            self.tables = tables(self.task, self.seed)
             self.episodes.episode[:] = 0
         if chosen is None:
             chosen = np.ones_like(self.over)
@@ -247,13 +246,11 @@ class LaneEnvironments:
     def _beginnings(self, found: Tables) -> Beginnings:
         return Beginnings(found.starts, found.targets, self.course, self.seed)
 
-    def _make_tables(self) -> Tables:
-        """Return the arrays of the task's courses, with starts drawn from the seed."""
-        return tables(self.task, self.seed)
-
     def _course_of_blocks(self, blocks: int) -> np.ndarray:
         """Return the row of the tables for each block.  (blocks,) int32"""
-        return (np.arange(blocks) % len(self.task.courses)).astype(np.int32)
+        block = np.arange(blocks)
+        course = block // self.racers % len(self.task.courses)
+        return (course * self.racers + block % self.racers).astype(np.int32)
 
     def _check_courses(self) -> None:
         """Raise SettingError unless the courses fit the n environments."""

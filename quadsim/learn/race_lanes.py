@@ -24,9 +24,7 @@ from quadsim.learn.race_task import (
     RaceTask,
     nearest_square,
     race_reward,
-    race_tables,
 )
-from quadsim.learn.task import Tables
 from quadsim.streams import observation_noise_key
 
 
@@ -95,7 +93,6 @@ class RaceLanes(LaneEnvironments):
 
     def __init__(self, task: RaceTask, races: int, seed: int = 0, restart: bool = False):
         self.races = races
-        self.racers = task.racers
         self.restart = restart
         super().__init__(task, blocks(races) * task.racers * LANES, seed, WAIT)
         B = len(self.X)
@@ -132,14 +129,6 @@ class RaceLanes(LaneEnvironments):
     def __getstate__(self) -> dict[str, Any]:
         """Return everything but the compiled loops, which a copy loads again."""
         return {name: v for name, v in super().__getstate__().items() if name != "_race_module"}
-
-    def _make_tables(self) -> Tables:
-        return race_tables(self.task, self.seed)
-
-    def _course_of_blocks(self, blocks: int) -> np.ndarray:
-        block = np.arange(blocks)
-        course = block // self.racers % len(self.task.courses)
-        return (course * self.racers + block % self.racers).astype(np.int32)
 
     def _check_courses(self) -> None:
         check_courses(self.task, self.races, "races")

@@ -14,10 +14,9 @@ from numpy import maximum, minimum
 
 from quadsim.files.strict_yaml import setting
 from quadsim.files.values import SettingError
-from quadsim.learn.race_starts import race_start_rows, start_fault
 from quadsim.learn.reward import MOST, RewardWeights
-from quadsim.learn.task import CourseTables, LearningTask, Tables, make_task, stacked
-from quadsim.streams import start_stream
+from quadsim.learn.starts import start_fault
+from quadsim.learn.task import LearningTask, make_task
 
 
 class RaceRewardParams(NamedTuple):
@@ -131,27 +130,3 @@ def race_task(
     found = make_task(RaceTask, RaceRewardWeights, course, vehicle, laps, reward, settings)
     found.check_starts()
     return found
-
-
-def race_tables(task: RaceTask, seed: int) -> Tables:
-    """Return the arrays of a task's courses, with starts drawn from the seed.
-
-    The arrays repeat each course for each racer, as every racer has its own starts: racer a on
-    course k has row k * racers + a.
-    """
-    rows: list[CourseTables] = []
-    for k, course in enumerate(task.courses):
-        cost = task.cost(k)
-        starts = race_start_rows(
-            course,
-            cost,
-            task.vehicle,
-            task.dt,
-            task.start,
-            task.randomize,
-            seeds=start_stream(seed, k),
-            racers=task.racers,
-        )
-        for a in range(task.racers):
-            rows.append(CourseTables(course, task.laps[k], cost, starts[a]))
-    return stacked(rows)

@@ -13,9 +13,17 @@ from typing import Any
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
-from stable_baselines3.common.vec_env import VecEnv
 
+from quadsim.files.extras import needs_extra
 from quadsim.learn.vector_env import RacingVectorEnv
+
+try:
+    from stable_baselines3.common.vec_env import VecEnv
+except ModuleNotFoundError as error:
+    if (error.name or "").partition(".")[0] != "stable_baselines3":
+        raise
+    line = needs_extra("stable-baselines3", "train")
+    raise ModuleNotFoundError(line, name=error.name) from None
 
 
 class RacingVecEnv(VecEnv):

@@ -2,7 +2,8 @@
 
 `standing` is the race's start. `anywhere` is for training: most episodes begin in flight, on the
 way to any gate and at any speed, so that every part of a course is learnt from the first minute on
-(Song et al. 2021); the rest begins at the race's start.
+(Song et al. 2021); the rest begins at the race's start. Vehicles that race together begin on the
+start grid, see quadsim.heat.grid, or one behind the other on the way to the same gate.
 """
 
 from __future__ import annotations
@@ -16,13 +17,15 @@ from controllers.costs import Cost
 from controllers.costs.race import RaceParams
 from controllers.costs.race_targets import GateTarget
 from controllers.learned.observation import normalised
-from quadsim.course import Course
+from quadsim.course import Course, Start
 from quadsim.dynamics.named_tuples import columns
 from quadsim.dynamics.quadrotor import ModelParams, State, quadrotor
+from quadsim.heat.distances import default_spacing
+from quadsim.heat.grid import SPACING, place_fault, start_grid
 from quadsim.physics.domain_randomization import Randomization, draw
 from quadsim.physics.plant_state import start_state
 from quadsim.rotation import from_yaw, product
-from quadsim.streams import start_vehicle_stream
+from quadsim.streams import start_vehicle_streams
 from quadsim.vehicle import GRAVITY, Vehicle
 
 ROWS = 1024  # number of random starts of a course
@@ -31,6 +34,7 @@ SPEED = 9.0  # highest speed of a start in flight [m/s]
 TILT = 0.3  # standard deviation of the attitude in flight, per axis [rad]
 SPIN = 0.7  # standard deviation of the body rates in flight [rad/s]
 AROUND = 0.25  # standard deviation of the position around the leg [m]
+BESIDE = 0.2  # standard deviation of racers in flight about their line, per axis [m]
 BEHIND = 2.0  # largest distance behind a gate whose successor faces away [m]
 
 
@@ -41,6 +45,34 @@ class StartInFlight(NamedTuple):
     target: int  # row of the target
 
 
+def learning_grid(course: Course, racers: int, radius: float) -> list[Start]:
+    """Return the places in which equal racers start.
+
+    Args:
+        course: the course.
+        racers: number of racers.
+        radius: radius of a racer [m].
+    """
+    return start_grid(course, racers, default_spacing(course, [radius] * racers))
+
+
+def start_fault(course: Course, racers: int, radius: float) -> str:
+    """Return the reason why a racer has no valid start position, "" if all have one.
+
+    Args:
+        course: the course.
+        racers: number of racers.
+        radius: radius of a racer [m].
+    """
+    for number, start in enumerate(learning_grid(course, racers, radius)):
+        problem = place_fault(course, start)
+        if problem:
+            x, y, _ = start.position
+            place = f"the start of racer_{number} at ({x:.2f}, {y:.2f})"
+            return f"no room for {racers}: {place}: {problem}"
+    return ""
+
+
 def start_rows(
     course: Course,
     cost: Cost,
@@ -49,8 +81,11 @@ def start_rows(
     start: str,
     randomize: float,
     seeds: np.random.SeedSequence,
+    racers: int = 1,
 ) -> np.ndarray:
-    """Return the starts of a course; a single row if nothing is random.
+    """Return the starts on a course; row i of all racers is the start of one race.
+
+    There is a single row if nothing is random.
 
     Args:
         course, cost: the course and its racing cost.
@@ -59,23 +94,29 @@ def start_rows(
         start: standing or anywhere.
         randomize: size of domain randomization.
         seeds: seeds of all random numbers.
+        racers: number of vehicles that race together.
 
     Returns:
-        (rows, n_x + 1 + n_p + n_u) float32.
+        (racers, rows, n_x + 1 + n_p + n_u) float32.
     """
     rng = np.random.default_rng(seeds)
     count = ROWS if randomize or start == "anywhere" else 1
     nominal = system_params(vehicle, Randomization(), dt)
     hover = hover_action(vehicle, dt)
-    rows: list[list[float]] = []
+    grid = learning_grid(course, racers, vehicle.radius)
+    rows: list[list[list[float]]] = [[] for _ in range(racers)]
     for number in range(count):
-        varied = draw(start_vehicle_stream(seeds, number), randomize)
-        state = start_state(varied.start(course.start), vehicle.radius)
-        target = 0
+        streams = start_vehicle_streams(seeds, number, racers)
+        varied = [draw(stream, randomize) for stream in streams]
         if start == "anywhere" and number >= STANDING * count:
-            state, target = in_flight(course, cost, rng)
-        params = system_params(vehicle, varied, dt) if randomize else nominal
-        rows.append([*state, target, *params, *hover])
+            states, target = flying_together(course, cost, rng, racers)
+        else:
+            places = [v.start(place) for v, place in zip(varied, grid, strict=True)]
+            states = [start_state(place, vehicle.radius) for place in places]
+            target = 0
+        for a in range(racers):
+            params = system_params(vehicle, varied[a], dt) if randomize else nominal
+            rows[a].append([*states[a], target, *params, *hover])
     return np.array(rows, np.float32)
 
 
@@ -137,6 +178,36 @@ def in_flight(course: Course, cost: Cost, rng: np.random.Generator) -> StartInFl
         angular_acceleration=(0.0, 0.0, 0.0),
     )
     return StartInFlight(state, target)
+
+
+def flying_together(
+    course: Course, cost: Cost, rng: np.random.Generator, racers: int
+) -> tuple[list[State], int]:
+    """Draw states on the way to some gate, in a line about SPACING apart, in random order.
+
+    Returns:
+        The states, and the row of their common target.
+    """
+    first, target = in_flight(course, cost, rng)
+    if racers == 1:
+        return [first], target
+    velocity = np.array(first.velocity)
+    speed = np.linalg.norm(velocity)
+    backwards = -velocity / speed if speed > 1e-3 else np.array((-1.0, 0.0, 0.0))
+    p = cast(RaceParams, cost.params)
+    low = np.array((p.x_low, p.y_low, p.floor)) + 0.1
+    high = np.array((p.x_high, p.y_high, p.z_high)) - 0.1
+    states: list[State] = []
+    for place in rng.permutation(racers):
+        position = np.array(first.position) + place * SPACING * backwards
+        if place > 0:
+            position += rng.normal(0.0, BESIDE, 3)
+        position = np.clip(position, low, high)
+        own = velocity + rng.normal(0.0, 0.5, 3)
+        x, y, z = position.tolist()
+        vx, vy, vz = own.tolist()
+        states.append(first._replace(px=x, py=y, pz=z, vx=vx, vy=vy, vz=vz))
+    return states, target
 
 
 def _attitude(yaw: float, tilt: np.ndarray) -> np.ndarray:

@@ -64,6 +64,9 @@ class LearningTask:
     ] = 0.0
     rewards: RewardWeights = field(default_factory=RewardWeights)
 
+    # Vehicles that race together. A task of one has no setting for it; RaceTask has.
+    racers = 1
+
     def __post_init__(self) -> None:
         check_fields(self)
 
@@ -107,8 +110,12 @@ class CourseTables(NamedTuple):
 
 
 def tables(task: LearningTask, seed: int) -> Tables:
-    """Return the arrays of a task's courses, with starts drawn from the seed."""
-    courses: list[CourseTables] = []
+    """Return the arrays of a task's courses, with starts drawn from the seed.
+
+    The arrays repeat each course for each racer, as every racer has its own starts: racer a on
+    course k has row k * racers + a.
+    """
+    rows: list[CourseTables] = []
     for k, course in enumerate(task.courses):
         cost = task.cost(k)
         starts = start_rows(
@@ -119,9 +126,11 @@ def tables(task: LearningTask, seed: int) -> Tables:
             task.start,
             task.randomize,
             seeds=start_stream(seed, k),
+            racers=task.racers,
         )
-        courses.append(CourseTables(course, task.laps[k], cost, starts))
-    return stacked(courses)
+        for a in range(task.racers):
+            rows.append(CourseTables(course, task.laps[k], cost, starts[a]))
+    return stacked(rows)
 
 
 def stacked(courses: Sequence[CourseTables]) -> Tables:

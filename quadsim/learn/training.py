@@ -5,11 +5,9 @@ The best pilot of all evaluations is kept.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from hashlib import sha256
 from math import floor
 from pathlib import Path
 from time import perf_counter
@@ -20,6 +18,7 @@ import numpy as np
 from msgspec import structs
 
 from controllers.learned.pilot import About, Pilot, load_pilot, pilot_bytes
+from controllers.learned.policy import vehicle_digest
 from quadsim.config.build import flight_frames
 from quadsim.config.spec import Spec
 from quadsim.dynamics.quadrotor import Control, ModelParams
@@ -259,7 +258,7 @@ def pilot_of(learner: Learner, training: Training) -> Pilot:
         high=Control(*system.high),
         course=", ".join(course.name for course in task.courses),
         activation="relu",
-        vehicle_sha256=sha256(json.dumps(asdict(task.vehicle)).encode()).hexdigest(),
+        vehicle_sha256=vehicle_digest(task.vehicle),
         training={
             "seed": training.seed,
             "steps": learner.steps_done,

@@ -26,8 +26,8 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from quadsim.course import Course
+from quadsim.files.scalars import decimal_number
 from quadsim.files.yaml_errors import did_you_mean
-from quadsim.files.yaml_values import DECIMAL
 from quadsim.streams import fault_stream
 from quadsim.vehicle import GRAVITY, Vehicle
 
@@ -205,9 +205,10 @@ def _seconds(text: str | None, wanted: str, fault: str) -> float | None:
     """Return a time [s], None if none is given. Raises ValueError."""
     if text is None:
         return None
-    if not DECIMAL.fullmatch(text) or not 0.0 <= float(text) <= LATEST:
+    seconds = decimal_number(text)
+    if seconds is None or not 0.0 <= seconds <= LATEST:
         raise ValueError(f"{wanted}, from 0 to {LATEST:g}, got {fault!r}")
-    return round(float(text), NANOSECONDS)
+    return round(seconds, NANOSECONDS)
 
 
 def _rotor(target: str, text: str) -> int | None:
@@ -225,10 +226,11 @@ def _strength(what: str, text: str) -> float:
     """Return the remaining share of a rotor's nominal thrust. Raises ValueError."""
     if what == "lost":
         return 0.0
-    if not DECIMAL.fullmatch(what) or not 0.0 <= float(what) <= 1.0:
+    share = decimal_number(what)
+    if share is None or not 0.0 <= share <= 1.0:
         wanted = "expected the share of thrust that is left, from 0 (lost) to 1"
         raise ValueError(f"{wanted}, got {what!r} in {text!r}")
-    return float(what)
+    return share
 
 
 def _effect(what: str, known: Sequence[Any], text: str) -> Any:
@@ -244,7 +246,7 @@ def _imu_part_fault(sensor: ImuPart, what: str, window: Window, text: str) -> Fa
         return SensorFault(sensor, "frozen", window)
     unit, largest = BIASES[sensor]
     parts = what.split(":")
-    numbers = [float(part) for part in parts if DECIMAL.fullmatch(part)]
+    numbers = [number for part in parts if (number := decimal_number(part)) is not None]
     fits = len(numbers) == len(parts) and len(parts) in (1, 3)
     if not fits or not all(abs(number) <= largest for number in numbers):
         wanted = f"expected frozen, or a bias as one number or x:y:z [{unit}] up to {largest:g}"

@@ -68,6 +68,17 @@ class LinkConfig:
 WIRE = LinkConfig()
 
 
+def command_latency(vehicle: float, link: float, model: float) -> float:
+    """Return the time from a command to its effect, apart from the wait for a frame [s].
+
+    Args:
+        vehicle: latency of the vehicle [s].
+        link: latency of the link [s].
+        model: delay of the rate loop, as the planner's model has it [s].
+    """
+    return vehicle + link + model
+
+
 class Received(NamedTuple):
     """The state of the receiver in a physics step."""
 

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 
 from controllers.plan import PlannerSnapshot
+from quadsim.sensing.kept import Kept
 
 # [s] A flight is over after this time without getting nearer to the next gate than before.
 NO_PROGRESS = 5.0
@@ -110,6 +111,8 @@ class Frame:
     estimate: tuple[float, ...] = field(default=(), repr=False)
     # columns of quadsim.physics.plant_state.MOTOR_UNITS, if a firmware commands the motors
     motors: tuple[float, ...] = field(default=(), repr=False)
+    # what the sensors have measured since the last frame, if it is kept (record_sensing)
+    kept: Kept | None = field(default=None, repr=False)
 
 
 def flown_laps(events: Iterable[Event], completed: int) -> list[float]:

@@ -163,6 +163,14 @@ class RefereeProtocol(Protocol):
 SNAPSHOT_EVERY = 10
 
 
+class FlightParts(NamedTuple):
+    """The plant, the controller and the referee of one flight. Their owner closes the plant."""
+
+    plant: Plant
+    controller: Controller
+    referee: RefereeProtocol
+
+
 class Plan(NamedTuple):
     """A control, with the statistics and the duration of its planning."""
 
@@ -344,6 +352,7 @@ def flight(
             snapshot=taken,
             estimate=navigation.record(state),
             motors=state.motors or (),
+            kept=navigation.kept(),
         )
         if not flying:
             return

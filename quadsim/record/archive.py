@@ -282,14 +282,15 @@ def read_run(path: str | Path) -> RecordedRun:
         raise RunError(f"{path}: expected a run folder, found {found}")
     record = read_json(_read(path / "run.json"), path / "run.json")
     stored = _read(path / "telemetry.npz")
-    telemetry, snapshots = read_npz(stored, record.spec, path / "telemetry.npz")
+    arrays = read_npz(stored, record.spec, path / "telemetry.npz")
     run = RecordedRun(
         spec=record.spec,
-        telemetry=telemetry,
+        telemetry=arrays.telemetry,
         events=record.events,
         outcome=record.outcome,
         wall={"plan_ms": record.plan_ms, "real_time_factor": record.real_time_factor},
-        snapshots=snapshots,
+        snapshots=arrays.snapshots,
+        measurements=arrays.measurements,
     )
     if _digest(run) != record.digest:
         raise RunError(

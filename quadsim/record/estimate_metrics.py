@@ -7,11 +7,51 @@ import numpy as np
 from quadsim.record.run import RecordedRun
 from quadsim.sensing.estimate_record import ERRORS
 
+# An estimate that is off by more is lost: [m], about half an opening, and [deg].
+LOST = 0.5
+TURNED = 5.0
+
 
 def estimate_errors(run: RecordedRun) -> np.ndarray:
     """Return estimated less true position of every frame [m].  (frames, 3)"""
     x = run.telemetry
     return np.column_stack([x[f"est_{name}"] - x[name] for name in ("px", "py", "pz")])
+
+
+def attitude_error(run: RecordedRun, frame: int) -> float:
+    """Return the angle between estimated and true attitude in a frame [deg]."""
+    x = run.telemetry
+    names = ("qw", "qx", "qy", "qz")
+    q, estimated = ([x[f"{start}{name}"][frame] for name in names] for start in ("", "est_"))
+    cosine = min(abs(float(np.dot(q, estimated))), 1.0)
+    return float(np.degrees(2.0 * np.arccos(cosine)))
+
+
+def lost_estimate(run: RecordedRun) -> str:
+    """Return how far off the estimate was when a flight ended, and since when it was lost.
+
+    Returns:
+        One line, such as "estimate 2.4 m off at the end, more than 0.5 m from 1.6 s on"; "" if the
+        state was known, or if the estimate was good and the flight has not crashed.
+    """
+    x = run.telemetry
+    if "est_px" not in x or not len(x["t"]):
+        return ""
+    distance = np.linalg.norm(estimate_errors(run), axis=1)
+    end = float(distance[-1])
+    turned = attitude_error(run, -1)
+    is_lost = end > LOST
+    if not (is_lost or turned > TURNED or run.outcome == "crashed"):
+        return ""
+    off = f"{end:.1f} m" if is_lost else f"{100.0 * end:.1f} cm"
+    if turned > TURNED:
+        off += f" and {turned:.0f} deg"
+    line = f"estimate {off} off at the end"
+    if is_lost:
+        good = np.flatnonzero(distance <= LOST)
+        first = good[-1] + 1 if len(good) else 0
+        line += f", more than {LOST:g} m from {x['t'][first]:.1f} s on"
+    return line
 
 
 def sensing_numbers(run: RecordedRun) -> dict | None:

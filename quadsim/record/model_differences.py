@@ -33,7 +33,8 @@ def model_table(spec: dict) -> RenderableType:
     A firmware has a rate loop of its own, which the vehicle's numbers do not describe.
     """
     if spec.get("betaflight"):
-        return "[dim]model[/]  the planner's rate loop is the one identified behind Betaflight"
+        identified = "the planner's rate loop is the one identified behind Betaflight"
+        return f"[dim]model[/]  {identified}{_limits(spec)}"
     rows = differing(spec)
     adapts = spec["planner"]["mppi"].get("adapt")
     if not rows and adapts:
@@ -48,6 +49,18 @@ def model_table(spec: dict) -> RenderableType:
         vehicle = " ".join(f"{x:g}" for x in row["vehicle"])
         table.add_row(name.replace("_", " "), model, vehicle, f"[dim]{UNITS[name]}[/]")
     return table
+
+
+def _limits(spec: dict) -> str:
+    """Return the limits below those of the vehicle in words, "" if there are none."""
+    rows = differing(spec)
+    limits = [
+        f"{name.replace('_limit', '')} to {' '.join(f'{x:.4g}' for x in rows[name]['model'])}"
+        f" {UNITS[name]}"
+        for name in ("thrust_limit", "rate_limit")
+        if name in rows
+    ]
+    return f", with limits: {', '.join(limits)}" if limits else ""
 
 
 def differing(spec: dict) -> dict[str, dict[str, list[float]]]:

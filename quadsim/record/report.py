@@ -11,7 +11,8 @@ from rich.markup import escape
 from rich.padding import Padding
 
 from quadsim.course import parse_course
-from quadsim.record.estimate_metrics import sensing_numbers
+from quadsim.record.estimate_metrics import lost_estimate, sensing_numbers
+from quadsim.record.given_state import given_state
 from quadsim.record.limits import StoredSolution
 from quadsim.record.metrics import missed_deadlines
 from quadsim.record.model_differences import model_table
@@ -28,6 +29,7 @@ from quadsim.record.run import (
     not_comparable,
     why_not_repeatable,
 )
+from quadsim.record.run_text import crash_place
 from quadsim.record.turning_back import turned_back
 
 # Colour of an outcome; any other is yellow
@@ -61,13 +63,22 @@ def _head(run: RecordedRun, limit: StoredSolution | None) -> Iterator[str]:
     colour = COLOUR.get(run.outcome, "yellow")
     laps = f"{len(run.laps)} of {spec['laps']} laps"
     course = escape(spec["course"])
+    place = crash_place(run).removeprefix("; ")
     yield f"[bold]{course}[/]  [bold {colour}]{run.outcome}[/]  {laps}, {run.duration:.3f} s"
+    if place:
+        yield escape(place)
+    lost = lost_estimate(run)
+    if lost:
+        yield lost
     flown = [escape(flown_with(spec))]
     if spec.get("randomize"):
         flown.append(f"randomized {spec['randomize']:g}")
     if spec.get("displace_gates"):
         flown.append(f"gates up to {spec['displace_gates']:g} m off the map")
     yield from wrap(", ".join(flown), WIDTH, break_on_hyphens=False)
+    state = given_state(spec)
+    if state:
+        yield state
     if limit and run.outcome == "finished":
         # Adding 0.0 makes a negative zero a plain one
         above = round(100.0 * limit.above(run.duration), 1) + 0.0

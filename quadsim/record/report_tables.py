@@ -114,7 +114,16 @@ def incident_table(run: RecordedRun) -> RenderableType:
     incidents = [event for event in run.events if event.kind in INCIDENTS]
     if not incidents:
         return "no hits, no misses"
-    heads = ("t [s]", "lap", "gate", "incident", "left [m]", "up [m]", "speed [m/s]")
+    heads = (
+        "t\n[s]",
+        "lap",
+        "gate",
+        "incident",
+        "left\n[m]",
+        "up\n[m]",
+        "speed\n[m/s]",
+        "at x, y, z\n[m]",
+    )
     table = plain_table(*heads, left=(3,))
     for event in incidents:
         offset = [f"{v:+.2f}" for v in event.offset] if event.gate else ["", ""]
@@ -125,6 +134,7 @@ def incident_table(run: RecordedRun) -> RenderableType:
             f"[red]{_incident_name(event)}[/]",
             *offset,
             f"{event.speed:.1f}",
+            ", ".join(f"{number:.1f}" for number in event.position),
         )
     return table
 

@@ -27,10 +27,12 @@ from quadsim.racing.hand import HAND
 from quadsim.record.planner_snapshot import PlannerSnapshots
 from quadsim.record.preset_changes import preset_changes
 from quadsim.sensing.estimate_record import ESTIMATE_UNITS
+from quadsim.sensing.kept import Kept, kept_arrays
 
 # Key of a spec: the planner's numbers that were changed while it flew
 INTERACTIVE = "interactive"
-# Telemetry column -> unit, in the order of the digest
+# Telemetry column -> unit, in the order of the digest. Stored runs lack a column that is added
+# here, and would be refused; `columns_of` adds columns by a run's settings.
 COLUMNS = {
     "t": "s",
     **STATE_UNITS,
@@ -103,6 +105,8 @@ class RecordedRun:
     # Wall clock: plan_ms {p50, p95}, real_time_factor
     wall: dict
     snapshots: PlannerSnapshots | None = None
+    # Arrays of quadsim.sensing.kept by name, if the flight kept its sensing
+    measurements: dict[str, np.ndarray] | None = None
 
     def __repr__(self) -> str:
         """Return one line: course, outcome, laps, time, and what the run was flown with."""
@@ -172,7 +176,7 @@ class RecordedRun:
     def digest(self) -> str:
         """Return the sha256 [hex] of all that a seed determines.
 
-        The wall clock, spec["host"] and the snapshots do not enter it.
+        The wall clock, spec["host"], the snapshots and the measurements do not enter it.
         """
         decided = {
             "spec": hostless(self.spec),
@@ -323,11 +327,14 @@ class Recorder:
         self._table = np.empty((0, 1))
         self._frames = 0
         self._snapshots: list[tuple[int, PlannerSnapshot]] = []
+        self._kept: list[Kept] = []
 
     def add(self, frame: Frame) -> None:
         """Add the next frame of the flight."""
         if frame.snapshot:
             self._snapshots.append((len(self), frame.snapshot))
+        if frame.kept:
+            self._kept.append(frame.kept)
         row = (
             frame.t,
             *frame.x,
@@ -394,6 +401,7 @@ class Recorder:
             outcome=outcome,
             wall=self._wall(telemetry["plan_ms"]),
             snapshots=PlannerSnapshots.of(self._snapshots),
+            measurements=kept_arrays(self._kept) if self._kept else None,
         )
 
     def _wall(self, plan_ms: np.ndarray) -> dict:

@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterable
 from hashlib import sha256
 from operator import itemgetter
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -34,7 +35,18 @@ from quadsim.record.schema import (
     StoredRecord,
     StoredSpec,
 )
+from quadsim.sensing.kept import ACCELEROMETER_BIAS, GATES, GYRO_BIAS, TABLES
 
+# Arrays of the sensing that a run may have kept
+MEASUREMENTS = {
+    column.name: Declared(column.dtype, (table.sensor, *column.shape), required=False)
+    for table in TABLES
+    for column in table.columns
+} | {
+    GYRO_BIAS: Declared("float64", ("frames", 3), required=False),
+    ACCELEROMETER_BIAS: Declared("float64", ("frames", 3), required=False),
+    GATES: Declared("float64", ("frames", "gates", 3), required=False),
+}
 CSV_COLUMNS = (
     "t",
     "kind",
@@ -122,13 +134,19 @@ def _other_format(header: Header) -> str:
 def write_npz(run: RecordedRun) -> bytes:
     """Return the content of telemetry.npz."""
     snapshots = run.snapshots.arrays() if run.snapshots else {}
-    return npz_bytes(run.telemetry | snapshots, compressed=True)
+    return npz_bytes(run.telemetry | snapshots | (run.measurements or {}), compressed=True)
 
 
-def read_npz(
-    data: bytes, spec: dict, path: object
-) -> tuple[dict[str, np.ndarray], PlannerSnapshots | None]:
-    """Return telemetry by column, and the planner's snapshots if the run has any.
+class StoredArrays(NamedTuple):
+    """The content of telemetry.npz."""
+
+    telemetry: dict[str, np.ndarray]  # by column
+    snapshots: PlannerSnapshots | None
+    measurements: dict[str, np.ndarray] | None  # of quadsim.sensing.kept
+
+
+def read_npz(data: bytes, spec: dict, path: object) -> StoredArrays:
+    """Return the telemetry by column, and what else the run has kept.
 
     Raises:
         RunError: the content is damaged, or not what a run with this spec leaves behind.
@@ -142,6 +160,7 @@ def read_npz(
     except FileError as error:
         raise RunError(str(error)) from None
     snapshots = PlannerSnapshots.taken_out_of(columns)
+    measurements = {name: columns.pop(name) for name in MEASUREMENTS if name in columns}
     unknown = sorted(columns.keys() - wanted.keys())
     if unknown:
         raise RunError(f"{path}: arrays missing or unknown: {', '.join(unknown)}")
@@ -150,7 +169,8 @@ def read_npz(
             snapshots.check(len(columns["t"]))
         except ValueError as error:
             raise RunError(f"{path}: {error}") from error
-    return {name: columns[name] for name in wanted}, snapshots
+    telemetry = {name: columns[name] for name in wanted}
+    return StoredArrays(telemetry, snapshots, measurements or None)
 
 
 def _declared(wanted: Iterable[str]) -> dict[str, Declared]:
@@ -162,6 +182,7 @@ def _declared(wanted: Iterable[str]) -> dict[str, Declared]:
         FRAMES: Declared("int64", ("snapshots",), required=False),
         BEST: Declared("float32", ("snapshots", "paths", "points", "states"), required=False),
         f"{TERM}*": Declared("float32", ("snapshots",), required=False),
+        **MEASUREMENTS,
     }
 
 

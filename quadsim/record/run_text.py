@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from quadsim.racing.hand import HAND
+from quadsim.record.estimate_metrics import lost_estimate
+from quadsim.record.given_state import given_state
 from quadsim.record.run import CRASHES, RecordedRun, flown_with, not_comparable
 from quadsim.record.run_metrics import RunMetrics
 
@@ -23,6 +25,9 @@ def _sentences(run: RecordedRun, metrics: RunMetrics) -> Iterator[str]:
     laps = f"{len(run.laps)} of {run.spec['laps']} laps in {run.duration:.3f} s"
     yield f"{run.spec['course']}: {run.outcome}, {laps}{crash_place(run)}."
     yield f"Flown with {flown_with(run.spec)}."
+    for line in (given_state(run.spec), lost_estimate(run)):
+        if line:
+            yield f"{line[0].upper()}{line[1:]}."
     if run.laps:
         yield f"Lap times: {lap_times(run)}."
     if metrics.above_limit is not None:
@@ -45,9 +50,13 @@ def crash_place(run: RecordedRun) -> str:
     last = run.events[-1] if run.events else None
     if last is None or last.kind not in CRASHES:
         return "; the planner raised an error"
-    x, y, z = last.position
     what = f"{ENDS[last.kind]} {last.place}" if last.kind == "hit" else ENDS[last.kind]
-    return f"; it {what} in lap {last.lap}, at ({x:.1f}, {y:.1f}, {z:.1f}) m"
+    return f"; it {what} in lap {last.lap}, at {place_text(last.position)}"
+
+
+def place_text(position: Iterable[float]) -> str:
+    """Return a position as text, "(1.0, 2.0, 3.0) m"."""
+    return f"({', '.join(f'{number:.1f}' for number in position)}) m"
 
 
 def lap_times(run: RecordedRun) -> str:

@@ -190,6 +190,7 @@ class ListedSpec(Struct, kw_only=True):
     pilot: Named | None = None
     sensing: Named | None = None
     interactive: list[dict[str, Any]] = []
+    own: dict[str, OwnPart | list[OwnTerm]] = {}
 
 
 class StoredSpec(ListedSpec, kw_only=True):
@@ -204,7 +205,6 @@ class StoredSpec(ListedSpec, kw_only=True):
     planner: dict[str, Any]
     model: dict[str, Any]
     host: dict[str, Any]
-    own: dict[str, OwnPart | list[OwnTerm]] = {}
     faults: list[str] = []
     drawn_faults: list[str] = []
     betaflight: dict[str, Any] | None = None
@@ -345,6 +345,7 @@ class ListedEntrant(Struct):
     """The keys of an entrant's spec that a row of a list shows."""
 
     vehicle: Named
+    sampler: str
     preset: str
     laps: int
     pilot: Named | None = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +41,8 @@ class Run(RecordedRun):
         outcome: finished, crashed, stuck, timeout or interrupted.
         wall: wall-clock numbers: plan_ms with p50 and p95 [ms], and real_time_factor.
         snapshots: the planner's best samples every few control steps; None without any.
+        measurements: with `record_sensing=True`, what the sensors measured and what the estimator
+            made of it: name -> array, see docs/sensing.md; else None.
 
     Examples:
         >>> import quadsim
@@ -59,7 +62,7 @@ class Run(RecordedRun):
     @classmethod
     def of(cls, run: RecordedRun) -> Run:
         """Return a recorded run with the methods of this class."""
-        return cls(run.spec, run.telemetry, run.events, run.outcome, run.wall, run.snapshots)
+        return cls(**{field.name: getattr(run, field.name) for field in fields(RecordedRun)})
 
     @classmethod
     def from_frames(cls, spec: dict[str, Any], frames: Iterable[Frame]) -> Run:

@@ -1,7 +1,8 @@
 """Numbers of the sensors, as a sensing file gives them.
 
-The estimator is given the same numbers: sensors are calibrated. Noises are standard deviations of
-one sample, per axis.
+The estimator is given the same numbers: sensors are calibrated. It ignores the errors of an
+inertial unit's scale factors and axes, which a calibration leaves behind. Noises are standard
+deviations of one sample, per axis.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ Rate = Annotated[float, unit("Hz", ge=1, le=2000)]
 Latency = Annotated[float, unit("s", ge=0, le=0.5)]
 Share = Annotated[float, unit("1", ge=0, le=1)]
 Metre = Annotated[float, unit("m", ge=0, le=100)]
+ScaleError = Annotated[float, unit("1", ge=0, le=0.5)]
+Tilt = Annotated[float, unit("deg", ge=0, le=30)]
 EndOfLife = Annotated[float, unit("s", ge=0, le=1e5)]
 
 # [m] along the optical axis; nearer points are not projected
@@ -80,6 +83,22 @@ class ImuConfig:
         float, setting("largest specific force measured [m/s^2]", unit="m/s^2", gt=0, le=1e4)
     ] = 157.0
     latency: Annotated[Latency, setting("time from the end of a sample to the estimator [s]")] = 0.0
+    gyro_scale: Annotated[
+        ScaleError,
+        setting("standard deviation of the error of each gyroscope axis's scale factor"),
+    ] = 0.0
+    gyro_misalignment_deg: Annotated[
+        Tilt,
+        setting("standard deviation of the angles between true and measured axes of rotation"),
+    ] = 0.0
+    accelerometer_scale: Annotated[
+        ScaleError,
+        setting("standard deviation of the error of each accelerometer axis's scale factor"),
+    ] = 0.0
+    accelerometer_misalignment_deg: Annotated[
+        Tilt,
+        setting("standard deviation of the angles between true and measured axes of the force"),
+    ] = 0.0
 
 
 @dataclass(frozen=True)

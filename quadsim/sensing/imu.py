@@ -1,9 +1,10 @@
 """The inertial measurement unit: a gyroscope and an accelerometer.
 
-Both have white noise, random-walk biases, and limits:
+Both have white noise, random-walk biases, scale factors, misaligned axes, and limits:
 
-    gyro = omega + b_g + sigma_g N(0, 1)                          b_g' = walk_g N(0, 1)
-    specific force = R(q)^T (v' + g e_z) + b_a + sigma_a N(0, 1)   b_a' = walk_a N(0, 1)
+    gyro = M_g omega + b_g + sigma_g N(0, 1)                          b_g' = walk_g N(0, 1)
+    specific force = M_a R(q)^T (v' + g e_z) + b_a + sigma_a N(0, 1)   b_a' = walk_a N(0, 1)
+    M = I + diag(scale N(0, 1)) + misalignment N(0, 1) off the diagonal, constant in a flight
 
 The usual model of strapdown units (IEEE Std 952-1997, annex C; Woodman, "An introduction to
 inertial navigation", Cambridge UCAM-CL-TR-696, 2007). omega and v' are means over the sample, as
@@ -21,6 +22,7 @@ from quadsim.rotation import between, to_body, turned
 from quadsim.sensing.config import ImuConfig
 from quadsim.sensing.measurements import Inertial
 from quadsim.sensing.timing import Ticks
+from quadsim.streams import alignment_stream
 from quadsim.vehicle import GRAVITY
 
 
@@ -38,6 +40,7 @@ class Imu:
         bias_std = np.repeat([config.gyro_bias, config.accelerometer_bias], 3)
         # [rad/s, m/s^2]  (6,)
         self.bias = bias_std * self._rng.standard_normal(6)
+        self._mixing = _mixing(config, seeds)
         self._ticks = Ticks(config.rate)
         # state at the end of the last sample
         self._last: PlantState[State] | None = None
@@ -67,9 +70,33 @@ class Imu:
         middle = turned(before.attitude, [0.5 * angle for angle in turn])
         specific_force = to_body(middle, acceleration)
         true = np.array([*body_rates, *specific_force])
+        if self._mixing is not None:
+            true = self._mixing @ true
 
         # The unit's errors.
         self.bias += self._walk * np.sqrt(dt) * self._rng.standard_normal(6)
         noisy = true + self.bias + self._noise * self._rng.standard_normal(6)
         gx, gy, gz, fx, fy, fz = np.clip(noisy, -self._limits, self._limits).tolist()
         return Inertial(state.t, dt, gyro=(gx, gy, gz), specific_force=(fx, fy, fz))
+
+
+def _mixing(config: ImuConfig, seeds: np.random.SeedSequence) -> np.ndarray | None:
+    """Return the matrix from true to measured rates and forces, by the scale and the axes.
+
+    Each axis has a scale factor of its own, and picks up a share of the two other axes, which is
+    the angle by which it is tilted towards them.
+
+    Returns:
+        (6, 6), or None for exact scales and axes.
+    """
+    scales = (config.gyro_scale, config.accelerometer_scale)
+    angles = (config.gyro_misalignment_deg, config.accelerometer_misalignment_deg)
+    if not any(scales) and not any(angles):
+        return None
+    rng = np.random.default_rng(alignment_stream(seeds))
+    mixing = np.eye(6)
+    for part, scale, angle in zip((slice(0, 3), slice(3, 6)), scales, angles, strict=True):
+        drawn = rng.standard_normal((3, 3))
+        size = np.where(np.eye(3, dtype=bool), scale, np.radians(angle))
+        mixing[part, part] += size * drawn
+    return mixing

@@ -3,6 +3,8 @@
     sensors -> estimator -> state now
     state now -> model under the commands given -> state in which the next control acts
 
+A flight may ask for the state now in its place, as a controller without a prediction gets it.
+
 A Navigation is put together from three parts:
 
 * a source of the present state: the true state (TrueState) or an estimate (SensedState);
@@ -36,7 +38,8 @@ from quadsim.sensing.estimation.error_state import FilterState
 from quadsim.sensing.estimation.estimator import Estimator
 from quadsim.sensing.estimation.prediction import Commands, predict
 from quadsim.sensing.estimation.vehicle_learner import VehicleLearner
-from quadsim.sensing.measurements import Corners, Inertial, RotorThrust
+from quadsim.sensing.kept import Kept
+from quadsim.sensing.measurements import Corners, Inertial, Measurement, RotorThrust
 from quadsim.sensing.sensors import Sensors
 
 # [m] change of a gate's estimated position or standard deviation that makes a new course
@@ -96,6 +99,10 @@ class StateSource(Protocol):
 
     def record(self, state: PlantState) -> tuple[float, ...]:
         """Return the columns of ESTIMATE_UNITS for this true state; () if the state is known."""
+        ...
+
+    def kept(self) -> Kept | None:
+        """Return what is kept of the sensing since the last call; None: nothing is."""
         ...
 
 
@@ -176,6 +183,9 @@ class TrueState:
         """Return (), as nothing is estimated."""
         return ()
 
+    def kept(self) -> None:
+        """Return None, as nothing is measured."""
+
     def _whole_periods(self, duration: float) -> float:
         """Return the number of control periods in a duration [s].
 
@@ -230,6 +240,8 @@ class SensedState:
         self._t = self._nominal.t
         # duration of the last call of `now` [ms]
         self._spent = 0.0
+        # the measurements taken since the last call of `kept`; None: they are not kept
+        self._kept: list[Measurement] | None = None
 
     def watch(self, state: PlantState) -> None:
         """Let the sensors sample the plant's state after a physics step."""
@@ -275,6 +287,20 @@ class SensedState:
             spent=self._spent,
         )
 
+    def keep(self) -> None:
+        """Keep every measurement from now on, for `kept`."""
+        self._kept = []
+
+    def kept(self) -> Kept | None:
+        """Return the measurements taken since the last call, and what is estimated beside x."""
+        if self._kept is None:
+            return None
+        taken = tuple(self._kept)
+        self._kept.clear()
+        nominal = self._nominal
+        gates = self._course.centres(self._estimator.state) if self._course else None
+        return Kept(self._t, taken, nominal.gyro_bias, nominal.accelerometer_bias, gates)
+
     def _take_measurements(self, t: float) -> None:
         """Update position, velocity and attitude to t [s] by the measurements that have arrived.
 
@@ -283,6 +309,8 @@ class SensedState:
         self._rotors = None
         self._estimator.innovations.clear()
         for measurement in self._sensors.arrived(t):
+            if self._kept is not None:
+                self._kept.append(measurement)
             match measurement:
                 case RotorThrust():
                     # A measurement for the learner, not for the estimator.
@@ -337,6 +365,16 @@ class CourseEstimate:
         # displacements of gates from the map, and their standard deviations [m]  (gates, 4)
         self._offsets: np.ndarray | None = None
 
+    def centres(self, state: FilterState) -> np.ndarray | None:
+        """Return the estimated centre of each gate's opening [m]; None if the map is exact.
+
+        (gates, 3)
+        """
+        if not len(state.gates):
+            return None
+        mapped = np.array([gate.position for gate in self._map.gates])
+        return mapped + state.gates[np.array(self._numbers)]
+
     def updated(self, state: FilterState) -> Course:
         """Return the course according to a state of the filter.
 
@@ -367,6 +405,7 @@ class Navigation:
         commands: Commands,
         dt: float,
         nominal: ModelParams | None,
+        predicts: bool = True,
     ):
         """Put the parts together.
 
@@ -377,12 +416,15 @@ class Navigation:
             dt: control period [s].
             nominal: model for the prediction until the next control acts, if no model is estimated;
                 None: the next control acts in the present state.
+            predicts: whether the controller is given the state in which its control acts; if not,
+                the present state.
         """
         self._source = source
         self._gates = gates
         self._commands = commands
         self._dt = dt
         self._nominal = nominal
+        self._predicts = predicts
         self._periods = ControlPeriods(dt)
         # running mean of planning times [s]
         self._planning = 0.0
@@ -416,7 +458,16 @@ class Navigation:
         x = self._when_it_acts(now, t, acts)
         target = self._gates.at(x, now.course)
         model = quadrotor(now.model, self._dt) if now.model else None
-        return Estimate(t + (sent - ready), np.array(x), target, model, now.course, acts)
+        return Estimate(
+            t + (sent - ready),
+            np.array(x),
+            target,
+            model,
+            now.course,
+            acts,
+            measured=np.array(now.x),
+            predicted=self._predicts,
+        )
 
     def commanded(self, t: float, ready: float, u: tuple[float, ...]) -> None:
         """Note a control that is given to the vehicle.
@@ -433,9 +484,16 @@ class Navigation:
         """Return the columns of ESTIMATE_UNITS for one frame; () if the true state is known."""
         return self._source.record(state)
 
+    def kept(self) -> Kept | None:
+        """Return what is kept of the sensing since the last call; None: nothing is."""
+        return self._source.kept()
+
     def _when_it_acts(self, now: Present, t: float, acts: float) -> tuple[float, ...]:
-        """Return the state at `acts` [s], in which a control planned at t [s] will act.  (n_x,)"""
-        if self._nominal is None:
+        """Return the state at `acts` [s], in which a control planned at t [s] will act.  (n_x,)
+
+        Without a prediction it is the present state.
+        """
+        if self._nominal is None or not self._predicts:
             return now.x
         model = now.model or self._nominal
         return predict(State(*now.x), self._commands, t, acts, model, longest=self._dt)

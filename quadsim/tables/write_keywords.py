@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from quadsim.config.spec import Spec
     from quadsim.course import Course
     from quadsim.dynamics.quadrotor import ModelParams
-    from quadsim.firmware.configuration import Text
+    from quadsim.firmware.text import Text
     from quadsim.physics.plant import Plant
     from quadsim.racing.flight import ControlLaw, Controller, RefereeProtocol
     from quadsim.sensing import Sensing
@@ -64,7 +64,7 @@ OBJECTS = {
     "model": "ModelParams",
     "terms": "Sequence[Term | tuple[Callable[..., Any], float | NDArray[Any]]]",
     "cost": "Cost | Callable[[Cost], Cost]",
-    "controller": "Controller | ControlLaw | Callable[[Spec], Controller | ControlLaw]",
+    "controller": "str | Controller | ControlLaw | Callable[[Spec], Controller | ControlLaw]",
     "referee": "RefereeProtocol | Callable[[Spec], RefereeProtocol]",
 }
 

@@ -1,9 +1,11 @@
 """Variants are settings: what `race fly` would fly with the same flags."""
 
+import re
+
 import pytest
 
 from quadsim.campaign.attempt import attempt_key, this_provenance, variant_key
-from quadsim.campaign.variants import Variant, make_variants, parse_variants
+from quadsim.campaign.variants import Variant, make_variants, named_variants, parse_variants
 from quadsim.cli.cli import race
 from quadsim.config.setting_texts import resolve
 from quadsim.config.settings import SettingError
@@ -131,3 +133,35 @@ def test_mistakes_are_one_line_before_anything_flies(capsys, tmp_path, monkeypat
         assert line.startswith(f"race {argv.split()[0]}: "), argv
         assert named in line
     assert not list(tmp_path.iterdir()), "nothing was made"
+
+
+def test_variants_in_python_are_mappings_or_texts():
+    soft = {"preset": "race", "target_ess": "200"}
+    assert named_variants({"soft": soft}) == {"soft": soft}
+    assert named_variants({"soft": "race+target-ess=200"}) == {"soft": soft}
+    assert named_variants("gaussian,soft=race+target-ess=200") == {
+        "gaussian": {"sampler": "gaussian"},
+        "soft": soft,
+    }
+    # A name is that of a sampler, or of a preset: it never flies as the default.
+    assert named_variants(("colored", "race_small")) == {
+        "colored": {"sampler": "colored"},
+        "race_small": {"preset": "race_small"},
+    }
+    assert named_variants({"gaussian": {"samples": 64}}) == {
+        "gaussian": {"sampler": "gaussian", "samples": 64}
+    }
+
+
+@pytest.mark.parametrize(
+    ("variants", "problem"),
+    [
+        (("fast",), "variants: no sampler, preset or pilot 'fast'"),
+        ({"fast": 3}, "variants: fast: expected settings as a mapping or a text, got 3"),
+        ([{"samples": 64}], "variants: expected texts, or a mapping {name: settings}, got"),
+        (("colored", "colored"), "variants: expected different names, got 'colored' twice"),
+    ],
+)
+def test_variants_that_are_none_are_one_line(variants, problem):
+    with pytest.raises(SettingError, match=f"^{re.escape(problem)}"):
+        named_variants(variants)

@@ -110,6 +110,7 @@ def test_every_number_of_a_flight_is_recorded_and_read():
         "link_latency": 0.01,
         "link_loss": 0.2,
         "link_burst": 3.0,
+        "predict": False,
         "clock": "wall",
         "deadline_ms": 50.0,
     }
@@ -119,6 +120,17 @@ def test_every_number_of_a_flight_is_recorded_and_read():
     names = {field.name for field in fields(FlightNumbers)} - {"flight_controller"}
     assert names == numbers.keys()
     assert {name: getattr(again, name) for name in names} == numbers
+
+
+def test_a_units_younger_numbers_are_recorded_only_where_they_are_used():
+    """So that records of flights on sensors, and their hashes, stay what they were."""
+    plain = Spec.of("figure8", sensing="mocap")
+    assert "gyro_scale" not in plain.record()["sensing"]["imu"]
+    scaled = plain.sensing.but(name="scaled", imu={"gyro_scale": 0.02})
+    record = as_stored(Spec.of("figure8", sensing=scaled).record())
+    assert record["sensing"]["imu"]["gyro_scale"] == 0.02
+    assert "gyro_misalignment_deg" not in record["sensing"]["imu"]
+    assert spec_of_record(record).sensing == scaled
 
 
 @pytest.mark.compiled

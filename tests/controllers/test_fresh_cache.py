@@ -62,7 +62,8 @@ def test_fresh_code_and_code_from_the_cache_plan_alike_to_the_last_bit(plans, tm
     built = compiled()
     assert was_cached == [False]
     functions = {name.split(".")[1].split("-")[0] for name in built}
-    assert functions == {"rollout", "transformed", "_lane_sums", "run_parts"}
+    # those of the helping threads are compiled where there is more than one core
+    assert functions - {"run_parts", "help_callers"} == {"rollout", "transformed", "_lane_sums"}
 
     again, was_cached = plans(1, 2)
     assert was_cached == [True, True]

@@ -8,7 +8,7 @@ from controllers.costs import evaluate
 from controllers.costs.race import RaceWeights, race_cost
 from controllers.costs.race_view import with_view
 from controllers.lanes.planner_loops import module_source
-from quadsim.config.build import cost_on
+from quadsim.config.build_cost import cost_on
 from quadsim.config.settings import SettingError
 from quadsim.config.spec import Spec
 from quadsim.course import load_course

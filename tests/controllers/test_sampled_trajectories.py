@@ -5,9 +5,9 @@ import pytest
 
 from controllers.costs.race import TERMS
 from controllers.sampled_trajectories import controls, sampled_trajectories, take_snapshot
-from quadsim.config.build import FlightParts, build, launch
+from quadsim.config.build import build, launch
 from quadsim.config.spec import Spec
-from quadsim.racing.flight import SNAPSHOT_EVERY, simulate
+from quadsim.racing.flight import SNAPSHOT_EVERY, FlightParts, simulate
 from tests.small import SMALL
 
 

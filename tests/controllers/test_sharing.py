@@ -1,11 +1,17 @@
 """Loops whose blocks are shared among threads."""
 
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
+from controllers.lanes import helpers
 from controllers.lanes.compiled import load_module
-from controllers.lanes.sharing import on_threads, run_parts
-from controllers.lanes.threads import most_threads, use_threads
+from controllers.lanes.helpers import run_parts
+from controllers.lanes.sharing import on_threads
+from controllers.lanes.threads import most_threads, threads, use_threads
 
 pytestmark = pytest.mark.compiled
 
@@ -17,9 +23,9 @@ from controllers.lanes.sharing import share
 
 @kept
 @njit(nogil=True)
-def scaled(run_parts, first, last, x, y, factor, offset, room):
-    if run_parts:
-        share(run_parts, last)
+def scaled(desk, first, last, x, y, factor, offset, room):
+    if desk:
+        share(desk, last)
         return
     scratch = np.empty(room, np.int8)
     scratch[0] = 1
@@ -51,12 +57,12 @@ def test_each_block_runs_once_with_the_arguments_of_the_call(scaled, blocks, thr
 
 
 def test_what_shares_the_loops_can_be_kept_on_the_disk(scaled):
-    on_threads(scaled, 1, np.ones(1), np.ones(1), 1, 0.0, 1)
+    helpers.helpers()
     (code,) = run_parts.overloads.values()
     assert not code.library.has_dynamic_globals
 
 
-def test_with_zero_for_run_parts_some_blocks_run_on_the_calling_thread(scaled):
+def test_with_zero_for_the_desk_some_blocks_run_on_the_calling_thread(scaled):
     y = np.zeros(10)
     scaled(0, 3, 5, np.ones(10), y, 1, 0.0, 1)
     np.testing.assert_array_equal(np.flatnonzero(y), (3, 4))
@@ -69,8 +75,59 @@ def test_arguments_of_another_type_are_shared_too(scaled):
 
 
 def test_a_part_without_memory_is_an_error_and_no_wrong_result(scaled):
-    with pytest.raises(MemoryError, match="loop on several threads"):
+    use_threads(most_threads())
+    wanted = "loop on several threads" if most_threads() > 1 else ""
+    with pytest.raises(MemoryError, match=wanted):
         on_threads(scaled, 4, np.ones(4), np.zeros(4), 1, 0.0, 1 << 60)
     y = np.zeros(4)
     on_threads(scaled, 4, np.ones(4), y, 1, 0.0, 1)
     assert (y == 2.0).all(), "the next call works"
+
+
+def test_every_block_of_many_calls_runs_once(scaled):
+    """A helper that comes late from one call must not take blocks of the next one."""
+    use_threads(most_threads())
+    rng = np.random.default_rng(0)
+    counts = np.zeros(200)
+    expected = np.zeros(200)
+    for blocks in rng.integers(0, 201, 3000).tolist():
+        on_threads(scaled, blocks, np.zeros(200), counts, 1, 0.0, 1)
+        expected[:blocks] += 1
+    np.testing.assert_array_equal(counts, expected)
+
+
+def test_a_caller_does_not_wait_for_helpers_that_sleep(scaled, monkeypatch):
+    monkeypatch.setattr(helpers, "ring", lambda bell: None)
+    use_threads(most_threads())
+    y = np.zeros(100)
+    on_threads(scaled, 100, np.ones(100), y, 1, 0.0, 1)
+    assert (y == 2.0).all()
+
+
+def test_threads_that_call_at_once_have_their_own_results(scaled):
+    """The desk holds one job: the other callers run theirs alone."""
+
+    def calls(k: int) -> np.ndarray:
+        use_threads(most_threads())
+        y = np.zeros(50)
+        for _ in range(200):
+            on_threads(scaled, 50, np.full(50, float(k)), y, 1, 0.0, 1)
+        return y
+
+    with ThreadPoolExecutor(4) as pool:
+        for k, y in enumerate(pool.map(calls, range(4))):
+            np.testing.assert_array_equal(y, 200.0 * (k + 1))
+
+
+def test_a_number_of_threads_is_that_of_the_thread_that_sets_it():
+    use_threads(1)
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(threads).result() == most_threads()
+    assert threads() == 1
+
+
+@pytest.mark.process
+def test_a_process_with_helpers_ends_by_itself():
+    code = "import quadsim; quadsim.fly('figure8', samples=64, timeout=.05); print('flown')"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "flown\n", "")

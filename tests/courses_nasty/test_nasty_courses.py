@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import quadsim
-from quadsim.config.build import cost_on
+from quadsim.config.build_cost import cost_on
 from quadsim.config.spec import Spec
 
 HERE = Path(__file__).parent

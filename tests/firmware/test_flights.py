@@ -9,7 +9,7 @@ import pytest
 import quadsim
 from quadsim.campaign.attempt import fly_attempt
 from quadsim.cli.cli import race
-from quadsim.config.build import plant_of
+from quadsim.config.build_plant import plant_of
 from quadsim.config.recorded import spec_of_record
 from quadsim.firmware.process import Firmware, FirmwareError
 from quadsim.physics.plant import RigidPlant
@@ -210,7 +210,7 @@ def test_a_campaign_in_parallel_equals_the_same_in_sequence(built):
     fly = partial(quadsim.compare, "split_s_swift", {"firmware": FLIGHT}, attempts=4, randomize=1)
 
     def digests(comparison):
-        return [quadsim.load_run(attempt.folder).digest() for attempt in comparison.attempts]
+        return [quadsim.read_run(attempt.folder).digest() for attempt in comparison.attempts]
 
     found = digests(fly(jobs=2))
     assert found == digests(fly())
@@ -231,3 +231,63 @@ def test_a_firmware_that_ends_in_flight_is_no_crash_of_the_variant(built, monkey
     monkeypatch.setattr(Firmware, "step", step_until_killed)
     with pytest.raises(FirmwareError, match=r"^firmware: its process ended after 6\.8\d* s"):
         fly_attempt(spec)
+
+
+@pytest.fixture
+def killed(built, monkeypatch):
+    """Kill the firmware of each flight soon after its start."""
+    quadsim.Spec.of("split_s_swift", **FLIGHT)  # the configuration has been read
+    step = Firmware.step
+
+    def step_until_killed(firmware, *arguments, **keywords):
+        if firmware.time > 6.7:
+            firmware._process.kill()
+            firmware._process.wait()
+        return step(firmware, *arguments, **keywords)
+
+    monkeypatch.setattr(Firmware, "step", step_until_killed)
+
+
+def test_a_flight_whose_firmware_is_killed_is_kept(built, killed, tmp_path, capsys):
+    command = ["fly", "split_s_swift", *flags(FLIGHT), "--runs-dir", str(tmp_path)]
+    assert race(command) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("race fly: firmware: its process ended after 6.7")
+    assert err.endswith("the flight so far is kept\n")
+    (run,) = quadsim.runs(tmp_path)
+    loaded = read_run(run.path)
+    assert loaded.outcome == "interrupted"
+    assert loaded.telemetry["t"][-1] == pytest.approx(0.1, abs=0.05)
+
+
+OLD_TEXT = "# Betaflight / STM32F405 (S405) 4.5.1 Mar 16 2025\ndefaults nosave\n{}\n"
+
+
+def test_a_text_of_an_older_version_flies_and_says_so(built, tmp_path, capsys):
+    lines = "aux 0 0 0 1700 2100 0 0\naux 1 1 1 900 1300 0 0\nset dshot_idle_value = 900"
+    file = tmp_path / "old.txt"
+    file.write_text(OLD_TEXT.format(lines))
+    assert race(["firmware", "read", "--betaflight", str(file)]) == 0
+    out = capsys.readouterr().out
+    assert "old.txt, of Betaflight 4.5: 2 lines taken, 1 translated" in out
+    assert "5: set dshot_idle_value = 900 -> set motor_idle = 900" in out
+    assert "AUX1 1000 to 1900 us, AUX2 1700 to 1700 us" in out
+    assert "limits of swift: thrust 0 to 40.23 m/s^2, body rates 10, 10, 6 rad/s" in out
+    settings = {**FLIGHT, "betaflight": file, "runs_dir": tmp_path}
+    assert race(["fly", "split_s_swift", *flags(settings)]) == 1
+    err = capsys.readouterr().err
+    assert err.startswith("old.txt, of Betaflight 4.5: 2 lines taken, 1 translated, ")
+    assert f"race firmware read --betaflight {file}\n" in err
+    (run,) = quadsim.runs(tmp_path)
+    stored = read_run(run.path)
+    assert spec_of_record(stored.spec).betaflight.lines == tuple(file.read_text().splitlines())
+
+
+def test_a_race_of_which_a_firmware_is_killed_is_kept(built, killed, tmp_path, capsys):
+    entrants = ["--entrants", "colored", "colored", "--runs-dir", str(tmp_path)]
+    assert race(["heat", "split_s_swift", *entrants, *flags(FLIGHT)]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("race heat: firmware: its process ended after 6.7")
+    assert err.endswith("the race so far is kept\n")
+    kept = [read_run(path.parent) for path in tmp_path.rglob("run.json")]
+    assert [run.outcome for run in kept] == ["interrupted"] * 2

@@ -14,9 +14,9 @@ import pytest
 
 from quadsim.cli.cli import race
 from quadsim.firmware import gain_search
-from quadsim.firmware.configuration import Text, read_text
 from quadsim.firmware.gain_search import StepResponse, shortfall, wanted_response
 from quadsim.firmware.gains import AXIS_NAMES, Gains, gains_of, with_gains
+from quadsim.firmware.text import Text, read_text
 from quadsim.firmware.tuned_gains import FirmwareBench, first_configuration, plain_configuration
 from quadsim.vehicle import VEHICLES, load_vehicle, vehicle_names
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from quadsim.firmware.configuration import Text, configured
+from quadsim.firmware.configuration import configured
+from quadsim.firmware.text import Text
 from quadsim.racing.hand import Rates
 
 

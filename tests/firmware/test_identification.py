@@ -61,8 +61,9 @@ class ModelActuators:
 
 def test_the_numbers_of_a_known_rate_loop_are_found_again():
     vehicle = load_vehicle("swift")
-    found = identify(vehicle, PERIOD / 5, PERIOD, lambda: ModelActuators(vehicle, 5))
-    model = found.model(vehicle)
+    nominal = ModelParams.of(vehicle)
+    found = identify(nominal, PERIOD / 5, PERIOD, lambda: ModelActuators(vehicle, 5))
+    model = found.model(nominal)
     for name, known in KNOWN.items():
         np.testing.assert_allclose(getattr(model, name), known, rtol=0.03, atol=2e-4)
     assert min(axis.explained for axis in found.axes) > 0.999
@@ -141,8 +142,8 @@ def identifications(built, monkeypatch, tmp_path):
     found = identified_module.identified(spec.vehicle, spec.betaflight, 1e-3, PERIOD)
     made = []
 
-    def identify(vehicle, dt, period, actuators):
-        made.append((vehicle, dt, period))
+    def identify(nominal, dt, period, actuators):
+        made.append((nominal, dt, period))
         return found
 
     monkeypatch.setattr(identified_module, "identify", identify)
@@ -160,7 +161,7 @@ def test_a_first_identification_says_what_takes_the_time(identifications, caplog
     assert len(caplog.messages) == 1
     assert "identifying the rate loop of swift behind Betaflight" in caplog.messages[0]
     assert ask() == found
-    assert made == [(load_vehicle("swift"), 1e-3, PERIOD)]
+    assert made == [(ModelParams.of(load_vehicle("swift")), 1e-3, PERIOD)]
     assert len(caplog.messages) == 1
 
 

@@ -2,16 +2,26 @@
 
 import os
 import signal
+import subprocess
+import sys
+import time
 from itertools import pairwise
 from math import sin
 
 import pytest
 
-from quadsim.firmware.configuration import BOOT, expect_armed, idle_channels
+from quadsim.files.locks import lock_folder
+from quadsim.firmware import process
+from quadsim.firmware.configuration import BOOT, expect_armed
 from quadsim.firmware.process import MAIN_LOOP, Firmware, FirmwareError
 
 PERIOD = 1e-3
 STANDING = ((0.0, 0.0, 0.0), (0.0, 0.0, 9.81), (1.0, 0.0, 0.0, 0.0))
+
+
+def idle_channels():
+    """Return the pulses of sticks in the middle, throttle down and switches off [us]."""
+    return [1500.0, 1500.0, 1000.0, 1500.0] + [1000.0] * 12
 
 
 @pytest.fixture
@@ -147,3 +157,47 @@ def test_the_folder_of_a_process_is_removed(built):
     assert folder.is_dir()
     process.close()
     assert not folder.exists()
+
+
+@pytest.mark.process
+def test_the_folder_of_a_killed_process_is_removed_by_the_next_one(tmp_path, monkeypatch):
+    """A folder that is held, young or of something else stays."""
+    monkeypatch.setattr(process, "gettempdir", lambda: str(tmp_path))
+    folders = [tmp_path / f"{process.PREFIX}{name}" for name in ("left", "held", "young")]
+    other = tmp_path / "something else"
+    for folder in (*folders, other):
+        folder.mkdir()
+        (folder / "eeprom.bin").write_bytes(b"x")
+        os.utime(folder, (0.0, 0.0))
+    left, held, young = folders
+    os.utime(young)
+    handle = lock_folder(held)
+    process._remove_left_folders.__wrapped__()
+    os.close(handle)
+    assert [folder.exists() for folder in (left, held, young, other)] == [False, True, True, True]
+
+
+def test_a_process_holds_its_folder(built):
+    firmware = Firmware(built.program, PERIOD)
+    with pytest.raises(BlockingIOError):
+        lock_folder(firmware.folder)
+    firmware.close()
+    assert not firmware.folder.exists()
+
+
+def test_a_command_whose_terminal_is_closed_removes_the_folder(built, tmp_path):
+    command = "from quadsim.cli.cli import main; main()"
+    environment = os.environ | {"TMPDIR": str(tmp_path)}
+    child = subprocess.Popen(
+        [sys.executable, "-c", command, "firmware", "tune", "--vehicle", "swift"],
+        stderr=subprocess.PIPE,
+        env=environment,
+        start_new_session=True,
+        text=True,
+    )
+    while child.poll() is None and not list(tmp_path.glob(f"{process.PREFIX}*/eeprom.bin")):
+        time.sleep(0.05)
+    child.send_signal(signal.SIGHUP)
+    _, err = child.communicate(timeout=20)
+    assert err == "race firmware: interrupted\n"
+    assert not list(tmp_path.glob(f"{process.PREFIX}*"))

@@ -66,7 +66,7 @@ def test_a_package_with_another_checksum_is_refused(cache, tools, monkeypatch, t
         package.build()
 
 
-@pytest.mark.parametrize("damage", ["program", "record", "mode"])
+@pytest.mark.parametrize("damage", ["program", "record", "mode", "depth", "endless"])
 def test_a_damaged_build_is_refused(built, cache, damage):
     folder = package.firmware_folder()
     folder.mkdir(parents=True)
@@ -75,6 +75,8 @@ def test_a_damaged_build_is_refused(built, cache, damage):
     assert package.find_built().program == folder / "betaflight"
     if damage == "mode":
         (folder / "betaflight").chmod(0o644)
+    elif damage in ("depth", "endless"):
+        (folder / "build.json").write_text("[" * 10_000_000 if damage == "endless" else "[" * 9_999)
     else:
         file = folder / {"program": "betaflight", "record": "build.json"}[damage]
         file.write_bytes(file.read_bytes()[:-100])

@@ -16,6 +16,7 @@ from importlib import import_module
 from typing import NamedTuple
 
 from tests.fuzz.base import base, campaign_base
+from tests.fuzz.betaflight_texts import betaflight_texts
 from tests.fuzz.caches import caches
 from tests.fuzz.checkpoints import begun, checkpoints
 from tests.fuzz.databases import databases
@@ -56,6 +57,7 @@ KINDS = {
     "racing_envs": Kind(racing_envs, 100),
     "own_parts": Kind(own_parts, 100),
     "page_messages": Kind(page_messages, 100),
+    "betaflight_texts": Kind(betaflight_texts, 200),
 }
 # Modules that are loaded before the processes of the cases are forked.
 LOADED = (

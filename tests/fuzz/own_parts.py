@@ -13,7 +13,7 @@ import numpy as np
 import quadsim
 from controllers.costs import Cost
 from controllers.plan import PlanStats
-from quadsim.config.build import start_of
+from quadsim.config.build_plant import start_of
 from quadsim.dynamics.quadrotor import quadrotor
 from quadsim.physics.plant import PlantState
 from quadsim.racing.events import Event

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import quadsim
-from controllers.lanes.threads import can_run_side_by_side, most_threads, threads
+from controllers.lanes.threads import most_threads, threads
 from controllers.plan import PlanStats
 from quadsim.dynamics.estimate import Estimate
 from quadsim.heat.launch import heat_frames
@@ -74,8 +74,6 @@ class Notes:
 def threads_of_loops(on_threads):
     """Let the loops start their threads, of which two are used."""
     on_threads(2, lambda: quadsim.fly("figure8", **FEW, timeout=0.02, threads=2))
-    if not can_run_side_by_side():
-        pytest.skip("numba's own threads serve one caller at a time")
 
 
 def planning(controller, is_first=False) -> Planning:

@@ -193,8 +193,8 @@ def _fly_in_child(env, sender):
 
 @pytest.mark.process
 @pytest.mark.compiled
-def test_a_forked_process_flies_on_one_thread_to_the_last_bit():
-    """A fork has none of its parent's threads; OpenMP ended the process that asked for them."""
+def test_a_forked_process_flies_to_the_last_bit():
+    """A fork has none of its parent's threads, and starts its own."""
     env = made(RacingVectorEnv, num_envs=70)
     flown = flown_anew(env)
     fork = multiprocessing.get_context("fork")

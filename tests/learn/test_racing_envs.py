@@ -1,7 +1,5 @@
 """Racing-v0 and RacingBullet-v0: the planner's physics in every lane under Gymnasium's rules."""
 
-import inspect
-
 import numpy as np
 import pytest
 
@@ -16,11 +14,7 @@ from controllers.learned.observation import SIZE, UNITS, command, gate_rows, obs
 from quadsim.dynamics.quadrotor import Control, Params, State, step  # noqa: E402
 from quadsim.learn import BULLET, RACING  # noqa: E402
 from quadsim.learn.lanes import (  # noqa: E402
-    Beginnings,
-    Episodes,
     LaneEnvironments,
-    Outcome,
-    Step,
 )
 from quadsim.learn.render import FRAME, HEIGHT, HIGH, LOW, WIDTH, picture  # noqa: E402
 from quadsim.learn.task import task  # noqa: E402
@@ -242,22 +236,6 @@ def test_observations_that_are_kept_stay_as_they_were():
     copies = [obs.copy() for obs in kept[:-1]]
     envs.step(np.ones((70, 4)))
     assert all(np.array_equal(a, b) for a, b in zip(kept, copies, strict=False))
-
-
-def test_the_compiled_functions_take_their_arguments_by_the_names_of_the_records():
-    module = LaneEnvironments(task(), 64)._module
-    beginning = (*Episodes._fields, *Beginnings._fields)
-    assert len(arguments(module.begin)) == len((*beginning, "chosen", "racers"))
-    assert arguments(module.advance) == (*beginning, *Step._fields)
-    first = Step._fields.index(Outcome._fields[0])
-    assert Step._fields[first : first + len(Outcome._fields)] == Outcome._fields
-
-
-def arguments(compiled):
-    """Return the names of a loop's arguments, without those of controllers.lanes.sharing."""
-    names = tuple(inspect.signature(compiled).parameters)
-    assert names[:3] == ("run_parts", "first", "last")
-    return names[3:]
 
 
 @pytest.mark.compiled

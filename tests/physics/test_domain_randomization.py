@@ -8,7 +8,8 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from quadsim.config.build import build, plant_of
+from quadsim.config.build import build
+from quadsim.config.build_plant import plant_of
 from quadsim.config.spec import Spec
 from quadsim.course import load_course, parse_course
 from quadsim.course.checks import misplaced_gates, start_problems

@@ -9,7 +9,8 @@ import pytest
 
 import quadsim
 from controllers.costs.race_targets import GateTarget
-from quadsim.config.build import FlightParts, build, flight_frames, navigation_of
+from quadsim.config.build import build, flight_frames
+from quadsim.config.build_navigation import navigation_of
 from quadsim.config.spec import Spec
 from quadsim.course import EstimatedGate, load_course
 from quadsim.course.frames import frames
@@ -18,6 +19,7 @@ from quadsim.dynamics.quadrotor import Control, ModelParams, State
 from quadsim.files.strict_yaml import FileError
 from quadsim.physics.domain_randomization import displaced
 from quadsim.physics.plant import RigidPlant
+from quadsim.racing.flight import FlightParts
 from quadsim.record.estimate_metrics import estimate_errors, sensing_numbers
 from quadsim.record.run import RecordedRun
 from quadsim.record.run_format import read_npz, write_npz
@@ -236,7 +238,7 @@ def test_the_same_seed_gives_the_same_bits_and_another_seed_others():
 def test_a_run_keeps_the_estimate_beside_the_truth(sensed):
     name, run = sensed
     assert run.spec["displace_gates"] == 0.15
-    telemetry, _ = read_npz(write_npz(run), run.spec, "run")
+    telemetry = read_npz(write_npz(run), run.spec, "run").telemetry
     assert telemetry.keys() == run.telemetry.keys()
     assert ("est_px" in telemetry) == (name != "perfect")
     assert all(np.isfinite(column).all() for column in telemetry.values())

@@ -9,7 +9,7 @@ from quadsim.course import Gate
 from quadsim.course.obstacles import Cylinder
 from quadsim.dynamics.quadrotor import State
 from quadsim.physics.plant_state import PlantState
-from quadsim.rotation import between, matrix
+from quadsim.rotation import between, matrix, turned
 from quadsim.sensing.config import GateCameraConfig, ImuConfig, PoseConfig, RotorConfig
 from quadsim.sensing.gate_camera import GateCamera
 from quadsim.sensing.imu import Imu
@@ -69,6 +69,63 @@ def test_a_units_noise_bias_and_saturation():
     assert abs(unit.bias).max() > 0.05  # the bias is there
     most = measured(Imu(replace(config, accelerometer_max=5.0), SEED), rest)
     assert max(m.specific_force[2] for m in most) == 5.0
+
+
+def tumbling(steps):
+    """Return the states of a vehicle that turns and accelerates in all directions."""
+    rng = np.random.default_rng(1)
+    q, found = (1.0, 0.0, 0.0, 0.0), []
+    for k in range(steps):
+        q = turned(q, 0.02 * rng.standard_normal(3))
+        v = 0.05 * rng.standard_normal(3)
+        found.append(PlantState(k / 400, State(0.0, 0.0, 0.0, *v, *q, *(0.0,) * 7), ()))
+    return found
+
+
+def rows(config, seed=SEED, steps=12):
+    """Return the samples of a unit in a tumble: three rates, then three forces, in each row."""
+    unit = Imu(config, seed)
+    return np.array([(*m.gyro, *m.specific_force) for m in measured(unit, tumbling(steps))])
+
+
+SKEWED = ImuConfig(
+    rate=400,
+    gyro_scale=0.02,
+    gyro_misalignment_deg=1.0,
+    accelerometer_scale=0.05,
+    accelerometer_misalignment_deg=3.0,
+    gyro_max=1000.0,
+    accelerometer_max=1e4,
+)
+
+
+def test_a_units_scale_factors_and_misalignment():
+    """Each unit multiplies rates and forces by a matrix of its own, of these spreads."""
+    exact = rows(ImuConfig(rate=400, gyro_max=1000.0, accelerometer_max=1e4))
+    found = []
+    for seed in range(200):
+        skewed = rows(SKEWED, np.random.SeedSequence(seed))
+        matrix, residuals, _, _ = np.linalg.lstsq(exact, skewed, rcond=None)
+        assert residuals.max() < 1e-12
+        found.append(matrix.T - np.eye(6))
+    found = np.array(found)
+    np.testing.assert_allclose(found[:, :3, 3:], 0.0, atol=1e-9)
+    np.testing.assert_allclose(found[:, 3:, :3], 0.0, atol=1e-9)
+    diagonal, beside = np.eye(3, dtype=bool), ~np.eye(3, dtype=bool)
+    for part, scale, angle in ((slice(0, 3), 0.02, 1.0), (slice(3, 6), 0.05, 3.0)):
+        block = found[:, part, part]
+        assert block[:, diagonal].std() == pytest.approx(scale, rel=0.1)
+        assert np.degrees(block[:, beside].std()) == pytest.approx(angle, rel=0.1)
+        assert abs(block.mean()) < 0.2 * scale
+
+
+def test_scale_and_misalignment_change_no_noise():
+    """Without them a unit measures what it always has."""
+    noise = {"gyro_noise": 0.02, "gyro_bias": 0.1, "accelerometer_noise": 0.3}
+    plain = ImuConfig(rate=400, gyro_max=1000.0, accelerometer_max=1e4)
+    differences = [rows(replace(one, **noise)) - rows(one) for one in (plain, SKEWED)]
+    np.testing.assert_allclose(*differences, atol=1e-9)
+    assert abs(differences[0]).min() > 0.0
 
 
 @pytest.mark.slow

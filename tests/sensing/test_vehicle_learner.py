@@ -9,7 +9,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from quadsim.config.build import build, launch, navigation_of, planner_of
+from quadsim.config.build import build, launch, planner_of
+from quadsim.config.build_navigation import navigation_of
 from quadsim.config.spec import Spec
 from quadsim.course import load_course
 from quadsim.dynamics.estimate import Estimate

@@ -21,7 +21,7 @@ from web.page.course_map import Map
 from web.page.drones import SPAN
 from web.page.export import add_export
 from web.page.flight_controls import FlightControls
-from web.page.flight_numbers import FlightNumbers
+from web.page.flight_numbers import NumbersInFlight
 from web.page.html import STYLE
 from web.page.joining import Joining, by_hand
 from web.page.laps import chatter, laps
@@ -133,7 +133,7 @@ class Dashboard:
         gui.add_html(STYLE)
         self.race = RacePanel(gui, session, menu, first)
         self.runs = RunsPanel(server, session, self.race)
-        self.numbers = FlightNumbers(gui, session, first[0])
+        self.numbers = NumbersInFlight(gui, session, first[0])
         # above the controls of the next START
         above, below = self.race.folder.order, self.race.table.folder.order
         self.numbers.folder.order = (above + below) / 2

@@ -1,4 +1,4 @@
-"""FlightNumbers: the planner's numbers of the shown flight, which may change in flight."""
+"""NumbersInFlight: the planner's numbers of the shown flight, which may change in flight."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SETTLED = 0.5  # rest time of a slider before its number is requested, so a drag
 HOLD = 1.0  # time after a visitor's move before a slider follows the race again [s]
 
 
-class FlightNumbers:
+class NumbersInFlight:
     """The sliders of the shown flight, which act on its next plan, and not on a later START.
 
     The page's thread calls `update`; callbacks are coroutines and only note what was moved.

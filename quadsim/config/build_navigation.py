@@ -1,0 +1,150 @@
+"""Build the navigation of a Spec, which gives the controller its estimate."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from quadsim.config.settings import SettingError
+from quadsim.config.spec import Spec
+from quadsim.course.frames import frames
+from quadsim.physics.faults import BiasJump, SensorFault
+from quadsim.physics.link import command_latency
+from quadsim.physics.plant import (
+    Plant,
+)
+from quadsim.racing.flight import (
+    FlightParts,
+    RefereeProtocol,
+    rest_of,
+)
+from quadsim.sensing import Sensing
+from quadsim.sensing.config import RotorConfig
+from quadsim.sensing.estimation.body_rates import BodyRates
+from quadsim.sensing.estimation.estimator import Estimator
+from quadsim.sensing.estimation.prediction import Commands, GateCounter
+from quadsim.sensing.estimation.vehicle_learner import VehicleLearner
+from quadsim.sensing.navigation import (
+    CourseEstimate,
+    GateCount,
+    Navigation,
+    RefereeCount,
+    SensedState,
+    StateSource,
+    TrueState,
+)
+from quadsim.sensing.sensors import WARM_UP, Sensors
+from quadsim.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    pass
+
+LEAST_ROTOR_STD = 0.05  # least standard deviation of the thrust from rotor speeds [m/s^2]
+
+
+def navigation_of(spec: Spec, parts: FlightParts) -> Navigation:
+    """Return the navigation of a flight, which makes the estimates for the controller."""
+    return Navigation(
+        source=_state_source(spec, parts.plant),
+        gates=_gate_count(spec, parts.referee),
+        commands=Commands(rest_of(parts.controller), _latency(spec), spec.link.period),
+        dt=spec.planner.mppi.dt,
+        nominal=spec.model,
+        predicts=spec.predict,
+    )
+
+
+def _latency(spec: Spec) -> float:
+    """Return the time from a command to its effect, apart from the wait for the link [s]."""
+    return command_latency(spec.vehicle.latency, spec.link.latency, spec.model.delay)
+
+
+def _gate_count(spec: Spec, referee: RefereeProtocol) -> GateCount:
+    """Return the count of the gates passed.
+
+    The referee counts them unless the state is estimated, or is predicted ahead of the referee.
+    """
+    is_late = _latency(spec) or spec.link.rate or spec.clock == "wall"
+    if spec.sensing or (is_late and spec.predict):
+        return GateCounter(spec.course, spec.laps)
+    return RefereeCount(referee)
+
+
+def _state_source(spec: Spec, plant: Plant) -> StateSource:
+    """Return the source of the present state: the true state, or an estimate by the sensors."""
+    # A pilot has no model that could be adapted.
+    adapts = spec.planner.mppi.adapt and spec.pilot is None
+    if spec.sensing:
+        return _sensed_state(spec, spec.sensing, plant, adapts)
+    dt = spec.planner.mppi.dt
+    learner = VehicleLearner.for_exact_states(spec.model, dt) if adapts else None
+    return TrueState(plant.state, dt, learner)
+
+
+def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> SensedState:
+    """Return the source of the state that is estimated from the sensors of a flight.
+
+    Args:
+        spec: specification of the flight.
+        sensing: its sensors.
+        plant: its plant.
+        adapts: whether the planner uses the vehicle parameters estimated in flight.
+
+    Raises:
+        SettingError: there is no inertial measurement unit among the sensors.
+    """
+    imu = sensing.imu
+    if imu is None:
+        raise SettingError("sensing", f"expected an imu, got none in {sensing.name}")
+    dt = spec.planner.mppi.dt
+
+    # A learned pilot flies by the map.
+    course = None if spec.pilot else CourseEstimate(spec.course)
+    estimator = Estimator(
+        sensing,
+        gates=frames(spec.course.gates),
+        start=spec.start or spec.course.start,
+        t=-WARM_UP,
+        displaced=spec.displace_gates,
+    )
+    state = SensedState(
+        sensors=_sensors(spec, sensing, plant),
+        estimator=estimator,
+        body_rates=BodyRates(spec.model, dt, imu),
+        learner=VehicleLearner.for_sensors(spec.model, dt, imu),
+        course=course,
+        dt=dt,
+        adapt=adapts,
+        rotor_std=rotor_std(sensing.rotors, spec.vehicle),
+    )
+    if spec.record_sensing:
+        state.keep()
+    return state
+
+
+def _sensors(spec: Spec, sensing: Sensing, plant: Plant) -> Sensors:
+    """Return the sensors of a flight after their warm-up, at the first state of the plant."""
+    flown = spec.flown_course
+    sensors = Sensors(
+        sensing,
+        spec.streams.sensors,
+        spec.vehicle,
+        gates=frames(flown.gates),
+        velocity_lag=getattr(plant, "velocity_lag", 0.0),
+        obstacles=flown.obstacles,
+        faults=[f for f in spec.drawn_faults if isinstance(f, SensorFault | BiasJump)],
+    )
+    sensors.warm_up(plant.state, plant.dt)
+    sensors.observe(plant.state)
+    return sensors
+
+
+def rotor_std(config: RotorConfig | None, vehicle: Vehicle) -> float:
+    """Return the standard deviation of the thrust computed from rotor speeds [m/s^2].
+
+    It is the value at full rotor speed, for independent noise of the four rotors.
+    """
+    if config is None or vehicle.rotors is None:
+        return LEAST_ROTOR_STD
+    c2, c1, _ = vehicle.rotors.thrust_map
+    per_speed = 2 * c2 * vehicle.rotors.omega_max + c1  # [N s/rad]
+    return max(LEAST_ROTOR_STD, 2 * config.noise * per_speed / vehicle.mass)

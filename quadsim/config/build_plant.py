@@ -1,0 +1,125 @@
+"""Build the plant of a Spec, its start and its model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from math import sqrt
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+from quadsim.config.parts import made
+from quadsim.config.spec import Spec
+from quadsim.dynamics import System
+from quadsim.dynamics.quadrotor import State, quadrotor
+from quadsim.firmware.actuators import (
+    BetaflightActuators,
+    FirmwareLog,
+    ImuNoise,
+    motors_reversed,
+)
+from quadsim.firmware.configuration import eeprom_with_log
+from quadsim.firmware.identified import firmware_for
+from quadsim.physics.actuators import Actuators
+from quadsim.physics.domain_randomization import gusts
+from quadsim.physics.faults import RotorFault
+from quadsim.physics.link import Link
+from quadsim.physics.plant import (
+    PLANTS,
+    Arena,
+    NamedPlant,
+    Plant,
+    PlantName,
+    SharedPlant,
+    start_state,
+)
+from quadsim.physics.rotorpy_plant import RotorpyPlant
+from quadsim.sensing.config import ImuConfig
+from quadsim.streams import sensor_streams
+from quadsim.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    pass
+
+
+def system_of(spec: Spec) -> System:
+    """Return the planner's model of the vehicle; one step of it is one control period."""
+    return quadrotor(spec.model, spec.planner.mppi.dt)
+
+
+def start_of(spec: Spec) -> State:
+    """Return the nominal state at the start."""
+    return start_state(spec.start or spec.course.start, spec.vehicle.radius)
+
+
+def plant_of(spec: Spec, arena: Arena | None = None) -> Plant:
+    """Return the plant of one flight: the user's own, or a named one. The caller closes it.
+
+    The seed randomizes the vehicle, the start and the gusts of a named plant.
+
+    Args:
+        spec: specification of the flight.
+        arena: the world that the vehicle shares with others; None: a world of its own.
+    """
+    if not isinstance(spec.plant, str):
+        return NamedPlant(made("plant", spec.plant, spec))
+    plant = partial(SharedPlant, arena) if arena else PLANTS[cast(PlantName, spec.plant)]
+    course = spec.flown_course
+    faults = [fault for fault in spec.drawn_faults if isinstance(fault, RotorFault)]
+    if plant is not RotorpyPlant:
+        plant = partial(plant, actuators=partial(actuators_of, spec))
+    if spec.randomize == 0:
+        return plant(course, spec.vehicle, spec.plant_dt, start=spec.start, faults=faults)
+    streams = spec.streams
+    varied = spec.variation
+    return plant(
+        course,
+        varied.vehicle(spec.vehicle),
+        spec.plant_dt,
+        start=varied.start(spec.start or spec.course.start),
+        body=varied.body(spec.vehicle),
+        gusts=gusts(streams.gusts, varied.gust, spec.plant_dt),
+        faults=faults,
+    )
+
+
+def actuators_of(
+    spec: Spec, vehicle: Vehicle, dt: float, faults: Sequence[RotorFault]
+) -> Actuators | BetaflightActuators:
+    """Return the actuators of a vehicle, behind the spec's link and flight controller.
+
+    Before the firmware, each command is reached within a control period.
+
+    Args:
+        spec: specification of the flight.
+        vehicle: as it is flown, which the seed may have changed.
+        dt: physics step [s].
+        faults: faults of its rotors.
+
+    Raises:
+        FirmwareError: the firmware is not built, or does not arm.
+        FileError: it does not take its configuration.
+    """
+    stream = spec.streams.link
+    if spec.betaflight is None:
+        link = Link(dt, vehicle.latency, spec.link, stream=stream)
+        return Actuators(vehicle, dt, faults, link)
+    link = Link(dt, vehicle.latency, spec.link, spec.planner.mppi.dt, stream)
+    built, configuration = firmware_for(vehicle, spec.betaflight)
+    log = None
+    if spec.blackbox is not None:
+        text, reversed_ = spec.betaflight, motors_reversed(vehicle)
+        log = FirmwareLog(Path(spec.blackbox), eeprom_with_log(built.program, text, reversed_))
+    noise = _imu_noise(spec, spec.sensing.imu, dt) if spec.sensing and spec.sensing.imu else None
+    return BetaflightActuators(vehicle, dt, built, configuration, faults, link, log, noise)
+
+
+def _imu_noise(spec: Spec, imu: ImuConfig, dt: float) -> ImuNoise:
+    """Return the noise of the firmware's unit, which samples every dt [s].
+
+    It has the density of the unit that the estimator reads.
+    """
+    samples = 1.0 / (imu.rate * dt)  # of the firmware's to one of the estimator's
+    stream = sensor_streams(spec.streams.sensors).flight_controller
+    scale = sqrt(samples)
+    return ImuNoise(scale * imu.gyro_noise, scale * imu.accelerometer_noise, stream)

@@ -1,0 +1,33 @@
+"""What counts as a number in a text, of a file or of a command line, and whether it is in range."""
+
+from __future__ import annotations
+
+import re
+from math import isfinite
+
+from msgspec import inspect
+
+DECIMAL = re.compile(r"[-+]?((0|[1-9]\d*)(\.\d*)?|\.\d+)([eE][-+]?\d+)?", re.ASCII)
+WHOLE = re.compile(r"[-+]?(0|[1-9]\d*)", re.ASCII)
+
+
+def whole_number(text: str) -> int | None:
+    """Return the whole number that a text holds, None if it holds none."""
+    return int(text) if WHOLE.fullmatch(text) and isfinite(float(text)) else None
+
+
+def decimal_number(text: str) -> float | None:
+    """Return the finite number that a text holds, None if it holds none."""
+    return float(text) if DECIMAL.fullmatch(text) and isfinite(float(text)) else None
+
+
+def truth_value(text: str) -> bool | None:
+    """Return whether a text is true or false, None if it is neither."""
+    return {"true": True, "false": False}.get(text.lower())
+
+
+def is_in_range(number: float, kind: inspect.IntType | inspect.FloatType) -> bool:
+    """Return whether a number is in the range that its annotation names."""
+    above = (kind.ge is None or number >= kind.ge) and (kind.gt is None or number > kind.gt)
+    below = (kind.le is None or number <= kind.le) and (kind.lt is None or number < kind.lt)
+    return above and below
