@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import yaml
 
+from quadsim.files.scalars import decimal_number
 from quadsim.files.strict_yaml import FileError, parse
 from quadsim.files.yaml_errors import did_you_mean, shown_value
-from quadsim.files.yaml_values import DECIMAL
 from quadsim.rotation import Quaternion, Vec3, matrix
 
 # Makes the error of a key and its problem
@@ -188,8 +188,9 @@ def _scalar(node: yaml.Node) -> str | float | bool | None:
     text = node.value
     if isinstance(node, yaml.ScalarNode) and node.style in ("'", '"'):
         return text
-    if DECIMAL.fullmatch(text):
-        return float(text)
+    number = decimal_number(text)
+    if number is not None:
+        return number
     return {"yes": True, "true": True, "no": False, "false": False, "null": None, "": None}.get(
         text.lower(), text
     )
