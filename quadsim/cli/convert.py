@@ -13,7 +13,7 @@ from quadsim.console import UsageError, complain, emit, emit_json
 from quadsim.course.course import summary
 from quadsim.course.foreign import FORMATS, Reading
 from quadsim.course.foreign import convert as converted
-from quadsim.course.foreign.track import Angles, Frame, Passage, Unit
+from quadsim.course.foreign.track import Angles, Frame, Passage, Unit, opening_of
 from quadsim.record.whole_files import expect_writable
 
 Format = Literal["lsy", "airsim", "flightgoggles", "uzh", "csv"]
@@ -39,8 +39,13 @@ def convert(
         ),
     ] = None,
     opening: Annotated[
-        tuple[float, float] | None,
-        Help("width and height of all openings [m]", metavar="X X", negative_iterable=""),
+        list[float] | None,
+        Help(
+            "width and height of all openings [m]; one number for both",
+            metavar="X [X]",
+            consume_multiple=True,
+            negative_iterable="",
+        ),
     ] = None,
     gates: Annotated[
         str | None,
@@ -76,7 +81,7 @@ def convert(
             unit=unit,
             angles=angles,
             passage=passage,
-            opening=opening,
+            opening=opening_of(opening),
             gates=tuple(gates.split(",")) if gates else (),
             start=start,
             offset=offset,

@@ -285,7 +285,7 @@ def test_a_wrong_file_is_one_line(file, kind, text, settings, said):
     [
         ({"unit": "inch"}, "unit: expected 'cm' or 'ft' or 'm'"),
         ({"frame": "up"}, "frame: expected 'enu' or 'ned'"),
-        ({"opening": (1.0,)}, r"opening: expected 2 numbers \[m\]"),
+        ({"opening": (1.0, 1.0, 1.0)}, r"opening: expected 2 numbers \[m\]"),
         ({"opening": (1.0, -1.0)}, r"opening: expected 2 numbers \[m\] > 0"),
         ({"frames": "ned"}, "frames: no such setting of a conversion, did you mean 'frame'"),
     ],
@@ -305,6 +305,15 @@ def test_the_command_writes_a_course_and_says_what_it_assumed(file, tmp_path, ca
     assert race(["check", str(out)]) == 0
     assert race(argv) == 2  # never over another file
     assert "expected a new file" in capsys.readouterr().err
+
+
+def test_one_number_is_a_square_opening(file, capsys):
+    course = quadsim.convert_course(file(TABLE), "csv", frame="ned", opening=1.2)
+    assert course.gates[0].opening == (1.2, 1.2)
+    assert (
+        race(["convert", file(TABLE), "--from", "csv", "--frame", "ned", "--opening", "1.2"]) == 0
+    )
+    assert "opening: [1.2, 1.2]" in capsys.readouterr().out
 
 
 def test_the_command_prints_the_course(file, capsys):

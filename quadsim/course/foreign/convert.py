@@ -22,6 +22,7 @@ from quadsim.course.foreign.track import (
     Frame,
     Passage,
     Reading,
+    opening_of,
 )
 from quadsim.course.foreign.uzh import read_uzh
 from quadsim.files.data_files import read_text
@@ -106,8 +107,8 @@ def convert_course(path: str | Path, kind: str, **reading: Any) -> Course:
     Args:
         path: the file.
         kind: its format: lsy, airsim, flightgoggles, uzh or csv.
-        reading: how it is read: frame, unit, angles, passage, opening [m], gates, start, offset [m]
-            and loop; see quadsim.course.foreign.Reading.
+        reading: how it is read: frame, unit, angles, passage, opening (one or two numbers [m]),
+            gates, start, offset [m] and loop; see quadsim.course.foreign.Reading.
 
     Returns:
         A course, which passes the checks of a course file; `to_yaml` writes one.
@@ -131,7 +132,8 @@ def convert_course(path: str | Path, kind: str, **reading: Any) -> Course:
         if name not in Reading.__dataclass_fields__:
             near = did_you_mean(name, Reading.__dataclass_fields__)
             raise SettingError(name, f"no such setting of a conversion, {near}")
-    return convert(path, kind, Reading(**reading)).course
+    opening = opening_of(reading.get("opening"))
+    return convert(path, kind, Reading(**(reading | {"opening": opening}))).course
 
 
 def convert(path: str | Path, kind: str, reading: Reading) -> Conversion:

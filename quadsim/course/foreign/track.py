@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
@@ -63,6 +63,18 @@ class Reading:
 
     def __post_init__(self) -> None:
         check_fields(self)
+
+
+def opening_of(given: Any) -> Any:
+    """Return width and height of an opening that is given as one number, or as a list of one.
+
+    Anything else is returned as it is, for `Reading` to check.
+    """
+    if isinstance(given, int | float):
+        return given, given
+    if isinstance(given, list):
+        return tuple(given) * (2 if len(given) == 1 else 1)
+    return given
 
 
 @dataclass(frozen=True)
