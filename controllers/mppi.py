@@ -22,7 +22,8 @@ There are extensions, most of them optional in MPPIConfig:
 * The first control of the plan may be left unperturbed (freeze_first).
 * Only a fraction of the update in equation (5) may be applied (step_size).
 * The first plan has more iterations (first_iterations).
-* The temperature is adapted to an effective sample size (target_ess).
+* The temperature is adapted to an effective sample size (target_ess), or solved for one in each
+  iteration (solved_ess).
 * The plan is filtered (smooth), and a sampler may have momentum (controllers.samplers.smooth).
 
 A model, a course and other vehicles that are estimated in flight come with the state, in an
@@ -38,6 +39,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -52,7 +54,13 @@ from controllers.plan import PlanStats
 from controllers.samplers import PlainSampler, Sampling, build_lanes
 from controllers.samplers.lane_sampler import stream_key
 from controllers.schedule import Schedule
-from controllers.update import adapt_temperature, savitzky_golay, softmax_weights, weights
+from controllers.update import (
+    adapt_temperature,
+    savitzky_golay,
+    softmax_weights,
+    solve_temperature,
+    weights,
+)
 from quadsim.course import Course
 from quadsim.dynamics import System
 from quadsim.dynamics.control_periods import ControlPeriods
@@ -231,6 +239,8 @@ class MPPI:
 
             # Roll out v = clip(U + n z), eq. (2) and (3).
             J[chunk] = self.costs(it, z, chunk)
+            if chunk.start == 0:
+                self.temperature = self.solved_temperature(J[chunk])
 
             # Average the chunk, with weights normalised within it.
             share = softmax_weights(J[chunk], self.temperature)
@@ -242,10 +252,11 @@ class MPPI:
         # Move the plan by a step along the weighted mean of v - U, eq. (5).
         self.update(U + self.config.step_size * layout.mean_of_chunks(means, w))
 
-        # Adapt the temperature to the target effective sample size.
+        # Adapt the temperature to the target effective sample size, if it is not solved for.
         ess = float(1 / np.sum(w * w))
         stats = PlanStats(cost=float(J[0]), ess=ess, temperature=self.temperature)
-        self.temperature = adapt_temperature(self.temperature, ess, self.config.target_ess)
+        if self.config.solved_ess is None:
+            self.temperature = adapt_temperature(self.temperature, ess, self.config.target_ess)
         return stats
 
     def begin_iteration(self, x: np.ndarray, target: int) -> Iteration:
@@ -329,6 +340,20 @@ class MPPI:
         J = np.empty((layout.blocks(count), layout.LANES), z.dtype)
         self.rollout(it.x, it.nominal, z, it.target, J)
         return J.ravel()[:count]
+
+    def solved_temperature(self, J: np.ndarray) -> float:
+        """Return the temperature of an iteration, given the costs of its first chunk.
+
+        The effective sample size of M samples is solved_ess sqrt(M / 1024), and that of a chunk is
+        its share of it.
+
+        Args:
+            J: costs of the first chunk's samples  (n,).
+        """
+        if self.config.solved_ess is None:
+            return self.temperature
+        of_all = self.config.solved_ess * sqrt(self.samples / 1024)
+        return solve_temperature(J, max(of_all * len(J) / self.samples, 1.0), self.temperature)
 
     def update(self, plan: np.ndarray) -> None:
         """Set the plan, clipped to its limits and filtered if configured, and the momentum.

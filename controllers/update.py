@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from math import isfinite
+from math import exp, isfinite, log
 
 import numpy as np
 
 TEMPERATURE_STEP = 1.1  # factor per iteration towards the target effective sample size
 TEMPERATURE_RANGE = (1e-4, 1e4)
+ESS_TOLERANCE = 0.01  # of the logarithm of the effective sample size
+MOST_STEPS = 40  # of the search for a temperature; some four are enough
 SAVITZKY_GOLAY = np.array([-3, 12, 17, 12, -3]) / 35  # 5 points, order 2
 
 
@@ -69,6 +71,44 @@ def adapt_temperature(temperature: float, ess: float, target: float | None) -> f
     exponent = 1 if ess < target else -1
     low, high = TEMPERATURE_RANGE
     return min(max(temperature * TEMPERATURE_STEP**exponent, low), high)
+
+
+def solve_temperature(J: np.ndarray, target: float, temperature: float) -> float:
+    """Return the temperature at which the weights of some samples have an effective sample size.
+
+    log ESS rises with log lambda: d log ESS / d log lambda = 2 (E_w[x] - E_{w^2}[x]) >= 0 with
+    x = (J - rho) / lambda and means under the weights w and w^2. Newton's method in the logarithms
+    is kept inside a bracket, which is halved where a step leaves it.
+
+    Args:
+        J: cost of each sample  (n,).
+        target: effective sample size to reach, below n.
+        temperature: lambda that the search starts from.
+
+    Returns:
+        lambda, with an effective sample size within ESS_TOLERANCE of the target, or the end of
+        TEMPERATURE_RANGE that is nearest; the given one if no sample has a finite cost.
+    """
+    finite = J[np.isfinite(J)]
+    if not len(finite):
+        return temperature
+    above = finite - finite.min()  # J - rho
+    low, high = (log(end) for end in TEMPERATURE_RANGE)
+    wanted = log(min(target, len(above)))
+    s = min(max(log(temperature), low), high)  # log lambda
+    for _ in range(MOST_STEPS):
+        x = above * exp(-s)
+        w = np.exp(-x)
+        sum_w, sum_ww = w.sum(), w @ w
+        missing = wanted - log(sum_w * sum_w / sum_ww)
+        if abs(missing) < ESS_TOLERANCE:
+            break
+        low, high = (s, high) if missing > 0 else (low, s)
+        slope = 2 * float((w @ x) / sum_w - ((w * w) @ x) / sum_ww)
+        s = s + missing / slope if slope > 0 else low
+        if not low < s < high:
+            s = (low + high) / 2
+    return exp(s)
 
 
 def savitzky_golay(plan: np.ndarray, executed: np.ndarray) -> np.ndarray:

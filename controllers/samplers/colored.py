@@ -11,6 +11,10 @@ paper    the published formula to the letter: length T (so z_0 and z_{T-1} are n
          by zeta = T^-2 N^gamma (1 + 4 sum_{n=1}^{N-1} n^-gamma).
 library  the authors' public CUDA code: length 2T with the first half kept, normalised without the
          DC bin, and an offset z_t -= z_1 .97^t, so that every sample starts near zero.
+
+With a cut-off f_c, the noise of `exact` is band-limited: its amplitudes are multiplied by
+1 / (1 + (f / f_c)^4), which lowers its variance below sigma^2. With gamma 0 it is a low-pass
+Gaussian.
 """
 
 from __future__ import annotations
@@ -22,7 +26,7 @@ import numpy as np
 
 from controllers.lanes.layout import LANES
 from controllers.lanes.passes import fast_length
-from controllers.samplers.lane_sampler import Gamma, LaneSampler, Sigma
+from controllers.samplers.lane_sampler import Cutoff, Gamma, LaneSampler, Sigma
 from quadsim.files.strict_yaml import setting
 from quadsim.files.values import SettingError, check_fields
 
@@ -69,6 +73,22 @@ def spectrum(n: int, gamma: float, law: Law) -> np.ndarray:
     return np.sqrt(power / counted.sum())
 
 
+def roll_off(n: int, dt: float, cutoff: float) -> np.ndarray:
+    """Return the factors 1 / (1 + (f / f_c)^4) on the amplitudes of a transform.
+
+    Args:
+        n: length of the transform.
+        dt: control period [s].
+        cutoff: f_c [Hz].
+
+    Returns:
+        (n,)
+    """
+    k = np.minimum(np.arange(n), n - np.arange(n))
+    f = k / (n * dt)  # [Hz]
+    return 1 / (1 + (f / cutoff) ** 4)
+
+
 @dataclass(frozen=True)
 class Colored:
     """v = u + sigma z, PSD(f) of z ~ 1/f^gamma, independent for every control; Vlahov et al. 2024.
@@ -96,16 +116,29 @@ class Colored:
             "spectrum: exact (no wrap-around), paper (as published) or library (the authors' code)"
         ),
     ] = "exact"
+    cutoff: Annotated[
+        Cutoff,
+        setting(
+            "frequency of each control above which amplitudes fall, by 1 / (1 + (f / f_c)^4); sigma"
+            " is that without it",
+            unit="Hz",
+        ),
+    ] = ()
 
     def __post_init__(self) -> None:
         check_fields(self)
+        if self.cutoff and self.law != "exact":
+            raise SettingError("cutoff", f"expected none with the law {self.law}, which has none")
+        if self.cutoff and len(self.cutoff) != len(self.sigma):
+            wanted = f"expected {len(self.sigma)} frequencies [Hz], as many as sigma has"
+            raise SettingError("cutoff", f"{wanted}, got {len(self.cutoff)}")
         if len(self.gamma) != len(self.sigma):
             wanted = f"expected {len(self.sigma)} numbers, as sigma has"
             raise SettingError("gamma", f"{wanted}, got {len(self.gamma)}")
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
         """Return the source of perturbations, see Sampling."""
-        noise = ColoredNoise(self, samples, horizon, key)
+        noise = ColoredNoise(self, samples, horizon, key, dt)
         return LaneSampler(noise.draw, noise.loop)
 
 
@@ -120,9 +153,10 @@ class ColoredNoise:
         samples: largest number of samples drawn at a time.
         horizon: T, number of control periods.
         key: key of the random numbers  (2,) uint32.
+        dt: control period [s].
     """
 
-    def __init__(self, sampler: Colored, samples: int, horizon: int, key: np.ndarray):
+    def __init__(self, sampler: Colored, samples: int, horizon: int, key: np.ndarray, dt: float):
         # Imported here, as they load the compiler
         from controllers.lanes.transform import fill_transformed, transform_loop
 
@@ -138,9 +172,10 @@ class ColoredNoise:
         steps = halves * horizon
 
         # Standard deviations of real and imaginary parts, for each control  (n_u, 2 n)
+        cutoffs = sampler.cutoff or (np.inf,) * len(sampler.sigma)
         deviations = [
-            sigma * np.tile(spectrum(n, gamma, sampler.law), 2)
-            for sigma, gamma in zip(sampler.sigma, sampler.gamma, strict=True)
+            sigma * np.tile(spectrum(n, gamma, sampler.law) * roll_off(n, dt, cutoff), 2)
+            for sigma, gamma, cutoff in zip(sampler.sigma, sampler.gamma, cutoffs, strict=True)
         ]
         self._scale = np.array(deviations, np.float32)
 

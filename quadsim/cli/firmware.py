@@ -109,9 +109,9 @@ def _read(vehicle: str | None, betaflight: str | None, json: bool) -> int:
     """Show what becomes of the lines of a configuration, and what follows from it."""
     # imported here, as show and build need no spec
     from quadsim.config.spec import Spec
-    from quadsim.config.tuned_gains import first_configuration
     from quadsim.firmware.identified import firmware_for
     from quadsim.firmware.limits import nominal_behind
+    from quadsim.firmware.tuned_gains import first_configuration
 
     with settings_as_flags():
         spec = Spec.of(vehicle=vehicle)

@@ -66,6 +66,7 @@ class Keywords(TypedDict, total=False):
     sigma: Numbers | None
     gamma: Numbers | None
     law: Literal["exact", "library", "paper"] | None
+    cutoff: Numbers | None
     shift: Literal["corrected", "published"] | None
     samples: int | None
     horizon: int | None
@@ -83,6 +84,7 @@ class Keywords(TypedDict, total=False):
     freeze_first: bool | None
     smooth: bool | None
     target_ess: float | None
+    solved_ess: float | None
     progress: float | None
     heading: float | None
     height: float | None

@@ -279,7 +279,7 @@ def _sampling(name: str, numbers: Any) -> Sampling:
         raise RecordError(f"sampler: expected the numbers of {name!r}, got {numbers!r:.40}")
     if name == "pilot":
         # The planner does not fly: any sampler with these numbers will do
-        names = [key for key, kind in SAMPLERS.items() if _field_names(kind) == numbers.keys()]
+        names = [key for key, kind in SAMPLERS.items() if numbers.keys() <= _field_names(kind)]
         name = names[0] if names else name
     if name not in SAMPLERS:
         raise RecordError(f"sampler: expected one of {', '.join(SAMPLERS)}, got {name!r}")

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import InitVar, asdict, dataclass, field, fields, replace
+from dataclasses import InitVar, asdict, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack, cast
 
 import msgspec
 
@@ -114,10 +114,14 @@ OTHER_FORMS = {
     "flight_controller": "betaflight",
     **dict.fromkeys(LINK, "link"),
 }
-# Numbers of the model that were added later; older runs lack them
-ADDED = ("yaw_first", "rate_lag", "delay")
-# Numbers of an inertial unit that were added later
-ADDED_TO_IMU = (
+# Numbers of the model, of MPPI, of samplers and of an inertial unit that were added later; older
+# runs lack them
+ADDED = (
+    "yaw_first",
+    "rate_lag",
+    "delay",
+    "solved_ess",
+    "cutoff",
     "gyro_scale",
     "gyro_misalignment_deg",
     "accelerometer_scale",
@@ -304,11 +308,11 @@ class Spec(FlightNumbers, HostSettings):
             "preset": self.preset,
             "planner": {
                 "vehicle": self.vehicle.name,
-                "sampling": plain(self.planner.sampling),
-                "mppi": plain(self.planner.mppi),
+                "sampling": _without_added(self.planner.sampling),
+                "mppi": _without_added(self.planner.mppi),
                 "cost": plain(self.planner.cost),
             },
-            "model": _of_model(self.model),
+            "model": _without_added(self.model),
             "laps": self.laps,
             "timeout": self.timeout,
             "plant": self.plant if isinstance(self.plant, str) else "own",
@@ -380,29 +384,27 @@ def _followed(reference: StoredSolution | None) -> dict[str, str] | None:
     return {"key": reference.key, "sha256": reference.digest} if reference else None
 
 
-def _of_model(model: ModelParams) -> dict[str, Any]:
-    """Return the numbers of a model as a record has them.
+def _without_added(part: object) -> Any:
+    """Return the numbers of a part as a record has them.
 
     Numbers in ADDED are left out at their defaults, so that records and their hashes stay the
     same.
     """
-    nominal = {f.name: f.default for f in fields(model) if f.name in ADDED}
-    numbers: dict[str, Any] = plain(model)
+    recorded: Any = plain(part)
+    if not is_dataclass(part) or not isinstance(recorded, dict):
+        return recorded
+    nominal = {f.name: plain(f.default) for f in fields(part) if f.name in ADDED}
+    numbers = cast(dict[str, Any], recorded)
     return {name: number for name, number in numbers.items() if number != nominal.get(name, ...)}
 
 
 def _of_sensing(sensing: Sensing | None) -> dict[str, Any] | None:
-    """Return the sensors as a record has them, without numbers in ADDED_TO_IMU at their defaults.
-
-    So records and their hashes stay the same.
-    """
+    """Return the sensors as a record has them."""
     if sensing is None:
         return None
     record: dict[str, Any] = plain(sensing)
     if sensing.imu is not None:
-        for field in fields(sensing.imu):
-            if field.name in ADDED_TO_IMU and getattr(sensing.imu, field.name) == field.default:
-                del record["imu"][field.name]
+        record["imu"] = _without_added(sensing.imu)
     return record
 
 

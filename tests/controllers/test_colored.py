@@ -7,6 +7,7 @@ import pytest
 from scipy.linalg import cholesky, solve_triangular, toeplitz
 
 from controllers.samplers.colored import LAWS, Colored, spectrum, transform_length
+from quadsim.files.values import SettingError
 
 GAMMA = (0.0, 0.5, 1.0, 2.0, 4.0)
 # Each length of a transform is compiled, so these horizons have three: 80 and 62 steps, and 63,
@@ -123,6 +124,56 @@ def test_exact_variance_is_one_at_every_time(key, T):
     assert abs((draw(key, "exact", T) ** 2).mean(axis=0) - 1).max() < LIMIT * error
     even = EVEN["paper"]
     assert abs((draw(key, "paper", even)[:, 0] ** 2).mean() - 1) > LIMIT * error / np.sqrt(even)
+
+
+def band_limited(key, T, cutoff):
+    """Return samples of law exact with a cut-off [Hz], at a control period of 0.1 s.
+
+    The shape is (M, channels, 2 T), with both samples of a transform one after the other.
+    """
+    sampler = Colored((1.0,) * len(GAMMA), GAMMA, cutoff=(cutoff,) * len(GAMMA))
+    z = sampler.build(2 * M, T, key, dt=0.1).sample(1)
+    return z.transpose(0, 3, 1, 2).reshape(M, len(GAMMA), -1).astype(float)
+
+
+def band_limited_power(n, gamma, cutoff):
+    """Return each bin's part of the variance, below that of the law by the roll-off squared."""
+    f = np.arange(n // 2 + 1) / (n * 0.1)
+    return power(n, gamma, "exact") / (1 + (f / cutoff) ** 4) ** 2
+
+
+@pytest.mark.compiled
+def test_a_cut_off_lowers_the_power_above_it_for_every_gamma(key):
+    n = 80
+    z = band_limited(key, T=40, cutoff=1.0)
+    # A bin's power is a mean over M squares, or over 2 M where it is complex.
+    found = (abs(np.fft.rfft(z, norm="forward")) ** 2).mean(axis=0)
+    found[:, 1 : n // 2] *= 2
+    for of_gamma, gamma in zip(found, GAMMA, strict=True):
+        error = np.sqrt(2 / M)
+        expected = band_limited_power(n, gamma, 1.0)
+        assert abs(of_gamma / expected - 1).max() < LIMIT * error
+        assert abs(of_gamma / band_limited_power(n, gamma, 1.1) - 1).max() > LIMIT * error
+        assert abs(of_gamma / power(n, gamma, "exact") - 1).max() > LIMIT * error
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("T", HORIZONS["exact"])
+def test_sigma_is_the_deviation_without_the_cut_off(key, T):
+    """At even and at odd lengths the variance of each step is that of the bins that are left."""
+    n = LENGTHS.get(T, 2 * T)
+    variance = (band_limited(key, T, cutoff=1.0) ** 2).mean(axis=0)
+    for of_gamma, gamma in zip(variance, GAMMA, strict=True):
+        expected = band_limited_power(n, gamma, 1.0).sum()
+        assert expected < 1
+        assert abs(of_gamma / expected - 1).max() < LIMIT * np.sqrt(2 / M)
+
+
+def test_a_cut_off_has_a_frequency_for_each_control_and_belongs_to_the_exact_law():
+    with pytest.raises(SettingError, match=r"cutoff: expected 2 frequencies \[Hz\].* got 1"):
+        Colored((1.0, 1.0), (0.0, 2.0), cutoff=(5.0,))
+    with pytest.raises(SettingError, match="cutoff: expected none with the law paper"):
+        Colored((1.0,), (2.0,), "paper", cutoff=(5.0,))
 
 
 @pytest.mark.compiled

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from point import START, make
 
-from controllers.update import adapt_temperature, weights
+from controllers.update import TEMPERATURE_RANGE, adapt_temperature, solve_temperature, weights
 
 
 def test_effective_sample_size_counts_equal_samples():
@@ -48,3 +48,32 @@ def test_plan_with_steering_has_its_effective_sample_size():
     sizes = [mppi.iterate(START, 0).ess for _ in range(200)]
     assert sizes[0] < 10
     assert np.median(sizes[-50:]) == pytest.approx(40, rel=0.25)
+
+
+@pytest.mark.parametrize("start", [1e-4, 0.3, 1e4])
+@pytest.mark.parametrize("scale", [1e-2, 1.0, 100.0])
+@pytest.mark.parametrize("target", [2.0, 20.0, 600.0])
+def test_a_solved_temperature_has_the_effective_sample_size_asked_for(start, scale, target):
+    J = np.random.default_rng(0).gamma(2.0, scale, 1024)
+    solved = solve_temperature(J, target, start)
+    assert 1 / np.sum(weights(J, solved) ** 2) == pytest.approx(target, rel=0.02)
+    # the solution does not depend on the start, but within the tolerance
+    assert solved == pytest.approx(solve_temperature(J, target, 1.0), rel=0.05)
+
+
+def test_costs_that_have_no_temperature_end_at_the_range_or_leave_it_as_it_is():
+    low, high = TEMPERATURE_RANGE
+    assert solve_temperature(np.array([np.inf, np.nan]), 2.0, 0.3) == 0.3
+    assert low <= solve_temperature(np.ones(64), 8.0, 0.3) <= high
+    assert solve_temperature(np.arange(64.0) * 1e9, 8.0, 0.3) == pytest.approx(high, rel=0.01)
+    with_crashes = np.array([*np.linspace(1.0, 2.0, 60), np.inf, np.inf, np.nan, 1e30])
+    solved = solve_temperature(with_crashes, 10.0, 0.3)
+    assert 1 / np.sum(weights(with_crashes, solved) ** 2) == pytest.approx(10, rel=0.02)
+
+
+@pytest.mark.compiled
+def test_each_plan_with_a_solved_temperature_has_its_effective_sample_size_at_once():
+    """It is solved_ess sqrt(M / 1024): half of solved_ess with 256 samples."""
+    mppi = make(samples=256, solved_ess=40.0, temperature=1e-3)
+    sizes = [mppi.iterate(START, 0).ess for _ in range(20)]
+    assert sizes == pytest.approx([20.0] * 20, rel=0.02)

@@ -210,7 +210,7 @@ def test_a_campaign_in_parallel_equals_the_same_in_sequence(built):
     fly = partial(quadsim.compare, "split_s_swift", {"firmware": FLIGHT}, attempts=4, randomize=1)
 
     def digests(comparison):
-        return [quadsim.read_run(attempt.folder).digest() for attempt in comparison.attempts]
+        return [quadsim.load_run(attempt.folder).digest() for attempt in comparison.attempts]
 
     found = digests(fly(jobs=2))
     assert found == digests(fly())

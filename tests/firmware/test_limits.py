@@ -4,7 +4,6 @@ from math import radians
 
 import numpy as np
 import pytest
-from quadsim.config.tuned_gains import first_configuration
 
 import quadsim
 from quadsim.firmware.configuration import Configuration
@@ -22,6 +21,7 @@ from quadsim.firmware.limits import nominal_behind
 from quadsim.firmware.switches import Switches
 from quadsim.firmware.text import Text
 from quadsim.firmware.translation import ConfigurationError
+from quadsim.firmware.tuned_gains import first_configuration
 from quadsim.vehicle import load_vehicle, vehicle_names
 
 ARM = "aux 0 0 0 1700 2100 0 0"
