@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from quadsim.config.settings import SettingError
     from quadsim.config.spec import Spec
     from quadsim.course import Course, Gate, Start, load_course
+    from quadsim.course.foreign import convert_course
     from quadsim.dynamics import System
     from quadsim.dynamics.estimate import Estimate
     from quadsim.files.strict_yaml import FileError
@@ -63,6 +64,7 @@ _HOMES = {
         *("plot", "race", "runs", "save_run"),
     ),
     "quadsim.course": ("Course", "Gate", "Start", "load_course"),
+    "quadsim.course.foreign": ("convert_course",),
     "quadsim.files.strict_yaml": ("FileError",),
     "quadsim.heat.settings": ("Awareness",),
     "quadsim.heat.spec": ("Entrant",),

@@ -298,6 +298,7 @@ def compare(
     attempts: int = 10,
     jobs: int | None = None,
     campaign: str | Path | None = None,
+    baseline: str | None = None,
     **settings: Unpack[Keywords],
 ) -> Comparison:
     """Compare variants over many flights, paired by seed.
@@ -315,6 +316,8 @@ def compare(
             by them.
         campaign: an SQLite file that stores finished attempts; the same call resumes where it
             stopped.
+        baseline: name of the variant that each other one is compared with, with p-values that are
+            corrected for the number of variants; None: every two variants are compared.
         settings: settings of all variants, as for `fly`; randomize=1.0 randomizes vehicle, start
             and wind by seed.
 
@@ -334,7 +337,7 @@ def compare(
     """
     from quadsim.campaign.compare import compare as run_comparison
 
-    return run_comparison(courses, variants, attempts, jobs, campaign, settings)
+    return run_comparison(courses, variants, attempts, jobs, campaign, baseline, settings)
 
 
 def compare_heats(

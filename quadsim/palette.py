@@ -78,11 +78,16 @@ def style(sampler: str) -> Style:
 
 
 def styles(variants: Sequence[str]) -> list[Style]:
-    """Return the styles of variants that are compared in one figure.
+    """Return the styles of variants that are compared in one figure, up to 36 of which differ.
 
-    A sampler by its name has its own, any other variant the next spare one.
+    A sampler by its name has its own, any other variant the next spare one. After the spare ones
+    come their colours with each other's dashes.
     """
-    spare = cycle(SPARE)
+    spare = cycle(
+        Style(one.colour, SPARE[(k + turn) % len(SPARE)].dash)
+        for turn in range(len(SPARE))
+        for k, one in enumerate(SPARE)
+    )
     return [STYLES[name] if name in STYLES else next(spare) for name in variants]
 
 

@@ -21,6 +21,7 @@ from quadsim.campaign.summary_stats import (
     PairStats,
     Section,
     VariantStats,
+    against,
     all_pairs,
     best_known_time,
     lap_limit,
@@ -42,6 +43,8 @@ from quadsim.figures import html
 from quadsim.figures.style import save_figure, write_figure
 from quadsim.files.extras import imported
 from quadsim.files.json_values import without_nan
+from quadsim.files.values import SettingError
+from quadsim.files.yaml_errors import did_you_mean
 from quadsim.record.run import RunError, canonical
 from quadsim.record.whole_files import write_whole
 
@@ -76,7 +79,7 @@ class Comparison:
 
     @property
     def pairs(self) -> list[PairStats]:
-        """Return the differences of each two variants on each course, with intervals."""
+        """Return the differences with intervals: of each two variants, or from the baseline."""
         return [pair for section in self.sections for pair in section.pairs]
 
     @property
@@ -155,19 +158,40 @@ def compare(
     attempts: int,
     jobs: int | None,
     campaign: str | Path | None,
+    baseline: str | None,
     settings: Settings,
 ) -> Comparison:
     """Compare variants; `quadsim.compare` describes the arguments."""
+    named = named_variants(variants)
+    check_baseline(list(named), baseline)
     several = [courses] if isinstance(courses, str | Path | Course) else list(courses)
-    made = make_variants(several, named_variants(variants), settings)
+    made = make_variants(several, named, settings)
     folder = None if campaign else TemporaryDirectory(prefix="quadsim-")
     path = Path(folder.name) / "campaign.sqlite" if folder else Path(campaign or "")
     with Runner(path, jobs or 0, temporary=folder is not None) as runner:
         rows = runner(made, attempts)
-    found = comparison(made, rows, path.parent, folder)
+    found = comparison(made, rows, path.parent, folder, baseline)
     if not found.sections:
         raise RunError("no attempt was flown: nothing to compare")
     return found
+
+
+def check_baseline(names: Sequence[str], baseline: str | None) -> None:
+    """Check that a baseline is one of several variants.
+
+    Args:
+        names: names of the variants.
+        baseline: name of the baseline, None for none.
+
+    Raises:
+        SettingError: it is none of them, or the only one.
+    """
+    if baseline is None:
+        return
+    if baseline not in names:
+        raise SettingError("baseline", f"no variant {baseline!r}, {did_you_mean(baseline, names)}")
+    if len(names) < 2:
+        raise SettingError("baseline", f"expected another variant beside {baseline!r}, got none")
 
 
 def comparison(
@@ -175,6 +199,7 @@ def comparison(
     rows: Sequence[Sequence[Row]],
     home: Path,
     folder: TemporaryDirectory | None = None,
+    baseline: str | None = None,
 ) -> Comparison:
     """Return the comparison of what was flown.
 
@@ -183,15 +208,27 @@ def comparison(
         rows: the attempts of each variant.
         home: the folder to which the paths of their telemetry are relative.
         folder: temporary folder of the telemetry, kept as long as the comparison exists.
+        baseline: name of the variant that the others are compared with; None: all pairs.
     """
     by_course: dict[str, list[tuple[Variant, Sequence[Row]]]] = {}
     for variant, of_variant in zip(variants, rows, strict=True):
         if of_variant:
             by_course.setdefault(variant.course, []).append((variant, of_variant))
-    return Comparison([_section(flown, home) for flown in by_course.values()], folder)
+    sections = [_section(flown, home, baseline) for flown in by_course.values()]
+    return Comparison(sections, folder)
 
 
-def _section(flown: Sequence[tuple[Variant, Sequence[Row]]], home: Path) -> Section:
+def _section(
+    flown: Sequence[tuple[Variant, Sequence[Row]]], home: Path, baseline: str | None
+) -> Section:
+    """Return the variants of one course.
+
+    Args:
+        flown: variants with their attempts.
+        home: the folder to which the paths of their telemetry are relative.
+        baseline: name of the variant that the others are compared with; None: all pairs.
+    """
+    names = [variant.name for variant, _ in flown]
     rows = [of_variant for _, of_variant in flown]
     stats = []
     for variant, of_variant in flown:
@@ -204,9 +241,10 @@ def _section(flown: Sequence[tuple[Variant, Sequence[Row]]], home: Path) -> Sect
         setting=_setting(first, rows),
         limit=lap_limit(first.spec.record()),
         variants=stats,
-        pairs=all_pairs([variant.name for variant, _ in flown], rows),
+        pairs=against(baseline, names, rows) if baseline else all_pairs(names, rows),
         rows=rows,
         home=home,
+        baseline=baseline if baseline in names else None,
         remark=seeds_remark(variant.spec for variant, _ in flown),
     )
 
@@ -260,10 +298,11 @@ def _written(section: Section) -> list[str]:
     ]
 
 
-def identity(variants: Sequence[Variant], attempts: int) -> str:
+def identity(variants: Sequence[Variant], attempts: int, baseline: str | None = None) -> str:
     """Return hex digits that tell a comparison from those with other flags."""
     specs = [{"name": variant.name} | variant.spec.record() for variant in variants]
-    return sha256(canonical([attempts, specs])).hexdigest()[:ID_DIGITS]
+    decides = [attempts, specs] + ([baseline] if baseline else [])
+    return sha256(canonical(decides)).hexdigest()[:ID_DIGITS]
 
 
 def write_report(comparison: Comparison, folder: Path, identity: str) -> list[Path]:

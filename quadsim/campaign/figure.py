@@ -1,12 +1,14 @@
 """The figure of a comparison, one row for each course.
 
-A row shows lap times, success, chatter, and a map with the crashes.
+A row shows lap times, their differences from one variant, success, chatter, and a map with the
+crashes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from math import isfinite
 
 import numpy as np
 from matplotlib import rc_context
@@ -15,11 +17,12 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
 from quadsim.campaign.store import Row
-from quadsim.campaign.summary_stats import FINISHED, Section, mean_lap
+from quadsim.campaign.summary_stats import FEWEST_PAIRS, FINISHED, Section, mean_lap
 from quadsim.figures.notebook_figure import NotebookFigure
 from quadsim.figures.run_figure import arrow_scale, draw_gates, draw_obstacles
 from quadsim.figures.style import STYLE, line
-from quadsim.palette import Style, styles
+from quadsim.files.yaml_errors import cut
+from quadsim.palette import MARK, SPARE, Style, styles
 from quadsim.record.archive import read_run
 from quadsim.record.run import RunError
 from quadsim.record.statistics import mean_interval
@@ -27,6 +30,8 @@ from quadsim.record.statistics import mean_interval
 PATHS = 6  # number of paths of each variant on the map
 JITTER = 0.1  # vertical, of the dots of a variant
 QUARTILES = (25, 50, 75)  # [%]
+CRASHES = ("X", "P", "*", "v", "s", "h")  # markers of crashes, one for each round of colours
+BEHIND_TEXT = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
 PLANE = (0, 1)  # x and y: the map is seen from above
 
 
@@ -39,7 +44,7 @@ def draw(sections: Sequence[Section]) -> Figure:
     with rc_context(STYLE):
         tallest = max(len(section.variants) for section in sections)
         figure = NotebookFigure(
-            figsize=(17, (2.6 + 0.75 * tallest) * len(sections)), dpi=110, layout="constrained"
+            figsize=(20, (2.6 + 0.75 * tallest) * len(sections)), dpi=110, layout="constrained"
         )
         rows = figure.subfigures(len(sections), 1, squeeze=False, hspace=0.04)
         for row, section in zip(rows[:, 0], sections, strict=True):
@@ -50,12 +55,18 @@ def draw(sections: Sequence[Section]) -> Figure:
 def _draw_course(figure: SubFigure, section: Section) -> None:
     names = [variant.name for variant in section.variants]
     looks = styles(names)
-    laps, success, chatter, above = figure.subplots(1, 4, width_ratios=(2.1, 1.0, 1.1, 1.7))
+    # A single variant differs from none.
+    ratios = (2.0, 1.4, 0.8, 1.0, 1.7) if len(names) > 1 else (2.1, 1.0, 1.1, 1.7)
+    laps, *differences, success, chatter, above = figure.subplots(
+        1, len(ratios), width_ratios=ratios
+    )
     _draw_laps(laps, section, looks)
+    for axes in differences:
+        _draw_differences(axes, section, looks)
     _draw_success(success, section, looks)
     _draw_chatter(chatter, section, looks)
     _draw_map(above, section, looks)
-    for axes in (laps, success, chatter):
+    for axes in (laps, *differences, success, chatter):
         axes.set(yticks=range(len(names)), yticklabels=[], ylim=(len(names) - 0.4, -0.6))
         axes.grid(visible=False, axis="y")
         axes.tick_params(axis="y", length=0)
@@ -96,10 +107,43 @@ def _draw_laps_of_variant(axes: Axes, y: float, laps: np.ndarray, look: Style) -
     axes.annotate(f"{mean.mean:.3f}", above, ha="center", va="bottom", fontsize=9)
 
 
+def _draw_differences(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
+    """Draw the lap difference of each variant from the reference, pair by pair of seeds.
+
+    Unpaired intervals may overlap where this one excludes zero, as variants share conditions.
+    """
+    reference = section.reference
+    of = {pair.b: pair for pair in section.pairs if pair.a == reference}
+    axes.axvline(0.0, color=MARK, linewidth=1.0)
+    for y, (variant, look) in enumerate(zip(section.variants, looks, strict=True)):
+        if variant.name == reference:
+            _write_across(axes, y, "all others less this one", look)
+            continue
+        pair = of.get(variant.name)
+        found = pair.lap_difference if pair else None
+        if pair is None or found is None or not isfinite(found.mean):
+            _write_across(axes, y, "no common seed finished", look)
+            continue
+        if found.n >= FEWEST_PAIRS:
+            axes.plot([found.low, found.high], [y, y], color=look.colour, linewidth=2.5)
+        axes.plot(found.mean, y, "D", color=look.colour, markersize=6)
+        p = pair.corrected.laps if pair.corrected else pair.lap_p
+        tested = f", p {p:.2g}" if isfinite(p) else ""
+        text = f"{found.mean:+.3f}  (n {found.n}{tested})"
+        above = {"ha": "center", "va": "bottom", "fontsize": 8, "bbox": BEHIND_TEXT}
+        axes.annotate(text, (found.mean, y - 0.16), **above)
+    axes.margins(x=0.3)
+    corrected = ", p corrected (Holm)" if section.baseline else ""
+    axes.set_title(
+        f"lap less that of {cut(reference, 30)} [s], same seeds\n95 % intervals of each{corrected}"
+    )
+
+
 def _write_across(axes: Axes, y: float, text: str, look: Style) -> None:
     """Write a text in the middle of a variant's row."""
     transform = axes.get_yaxis_transform()
-    axes.text(0.5, y, text, transform=transform, ha="center", color=look.colour)
+    at_middle = {"ha": "center", "va": "center", "bbox": BEHIND_TEXT}
+    axes.text(0.5, y, text, transform=transform, color=look.colour, **at_middle)
 
 
 def _draw_success(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
@@ -142,26 +186,32 @@ def _draw_map(axes: Axes, section: Section, looks: Sequence[Style]) -> None:
     draw_obstacles(axes, section.course, PLANE, scale)
     start = {"color": "white", "markeredgecolor": "black", "markersize": 5, "zorder": 6}
     axes.plot(*points[0], "o", **start)
-    for rows, look, variant in zip(section.rows, looks, section.variants, strict=True):
+    flown = zip(section.rows, looks, section.variants, strict=True)
+    for number, (rows, look, variant) in enumerate(flown):
         for path in _paths(section, rows):
             axes.plot(*path.T, **line(look), linewidth=0.8, alpha=0.5, zorder=1)
         crashes = [r.result["crash"] for r in rows]
         places = [crash["position"][:2] for crash in crashes if crash is not None]
         label = f"{variant.name}: {len(places)} crashed"
-        _draw_crashes(axes, np.array(places).reshape(-1, 2), look, label)
+        marker = CRASHES[number // len(SPARE) % len(CRASHES)]
+        _draw_crashes(axes, np.array(places).reshape(-1, 2), look, marker)
+        # the legend shows colour, dashes and cross together
+        shown = {**line(look), "linewidth": 1.4, "marker": marker, "markersize": 7}
+        axes.plot([], [], **shown, markeredgecolor="white", label=label)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_title("from above [m]: some paths, crosses where flights crashed")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.05), ncols=2, fontsize=8)
+    axes.legend(
+        loc="upper center", bbox_to_anchor=(0.5, -0.05), ncols=2, fontsize=8, handlelength=4
+    )
 
 
-def _draw_crashes(axes: Axes, places: np.ndarray, look: Style, label: str) -> None:
-    """Draw a cross at each place.  (crashes, 2)"""
+def _draw_crashes(axes: Axes, places: np.ndarray, look: Style, marker: str) -> None:
+    """Draw a marker at each place.  (crashes, 2)"""
     axes.plot(
         *places.T,
-        "X",
+        marker,
         color=look.colour,
         markersize=9,
-        label=label,
         markeredgecolor="white",
         markeredgewidth=0.8,
         alpha=0.9,

@@ -175,7 +175,9 @@ def preset_text(planner: Planner, preset: str, comment: str) -> str:
     }
     parts = {"sampling": planner.sampling, "mppi": planner.mppi, "cost": planner.cost}
     for name, part in parts.items():
-        content[name] = {key: _plain(value) for key, value in asdict(part).items()}
+        numbers = asdict(part).items()
+        # An empty tuple stands for "none", which a file says by leaving the key out.
+        content[name] = {key: _plain(value) for key, value in numbers if value != ()}
     head = "".join(f"# {line}\n" for line in comment.splitlines())
     return head + yaml.safe_dump(content, default_flow_style=None, sort_keys=False, width=120)
 

@@ -64,7 +64,7 @@ COLUMNS: dict[str, Callable[[Group], str]] = {
     "done": lambda g: f"{g.stats.finished}/{g.stats.attempts}",
     "lap [s]": lambda g: number(g.stats.lap_mean),
     ABOVE_LIMIT: lambda g: number(100.0 * g.stats.above_limit, ".1f"),
-    "thrust": lambda g: number(g.stats.thrust_tv, ".1f"),
+    "thrust\n[m/s^2/s]": lambda g: number(g.stats.thrust_tv, ".1f"),
     "commit": lambda g: short(g.first.code),
 }
 TEXTS = ("variant", "course", "vehicle")  # columns of text

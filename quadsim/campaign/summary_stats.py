@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from math import nan
 from pathlib import Path
@@ -21,13 +21,18 @@ from quadsim.record.statistics import (
     Mean,
     detectable,
     fisher,
+    holm,
     mcnemar,
     mean_interval,
+    p_of_mean,
+    p_of_ratio,
     ratio_interval,
     wilson,
 )
 
 FINISHED = "finished"
+# Two pairs have an interval of twelve standard deviations and more: it says nothing.
+FEWEST_PAIRS = 3
 
 
 @dataclass(frozen=True)
@@ -69,8 +74,19 @@ class VariantStats:
 
 
 @dataclass(frozen=True)
+class CorrectedP:
+    """p-values of a variant against the baseline, each corrected for the number of variants."""
+
+    laps: float
+    success: float
+    thrust_tv: float
+
+
+@dataclass(frozen=True)
 class PairStats:
     """The numbers of variant b against variant a on one course; differences are b - a.
+
+    p-values of fewer than three pairs are nan.
 
     Examples:
         >>> import quadsim
@@ -92,6 +108,9 @@ class PairStats:
     # deviation of the logarithms of the ratios
     thrust_tv_ratio: Mean
     seeds: int  # that both flew
+    lap_p: float  # of the paired t-test that the laps are equally long
+    thrust_tv_p: float  # of the paired t-test that the ratio is 1
+    corrected: CorrectedP | None = None  # where a is the baseline of several variants
 
 
 @dataclass(frozen=True)
@@ -106,6 +125,12 @@ class Section:
     rows: list[Sequence[Row]]  # of each variant
     home: Path  # folder that their telemetry is relative to
     remark: str = ""  # what the seeds do not draw, for people
+    baseline: str | None = None  # variant that the others are compared with; None: all pairs
+
+    @property
+    def reference(self) -> str:
+        """The variant against which differences are drawn: the baseline, or the first."""
+        return self.baseline or self.variants[0].name
 
 
 def variant_stats(
@@ -174,6 +199,7 @@ def pair_stats(a: str, b: str, rows_a: Sequence[Row], rows_b: Sequence[Row]) -> 
         success_p = fisher(
             sum(map(_finished, rows_a)), len(rows_a), sum(map(_finished, rows_b)), len(rows_b)
         )
+    ratio = ratio_interval([(commanded_tv(x), commanded_tv(y)) for x, y in pairs])
     return PairStats(
         course=rows_a[0].course,
         a=a,
@@ -183,8 +209,10 @@ def pair_stats(a: str, b: str, rows_a: Sequence[Row], rows_b: Sequence[Row]) -> 
         only_a=only_a,
         only_b=only_b,
         success_p=success_p,
-        thrust_tv_ratio=ratio_interval([(commanded_tv(x), commanded_tv(y)) for x, y in pairs]),
+        thrust_tv_ratio=ratio,
         seeds=len(pairs),
+        lap_p=p_of_mean(laps) if laps.n >= FEWEST_PAIRS else nan,
+        thrust_tv_p=p_of_ratio(ratio) if ratio.n >= FEWEST_PAIRS else nan,
     )
 
 
@@ -197,6 +225,29 @@ def all_pairs(names: Sequence[str], rows: Sequence[Sequence[Row]]) -> list[PairS
     """
     flown = [(name, of_variant) for name, of_variant in zip(names, rows, strict=True) if of_variant]
     return [pair_stats(a, b, rows_a, rows_b) for (a, rows_a), (b, rows_b) in combinations(flown, 2)]
+
+
+def against(baseline: str, names: Sequence[str], rows: Sequence[Sequence[Row]]) -> list[PairStats]:
+    """Return the numbers of each other variant of one course against the baseline.
+
+    The p-values of each measure are also corrected for the number of variants, by Holm's method.
+
+    Args:
+        baseline: name of the baseline.
+        names: names of the variants.
+        rows: the attempts of each variant; variants without attempts are left out, and there is
+            nothing without attempts of the baseline.
+    """
+    flown = {name: of for name, of in zip(names, rows, strict=True) if of}
+    if baseline not in flown:
+        return []
+    of_baseline = flown.pop(baseline)
+    pairs = [pair_stats(baseline, name, of_baseline, of) for name, of in flown.items()]
+    laps = holm([pair.lap_p for pair in pairs])
+    success = holm([pair.success_p for pair in pairs])
+    thrust_tv = holm([pair.thrust_tv_p for pair in pairs])
+    corrected = map(CorrectedP, laps, success, thrust_tv)
+    return [replace(pair, corrected=each) for pair, each in zip(pairs, corrected, strict=True)]
 
 
 def _finished(row: Row) -> bool:

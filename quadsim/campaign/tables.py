@@ -10,7 +10,7 @@ from typing import Self, TypeVar
 from rich.console import Group, RenderableType
 from rich.markup import escape
 
-from quadsim.campaign.summary_stats import PairStats, VariantStats
+from quadsim.campaign.summary_stats import FEWEST_PAIRS, CorrectedP, PairStats, VariantStats
 from quadsim.console import plain_table, width
 from quadsim.figures import html
 from quadsim.record.statistics import Mean
@@ -22,6 +22,9 @@ DIRTY = "-dirty"  # ends the name of a commit whose files had been changed
 INDENT = 2
 GAP = 2
 TEXT = 24
+LEAST_P = 1e-9  # p-values that are shown as numbers
+# Most variants of which a table shows all pairs: nine have 36
+ALL_PAIRS = 6
 
 Item = TypeVar("Item")
 
@@ -126,15 +129,36 @@ def as_html(table: TextTable) -> str:
 def comparison_tables(
     variants: Sequence[VariantStats], pairs: Sequence[PairStats]
 ) -> Iterator[TextTable]:
-    """Yield the tables of one course: laps, chatter and pairs."""
+    """Yield the tables of one course: laps, chatter and pairs.
+
+    Args:
+        variants: variants of the course.
+        pairs: comparisons of every two of them, or of each with the baseline.
+    """
     above_limit = ABOVE if _limit_known(variants) else {}
     yield TextTable.of(variants, LAPS | above_limit)
     yield TextTable.of(variants, CHATTER, texts=(0, len(CHATTER) - 1))
     behind_firmware = [v for v in variants if isfinite(v.motor_variation.mean)]
     if behind_firmware:
         yield TextTable.of(behind_firmware, MOTORS)
-    if pairs:
-        yield TextTable.of(pairs, PAIRS)
+    shown = shown_pairs(variants, pairs)
+    if shown:
+        has_baseline = any(pair.corrected for pair in shown)
+        yield TextTable.of(shown, _against(shown[0].a) if has_baseline else PAIRS)
+
+
+def shown_pairs(
+    variants: Sequence[VariantStats], pairs: Sequence[PairStats]
+) -> Sequence[PairStats]:
+    """Return the pairs that a table shows: of many variants those with the first one.
+
+    Args:
+        variants: variants of a course.
+        pairs: comparisons of every two of them, or of each with the baseline.
+    """
+    if len(variants) <= ALL_PAIRS or any(pair.corrected for pair in pairs):
+        return pairs
+    return [pair for pair in pairs if pair.a == variants[0].name]
 
 
 def notes(
@@ -154,9 +178,12 @@ def notes(
         )
     if any(v.turned_back for v in variants):
         yield "Turned back: attempts that overshot a gate and returned to it."
-    known = [p for p in pairs if isfinite(p.detectable)]
+    shown = shown_pairs(variants, pairs)
+    yield from _notes_of_pairs(shown, len(pairs))
+    known = [p for p in shown if isfinite(p.detectable) and p.lap_difference.n >= FEWEST_PAIRS]
     if known:
-        each = ", ".join(f"{p.b} - {p.a} {p.detectable:.3f} s" for p in known)
+        names = [p.b if p.corrected else f"{p.b} - {p.a}" for p in known]
+        each = ", ".join(f"{n} {p.detectable:.3f} s" for n, p in zip(names, known, strict=True))
         yield f"Lap differences that these pairs detect with power 80 %: {each}."
     if _limit_known(variants):
         yield (
@@ -164,6 +191,33 @@ def notes(
             "vehicle (race limit)."
         )
     yield from mixed_commits({v.name: v.commits for v in variants})
+
+
+def _notes_of_pairs(shown: Sequence[PairStats], number: int) -> Iterator[str]:
+    """Yield what has to be read with the pairs of a course.
+
+    Args:
+        shown: the pairs of the table.
+        number: the number of all pairs.
+    """
+    if not shown:
+        return
+    if shown[0].corrected:
+        yield (
+            f"p: corrected for {len(shown)} variants against {shown[0].a} (Holm), each measure by "
+            "itself. Laps and thrust: paired t-test; finished: exact test. Intervals are not "
+            "corrected."
+        )
+    else:
+        yield (
+            "Only one finished: seeds that the first, and that the second of the pair alone "
+            "finished; p: exact test that they finish alike."
+        )
+    if len(shown) < number:
+        yield (
+            f"Pairs: {len(shown)} of {number}, those with {shown[0].a}. All are in the JSON output"
+            " and in Comparison.pairs; a baseline corrects p for their number."
+        )
 
 
 def mixed_commits(by_name: Mapping[str, Sequence[str]]) -> list[str]:
@@ -214,6 +268,26 @@ def interval(mean: Mean, form: str) -> str:
     return text
 
 
+def paired(mean: Mean, form: str) -> str:
+    """Return "mean [low, high]" of pairs, the mean alone for fewer than three."""
+    return interval(mean, form) if mean.n >= FEWEST_PAIRS else number(mean.mean, form)
+
+
+def _p(value: float) -> str:
+    """Return a p-value as text; t-tests say nothing of how small a very small one is."""
+    return f"<{LEAST_P:g}" if value < LEAST_P else number(value, ".3g")
+
+
+def _corrected(pair: PairStats) -> CorrectedP:
+    """Return the corrected p-values of a variant against the baseline."""
+    assert pair.corrected is not None
+    return pair.corrected
+
+
+def _only_one(pair: PairStats) -> str:
+    return f"{pair.only_b} : {pair.only_a}" if pair.seeds else "-"
+
+
 def _ends(variant: VariantStats) -> str:
     return ", ".join(f"{n} {where}" for where, n in variant.crashes.items()) or "-"
 
@@ -228,21 +302,21 @@ LAPS: dict[str, Callable[[VariantStats], str]] = {
     "done": lambda v: f"{v.finished}/{v.attempts}",
     "CI\n[%]": _success_interval,
     "lap\n[s]": lambda v: number(v.lap_mean),
-    "sd": lambda v: number(v.lap_sd),
-    "best": lambda v: number(v.lap_min),
-    "race": lambda v: number(v.race_median),
-    "flying": lambda v: number(v.flying_median),
-    "penalised": lambda v: number(v.penalised_mean),
+    "sd\n[s]": lambda v: number(v.lap_sd),
+    "best\n[s]": lambda v: number(v.lap_min),
+    "race\n[s]": lambda v: number(v.race_median),
+    "flying\n[s]": lambda v: number(v.flying_median),
+    "penalised\n[s]": lambda v: number(v.penalised_mean),
 }
 ABOVE: dict[str, Callable[[VariantStats], str]] = {
     "above the\nlimit [%]": lambda v: number(100.0 * v.above_limit, ".1f"),
 }
 CHATTER: dict[str, Callable[[VariantStats], str]] = {
     "variant": lambda v: v.name,
-    "thrust [m/s^2/s]": lambda v: number(v.thrust_tv, ".1f"),
-    "delivered": lambda v: number(v.thrust_tv_delivered, ".1f"),
-    "body rates [rad/s^2]": lambda v: number(v.rates_tv, ".1f"),
-    "plan [ms]": lambda v: f"{v.plan_ms:.1f}",
+    "thrust\n[m/s^2/s]": lambda v: number(v.thrust_tv, ".1f"),
+    "delivered\n[m/s^2/s]": lambda v: number(v.thrust_tv_delivered, ".1f"),
+    "body rates\n[rad/s^2]": lambda v: number(v.rates_tv, ".1f"),
+    "plan\n[ms]": lambda v: f"{v.plan_ms:.1f}",
     "turned back": lambda v: str(v.turned_back),
     "ended at": _ends,
 }
@@ -253,9 +327,23 @@ MOTORS: dict[str, Callable[[VariantStats], str]] = {
 }
 PAIRS: dict[str, Callable[[PairStats], str]] = {
     "pair": lambda p: f"{p.b} - {p.a}",
-    "lap difference [s]": lambda p: interval(p.lap_difference, "+.3f"),
+    "lap difference\n[s]": lambda p: paired(p.lap_difference, "+.3f"),
     "pairs": lambda p: str(p.lap_difference.n),
-    "only one": lambda p: f"{p.only_b} : {p.only_a}" if p.seeds else "-",
-    "p": lambda p: f"{p.success_p:.3g}",
-    "thrust variation": lambda p: f"x {interval(p.thrust_tv_ratio, '.2f')}",
+    "only one\nfinished": _only_one,
+    "p": lambda p: _p(p.success_p),
+    "thrust variation\n[ratio]": lambda p: f"x {paired(p.thrust_tv_ratio, '.2f')}",
 }
+
+
+def _against(baseline: str) -> dict[str, Callable[[PairStats], str]]:
+    """Return the columns of variants against a baseline."""
+    return {
+        f"variant less\n{baseline}": lambda p: p.b,
+        "lap difference\n[s]": lambda p: paired(p.lap_difference, "+.3f"),
+        "p of\nlaps": lambda p: _p(_corrected(p).laps),
+        "pairs": lambda p: str(p.lap_difference.n),
+        "only one\nfinished": _only_one,
+        "p of\nfinished": lambda p: _p(_corrected(p).success),
+        "thrust variation\n[ratio]": lambda p: f"x {paired(p.thrust_tv_ratio, '.2f')}",
+        "p of\nthrust": lambda p: _p(_corrected(p).thrust_tv),
+    }

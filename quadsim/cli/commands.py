@@ -51,6 +51,9 @@ COMMANDS = {
     "check": Command(
         "quadsim.cli.listing:check", "check course, vehicle, preset and sensing files"
     ),
+    "convert": Command(
+        "quadsim.cli.convert:convert", "a course of another simulator as a course file"
+    ),
     "limit": Command(
         "quadsim.cli.limit:limit",
         "the least time in which a vehicle can fly a course, by optimisation",

@@ -8,7 +8,7 @@ from typing import Annotated
 from msgspec import Meta
 from rich.markup import escape
 
-from quadsim.campaign.compare import comparison, identity, write_report
+from quadsim.campaign.compare import check_baseline, comparison, identity, write_report
 from quadsim.campaign.runner import Runner
 from quadsim.campaign.variants import make_variants, parse_variants
 from quadsim.cli.compare_heats import compare_heats
@@ -60,6 +60,13 @@ def compare(
         Help("races of each variant, with --line-up; default: 64"),
     ] = None,
     rotate: Rotate = True,
+    baseline: Annotated[
+        str | None,
+        Help(
+            "variant that each other one is compared with, with corrected p-values; default: every"
+            " two variants are compared"
+        ),
+    ] = None,
     jobs: Jobs = None,
     scheduler: Scheduler = None,
     campaign: Campaign = CAMPAIGN,
@@ -92,6 +99,8 @@ def compare(
     if line_up is not None:
         if attempts != ATTEMPTS:
             raise UsageError("--line-up: expected --starts in place of --attempts")
+        if baseline is not None:
+            raise UsageError("--baseline: expected none beside --line-up: the first is compared")
         if len(courses) > 1:
             raise UsageError(f"--line-up: expected one course, got {len(courses)}")
         return compare_heats(
@@ -119,7 +128,9 @@ def compare(
     if not courses:
         raise UsageError("expected one COURSE or more, got none (race courses lists them)")
     with settings_as_flags():
-        made = make_variants(courses, parse_variants(variants or VARIANTS), settings or {})
+        named = parse_variants(variants or VARIANTS)
+        check_baseline(list(named), baseline)
+        made = make_variants(courses, named, settings or {})
     path = Path(campaign)
     expect_file(path)
     report = Path(out) if out else path.with_name(f"{path.stem}.report")
@@ -127,7 +138,7 @@ def compare(
 
     with Runner(path, jobs, scheduler, this_commit) as runner:
         rows = runner(made, attempts)
-    found = comparison(made, rows, path.parent)
+    found = comparison(made, rows, path.parent, baseline=baseline)
     if not found.sections:
         raise RunError("no attempt was flown: nothing to compare")
 
@@ -136,7 +147,7 @@ def compare(
         emit_json(found.as_json() | {"campaign": campaign})
     else:
         emit(*found.renderables())
-    files = write_report(found, report, identity(made, attempts))
+    files = write_report(found, report, identity(made, attempts, baseline))
     if not json:
         emit("", *(f"[dim]{escape(str(file))}[/]" for file in files))
     complete = all(len(of_variant) == attempts for of_variant in rows)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict
 from itertools import product
-from math import degrees, pi
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -18,12 +17,13 @@ from controllers.presets import PRESETS
 from quadsim.cli.flags import Help, Json
 from quadsim.config.presets import parse_planner
 from quadsim.console import UsageError, complain, emit, emit_json, width
-from quadsim.course import COURSES, course_names, load_course, parse_course
-from quadsim.course.course import summary
+from quadsim.course import COURSES, Course, course_names, load_course, parse_course
+from quadsim.course.checks import looks_like_radians
+from quadsim.course.course import in_degrees, summary
 from quadsim.files.atomic import replace_file
 from quadsim.files.data_files import locate, read_text
 from quadsim.files.strict_yaml import FileError, parse
-from quadsim.files.yaml_errors import did_you_mean
+from quadsim.files.yaml_errors import cut, did_you_mean
 from quadsim.racing.fits import misfit
 from quadsim.record.whole_files import expect_writable
 from quadsim.sensing.sensing_file import (
@@ -49,13 +49,15 @@ OF_VEHICLE = {"mass", "inertia", "rate_tau"}
 OF_PRESET = {"base"}
 OF_SENSING = {"exact", *SENSORS}
 RANDOM_COURSES = "random_courses"
+MOST_OTHERS = 19  # errors of a file that are printed besides the first
 
 
 class Described(NamedTuple):
-    """The kind of a file, and a summary of its content."""
+    """The kind of a file, a summary of its content, and what is allowed but looks wrong."""
 
     kind: str
     summary: str
+    remark: str = ""
 
 
 def courses(
@@ -182,19 +184,23 @@ def check(
 
 
 def examine(name: str) -> dict:
-    """Return file, ok, kind, summary and notes of a file, or file, ok, error and excerpt."""
-    text = ""
-    path = Path(name)
+    """Return file, ok, kind, summary and remark of a file; or file, ok, error, excerpt and others.
+
+    `others` are the further errors of the file, each with its excerpt.
+    """
     try:
         path = _find(name)
-        text = read_text(path)
-        found = describe(text, str(path))
-        result = {"file": str(path), "ok": True, "kind": found.kind, "summary": found.summary}
+        found = describe(read_text(path), str(path))
     except FileError as error:
-        result = {"file": name, "ok": False, "error": str(error), "excerpt": error.excerpt}
-    # Also of a course that cannot be used, as this may be why
-    note = looks_like_radians(text, str(path))
-    return result | {"notes": [note]} if note else result
+        return _wrong(name, error)
+    return {"file": str(path), "ok": True, **found._asdict()}
+
+
+def _wrong(name: str, error: FileError) -> dict:
+    """Return the result of a file with errors."""
+    others = [{"error": str(other), "excerpt": other.excerpt} for other in error.others]
+    wrong = {"error": str(error), "excerpt": error.excerpt}
+    return {"file": name, "ok": False, **wrong, "others": others}
 
 
 def with_fits(results: Sequence[dict]) -> list[dict]:
@@ -217,8 +223,7 @@ def with_fits(results: Sequence[dict]) -> list[dict]:
     checked = []
     for result in results:
         error = problems.get(result["file"])
-        wrong = {"file": result["file"], "ok": False, "error": error, "excerpt": ""}
-        checked.append(wrong if error else result)
+        checked.append(_wrong(result["file"], FileError(error)) if error else result)
     return checked
 
 
@@ -246,38 +251,17 @@ def describe(text: str, file: str) -> Described:
         sensing = parse_sensing(text, file)
         given = [name for name in SENSORS if getattr(sensing, name)]
         return Described("sensing", ", ".join(given) or "the true state")
-    return Described("course", summary(parse_course(text, file)))
+    course = parse_course(text, file)
+    return Described("course", summary(course), _remark(course))
 
 
-def looks_like_radians(text: str, file: str) -> str | None:
-    """Return one line on the first heading of a course that looks like radians, None without one.
-
-    No heading does if one of them is larger than a full turn in radians, or all are whole numbers.
-    """
-    found: list[tuple[yaml.ScalarNode, float]] = []
-    with suppress(FileError, ValueError):
-        found = [(node, float(node.value)) for node in _headings(parse(text, file).root)]
-    if any(abs(number) > 2.0 * pi for _, number in found):
-        return None
-    for node, number in found:
-        if not number.is_integer():
-            at = f"{file}:{node.start_mark.line + 1}:{node.start_mark.column + 1}"
-            meant = f"{number:g} rad are {degrees(number):.1f} deg"
-            return f"{at}: yaw_deg: expected degrees, {node.value} looks like radians: {meant}"
-    return None
-
-
-def _headings(node: yaml.Node) -> Iterator[yaml.ScalarNode]:
-    """Yield the values of `yaw_deg` in a course that has been read."""
-    if isinstance(node, yaml.SequenceNode):
-        for item in node.value:
-            yield from _headings(item)
-    elif isinstance(node, yaml.MappingNode):
-        for key, value in node.value:
-            if key.value == "yaw_deg" and isinstance(value, yaml.ScalarNode):
-                yield value
-            else:
-                yield from _headings(value)
+def _remark(course: Course) -> str:
+    """Return what the checks allow in a course but looks wrong, "" if nothing does."""
+    angles = [in_degrees(gate.yaw) for gate in course.gates]
+    if not looks_like_radians(angles):
+        return ""
+    got = cut(", ".join(f"{angle:g}" for angle in angles))
+    return f"yaw_deg of the gates looks like radians, expected degrees, got {got}"
 
 
 def _describe_preset(text: str, file: str) -> Described:
@@ -312,9 +296,13 @@ def _find(name: str) -> Path:
 def _print_result(result: dict) -> None:
     if result["ok"]:
         emit(f"{escape(result['file'])}: [green]ok[/], {result['kind']}: {result['summary']}")
-    else:
-        complain(result["error"])
-        if result["excerpt"]:
-            complain(result["excerpt"])
-    for note in result.get("notes", ()):
-        complain(note)
+        if result["remark"]:
+            complain(f"{result['file']}: {result['remark']}")
+        return
+    for wrong in (result, *result["others"][:MOST_OTHERS]):
+        complain(wrong["error"])
+        if wrong["excerpt"]:
+            complain(wrong["excerpt"])
+    left = len(result["others"]) - MOST_OTHERS
+    if left > 0:
+        complain(f"{result['file']}: {left} more errors")

@@ -24,13 +24,14 @@ from quadsim.campaign.pool import open_pool
 from quadsim.campaign.tables import TextTable, as_table
 from quadsim.campaign.variants import Variant
 from quadsim.cli.compare import Jobs, Scheduler
-from quadsim.cli.flags import Given, Help, Json, Switch, settings_as_flags
+from quadsim.cli.flags import Given, Help, Json, Switch, flag, settings_as_flags
 from quadsim.config.setting_texts import Settings
 from quadsim.console import UsageError, emit, emit_json
 from quadsim.record.whole_files import write_whole
 
+UNITS = {"lap": "lap [s]", "thrust_tv": "thrust_tv [m/s^2/s]"}
 COLUMNS: dict[str, Callable[[Verdict], str]] = {
-    "": lambda v: v.name,
+    "": lambda v: UNITS.get(v.name, v.name),
     "then": lambda v: f"{v.stored:.4g}",
     "now": lambda v: f"{v.now:.4g}",
     "worse by": lambda v: f"{100 * v.worse:+.2f} %",
@@ -89,10 +90,10 @@ def regress(
         verdicts = judge(baseline.stored, now, baseline.effects) if baseline.stored else []
         found.append(Found(path, baseline, now, verdicts))
     if json:
-        emit_json([_as_json(one) for one in found])
+        emit_json([_as_json(one, flags_text(settings or {})) for one in found])
     else:
         for one in found:
-            _print(one)
+            _print(one, settings or {})
     if regen:
         for one in found:
             write_whole(one.path, baseline_text(one.baseline, one.now).encode())
@@ -110,14 +111,27 @@ def _variant(path: Path, baseline: Baseline, settings: Settings) -> Variant:
         raise UsageError(f"{path}: {error}") from None
 
 
-def _as_json(found: Found) -> dict:
+def _as_json(found: Found, flags: str) -> dict:
     verdicts = [asdict(verdict) | {"ok": verdict.ok} for verdict in found.verdicts]
-    return {"file": str(found.path), "verdicts": verdicts}
+    return {"file": str(found.path), "flags": flags, "verdicts": verdicts}
 
 
-def _print(found: Found) -> None:
+def flags_text(settings: Settings) -> str:
+    """Return settings of the command line as their flags, such as "--samples 512"."""
+    words = []
+    for name, value in settings.items():
+        values = value if isinstance(value, list | tuple) else [value]
+        words += [flag(name), *(str(each) for each in values)]
+    return " ".join(words)
+
+
+def _print(found: Found, settings: Settings) -> None:
+    """Print the verdicts on a baseline, and the flags that were added to its variant."""
     baseline = found.baseline
-    emit(f"[bold]{escape(str(found.path))}[/]  {escape(f'{baseline.course} {baseline.variant}')}")
+    flown = f"{baseline.course} {baseline.variant}"
+    if settings:
+        flown += f" with {flags_text(settings)}"
+    emit(f"[bold]{escape(str(found.path))}[/]  {escape(flown)}")
     if found.verdicts:
         marks = [f"{v.name} {'[green]ok[/]' if v.ok else '[red]WORSE[/]'}" for v in found.verdicts]
         emit(as_table(TextTable.of(found.verdicts, COLUMNS)), " ".join(marks), "")

@@ -14,7 +14,7 @@ from rich.markup import escape
 
 from quadsim.campaign.results import ABOVE_LIMIT, COLUMNS, TEXTS, Group, find, stored
 from quadsim.campaign.summary_stats import PairStats, pair_stats
-from quadsim.campaign.tables import PAIRS, TextTable, as_table
+from quadsim.campaign.tables import ALL_PAIRS, PAIRS, TextTable, as_table
 from quadsim.cli.compare import CAMPAIGN
 from quadsim.cli.flags import Help, Json, RunsDir
 from quadsim.console import UsageError, emit, emit_json
@@ -66,7 +66,10 @@ def results(
         return 0
     emit(*results_table(groups))
     if pairs:
-        emit("", as_table(TextTable.of(pairs, PAIRS)))
+        shown = pairs if len(groups) <= ALL_PAIRS else [p for p in pairs if p.a == groups[0].label]
+        emit("", as_table(TextTable.of(shown, PAIRS)))
+        if len(shown) < len(pairs):
+            emit("", f"{len(shown)} of {len(pairs)} pairs, those with the first id; --json has all")
         if len({group.first.code for group in groups}) > 1:
             emit("", escape("MIXED COMMITS: " + ", ".join(group.label for group in groups)))
     return 0

@@ -83,8 +83,7 @@ def parse_planner(text: str, file: str, sampler: str, firmware: bool = False) ->
         numbers = {key: getattr(given, key) for key in keys if key in known}
         changes[group] = replace(base_part, **numbers)
     planner = replace(base, **changes)
-    for path, problem in contradictions(planner):
-        raise document.error(path, problem)
+    document.check(contradictions(planner))
     return planner
 
 

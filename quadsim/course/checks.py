@@ -23,6 +23,9 @@ ROUNDING = 1e-6
 LINES = 9
 
 
+FULL_TURN = 6.3  # [rad], rounded up
+
+
 class Layout(Protocol):
     """The parts of a Course that have to fit together."""
 
@@ -58,6 +61,20 @@ def problems(course: Layout) -> Iterator[FieldProblem]:
     yield from _start_problems(course)
     yield from _gate_problems(course)
     yield from _obstacle_problems(course)
+
+
+def looks_like_radians(degrees: Sequence[float]) -> bool:
+    """Return whether angles that stand in degrees are probably in radians.
+
+    All of them are small then, and some are no whole numbers: 1.57 rather than 90. A single angle
+    shows nothing.
+
+    Args:
+        degrees: the angles [deg].
+    """
+    small = all(abs(angle) <= FULL_TURN for angle in degrees)
+    broken = [angle for angle in degrees if angle != round(angle)]
+    return len(degrees) > 1 and small and bool(broken)
 
 
 def _start_problems(course: Layout) -> Iterator[FieldProblem]:

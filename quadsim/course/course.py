@@ -194,8 +194,7 @@ def parse_course(text: str, file: str) -> Course:
     """
     document = parse(text, file)
     course = _read(document)
-    for path, problem in problems(course):
-        raise document.error(path, problem)
+    document.check(problems(course))
     return course
 
 
@@ -209,11 +208,10 @@ def course_errors(text: str, file: str) -> list[FileError]:
         file: shown in errors.
     """
     try:
-        document = parse(text, file)
-        course = _read(document)
+        parse_course(text, file)
     except FileError as error:
-        return [error]
-    return [document.error(path, problem) for path, problem in problems(course)]
+        return [error, *error.others]
+    return []
 
 
 def course_entries(course: Course) -> CourseFile:

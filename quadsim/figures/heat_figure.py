@@ -17,7 +17,7 @@ from quadsim.heat.result import HeatEvent, placings
 from quadsim.palette import HIT, MARK, Style, styles
 from quadsim.record.run import RecordedRun
 
-# Largest drawn gap [s]
+# Largest gap that is drawn [s], unless nobody but the leader ends with a smaller one
 LARGEST_GAP = 4.0
 
 
@@ -122,11 +122,14 @@ def draw_gaps(
     """Draw the time by which each entrant passes each gate behind the first one."""
     most = max(map(len, passes))
     first = [min(of[g] for of in passes if len(of) > g) for g in range(most)]
+    last = []
     for of, look in zip(passes, looks, strict=True):
         gaps = np.array(of) - np.array(first[: len(of)])
         axes.plot(np.arange(1, len(of) + 1), gaps, **line(look), linewidth=1.8)
+        last += gaps[-1:].tolist()
     low, high = axes.get_ylim()
-    axes.set_ylim(min(high, LARGEST_GAP), min(low, -0.05))
+    second = 1.1 * sorted(last)[1] if len(last) > 1 else 0.0
+    axes.set_ylim(min(high, max(LARGEST_GAP, second)), min(low, -0.05))
     axes.set_ylabel("gap to the leader [s]")
     axes.set_xlabel("gates passed since the start")
     _mark_laps(axes, most, gates)

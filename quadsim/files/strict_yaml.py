@@ -9,13 +9,14 @@ further schemas; `unit("m", gt=0)` inside Annotated gives a number its unit and 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import msgspec
 import yaml
 
-from quadsim.files.yaml_values import Misfit, descend, value
+from quadsim.files.yaml_values import Misfit, descend, misfits, value
 
 Schema = TypeVar("Schema")
 DEPTH = 12  # deepest nesting allowed; the deepest schema here has 5
@@ -29,6 +30,7 @@ class FileError(ValueError):
         excerpt: the source line with a caret below, or "".
         key: the key that is wrong, such as "gates[3].yaw_deg", or "".
         problem: what is wrong with it, without the place, or "".
+        others: what else is wrong with the file, as errors of their own.
 
     Examples:
         >>> import quadsim
@@ -44,6 +46,7 @@ class FileError(ValueError):
         self.excerpt = excerpt
         self.key = key
         self.problem = problem
+        self.others: tuple[FileError, ...] = ()
 
 
 def unit(name: str, **bounds: Any) -> msgspec.Meta:
@@ -80,16 +83,44 @@ class Document:
     root: yaml.Node
 
     def fill(self, schema: type[Schema]) -> Schema:
-        """Return the document as an instance of the schema. Raises FileError."""
+        """Return the document as an instance of the schema.
+
+        Raises:
+            FileError: the first misfit; `others` has the following ones.
+        """
+        kind = msgspec.inspect.type_info(schema)
         try:
-            return value(self.root, msgspec.inspect.type_info(schema))
+            return value(self.root, kind)
         except Misfit as misfit:
-            raise _error(self.text, self.file, misfit.mark, misfit.path, misfit.problem) from None
+            found = misfits(self.root, kind) or [misfit]
+        raise _first([_error(self.text, self.file, m.mark, m.path, m.problem) for m in found])
+
+    def check(self, problems: Iterable[tuple[str, str]]) -> None:
+        """Raise what checks beyond the schema have found.
+
+        Args:
+            problems: keys and their problems; of one key the first is the one to mend.
+
+        Raises:
+            FileError: the first problem, if there is any; `others` has those of other keys.
+        """
+        by_key: dict[str, str] = {}
+        for path, problem in problems:
+            by_key.setdefault(path, problem)
+        if by_key:
+            raise _first([self.error(path, problem) for path, problem in by_key.items()])
 
     def error(self, path: str, problem: str) -> FileError:
         """Return an error at a key such as "gates[3].opening", for checks beyond the schema."""
         mark = descend(self.root, path).start_mark
         return _error(self.text, self.file, mark, path, problem)
+
+
+def _first(errors: Sequence[FileError]) -> FileError:
+    """Return the first of one error or more, which has the others."""
+    first, *others = errors
+    first.others = tuple(others)
+    return first
 
 
 def load(text: str, file: str, schema: type[Schema]) -> Schema:

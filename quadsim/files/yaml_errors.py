@@ -105,9 +105,9 @@ def shown_value(value: object) -> str:
     return cut(" ".join(repr(value).split()))
 
 
-def cut(text: str) -> str:
-    """Return the text, cut where it is long."""
-    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+def cut(text: str, longest: int = LONGEST) -> str:
+    """Return the text, cut where it is longer than so many characters."""
+    return text if len(text) <= longest else text[: longest - 3] + "..."
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

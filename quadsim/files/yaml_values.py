@@ -8,7 +8,7 @@ scalar that YAML reads as text is text.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import yaml
@@ -27,8 +27,6 @@ from quadsim.files.yaml_errors import (
     unit_of,
     unless_null,
 )
-
-MOST_KEYS = 12  # that an error names beside the first
 
 
 class Misfit(Exception):  # noqa: N818 (strict_yaml makes a FileError of it, with the file's name)
@@ -78,6 +76,68 @@ def value(node: yaml.Node, kind: Any, path: str = "", unit: str = "") -> Any:
     raise Misfit(node.start_mark, path, f"expected {expected(kind, unit)}, got {found(node, kind)}")
 
 
+def misfits(node: yaml.Node, kind: Any, path: str = "", unit: str = "") -> list[Misfit]:
+    """Return all that keeps a node from being the value of a type; `value` raises the first.
+
+    Args:
+        node, kind, path, unit: see `value`.
+    """
+    found: list[Misfit] = []
+    match kind:
+        case inspect.Metadata():
+            return misfits(node, kind.type, path, unit_of(kind, unit))
+        case inspect.UnionType():
+            return [] if is_null(node) else misfits(node, unless_null(kind), path, unit)
+        case inspect.StructType() | inspect.DataclassType() if isinstance(node, yaml.MappingNode):
+            found = _misfits_of_mapping(node, kind, path)
+        case inspect.TupleType() if isinstance(node, yaml.SequenceNode):
+            if len(node.value) == len(kind.item_types):
+                found = _misfits_of_items(node, kind.item_types, path, unit)
+        case inspect.VarTupleType() if isinstance(node, yaml.SequenceNode):
+            found = _misfits_of_items(node, (kind.item_type,) * len(node.value), path, unit)
+    if not found:
+        try:
+            value(node, kind, path, unit)
+        except Misfit as misfit:
+            return [misfit]
+    return found
+
+
+def _misfits_of_mapping(node: yaml.MappingNode, kind: Any, path: str) -> list[Misfit]:
+    """Return what is wrong with keys, their values, and missing keys."""
+    fields = {f.encode_name: f for f in kind.fields}
+    lines: dict[str, int] = {}
+    found: list[Misfit] = []
+    for key_node, value_node in node.value:
+        try:
+            key = _key(key_node, path, fields, lines)
+        except Misfit as misfit:
+            found.append(misfit)
+            continue
+        lines[key] = key_node.start_mark.line + 1
+        found += misfits(value_node, fields[key].type, _join(path, key))
+    return found + _missing(node, fields, lines, path)
+
+
+def _misfits_of_items(
+    node: yaml.SequenceNode, kinds: Sequence[Any], path: str, unit: str
+) -> list[Misfit]:
+    """Return what is wrong with the items of a list of the right length."""
+    items = enumerate(zip(node.value, kinds, strict=True))
+    return [m for i, (item, of) in items for m in misfits(item, of, f"{path}[{i}]", unit)]
+
+
+def _missing(
+    node: yaml.Node, fields: Mapping[str, Any], given: Collection[str], path: str
+) -> list[Misfit]:
+    """Return a misfit for each required key that a mapping lacks."""
+    return [
+        Misfit(node.start_mark, _join(path, name), f"missing, expected {expected(field.type)}")
+        for name, field in fields.items()
+        if field.required and name not in given
+    ]
+
+
 def descend(node: yaml.Node, path: str) -> yaml.Node:
     """Return the node at a key such as "gates[3].yaw_deg".
 
@@ -109,57 +169,48 @@ def _mapping(node: yaml.Node, kind: Any, path: str) -> Any:
     fields = {f.encode_name: f for f in kind.fields}
     lines: dict[str, int] = {}
     values: dict[str, Any] = {}
-    unknown = _unknown(node, fields)
     for key_node, value_node in node.value:
-        key = _key(key_node, path, fields, lines, unknown)
+        key = _key(key_node, path, fields, lines)
         lines[key] = key_node.start_mark.line + 1
         values[key] = value(value_node, fields[key].type, _join(path, key))
-    for name, field in fields.items():
-        if field.required and name not in values:
-            problem = f"missing, expected {expected(field.type)}"
-            raise Misfit(node.start_mark, _join(path, name), problem)
+    for misfit in _missing(node, fields, values, path):
+        raise misfit
     try:
         return kind.cls(**values)
     except ValueError as error:  # a check of the schema's own
         raise Misfit(node.start_mark, path, str(error)) from None
 
 
-def _unknown(node: yaml.MappingNode, known: Iterable[str]) -> list[str]:
-    """Return the keys of a mapping that are not known, as an error shows them."""
-    keys = [key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode)]
-    return [_plain(key) for key in dict.fromkeys(keys) if key not in known]
-
-
-def _plain(key: str) -> str:
-    """Return a key as an error shows it."""
-    return key if key.isidentifier() and len(key) <= LONGEST else shown(key)
-
-
-def _key(
-    node: yaml.Node,
-    path: str,
-    known: Iterable[str],
-    lines: dict[str, int],
-    unknown: Sequence[str],
-) -> str:
+def _key(node: yaml.Node, path: str, known: Mapping[str, Any], lines: dict[str, int]) -> str:
     """Return the key, which is one of `known` and not among the `lines` read so far.
 
-    unknown: all keys of the mapping that are not known.
+    Raises:
+        Misfit: it is none, or stands twice.
     """
     if not isinstance(node, yaml.ScalarNode):
         raise Misfit(node.start_mark, path, f"expected a key, got {found(node)}")
     key = node.value
-    where = _join(path, _plain(key))
+    is_plain = key.isidentifier() and len(key) <= LONGEST
+    where = _join(path, key if is_plain else shown(key))
     if key not in known:
-        problem = f"unknown key, {did_you_mean(key, known)}"
-        others = [other for other in unknown if other != _plain(key)]
-        if others:
-            more = ", ..." if len(others) > MOST_KEYS else ""
-            problem += f"; also unknown: {', '.join(others[:MOST_KEYS])}{more}"
-        raise Misfit(node.start_mark, where, problem)
+        home = _home(key, known)
+        advice = f"it belongs under '{home}'" if home else did_you_mean(key, known)
+        raise Misfit(node.start_mark, where, f"unknown key, {advice}")
     if key in lines:
         raise Misfit(node.start_mark, where, f"duplicate key, first on line {lines[key]}")
     return key
+
+
+def _home(key: str, known: Mapping[str, Any]) -> str:
+    """Return the key of the mapping that has a key of this name, "" if none has."""
+    for name, field in known.items():
+        kind: Any = field.type
+        while isinstance(kind, inspect.Metadata | inspect.UnionType):
+            kind = kind.type if isinstance(kind, inspect.Metadata) else unless_null(kind)
+        has_keys = isinstance(kind, inspect.StructType | inspect.DataclassType)
+        if has_keys and key in {f.encode_name for f in kind.fields}:
+            return name
+    return ""
 
 
 def _sequence(node: yaml.SequenceNode, kind: Any, path: str, unit: str) -> tuple[Any, ...]:

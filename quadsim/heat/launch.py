@@ -221,6 +221,7 @@ def _keep_clear_of(
     vehicles: Iterable[int], horizon: int, awareness: Awareness
 ) -> dict[int, KeepClear]:
     """Return terms that keep clear of some vehicles: number -> term."""
+    assert awareness.keep is not None  # a HeatSpec holds the number
     clearance = Clearance(
         weight=awareness.keep_weight,
         keep=awareness.keep,

@@ -5,22 +5,26 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Annotated, Literal
 
-from quadsim.files.strict_yaml import setting
+from quadsim.files.strict_yaml import setting, unit
 from quadsim.files.values import check_fields
 from quadsim.heat.rules import RulesName
 from quadsim.heat.traffic import Sight
 
 Expect = Literal["plans", "own", "velocity", "nothing"]
+Clearance = Annotated[float, unit("m", gt=0, le=10)]
+Spacing = Annotated[float, unit("m", gt=0, le=20)]
 
 
 @dataclass(frozen=True)
 class Awareness:
     """How a planner predicts the other vehicles, and the clearance that it keeps from them.
 
+    A HeatSpec holds the number in place of a `keep` of None, see quadsim.heat.distances.
+
     Examples:
         >>> from quadsim.heat.settings import Awareness
-        >>> Awareness(expect="velocity").keep
-        0.6
+        >>> Awareness(expect="velocity").keep_weight
+        200.0
     """
 
     expect: Annotated[
@@ -31,8 +35,12 @@ class Awareness:
         ),
     ] = "own"
     keep: Annotated[
-        float, setting("horizontal clearance to other vehicles", unit="m", gt=0, le=10)
-    ] = 0.6
+        Clearance | None,
+        setting(
+            "horizontal clearance to other vehicles (default: 0.6 m, or half of the narrowest"
+            " opening if that is less)"
+        ),
+    ] = None
     keep_weight: Annotated[float, setting("cost per metre inside that clearance", ge=0, le=1e6)] = (
         200.0
     )
@@ -69,7 +77,8 @@ class Awareness:
 class HeatSettings(Awareness):
     """The settings of a race of several vehicles.
 
-    The settings inherited from Awareness apply to every planner without its own.
+    The settings inherited from Awareness apply to every planner without its own. A HeatSpec holds
+    the numbers in place of a `keep` and a `spacing` of None, see quadsim.heat.distances.
 
     Examples:
         >>> from quadsim.heat.settings import HeatSettings
@@ -88,8 +97,11 @@ class HeatSettings(Awareness):
         bool, setting("whether the downwash of other vehicles acts on a vehicle")
     ] = True
     spacing: Annotated[
-        float, setting("distance between neighbouring starts", unit="m", gt=0, le=20)
-    ] = 1.0
+        Spacing | None,
+        setting(
+            "distance between neighbouring starts (default: 1 m, or the largest with room for all)"
+        ),
+    ] = None
     stagger: Annotated[
         float, setting("time between the starts of consecutive vehicles", unit="s", ge=0, le=60)
     ] = 0.0

@@ -12,6 +12,7 @@ from quadsim.config.spec import Spec
 from quadsim.course import Course, Start
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import shown_value
+from quadsim.heat.distances import default_keep, default_spacing
 from quadsim.heat.grid import check_grid, start_grid
 from quadsim.heat.rules import RULES
 from quadsim.heat.settings import Awareness, HeatSettings
@@ -72,13 +73,34 @@ class HeatSpec:
             entrants = tuple(replace(one, spec=one.spec.but(penalties=True)) for one in entrants)
         object.__setattr__(self, "entrants", entrants)
         _check(entrants)
+        self._fill_distances()
         object.__setattr__(self, "starts", self._places())
+
+    def _fill_distances(self) -> None:
+        """Replace each distance of None by the default of this course and these vehicles."""
+        radii = [entrant.spec.vehicle.radius for entrant in self.entrants]
+        keep = default_keep(self.course, radii)
+        settings = self.settings
+        if settings.keep is None:
+            settings = replace(settings, keep=keep)
+        if settings.spacing is None:
+            settings = replace(settings, spacing=default_spacing(self.course, radii))
+        object.__setattr__(self, "settings", settings)
+        entrants = tuple(
+            replace(one, awareness=replace(one.awareness, keep=keep))
+            if one.awareness and one.awareness.keep is None
+            else one
+            for one in self.entrants
+        )
+        object.__setattr__(self, "entrants", entrants)
 
     def _places(self) -> tuple[Start, ...]:
         """Return the start of each entrant. Raises SettingError."""
         places = len(self.entrants)
         course = self.course
-        grid = start_grid(course, places, self.settings.spacing)
+        spacing = self.settings.spacing
+        assert spacing is not None  # set by _fill_distances
+        grid = start_grid(course, places, spacing)
         starts = [grid[self.place(k)] for k in range(places)]
         if places > 1:
             radii = [entrant.spec.vehicle.radius for entrant in self.entrants]

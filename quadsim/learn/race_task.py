@@ -104,7 +104,7 @@ class RaceTask(LearningTask):
     def check_starts(self) -> None:
         """Raise SettingError if a racer has no room to start."""
         for course in self.courses:
-            fault = start_fault(course, self.racers)
+            fault = start_fault(course, self.racers, self.vehicle.radius)
             if fault:
                 raise SettingError("racers", f"{course.name}: {fault}")
 

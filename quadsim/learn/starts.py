@@ -17,9 +17,10 @@ from controllers.costs import Cost
 from controllers.costs.race import RaceParams
 from controllers.costs.race_targets import GateTarget
 from controllers.learned.observation import normalised
-from quadsim.course import Course
+from quadsim.course import Course, Start
 from quadsim.dynamics.named_tuples import columns
 from quadsim.dynamics.quadrotor import ModelParams, State, quadrotor
+from quadsim.heat.distances import default_spacing
 from quadsim.heat.grid import SPACING, place_fault, start_grid
 from quadsim.physics.domain_randomization import Randomization, draw
 from quadsim.physics.plant_state import start_state
@@ -44,9 +45,26 @@ class StartInFlight(NamedTuple):
     target: int  # row of the target
 
 
-def start_fault(course: Course, racers: int) -> str:
-    """Return the reason why a racer has no valid start position, "" if all have one."""
-    for number, start in enumerate(start_grid(course, racers)):
+def learning_grid(course: Course, racers: int, radius: float) -> list[Start]:
+    """Return the places in which equal racers start.
+
+    Args:
+        course: the course.
+        racers: number of racers.
+        radius: radius of a racer [m].
+    """
+    return start_grid(course, racers, default_spacing(course, [radius] * racers))
+
+
+def start_fault(course: Course, racers: int, radius: float) -> str:
+    """Return the reason why a racer has no valid start position, "" if all have one.
+
+    Args:
+        course: the course.
+        racers: number of racers.
+        radius: radius of a racer [m].
+    """
+    for number, start in enumerate(learning_grid(course, racers, radius)):
         problem = place_fault(course, start)
         if problem:
             x, y, _ = start.position
@@ -85,7 +103,7 @@ def start_rows(
     count = ROWS if randomize or start == "anywhere" else 1
     nominal = system_params(vehicle, Randomization(), dt)
     hover = hover_action(vehicle, dt)
-    grid = start_grid(course, racers)
+    grid = learning_grid(course, racers, vehicle.radius)
     rows: list[list[list[float]]] = [[] for _ in range(racers)]
     for number in range(count):
         streams = start_vehicle_streams(seeds, number, racers)

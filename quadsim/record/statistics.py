@@ -78,6 +78,47 @@ def ratio_interval(pairs: Sequence[tuple[float, float]]) -> Mean:
     return Mean(exp(logs.mean), exp(logs.low), exp(logs.high), logs.n, logs.sd)
 
 
+def p_of_mean(mean: Mean) -> float:
+    """Return the two-sided p of the t-test that the true mean is 0; nan for fewer than two values.
+
+    Of paired differences this is the paired t-test.
+    """
+    if mean.n < 2:
+        return nan
+    if not mean.sd > 0.0:
+        return 1.0 if mean.mean == 0.0 else 0.0
+    t = mean.mean * sqrt(mean.n) / mean.sd
+    return float(2.0 * stdtr(mean.n - 1, -abs(t)))
+
+
+def p_of_ratio(ratio: Mean) -> float:
+    """Return the two-sided p that the true ratio is 1, of what `ratio_interval` returns."""
+    return p_of_mean(Mean(log(ratio.mean), nan, nan, ratio.n, ratio.sd) if ratio.n else ratio)
+
+
+def holm(ps: Sequence[float]) -> list[float]:
+    """Return p-values that are corrected for their number (Holm 1979); nan stays, and counts not.
+
+    The probability that any hypothesis that is true is rejected at 5 % is at most 5 %, however the
+    tests depend on each other.
+
+    Args:
+        ps: p-values of the tests of one family.
+
+    Examples:
+        >>> from quadsim.record.statistics import holm
+        >>> holm([0.01, 0.04, 0.03, 0.005])
+        [0.03, 0.06, 0.06, 0.02]
+    """
+    known = sorted((p, k) for k, p in enumerate(ps) if p == p)
+    corrected = [nan] * len(ps)
+    largest = 0.0
+    for rank, (p, k) in enumerate(known):
+        largest = max(largest, min(1.0, (len(known) - rank) * p))
+        corrected[k] = largest
+    return corrected
+
+
 def upper_bound(values: Sequence[float], confidence: float = 0.95) -> float:
     """Return the one-sided bound that the mean is below with the given confidence.
 

@@ -153,8 +153,7 @@ def parse_sensing(text: str, file: str) -> Sensing:
     """
     document = parse(text, file)
     entry = document.fill(SensingFile)
-    for fault in _problems(entry):
-        raise document.error(fault.key, fault.problem)
+    document.check(_problems(entry))
     sensors = {key: getattr(entry, key) for key in SENSORS}
     return Sensing(name=Path(file).stem, source=entry.source, **sensors)
 

@@ -317,8 +317,7 @@ def parse_vehicle(text: str, file: str) -> Vehicle:
     """
     document = parse(text, file)
     entry = document.fill(VehicleFile)
-    for fault in _problems(entry):
-        raise document.error(fault.key, fault.problem)
+    document.check(_problems(entry))
     rotors = _rotors(entry.rotors) if entry.rotors else None
     thrust_max = entry.thrust_max
     if rotors:

@@ -118,3 +118,42 @@ def test_the_notebook_shows_tables_and_figure_and_escapes_names():
     assert "<b>x</b>" not in html
     assert "&lt;b&gt;x&lt;/b&gt;" in html
     assert Comparison([])._repr_html_() == "<div></div>"
+
+
+@pytest.mark.parametrize(
+    ("variants", "baseline", "said"),
+    [
+        (("gaussian", "colored"), "coloured", "baseline: no variant 'coloured', did you mean"),
+        (("gaussian",), "gaussian", "baseline: expected another variant beside 'gaussian'"),
+    ],
+)
+def test_a_baseline_that_is_no_other_variant_is_one_line_before_any_flight(
+    variants, baseline, said
+):
+    with pytest.raises(quadsim.SettingError, match=rf"^{said}"):
+        quadsim.compare(COURSE, variants, attempts=1, baseline=baseline, **SETTINGS)
+
+
+@pytest.mark.compiled
+def test_a_comparison_with_a_baseline_has_a_pair_for_each_other_variant():
+    flown = quadsim.compare(
+        COURSE, ("gaussian", "colored", "smooth"), attempts=2, baseline="colored", **SETTINGS
+    )
+    assert [(pair.a, pair.b) for pair in flown.pairs] == [
+        ("colored", "gaussian"),
+        ("colored", "smooth"),
+    ]
+    (first, _) = flown.as_json()["pairs"]
+    assert first["corrected"] == {"laps": None, "success": 1.0, "thrust_tv": None}
+
+
+def test_the_figure_has_a_panel_of_paired_differences_with_intervals():
+    comparison = made(names=("a", "b", "c"))
+    row_of_course = comparison.plot().subfigs[0]
+    titles = [axes.get_title("left") for axes in row_of_course.axes]
+    (panel,) = [k for k, title in enumerate(titles) if title.startswith("lap less that of a")]
+    texts = [text.get_text() for text in row_of_course.axes[panel].texts]
+    assert texts[0] == "all others less this one"
+    assert texts[1].startswith("+0.500  (n 4")
+    (alone,) = made(names=("a",)).plot().subfigs
+    assert not any("less that of" in axes.get_title("left") for axes in alone.axes)

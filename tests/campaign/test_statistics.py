@@ -1,6 +1,8 @@
 """Intervals cover, tests keep their level, power is as stated: published values and seeded
 simulations."""
 
+from math import isnan, nan
+
 import numpy as np
 import pytest
 
@@ -10,20 +12,27 @@ from quadsim.record.statistics import (
     detectable,
     false_alarm,
     fisher,
+    holm,
     mcnemar,
     mean_interval,
+    p_of_mean,
+    p_of_ratio,
     proportion_difference,
+    ratio_interval,
     upper_bound,
     wilson,
 )
 
+# Student's sleep data: hours more with one drug than with the other
+EXTRA = (
+    [0.7, -1.6, -0.2, -1.2, -0.1, 3.4, 3.7, 0.8, 0.0, 2.0],
+    [1.9, 0.8, 1.1, 0.1, -0.1, 4.4, 5.5, 1.6, 4.6, 3.4],
+)
+DIFFERENCES = [b - a for a, b in zip(*EXTRA, strict=True)]
+
 
 def test_t_interval_of_student_s_sleep_data():
-    extra = (
-        [0.7, -1.6, -0.2, -1.2, -0.1, 3.4, 3.7, 0.8, 0.0, 2.0],
-        [1.9, 0.8, 1.1, 0.1, -0.1, 4.4, 5.5, 1.6, 4.6, 3.4],
-    )
-    result = mean_interval([b - a for a, b in zip(*extra, strict=True)])
+    result = mean_interval(DIFFERENCES)
     assert (result.mean, result.low, result.high) == pytest.approx((1.58, 0.7001, 2.4599), abs=1e-4)
 
 
@@ -159,3 +168,56 @@ def test_136_of_256_flights_that_are_alike_within_64_races():
     low, high = clustered_wilson([4] * 34 + [0] * 30, [4] * 64)
     assert (low, high) == pytest.approx(wilson(34, 64), abs=0.005)
     assert high - low > 1.9 * np.diff(wilson(136, 256))[0]
+
+
+def test_the_paired_t_test_has_the_published_p_of_student_s_sleep_data():
+    assert p_of_mean(mean_interval(DIFFERENCES)) == pytest.approx(0.002833, abs=1e-6)
+    assert p_of_mean(mean_interval([0.0, 0.0, 0.0])) == 1.0
+    assert p_of_mean(mean_interval([0.5, 0.5, 0.5])) == 0.0
+    assert isnan(p_of_mean(mean_interval([0.5])))
+
+
+def test_the_p_of_a_ratio_is_that_of_its_logarithm():
+    pairs = [(1.0, float(np.exp(difference))) for difference in DIFFERENCES]
+    assert p_of_ratio(ratio_interval(pairs)) == pytest.approx(0.002833, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("ps", "corrected"),
+    [
+        # p.adjust(p, "holm") of R
+        ([0.01, 0.02, 0.03, 0.04, 0.05], [0.05, 0.08, 0.09, 0.09, 0.09]),
+        ([0.01, 0.04, 0.03, 0.005], [0.03, 0.06, 0.06, 0.02]),
+        ([0.6, 0.5], [1.0, 1.0]),
+        ([0.04], [0.04]),
+        ([nan, 0.02, 0.04], [nan, 0.04, 0.04]),
+        ([], []),
+    ],
+)
+def test_holm_gives_known_corrected_values(ps, corrected):
+    assert holm(ps) == pytest.approx(corrected, nan_ok=True)
+
+
+def rejected(shift, correct):
+    """Return for how many of 1000 comparisons a test of equal variants against a baseline is below
+    5 %, and for how many the test of a variant that is slower by `shift` standard deviations is.
+
+    The baseline is shared, so that the tests depend on each other.
+    """
+    rng = np.random.default_rng(3)
+    false_ones, found = 0, 0
+    for _ in range(1000):
+        laps = rng.standard_normal((9, 10))
+        laps[8] += shift
+        ps = correct([p_of_mean(mean_interval(each - laps[0])) for each in laps[1:]])
+        false_ones += min(ps[:7]) < 0.05
+        found += ps[7] < 0.05
+    return false_ones / 1000, found / 1000
+
+
+def test_holm_keeps_the_share_of_comparisons_with_any_false_difference_below_5_percent():
+    false_ones, found = rejected(2.5, holm)
+    assert false_ones < 0.05 + 3 * (0.05 * 0.95 / 1000) ** 0.5
+    assert found > 0.8, "a large difference is found nevertheless"
+    uncorrected, _ = rejected(2.5, list)
+    assert uncorrected > 0.15, "without the correction one comparison in five has one"

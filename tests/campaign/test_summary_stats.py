@@ -5,8 +5,9 @@ import math
 
 import pytest
 
-from quadsim.campaign.summary_stats import all_pairs, pair_stats, variant_stats
+from quadsim.campaign.summary_stats import against, all_pairs, pair_stats, variant_stats
 from quadsim.campaign.tables import as_markdown, comparison_tables, notes
+from quadsim.record.statistics import holm
 from tests.campaign_cases import row
 
 LIMIT = 20.0  # of a lap [s]
@@ -78,3 +79,72 @@ def test_tables_always_count_unfinished_attempts():
     laps = as_markdown(next(comparison_tables(variants, [])))
     assert "| a | 1/2 |" in laps
     assert "| b | 2/2 |" in laps
+
+
+def many(count, seeds=6):
+    """Return names and rows of variants; each has laps longer by 0.1 s than the one before."""
+    names = [f"v{k}" for k in range(count)]
+    rows = [
+        [row(s, laps=(5.0 + 0.1 * k + 0.01 * ((7 * s * k) % 5), 4.0)) for s in range(seeds)]
+        for k in range(count)
+    ]
+    return names, rows
+
+
+def stats_of(names, rows):
+    return [variant_stats(name, r, LIMIT) for name, r in zip(names, rows, strict=True)]
+
+
+def test_against_a_baseline_every_p_is_corrected_for_the_number_of_variants():
+    names, rows = many(5)
+    rows[4] = [row(s, "crashed") for s in range(6)]
+    pairs = against("v2", names, rows)
+    assert [(p.a, p.b) for p in pairs] == [("v2", name) for name in ("v0", "v1", "v3", "v4")]
+    corrected = [p.corrected for p in pairs if p.corrected]
+    assert [c.laps for c in corrected] == pytest.approx(holm([p.lap_p for p in pairs]), nan_ok=True)
+    assert pairs[3].success_p == pytest.approx(2 / 2**6)
+    assert corrected[3].success == pytest.approx(4 * 2 / 2**6)
+    assert math.isnan(corrected[3].laps)
+    assert against("nobody", names, rows) == []
+
+
+def test_a_table_against_a_baseline_has_a_row_for_each_other_variant_and_says_what_p_is():
+    names, rows = many(9)
+    pairs = against("v8", names, rows)
+    *_, table = comparison_tables(stats_of(names, rows), pairs)
+    assert table.head[0] == "variant less\nv8"
+    assert [cells[0] for cells in table.rows] == names[:8]
+    assert "p: corrected for 8 variants against v8 (Holm)" in "\n".join(
+        notes(stats_of(names, rows), pairs, LIMIT)
+    )
+
+
+@pytest.mark.parametrize(("count", "shown"), [(2, 1), (6, 15), (7, 6), (9, 8)])
+def test_of_many_variants_the_pairs_with_the_first_are_shown_and_the_others_said(count, shown):
+    names, rows = many(count)
+    pairs = all_pairs(names, rows)
+    *_, table = comparison_tables(stats_of(names, rows), pairs)
+    assert len(table.rows) == shown
+    text = "\n".join(notes(stats_of(names, rows), pairs, LIMIT))
+    assert (f"Pairs: {shown} of {len(pairs)}, those with v0" in text) == (count > 6)
+
+
+@pytest.mark.parametrize(("seeds", "brackets"), [(2, False), (3, True)])
+def test_fewer_than_three_pairs_have_no_interval(seeds, brackets):
+    names, rows = many(2, seeds)
+    *_, table = comparison_tables(stats_of(names, rows), all_pairs(names, rows))
+    (cells,) = table.rows
+    assert ("[" in cells[1]) == ("[" in cells[5]) == brackets
+    text = "\n".join(notes(stats_of(names, rows), all_pairs(names, rows), LIMIT))
+    assert ("detect with power" in text) == brackets
+
+
+def test_every_time_of_a_table_has_its_unit():
+    names, rows = many(2)
+    laps, chatter, pairs = comparison_tables(stats_of(names, rows), all_pairs(names, rows))
+    times = ("lap", "sd", "best", "race", "flying", "penalised")
+    assert [head for head in laps.head if head.split("\n")[0] in times] == [
+        f"{name}\n[s]" for name in times
+    ]
+    assert {"thrust\n[m/s^2/s]", "delivered\n[m/s^2/s]", "plan\n[ms]"} <= set(chatter.head)
+    assert "lap difference\n[s]" in pairs.head

@@ -100,7 +100,7 @@ def test_stored_variants_of_a_long_named_course_and_vehicle_are_one_table_of_80_
     lines = console.file.getvalue().splitlines()
     assert max(map(len, lines)) <= 80
     assert lines[0] == "course split_s_swift, vehicle kingfisher, randomized 1, commit aaaaaaa"
-    assert [line.split()[1] for line in lines[3:]] == list(NAMES)
+    assert [line.split()[1] for line in lines[4:]] == list(NAMES)
 
 
 def test_the_share_above_the_best_known_limit_is_a_column_where_one_is_known():

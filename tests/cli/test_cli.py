@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from quadsim.cli.cli import race
 from quadsim.cli.fly import BLACKBOX, _save
+from quadsim.cli.regress import flags_text
 from quadsim.config.checks import expect_new_log
 from quadsim.config.spec import Spec
 from quadsim.files.values import SettingError
@@ -275,6 +276,24 @@ def test_no_control_character_of_a_file_reaches_the_terminal(cwd, capsys):
     assert capsys.readouterr().out.startswith("a\\x1b[2Jb.yaml: ok, course")
 
 
+def test_check_says_all_that_is_wrong_with_a_file(tmp_path, capsys):
+    """It said one error at a time; what lies in wrong keys is said before what does not fit."""
+    file = tmp_path / "c.yaml"
+    wrong = COURSE.replace("opening", "openin").replace("yaw_deg", "yaw")
+    file.write_text(wrong)
+    code, _, err = outcome(f"check {file}", capsys)
+    assert code == 2
+    errors = [line for line in err.splitlines() if line.startswith(str(file))]
+    assert len(errors) == len(set(errors)) == 2 * (1 + wrong.count("yaw:"))  # unknown and missing
+    _, out, _ = outcome(f"check {file} --json", capsys)
+    (found,) = json.loads(out)
+    assert [found["error"], *(other["error"] for other in found["others"])] == errors
+
+
+def test_the_flags_that_regress_adds_are_text():
+    assert flags_text({"sigma": ("1", "2"), "preset": "p.yaml"}) == "--sigma 1 2 --preset p.yaml"
+
+
 def test_check_refuses_a_preset_whose_vehicle_does_not_exist(tmp_path, capsys):
     (tmp_path / "p.yaml").write_text("base: race\nvehicle: swft\n")
     code, _, err = outcome(f"check {tmp_path}/p.yaml", capsys)
@@ -288,35 +307,6 @@ def test_a_file_of_any_yaml_is_checked_in_one_line(text, tmp_path, capsys):
     code, out, err = outcome(f"check {tmp_path}/p.yaml", capsys)
     assert (code, out) == (2, "")
     assert err.startswith(f"{tmp_path}/p.yaml:1:")
-
-
-HEADINGS = """opening: [2, 2]
-start: {{position: [0, 0, 3], yaw_deg: 0}}
-gates:
-  - {{position: [4, 0, 3], yaw_deg: {}}}
-  - {{position: [8, 0, 3], yaw_deg: {}}}
-"""
-
-
-@pytest.mark.parametrize(
-    ("headings", "note"),
-    [
-        (
-            ("0", "0.785"),
-            ":5:36: yaw_deg: expected degrees, 0.785 looks like radians: 0.785 rad are",
-        ),
-        (("-0.78", "2.35"), ":4:36: yaw_deg: expected degrees, -0.78 looks like radians"),
-        (("0.5", "45"), None),  # 45 is no angle in radians
-        (("0", "3"), None),
-        (("-10", "12.5"), None),
-    ],
-)
-def test_headings_that_look_like_radians_are_noted(headings, note, tmp_path, capsys):
-    file = tmp_path / "c.yaml"
-    file.write_text(HEADINGS.format(*headings))
-    _, _, err = outcome(f"check {file}", capsys)
-    said = [line for line in err.splitlines() if "radians" in line]
-    assert [line.startswith(f"{file}{note}") for line in said] == ([True] if note else [])
 
 
 NARROW = """opening: [1.5, 0.3]

@@ -22,7 +22,14 @@ ROOT = Path(__file__).parents[2]
 def test_a_sampler_has_its_own_style_and_other_variants_the_spare_ones_in_order():
     found = styles(["soft", "gaussian", "wild", "colored"])
     assert found == [SPARE[0], STYLES["gaussian"], SPARE[1], STYLES["colored"]]
-    assert styles([f"variant {k}" for k in range(2 * len(SPARE))]) == [*SPARE, *SPARE]
+
+
+def test_many_variants_differ_in_colour_or_dashes():
+    """Nine variants had six styles, the last three of them twice."""
+    found = styles([f"variant {k}" for k in range(len(SPARE) ** 2)])
+    assert found[: len(SPARE)] == list(SPARE)
+    assert len(set(found)) == len(found) == 36
+    assert not set(found) & set(STYLES.values())
 
 
 def test_no_two_styles_of_the_palette_have_one_colour():
@@ -51,7 +58,7 @@ def bars(names):
         variant_stats(name, of_variant, 20.0) for name, of_variant in zip(names, rows, strict=True)
     ]
     section = Section(load_course("paper_flat"), "", 20.0, variants, [], rows, ROOT)
-    success = comparison.draw([section]).subfigs[0].axes[1]
+    success = comparison.draw([section]).subfigs[0].axes[2]
     return dict(
         zip(names, (to_hex(patch.get_facecolor()) for patch in success.patches), strict=True)
     )

@@ -4,10 +4,11 @@ from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple
 
 import pytest
-from msgspec import Meta, Struct
+from msgspec import Meta, Struct, inspect
 
 from quadsim.files.data_files import SIZE_MAX, locate, read_text
 from quadsim.files.strict_yaml import FileError, load, parse, unit
+from quadsim.files.yaml_values import misfits
 
 Metre = Annotated[float, unit("m")]
 
@@ -400,6 +401,32 @@ def test_each_mistake_is_one_line_with_its_place():
         assert line.isprintable(), name
         for expected in mistake.names:
             assert expected in line, name
+
+
+def test_the_first_error_has_all_others_of_the_file_in_their_order():
+    text = "points:\n  - {at: [0, 0], yaw_deg: north}\n  - {yaw: 3}\nnames: x\nbox: 7\n"
+    first = error_of(text)
+    lines = [str(error) for error in (first, *first.others)]
+    assert [line.split(":")[3].strip() for line in lines] == [
+        *("points[0].at", "points[0].yaw_deg", "points[1].yaw", "points[1].at", "names", "box")
+    ]
+    assert all(error.excerpt for error in first.others)
+
+
+def test_each_mistake_is_the_first_of_all_and_a_right_file_has_none():
+    for name, mistake in BAD.items():
+        error = error_of(mistake.text)
+        assert all(str(other) != str(error) for other in error.others), name
+    kind = inspect.type_info(TextTable)
+    assert misfits(parse(GOOD, "my.yaml").root, kind) == []
+
+
+def test_checks_beyond_the_schema_raise_the_first_problem_of_each_key():
+    document = parse(GOOD, "my.yaml")
+    document.check([])
+    with pytest.raises(FileError) as error:
+        document.check([("points[0].at", "no"), ("points[0].at", "nor this"), ("points", "few")])
+    assert [error.value.problem, *(o.problem for o in error.value.others)] == ["no", "few"]
 
 
 def test_excerpt_puts_the_caret_under_the_named_column():

@@ -23,6 +23,7 @@ from tests.fuzz.databases import databases
 from tests.fuzz.disks import disks, exports
 from tests.fuzz.environments import environments
 from tests.fuzz.flags import commands, flags
+from tests.fuzz.foreign import foreign
 from tests.fuzz.harness import Case, run
 from tests.fuzz.own_parts import own_parts
 from tests.fuzz.page_messages import page_messages
@@ -43,6 +44,7 @@ class Kind(NamedTuple):
 KINDS = {
     "flags": Kind(flags, 300),
     "yamls": Kind(yamls, 300),
+    "foreign": Kind(foreign, 200),
     "runs": Kind(runs, 200),
     "caches": Kind(caches, 100),
     "databases": Kind(databases, 150),

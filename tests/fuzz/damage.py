@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import random
 from collections.abc import Iterator
+from copy import deepcopy
 from typing import Any
 
 WORDS = (
@@ -89,7 +90,8 @@ def damaged_json(rng: random.Random, text: str) -> str:
             case 1 if isinstance(holder, dict):
                 holder[rng.choice(("x", "", "\x1b[1m", *map(str, holder)))] = holder.pop(key)
             case _:
-                holder[key] = rng.choice(VALUES)
+                # A copy, as a later change may put a value into another one
+                holder[key] = deepcopy(rng.choice(VALUES))
     return json.dumps(root)
 
 

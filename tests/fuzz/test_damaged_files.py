@@ -7,6 +7,7 @@ import pytest
 
 from quadsim.cli.cli import race
 from quadsim.config.spec import Spec
+from tests.fuzz.foreign import foreign
 from tests.fuzz.harness import Case, Outcome, wrong
 from tests.fuzz.runs import damage
 from tests.fuzz.yamls import yamls
@@ -31,6 +32,19 @@ def test_a_damaged_yaml_is_checked_without_a_traceback(tmp_path, monkeypatch, ca
         outcome = outcome_of(case.argv, capsys)
         assert outcome.code in (0, 2), case.label
         assert wrong(case, outcome) == "", case.label
+
+
+def test_a_damaged_course_of_another_simulator_is_converted_or_refused(
+    tmp_path, monkeypatch, capsys
+):
+    for number in range(40):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        monkeypatch.chdir(folder)
+        case = foreign(random.Random(number))
+        case.prepare(folder)
+        outcome = outcome_of(case.argv, capsys)
+        assert (wrong(case, outcome) or case.after(folder, outcome)) == "", case.label
 
 
 @pytest.mark.slow

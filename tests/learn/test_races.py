@@ -537,7 +537,7 @@ def test_a_picture_shows_the_race():
         ({"racers": 2.5}, "racers: expected a whole number"),
         ({"course": "nowhere"}, "nowhere"),
         ({"course": ["figure8", "split_s_swift"]}, "course: "),
-        ({"course": "lsy_level2", "vehicle": "crazyflie"}, "racers: lsy_level2: no room for 4"),
+        ({"course": "lsy_level2", "racers": 8}, "racers: lsy_level2: no room for 8"),
         ({"collision_distance": -1}, r"collision_distance: expected a number \[m\] >= 0"),
         ({"reward": {"overtaking": 1}}, "reward: expected RaceRewardWeights or .*rank"),
         ({"reward": {"rank": "x"}}, "reward.rank: expected a number"),

@@ -57,9 +57,8 @@ BAD = [
     (
         SIMPLE,
         "mass: 1",
-        "tbm_fr: 1\nmass: 1\ntbm_bl: 2\n'a b': 3",
-        "1:1: tbm_fr: unknown key, known are source, mass, inertia, radius, rate_tau, omega_max,"
-        " thrust_max, drag, latency, rotors; also unknown: tbm_bl, 'a b'",
+        "motor_tau: 0.03\nmass: 1",
+        "1:1: motor_tau: unknown key, it belongs under 'rotors'",
     ),
     (SIMPLE, "radius: 0.15\n", "", "1:1: radius: missing"),
     (
