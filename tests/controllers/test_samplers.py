@@ -59,6 +59,8 @@ def make(case, key, samples=4096, horizon=None, sigma=(0.4, 0.8)):
     if name == "own":
         return build_lanes(White(sigma), len(sigma), samples, horizon, key, 0.1)
     numbers = {f.name: tuple(0.5 + k for k in range(len(sigma))) for f in fields(SAMPLERS[name])}
+    if chosen.get("law", "exact") != "exact":
+        del numbers["cutoff"]
     sampler = make_sampler(name, **numbers | {"sigma": sigma} | chosen)
     return build_lanes(sampler, len(sigma), samples, horizon, key, 0.1)
 
