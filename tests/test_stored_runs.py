@@ -1,8 +1,11 @@
 """Claims about quadsim.runs: the stored runs of a folder as a list."""
 
+import csv
 import json
 import os
+import zipfile
 from datetime import datetime
+from pathlib import Path
 
 import pytest
 from run_cases import SPEC, same, save, two_laps
@@ -196,3 +199,65 @@ def test_a_controller_of_ones_own_is_named_in_place_of_a_sampler(tmp_path):
     (row,) = quadsim.runs(tmp_path)
     assert (row.controller, row.flown_by) == ("Climb", "controller Climb")
     assert "controller Climb" in str(quadsim.runs(tmp_path))
+
+
+def export(root, *words):
+    """Run `race export` on the runs of a folder, and return its exit code."""
+    return race(["export", *words, "--runs-dir", str(root)])
+
+
+def test_a_race_is_read_back_from_its_zip(root, raced, tmp_path, monkeypatch, capsys):
+    """The zip had the runs alone: entrants, places and rules were lost."""
+    monkeypatch.chdir(tmp_path)
+    (name,) = [row.name for row in quadsim.runs(root).races]
+    assert export(root, "last", "--zip") == 0
+    assert capsys.readouterr().out.strip() == f"{name}.zip"
+    with zipfile.ZipFile(f"{name}.zip") as archive:
+        archive.extractall("elsewhere")
+    assert race(["show", "last", "--runs-dir", "elsewhere"]) == 0
+    assert "2 entrants, rules elimination" in capsys.readouterr().out
+    stored = quadsim.load_heat("last", "elsewhere")
+    assert stored.digest() == raced.digest()
+    parts = {entrant: {"controller": Climb()} for entrant in stored.names}
+    assert quadsim.race(stored.spec, parts=parts).digest() == raced.digest()
+
+
+def test_a_damaged_race_is_not_handed_on(root, raced, tmp_path, capsys):
+    folder = quadsim.runs(root).races[0].path
+    (folder / "heat.json").write_text("{}")
+    assert export(root, str(folder), "--zip", "--out", str(tmp_path / "x.zip")) == 2
+    assert "heat.json: damaged" in capsys.readouterr().err
+    assert not (tmp_path / "x.zip").exists()
+
+
+def test_files_of_two_races_have_the_names_of_the_races(root, raced, tmp_path, monkeypatch, capsys):
+    """Both were written as 1_up.csv, the second over the first."""
+    monkeypatch.chdir(tmp_path)
+    raced.save(root)
+    one, other = (row.path for row in quadsim.runs(root).races)
+    for folder in (one, other, one / "1_up"):
+        assert export(root, str(folder), "--csv") == 0
+    written = capsys.readouterr().out.split()
+    assert written == [f"{one.name}.csv", f"{other.name}.csv", f"{one.name}_1_up.csv"]
+    # within one table or zip, too, the runs can be told apart
+    assert export(root, str(one), str(other), "--csv", "--out", "both.csv") == 0
+    names = [f"{folder.name}_{run}" for folder in (one, other) for run in ("1_up", "2_-b-off")]
+    rows = csv.DictReader(Path("both.csv").read_text().splitlines())
+    assert list(dict.fromkeys(row["run"] for row in rows)) == names
+    runs = [str(folder / "1_up") for folder in (one, other)]
+    assert export(root, *runs, "--zip", "--out", "two.zip") == 0
+    with zipfile.ZipFile("two.zip") as archive:
+        folders = {file.partition("/")[0] for file in archive.namelist()}
+    assert folders == {f"{folder.name}_1_up" for folder in (one, other)}
+
+
+@pytest.mark.parametrize("out", [None, "keep.csv"])
+def test_an_export_never_writes_over_a_file(out, root, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    row = quadsim.runs(root)[0]
+    file = Path(out or f"{row.name}.csv")
+    file.write_text("kept")
+    assert export(root, row.name, "--csv", *(["--out", out] if out else [])) == 2
+    wanted = "expected the name of a new file, got one that exists: name another, or remove it"
+    assert capsys.readouterr().err == f"race export: {str(file)!r}: {wanted}\n"
+    assert file.read_text() == "kept"

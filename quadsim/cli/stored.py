@@ -11,11 +11,19 @@ from quadsim.cli.flags import Help, Json, RunsDir, Stored, Switch
 from quadsim.cli.report import known_limit, present
 from quadsim.console import UsageError, emit, emit_json
 from quadsim.figures.style import PICTURES, save_figure, write_figure
-from quadsim.heat.archive import heat_folder, run_folders
+from quadsim.heat.archive import (
+    export_name,
+    heat_folder,
+    is_heat,
+    named_runs,
+    read_heat,
+    run_folders,
+    with_whole_races,
+)
 from quadsim.record.archive import find_run, load_reportable, read_run
 from quadsim.record.exchange import telemetry_csv
 from quadsim.record.mcap_file import mcap_bytes
-from quadsim.record.whole_files import write_whole
+from quadsim.record.whole_files import expect_new_file, write_whole
 from quadsim.results.heat import Heat
 from quadsim.results.stored_runs import stored_runs
 
@@ -121,16 +129,18 @@ def export(
     mcap: Annotated[
         bool, Switch("poses, gates, commands and events of one run, for Foxglove and Rerun")
     ] = False,
-    zip: Annotated[bool, Switch("the run folders")] = False,
+    zip: Annotated[bool, Switch("the folders of the runs, or the whole folder of a race")] = False,
     out: Annotated[
-        str | None, Help("file to write; default: <run>.html, .csv, .mcap or .zip here")
+        str | None, Help("new file to write; default: <run>.html, .csv, .mcap or .zip here")
     ] = None,
     runs_dir: RunsDir = "runs",
     json: Json = False,
 ) -> int:
     """Export runs as a page that plays offline, a table, a recording for viewers, or one file.
 
-    Of a race of several vehicles, all runs are exported.
+    Of a race of several vehicles, all runs are exported. A file that is there
+    already is not written over. A zip is read back by unzipping it into the
+    folder of runs.
 
     race export last --html
 
@@ -145,7 +155,8 @@ def export(
         raise UsageError(f"expected one of --html, --csv, --mcap, --zip, got {got}")
     kind = kinds[0]
     folders = [f for run in runs or ("last",) for f in run_folders(run, runs_dir)]
-    path = Path(out or f"{folders[0].name}.{kind}")
+    path = Path(out or f"{export_name(with_whole_races(folders)[0])}.{kind}")
+    expect_new_file(path)
     write_whole(path, _data(kind, folders))
     _print_paths((path,), json)
     return 0
@@ -168,7 +179,7 @@ def _data(kind: str, folders: list[Path]) -> bytes:
         RunError: a run is damaged.
     """
     if kind == "csv":
-        return telemetry_csv([(folder.name, read_run(folder)) for folder in folders])
+        return telemetry_csv(named_runs(folders))
     if kind == "mcap":
         return _mcap_data(folders)
     # Imported here, so that --help does not load them
@@ -177,8 +188,11 @@ def _data(kind: str, folders: list[Path]) -> bytes:
     from web.stored_runs import stored_competitor
 
     if kind == "zip":
-        for folder in folders:
-            read_run(folder)
+        for folder in with_whole_races(folders):
+            if is_heat(folder):
+                read_heat(folder)
+            else:
+                read_run(folder)
         return zipped(folders)
     competitors = named([stored_competitor(folder) for folder in folders])
     courses = {competitor.spec["course_text"] for competitor in competitors}

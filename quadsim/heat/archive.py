@@ -257,6 +257,9 @@ def heat_folder(wanted: str, root: str) -> Path | None:
         newest_run = max(map(written_at, list_runs(root)), default=0.0)
         last = max(heats, key=written_at, default=None)
         return last if last and written_at(last) > newest_run else None
+    fits = [heat for heat in heats if wanted == heat.name]
+    if fits:
+        return fits[0]
     fits = [heat for heat in heats if wanted in heat.name]
     is_run = any(wanted in run.name for run in list_runs(root))
     return fits[0] if len(fits) == 1 and not is_run else None
@@ -274,6 +277,42 @@ def run_folders(wanted: str, root: str) -> list[Path]:
     """
     heat = heat_folder(wanted, root)
     return [find_run(wanted, root)] if heat is None else runs_of_heat(heat)
+
+
+def export_name(folder: Path) -> str:
+    """Return the name under which a run or a race is exported, which is of one flight alone.
+
+    The folder of an entrant, such as 1_colored, has the name of its race before its own.
+    """
+    place = folder.absolute()
+    return f"{place.parent.name}_{place.name}" if is_heat(place.parent) else place.name
+
+
+def named_runs(folders: Sequence[Path]) -> list[tuple[str, RecordedRun]]:
+    """Return runs with the names that they have in one table.
+
+    The name is that of the folder; where two folders have one name, see `export_name`.
+
+    Raises:
+        RunError: a run is damaged.
+    """
+    different = len({folder.name for folder in folders}) == len(folders)
+    return [(f.name if different else export_name(f), read_run(f)) for f in folders]
+
+
+def with_whole_races(folders: Sequence[Path]) -> list[Path]:
+    """Return folders of runs, with the folder of a race in place of all of its runs.
+
+    Raises:
+        RunError: the folder of a race has no runs.
+    """
+    given = {folder.absolute() for folder in folders}
+    found: dict[Path, None] = {}
+    for folder in folders:
+        race = folder.absolute().parent
+        whole = is_heat(race) and {run.absolute() for run in runs_of_heat(race)} <= given
+        found[folder.parent if whole else folder] = None
+    return list(found)
 
 
 def read_heat(path: str | Path) -> LoadedHeat:

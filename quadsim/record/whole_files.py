@@ -36,6 +36,14 @@ def expect_file(path: Path) -> None:
     raise RunError(f"{str(path)!r}: expected the name of a file, got {found}")
 
 
+def expect_new_file(path: Path) -> None:
+    """Raise RunError if something is at this path already, which would be lost."""
+    expect_file(path)
+    if path.exists():
+        wanted = "expected the name of a new file"
+        raise RunError(f"{str(path)!r}: {wanted}, got one that exists: name another, or remove it")
+
+
 def expect_writable(folder: Path) -> None:
     """Raise RunError where the folder, or the one it would be made in, cannot be written."""
     above = [place for place in (folder, *folder.parents, Path()) if place.exists()]

@@ -34,7 +34,7 @@ KINDS = {"--csv": "csv", "--zip": "zip", "--html": "html"}
 def exports(rng: random.Random) -> Case:
     """Return a case that exports or draws a run.
 
-    It writes over an older file on a disk that fills, or to a place that cannot be written.
+    It writes beside an older file on a disk that fills, or to a place that cannot be written.
     """
     kind = rng.choice([*KINDS, "plot"])
     command = ("plot",) if kind == "plot" else ("export", kind)
@@ -49,7 +49,7 @@ def exports(rng: random.Random) -> Case:
     return Case(
         "exports",
         f"{command} on a disk of {size} bytes",
-        (*command, "--out", "figures" if kind == "plot" else "old"),
+        (*command, "--out", "figures" if kind == "plot" else "new"),
         partial(_with_runs, True),
         _older_or_whole,
         fsize=size,

@@ -91,6 +91,9 @@ def _continues(command: str, folder: Path, undisturbed: Reference) -> str:
     lost = _lost(folder, kept, undisturbed.begun)
     if lost:
         return lost
+    if command == "export":
+        # Killed after its end; it would not write over its own file
+        (folder / "new.csv").unlink(missing_ok=True)
     code, _, err = run(command, folder).finish()
     if code != undisturbed.code or "Traceback" in err:
         return f"does not continue: exit code {code}: {err.rstrip()[-200:]}"

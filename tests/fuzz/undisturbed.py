@@ -36,7 +36,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "fly": ("fly", "paper_flat", *PLANNER, "--timeout", ".3"),
     "compare": ("compare", *CAMPAIGN, "--timeout", ".2", "--attempts", "3", "--out", "report"),
     "tune": ("tune", *CAMPAIGN, "--timeout", "2", *SEARCH),
-    "export": ("export", "last", "--csv", "--out", "old"),
+    "export": ("export", "last", "--csv", "--out", "new.csv"),
     "train": ("train", *TRAINING, "--steps", "65536"),
     "limit": ("limit", "near.yaml", "--nodes", "8"),
 }

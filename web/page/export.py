@@ -15,7 +15,13 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from quadsim.files.links import is_within
-from quadsim.record.archive import read_run
+from quadsim.heat.archive import (
+    export_name,
+    is_heat,
+    named_runs,
+    runs_of_heat,
+    with_whole_races,
+)
 from quadsim.record.exchange import telemetry_csv
 from quadsim.record.run import RunError
 from web.competitor import Competitor, named
@@ -79,13 +85,12 @@ def _download(client: viser.ClientHandle, what: str, s: Snapshot) -> Download:
     folders = [entry.folder for entry in s.competitors if entry.folder]
     if not folders:
         raise ValueError("nothing is stored yet: a flight is kept when it ends")
-    name = folders[0].name
+    name = export_name(with_whole_races(folders)[0])
     if what == "page":
         entries = named([stored_competitor(folder) for folder in folders])
         return Download(f"{name}.html", offline_page(entries).encode())
     if what == "CSV":
-        runs = [(folder.name, read_run(folder)) for folder in folders]
-        return Download(f"{name}.csv", telemetry_csv(runs))
+        return Download(f"{name}.csv", telemetry_csv(named_runs(folders)))
     return Download(f"{name}.zip", zipped(folders))
 
 
@@ -135,20 +140,26 @@ def _caption(entry: Competitor) -> str:
 
 
 def zipped(folders: Sequence[Path]) -> bytes:
-    """Return a zip of run folders as they are on the disk.
+    """Return a zip of run folders as they are on the disk; unzipped, they can be read again.
+
+    A race of which all runs are given is there as a whole, with its heat.json.
 
     Raises:
-        RunError: a file is a link that leads out of its folder.
+        RunError: a file is a link that leads out of its folder, or the race has no runs.
     """
     data = io.BytesIO()
     with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as archive:
-        for folder in folders:
-            for path in sorted(folder.iterdir()):
-                if not is_within(path, folder):
-                    wanted = "expected a file of the run"
-                    raise RunError(f"{path}: {wanted}, got a link out of its folder")
-                if path.is_file():
-                    archive.write(path, f"{folder.name}/{path.name}")
+        for folder in with_whole_races(folders):
+            name = export_name(folder)
+            runs = runs_of_heat(folder) if is_heat(folder) else []
+            for place in (folder, *runs):
+                inside = f"{name}/{place.relative_to(folder)}" if place != folder else name
+                for path in sorted(place.iterdir()):
+                    if not is_within(path, place):
+                        wanted = "expected a file of the run"
+                        raise RunError(f"{path}: {wanted}, got a link out of its folder")
+                    if path.is_file():
+                        archive.write(path, f"{inside}/{path.name}")
     return data.getvalue()
 
 
