@@ -138,6 +138,9 @@ def test_a_stored_race_is_flown_again_with_its_controllers(laws, capsys):
 def test_parts_are_for_a_stored_race(capsys):
     assert race(["heat", "--parts", "pd=controller=laws:Pd"]) == 2
     assert capsys.readouterr().err.startswith("race heat: --parts: expected none without --from")
+    # an entrant without a name is called by its whole text
+    text = "controller=laws:Pd=controller=laws:Pd"
+    assert parts_of([text]) == {"controller=laws:Pd": {"controller": "laws:Pd"}}
     for text in ("pd", "=controller=laws:Pd"):
         with pytest.raises(quadsim.SettingError, match="expected NAME=controller="):
             parts_of([text])

@@ -2,6 +2,7 @@
 
 gaussian                      a sampler, with the preset's numbers for it
 soft=race+target-ess=200      a name; then presets, samplers and settings, joined by +
+race+target-ess=200           without a name, which is then the whole text
 wild=gaussian+sigma=3:3:.6:6  several numbers are joined by colons
 calm=race+term=mine:calm=50   a cost term of one's own and its weight
 weak=race+fault=rotor2=.5@3   a fault in flight; faults and terms may be repeated
@@ -19,7 +20,14 @@ from typing import Any
 from controllers.samplers import SAMPLERS
 from quadsim.campaign.attempt import planner_key
 from quadsim.config.identity import IdentityError, identity_of
-from quadsim.config.setting_texts import Place, Settings, parse_parts, resolve, with_shared
+from quadsim.config.setting_texts import (
+    Place,
+    Settings,
+    named_parts,
+    parse_parts,
+    resolve,
+    with_shared,
+)
 from quadsim.config.settings import SettingError
 from quadsim.config.spec import Spec
 from quadsim.files.yaml_errors import shown_value
@@ -61,16 +69,17 @@ def parse_variants(text: str) -> dict[str, dict[str, Any]]:
         SettingError: the text names no variants.
     """
     found: dict[str, dict[str, Any]] = {}
-    for one in text.split(","):
-        name, named, parts = one.strip().partition("=")
-        if not name or (named and not parts):
-            raise _wrong(f"expected a sampler or NAME=part+part, got {one.strip()!r}")
+    for one in map(str.strip, text.split(",")):
+        named, parts = named_parts(one)
+        name = one if named is None else named
+        if not name or not parts:
+            raise _wrong(f"expected a sampler or NAME=part+part, got {one!r}")
         if name in found:
             raise _wrong(f"expected different names, got {name!r} twice; name them NAME=...")
         if not name.isprintable():
             raise _wrong(f"expected a name of printable characters, got {name!r}")
         try:
-            found[name] = parse_parts(parts if named else name)
+            found[name] = parse_parts(parts)
         except ValueError as error:
             raise _wrong(str(error)) from None
     return found
@@ -104,7 +113,10 @@ def _as_text(one: object) -> str:
 def _own_settings(name: str, own: object) -> Settings:
     """Return the settings of a variant, whose name may be that of its sampler."""
     if isinstance(own, str):
-        return parse_variants(f"{name}={own}")[name]
+        try:
+            return parse_parts(own)
+        except ValueError as error:
+            raise _wrong(f"{name}: {error}") from None
     if not isinstance(own, Mapping):
         raise _wrong(f"{name}: expected settings as a mapping or a text, got {shown_value(own)}")
     return {"sampler": name, **own} if name in SAMPLERS else dict(own)

@@ -8,21 +8,24 @@
     race+fault=rotor2=.5@3        a fault in flight; faults and terms may be repeated
     split_s.npz                   a learned pilot in the planner's place: a file, or split_s_swift
 
-Variants of a comparison and entrants of a race of several vehicles are such texts with a name.
+Variants of a comparison and entrants of a race of several vehicles are such texts with a name
+before them: `soft=race+target-ess=200`. A setting alone, `margin=.3`, has no name.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+
+from msgspec import inspect
 
 from controllers.learned.pilot import pilot_names
 from controllers.presets import PRESETS
 from controllers.samplers import SAMPLERS
 from quadsim.config.build import referee_of
-from quadsim.config.settings import SettingError
+from quadsim.config.settings import SETTINGS, Kind, SettingError, bare
 from quadsim.config.spec import Spec
 from quadsim.course import Course
 from quadsim.files.data_files import SUFFIXES
@@ -38,6 +41,73 @@ WITH_COLONS = (
 )  # settings whose text may have colons of its own
 REPEATED = ("term", "fault")  # settings that a text may have several times
 SWITCH = {"yes": True, "no": False}
+_KINDS = {name: list(setting.kinds.values()) for name, setting in SETTINGS.items()}
+
+
+class Named(NamedTuple):
+    """A text of settings, and the name that stands before it."""
+
+    name: str | None  # None: there is none
+    parts: str
+
+
+def named_parts(text: str, more: Mapping[str, Kind] | None = None) -> Named:
+    """Return the name and the settings of a text such as "soft=race+target-ess=200".
+
+    What stands before the first = is a name if a part follows: a sampler, a preset, a pilot or
+    setting=value. It is a setting if what follows is a value of that setting, so that
+    "vehicle=paper" is no preset with a name. "pilot=FILE.npz" is both, the name "pilot" and the
+    setting.
+
+    Args:
+        text: the text.
+        more: kinds of settings beside those of a flight, by name.
+    """
+    head, has_value, rest = text.partition("=")
+    if not has_value or "+" in head:
+        return Named(None, text)
+    if head == "pilot":
+        return Named(head, text)
+    kinds = _KINDS | {name: [kind] for name, kind in (more or {}).items()}
+    of_head = kinds.get(_setting_name(head))
+    first = rest.partition("+")[0]
+    name, is_setting, _ = first.partition("=")
+    if is_setting and _setting_name(name) in kinds:
+        return Named(head, rest)
+    if of_head is None or (_is_part(first) and not _is_value(first, of_head)):
+        return Named(head, rest)
+    return Named(None, text)
+
+
+def _is_value(text: str, kinds: Sequence[Kind]) -> bool:
+    """Return whether a text stands for a value of a setting, out of range or not.
+
+    Args:
+        text: the text after the =.
+        kinds: the kinds of the setting.
+    """
+    for kind in map(bare, kinds):
+        match kind:
+            case inspect.StrType() | inspect.VarTupleType(inspect.StrType()):
+                return True
+            case inspect.LiteralType(values) if text in values:
+                return True
+    try:
+        return text in SWITCH or bool([float(number) for number in text.split(":")])
+    except ValueError:
+        return False
+
+
+def _is_part(text: str) -> bool:
+    """Return whether a text is a sampler, a preset or a pilot."""
+    try:
+        return bool(_kind_of(text))
+    except ValueError:
+        return False
+
+
+def _setting_name(text: str) -> str:
+    return text.replace("-", "_")
 
 
 def parse_parts(text: str) -> dict[str, Any]:
@@ -63,7 +133,7 @@ def _setting(part: str) -> tuple[str, Any]:
     name, has_value, text = part.partition("=")
     if not has_value:
         return _kind_of(part), part
-    setting = name.replace("-", "_")
+    setting = _setting_name(name)
     if setting in WITH_COLONS:
         return setting, text
     if text in SWITCH:

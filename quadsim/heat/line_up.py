@@ -9,6 +9,7 @@ colored+expect=velocity       settings of how the others are minded stand among 
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
@@ -18,8 +19,14 @@ from msgspec import inspect
 
 from quadsim.config.recorded import recorded_spec
 from quadsim.config.resolve import DEFAULT_COURSE, KEYWORDS
-from quadsim.config.setting_texts import Place, Settings, parse_parts, resolve, with_shared
-from quadsim.config.settings import SETTINGS
+from quadsim.config.setting_texts import (
+    Place,
+    Settings,
+    named_parts,
+    parse_parts,
+    resolve,
+    with_shared,
+)
 from quadsim.config.spec import Spec
 from quadsim.files.values import SettingError, checked
 from quadsim.files.yaml_errors import did_you_mean, shown_value
@@ -162,9 +169,11 @@ def parts_of(texts: Sequence[str]) -> dict[str, dict[str, Any]]:
     """
     found = {}
     for text in texts:
-        name, named, parts = text.partition("=")
+        # The name of an entrant may have an = itself
+        found_name = re.fullmatch(r"(.+)=((?:controller|sampler|term)=.*)", text)
+        name, parts = found_name.groups() if found_name else ("", "")
         try:
-            if not (name and named):
+            if not name:
                 raise ValueError(f"expected NAME=controller=package.module:Class, got {text!r}")
             found[name] = parse_parts(parts)
         except ValueError as error:
@@ -175,16 +184,7 @@ def parts_of(texts: Sequence[str]) -> dict[str, dict[str, Any]]:
 def _named(one: object) -> tuple[str | None, Any]:
     """Return the name of an entrant, None if it was given without one, and its settings."""
     if isinstance(one, str):
-        head, named, parts = one.partition("=")
-        # Without a name the first part is a sampler or a preset, or the setting of one.
-        setting = head.replace("-", "_")
-        is_setting = setting in SETTINGS or setting in KINDS
-        if not named or "+" in head or (is_setting and head != "pilot"):
-            return None, one
-        # pilot=NAME names the entrant "pilot" and is its setting as well.
-        if head == "pilot":
-            return head, one
-        return head, parts
+        return named_parts(one, KINDS)
     if isinstance(one, Entrant):
         return one.name, one
     if isinstance(one, Spec):

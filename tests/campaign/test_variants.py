@@ -7,8 +7,9 @@ import pytest
 from quadsim.campaign.attempt import attempt_key, this_provenance, variant_key
 from quadsim.campaign.variants import Variant, make_variants, named_variants, parse_variants
 from quadsim.cli.cli import race
-from quadsim.config.setting_texts import resolve
+from quadsim.config.setting_texts import named_parts, parse_parts, resolve
 from quadsim.config.settings import SettingError
+from quadsim.heat.line_up import KINDS
 from tests.campaign_cases import COURSE, SETTINGS, variant
 
 
@@ -87,6 +88,51 @@ def test_a_library_of_another_version_flies_another_attempt_and_one_that_only_me
         other = here | {library: "0.1"}
         assert attempt_key(one, other) != attempt_key(one)
         assert variant_key(one, other) != variant_key(one)
+
+
+# Settings whose names are taken as names where a part follows: "ahead" belongs to one cost alone.
+NAMES = ("mine", "ahead", "speed", "height", "seed", "sigma", "expect", "ahead-share", "penalties")
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("parts", ["gaussian", "controller=geo:Geo", "race+seed=3", "margin=.3"])
+def test_a_name_stands_before_a_part_though_a_setting_has_it(name, parts):
+    """A race took `ahead=controller=geo:Geo` for the setting."""
+    assert named_parts(f"{name}={parts}", KINDS) == (name, parts)
+    assert parse_variants(f"{name}={parts}") == {name: parse_parts(parts)}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "controller=geo:Geo",
+        "sampler=mine:Held+seed=3",
+        "term=mine:calm=50",
+        "fault=gyro=.1:0:0@3",
+        "sigma=3:3:.6:6",
+        "vehicle=paper",
+        "vehicle=mine.yaml",
+        "penalties=yes",
+        "margin=.3",
+        "expect=own",
+        "rules=physics",
+        "race+target-ess=200",
+        "gaussian",
+    ],
+)
+def test_a_setting_alone_has_no_name(text):
+    """A comparison took `controller=geo:Geo` for a sampler with the name "controller"."""
+    assert named_parts(text, KINDS) == (None, text)
+
+
+def test_a_text_without_a_name_is_the_name_of_the_variant():
+    assert parse_variants("controller=geo:Geo,race+seed=3") == {
+        "controller=geo:Geo": {"controller": "geo:Geo"},
+        "race+seed=3": {"preset": "race", "seed": "3"},
+    }
+    assert parse_variants("pilot=split_s_swift") == {"pilot": {"pilot": "split_s_swift"}}
+    # in Python the key is the name, whatever it is
+    assert named_variants({"vehicle": "paper"}) == {"vehicle": {"preset": "paper"}}
 
 
 def test_a_text_that_names_no_variants_is_refused():
