@@ -228,6 +228,7 @@ def runs(
     sampler: str | None = None,
     preset: str | None = None,
     pilot: str | None = None,
+    controller: str | None = None,
     seed: int | None = None,
     outcome: str | None = None,
 ) -> StoredRuns:
@@ -240,9 +241,10 @@ def runs(
         runs_dir: the folder of runs.
         course: name of the course.
         vehicle: name of the vehicle.
-        sampler: name of the sampler.
+        sampler: name of the sampler; that of a flight by a controller of your own is its class.
         preset: name of the preset.
         pilot: name of a learned pilot; "*" for all runs that a pilot flew.
+        controller: class of a controller of your own; "*" for all runs that one flew.
         seed: the seed.
         outcome: finished, crashed, stuck, timeout or interrupted.
 
@@ -269,6 +271,7 @@ def runs(
         sampler=sampler,
         preset=preset,
         pilot=pilot,
+        controller=controller,
         seed=seed,
         outcome=outcome,
     )

@@ -108,6 +108,24 @@ def test_a_search_for_the_planners_numbers_takes_no_other_controller(flag, capsy
     assert capsys.readouterr().err == f"race tune: {flag[0]}: {wanted}\n"
 
 
+def test_settings_of_the_planner_are_without_effect_beside_a_controller(capsys):
+    """They were taken without a word."""
+    assert fly("--controller", "laws:Pd", "--sampler", "gaussian") == 1
+    why = "of your own, unless read from the Spec"
+    used = "--sampler, --samples, --horizon, --iterations"
+    told = capsys.readouterr().err.splitlines()[0]
+    head, _, rest = told.partition(": without effect beside the ")
+    assert (head.split(": ")[0], rest) == ("race fly", f"controller Pd {why}")
+    assert sorted(head.split(": ")[1].split(", ")) == sorted(used.split(", "))
+    # the other settings have their effect
+    assert race(["fly", "figure8", "--timeout", ".1", "--controller", "laws:Pd", "--dt", ".02"]) == 1
+    assert "without effect" not in capsys.readouterr().err
+    line_up = ["--entrants", "a=controller=laws:Pd", "b=controller=laws:strong", "--samples", "64"]
+    assert race(["heat", "figure8", "--laps", "1", "--timeout", ".1", *line_up]) == 0
+    told = capsys.readouterr().err.splitlines()[0]
+    assert told == f"race heat: --samples: without effect beside the controllers Pd {why}"
+
+
 LINE_UP = ["--entrants", "pd=controller=laws:Pd", "strong=controller=laws:strong"]
 
 

@@ -12,6 +12,7 @@ from run_cases import SPEC, same, save, two_laps
 
 import quadsim
 from quadsim.cli.cli import race
+from quadsim.heat.line_up import line_up
 from quadsim.record.archive import read_run
 from quadsim.results.stored_runs import LARGEST_RECORD
 from web.stored_runs import titled_runs
@@ -197,8 +198,29 @@ def test_the_command_lists_names_that_other_commands_take(root, raced, capsys):
 def test_a_controller_of_ones_own_is_named_in_place_of_a_sampler(tmp_path):
     quadsim.fly("figure8", controller=Climb(), laps=1, timeout=0.05).save(tmp_path)
     (row,) = quadsim.runs(tmp_path)
-    assert (row.controller, row.flown_by) == ("Climb", "controller Climb")
+    assert (row.controller, row.flown_by, row.sampler) == ("Climb", "controller Climb", "Climb")
     assert "controller Climb" in str(quadsim.runs(tmp_path))
+    assert "_figure8_Climb_s0_" in row.name
+
+
+def test_a_controller_of_ones_own_counts_as_no_sampler(root, raced, capsys):
+    """It was listed as "colored"."""
+    quadsim.fly("figure8", controller=Climb(), laps=1, timeout=0.05, seed=7).save(root)
+    assert seeds(quadsim.runs(root, sampler="colored")) == [3, 4, 5]
+    assert seeds(quadsim.runs(root, controller="Cl*")) == [7, 9]
+    assert seeds(quadsim.runs(root, sampler="Climb")) == [7, 9]
+    assert quadsim.runs(root, controller="PID").races == []
+    assert race(["runs", "--controller", "Climb", "--runs-dir", str(root)]) == 0
+    lines = capsys.readouterr().out.splitlines()[1:]
+    assert sorted("_heat_" in line for line in lines) == [False, True]
+
+
+def test_an_entrant_without_a_name_is_called_by_its_controller():
+    spec = quadsim.Spec.of("figure8", controller=Climb(), laps=1)
+    made, _ = line_up("figure8", [{"controller": Climb}, spec], {"laps": 1})
+    assert [one.name for one in made] == ["Climb", "Climb 2"]
+    assert repr(spec).startswith("<Spec figure8: 1 lap, Climb, preset race")
+    assert spec.sampler == spec.record()["sampler"] == "colored"
 
 
 def export(root, *words):

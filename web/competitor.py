@@ -17,7 +17,7 @@ from quadsim.palette import Style, style, styles_on_dark
 from quadsim.racing.events import Event
 from quadsim.record.limits import StoredSolution
 from quadsim.record.planner_snapshot import PlannerSnapshots
-from quadsim.record.run import INTERACTIVE, has_planner
+from quadsim.record.run import INTERACTIVE, flown_by, has_planner
 from web.choices import numbered
 from web.legs import Legs
 
@@ -93,8 +93,8 @@ class Competitor:
 
     @property
     def sampler(self) -> str:
-        """The name of its sampler, or `pilot`."""
-        return self.spec["sampler"]
+        """The name of its sampler, `pilot`, `hand`, or the class of a controller of one's own."""
+        return flown_by(self.spec)
 
     @property
     def has_planner(self) -> bool:

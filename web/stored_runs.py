@@ -14,7 +14,7 @@ from quadsim.course import Course, parse_course
 from quadsim.heat.archive import heat_title, is_heat, list_heats, runs_of_heat
 from quadsim.record.archive import list_runs, load_reportable
 from quadsim.record.limits import limit_of, limits_folder
-from quadsim.record.run import RecordedRun, RunError
+from quadsim.record.run import RecordedRun, RunError, flown_by
 from quadsim.record.schema import ReplayedPlanner, ReplayedSampling, ReplayedSpec
 from quadsim.results.stored_runs import UNREADABLE, flown_at, read_row
 from web.competitor import Competitor
@@ -51,7 +51,7 @@ def run_competitor(run: RecordedRun, course: Course, path: Path | None) -> Compe
     """Return a run as a competitor. path: folder of the run, None if it is not stored."""
     spec = run.spec
     return Competitor(
-        name=spec["sampler"],
+        name=flown_by(spec),
         spec=spec,
         course=course,
         legs=Legs(course, spec["laps"]),

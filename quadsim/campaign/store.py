@@ -17,7 +17,7 @@ from quadsim.campaign.attempt import Flown, Result, attempt_key, result, variant
 from quadsim.campaign.database import SCHEMA_VERSION, Database, code_of, database_errors
 from quadsim.config.spec import Spec
 from quadsim.record.archive import RunFolder, remove_unfinished
-from quadsim.record.run import Outcome
+from quadsim.record.run import Outcome, flown_by
 
 INDEX = "CREATE INDEX attempts_by_variant ON attempts (variant, seed)"
 
@@ -31,7 +31,7 @@ class Row:
     variant: str  # sha256 of the same without the seed
     name: str  # of the variant, when it flew
     course: str
-    sampler: str
+    sampler: str  # what controlled it, see quadsim.record.run.flown_by
     preset: str
     vehicle: str
     randomize: float
@@ -114,7 +114,7 @@ class Store(Database[Row]):
             variant=variant_key(record, versions, twin),
             name=name,
             course=record["course"],
-            sampler=record["sampler"],
+            sampler=flown_by(record),
             preset=record["preset"],
             vehicle=record["vehicle"]["name"],
             randomize=record["randomize"],

@@ -13,6 +13,7 @@ from quadsim.campaign.runner import Runner
 from quadsim.campaign.variants import make_variants, parse_variants
 from quadsim.cli.compare_heats import compare_heats
 from quadsim.cli.flags import Given, GivenHeat, Help, Json, Switch, course_help, settings_as_flags
+from quadsim.cli.fly import complain_beside_controllers
 from quadsim.console import UsageError, emit, emit_json
 from quadsim.record.run import RunError
 from quadsim.record.whole_files import expect_file, try_writing
@@ -131,6 +132,7 @@ def compare(
         named = parse_variants(variants or VARIANTS)
         check_baseline(list(named), baseline)
         made = make_variants(courses, named, settings or {})
+    complain_beside_controllers("race compare", [one.spec for one in made], settings or {})
     path = Path(campaign)
     expect_file(path)
     report = Path(out) if out else path.with_name(f"{path.stem}.report")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 from shlex import quote
@@ -139,6 +139,7 @@ def _complain_before(spec: Spec, controller: Controller, settings: Mapping[str, 
     if spec.betaflight and (read := translated(spec.betaflight)).changes_something:
         shown = f"race firmware read --betaflight {quote(spec.betaflight.name)}"
         complain(f"{read.summary()}: {shown}")
+    complain_beside_controllers("race fly", [spec], settings)
     if not getattr(controller, "is_cached", True):
         complain(COMPILING)
 
@@ -163,10 +164,34 @@ def check_beside_pilot(given: Mapping[str, Any]) -> None:
     `race compare` accepts such a setting, as only some of its variants may be pilots.
     """
     for name in given:
-        of_planner = SETTINGS[name].group in ("sampling", "mppi", "cost") and name != "dt"
-        if of_planner or name in ("sampler", "preset", "term", "view_weight"):
+        # The preset of a pilot would only bring its vehicle.
+        if of_planner(name) or name == "preset":
             wanted = "expected none beside --pilot, which flies without a planner"
             raise UsageError(f"{flag(name)}: {wanted}")
+
+
+def of_planner(name: str) -> bool:
+    """Return whether a setting is one of the planner alone, and not of vehicle, model or clock."""
+    if name in ("sampler", "term", "view_weight"):
+        return True
+    return SETTINGS[name].group in ("sampling", "mppi", "cost") and name != "dt"
+
+
+def complain_beside_controllers(command: str, specs: Sequence[Spec], given: Iterable[str]) -> None:
+    """Say in one line which settings have no effect, as controllers of the user's own fly.
+
+    Args:
+        command: the command, such as "race fly".
+        specs: its flights; there is nothing to say if a planner flies one of them.
+        given: names of the settings that were given for all of them.
+    """
+    flown = [spec.flown_by for spec in specs if "controller" in spec.own_objects()]
+    names = [name for name in given if name in SETTINGS]
+    unused = [flag(name) for name in names if of_planner(name) or name == "deadline_ms"]
+    if unused and flown and len(flown) == len(specs):
+        of_own = f"controller{'s' * (len(flown) > 1)} {', '.join(dict.fromkeys(flown))} of your own"
+        why = f"without effect beside the {of_own}, unless read from the Spec"
+        complain(f"{command}: {', '.join(unused)}: {why}")
 
 
 def stored_run(name: str, settings: Mapping[str, Any]) -> RecordedRun:

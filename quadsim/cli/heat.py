@@ -25,6 +25,7 @@ from quadsim.cli.flags import (
     Json,
     settings_as_flags,
 )
+from quadsim.cli.fly import complain_beside_controllers
 from quadsim.config.build import use_threads_of
 from quadsim.config.settings import FlightSettings, SettingError
 from quadsim.console import (
@@ -126,6 +127,7 @@ def heat(
         use_threads_of(threads)
         names = ENTRANTS if entrants is None else entrants
         made, of_race = line_up(course, names, (race or {}) | given)
+        complain_beside_controllers("race heat", [one.spec for one in made], given)
         seed = made[0].spec.seed if made else 0
         heats = heats_of(made, of_race, seed, starts, rotate) if starts > 1 else []
         one = HeatSpec(made, of_race, seed, rotation) if starts == 1 else None

@@ -14,7 +14,7 @@ from quadsim.record.limits import StoredSolution, limit_of, limits_folder
 from quadsim.record.metrics import chatter, missed_deadlines, splits
 from quadsim.record.model_differences import differing
 from quadsim.record.report import report as run_report
-from quadsim.record.run import INTERACTIVE, RecordedRun, own_parts
+from quadsim.record.run import INTERACTIVE, RecordedRun, flown_by, own_parts
 from quadsim.record.turning_back import turned_back
 
 
@@ -88,7 +88,7 @@ def summary(run: RecordedRun, folder: Path | None, runs_dir: str | Path | None =
     spec = run.spec
     return {
         "course": spec["course"],
-        "sampler": spec["sampler"],
+        "sampler": flown_by(spec),
         "preset": spec["preset"],
         "vehicle": spec["vehicle"]["name"],
         "seed": spec["seed"],

@@ -35,6 +35,9 @@ def runs(
     sampler: Annotated[str | None, Help("pattern of the samplers to list")] = None,
     preset: Annotated[str | None, Help("pattern of the presets to list")] = None,
     pilot: Annotated[str | None, Help("pattern of the learned pilots to list")] = None,
+    controller: Annotated[
+        str | None, Help("pattern of the classes of controllers of your own to list")
+    ] = None,
     seed: Annotated[int | None, Help("seed of the runs to list")] = None,
     outcome: Annotated[str | None, Help("outcome of the runs to list")] = None,
     runs_dir: RunsDir = "runs",
@@ -53,6 +56,7 @@ def runs(
         sampler=sampler,
         preset=preset,
         pilot=pilot,
+        controller=controller,
         seed=seed,
         outcome=outcome,
     )

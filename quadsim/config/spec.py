@@ -87,7 +87,7 @@ from quadsim.racing.events import NO_PROGRESS, NO_PROGRESS_BY_HAND
 from quadsim.racing.flight import ControlLaw, Controller, RefereeProtocol
 from quadsim.racing.hand import HAND, Hand
 from quadsim.record.limits import StoredSolution
-from quadsim.record.run import INTERACTIVE
+from quadsim.record.run import INTERACTIVE, flown_by
 from quadsim.record.schema import NumberChange
 from quadsim.sensing import PERFECT, Sensing, load_sensing
 from quadsim.streams import Streams, quadrotor_streams
@@ -191,7 +191,7 @@ class Spec(FlightNumbers, HostSettings):
     def __repr__(self) -> str:
         """Return one short line; `record` has all numbers."""
         laps = f"{self.laps} lap" + "s" * (self.laps > 1)
-        flown = f"{self.sampler}, preset {self.preset}, vehicle {self.vehicle.name}"
+        flown = f"{self.flown_by}, preset {self.preset}, vehicle {self.vehicle.name}"
         return f"<Spec {self.course.name}: {laps}, {flown}, seed {self.seed}>"
 
     @classmethod
@@ -241,6 +241,11 @@ class Spec(FlightNumbers, HostSettings):
         if self.hand:
             return HAND
         return "pilot" if self.pilot else sampler_name(self.planner.sampling)
+
+    @property
+    def flown_by(self) -> str:
+        """The sampler's name as in `sampler`, or the class of the user's own controller."""
+        return flown_by({"sampler": self.sampler, "own": self._own_controller()})
 
     @property
     def hand(self) -> Hand | None:
@@ -362,6 +367,11 @@ class Spec(FlightNumbers, HostSettings):
         if not is_described(self.course):
             parts["course"] = self.course
         return {role: part for role, part in parts.items() if part is not None}
+
+    def _own_controller(self) -> dict[str, Any]:
+        """Return {"controller": description} of the user's own controller, {} if none flies."""
+        own = self.own_objects()
+        return {"controller": describe(own["controller"])} if "controller" in own else {}
 
     def _own_parts(self) -> dict[str, Any]:
         """Return {role: description} of the user's own objects."""

@@ -26,7 +26,7 @@ from quadsim.physics.faults import parse_fault
 from quadsim.record.estimate_metrics import estimate_errors
 from quadsim.record.limits import StoredSolution
 from quadsim.record.metrics import motor_corner, motor_tau, speed, thrust_psd
-from quadsim.record.run import RecordedRun, flown_with, not_comparable
+from quadsim.record.run import RecordedRun, flown_by, flown_with, not_comparable
 
 
 class Mark(NamedTuple):
@@ -290,7 +290,7 @@ def draw_estimate_error(axes: Axes, run: RecordedRun) -> None:
 def _draw_pair(axes: Axes, run: RecordedRun, commanded: str, delivered: str) -> None:
     """Draw two columns over time, a line at the end of each lap, and a band for each fault."""
     x = run.telemetry
-    colour = style(run.spec["sampler"]).colour
+    colour = style(flown_by(run.spec)).colour
     look: dict[str, Any] = {"color": colour, "linewidth": COMMANDED, "label": "commanded"}
     axes.step(x["t"], x[commanded], where="post", **look)
     axes.plot(x["t"], x[delivered], color=INK, linewidth=DELIVERED, label="delivered")
@@ -315,7 +315,7 @@ def draw_spectrum(axes: Axes, run: RecordedRun) -> None:
     axes.set(title="thrust, power spectral density [(m/s$^2$)$^2$/Hz]", xlabel="f [Hz]")
     if len(x["t"]) < FEWEST:
         return
-    look = line(style(run.spec["sampler"])) | {"linewidth": COMMANDED}
+    look = line(style(flown_by(run.spec))) | {"linewidth": COMMANDED}
     f, psd = thrust_psd(x["t"], x["a_cmd"])
     axes.loglog(f[1:], psd[1:], **look, label="commanded")
     f, psd = thrust_psd(x["t"], x["a"])

@@ -73,7 +73,7 @@ def line_up(
         if isinstance(one, Entrant):
             made.append(_Made(one.name, None, one.spec, one.awareness))
         elif isinstance(one, Spec):
-            made.append(_Made(name, one.sampler, one, None))
+            made.append(_Made(name, one.flown_by, one, None))
         else:
             made.append(_entrant(name, one, course, shared, heat))
     return _with_names(made), heat
@@ -217,7 +217,7 @@ def _entrant(
             raise SettingError("entrants", str(error)) from None
     elif "course_text" in one:  # `spec` of a recorded run
         spec = recorded_spec(one, {})
-        return _Made(name, spec.sampler, spec, None)
+        return _Made(name, spec.flown_by, spec, None)
     else:
         own = dict(one)
         kind = str(own.get("pilot") or own.get("sampler") or shared.get("sampler", "colored"))
@@ -230,6 +230,8 @@ def _entrant(
             near = did_you_mean(key, [*KEYWORDS, *OF_AWARENESS])
             raise SettingError(key, f"no such setting of an entrant, {near}")
     spec = resolve(course or DEFAULT_COURSE, with_shared(own, shared))
+    if not isinstance(one, str) and spec.controller is not None:
+        kind = spec.flown_by
     return _Made(name, kind, spec, awareness)
 
 

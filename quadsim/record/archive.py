@@ -1,5 +1,7 @@
 """Archive: one folder a run, `<UTC>_<course>_<sampler>_s<seed>_<hash>/`.
 
+In the sampler's place stands the class of a controller of the user's own, pilot or hand.
+
 A folder holds run.json, telemetry.npz and events.csv. It is named `<name>.part` from before the
 flight until all files are written, so a folder without `.part` is complete. The process that fills
 it holds a lock on the `.part`, so that the next flight can tell what a killed one left behind. A
@@ -22,7 +24,7 @@ from quadsim.files.arrays import read_bytes
 from quadsim.files.locks import lock_folder
 from quadsim.files.strict_yaml import FileError
 from quadsim.record.provenance import provenance
-from quadsim.record.run import RecordedRun, RunError, canonical, hostless
+from quadsim.record.run import RecordedRun, RunError, canonical, flown_by, hostless
 from quadsim.record.run_format import (
     expect_reportable,
     read_json,
@@ -211,16 +213,15 @@ def remove_unfinished(root: str | Path, complete: Callable[[str], bool] | None =
 
 
 def run_name(spec: dict[str, Any]) -> str:
-    """Return `<UTC>_<course>_<sampler>_s<seed>_<hash>`.
+    """Return `<UTC>_<course>_<flown by>_s<seed>_<hash>`, see `flown_by`.
 
     The hash is the first 8 hex digits of the sha256 of what decides the flight.
     """
     utc = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
-    course, sampler, seed = (
-        re.sub(r"[^\w.-]+", "-", str(spec[key])) for key in ("course", "sampler", "seed")
-    )
+    names = (spec["course"], flown_by(spec), spec["seed"])
+    course, flown, seed = (re.sub(r"[^\w.-]+", "-", str(name)) for name in names)
     decided = sha256(canonical(hostless(spec))).hexdigest()
-    return f"{utc}_{course}_{sampler}_s{seed}_{decided[:8]}"
+    return f"{utc}_{course}_{flown}_s{seed}_{decided[:8]}"
 
 
 def list_runs(root: str | Path) -> list[Path]:

@@ -32,7 +32,7 @@ from quadsim.course.obstacles import Box, Obstacle
 from quadsim.files.extras import imported
 from quadsim.palette import FRAME, HIT, NEXT
 from quadsim.racing.events import Event
-from quadsim.record.run import COUNTS, CRASHES, RecordedRun, columns_of
+from quadsim.record.run import COUNTS, CRASHES, RecordedRun, columns_of, flown_by
 from quadsim.record.run_format import CSV_COLUMNS, event_row
 from quadsim.rotation import from_euler, from_yaw, without_jumps
 
@@ -93,7 +93,7 @@ def _metadata(run: RecordedRun) -> dict[str, str]:
     facts = {
         "course": spec["course"],
         "vehicle": spec["vehicle"]["name"],
-        "sampler": spec["sampler"],
+        "sampler": flown_by(spec),
         "preset": spec["preset"],
         "seed": spec["seed"],
         "outcome": run.outcome,

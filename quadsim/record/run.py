@@ -9,7 +9,7 @@ change a flight (threads, folders); `interactive`, the changes made in flight (s
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
@@ -245,6 +245,15 @@ def weight_text(weight: float | list) -> str:
 def has_planner(spec: dict[str, Any]) -> bool:
     """Return whether a planner flew: neither a learned pilot nor a person did."""
     return not (spec.get("pilot") or spec.get(HAND))
+
+
+def flown_by(spec: Mapping[str, Any]) -> str:
+    """Return the name of what controlled a flight.
+
+    It is the sampler's, "pilot", "hand" (a person), or the class of a controller of the user's own,
+    beside which the record names a sampler that did not fly.
+    """
+    return own_parts({"own": spec.get("own", {})}).get("controller", spec["sampler"])
 
 
 def flown_with(spec: dict[str, Any]) -> str:

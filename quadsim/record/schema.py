@@ -352,3 +352,4 @@ class ListedEntrant(Struct):
     laps: int
     pilot: Named | None = None
     sensing: Named | None = None
+    own: dict[str, OwnPart | list[OwnTerm]] = {}

@@ -18,7 +18,7 @@ from quadsim.files.extras import imported
 from quadsim.files.strict_yaml import FileError
 from quadsim.record.archive import HEAT, list_heats, list_runs, read_run
 from quadsim.record.run import own_parts
-from quadsim.record.schema import ListedEntrant, ListedHeat, ListedRun
+from quadsim.record.schema import ListedEntrant, ListedHeat, ListedRun, ListedSpec
 from quadsim.results.heat import Heat
 from quadsim.results.run import Run
 from quadsim.sensing import PERFECT
@@ -51,7 +51,7 @@ class StoredRun:
         when: when it was flown, in local time.
         course: name of the course.
         vehicle: name of the vehicle.
-        sampler: name of the sampler, or of the user's own class.
+        sampler: name of the sampler, or the class of the user's own sampler or controller.
         preset: name of the preset.
         pilot: name of the learned pilot that flew; None if a planner did.
         seed: the seed.
@@ -137,7 +137,8 @@ class StoredHeat:
         course: name of the course.
         entrants: the names of the entrants.
         vehicle: names of the vehicles, each once.
-        sampler: what the entrants were flown by, each once; pilots by their names.
+        sampler: what the entrants were flown by, each once; pilots by their names, controllers of
+            the user's own by their classes.
         preset: names of the presets, each once.
         seed: the seed of the race.
         winner: name of the winner.
@@ -340,13 +341,14 @@ def read_row(path: Path, data: bytes | None = None) -> StoredRun:
         data = read_bytes(path / "run.json", "the record of a flight", LARGEST_RECORD)
     found = msgspec.json.decode(data, type=ListedRun)
     spec = found.spec
+    controller = _controller(spec)
     return StoredRun(
         name=path.name,
         path=path,
         when=flown_at(path),
         course=spec.course,
         vehicle=spec.vehicle.name,
-        sampler=spec.sampler,
+        sampler=controller or spec.sampler,
         preset=spec.preset,
         pilot=spec.pilot.name if spec.pilot else None,
         seed=spec.seed,
@@ -355,7 +357,7 @@ def read_row(path: Path, data: bytes | None = None) -> StoredRun:
         laps_wanted=spec.laps,
         sensing=spec.sensing.name if spec.sensing else PERFECT,
         changes=len(spec.interactive),
-        controller=own_parts({"own": msgspec.to_builtins(spec.own)}).get("controller"),
+        controller=controller,
     )
 
 
@@ -369,12 +371,17 @@ def read_heat_row(path: Path) -> StoredHeat:
     data = read_bytes(path / HEAT, "the record of a race", LARGEST_RECORD)
     found = msgspec.json.decode(data, type=ListedHeat)
     specs = [msgspec.convert(entrant.spec, ListedEntrant) for entrant in found.spec.entrants]
+    controllers = [_controller(spec) for spec in specs]
     winner = found.order[0]
     values = {
         "vehicle": tuple(spec.vehicle.name for spec in specs),
-        "sampler": tuple(spec.pilot.name if spec.pilot else spec.sampler for spec in specs),
+        "sampler": tuple(
+            controller or (spec.pilot.name if spec.pilot else spec.sampler)
+            for spec, controller in zip(specs, controllers, strict=True)
+        ),
         "preset": tuple(spec.preset for spec in specs),
         "pilot": tuple(spec.pilot.name for spec in specs if spec.pilot),
+        "controller": tuple(filter(None, controllers)),
         "outcome": tuple(placing.outcome for placing in found.order),
         "sensing": tuple(spec.sensing.name if spec.sensing else PERFECT for spec in specs),
     }
@@ -393,6 +400,11 @@ def read_heat_row(path: Path) -> StoredHeat:
         values=values,
         **shown,
     )
+
+
+def _controller(spec: ListedSpec | ListedEntrant) -> str | None:
+    """Return the class of the user's own controller, None if none flew."""
+    return own_parts({"own": msgspec.to_builtins(spec.own)}).get("controller")
 
 
 def flown_at(path: Path) -> datetime:
