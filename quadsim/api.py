@@ -98,7 +98,7 @@ def race(
         entrants: one to eight of them: texts as `race heat --entrants` takes them ("colored",
             "fast=race+target-ess=100", "pilot=split_s_swift"), dictionaries of settings of `fly`,
             Specs, or `quadsim.Entrant`; or {name: settings}; or `heat.spec` of a Heat, flown now or
-            loaded, which flies that race again.
+            loaded, which flies that race again, with another `seed` if one is given.
         course: a name, a FILE.yaml or a Course; default: split_s_swift.
         rotation: how many places further on the start grid each entrant starts.
         parts: {entrant: {role: object}} of your own objects that flew in `heat.spec`, such as
@@ -220,7 +220,7 @@ def save_run(run: Run, runs_dir: str | Path = "runs") -> Path:
     return run.save(runs_dir)
 
 
-def runs(
+def runs(  # noqa: PLR0913 (a keyword for each pattern)
     runs_dir: str | Path = "runs",
     *,
     course: str | None = None,

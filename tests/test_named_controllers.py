@@ -118,10 +118,11 @@ def test_settings_of_the_planner_are_without_effect_beside_a_controller(capsys):
     assert (head.split(": ")[0], rest) == ("race fly", f"controller Pd {why}")
     assert sorted(head.split(": ")[1].split(", ")) == sorted(used.split(", "))
     # the other settings have their effect
-    assert race(["fly", "figure8", "--timeout", ".1", "--controller", "laws:Pd", "--dt", ".02"]) == 1
+    short = ["--laps", "1", "--timeout", ".1"]
+    assert race(["fly", "figure8", *short, "--controller", "laws:Pd", "--dt", ".02"]) == 1
     assert "without effect" not in capsys.readouterr().err
     line_up = ["--entrants", "a=controller=laws:Pd", "b=controller=laws:strong", "--samples", "64"]
-    assert race(["heat", "figure8", "--laps", "1", "--timeout", ".1", *line_up]) == 0
+    assert race(["heat", "figure8", *short, *line_up]) == 0
     told = capsys.readouterr().err.splitlines()[0]
     assert told == f"race heat: --samples: without effect beside the controllers Pd {why}"
 
@@ -151,6 +152,32 @@ def test_a_stored_race_is_flown_again_with_its_controllers(laws, capsys):
         quadsim.SettingError, match="parts of your own that flew as 'pd', got 'seed"
     ):
         quadsim.race(stored.spec, parts=own | {"pd": {**own["pd"], "seed": 3}})
+
+
+def test_a_stored_race_is_flown_again_with_another_seed(laws, capsys):
+    """It took no other seed, while `race fly --from` did."""
+    settings = {**SHORT, "randomize": 1.0}
+    assert race(["heat", "figure8", *LINE_UP, *flags(settings)]) == 0
+    stored = quadsim.load_heat()
+    parts = [word.replace("--entrants", "--parts") for word in LINE_UP]
+    capsys.readouterr()
+    assert race(["heat", "--from", "last", "--seed", "3", *parts]) == 0
+    assert "the stored race was flown with seed 0" in capsys.readouterr().err
+    other = quadsim.load_heat()
+    fresh = quadsim.race(
+        {"pd": {"controller": laws.Pd}, "strong": {"controller": laws.strong}},
+        "figure8",
+        **settings,
+        seed=3,
+    )
+    assert other.digest() == fresh.digest() != stored.digest()
+    own = {"pd": {"controller": laws.Pd}, "strong": {"controller": laws.strong}}
+    assert quadsim.race(stored.spec, parts=own, seed=3).digest() == fresh.digest()
+    assert quadsim.race(fresh.spec, parts=own, seed=0).digest() == stored.digest()
+    with pytest.raises(quadsim.SettingError, match="seed: expected"):
+        quadsim.race(stored.spec, parts=own, seed=-1)
+    assert race(["heat", "--from", "last", "--seed", "x", *parts]) == 2
+    assert capsys.readouterr().err.startswith("race heat: --seed: expected")
 
 
 def test_parts_are_for_a_stored_race(capsys):

@@ -45,6 +45,7 @@ from quadsim.files.extras import imported
 from quadsim.files.json_values import without_nan
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import did_you_mean
+from quadsim.record.given_state import conditions
 from quadsim.record.run import RunError, canonical
 from quadsim.record.whole_files import write_whole
 
@@ -231,8 +232,9 @@ def _section(
     names = [variant.name for variant, _ in flown]
     rows = [of_variant for _, of_variant in flown]
     stats = []
+    records = {variant.name: variant.spec.record() for variant, _ in flown}
     for variant, of_variant in flown:
-        record = variant.spec.record()
+        record = records[variant.name]
         best_known = best_known_time(record, variant.spec.runs_dir)
         stats.append(variant_stats(variant.name, of_variant, lap_limit(record), best_known))
     first, _ = flown[0]
@@ -246,6 +248,7 @@ def _section(
         home=home,
         baseline=baseline if baseline in names else None,
         remark=seeds_remark(variant.spec for variant, _ in flown),
+        conditions=tuple(conditions(records)),
     )
 
 
@@ -264,7 +267,7 @@ def _setting(variant: Variant, rows: Sequence[Sequence[Row]]) -> str:
 def _notes(section: Section) -> list[str]:
     """Return what has to be read with the tables of a course."""
     found = notes(section.variants, section.pairs, section.limit)
-    return [*([section.remark] if section.remark else []), *found]
+    return [*section.conditions, *([section.remark] if section.remark else []), *found]
 
 
 def _shown(section: Section) -> list[RenderableType]:

@@ -38,6 +38,7 @@ from quadsim.console import as_text
 from quadsim.figures import html
 from quadsim.figures.style import save_figure
 from quadsim.heat.line_up import Entrants, parse_heat_variants
+from quadsim.record.given_state import conditions
 from quadsim.record.run import RunError
 
 if TYPE_CHECKING:
@@ -68,6 +69,8 @@ class HeatComparison:
     settings: list[FlownHeats]
     differences: list[HeatsDifference]
     remark: str = ""  # what the seeds do not draw
+    # the links of the entrants, and which states their controllers were given
+    conditions: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> FlownHeats:
         """Return the heats of a setting. Raises KeyError."""
@@ -94,7 +97,7 @@ class HeatComparison:
     def notes(self) -> list[str]:
         """Return what has to be read with the tables."""
         commits = mixed_commits({setting.name: setting.commits for setting in self.settings})
-        return [*([self.remark] if self.remark else []), *commits]
+        return [*self.conditions, *([self.remark] if self.remark else []), *commits]
 
     def markdown(self, title: str, picture: str) -> str:
         """Return the report, with a link to the file of its picture."""
@@ -169,7 +172,19 @@ def fly_comparison(variants: Sequence[HeatVariant], runner: HeatRunner) -> HeatC
     specs = [entrant.spec for variant in variants for entrant in variant.heats[0].entrants]
     rotated = len({heat.rotation for variant in variants for heat in variant.heats}) > 1
     differences = [difference(first, other) for other in others]
-    return HeatComparison(course, flown, differences, seeds_remark(specs, rotated))
+    remark = seeds_remark(specs, rotated)
+    return HeatComparison(course, flown, differences, remark, _conditions(variants))
+
+
+def _conditions(variants: Sequence[HeatVariant]) -> tuple[str, ...]:
+    """Return the conditions of all settings, each with the name of its setting if they differ."""
+    of_settings = {}
+    for variant in variants:
+        entrants = variant.heats[0].entrants
+        of_settings[variant.name] = conditions({e.name: e.spec.record() for e in entrants})
+    if len(set(map(tuple, of_settings.values()))) < 2:
+        return tuple(next(iter(of_settings.values())))
+    return tuple(f"{name}: {line}" for name, lines in of_settings.items() for line in lines)
 
 
 def compare_heats(

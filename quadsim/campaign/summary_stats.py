@@ -125,6 +125,7 @@ class Section:
     rows: list[Sequence[Row]]  # of each variant
     home: Path  # folder that their telemetry is relative to
     remark: str = ""  # what the seeds do not draw, for people
+    conditions: tuple[str, ...] = ()  # the links, and the states that were given, for people
     baseline: str | None = None  # variant that the others are compared with; None: all pairs
 
     @property

@@ -80,7 +80,10 @@ def heat(
     ] = None,
     from_: Annotated[
         str | None,
-        Help("fly a stored race again: its folder, a part of its name, or last", name="--from"),
+        Help(
+            "fly a stored race again: its folder, a part of its name, or last; --seed changes it",
+            name="--from",
+        ),
     ] = None,
     parts: Annotated[
         list[str] | None,
@@ -112,10 +115,12 @@ def heat(
     if from_ is not None:
         named = course is not None or entrants is not None
         runs_dir = given.pop("runs_dir", None)
+        seed = given.pop("seed", None)
         if named or given or race or starts > 1 or rotation or plot or not rotate:
-            wanted = "neither a course nor other flags than --runs-dir and --parts beside a race"
+            flags = "--runs-dir, --seed and --parts"
+            wanted = f"neither a course nor other flags than {flags} beside a race"
             raise UsageError(f"--from: expected {wanted}")
-        return _again(from_, runs_dir, parts or (), json)
+        return _again(from_, runs_dir, parts or (), seed, json)
     if parts:
         raise UsageError(
             "--parts: expected none without --from; --entrants have parts of their own"
@@ -185,19 +190,28 @@ def _one(spec: HeatSpec, runs_dir: str, plot: str | None, json: bool) -> int:
     return 0
 
 
-def _again(name: str, runs_dir: str | None, parts: Sequence[str], json: bool) -> int:
+def _again(
+    name: str, runs_dir: str | None, parts: Sequence[str], seed: str | None, json: bool
+) -> int:
     """Fly a stored race again, and report whether the result is the same.
+
+    With another seed it is another race, which is stored.
 
     Args:
         name: folder of the race, a part of its name, or "last".
         runs_dir: folder of runs with the race and the solutions that its planners follow; None: the
             default folder, and for the solutions the folder of the record.
         parts: texts of the user's own parts that flew, see `parts_of`.
+        seed: seed of the race; None: that of the record.
         json: whether the report is JSON.
     """
     stored = read_heat(find_heat(name, runs_dir or FlightSettings.runs_dir))
     with settings_as_flags():
-        spec = spec_of_heat(stored, runs_dir, parts_of(parts))
+        spec = spec_of_heat(stored, runs_dir, parts_of(parts), seed)
+    if spec.seed != stored.spec.seed:
+        code = _one(spec, runs_dir or FlightSettings.runs_dir, None, json)
+        complain(f"the stored race was flown with seed {stored.spec.seed}")
+        return code
     flown, ended = _flown(spec, quiet=json)
     if ended:
         raise ended

@@ -27,11 +27,12 @@ from quadsim.config.recorded import (
     recorded_spec,
     sorted_settings,
 )
+from quadsim.config.settings import SETTINGS
 from quadsim.config.spec import Spec
 from quadsim.course import Course, parse_course
 from quadsim.files.arrays import read_bytes
 from quadsim.files.strict_yaml import FileError
-from quadsim.files.values import SettingError
+from quadsim.files.values import SettingError, checked
 from quadsim.heat.result import heat_digest, heat_events, placings, run_records
 from quadsim.heat.settings import Awareness, HeatSettings
 from quadsim.heat.spec import Entrant, HeatSpec
@@ -404,6 +405,7 @@ def spec_of_heat(
     loaded: LoadedHeat,
     runs_dir: str | None = None,
     parts: Mapping[str, Mapping[str, Any]] | None = None,
+    seed: str | int | None = None,
 ) -> HeatSpec:
     """Return the specification of a stored race, which flies the same again.
 
@@ -411,11 +413,14 @@ def spec_of_heat(
         loaded: the race.
         runs_dir: folder of runs in place of the recorded one.
         parts: see `recorded_heat`.
+        seed: seed in place of the recorded one, for another race of the same entrants.
 
     Raises:
         RecordError, SettingError: see `recorded_heat`.
     """
-    return _heat_spec(loaded.spec, parts or {}, {"runs_dir": runs_dir} if runs_dir else {})
+    settings = {"runs_dir": runs_dir, "seed": seed}
+    given = {name: value for name, value in settings.items() if value is not None}
+    return _heat_spec(loaded.spec, parts or {}, given)
 
 
 def is_record_of_heat(value: object) -> TypeGuard[Mapping[str, Any]]:
@@ -434,7 +439,8 @@ def recorded_heat(
         record: `spec` of a Heat.
         parts: {entrant: {role: part}} of the user's own parts that flew, such as
             {"mine": {"controller": controller}}.
-        settings: runs_dir, the folder of runs in place of the recorded one.
+        settings: runs_dir, the folder of runs in place of the recorded one; seed, which makes it
+            another race of the same entrants.
 
     Raises:
         RecordError: a file or a part is missing or differs, or the record is not one of a race.
@@ -446,8 +452,8 @@ def recorded_heat(
     except msgspec.ValidationError as error:
         raise RecordError(f"expected the record of a race: {error}") from None
     for name in settings or {}:
-        if name != "runs_dir":
-            wanted = "expected nothing but parts, runs_dir and threads beside a recorded race"
+        if name not in ("runs_dir", "seed"):
+            wanted = "expected nothing but parts, runs_dir, seed and threads beside a recorded race"
             raise SettingError(name, wanted)
     return _heat_spec(stored, parts or {}, settings or {})
 
@@ -457,7 +463,13 @@ def _heat_spec(
     parts: Mapping[str, Mapping[str, Any]],
     settings: Mapping[str, Any],
 ) -> HeatSpec:
-    """Return the specification that a record holds."""
+    """Return the specification that a record holds, with another seed if one is given."""
+    of_flights = dict(settings)
+    seed = of_flights.pop("seed", None)
+    if seed is None:
+        seed = stored.seed
+    else:
+        seed = msgspec.convert(checked("seed", seed, SETTINGS["seed"].kind), int)
     names = [entrant.name for entrant in stored.entrants]
     for name in parts:
         if name not in names:
@@ -465,12 +477,12 @@ def _heat_spec(
     entrants = [
         Entrant(
             name=one.name,
-            spec=_entrant_spec(one, parts.get(one.name, {}), settings),
+            spec=_entrant_spec(one, parts.get(one.name, {}), of_flights),
             awareness=one.awareness,
         )
         for one in stored.entrants
     ]
-    return HeatSpec(tuple(entrants), stored.settings, stored.seed, stored.rotation)
+    return HeatSpec(tuple(entrants), stored.settings, seed, stored.rotation)
 
 
 def _entrant_spec(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from hashlib import sha256
 from itertools import combinations
@@ -71,8 +72,9 @@ class HeatRecorder:
         heat: specification of the race.
         """
         self._heat = heat
-        # Taken before the race, in which parts of the user's own may change
-        self.record = heat.record()
+        # Taken before the race, in which parts of the user's own may change. Tuples become lists
+        # now, so that loading gives back the same.
+        self.record = json.loads(canonical(heat.record()))
         self.recorders = [Recorder() for _ in heat.entrants]
         self.faults: dict[str, str] = {}
 

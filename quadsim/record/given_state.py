@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from quadsim.physics.link import WIRE, LinkConfig, command_latency
@@ -35,3 +36,41 @@ def given_state(spec: dict[str, Any]) -> str:
         return f"state given {' plus '.join(late)} ahead of the measurement"
     acts = f"{' plus '.join(late)} later" if late else "at once"
     return f"state given as measured, the command acts {acts}"
+
+
+def conditions(specs: Mapping[str, dict[str, Any]]) -> list[str]:
+    """Return the links of several flights, and which state the controller of each was given.
+
+    Args:
+        specs: the spec of each run by the name of its entrant or variant.
+
+    Returns:
+        At most one line each; no line that says of every flight that nothing is late.
+    """
+    links = {name: _link(spec) for name, spec in specs.items()}
+    states = {name: given_state(spec) for name, spec in specs.items()}
+    lines = (together(links, "no link"), together(states, "state given as measured"))
+    return [line for line in lines if line]
+
+
+def _link(spec: dict[str, Any]) -> str:
+    """Return the link of a flight as text, "" if it has none."""
+    return str(LinkConfig(**spec["link"])) if spec.get("link") else ""
+
+
+def together(texts: Mapping[str, str], without: str) -> str:
+    """Return one line with the texts of several names.
+
+    Args:
+        texts: the text of each name, "" for none.
+        without: stands for "" if others have a text.
+
+    Returns:
+        The text alone if all have it, such as "" if none has one; else "a, b: text; c: text".
+    """
+    if len(set(texts.values())) < 2:
+        return next(iter(texts.values()), "")
+    names: dict[str, list[str]] = {}
+    for name, text in texts.items():
+        names.setdefault(text, []).append(name)
+    return "; ".join(f"{', '.join(of)}: {text or without}" for text, of in names.items())

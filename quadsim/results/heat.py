@@ -25,6 +25,7 @@ from quadsim.heat.result import (
     placings,
 )
 from quadsim.heat.spec import HeatSpec
+from quadsim.record.given_state import conditions
 from quadsim.results.run import Run
 
 if TYPE_CHECKING:
@@ -123,6 +124,8 @@ class Heat:
         rules = f"rules {self.rules}"
         entrants = f"{len(self.runs)} entrant" + "s" * (len(self.runs) > 1)
         head = f"[bold]{escape(self.course.name)}[/]  {entrants}, {rules}"
+        specs = {name: run.spec for name, run in zip(self.names, self.runs, strict=True)}
+        lines = [escape(line) for line in conditions(specs)]
         table = plain_table(
             "place", "entrant", "outcome", "race [s]", "gap [s]", "gates", "top [m/s]"
         )
@@ -141,7 +144,7 @@ class Heat:
                 f"{run.metrics.top_speed:.1f}",
             )
         happened = [escape(f"  {self._told(event)}") for event in self.events]
-        return [head, "", table, "", *(happened or ["  no overtakes, no contacts"])]
+        return [head, *lines, "", table, "", *(happened or ["  no overtakes, no contacts"])]
 
     def _told(self, event: HeatEvent) -> str:
         """Return an event as a line of the report."""

@@ -284,7 +284,7 @@ def test_a_stored_race_is_read_and_flown_again_to_the_last_bit(raced, stored, ca
 @pytest.mark.parametrize(
     ("beside", "problem"),
     [
-        ({"laps": 2}, "laps: expected nothing but parts, runs_dir and threads beside a recorded"),
+        ({"laps": 2}, "laps: expected nothing but parts, runs_dir, seed and threads beside"),
         ({"course": "figure8"}, "course: expected nothing but parts"),
         ({"parts": {"nobody": {}}}, "parts: expected one of colored, gaussian, got 'nobody'"),
     ],

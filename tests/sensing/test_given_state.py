@@ -7,8 +7,9 @@ import pytest
 
 import quadsim
 from controllers.plan import PlanStats
+from quadsim.cli.cli import race
 from quadsim.config.recorded import spec_of_record
-from quadsim.record.given_state import given_state
+from quadsim.record.given_state import conditions, given_state
 from quadsim.record.run import canonical
 
 FLIGHT = {"laps": 1, "timeout": 1.0}
@@ -135,3 +136,43 @@ def test_the_report_says_what_adds_to_the_latency():
         ),
     ):
         assert given_state(quadsim.Spec.of("figure8", **settings).record()) == line
+
+
+AHEAD = "state given 200 ms ahead of the measurement"
+MEASURED = "state given as measured, the command acts 200 ms later"
+LATE_LINK = {**FLIGHT, "timeout": 0.05, "link_latency": 0.2}
+
+
+def test_a_race_says_how_late_commands_are_and_which_states_were_given(tmp_path, capsys):
+    """Only the report of each entrant did."""
+    given = {"ahead": {"controller": Step()}, "as is": {"controller": Step(), "predict": False}}
+    heat = quadsim.race(given, "figure8", **LATE_LINK)
+    lines = ["link late by 200 ms", f"ahead: {AHEAD}; as is: {MEASURED}"]
+    assert str(heat).splitlines()[1:3] == lines
+    heat.save(tmp_path)
+    assert race(["show", "last", "--runs-dir", str(tmp_path)]) == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert all(line in shown for line in lines)
+
+
+def test_a_comparison_says_how_late_commands_are_and_which_states_were_given():
+    given = {"ahead": {"controller": Step}, "as is": {"controller": Step, "predict": False}}
+    found = quadsim.compare("figure8", given, attempts=1, **LATE_LINK)
+    text = " ".join(str(found).split())
+    assert f"link late by 200 ms ahead: {AHEAD}; as is: {MEASURED}" in text
+    assert f"* ahead: {AHEAD}; as is: {MEASURED}" in found.markdown("x.png")
+    settings = {"late": {"link_latency": 0.2}, "now": {}}
+    line_up = {"one": {"controller": Step}, "two": {"controller": Step}}
+    heats = quadsim.compare_heats(
+        line_up, "figure8", settings, starts=1, **FLIGHT | {"timeout": 0.05}
+    )
+    assert heats.notes()[:2] == ["late: link late by 200 ms", f"late: {AHEAD}"]
+
+
+def test_nothing_is_said_of_flights_in_which_nothing_is_late():
+    record = quadsim.Spec.of("figure8").record()
+    assert conditions({"a": record, "b": record}) == []
+    behind = quadsim.Spec.of("figure8", link_hz=100).record()
+    found = conditions({"a": record, "b": behind, "c": record})
+    assert found[0] == "a, c: no link; b: link of 100 Hz"
+    assert found[1].startswith("a, c: state given as measured; b: state given the wait of")
