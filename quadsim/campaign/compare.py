@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from hashlib import sha256
@@ -321,7 +322,7 @@ def write_report(comparison: Comparison, folder: Path, identity: str) -> list[Pa
     """
     courses = [section.course.name for section in comparison.sections]
     variants = dict.fromkeys(variant.name for variant in comparison.variants)
-    names = "_".join([*courses, *variants])[:NAME_LENGTH].replace("/", "-")
+    names = re.sub("[/=:]", "-", "_".join([*courses, *variants])[:NAME_LENGTH])
     stem = f"{names}_{identity}"
     figures = write_figure(comparison.plot(), folder, stem)
     text = folder / f"{stem}.md"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
@@ -32,7 +33,7 @@ def write_heats_report(
     from quadsim.campaign.heats_figure import title_of  # here: it loads matplotlib
 
     names = "_".join([found.course, *(one.name for one in found.settings)])[:NAME_LENGTH]
-    stem = f"{names.replace('/', '-').replace('=', '-')}_{_identity(variants)}"
+    stem = f"{re.sub('[/=:]', '-', names)}_{_identity(variants)}"
     figures = write_figure(found.plot(), folder, stem)
     text = folder / f"{stem}.md"
     title = title_of(found.course, found.settings[0].summary)
