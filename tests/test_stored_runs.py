@@ -261,6 +261,8 @@ def test_files_of_two_races_have_the_names_of_the_races(root, raced, tmp_path, m
         assert export(root, str(folder), "--csv") == 0
     written = capsys.readouterr().out.split()
     assert written == [f"{one.name}.csv", f"{other.name}.csv", f"{one.name}_1_up.csv"]
+    assert race(["plot", str(one / "1_up"), "--out", "figures"]) == 0
+    assert f"figures/{one.name}_1_up.png" in capsys.readouterr().out.split()
     # within one table or zip, too, the runs can be told apart
     assert export(root, str(one), str(other), "--csv", "--out", "both.csv") == 0
     names = [f"{folder.name}_{run}" for folder in (one, other) for run in ("1_up", "2_-b-off")]

@@ -119,7 +119,7 @@ def plot(
     elif Path(out).suffix.lower() in PICTURES:
         paths = (save_figure(figure, Path(out)),)
     else:
-        paths = write_figure(figure, Path(out), folder.name)
+        paths = write_figure(figure, Path(out), export_name(folder))
     _print_paths(paths, json)
     return 0
 

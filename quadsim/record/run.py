@@ -253,7 +253,8 @@ def flown_by(spec: Mapping[str, Any]) -> str:
     It is the sampler's, "pilot", "hand" (a person), or the class of a controller of the user's own,
     beside which the record names a sampler that did not fly.
     """
-    return own_parts({"own": spec.get("own", {})}).get("controller", spec["sampler"])
+    own = own_parts({"own": spec.get("own", {})})
+    return own["controller"] if "controller" in own else spec["sampler"]
 
 
 def flown_with(spec: dict[str, Any]) -> str:
