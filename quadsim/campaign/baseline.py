@@ -33,7 +33,7 @@ from quadsim.campaign.variants import Variant
 from quadsim.config.setting_texts import Settings, parse_parts, resolve
 from quadsim.files.data_files import read_text
 from quadsim.files.strict_yaml import load, unit
-from quadsim.record.run import RunError
+from quadsim.record.run import ERROR, RunError
 from quadsim.record.statistics import false_alarm, proportion_difference, upper_bound
 
 CONFIDENCE = 0.95
@@ -106,7 +106,8 @@ def fly_baselines(pool: Pool, variants: Sequence[Variant], attempts: Sequence[in
         attempts: the number of attempts of each variant.
 
     Raises:
-        RunError: an attempt was lost twice with its worker.
+        RunError: an attempt was lost twice with its worker, or an error of the user's own code
+            ended it.
     """
     wanted = [
         [PlannedAttempt(variant, spec) for spec in variant.attempts(number)]
@@ -118,6 +119,11 @@ def fly_baselines(pool: Pool, variants: Sequence[Variant], attempts: Sequence[in
     lost = len(todo) - len(flown)
     if lost:
         raise RunError(f"{lost} of {len(todo)} attempts were lost with their workers")
+    for variant, spec in todo:
+        run = flown[id(spec)].run
+        if run.outcome == ERROR:
+            label = f"{variant.course} {variant.name} seed {spec.seed}"
+            raise RunError(f"{label}: an error of your own code ended the flight: {run.fault}")
     return [_stored([flown[id(spec)] for _, spec in of_variant]) for of_variant in wanted]
 
 

@@ -33,7 +33,7 @@ from quadsim.record.run_text import crash_place
 from quadsim.record.turning_back import turned_back
 
 # Colour of an outcome; any other is yellow
-COLOUR = {"finished": "green", "crashed": "red"}
+COLOUR = {"finished": "green", "crashed": "red", "error": "red"}
 # Columns of a line that holds all that a flight was flown with
 WIDTH = 80
 # Time without a pose or a corner after which the report says so [s]
