@@ -181,7 +181,7 @@ def notes(
         )
     if any(v.turned_back for v in variants):
         yield "Turned back: attempts that overshot a gate and returned to it."
-    yield from _notes_of_faults(variants)
+    yield from notes_of_faults(variants)
     shown = shown_pairs(variants, pairs)
     yield from _notes_of_pairs(shown, len(pairs))
     known = [p for p in shown if isfinite(p.detectable) and p.lap_difference.n >= FEWEST_PAIRS]
@@ -197,7 +197,7 @@ def notes(
     yield from mixed_commits({v.name: v.commits for v in variants})
 
 
-def _notes_of_faults(variants: Sequence[VariantStats]) -> Iterator[str]:
+def notes_of_faults(variants: Sequence[VariantStats]) -> Iterator[str]:
     """Yield a line for each error that ended attempts of a variant."""
     for variant in variants:
         for fault, seeds in variant.faults.items():

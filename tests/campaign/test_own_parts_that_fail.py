@@ -10,6 +10,7 @@ import quadsim
 from quadsim.campaign.baseline import fly_baselines
 from quadsim.campaign.pool import Pool
 from quadsim.campaign.variants import Variant, expect_importable
+from quadsim.cli.cli import race
 from quadsim.cli.report import summary
 from quadsim.config.spec import Spec
 from quadsim.files.values import SettingError
@@ -88,8 +89,10 @@ def test_attempts_that_an_error_of_own_code_ended_are_flown_again(tmp_path, caps
 
     number.write_text("much")
     assert flown() == ["error"] * 2
-    number.write_text("9.81")
     capsys.readouterr()
+    assert race(["results", "--campaigns", str(campaign)]) == 0
+    assert "Ended by an error: reads, seeds 0, 1: ValueError: " in capsys.readouterr().out
+    number.write_text("9.81")
     assert flown() == ["timeout"] * 2
     said = "2 attempts ended in an error of your own code and are flown again"
     assert said in capsys.readouterr().err
