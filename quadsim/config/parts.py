@@ -6,7 +6,7 @@ the numbers that they hold and a hash that tells them from others, not their cod
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import fields, is_dataclass
 from functools import partial
 from importlib import import_module
@@ -146,6 +146,15 @@ def called(role: str, function: Callable[..., Any], name: str, *arguments: objec
             raise
         wanted = f"expected a function of {name}, got {shown_value(function)}"
         raise SettingError(role, f"{wanted}: {error}") from None
+
+
+def runs_own_code(roles: Iterable[str]) -> bool:
+    """Return whether parts of the user's own are called in flight: any part but a course.
+
+    Args:
+        roles: the roles of a flight's own parts.
+    """
+    return any(role != "course" for role in roles)
 
 
 def fault_in_flight(error: Exception, has_own_parts: bool) -> str | None:
