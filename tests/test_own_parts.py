@@ -743,3 +743,29 @@ def test_a_race_records_a_sampler_that_changes_as_it_was_before(counting, tmp_pa
     assert stored["mine"].spec["own"]["sampler"]["parameters"] == {"plans": 0}
     again = quadsim.race(stored.spec, parts={"mine": {"sampler": counting()}})
     assert again.digest() == heat.digest()
+
+
+def test_a_maker_may_make_a_maker():
+    """A function that returns a PolicyController is a controller, as a PolicyController is."""
+    policy = quadsim.PolicyController(lambda observation: np.zeros(4))
+    found = made("controller", lambda spec: policy, SPEC)
+    assert type(found) is type(made("controller", policy, SPEC))
+
+
+def test_an_error_of_a_maker_says_what_it_was_called_for():
+    with pytest.raises(TypeError) as caught:
+        made("controller", lambda x: x[2], SPEC)
+    (note,) = caught.value.__notes__
+    assert "was called with a Spec" in note
+    assert "quadsim.PolicyController(policy)" in note
+
+
+def test_a_state_that_is_taken_for_an_estimate_is_explained():
+    class Law:
+        def control(self, estimate):
+            return estimate.x
+
+    with pytest.raises(AttributeError) as caught:
+        PlainController(Law(), HOVER).control(Estimate(0.0, np.zeros(17)))
+    (note,) = caught.value.__notes__
+    assert "is given the state x" in note

@@ -17,11 +17,11 @@ from hashlib import sha256
 from typing import NotRequired, TypedDict, TypeVar
 
 from quadsim.config.build import build, launch
-from quadsim.config.parts import fault_in_flight
+from quadsim.config.parts import fault_in_flight, runs_own_code
 from quadsim.config.spec import Spec
 from quadsim.record.metrics import chatter, motor_use
 from quadsim.record.provenance import provenance
-from quadsim.record.run import CRASHES, PlanTime, RecordedRun, Recorder, canonical
+from quadsim.record.run import CRASHES, ERROR, PlanTime, RecordedRun, Recorder, canonical
 from quadsim.record.turning_back import TurnedBack, turned_back
 
 LABELS = ("host", "preset")  # keys of a spec's record that do not decide the flight
@@ -43,7 +43,7 @@ class Flown:
 
     run: RecordedRun
     provenance: dict  # of the worker: versions, commit, cpu
-    fault: str | None  # the planner's error, if it raised one in flight
+    fault: str | None  # the error of the planner or of the user's own code that ended the flight
 
 
 def attempt_key(
@@ -86,15 +86,17 @@ def _hash(record: dict) -> str:
 def fly_attempt(spec: Spec) -> Flown:
     """Fly an attempt, in a worker process on one thread.
 
-    A planner or a part of the user's own that raises an error in flight has crashed. A flight whose
-    firmware has ended has not: that says nothing of the variant, so it is no result to keep.
+    A planner that raises an error in flight has crashed. If the flight has parts of the user's own,
+    its outcome is an error. A flight whose firmware has ended is neither: that says nothing of the
+    variant, so it is no result to keep.
 
     Raises:
         FirmwareError: the firmware does not run, or has ended in flight (a ValueError).
         Exception: the planner or a part of the user's own raised an error before the flight.
     """
     use_one_thread_in_a_worker()
-    if spec.own_objects():
+    has_own_parts = bool(spec.own_objects())
+    if has_own_parts:
         spec = with_fresh_parts(spec)
     # Before the flight, as these name the code and the parts that fly.
     flown_by = this_provenance()
@@ -108,12 +110,13 @@ def fly_attempt(spec: Spec) -> Flown:
                 recorder.add(replace(frame, snapshot=None))
         except Exception as error:
             # The user's own parts may raise anything.
-            fault = fault_in_flight(error, bool(spec.own_objects()))
+            fault = fault_in_flight(error, has_own_parts)
             if fault is None or not len(recorder):
                 raise
     run = recorder.run(record)
     if fault is not None:
-        run = replace(run, outcome="crashed")
+        outcome = ERROR if runs_own_code(spec.own_objects()) else "crashed"
+        run = replace(run, outcome=outcome, fault=fault)
     return Flown(run, flown_by, fault)
 
 
@@ -165,7 +168,7 @@ class Result(TypedDict):
 
     laps: list[float]  # [s]
     crash: Crash | None
-    fault: str | None  # the planner's error
+    fault: str | None  # the error that ended the flight
     thrust_tv: Variation  # [m/s^2/s]
     rates_tv: Variation  # of the body rates [rad/s^2]
     motors: NotRequired[MotorNumbers]  # of flights behind a firmware

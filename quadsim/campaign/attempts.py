@@ -18,7 +18,8 @@ class Attempt:
         course: name of the course.
         variant: name of the variant.
         seed: attempts of one seed have the same vehicle, start and wind.
-        outcome: finished, crashed, stuck, timeout or interrupted.
+        outcome: finished, crashed, stuck, timeout, interrupted, or error: an error of your own code
+            ended it.
         ended_at: where a flight that did not finish ended: "gate 3", "obstacle 1", "ground",
             "bounds", "planner", or its outcome; "" for one that finished.
         laps: times of the completed laps [s].
@@ -36,6 +37,7 @@ class Attempt:
         commit: the commit that flew the attempt.
         folder: the run's folder, which `quadsim.load_run` reads; None where it is not kept. Without
             a campaign it exists as long as the comparison.
+        fault: the error that ended the flight: class, message, file and line; None where none did.
 
     Examples:
         >>> import quadsim
@@ -62,6 +64,7 @@ class Attempt:
     plan_ms: float
     commit: str
     folder: Path | None
+    fault: str | None = None
 
 
 def attempts_of(section: Section) -> Iterator[Attempt]:
@@ -95,4 +98,5 @@ def _attempt(row: Row, variant: str, home: Path) -> Attempt:
         plan_ms=result["plan_ms"]["p50"],
         commit=row.code,
         folder=home / row.folder if row.folder else None,
+        fault=result["fault"],
     )

@@ -8,14 +8,15 @@
 
 A number passes when its worsening is below its effect with 95 % confidence. So a racer that is
 worse by the effect fails with probability 95 %, however many attempts; their number decides how
-often an unchanged one fails.
+often an unchanged one fails. Where an unchanged one always fails, the verdict is undecided instead,
+and a file with too few attempts for any racer to pass is refused.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import nan, sqrt
+from math import inf, nan, sqrt
 from pathlib import Path
 from statistics import fmean, stdev
 from typing import Annotated
@@ -32,11 +33,12 @@ from quadsim.campaign.summary_stats import FINISHED
 from quadsim.campaign.variants import Variant
 from quadsim.config.setting_texts import Settings, parse_parts, resolve
 from quadsim.files.data_files import read_text
-from quadsim.files.strict_yaml import load, unit
-from quadsim.record.run import RunError
+from quadsim.files.strict_yaml import parse, unit
+from quadsim.record.run import ERROR, RunError
 from quadsim.record.statistics import false_alarm, proportion_difference, upper_bound
 
 CONFIDENCE = 0.95
+MOST_ATTEMPTS = 10_000
 Share = Annotated[float, Meta(gt=0, le=10)]
 Lap = Annotated[float, unit("s", gt=0)]
 ThrustVariation = Annotated[float, unit("m/s^2/s", ge=0)]
@@ -64,14 +66,55 @@ class Baseline(Struct, frozen=True, kw_only=True):
 
     course: str
     variant: str
-    attempts: Annotated[int, Meta(ge=4, le=10_000)] = 20
+    attempts: Annotated[int, Meta(ge=4, le=MOST_ATTEMPTS)] = 20
     effects: Effects = Effects()
     stored: Stored | None = None
 
 
 def load_baseline(path: Path) -> Baseline:
-    """Read a baseline file. Raises FileError."""
-    return load(read_text(path), str(path), Baseline)
+    """Read a baseline file.
+
+    Raises:
+        FileError: the file cannot be used, or has too few attempts for its effect on success.
+    """
+    document = parse(read_text(path), str(path))
+    baseline = document.fill(Baseline)
+    effect = baseline.effects.success
+    needed = attempts_needed(effect)
+    if needed is None or baseline.attempts < needed:
+        wanted = f"{needed} or more" if needed else f"more than {MOST_ATTEMPTS}"
+        problem = (
+            f"expected {wanted}, got {baseline.attempts}: with fewer, even flights that all "
+            f"finish do not show with 95 % confidence that success is less than "
+            f"{100 * effect:.3g} points worse (effects: {{success: {effect:g}}})"
+        )
+        raise document.error("attempts", problem)
+    return baseline
+
+
+def attempts_needed(effect: float, share: float = 1.0) -> int | None:
+    """Return the fewest attempts with which an unchanged racer passes the test of success.
+
+    Args:
+        effect: worsening of the share that finishes, which is to be ruled out.
+        share: of the attempts that finish, then and now.
+
+    Returns:
+        The number; None: more than a baseline may have.
+    """
+
+    def passes(attempts: int) -> bool:
+        finished = round(share * attempts)
+        return _success_bound(finished, attempts, finished, attempts) < effect
+
+    return next(filter(passes, range(1, MOST_ATTEMPTS + 1)), None)
+
+
+def _success_bound(finished_now: int, now: int, finished_then: int, then: int) -> float:
+    """Return the worsening of the share that finishes, below which it is with 95 % confidence."""
+    # The upper limit of a two-sided interval is the one-sided bound of another confidence.
+    two_sided = 2 * CONFIDENCE - 1
+    return proportion_difference(finished_now, now, finished_then, then, two_sided)[1]
 
 
 def baseline_text(baseline: Baseline, stored: Stored) -> str:
@@ -106,7 +149,8 @@ def fly_baselines(pool: Pool, variants: Sequence[Variant], attempts: Sequence[in
         attempts: the number of attempts of each variant.
 
     Raises:
-        RunError: an attempt was lost twice with its worker.
+        RunError: an attempt was lost twice with its worker, or an error of the user's own code
+            ended it.
     """
     wanted = [
         [PlannedAttempt(variant, spec) for spec in variant.attempts(number)]
@@ -118,6 +162,11 @@ def fly_baselines(pool: Pool, variants: Sequence[Variant], attempts: Sequence[in
     lost = len(todo) - len(flown)
     if lost:
         raise RunError(f"{lost} of {len(todo)} attempts were lost with their workers")
+    for variant, spec in todo:
+        run = flown[id(spec)].run
+        if run.outcome == ERROR:
+            label = f"{variant.course} {variant.name} seed {spec.seed}"
+            raise RunError(f"{label}: an error of your own code ended the flight: {run.fault}")
     return [_stored([flown[id(spec)] for _, spec in of_variant]) for of_variant in wanted]
 
 
@@ -152,6 +201,7 @@ class Verdict:
     effect: float
     # Greatest probability that an unchanged racer on another machine fails.
     unchanged_fails: float
+    undecided: str = ""  # why these flights cannot tell, and what is needed; "": they can
 
     @property
     def ok(self) -> bool:
@@ -182,7 +232,7 @@ def _relative(name: str, pairs: Sequence[tuple[float, float]], effect: float) ->
     before = [then for then, _ in pairs]
     after = [now for _, now in pairs]
     if len(pairs) < 2 or not any(before):
-        return Verdict(name, nan, nan, nan, nan, effect, unchanged_fails=1.0)
+        return _unknown(name, pairs, effect)
     mean = fmean(before)
     differences = [(now - then) / mean for then, now in pairs]
     # The standard deviation of a difference, if the seeds shared nothing.
@@ -198,19 +248,31 @@ def _relative(name: str, pairs: Sequence[tuple[float, float]], effect: float) ->
     )
 
 
+def _unknown(name: str, pairs: Sequence[tuple[float, float]], effect: float) -> Verdict:
+    """Return the verdict on a number without a stored mean to compare with."""
+    if len(pairs) < 2:
+        why = f"2 seeds that finished then and now are needed, got {len(pairs)}"
+        return Verdict(name, nan, nan, nan, nan, effect, unchanged_fails=1.0, undecided=why)
+    now = fmean(after for _, after in pairs)
+    # All stored values are 0: no change, or one without a limit.
+    worse = inf if now else 0.0
+    return Verdict(name, 0.0, now, worse, worse, effect, unchanged_fails=1.0)
+
+
 def _success(then: Sequence[float | None], now: Sequence[float | None], effect: float) -> Verdict:
     """Judge the share that finishes.
 
-    With so few flights that even all of them finishing shows too little, it never passes.
+    It is undecided where an unchanged racer could not pass either, and what was seen is less than
+    the effect.
     """
     finished_then = sum(lap is not None for lap in then)
     finished_now = sum(lap is not None for lap in now)
-    # The upper limit of a two-sided interval is the one-sided bound of another confidence.
-    two_sided = 2 * CONFIDENCE - 1
-    _, bound = proportion_difference(finished_now, len(now), finished_then, len(then), two_sided)
-    _, best = proportion_difference(finished_then, len(then), finished_then, len(then), two_sided)
+    bound = _success_bound(finished_now, len(now), finished_then, len(then))
     stored = finished_then / len(then)
     share = finished_now / len(now)
+    unchanged = _success_bound(round(stored * len(now)), len(now), finished_then, len(then))
+    cannot_pass = unchanged >= effect
+    is_undecided = cannot_pass and bound >= effect and stored - share < effect
     return Verdict(
         "success",
         stored=stored,
@@ -218,5 +280,23 @@ def _success(then: Sequence[float | None], now: Sequence[float | None], effect: 
         worse=stored - share,
         bound=bound,
         effect=effect,
-        unchanged_fails=float(best >= effect),
+        unchanged_fails=float(cannot_pass),
+        undecided=_why_undecided(len(then), len(now), stored, effect) if is_undecided else "",
+    )
+
+
+def _why_undecided(then: int, now: int, share: float, effect: float) -> str:
+    """Return why the test of success is undecided, and how many attempts it needs.
+
+    Args:
+        then: the number of stored attempts.
+        now: the number of new attempts.
+        share: of the stored attempts that finished.
+        effect: worsening to rule out.
+    """
+    needed = attempts_needed(effect, share)
+    wanted = f"{needed} attempts" if needed else "a larger effect"
+    return (
+        f"{wanted} needed, got {then} stored and {now} now: where {100 * share:.0f} % finish, "
+        f"fewer do not rule out a success that is {100 * effect:.3g} points worse"
     )

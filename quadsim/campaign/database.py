@@ -193,6 +193,33 @@ class Database(Generic[AnyRow]):
             self._complain_once(columns, number, error)
             return None
 
+    def forget_errors(self, keys: Iterable[str]) -> int:
+        """Remove the rows that an error of the user's own code has ended, and return their number.
+
+        They are no results to keep, as the code may be mended without a change of the key: in
+        another module or a file that it reads.
+
+        Args:
+            keys: the keys that are wanted.
+
+        Raises:
+            RunError: the file cannot be read or written.
+        """
+        found = [row for row in self.rows(keys) if self.ended_by_own_error(row)]
+        for row in found:
+            with database_errors(self.path):
+                statement = f"DELETE FROM {self.table} WHERE key = ? AND code = ?"
+                self._db.execute(statement, (row.key, row.code))
+            self.forgotten(row)
+        return len({row.key for row in found})
+
+    def ended_by_own_error(self, row: AnyRow) -> bool:
+        """Return whether an error of the user's own code has ended a flight of a row."""
+        raise NotImplementedError
+
+    def forgotten(self, row: AnyRow) -> None:
+        """Remove what is kept beside a row that has been removed."""
+
     def checked(self, row: AnyRow) -> AnyRow:
         """Return the row. Raises ValueError if its parts do not fit together."""
         return row

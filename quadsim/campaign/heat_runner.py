@@ -68,6 +68,7 @@ class HeatRunner(CampaignRunner):
                 expect_identity(entrant.spec)
         keys = [key_of(heat) for heat in heats]
         wanted = dict(zip(keys, heats, strict=True))
+        self._forget_errors(self._store, wanted, "races")
         rows = self._rows(wanted)
         self._kept += len(rows)
         missing = [heat for key, heat in wanted.items() if key not in rows]

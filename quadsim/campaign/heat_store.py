@@ -12,6 +12,7 @@ import msgspec
 
 from quadsim.campaign.attempt import LIBRARIES, this_provenance
 from quadsim.campaign.database import Database, code_of
+from quadsim.config.parts import runs_own_code
 from quadsim.heat.archive import heat_key
 from quadsim.heat.spec import HeatSpec
 from quadsim.record.run import canonical
@@ -69,6 +70,14 @@ class HeatStore(Database[HeatRow]):
         if placed != sorted(row.entrants):
             raise ValueError(f"expected a place of each of {row.entrants}, got {placed}")
         return row
+
+    def ended_by_own_error(self, row: HeatRow) -> bool:
+        """Return whether an error of the user's own code has ended a flight of a heat."""
+        if not row.result.faults:
+            return False
+        entrants = self.spec(row.key).get("entrants", [])
+        own = {each["name"] for each in entrants if runs_own_code(each["spec"].get("own", {}))}
+        return not own.isdisjoint(row.result.faults)
 
     def add(self, heat: HeatSpec, result: StoredResult, provenance: Mapping[str, Any]) -> bool:
         """Keep a heat, and return whether it was new. Raises RunError."""

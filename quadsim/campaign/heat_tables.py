@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from math import isnan
@@ -82,8 +83,9 @@ def lines_of(found: HeatsSummary) -> list[str]:
         f"{races} ({_percent(found.contact_ci)}), {found.contacts} contacts in all",
         f"overtakes in a race {_mean(found.overtakes)}",
         *(
-            f"{name} was out by an error in {len(texts)} of {found.races} races, first: {texts[0]}"
+            f"{name} was out by an error in {number} of {found.races} races: {text}"
             for name, texts in found.faults.items()
+            for text, number in Counter(texts).items()
         ),
     ]
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, Self
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from quadsim.campaign.attempt import LIBRARIES, Flown, attempt_key, this_provenance
-from quadsim.campaign.database import code_of
+from quadsim.campaign.database import Database, code_of
 from quadsim.campaign.pool import Pool, fly_all, open_pool
 from quadsim.campaign.store import Row, Store
 from quadsim.campaign.variants import Variant, expect_identities, expect_importable
@@ -82,15 +82,21 @@ def fly_attempts(
 ) -> Iterator[FlownAttempt]:
     """Yield attempts as they finish.
 
-    One that is lost twice with its worker is reported and left out.
+    One that is lost twice with its worker is reported and left out. An error that ended attempts of
+    a variant is reported once.
     """
     variants = {id(attempt.spec): attempt.variant for attempt in attempts}
+    told: set[tuple[str, str, str]] = set()
     for spec, flown in fly_all(pool, [attempt.spec for attempt in attempts]):
         variant = variants[id(spec)]
         label = f"{variant.course} {variant.name} seed {spec.seed}"
         if flown is None:
             complain(f"{label}: lost twice with its worker, not flown")
             continue
+        fault = (variant.course, variant.name, flown.fault or "")
+        if flown.fault and fault not in told:
+            told.add(fault)
+            complain(f"{label}: ended by an error: {flown.fault}")
         yield FlownAttempt(variant, spec, flown)
         if tally:
             tally.count(f"{label}: {flown.run.outcome}")
@@ -126,6 +132,7 @@ class CampaignRunner:
         self._this_commit = this_commit
         self._temporary = temporary
         self._kept = 0  # flights or heats that are in the campaign
+        self._flown: set[str] = set()  # keys of what this runner has been asked for
         self._open = ExitStack()
 
     def __enter__(self) -> Self:
@@ -141,6 +148,22 @@ class CampaignRunner:
         if isinstance(error, KeyboardInterrupt):
             raise KeyboardInterrupt(kept) from None
         complain(kept)
+
+    def _forget_errors(self, store: Database[Any], keys: Iterable[str], what: str) -> None:
+        """Remove what an error of the user's own code has ended before, to fly it again.
+
+        Args:
+            store: the campaign.
+            keys: the keys that are wanted.
+            what: the plural of what has a key, for people.
+        """
+        before = [key for key in keys if key not in self._flown]
+        self._flown.update(before)
+        again = store.forget_errors(before)
+        if again:
+            ended = f"{again} {what} ended" if again > 1 else f"1 of the {what} ended"
+            are = "are" if again > 1 else "is"
+            complain(f"{ended} in an error of your own code and {are} flown again")
 
     @cached_property
     def pool(self) -> Pool:
@@ -189,6 +212,7 @@ class Runner(CampaignRunner):
         by_seed = zip(*(of_variant.items() for of_variant in wanted), strict=True)
         in_order = dict(pair for of_seed in by_seed for pair in of_seed)
 
+        self._forget_errors(self._store, in_order, "attempts")
         rows = self._rows(in_order)
         self._kept += len(rows)
         missing = [attempt for key, attempt in in_order.items() if key not in rows]

@@ -6,6 +6,7 @@ disk, so that every row is a complete flight; only then does the telemetry's fol
 
 from __future__ import annotations
 
+import shutil
 import sqlite3
 import time
 from collections.abc import Mapping
@@ -15,9 +16,10 @@ from typing import cast
 
 from quadsim.campaign.attempt import Flown, Result, attempt_key, result, variant_key
 from quadsim.campaign.database import SCHEMA_VERSION, Database, code_of, database_errors
+from quadsim.config.parts import runs_own_code
 from quadsim.config.spec import Spec
 from quadsim.record.archive import RunFolder, remove_unfinished
-from quadsim.record.run import Outcome, flown_by
+from quadsim.record.run import ERROR, Outcome, flown_by
 
 INDEX = "CREATE INDEX attempts_by_variant ON attempts (variant, seed)"
 
@@ -125,6 +127,19 @@ class Store(Database[Row]):
             flown_at=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         )
         return self.insert(row, record)
+
+    def ended_by_own_error(self, row: Row) -> bool:
+        """Return whether an error of the user's own code has ended an attempt."""
+        if row.outcome == ERROR or row.result["fault"] is None:
+            return row.outcome == ERROR
+        # Earlier versions kept such an attempt as crashed.
+        return runs_own_code(self.spec(row.key).get("own", {}))
+
+    def forgotten(self, row: Row) -> None:
+        """Remove the telemetry of an attempt."""
+        folder = self.path.parent / row.folder
+        if row.folder and folder.parent == self.flights:
+            shutil.rmtree(folder, ignore_errors=True)
 
     def _has(self, folder: str) -> bool:
         """Return whether a row names this folder of telemetry."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from math import nan
 from pathlib import Path
@@ -69,8 +69,10 @@ class VariantStats:
     thrust_lost: Mean  # [m/s^2] commanded and not given at full motors; nan without a firmware
     turned_back: int  # attempts that overshot a gate and returned
     plan_ms: float  # [ms] median of the attempts' medians
-    crashes: dict[str, int]  # "gate 3", "ground", "bounds", "planner", "timeout"
+    crashes: dict[str, int]  # "gate 3", "ground", "bounds", "planner", "timeout", "error"
     commits: tuple[str, ...]  # that flew them
+    # error that ended flights, on one line -> their seeds
+    faults: dict[str, list[int]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -174,6 +176,7 @@ def variant_stats(
         plan_ms=median(r.result["plan_ms"]["p50"] for r in rows),
         crashes=dict(ends.most_common()),
         commits=tuple(sorted({r.code for r in rows})),
+        faults=_faults(rows),
     )
 
 
@@ -291,6 +294,16 @@ def where_it_ended(row: Row) -> str:
     if "obstacle" in crash:
         return f"obstacle {crash['obstacle']}"
     return f"gate {crash['gate']}" if crash["gate"] else crash["kind"]
+
+
+def _faults(rows: Sequence[Row]) -> dict[str, list[int]]:
+    """Return the seeds of each error that ended flights."""
+    found: dict[str, list[int]] = {}
+    for row in sorted(rows, key=lambda row: row.seed):
+        fault = row.result["fault"]
+        if fault is not None:
+            found.setdefault(fault, []).append(row.seed)
+    return found
 
 
 def _median(values: Sequence[float]) -> float:

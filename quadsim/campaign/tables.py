@@ -13,6 +13,7 @@ from rich.markup import escape
 from quadsim.campaign.summary_stats import FEWEST_PAIRS, CorrectedP, PairStats, VariantStats
 from quadsim.console import plain_table, width
 from quadsim.figures import html
+from quadsim.record.run import ERROR
 from quadsim.record.statistics import Mean
 
 COMMIT_DIGITS = 7  # hex digits of a commit that are shown
@@ -25,6 +26,8 @@ TEXT = 24
 LEAST_P = 1e-9  # p-values that are shown as numbers
 # Most variants of which a table shows all pairs: nine have 36
 ALL_PAIRS = 6
+# Most seeds that a note lists
+MOST_SEEDS = 8
 
 Item = TypeVar("Item")
 
@@ -178,6 +181,7 @@ def notes(
         )
     if any(v.turned_back for v in variants):
         yield "Turned back: attempts that overshot a gate and returned to it."
+    yield from notes_of_faults(variants)
     shown = shown_pairs(variants, pairs)
     yield from _notes_of_pairs(shown, len(pairs))
     known = [p for p in shown if isfinite(p.detectable) and p.lap_difference.n >= FEWEST_PAIRS]
@@ -191,6 +195,26 @@ def notes(
             "vehicle (race limit)."
         )
     yield from mixed_commits({v.name: v.commits for v in variants})
+
+
+def notes_of_faults(variants: Sequence[VariantStats]) -> Iterator[str]:
+    """Yield a line for each error that ended attempts of a variant."""
+    for variant in variants:
+        for fault, seeds in variant.faults.items():
+            named = f"seed{'s' if len(seeds) > 1 else ''} {_listed(seeds)}"
+            yield f"Ended by an error: {variant.name}, {named}: {fault}"
+    if any(ERROR in variant.crashes for variant in variants):
+        yield (
+            "Ended at error: an error of your own code. Such attempts count as not finished, and "
+            "the next run flies them again."
+        )
+
+
+def _listed(seeds: Sequence[int]) -> str:
+    """Return the first seeds as text."""
+    shown = ", ".join(map(str, seeds[:MOST_SEEDS]))
+    more = len(seeds) - MOST_SEEDS
+    return f"{shown} and {more} more" if more > 0 else shown
 
 
 def _notes_of_pairs(shown: Sequence[PairStats], number: int) -> Iterator[str]:

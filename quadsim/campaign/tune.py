@@ -17,7 +17,7 @@ from quadsim.campaign.store import Row
 from quadsim.campaign.summary_stats import VariantStats, lap_limit, variant_stats
 from quadsim.campaign.variants import Variant
 from quadsim.console import complain
-from quadsim.record.run import RunError
+from quadsim.record.run import ERROR, RunError
 
 # The best of many trials is also one with lucky seeds: the best few are flown again on fresh ones.
 MOST_LOST = 5  # trials in a row that are lost with their workers before a search ends
@@ -109,11 +109,25 @@ def _search(search: Search, base: Variant, goal: Goal, runner: Runner) -> None:
                     raise RunError(f"{lost} trials in a row were lost with their workers")
                 continue
             lost = 0
+            _expect_no_own_error(variant, rows)
             stats = _stats(variant, rows)
             lap = stats.lap_mean if stats.finished else None
             trial_stats = TrialStats(lap, stats.finished, stats.thrust_tv)
             search.tell(trial, objective(stats, goal.floor), trial_stats)
             complain(f"{search.done}/{goal.trials} {summary(stats)}")
+
+
+def _expect_no_own_error(variant: Variant, rows: Sequence[Row]) -> None:
+    """Raise RunError if an error of the user's own code has ended an attempt.
+
+    The trial stays open, and the next command flies it again.
+    """
+    for row in rows:
+        if row.outcome == ERROR:
+            raise RunError(
+                f"{variant.name} seed {row.seed}: an error of your own code ended the flight: "
+                f"{row.result['fault']}"
+            )
 
 
 def _finals(search: Search, base: Variant, goal: Goal, runner: Runner) -> list[Finalist]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 # Exit code of each outcome of a flight.
-EXIT = {"finished": 0, "crashed": 1, "stuck": 1, "timeout": 1, "interrupted": 130}
+EXIT = {"finished": 0, "crashed": 1, "stuck": 1, "timeout": 1, "error": 1, "interrupted": 130}
 
 
 class Command(NamedTuple):

@@ -15,7 +15,7 @@ from quadsim.cli.compare_heats import compare_heats
 from quadsim.cli.flags import Given, GivenHeat, Help, Json, Switch, course_help, settings_as_flags
 from quadsim.cli.fly import complain_beside_controllers
 from quadsim.console import UsageError, emit, emit_json
-from quadsim.record.run import RunError
+from quadsim.record.run import ERROR, RunError
 from quadsim.record.whole_files import expect_file, try_writing
 
 CAMPAIGN = "campaigns/race.sqlite"
@@ -153,4 +153,6 @@ def compare(
     if not json:
         emit("", *(f"[dim]{escape(str(file))}[/]" for file in files))
     complete = all(len(of_variant) == attempts for of_variant in rows)
+    # Such attempts are not kept, so that the comparison is not complete either.
+    complete = complete and not any(row.outcome == ERROR for of in rows for row in of)
     return 0 if complete else 1

@@ -42,7 +42,13 @@ from quadsim.tables.listings import (
     vehicle_table,
 )
 from quadsim.tables.settings_table import setting_rows
-from quadsim.vehicle import VEHICLES, load_vehicle, parse_vehicle, vehicle_names
+from quadsim.vehicle import (
+    VEHICLES,
+    load_vehicle,
+    parse_vehicle,
+    unlikely_inertia,
+    vehicle_names,
+)
 
 # Keys that identify the kind of a file
 OF_VEHICLE = {"mass", "inertia", "rate_tau"}
@@ -244,7 +250,8 @@ def describe(text: str, file: str) -> Described:
     if keys & OF_VEHICLE:
         vehicle = parse_vehicle(text, file)
         ratio = f"thrust-to-weight {vehicle.thrust_to_weight:.2f}"
-        return Described("vehicle", f"{vehicle.mass:g} kg, {ratio}")
+        weight = f"{vehicle.mass:g} kg, {ratio}"
+        return Described("vehicle", weight, unlikely_inertia(vehicle))
     if keys & OF_PRESET:
         return _describe_preset(text, file)
     if keys & OF_SENSING:

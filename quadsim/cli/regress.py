@@ -62,7 +62,8 @@ def regress(
     """Fly the flights of baseline files, and fail if the planner got worse.
 
     It fails if success, lap time or chatter is worse by more than the effects
-    given in the file. Flags of `race fly` apply on top, to test a change.
+    given in the file, or if the flights are too few to tell. Flags of `race fly`
+    apply on top, to test a change.
 
     race regress tests/lap_times/*.yaml
 
@@ -125,6 +126,13 @@ def flags_text(settings: Settings) -> str:
     return " ".join(words)
 
 
+def _mark(verdict: Verdict) -> str:
+    """Return a verdict in a word, with its colour."""
+    if verdict.undecided:
+        return f"{verdict.name} [yellow]undecided[/]"
+    return f"{verdict.name} {'[green]ok[/]' if verdict.ok else '[red]WORSE[/]'}"
+
+
 def _print(found: Found, settings: Settings) -> None:
     """Print the verdicts on a baseline, and the flags that were added to its variant."""
     baseline = found.baseline
@@ -133,8 +141,8 @@ def _print(found: Found, settings: Settings) -> None:
         flown += f" with {flags_text(settings)}"
     emit(f"[bold]{escape(str(found.path))}[/]  {escape(flown)}")
     if found.verdicts:
-        marks = [f"{v.name} {'[green]ok[/]' if v.ok else '[red]WORSE[/]'}" for v in found.verdicts]
-        emit(as_table(TextTable.of(found.verdicts, COLUMNS)), " ".join(marks), "")
+        emit(as_table(TextTable.of(found.verdicts, COLUMNS)), " ".join(map(_mark, found.verdicts)))
+        emit(*(f"{v.name}: {v.undecided}" for v in found.verdicts if v.undecided), "")
         return
     finished = [lap for lap in found.now.laps if lap is not None]
     lap = f", lap {fmean(finished):.3f} s" if finished else ""

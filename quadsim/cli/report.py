@@ -93,6 +93,7 @@ def summary(run: RecordedRun, folder: Path | None, runs_dir: str | Path | None =
         "vehicle": spec["vehicle"]["name"],
         "seed": spec["seed"],
         "outcome": run.outcome,
+        "fault": run.fault or None,
         "duration": run.duration,
         "laps": run.laps,
         "penalties": run.penalties,

@@ -14,7 +14,7 @@ from rich.markup import escape
 
 from quadsim.campaign.results import ABOVE_LIMIT, COLUMNS, TEXTS, Group, find, stored
 from quadsim.campaign.summary_stats import PairStats, pair_stats
-from quadsim.campaign.tables import ALL_PAIRS, PAIRS, TextTable, as_table
+from quadsim.campaign.tables import ALL_PAIRS, PAIRS, TextTable, as_table, notes_of_faults
 from quadsim.cli.compare import CAMPAIGN
 from quadsim.cli.flags import Help, Json, RunsDir
 from quadsim.console import UsageError, emit, emit_json
@@ -65,6 +65,9 @@ def results(
         emit_json(found | {"campaigns": list(campaigns)})
         return 0
     emit(*results_table(groups))
+    faults = list(notes_of_faults([group.stats for group in groups]))
+    if faults:
+        emit("", *map(escape, faults))
     if pairs:
         shown = pairs if len(groups) <= ALL_PAIRS else [p for p in pairs if p.a == groups[0].label]
         emit("", as_table(TextTable.of(shown, PAIRS)))

@@ -94,6 +94,8 @@ def check_cost(spec: Spec, cost: Cost) -> None:
     try:
         module_source(system_of(spec), cost, np.float32)
         _check_rows(spec, cost)
+    except SettingError:
+        raise
     except (TraceError, ValueError) as error:
         raise SettingError("terms" if spec.terms else "cost", one_line(error)) from None
 
@@ -114,7 +116,7 @@ def _check_rows(spec: Spec, cost: Cost) -> None:
         raise ValueError(f"cost {cost.name}: expected finite targets from the start on, got none")
     if cost.guide:
         shape = (horizon, len(system_of(spec).rest))
-        guide = cost.guide(0, x, horizon)
+        guide = called("cost", cost.guide, "a target, a state and a horizon", 0, x, horizon)
         if np.shape(guide) != shape or not np.isfinite(np.asarray(guide, float)).all():
             wanted = f"expected finite controls of shape {shape}"
             raise ValueError(f"cost {cost.name}: guide: {wanted}, got {shown_value(guide)}")

@@ -131,6 +131,6 @@ def place_in_own_code(error: BaseException) -> str | None:
 
 def error_text(error: Exception) -> str:
     """Return an error on one line, with its type and place if the user's own code has raised it."""
-    text = " ".join(str(error).split())
+    text = " ".join("; ".join([str(error), *getattr(error, "__notes__", [])]).split())
     place = place_in_own_code(error)
     return text if place is None else f"{type(error).__name__}: {text} ({place})"

@@ -6,7 +6,7 @@ the numbers that they hold and a hash that tells them from others, not their cod
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import fields, is_dataclass
 from functools import partial
 from importlib import import_module
@@ -56,6 +56,12 @@ def check_part(role: str, part: object) -> None:
         raise SettingError(role, f"{wanted}, got {shown_value(part)}")
 
 
+ADVICE = {
+    "controller": "; give a control law as an object with control(x), and a policy as"
+    " quadsim.PolicyController(policy)"
+}
+
+
 def is_maker(role: str, part: object) -> bool:
     """Return whether a part is called to make the object of its role for a flight.
 
@@ -81,11 +87,28 @@ def made(role: str, part: Any, spec: object) -> Any:
     """
     if part is None or not is_maker(role, part):
         return part
-    found = called(role, part, "the Spec", *([spec] if _takes_spec(part) else []))
+    found: Any = _make(role, part, spec)
+    # What was made may be a maker itself, such as a quadsim.PolicyController.
+    if is_maker(role, found) and not isinstance(found, type):
+        found = _make(role, found, spec)
     if isinstance(found, type) or not _has_method(role, found):
         wanted = f"expected {shown_value(part)} to return an object with {METHODS[role]!r}"
         raise SettingError(role, f"{wanted}, got {shown_value(found)}")
     return found
+
+
+def _make(role: str, maker: Callable[..., object], spec: object) -> object:
+    """Return what a maker makes for a flight. An error of its own lines says why it was called."""
+    given = [spec] if _takes_spec(maker) else []
+    try:
+        return called(role, maker, "the Spec", *given)
+    except (TypeError, AttributeError) as error:
+        what = "a Spec" if given else "nothing"
+        error.add_note(
+            f"{role}: {shown_value(maker)} was called with {what}, to make an object with"
+            f" {METHODS[role]!r}{ADVICE.get(role, '')}"
+        )
+        raise
 
 
 def _takes_spec(maker: Callable[..., object]) -> bool:
@@ -123,6 +146,15 @@ def called(role: str, function: Callable[..., Any], name: str, *arguments: objec
             raise
         wanted = f"expected a function of {name}, got {shown_value(function)}"
         raise SettingError(role, f"{wanted}: {error}") from None
+
+
+def runs_own_code(roles: Iterable[str]) -> bool:
+    """Return whether parts of the user's own are called in flight: any part but a course.
+
+    Args:
+        roles: the roles of a flight's own parts.
+    """
+    return any(role != "course" for role in roles)
 
 
 def fault_in_flight(error: Exception, has_own_parts: bool) -> str | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from hashlib import sha256
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -87,8 +88,10 @@ class HeatRecorder:
     def runs(self) -> tuple[RecordedRun, ...]:
         """Return the run of each entrant so far, in the order of the entrants."""
         records = run_records(self.record)
+        of_each = zip(self._heat.names, self.recorders, records, strict=True)
         return tuple(
-            recorder.run(record) for recorder, record in zip(self.recorders, records, strict=True)
+            replace(recorder.run(record), fault=self.faults.get(name, ""))
+            for name, recorder, record in of_each
         )
 
 

@@ -100,7 +100,15 @@ class PlainController:
 
     def control(self, estimate: Estimate, /) -> tuple[np.ndarray, PlanStats]:
         """Return the control at the estimated state, with empty statistics."""
-        answer = self._inner.control(estimate.x)
+        try:
+            answer = self._inner.control(estimate.x)
+        except AttributeError as error:
+            if isinstance(error.obj, np.ndarray):
+                error.add_note(
+                    "controller: control() is given the state x, an array, as the controller has no"
+                    " `rest`; one that has it is given an Estimate, with x, t and target"
+                )
+            raise
         u = checked_control(self._inner, answer, len(self.rest), "control")
         return u, PlanStats(cost=0.0, ess=0.0, temperature=0.0)
 

@@ -291,6 +291,7 @@ def read_run(path: str | Path) -> RecordedRun:
         telemetry=arrays.telemetry,
         events=record.events,
         outcome=record.outcome,
+        fault=record.fault,
         wall={"plan_ms": record.plan_ms, "real_time_factor": record.real_time_factor},
         snapshots=arrays.snapshots,
         measurements=arrays.measurements,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from quadsim.record.drawn_sensing import drawn_imu_errors
 from quadsim.record.run import RecordedRun
 from quadsim.sensing.estimate_record import ERRORS
 
@@ -67,6 +68,7 @@ def sensing_numbers(run: RecordedRun) -> dict | None:
         in_view: mean number of corners in a picture that showed any.
         found: share of those corners that was found.
         unaided: time at the end since the last measurement was used, inertial ones aside [s].
+        drawn: constant errors of gyroscope and accelerometer, see `drawn_imu_errors`.
         estimate_ms: time that an estimate took, wall clock, p50 and p95 [ms].
     """
     x = run.telemetry
@@ -88,6 +90,7 @@ def sensing_numbers(run: RecordedRun) -> dict | None:
         "in_view": float(in_view[in_view > 0].mean()) if in_view.any() else None,
         "found": float(x["found"].sum() / in_view.sum()) if in_view.any() else None,
         "unaided": _unaided(run),
+        "drawn": {n: errors._asdict() for n, errors in drawn_imu_errors(run.spec).items()},
         "estimate_ms": {
             "p50": float(np.median(x["estimate_ms"])),
             "p95": float(np.percentile(x["estimate_ms"], 95)),

@@ -1,4 +1,8 @@
-"""The parameters of the planner's model that differ from those of the vehicle it controls."""
+"""The parameters of the planner's model that differ from those of the vehicle it controls.
+
+The vehicle's latency is none of them: the state is predicted to the time at which a command acts,
+see quadsim.record.given_state.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,6 @@ from quadsim.console import plain_table
 UNITS = {
     "rate_lag": "s",
     "motor_lag": "s",
-    "latency": "s",
     "drag": "1/s",
     "rate_limit": "rad/s",
     "thrust_limit": "m/s^2",
@@ -85,7 +88,6 @@ def _compared(spec: dict) -> dict[str, Pair]:
     return {
         "rate_lag": Pair(model["rate_tau"], vehicle["rate_tau"]),
         "motor_lag": Pair(model["motor_tau"], rotors["tau"] if rotors else 0.0),
-        "latency": Pair(0.0, vehicle["latency"]),
         "drag": Pair(model["drag"], vehicle["drag"]),
         "rate_limit": Pair(model["rate_max"], vehicle["rate_max"]),
         "thrust_limit": Pair(model["thrust_max"], vehicle["thrust_max"]),

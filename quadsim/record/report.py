@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.padding import Padding
 
 from quadsim.course import parse_course
+from quadsim.record.drawn_sensing import drawn_imu_errors, drawn_imu_text
 from quadsim.record.estimate_metrics import lost_estimate, sensing_numbers
 from quadsim.record.given_state import given_state
 from quadsim.record.limits import StoredSolution
@@ -33,7 +34,7 @@ from quadsim.record.run_text import crash_place
 from quadsim.record.turning_back import turned_back
 
 # Colour of an outcome; any other is yellow
-COLOUR = {"finished": "green", "crashed": "red"}
+COLOUR = {"finished": "green", "crashed": "red", "error": "red"}
 # Columns of a line that holds all that a flight was flown with
 WIDTH = 80
 # Time without a pose or a corner after which the report says so [s]
@@ -148,6 +149,9 @@ def _sensing(run: RecordedRun) -> str:
         lines.append(f"corners: {n['in_view']:.1f} in a picture that shows any, {share}")
     if n["unaided"] >= SILENT:
         lines.append(f"[bold]no pose and no corner was used in the last {n['unaided']:.1f} s[/]")
+    drawn = drawn_imu_text(drawn_imu_errors(run.spec))
+    if drawn:
+        lines.append(drawn)
     ms = n["estimate_ms"]
     lines.append(f"estimate: {ms['p50']:.2f} ms p50, {ms['p95']:.2f} ms p95")
     return "\n".join(lines)

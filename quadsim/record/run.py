@@ -52,7 +52,9 @@ FIRST_ROWS = 1024
 # Kinds of events that may end a flight
 CRASHES = ("hit", "ground", "bounds", "wall", "contact")
 
-Outcome = Literal["finished", "crashed", "stuck", "timeout", "interrupted"]
+# "error": an error of the user's own code ended the flight
+Outcome = Literal["finished", "crashed", "stuck", "timeout", "interrupted", "error"]
+ERROR: Outcome = "error"
 
 
 class PlanTime(TypedDict):
@@ -107,6 +109,8 @@ class RecordedRun:
     snapshots: PlannerSnapshots | None = None
     # Arrays of quadsim.sensing.kept by name, if the flight kept its sensing
     measurements: dict[str, np.ndarray] | None = None
+    # The error that ended the flight, on one line; "" where none did
+    fault: str = ""
 
     def __repr__(self) -> str:
         """Return one line: course, outcome, laps, time, and what the run was flown with."""
@@ -230,6 +234,8 @@ def why_not_repeatable(run: RecordedRun) -> str:
         return "the samples of each plan followed the wall clock"
     if run.outcome == "crashed" and not (run.events and run.events[-1].kind in CRASHES):
         return "the planner raised an error"
+    if run.outcome == ERROR:
+        return "an error of your own code ended it"
     own = own_parts(spec)
     if own:
         named = ", ".join(f"{role} {name}" for role, name in own.items())

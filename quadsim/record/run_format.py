@@ -95,6 +95,8 @@ def write_json(run: RecordedRun, provenance: dict) -> bytes:
         **provenance,
         "digest": run.digest(),
     }
+    if run.fault:
+        record["fault"] = run.fault
     return json.dumps(record, indent=1, allow_nan=False).encode()
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from quadsim.racing.hand import HAND
 from quadsim.record.estimate_metrics import lost_estimate
 from quadsim.record.given_state import given_state
-from quadsim.record.run import CRASHES, RecordedRun, flown_with, not_comparable
+from quadsim.record.run import CRASHES, ERROR, RecordedRun, flown_with, not_comparable
 from quadsim.record.run_metrics import RunMetrics
 
 # Lap times in the paragraph, at most
@@ -44,12 +44,17 @@ def _sentences(run: RecordedRun, metrics: RunMetrics) -> Iterator[str]:
 
 
 def crash_place(run: RecordedRun) -> str:
-    """Return where a crashed run ended, as text that continues a sentence; empty for others."""
+    """Return where a crash or an error ended a run, as text that continues a sentence.
+
+    It is empty for other runs.
+    """
+    if run.outcome == ERROR:
+        return f"; an error of your own code ended it: {run.fault}"
     if run.outcome != "crashed":
         return ""
     last = run.events[-1] if run.events else None
     if last is None or last.kind not in CRASHES:
-        return "; the planner raised an error"
+        return "; the planner raised an error" + (f": {run.fault}" if run.fault else "")
     what = f"{ENDS[last.kind]} {last.place}" if last.kind == "hit" else ENDS[last.kind]
     return f"; it {what} in lap {last.lap}, at {place_text(last.position)}"
 

@@ -275,6 +275,8 @@ class StoredRecord(Struct):
     plan_ms: PlanTime
     real_time_factor: float
     digest: str
+    # The error that ended the flight, "" where none did
+    fault: str = ""
 
 
 class AnyRun(Struct):

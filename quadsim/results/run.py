@@ -38,11 +38,13 @@ class Run(RecordedRun):
         spec: the resolved configuration, as JSON; `quadsim.fly(run.spec)` flies it again.
         telemetry: name of a column -> array with one number for each control step  (frames,).
         events: passes, hits, misses and the like, in order.
-        outcome: finished, crashed, stuck, timeout or interrupted.
+        outcome: finished, crashed, stuck, timeout, interrupted, or error: an error of your own code
+            ended the attempt of a campaign.
         wall: wall-clock numbers: plan_ms with p50 and p95 [ms], and real_time_factor.
         snapshots: the planner's best samples every few control steps; None without any.
         measurements: with `record_sensing=True`, what the sensors measured and what the estimator
             made of it: name -> array, see docs/sensing.md; else None.
+        fault: the error that ended the flight of a campaign, on one line; "" where none did.
 
     Examples:
         >>> import quadsim

@@ -40,7 +40,7 @@ class Imu:
         bias_std = np.repeat([config.gyro_bias, config.accelerometer_bias], 3)
         # [rad/s, m/s^2]  (6,)
         self.bias = bias_std * self._rng.standard_normal(6)
-        self._mixing = _mixing(config, seeds)
+        self._mixing = drawn_mixing(config, seeds)
         self._ticks = Ticks(config.rate)
         # state at the end of the last sample
         self._last: PlantState[State] | None = None
@@ -80,11 +80,15 @@ class Imu:
         return Inertial(state.t, dt, gyro=(gx, gy, gz), specific_force=(fx, fy, fz))
 
 
-def _mixing(config: ImuConfig, seeds: np.random.SeedSequence) -> np.ndarray | None:
+def drawn_mixing(config: ImuConfig, seeds: np.random.SeedSequence) -> np.ndarray | None:
     """Return the matrix from true to measured rates and forces, by the scale and the axes.
 
     Each axis has a scale factor of its own, and picks up a share of the two other axes, which is
     the angle by which it is tilted towards them.
+
+    Args:
+        config: the numbers of the unit.
+        seeds: the stream of the unit.
 
     Returns:
         (6, 6), or None for exact scales and axes.

@@ -9,6 +9,7 @@ from quadsim.vehicle.vehicle import (
     load_vehicle,
     parse_vehicle,
     scale_thrust,
+    unlikely_inertia,
     vehicle_names,
     with_thrust_to_weight,
 )
@@ -22,6 +23,7 @@ __all__ = [
     "load_vehicle",
     "parse_vehicle",
     "scale_thrust",
+    "unlikely_inertia",
     "vehicle_names",
     "with_thrust_to_weight",
 ]

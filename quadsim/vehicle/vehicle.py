@@ -38,6 +38,8 @@ LARGEST_RATIO = 20.0
 ROUNDING = 1e-9
 
 LARGEST_ARM = 2.0  # of a rotor, along x or y [m]
+# A larger radius of gyration than this many radii is probably a mistake of units.
+LARGEST_GYRATION = 2.0
 
 Length = Annotated[float, unit("m", gt=0, le=LARGEST_ARM)]
 Speed = Annotated[float, unit("rad/s", ge=0, le=20000)]
@@ -486,6 +488,22 @@ def _rotors(entry: RotorsEntry) -> Rotors:
         omega_max=entry.motor_omega_max,
         tau=entry.motor_tau,
         kappa=entry.kappa,
+    )
+
+
+def unlikely_inertia(vehicle: Vehicle) -> str:
+    """Return why a vehicle's inertia is that of a larger body, "" where it is not.
+
+    A body within a sphere of the radius has at most mass x radius^2; what counts is the radius of
+    contacts, from which parts may stick out.
+    """
+    most = vehicle.mass * (LARGEST_GYRATION * vehicle.radius) ** 2
+    if max(vehicle.inertia) <= most:
+        return ""
+    body = f"mass {vehicle.mass:g} kg x ({LARGEST_GYRATION:g} x radius {vehicle.radius:g} m)^2"
+    return (
+        f"inertia looks like that of a larger body, expected at most {most:.3g} kg m^2 "
+        f"({body}), got {_list(vehicle.inertia)}"
     )
 
 

@@ -151,7 +151,7 @@ def test_what_an_entrant_has_raised_is_in_its_row_and_in_the_report():
     row = msgspec.structs.replace(stored("ab"), faults={"b": fault})
     assert msgspec.json.decode(msgspec.json.encode(row), type=StoredResult) == row
     found = summary(["a", "b"], [stored("ab"), row, row], gates=7)
-    assert lines_of(found)[-1] == f"b was out by an error in 2 of 3 races, first: {fault}"
+    assert lines_of(found)[-1] == f"b was out by an error in 2 of 3 races: {fault}"
     assert fault in as_text(*tables_of(found))
     assert summary_as_json(found)["faults"] == {"b": [fault, fault]}
 

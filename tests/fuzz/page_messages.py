@@ -6,7 +6,6 @@ set, or write more than one line. A message that is too large ends its own conne
 
 from __future__ import annotations
 
-import asyncio
 import random
 import sys
 import time
@@ -62,20 +61,18 @@ def visit(rng: random.Random) -> int:
     )
     uuids = [control._impl.uuid for control in (slider, choice, tick, text, number, button, shut)]
 
-    async def send() -> str:
-        async with connect(server.get_port()) as client:
-            for _ in range(rng.randint(1, 30)):
-                await client._socket.send(_message(rng, uuids))
-            wanted = rng.choice((0.1, 0.9))
-            await client.set(slider, wanted)
-            end = time.monotonic() + 20
-            while slider.value != wanted:
-                if time.monotonic() > end:
-                    return "a good message was not followed"
-                await asyncio.sleep(0.01)
-        return ""
-
-    problem = asyncio.run(send())
+    problem = ""
+    with connect(server.get_port()) as client:
+        for _ in range(rng.randint(1, 30)):
+            client.socket.send(_message(rng, uuids))
+        wanted = rng.choice((0.1, 0.9))
+        client.set(slider, wanted)
+        end = time.monotonic() + 20
+        while slider.value != wanted:
+            if time.monotonic() > end:
+                problem = "a good message was not followed"
+                break
+            time.sleep(0.01)
     values = (slider.value, choice.value, tick.value, text.value, number.value, shut.value)
     kept = (
         0 <= slider.value <= 1

@@ -118,6 +118,8 @@ def test_an_entrant_whose_controller_fails_is_out_and_the_others_fly_on(at, erro
     assert f"vehicle 2 is out: crashed, {race.faults['vehicle 2']}" in str(race)
     stored = quadsim.load_heat(race.save(tmp_path))
     assert stored.faults == race.faults
+    assert [run.fault for run in stored.runs] == ["", race.faults["vehicle 2"]]
+    assert race.faults["vehicle 2"] in " ".join(stored.runs[1].report().split())
     assert str(stored) == str(race)
 
 

@@ -111,10 +111,44 @@ def test_success_and_chatter_are_judged_too():
     assert [v.ok for v in judge(then, then, Effects())] == [True, True, True]
     assert [v.ok for v in judge(then, crashing, Effects())] == [False, True, True]
     assert [v.ok for v in judge(then, shaking, Effects())] == [True, True, False]
-    few = first(then, 6)
-    assert not judge(few, few, Effects())[0].ok, (
-        "six flights cannot show that success is within 20 points"
+
+
+def test_equal_flights_that_are_too_few_to_tell_are_undecided_not_worse():
+    then = Stored("", "", (5.0,) * 6, (30.0, 31.0) * 3)
+    success, lap, _ = judge(then, then, Effects())
+    assert (success.ok, lap.ok) == (False, True)
+    assert success.undecided.startswith("11 attempts needed, got 6 stored and 6 now: ")
+    half = Stored("", "", (5.0, None) * 10, (30.0, 31.0) * 10)
+    success, _, _ = judge(half, half, Effects())
+    assert success.undecided.startswith("32 attempts needed, got 20 stored and 20 now: where 50 % ")
+    crashing = Stored("", "", (None,) * 6, then.thrust_tv)
+    success, lap, _ = judge(then, crashing, Effects())
+    assert (success.ok, success.undecided) == (False, "")
+    assert lap.undecided == "2 seeds that finished then and now are needed, got 0"
+    smooth = Stored("", "", (5.0,) * 20, (0.0,) * 20)
+    assert [v.ok for v in judge(smooth, smooth, Effects())] == [True, True, True]
+    shaking = Stored("", "", (5.0,) * 20, (1.0,) * 20)
+    assert [v.ok for v in judge(smooth, shaking, Effects())] == [True, True, False]
+
+
+@pytest.mark.parametrize("regen", [(), ("--regen",)], ids=["judged", "stored"])
+@pytest.mark.parametrize(
+    ("attempts", "effect", "needed"), [(4, 0.2, 11), (10, 0.2, 11), (20, 0.05, 52)]
+)
+def test_a_baseline_with_too_few_attempts_to_pass_is_refused(
+    attempts, effect, needed, regen, tmp_path, capsys
+):
+    path = tmp_path / "mine.yaml"
+    path.write_text(
+        "course: figure8\nvariant: race+laps=1\n"
+        f"attempts: {attempts}\neffects: {{success: {effect}}}\n"
     )
+    assert race(["regress", str(path), *regen]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert f"attempts: expected {needed} or more, got {attempts}: " in err
+    path.write_text(path.read_text().replace(f"attempts: {attempts}", f"attempts: {needed}"))
+    assert load_baseline(path).attempts == needed
 
 
 def test_a_stored_distribution_passes_against_itself_and_fails_against_a_slower_racer_s():
@@ -154,7 +188,9 @@ def test_regen_prints_the_difference_and_stores_it(tmp_path, capsys, monkeypatch
     monkeypatch.setattr("quadsim.cli.regress.open_pool", lambda *_: Pool())  # fly in this process
     path = tmp_path / "mine.yaml"
     small = "+".join(["race", *(f"{name}={value}" for name, value in SETTINGS.items())])
-    path.write_text(f"course: paper_flat\nvariant: {small}\nattempts: 4\n")
+    path.write_text(
+        f"course: paper_flat\nvariant: {small}\nattempts: 4\neffects: {{success: 0.5}}\n"
+    )
     assert race(["regress", str(path)]) == 2
     assert f"{path}: " in capsys.readouterr().err, "nothing is stored yet"
     assert race(["regress", str(path), "--regen"]) == 0

@@ -302,3 +302,40 @@ def test_sensings_have_a_source_and_names_are_proposed():
         Spec.of("split_s_swift", sensing="mocp")
     assert load_sensing("perfect").exact
     assert all(load_sensing(name).source for name in sensing_names() if name != "perfect")
+
+
+class Hovers:
+    """A controller that keeps the vehicle where it is, level."""
+
+    def control(self, x):
+        return (0.0, 0.0, 0.0, 9.81)
+
+
+def test_the_report_tells_the_scale_and_the_axes_that_the_unit_was_drawn_with():
+    exact = {"accelerometer_noise": 0.0, "accelerometer_bias": 0.0, "accelerometer_walk": 0.0}
+    drawn = {"gyro_scale": 0.05, "accelerometer_scale": 0.04, "accelerometer_misalignment_deg": 2.0}
+    sensing = load_sensing("vio").but(imu={**exact, **drawn})
+    run = quadsim.fly(
+        "figure8",
+        controller=Hovers(),
+        sensing=sensing,
+        record_sensing=True,
+        laps=1,
+        timeout=0.1,
+        seed=3,
+    )
+    errors = sensing_numbers(run)["drawn"]
+    # The specific force is (0, 0, g): its error along z is of the scale, along x and y of the axes.
+    share = run.measurements["imu.specific_force"][5] / 9.81 - (0.0, 0.0, 1.0)
+    _, x_to_z, _, y_to_z, _, _ = errors["accelerometer"]["misalignment_deg"]
+    assert np.degrees(share[:2]) == pytest.approx([x_to_z, y_to_z], abs=1e-3)
+    assert share[2] == pytest.approx(errors["accelerometer"]["scale"][2], abs=1e-5)
+    assert not any(errors["gyro"]["misalignment_deg"])
+    gyro = ", ".join(f"{100 * scale:+.2g}" for scale in errors["gyro"]["scale"])
+    most = max(map(abs, errors["accelerometer"]["misalignment_deg"]))
+    report = " ".join(run.report().split())
+    assert f"drawn: gyro scale {gyro} %, accelerometer scale " in report
+    assert f"%, accelerometer axes {most:.2g} deg off at most" in report
+    exact = quadsim.fly("figure8", controller=Hovers(), sensing="vio", laps=1, timeout=0.1)
+    assert sensing_numbers(exact)["drawn"] == {}
+    assert "drawn:" not in exact.report()

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from quadsim.cli.cli import race
 from quadsim.course import FRAME_DEPTH
 from quadsim.course.checks import ROOM
 from quadsim.files.strict_yaml import FileError
@@ -218,6 +219,19 @@ def test_every_vehicles_inertia_is_that_of_a_body():
     for vehicle in ALL:
         small, middle, large = sorted(vehicle.inertia)
         assert 0.0 < large <= small + middle, vehicle.name
+
+
+def test_an_inertia_that_no_such_body_has_is_remarked_on(tmp_path, capsys):
+    file = tmp_path / "mine.yaml"
+    text = SIMPLE.replace("mass: 1", "mass: 0.65").replace("0.15", "0.2")
+    file.write_text(text.replace("[0.01, 0.01, 0.02]", "[3, 3, 5]"))
+    assert race(["check", str(file)]) == 0
+    err = capsys.readouterr().err
+    assert "expected at most 0.104 kg m^2 (mass 0.65 kg x (2 x radius 0.2 m)^2)" in err
+    assert err.endswith(", got [3, 3, 5]\n")
+    file.write_text(text)
+    assert race(["check", str(file), *vehicle_names()]) == 0
+    assert capsys.readouterr().err == ""
 
 
 def test_rotors_balance_in_hover_and_turn_every_way():
