@@ -45,6 +45,15 @@ class State(NamedTuple):
     Position and velocity are in the world frame (ENU); body rates, thrust and angular acceleration
     are in the body frame. Every table of the project has the order of these names: telemetry, the
     compiled lanes, the optimiser.
+
+    Examples:
+        >>> import numpy as np
+        >>> from quadsim.dynamics.quadrotor import State
+        >>> x = np.zeros(17)  # as a controller is given it
+        >>> x[2], x[6] = 2.0, 1.0
+        >>> state = State(*x)
+        >>> state.pz.item(), len(state.attitude)
+        (2.0, 4)
     """
 
     px: Annotated[float, "m"]
