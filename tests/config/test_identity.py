@@ -235,6 +235,8 @@ def test_objects_that_differ_have_different_identities(what):
 
 @pytest.mark.parametrize("name", ["web", "queue", "quadsim"])
 def test_a_module_of_ones_own_may_have_the_name_of_a_library(name, tmp_path, monkeypatch):
+    # The second text has the size and the second of the first, so Python would take its bytecode.
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
     found = []
     for gain in (1, 2):
         text = f"GAIN = {gain}\nclass Mine:\n    def sample(self): return GAIN"
