@@ -43,6 +43,7 @@ def transformed(desk, first, last, out, scale, offset, turns, key, call, first_p
         share(desk, last)
         return
     series, channels, steps, lanes = out.shape
+    is_shifted = offset[0] > 0
     x, y = np.empty({size}, F), np.empty({size}, F)
     for b in range(first, last):
         for c in range(channels):
@@ -53,12 +54,15 @@ def transformed(desk, first, last, out, scale, offset, turns, key, call, first_p
                 for k in range(2 * b, min(2 * b + 2, series)):
                     z = {result}[k % 2 * {half}:]
                     for t in range(steps):
+                        row = out[k, c, t]
                         for l in range({W}):
-                            out[k, c, t, g + l] = z[t * {W} + l]
+                            row[g + l] = z[t * {W} + l]
+                    if is_shifted:
                         # z[{W}:] begins with z_1.
-                        if offset[0] > 0:
+                        for t in range(steps):
+                            row = out[k, c, t]
                             for l in range({W}):
-                                out[k, c, t, g + l] -= offset[t] * z[{W} + l]
+                                row[g + l] -= offset[t] * z[{W} + l]
 """
 
 
