@@ -63,7 +63,7 @@ SIZE = 5 * LINE  # bytes
 SPINS = 20_000  # rounds in which a helper looks for the next job: about half a millisecond
 PATIENCE = 2  # portions of its own work for which a caller may wait without a rest after it
 REST_MIN, REST_MAX = 8, 1024  # numbers of loops of a rest
-SHARES = 16  # blocks are taken in about this many portions for each thread
+SHARES = 8  # blocks are taken in about this many portions for each thread
 # Of run_parts: address of the desk, of a part, of what the parts share; number of blocks, threads
 RUN_PARTS = (types.int64, types.int64, types.int64, types.int64)
 HELP_CALLERS = (types.int64, types.int64)
