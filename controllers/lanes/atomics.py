@@ -43,26 +43,26 @@ def store(typing_context, address, number):
     return types.void(types.int64, types.int64), generate
 
 
-@extending.intrinsic
-def add(typing_context, address, number):
-    """Add to the number at an address, and return the number before."""
+def _changed(operation):
+    """Return the type and the code of an operation that returns the number before it."""
 
     def generate(context, builder, signature, values):
         address, number = values
-        return builder.atomic_rmw("add", _pointer(builder, address), number, ORDER)
+        return builder.atomic_rmw(operation, _pointer(builder, address), number, ORDER)
 
     return types.int64(types.int64, types.int64), generate
+
+
+@extending.intrinsic
+def add(typing_context, address, number):
+    """Add to the number at an address, and return the number before."""
+    return _changed("add")
 
 
 @extending.intrinsic
 def exchange(typing_context, address, number):
     """Set the number at an address, and return the number before."""
-
-    def generate(context, builder, signature, values):
-        address, number = values
-        return builder.atomic_rmw("xchg", _pointer(builder, address), number, ORDER)
-
-    return types.int64(types.int64, types.int64), generate
+    return _changed("xchg")
 
 
 @extending.intrinsic

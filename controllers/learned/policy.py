@@ -281,7 +281,7 @@ def _layer(number: int, pair: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 class FlownSpec(Protocol):
-    """What a policy needs to know of its flight; a Spec has it."""
+    """The attributes of a Spec that a PolicyController reads."""
 
     @property
     def course(self) -> Course:

@@ -117,7 +117,7 @@ def _draw_differences(axes: Axes, section: Section, looks: Sequence[Style]) -> N
     axes.axvline(0.0, color=MARK, linewidth=1.0)
     for y, (variant, look) in enumerate(zip(section.variants, looks, strict=True)):
         if variant.name == reference:
-            _write_across(axes, y, "all others less this one", look)
+            _write_across(axes, y, "the others are compared with it", look)
             continue
         pair = of.get(variant.name)
         found = pair.lap_difference if pair else None

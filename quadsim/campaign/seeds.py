@@ -1,4 +1,4 @@
-"""What the seeds of a comparison draw, as a remark below its tables."""
+"""The remark below the tables of a comparison that says what its seeds draw."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What counts as a number in a text, of a file or of a command line, and whether it is in range."""
+"""Read numbers from the text of a file or of a command line, and check their range."""
 
 from __future__ import annotations
 

@@ -106,7 +106,7 @@ def shown_value(value: object) -> str:
 
 
 def cut(text: str, longest: int = LONGEST) -> str:
-    """Return the text, cut where it is longer than so many characters."""
+    """Return the text, shortened to `longest` characters if it has more."""
     return text if len(text) <= longest else text[: longest - 3] + "..."
 
 

@@ -1,4 +1,4 @@
-"""What a vehicle can do behind a configuration of the firmware: the limits of the planner's model.
+"""The limits that a configuration of the firmware sets to the planner's model.
 
 The measured curves of sticks and throttle end at the body rates of the configuration, and at the
 motor commands that its throttle limit, output limit and idle leave.
@@ -10,6 +10,7 @@ from dataclasses import replace
 
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.firmware.configuration import Configuration
+from quadsim.firmware.gains import AXIS_NAMES
 from quadsim.firmware.translation import ConfigurationError
 from quadsim.vehicle import GRAVITY, Vehicle
 
@@ -19,8 +20,8 @@ SMALL = 0.01
 # Share of a body rate at the end of a stick that the planner uses: a command at the very end leaves
 # the firmware nothing to correct with.
 USED = 0.98
+# Share of their thrust that the motors need beside a limited throttle for a turn to cost no thrust
 FREE = 0.5
-AXIS_NAMES = ("roll", "pitch", "yaw")
 
 
 def nominal_behind(vehicle: Vehicle, configuration: Configuration, name: str) -> ModelParams:
@@ -65,10 +66,10 @@ def nominal_behind(vehicle: Vehicle, configuration: Configuration, name: str) ->
 
 
 def _share_given_up(vehicle: Vehicle, configuration: Configuration, thrust_max: float) -> float:
-    """Return how much of the thrust that roll, pitch and yaw cost is given up at full throttle.
+    """Return the share of the thrust of a turn that is lost at full throttle, 0 to 1.
 
-    A limited throttle leaves the motors room above it, and a turn costs no thrust: all of it is
-    given up where they have no room, none where they could give FREE of their thrust beside it.
+    Motors that are saturated lose thrust in a turn. A limited throttle leaves them room: nothing is
+    lost if the room is FREE of their thrust, and all of it if there is none.
     """
     idle = float(configuration.motors[0])
     most = thrust_of(vehicle, idle + (1.0 - idle) * configuration.output_limit)

@@ -1,4 +1,4 @@
-"""What a text of Betaflight's command line says, whichever version wrote it.
+"""Translate a text of Betaflight's command line from the version that wrote it.
 
 A pilot's `diff all` has the names and numbers of the version on the drone, and many lines that a
 simulation has no use for. Each line is sorted into one of the kinds below: it is taken as it is,
@@ -46,7 +46,7 @@ OLDEST: Version = (4, 2)
 
 
 class Kind(Enum):
-    """What becomes of a line."""
+    """The ways in which a line is treated."""
 
     TAKEN = "taken"
     TRANSLATED = "translated"
@@ -65,7 +65,7 @@ class Line(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """What became of a line of the file."""
+    """A line of the file, and the lines that the firmware reads in its place."""
 
     kind: Kind
     line: Line

@@ -88,7 +88,7 @@ class StoredRun:
 
     @property
     def flown_by(self) -> str:
-        """What controlled the flight, as a table shows it."""
+        """The controller, pilot or sampler of the flight, as a table shows it."""
         if self.controller:
             return f"controller {self.controller}"
         return f"pilot {self.pilot}" if self.pilot else self.sampler
@@ -128,7 +128,7 @@ class StoredRun:
 
 @dataclass(frozen=True)
 class StoredHeat:
-    """What heat.json says about one stored race of several vehicles.
+    """A row of the list of runs for one stored race of several vehicles, read from heat.json.
 
     Attributes:
         name: name of its folder.
@@ -177,7 +177,7 @@ class StoredHeat:
 
     @property
     def outcome(self) -> str:
-        """Who finished and who won, as text."""
+        """The number of entrants that finished, and the name of the first, as text."""
         return f"{self.finished} of {len(self.entrants)} finished, {self.winner} first"
 
     def load(self) -> Heat:

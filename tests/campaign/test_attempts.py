@@ -153,7 +153,7 @@ def test_the_figure_has_a_panel_of_paired_differences_with_intervals():
     titles = [axes.get_title("left") for axes in row_of_course.axes]
     (panel,) = [k for k, title in enumerate(titles) if title.startswith("lap less that of a")]
     texts = [text.get_text() for text in row_of_course.axes[panel].texts]
-    assert texts[0] == "all others less this one"
+    assert texts[0] == "the others are compared with it"
     assert texts[1].startswith("+0.500  (n 4")
     (alone,) = made(names=("a",)).plot().subfigs
     assert not any("less that of" in axes.get_title("left") for axes in alone.axes)

@@ -1,4 +1,4 @@
-"""What the readers of foreign files return: gates in the axes and units of their file."""
+"""A track as a reader of foreign files returns it: gates in the axes and units of the file."""
 
 from __future__ import annotations
 
