@@ -240,11 +240,12 @@ def contradictions(planner: Planner) -> Iterator[tuple[str, str]]:
         The key of a number, and the problem.
     """
     mppi = planner.mppi
-    if mppi.target_ess is not None and mppi.target_ess >= mppi.samples:
+    ess = mppi.ess_of(mppi.samples)
+    if ess is not None and ess >= mppi.samples:
         yield (
             "mppi.target_ess",
-            f"expected less than samples = {mppi.samples}, got {mppi.target_ess:g}: "
-            "with few samples give target_ess too",
+            f"expected an effective sample size below samples = {mppi.samples}, got"
+            f" {mppi.target_ess:g} sqrt({mppi.samples} / 1024) = {ess:g}",
         )
     if mppi.samples * mppi.horizon > STEPS_MAX:
         yield (

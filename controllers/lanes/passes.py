@@ -9,8 +9,8 @@ A pass of radix r transforms x to y, for a length that has already been split by
 contiguous, the inner loop runs over s W numbers. Real parts fill the first half of an array,
 imaginary parts the second half.
 
-Of a band-limited series only B = n / r frequencies, from -B / 2 to below B / 2, are not zero. In the
-pass of radix r each sum then has one term, with f the frequency of row p:
+Of a band-limited series only B = n / r frequencies, from -B / 2 to below B / 2, are not zero. In
+the pass of radix r each sum then has one term, with f the frequency of row p:
 
     y[r p + k] = e^{2 pi i f k / n} x[p]                                      p < B, k < r
 """

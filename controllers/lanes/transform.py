@@ -49,7 +49,8 @@ def transformed(desk, first, last, out, scale, offset, turns, key, call, first_p
         for c in range(channels):
             for g in range(0, lanes, {W}):
                 normals = x[: {numbers} * {W}].reshape(({numbers}, {W}))
-                normal_rows(normals, scale[c], (first_pair + b) * lanes + g, c * {groups}, key, call)
+                lane = (first_pair + b) * lanes + g
+                normal_rows(normals, scale[c], lane, c * {groups}, key, call)
 {passes}
                 for k in range(2 * b, min(2 * b + 2, series)):
                     z = {result}[k % 2 * {half}:]

@@ -14,8 +14,8 @@ library  the authors' public CUDA code: length 2T with the first half kept, norm
 
 With a cut-off f_c, the noise of `exact` is band-limited: its amplitudes are multiplied by
 1 / (1 + (f / f_c)^4), and are zero above 3.15 f_c, at which this factor is 1 %. That lowers the
-variance below sigma^2. With gamma 0 it is a low-pass Gaussian. Frequencies of amplitude zero are not
-drawn, so that the noise takes half the time.
+variance below sigma^2. With gamma 0 it is a low-pass Gaussian. The transform starts from the
+frequencies that are left, so most of the others are not drawn.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ class Colored:
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
         """Return the source of perturbations, see Sampling."""
         noise = ColoredNoise(self, samples, horizon, key, dt)
-        return LaneSampler(noise.draw, noise.loop)
+        return LaneSampler(noise.draw, noise.loop, normals=noise.normals)
 
 
 class ColoredNoise:
@@ -186,6 +186,7 @@ class ColoredNoise:
         # The frequencies that are drawn: those of the narrowest band outside which all are zero
         highest = int(np.flatnonzero(deviations[:, : n // 2 + 1].any(axis=0)).max(initial=0))
         band = narrowest_band(n, highest)
+        self.normals = band / n
         drawn = deviations[:, frequencies(band)]
         self._scale = np.tile(drawn, 2).astype(np.float32)  # (n_u, 2 B)
         self.loop = transform_loop(n, band)

@@ -109,9 +109,9 @@ def test_each_part_has_the_time_of_its_calls_in_one_iteration_and_rest_what_rema
         "softmax_weights": 1.0,
         "weights": 7.0,
         "weighted_mean": 2.0,
-        "adapt_temperature": 11.0,
     }.items():
         monkeypatch.setattr(algorithm, name, lasting(ms, getattr(algorithm, name)))
+    monkeypatch.setattr(layout, "mean_of_chunks", lasting(11.0, layout.mean_of_chunks))
     monkeypatch.setattr(stages, "fill_normals", lasting(30.0, stages.fill_normals))
 
     noise = (

@@ -48,7 +48,7 @@ def test_the_passes_of_every_length_are_the_transform():
 
 
 @pytest.mark.parametrize(
-    "n, band", [(12, 12), (12, 6), (12, 4), (12, 3), (12, 1), (39, 3), (80, 16), (300, 100)]
+    ("n", "band"), [(12, 12), (12, 6), (12, 4), (12, 3), (12, 1), (39, 3), (80, 16), (300, 100)]
 )
 def test_the_passes_from_a_band_are_the_transform_of_the_band_and_zeros(n, band):
     Z = np.random.default_rng(n).normal(size=(band, 2)) @ (1.0, 1j)
@@ -60,7 +60,7 @@ def test_the_passes_from_a_band_are_the_transform_of_the_band_and_zeros(n, band)
 
 
 @pytest.mark.parametrize(
-    "n, highest, band",
+    ("n", "highest", "band"),
     [(300, 0, 25), (300, 47, 100), (300, 49, 100), (300, 50, 150), (300, 75, 300), (62, 15, 31)],
 )
 def test_the_narrowest_band_holds_the_highest_frequency_on_both_sides(n, highest, band):
