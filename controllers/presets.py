@@ -28,7 +28,7 @@ class Planner:
         >>> from controllers import preset
         >>> planner = preset("race", "gaussian")
         >>> planner.vehicle, planner.mppi.samples
-        ('swift', 4096)
+        ('swift', 1024)
     """
 
     vehicle: str  # the default vehicle
@@ -70,15 +70,17 @@ _PAPER = Planner(
 # by a third more.
 _RACE = Planner(
     vehicle="swift",
-    sampling=Colored(sigma=(0.86, 0.86, 0.1, 4.4), gamma=(0.8, 0.8, 0.8, 2.0)),
+    sampling=Colored(
+        sigma=(0.86, 0.86, 0.1, 4.4), gamma=(0.8, 0.8, 0.8, 2.0), cutoff=(5.0, 5.0, 5.0, 5.0)
+    ),
     mppi=MPPIConfig(
-        samples=4096,
+        samples=1024,
         horizon=150,
         iterations=2,
         first_iterations=100,
         dt=0.01,
         temperature=1.0,
-        target_ess=60,
+        target_ess=20,
         tighten=0.01,
         overshoot=2.0,
         first_noise=0.3,
