@@ -1,6 +1,6 @@
 """The picture of samplers.md: lap times against the CPU time of a control step.
 
-It takes 8 flights a point, an hour on two cores, and continues where it was interrupted:
+It takes 6 flights a point, half an hour on two cores, and continues where it was interrupted:
 
     .venv/bin/python docs/samples_figure.py
 """
@@ -32,7 +32,7 @@ RACES: dict[str, dict[str, Any]] = {
 }
 SAMPLERS = ("colored", "gaussian")
 SAMPLES = (512, 1024, 2048, 4096)
-ATTEMPTS = 8
+ATTEMPTS = 6
 STEPS = 40  # control steps that are timed
 
 
