@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         race,
         runs,
         save_run,
+        sweep,
     )
     from quadsim.config.settings import SettingError
     from quadsim.config.spec import Spec
@@ -61,7 +62,7 @@ _HOMES = {
     "controllers.samplers": ("Colored", "Gaussian", "LogNormal", "Smooth", "SmoothStar"),
     "quadsim.api": (
         *("compare", "compare_heats", "fly", "frames", "load_heat", "load_run"),
-        *("plot", "race", "runs", "save_run"),
+        *("plot", "race", "runs", "save_run", "sweep"),
     ),
     "quadsim.course": ("Course", "Gate", "Start", "load_course"),
     "quadsim.course.foreign": ("convert_course",),

@@ -61,6 +61,9 @@ COMMANDS = {
     "compare": Command(
         "quadsim.cli.compare:compare", "compare variants over many flights, paired by seed", True
     ),
+    "sweep": Command(
+        "quadsim.cli.sweep:sweep", "what each value of a setting costs, paired by seed", True
+    ),
     "results": Command("quadsim.cli.results:results", "stored comparisons: list, filter, compare"),
     "tune": Command(
         "quadsim.cli.tune:tune", "search planner parameters for the fastest safe lap", True
