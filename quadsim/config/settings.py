@@ -129,8 +129,8 @@ class FlightNumbers:
     known_from: Annotated[
         Distance | None,
         setting(
-            "horizontal distance within which gates and obstacles are known where they stand, off"
-            " the map (default: only the map is)"
+            "horizontal distance within which gates and obstacles that stand off the map are known"
+            " where they stand (default: the planner flies by the map)"
         ),
     ] = None
     fault: Annotated[
