@@ -16,6 +16,7 @@ from quadsim.campaign.variants import parse_variants
 from quadsim.cli.compare import CAMPAIGN, VARIANTS, Campaign, Jobs, Scheduler
 from quadsim.cli.flags import Given, Help, Json, Switch, course_help, settings_as_flags
 from quadsim.cli.fly import complain_beside_controllers
+from quadsim.config.competition import prescribed_courses
 from quadsim.console import UsageError, emit, emit_json
 from quadsim.record.run import ERROR
 from quadsim.record.whole_files import expect_file, try_writing
@@ -79,6 +80,7 @@ def sweep(
     (sensing.imu.gyro_noise) can be swept; several that take the same value are
     joined by +, as sensing.camera.fx+sensing.camera.fy.
     """
+    courses = courses or prescribed_courses(settings)
     if not courses:
         raise UsageError("expected one COURSE or more, got none (race courses lists them)")
     with settings_as_flags():

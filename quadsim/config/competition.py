@@ -92,7 +92,7 @@ def parse_competition(text: str, file: str) -> Competition:
     Raises:
         FileError: the text is not a competition.
     """
-    entry = parse(text, file).fill(_schema())
+    entry = parse(text, file).fill(competition_schema())
     given = {name: getattr(entry, name) for name in PRESCRIBED}
     settings = {name: value for name, value in given.items() if value is not None}
     return Competition(Path(file).stem, entry.source, entry.course, settings)
@@ -122,7 +122,20 @@ def with_competition(given: Mapping[str, Any], read: dict[str, Any]) -> dict[str
     return {"course": competition.course, **competition.settings, **own}
 
 
-def _schema() -> type[Any]:
+def prescribed_courses(given: Mapping[str, Any] | None) -> tuple[str, ...]:
+    """Return the course of the competition among settings, () without a competition.
+
+    Args:
+        given: the settings, in which a competition is a name or a FILE.yaml.
+
+    Raises:
+        FileError: the competition cannot be read.
+    """
+    name = (given or {}).get("competition")
+    return (load_competition(name).course,) if name else ()
+
+
+def competition_schema() -> type[Any]:
     """Return the schema of a competition file, whose keys are annotated as the settings are."""
     hints: dict[str, Any] = {}
     for owner in OWNERS:

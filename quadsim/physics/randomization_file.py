@@ -49,7 +49,7 @@ class RandomizationRanges:
         (0.15, 0.1)
     """
 
-    name: str = OUTDOOR_NAME
+    name: Annotated[str, setting("name; that of its file counts before it")] = OUTDOOR_NAME
     source: Annotated[str, setting("origin of the numbers")] = ""
     start: Annotated[
         tuple[Metre, Metre, Metre], setting("displacement of the start along x, y, z [m]")

@@ -154,3 +154,9 @@ def test_a_setting_that_is_given_twice_is_one_line(capsys):
     words = ["sweep", *FLIGHT, "--over", "dt", ".01", ".02", "--over", "dt", ".02", ".04"]
     assert race(words) == 2
     assert capsys.readouterr().err.startswith("race sweep: --over: expected dt once")
+
+
+def test_a_competition_brings_its_course(capsys):
+    words = ["sweep", "--over", "margin", "0", "1", "--competition", "aigp_physical"]
+    assert race([*words, "--laps", "1001"]) == 2
+    assert capsys.readouterr().err.startswith("race sweep: --laps: expected")
