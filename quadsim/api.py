@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from quadsim.campaign.compare import Comparison
     from quadsim.campaign.compare_heats import HeatComparison
+    from quadsim.campaign.sweep import Sweep
     from quadsim.config.keywords import CourseLike, Keywords
     from quadsim.heat.line_up import Entrants
     from quadsim.results.heat import Heat
@@ -341,6 +342,53 @@ def compare(
     from quadsim.campaign.compare import compare as run_comparison
 
     return run_comparison(courses, variants, attempts, jobs, campaign, baseline, settings)
+
+
+def sweep(
+    courses: CourseLike | Sequence[CourseLike],
+    over: Mapping[str, Sequence[Any]],
+    variants: Mapping[str, Keywords | str] | Sequence[str] | str = ("gaussian", "colored"),
+    attempts: int = 10,
+    jobs: int | None = None,
+    campaign: str | Path | None = None,
+    **settings: Unpack[Keywords],
+) -> Sweep:
+    """Fly several values of settings, one setting at a time, paired by seed.
+
+    The sweep says what each value costs: finished flights, and the laps less those of the same
+    seeds at the first value, with 95 % intervals.
+
+    Args:
+        courses: one course or several.
+        over: two or more values of each setting by its name. The others are compared with the
+            first. A name may also be a number of the vehicle or of a sensor, such as
+            "vehicle.mass", "sensing.camera.noise", and several joined by "+" take the same value.
+            None stands for the setting's default.
+        variants: what flies at each value, as for `compare`.
+        attempts: flights of each variant at each value; attempt i flies seed + i.
+        jobs: worker processes, see `compare`.
+        campaign: an SQLite file that stores finished attempts; the same call resumes where it
+            stopped, and other sweeps and comparisons share its flights.
+        settings: settings of all variants, as for `fly`; randomize=1.0 randomizes vehicle, start
+            and wind by seed.
+
+    Returns:
+        A Sweep: `.points` with the numbers, `print(sweep)` for tables, `.attempts` for each
+            flight, `.plot(path)`.
+
+    Raises:
+        ValueError: as for `fly`.
+
+    Examples:
+        >>> import quadsim
+        >>> over = {"link_latency": [0, 0.02, 0.04]}
+        >>> swept = quadsim.sweep("figure8", over, "colored", attempts=2, laps=1, samples=256)
+        >>> [point.value for point in swept.points]
+        ['0', '0.02', '0.04']
+    """
+    from quadsim.campaign.sweep import sweep as run_sweep
+
+    return run_sweep(courses, over, variants, attempts, jobs, campaign, settings)
 
 
 def compare_heats(

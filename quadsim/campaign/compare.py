@@ -216,17 +216,17 @@ def comparison(
     for variant, of_variant in zip(variants, rows, strict=True):
         if of_variant:
             by_course.setdefault(variant.course, []).append((variant, of_variant))
-    sections = [_section(flown, home, baseline) for flown in by_course.values()]
+    sections = [section_of(flown, home, baseline) for flown in by_course.values()]
     return Comparison(sections, folder)
 
 
-def _section(
+def section_of(
     flown: Sequence[tuple[Variant, Sequence[Row]]], home: Path, baseline: str | None
 ) -> Section:
-    """Return the variants of one course.
+    """Return the numbers of the variants of one course.
 
     Args:
-        flown: variants with their attempts.
+        flown: variants with their attempts, at least one each.
         home: the folder to which the paths of their telemetry are relative.
         baseline: name of the variant that the others are compared with; None: all pairs.
     """

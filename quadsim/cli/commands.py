@@ -41,6 +41,10 @@ COMMANDS = {
     "sensings": Command(
         "quadsim.cli.listing:sensings", "the sets of sensors that come with the project"
     ),
+    "competitions": Command(
+        "quadsim.cli.listing:competitions",
+        "the competitions that come with the project",
+    ),
     "presets": Command("quadsim.cli.listing:presets", "the presets, with some of their numbers"),
     "settings": Command(
         "quadsim.cli.listing:settings", "all settings: unit, range, default, meaning"
@@ -60,6 +64,9 @@ COMMANDS = {
     ),
     "compare": Command(
         "quadsim.cli.compare:compare", "compare variants over many flights, paired by seed", True
+    ),
+    "sweep": Command(
+        "quadsim.cli.sweep:sweep", "what each value of a setting costs, paired by seed", True
     ),
     "results": Command("quadsim.cli.results:results", "stored comparisons: list, filter, compare"),
     "tune": Command(

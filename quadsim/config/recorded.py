@@ -235,6 +235,7 @@ def _built(
         timeout=read.timeout,
         start=read.start,
         sensing=read.sensing,
+        randomization=read.randomization,
         pilot=_pilot(read, own),
         view_weight=read.view_weight,
         plant=own.get("plant") or _plant(read.plant),
@@ -259,6 +260,7 @@ def _check_ranges(read: FlownSpec, course: Course) -> None:
     try:
         check_numbers("vehicle", read.vehicle)
         check_numbers("sensing", read.sensing)
+        check_numbers("randomization", read.randomization)
     except SettingError as error:
         raise RecordError(str(error)) from None
     if read.start is not None:

@@ -34,7 +34,8 @@ OBJECTS = ("course", "planner", "model", "referee", "cost", "terms")
 KEYWORDS = (*SETTINGS, *OBJECTS)
 # Settings that take an object in place of a name
 OBJECT_SETTINGS = (
-    *("sampler", "pilot", "controller", "vehicle", "sensing", "plant", "preset", "betaflight"),
+    *("sampler", "pilot", "controller", "vehicle", "sensing", "randomization", "plant", "preset"),
+    *("betaflight", "competition"),
 )
 # Physics step with the firmware: its gyro and its link are exchanged in each [s]
 FIRMWARE_STEP = 1e-3

@@ -11,6 +11,7 @@ from quadsim.vehicle.vehicle import (
     scale_thrust,
     unlikely_inertia,
     vehicle_names,
+    vehicle_record,
     with_thrust_to_weight,
 )
 
@@ -25,5 +26,6 @@ __all__ = [
     "scale_thrust",
     "unlikely_inertia",
     "vehicle_names",
+    "vehicle_record",
     "with_thrust_to_weight",
 ]

@@ -17,6 +17,7 @@ from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.values import SettingError
 from quadsim.physics.domain_randomization import (
     VEHICLE,
+    Displacement,
     Randomization,
     displaced,
     draw,
@@ -148,11 +149,11 @@ def test_displaced_gates_stand_where_a_course_file_may_have_them():
     drawn_again = 0
     for seed in range(40):
         seeds = quadrotor_streams(seed).gates
-        assert not misplaced_gates(displaced(course, seeds, 1.0))
+        assert not misplaced_gates(displaced(course, seeds, Displacement(1.0)))
         distinct = tuple(dict.fromkeys(course.gates))
         moves = np.random.default_rng(seeds).uniform(-1, 1, (len(distinct), 2))
         first = dict(zip(distinct, moves, strict=True))
-        moved = displaced(course, seeds, 1.0)
+        moved = displaced(course, seeds, Displacement(1.0))
         same = [
             np.array_equal(now.position[:2], np.array(gate.position[:2]) + first[gate])
             for gate, now in zip(course.gates, moved.gates, strict=True)
@@ -163,4 +164,4 @@ def test_displaced_gates_stand_where_a_course_file_may_have_them():
 
 def test_gates_without_a_place_are_one_line():
     with pytest.raises(SettingError, match=r"^displace_gates: expected a place for gate \d"):
-        displaced(load_course("lsy_level2"), quadrotor_streams(0).gates, 1000.0)
+        displaced(load_course("lsy_level2"), quadrotor_streams(0).gates, Displacement(1000.0))
