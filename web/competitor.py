@@ -14,12 +14,12 @@ import numpy as np
 from controllers.plan import PlannerSnapshot
 from quadsim.course import Course
 from quadsim.palette import Style, style, styles_on_dark
+from quadsim.racing.along import Legs
 from quadsim.racing.events import Event
 from quadsim.record.limits import StoredSolution
 from quadsim.record.planner_snapshot import PlannerSnapshots
 from quadsim.record.run import INTERACTIVE, flown_by, has_planner
 from web.choices import numbered
-from web.legs import Legs
 
 if TYPE_CHECKING:
     from controllers.sampled_trajectories import SampledTrajectories

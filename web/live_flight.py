@@ -13,6 +13,7 @@ from controllers.in_flight import PlannerInFlight
 from controllers.presets import Planner
 from quadsim.config.build import build, launched
 from quadsim.config.changes import changeable_numbers
+from quadsim.racing.along import Legs
 from quadsim.racing.clock import PlanningClock
 from quadsim.racing.events import Event, Frame, flown_laps, lap_penalties
 from quadsim.racing.flight import simulate
@@ -23,7 +24,6 @@ from quadsim.record.schema import NumberChange
 from web.again import AgainChoices
 from web.choices import Choices
 from web.competitor import Competitor
-from web.legs import Legs
 from web.numbers import Change, numbers_of, with_change
 
 if TYPE_CHECKING:

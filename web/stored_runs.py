@@ -12,13 +12,13 @@ import msgspec
 from controllers.presets import PRESETS
 from quadsim.course import Course, parse_course
 from quadsim.heat.archive import heat_title, is_heat, list_heats, runs_of_heat
+from quadsim.racing.along import Legs
 from quadsim.record.archive import list_runs, load_reportable
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import RecordedRun, RunError, flown_by
 from quadsim.record.schema import ReplayedPlanner, ReplayedSampling, ReplayedSpec
 from quadsim.results.stored_runs import UNREADABLE, flown_at, read_row
 from web.competitor import Competitor
-from web.legs import Legs
 from web.numbers import slider_values
 
 

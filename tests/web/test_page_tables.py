@@ -7,13 +7,11 @@ import numpy as np
 import pytest
 from web_cases import COURSE, choices, competitor
 
-from quadsim.course import load_course
 from quadsim.palette import STYLES
 from quadsim.racing.events import sector_times
 from quadsim.record.limits import limit_of
 from web.competitor import named
 from web.lap_timing import Way, gap, lap_timings, order, time_at
-from web.legs import Legs
 from web.page.comparison import headline
 from web.page.competitor_table import announced
 from web.page.course_map import Map, timeline
@@ -38,13 +36,6 @@ def test_progress_grows_from_zero_to_the_length_of_the_race(competitors):
         assert one.progress[0] == pytest.approx(0.0, abs=0.5)
         assert one.progress[-1] == pytest.approx(one.legs.length)
         assert (np.diff(one.progress) >= 0).all()
-
-
-def test_progress_at_a_gate_is_the_end_of_its_leg():
-    course = load_course(COURSE)
-    legs = Legs(course, 1)
-    spots = np.array([g.position for g in course.gates])
-    assert np.allclose(legs.progress(spots, np.arange(1, len(spots) + 1)), legs.ends[1:])
 
 
 def test_the_gap_of_two_steady_flights_grows_with_the_way(competitors):
