@@ -3,8 +3,9 @@
 A vehicle has passed some gates, and is somewhere on the straight leg to the next one. Its share of
 the leg is d0 / (d0 + d1), by the distances d0 and d1 from the two ends of the leg. The share grows
 right after a gate, even if the vehicle first has to turn away from the next one, where the distance
-to the next gate grows as well. The rules of a race, its results and the page compare vehicles by
-this measure.
+to the next gate grows as well. On the first leg, before which vehicles stand on a grid, the share
+is 1 - d1 / length, which is below 0 behind the start. The rules of a race, its results and the page
+compare vehicles by this measure.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ class Along(NamedTuple):
 
     # gates passed since the start
     passed: int
-    # of the leg to the next gate, from 0 to 1
+    # of the leg to the next gate, up to 1; below 0 behind the start
     share: float
 
     @classmethod
@@ -47,9 +48,12 @@ class Along(NamedTuple):
             position: its position [m].
         """
         gates = course.gates
-        start = gates[(passed - 1) % len(gates)].position if passed else course.start.position
         end = gates[passed % len(gates)].position
-        return cls(passed, share_of_leg(dist(position, start), dist(position, end)))
+        to_end = dist(position, end)
+        if not passed:
+            return cls(0, share_of_first_leg(to_end, dist(course.start.position, end)))
+        start = gates[(passed - 1) % len(gates)].position
+        return cls(passed, share_of_leg(dist(position, start), to_end))
 
 
 def share_of_leg(d0: Distance, d1: Distance) -> Distance:
@@ -59,6 +63,16 @@ def share_of_leg(d0: Distance, d1: Distance) -> Distance:
         d0, d1: distances from the start and from the end of the leg [m].
     """
     return d0 / (d0 + d1 + SAME_PLACE)
+
+
+def share_of_first_leg(d1: Distance, length: float) -> Distance:
+    """Return the share of the first leg that is behind a vehicle; below 0 behind the start.
+
+    Args:
+        d1: distance from the first gate [m].
+        length: distance of the start from the first gate [m].
+    """
+    return 1.0 - d1 / max(length, SAME_PLACE)
 
 
 class Legs:
@@ -102,5 +116,7 @@ class Legs:
         leg = np.minimum(np.asarray(passed, int), len(self.ends) - 1)
         d0 = np.linalg.norm(p - self._from[leg], axis=1)
         d1 = np.linalg.norm(p - self._to[leg], axis=1)
-        lengths = np.append(np.diff(self.ends), 0.0)[leg]
-        return np.maximum.accumulate(self.ends[leg] + lengths * share_of_leg(d0, d1))
+        lengths = np.append(np.diff(self.ends), 0.0)
+        on_first = share_of_first_leg(d1, float(lengths[0]))
+        share = np.where(leg == 0, on_first, share_of_leg(d0, d1))
+        return np.maximum.accumulate(self.ends[leg] + lengths[leg] * share)

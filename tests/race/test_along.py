@@ -53,3 +53,13 @@ def test_on_the_detour_after_a_gate_the_one_farther_on_is_ahead():
     ]
     assert to_next[0] < to_next[1]
     assert Along.of(SPLIT_S, 4, near) < Along.of(SPLIT_S, 4, far)
+
+
+def test_on_the_grid_the_one_nearer_to_the_first_gate_is_ahead():
+    """A second row stands behind the start, as far from it as the vehicle that has started."""
+    start, gate = np.array(FIGURE8.start.position), np.array(FIGURE8.gates[0].position)
+    forward = (gate - start) / np.linalg.norm(gate - start)
+    behind, at_start, ahead = (tuple((start + s * forward).tolist()) for s in (-1.0, 0.0, 1.0))
+    shares = [Along.of(FIGURE8, 0, p).share for p in (behind, at_start, ahead)]
+    assert shares == sorted(shares)
+    assert shares[0] < 0.0 == pytest.approx(shares[1])

@@ -1,4 +1,4 @@
-"""Claims about what the page writes: escaped, in order, best and faster, gaps at the same place."""
+"""Claims about what the page writes: escaped, best and faster, results, the leader's numbers."""
 
 import re
 from dataclasses import replace
@@ -11,8 +11,7 @@ from quadsim.palette import STYLES
 from quadsim.racing.events import sector_times
 from quadsim.record.limits import limit_of
 from web.competitor import named
-from web.lap_timing import Way, gap, lap_timings, order, time_at
-from web.page.comparison import headline
+from web.lap_timing import lap_timings
 from web.page.competitor_table import announced
 from web.page.course_map import Map, timeline
 from web.page.flight_numbers import _numbers
@@ -27,54 +26,8 @@ def competitors():
     return named([competitor("colored"), competitor("gaussian")])
 
 
-def at(competitors, t, by_place=False):
-    return lap_timings(Snapshot(t=t, end=99.0, competitors=tuple(competitors)), by_place)
-
-
-def test_progress_grows_from_zero_to_the_length_of_the_race(competitors):
-    for one in competitors:
-        assert one.progress[0] == pytest.approx(0.0, abs=0.5)
-        assert one.progress[-1] == pytest.approx(one.legs.length)
-        assert (np.diff(one.progress) >= 0).all()
-
-
-def test_the_gap_of_two_steady_flights_grows_with_the_way(competitors):
-    """v t = s: behind by s (1/v2 - 1/v1)."""
-    place = np.linspace(1.0, competitors[0].legs.length - 1.0, 50)
-    first, second = (Way(one.t, one.progress) for one in competitors)
-    found = gap(place, second, first)
-    assert np.allclose(found, place * (1 / 36.0 - 1 / 40.0), atol=0.03)
-    assert not np.allclose(found, 0.0, atol=0.03)
-
-
-def test_a_place_not_reached_has_no_time():
-    way = Way(t=np.array([0.0, 1.0, 2.0]), progress=np.array([0.0, 5.0, 5.0]))
-    assert time_at(np.array([2.5, 5.0]), way).tolist() == [0.5, 1.0]
-    assert np.isnan(time_at(np.array([5.1]), way)).all()
-
-
-def test_the_faster_flight_leads(competitors):
-    first, second = order(at(competitors, 1.0))
-    assert (first.entry.name, second.entry.name) == ("colored", "gaussian")
-    assert first.gap == 0.0
-    assert second.gap > 0.0
-
-
-def test_the_headline_says_who_leads_and_that_nobody_does_at_the_start(competitors):
-    leads = headline(at(competitors, 1.0))
-    assert " leads " in leads
-    assert re.search(r" by <b[^>]*>0\.[0-9]{2} s</b>", leads)
-    assert " is level with " in headline(at(competitors, 0.0))
-    three = named([*competitors, competitor("gaussian", seed=1)])
-    assert " more" in headline(at(three, 1.0))
-    # only the first two are known to be level
-    assert " more" not in headline(at(three, 0.0))
-
-
-def test_by_place_everyone_is_shown_at_the_first_ones_place(competitors):
-    me, other = at(competitors, 1.0, by_place=True)
-    assert other.entry.progress[other.i] == pytest.approx(me.entry.progress[me.i], abs=0.5)
-    assert other.entry.t[other.i] > me.entry.t[me.i]
+def at(competitors, t):
+    return lap_timings(Snapshot(t=t, end=99.0, competitors=tuple(competitors)))
 
 
 def test_names_of_runs_differ():
@@ -99,9 +52,11 @@ def test_two_runs_of_one_sampler_differ_in_line_and_others_keep_theirs(competito
 
 
 def ended(entry, outcome, *events):
-    """The same flight with another end."""
+    """The same flight with another end, before the end of its last lap."""
     at_end = [replace(e, t=float(entry.t[-1])) for e in events]
-    return replace(entry, outcome=outcome, events=(*entry.events, *at_end))
+    return replace(
+        entry, outcome=outcome, events=(*entry.events[:-1], *at_end), laps=entry.laps[:-1]
+    )
 
 
 def shown_at(entries, t):
@@ -124,6 +79,24 @@ def test_the_head_up_display_says_how_a_flight_ended_once_it_has(competitors):
     for result, entry in results.items():
         assert result in shown_at([entry], 99.0)
         assert result not in shown_at([entry], 0.5)
+
+
+def test_the_row_of_numbers_is_the_leaders_and_names_it(competitors):
+    """The second of the competitors is the faster one."""
+    slow, fast = named([competitors[1], competitors[0]])
+    (numbers,) = re.findall(r'<div class="numbers".*?</div>', shown_at([slow, fast], 1.0))
+    (leader,) = at([fast], 1.0)
+    plain = re.sub("<[^>]+>", " ", numbers)
+    assert "colored" in plain
+    assert "gaussian" not in plain
+    assert f"G{leader.gate}/" in plain
+    assert f"{leader.entry.speed(leader.i):.1f} m/s" in plain
+
+
+def test_alone_nobody_leads(competitors):
+    page = shown_at([competitors[0]], 1.0)
+    assert "leads" not in page
+    assert "lap 1/3" in page
 
 
 def test_a_flight_that_finished_says_how_far_above_the_best_known_limit(competitors):
@@ -175,7 +148,7 @@ def test_the_best_time_of_all_a_runs_own_best_and_another_one_look_different():
 
 def test_the_time_line_has_a_tick_for_every_event_and_says_the_laps(competitors):
     one = competitors[0]
-    hit = ended(one, "crashed", replace(one.events[-1], kind="hit"))
+    hit = replace(one, events=(*one.events, replace(one.events[-1], kind="hit")))
     ticks = [timeline([e], 1.0, 9.0).count("<line") for e in (one, hit)]
     assert ticks == [len(one.events) + 1, len(one.events) + 2]  # one more is now
     laps = [n for n in range(1, 6) if f"lap {n}<" in timeline([one], 1.0, 9.0)]

@@ -12,7 +12,7 @@ import viser
 
 from quadsim.course import Course
 from web.choices import Choices
-from web.lap_timing import LapTiming, lap_timings
+from web.lap_timing import LapTiming, at_place_of_first, lap_timings
 from web.limit_race import limit_race
 from web.page.camera import Camera
 from web.page.charts import TABS, Charts, Tabs
@@ -205,7 +205,8 @@ class Dashboard:
 
     def _update(self, s: Snapshot) -> None:
         """Show changes; a race that has ended or is paused sends nothing."""
-        timings = lap_timings(s, self._options.by_place)
+        timings = lap_timings(s)
+        drawn = at_place_of_first(timings) if timings and self._options.by_place else timings
         look = Look(
             by_place=self._options.by_place,
             by_speed=self._options.by_speed(len(timings)),
@@ -222,18 +223,18 @@ class Dashboard:
             view = None if editing else self._view_of(s, timings)
             if view:
                 if self._scene_due((view, state)):
-                    view.scene.update(timings, look.by_speed, look.trajectories)
+                    view.scene.update(drawn, look.by_speed, look.trajectories)
                     view.scene.update_limit(timings[0], look.limit, look.by_place)
                 self._camera.follow(by_hand(timings) or timings[0])
             if self._tables_due((view, state, self.race.coming)):
-                self._update_tables(s, timings, view)
+                self._update_tables(s, timings, drawn, view)
             if self._controls_due(perf_counter()):
                 self._playback.update(s)
                 self.numbers.update(s)
                 self.race.update(s)
         if self._past_due((view, [entry.past(s.t) for entry in s.competitors])):
             self._update_past(s, view)
-        self._pictures.update(timings if view else [])
+        self._pictures.update(drawn if view else [])
         if view and self._slow_due((view, state)):
             self._charts.update(s, timings)
             self._tables["Chatter"].content = chatter([e.until(s.t) for e in s.competitors])
@@ -301,12 +302,21 @@ class Dashboard:
         self._view = None
         forget_removed(self._server)
 
-    def _update_tables(self, s: Snapshot, timings: list[LapTiming], view: RaceView | None) -> None:
-        """Show the tables of the present moment."""
+    def _update_tables(
+        self,
+        s: Snapshot,
+        timings: list[LapTiming],
+        drawn: list[LapTiming],
+        view: RaceView | None,
+    ) -> None:
+        """Show the tables of the present moment.
+
+        drawn: the timings with the frames that the scene shows.
+        """
         if not self._is_editing:
             self._tables["HUD"].content = hud(s, timings, self.race.coming)
         if view:
-            self._tables["Timing"].content = tower(timings) + view.map.draw(timings)
+            self._tables["Timing"].content = tower(timings) + view.map.draw(drawn)
             self._tables["Planner"].content = planner(timings[0])
 
     def _update_past(self, s: Snapshot, view: RaceView | None) -> None:
