@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
@@ -21,6 +20,7 @@ from quadsim.racing.hand import HAND
 from quadsim.sensing import PERFECT
 from quadsim.vehicle import load_vehicle
 from web.by_hand import flown_by_hand
+from web.differences import numbered
 from web.numbers import SLIDERS, Change, with_change
 
 # HAND may take the place of a sampler for a manual flight
@@ -179,16 +179,6 @@ class HeatChoices:
 def names_of(flights: Sequence[Choices]) -> list[str]:
     """Return the names of competitors: "colored", "colored 2" and so on."""
     return numbered([flight.kind for flight in flights])
-
-
-def numbered(kinds: Sequence[str]) -> list[str]:
-    """Return distinct names: the second "colored" becomes "colored 2"."""
-    seen: Counter[str] = Counter()
-    names = []
-    for kind in kinds:
-        seen[kind] += 1
-        names.append(kind if seen[kind] == 1 else f"{kind} {seen[kind]}")
-    return names
 
 
 def specs_of(flights: Sequence[Choices]) -> list[Spec]:

@@ -41,6 +41,7 @@ class Glider(LiveFlight):
         super().__init__(choices)
 
     def _take_off(self):
+        self._planner = None
         self.is_cached = self.compiled is None
         return self.frames()
 

@@ -12,6 +12,8 @@ from quadsim.racing.events import Event
 from quadsim.racing.hand import HAND
 from quadsim.record.run import not_comparable
 from web.competitor import CRASHES, Competitor, heat_of
+from web.differences import compared
+from web.drawn_samples import drawn_samples, late_plans
 from web.lap_timing import LapTiming, order
 from web.page.comparison import comparison, headline, result
 from web.page.course_map import timeline
@@ -58,12 +60,17 @@ def hud(s: Snapshot, timings: list[LapTiming], coming: str = "") -> str:
     if s.compiling:
         compiling = "Compiling the planner for this machine: once, it takes some 15 s"
         return head_up(div(compiling, **CENTRED, color=DIM))
+    if s.is_taking_off:
+        names = " and ".join(label(entry) for entry in s.competitors if entry.live)
+        planning = f"Planning the first step of {names}: with many samples it takes seconds"
+        return head_up(div(planning, **CENTRED, font_size="16px"))
     if not timings:
         return head_up(coming or div("Choose a race and press START", **CENTRED, color=DIM))
     leader = order(timings)[0]
     if len(timings) > 1:
         standings = standings_at([one.entry for one in timings], s.t)
-        leads = div(headline(standings), **CENTRED, font_size="18px")
+        differ = compared([one.entry.spec for one in timings])
+        leads = div(headline(standings), **CENTRED, font_size="18px") + small(text(differ))
     else:
         leads = _result(leader)
     above = "".join(_above(one, len(timings) > 1) for one in timings if one.over)
@@ -314,18 +321,21 @@ def planner(s: LapTiming) -> str:
             _line(f"no plan: a person flies, with rates up to {most} deg/s (roll, pitch, yaw)"),
         )
     mppi = s.entry.spec["planner"]["mppi"]
-    samples = mppi["samples"]
+    drawn = drawn_samples(s.entry, s.i)
     ess = float(x["ess"][s.i])
     target = mppi.get("target_ess")
     steered = f"target {target:g}" if target else "temperature fixed"
     colour = NEXT if ess > FEW_SAMPLES else RED
-    meter = bar(ess / max(samples * GOOD_SHARE, 1.0), colour, height=8)
+    meter = bar(ess / max((drawn.count or drawn.most) * GOOD_SHARE, 1.0), colour, height=8)
     update = (
-        f"<b>{ess:.0f}</b> effective of {samples} samples, {steered}; temperature "
+        f"<b>{ess:.0f}</b> effective of {drawn.words}, {steered}; temperature "
         f"<b>{x['temperature'][s.i]:.3g}</b>, planned in <b>{plan_ms:.1f}</b> ms"
     )
+    late = late_plans(s.entry, s.i)
+    deadline = _line(late) if late else ""
     cost = heading("cost of the plan") + _cost(s)
-    return box(heading("effective sample size"), meter, _line(update), cost)
+    whose = div(label(s.entry), margin_top="2px")
+    return box(whose, heading("effective sample size"), meter, _line(update), deadline, cost)
 
 
 def _cost(s: LapTiming) -> str:
