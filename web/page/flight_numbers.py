@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import viser
 
-from web.choices import Choices
+from web.choices import CompetitorChoices
 from web.competitor import Competitor
 from web.numbers import SLIDERS, Change
 from web.numbers_in_flight import can_change, numbers_of_several, remark
@@ -34,18 +34,20 @@ class Asked(NamedTuple):
 class NumbersInFlight:
     """The sliders of the shown flight, which act on its next plan, and not on a later START.
 
-    The page's thread calls `update`; callbacks are coroutines and only note what was moved.
+    Every visitor has them. The page's thread calls `update`; callbacks are coroutines and only note
+    what was moved.
 
     Args:
         first: a competitor, for the sliders' ranges.
+        order: place of the folder among the others.
     """
 
-    def __init__(self, gui: viser.GuiApi, session: Session, first: Choices):
+    def __init__(self, gui: viser.GuiApi, session: Session, first: CompetitorChoices, order: float):
         self._session = session
         # numbers that have not settled yet, with the competitor that was meant when they were moved
         self._asked: dict[str, Asked] = {}
         self._moved_at: dict[str, float] = dict.fromkeys(SLIDERS, -inf)  # by hand [s]
-        self.folder = gui.add_folder("Numbers in flight", visible=False)
+        self.folder = gui.add_folder("Numbers in flight", visible=False, order=order)
         with self.folder:
             self._whose = gui.add_html("")
             self.whose = gui.add_dropdown("Of", (EVERYONE,), initial_value=EVERYONE)

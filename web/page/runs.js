@@ -36,6 +36,7 @@
   const filter = make("input", { type: "search", placeholder: "filter: words that a row has", ariaLabel: "Filter the runs" });
   const count = make("span", { className: "count" });
   const compare = make("button", { textContent: "Replay", onclick: () => replay([...chosen]) });
+  const against = make("button", { textContent: "Fly against", onclick: () => leave({ type: "fly_against", names: [...chosen] }) });
   const remark = make("div", { className: "remark", role: "status" });
   const table = make("table");
   const reports = make("div", { className: "reports" });
@@ -43,7 +44,7 @@
   sheet.setAttribute("role", "dialog");
   const tabs = ["Runs", "Campaigns"].map((name) => make("button", { textContent: name, onclick: () => showTab(name) }));
   const close = make("button", { textContent: "Close", onclick: () => open(false) });
-  const runs = make("div", { className: "runs" }, make("div", { className: "tools" }, filter, count, compare), make("div", { className: "scroll" }, table));
+  const runs = make("div", { className: "runs" }, make("div", { className: "tools" }, filter, count, compare, against), make("div", { className: "scroll" }, table));
   sheet.append(make("div", { className: "tools" }, ...tabs, remark, close), runs, reports);
 
   filter.oninput = draw;
@@ -82,7 +83,7 @@
     const shown = found.slice(0, MOST);
     count.textContent = `${found.length} of ${rows.length}` + (found.length > MOST ? `, the first ${MOST} are shown` : "");
     compare.textContent = chosen.size > 1 ? `Compare ${chosen.size}` : "Replay";
-    compare.disabled = chosen.size === 0;
+    compare.disabled = against.disabled = chosen.size === 0;
     const focus = document.activeElement?.dataset?.key;
     table.replaceChildren(head(), make("tbody", {}, ...shown.flatMap(drawn)));
     if (focus) table.querySelector(`[data-key="${CSS.escape(focus)}"]`)?.focus();
