@@ -99,9 +99,9 @@ class AddRow(Command):
 
 
 class TakeOver(Command):
-    """Add a competitor with these choices; its visitor edits it."""
+    """Add a competitor with these choices; its visitor, if it is known, edits it."""
 
-    visitor: int
+    visitor: int | None
     choices: CompetitorChoices
 
 
@@ -187,13 +187,13 @@ def _with_race(state: PageState, name: str, value: str | int) -> PageState:
     return replace(state, **{name: value})
 
 
-def _added(state: PageState, visitor: int, choices: CompetitorChoices) -> PageState:
-    """Return the state with another row, which its visitor edits. Raises ValueError."""
+def _added(state: PageState, visitor: int | None, choices: CompetitorChoices) -> PageState:
+    """Return the state with another row, which a visitor edits. Raises ValueError."""
     if len(state.rows) >= MOST:
         raise ValueError(f"competitors: expected {MOST} at most")
     row = Row(state.next_number, choices)
     more = replace(state, rows=(*state.rows, row), next_number=row.number + 1)
-    return more.with_visitor(visitor, Visitor(row.number))
+    return more if visitor is None else more.with_visitor(visitor, Visitor(row.number))
 
 
 def _removed(state: PageState, number: int) -> PageState:

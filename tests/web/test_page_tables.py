@@ -10,14 +10,17 @@ from web_cases import COURSE, choices, competitor
 from quadsim.palette import STYLES
 from quadsim.racing.events import sector_times
 from quadsim.record.limits import limit_of
+from web.commands import ChooseRace, SetNumber, apply
 from web.competitor import named
 from web.lap_timing import lap_timings
-from web.page.competitor_table import announced
+from web.line_up import line_up_of
 from web.page.course_map import Map, timeline
 from web.page.html import label
 from web.page.laps import chatter, coloured_time, laps, splits
+from web.page.line_up_html import announced, table_of
 from web.page.timing import events, hud, planner, tower
 from web.race import Snapshot
+from web.state import PageState
 
 
 @pytest.fixture(scope="module")
@@ -80,6 +83,41 @@ def test_the_row_of_numbers_is_the_leaders_and_names_it(competitors):
     assert f"{leader.entry.speed(leader.i):.1f} m/s" in plain
 
 
+def test_what_differs_is_said_under_the_headline(competitors):
+    assert "They differ in sampler; all else is equal." in shown_at(competitors, 1.0)
+    seeds = named([competitor(), competitor(seed=5)])
+    assert "They differ in seed (0 / 5); all else is equal." in shown_at(seeds, 1.0)
+
+
+def test_runs_of_different_laps_are_compared_over_the_common_ones_in_words():
+    long, short = named([competitor("colored", laps=2), competitor("gaussian", laps=1)])
+    for t in (0.5, short.last_t + 0.1, 99.0):
+        plain = re.sub("<[^>]+>", "", shown_at([long, short], t))
+        assert "over the first lap" in plain
+        assert "by -" not in plain
+    assert "over the first lap" in tower(at([long, short], 0.5))
+
+
+def test_not_comparable_is_said_of_the_competitor_that_was_changed_alone(competitors):
+    change = {"t": 0.1, "name": "sigma", "from": 1.0, "to": 2.0}
+    changed = replace(competitors[1], spec={**competitors[1].spec, "interactive": [change]})
+    page = shown_at([competitors[0], changed], 1.0)
+    assert "gaussian: interactive, not comparable: 1 change in flight" in page
+    assert "colored: interactive" not in page
+
+
+def test_before_the_first_plan_is_ready_the_head_up_display_says_that_it_is_made(competitors):
+    none_yet = {name: column[:0] for name, column in competitors[0].x.items()}
+    live = replace(competitors[0], live=True, outcome=None, x=none_yet)
+    compiling = Snapshot(flying=True, compiling=True, competitors=(live,))
+    assert "Compiling the planner" in hud(compiling, [])
+    planning = hud(Snapshot(flying=True, competitors=(live,)), [], "START flies another")
+    assert "Planning the first step of" in planning
+    assert "colored" in planning
+    assert "START flies another" not in planning
+    assert hud(Snapshot(), [], "START flies another").count("START flies another") == 1
+
+
 def test_alone_nobody_leads(competitors):
     page = shown_at([competitors[0]], 1.0)
     assert "leads" not in page
@@ -108,10 +146,24 @@ def test_the_tower_says_who_did_not_finish_and_counts_misses(competitors):
 
 
 def test_before_a_start_is_said_who_flies_where_and_what_they_differ_in():
-    page = announced([choices("colored"), choices("gaussian")], "in one world")
-    said = re.sub("<[^>]+>", "", page)
+    two = PageState.of(choices("colored"), choices("gaussian"))
+    state = apply(two, ChooseRace("world", "in one world"))
+    said = re.sub("<[^>]+>", "", announced(state, line_up_of(state)))
     assert said.startswith("START flies colored against gaussian")
     assert f"on {COURSE}, in one world. They differ in sampler; all else is equal" in said
+
+
+def test_the_table_of_competitors_marks_the_row_that_a_visitor_edits_and_names_its_numbers():
+    two = PageState.of(choices("colored"), choices("gaussian"))
+    first, second = (row.number for row in two.rows)
+    state = apply(two, SetNumber(second, "samples", 512))
+    table = table_of(state, line_up_of(state), edited=second)
+    one, other = table.split("data-row=")[1:]
+    assert "background" in other
+    assert "background" not in one.split("</div>")[0]
+    assert "<b>samples 512</b>" in other
+    wrong = apply(state, ChooseRace("seed", "many"))
+    assert "seed: expected a whole number" in table_of(wrong, line_up_of(wrong), edited=first)
 
 
 def test_the_tower_says_the_last_and_the_best_lap_of_each(competitors):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -16,7 +16,7 @@ from quadsim.files.strict_yaml import FileError
 from quadsim.heat.rules import RULES
 from quadsim.heat.settings import Expect
 from web.choices import Choices, HeatChoices
-from web.commands import AnyCommand, ChooseRace, FlyAgainst
+from web.commands import AnyCommand, ChooseRace, FlyAgainst, TakeOver
 from web.desk import Desk
 from web.page.html import box, div, small, text
 from web.page.menu import Menu
@@ -24,6 +24,7 @@ from web.page.set_values import SetValues
 from web.race import Snapshot
 from web.state import TOGETHER, PageState, World
 from web.stored_runs import runs_at
+from web.take_over import TakenOver, taken_over
 
 LAPS = (1, 2, 3, 5, 10, 20, 50, 100)
 NOTICE = 6.0  # duration of a notice [s]
@@ -170,6 +171,12 @@ class RacePanel:
         if course in self.course.options:
             self._desk.do(ChooseRace("course", course))
         self._desk.do(FlyAgainst(tuple(runs)))
+
+    def take_over(self, record: Mapping[str, Any]) -> TakenOver:
+        """Add a competitor that is set up like a run. Raises ValueError. record: its spec."""
+        found = taken_over(record, self._desk.state.race)
+        self._desk.do(TakeOver(None, found.choices))
+        return found
 
     @property
     def _controls(self) -> dict[str, Any]:

@@ -61,6 +61,12 @@ class FlyAgainstRuns(Message, tag="fly_against"):
     names: Annotated[list[Name], Meta(min_length=1, max_length=TOGETHER)]
 
 
+class TakeOverRun(Message, tag="take_over"):
+    """A visitor requests a competitor that is set up like a stored run."""
+
+    name: Name
+
+
 class FlyAgain(Message, tag="fly_again"):
     """A visitor requests to fly a stored run again."""
 
@@ -119,7 +125,16 @@ class Remark(Message, tag="remark"):
     text: str
 
 
-Request = ListRuns | ReplayRuns | FlyAgainstRuns | FlyAgain | WordRun | ListReports | ShowReport
+Request = (
+    ListRuns
+    | ReplayRuns
+    | FlyAgainstRuns
+    | TakeOverRun
+    | FlyAgain
+    | WordRun
+    | ListReports
+    | ShowReport
+)
 
 
 class RunsPanel:
@@ -187,6 +202,8 @@ class RunsPanel:
                     self._replay(names, t)
                 case FlyAgainstRuns(names):
                     self._fly_against(names)
+                case TakeOverRun(name):
+                    self._take_over(visitor, name)
                 case FlyAgain(name):
                     self._fly_again(name)
                 case WordRun(name):
@@ -221,6 +238,15 @@ class RunsPanel:
         if len(courses) > 1:
             raise ValueError(f"against: expected runs of one course, got {', '.join(courses)}")
         self._race.fly_against([folder.name for folder in folders], *courses)
+
+    def _take_over(self, visitor: LinkVisitor, name: str) -> None:
+        """Add a competitor for each run of a row. Raises ValueError, RunError."""
+        for run in runs_at(self._path(name)):
+            found = self._race.take_over(load_reportable(run).spec)
+            if found.differs:
+                differs = ", ".join(found.differs)
+                remark = f"taken over; the race keeps its own settings: the run had {differs}"
+                visitor.send(Remark(remark))
 
     def _fly_again(self, name: str) -> None:
         """Fly a run or a race again. Raises ValueError."""
