@@ -78,7 +78,7 @@ def comparison(timings: Sequence[LapTiming]) -> str:
     for s in order(timings):
         cells = [
             div(label(s.entry), width="34%", overflow="hidden"),
-            div(_standing(s, brief, alone), width="30%"),
+            div(_standing(s, alone), width="30%"),
             div(_chatter(s, most, brief), width="36%"),
         ]
         parts.append(div("".join(cells), display="flex", align_items="center", gap="8px", **MONO))
@@ -86,15 +86,16 @@ def comparison(timings: Sequence[LapTiming]) -> str:
     return div(rows + small(WHY_CHATTER), margin_top="4px")
 
 
-def _standing(s: LapTiming, brief: bool, alone: bool) -> str:
-    """Return the lap and the gap of a competitor, only the gap if brief, or the result."""
+def _standing(s: LapTiming, alone: bool) -> str:
+    """Return the gap of a competitor, or its result; alone, its lap."""
     if s.over:
         ended = result(s)
+        if s.entry.outcome == "finished":
+            return coloured(f"{sum(s.entry.laps):.3f} s", ended.colour)
         return coloured(ended.content, ended.colour)
-    lap = "" if brief else f"lap {s.lap}/{s.entry.laps_to_fly} "
     if alone:
-        return lap
-    return lap + element("span", gap_text(s.standing), white_space="nowrap")
+        return f"lap {s.lap}/{s.entry.laps_to_fly}"
+    return element("span", gap_text(s.standing), white_space="nowrap")
 
 
 def gap_text(s: Standing) -> str:

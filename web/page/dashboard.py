@@ -29,7 +29,7 @@ from web.page.export import add_export
 from web.page.flight_controls import FlightControls
 from web.page.flight_numbers import NumbersInFlight
 from web.page.html import STYLE
-from web.page.joining import Joining, by_hand
+from web.page.joining import Joining
 from web.page.laps import chatter, laps
 from web.page.line_up_html import announced
 from web.page.menu import Menu
@@ -175,7 +175,7 @@ class Dashboard:
         # each visitor's own controls stand between the race's and the playback's
         self._order = self.race.folder.order + 0.5
         controls = FlightControls(session, self.race)
-        self._playback = PlaybackPanel(gui, session, controls)
+        self._playback = PlaybackPanel(gui, session, controls, self.race.folder.order + 0.3)
         self._camera = Camera(server)
         self._joining = Joining(server, session.cockpit, self._camera)
         self._options = ViewPanel(gui, self._camera)
@@ -184,6 +184,7 @@ class Dashboard:
         self._add_panels(gui)
         with self._editor_tab:
             self._editor = CourseEditor(gui, session, self.race)
+        server.link.open()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="page", daemon=True)
         self._thread.start()
@@ -263,7 +264,7 @@ class Dashboard:
                 if self._scene_due((view, shown)):
                     view.scene.update(drawn, look.by_speed, look.trajectories)
                     view.scene.update_limit(timings[0], look.limit, look.by_place)
-                self._camera.follow(by_hand(timings) or timings[0])
+                self._camera.follow(timings)
             state = self.desk.state
             if self._tables_due((view, shown, state)):
                 self._update_tables(s, timings, drawn, view)

@@ -219,6 +219,9 @@ class RunsPanel:
     def _path(self, name: str) -> Path:
         """Return the folder of a listed run. Raises ValueError."""
         path = self._table.path(name)
+        if path is None and self._table.refresh():
+            # It has just been stored
+            path = self._table.path(name)
         if path is None:
             raise ValueError(f"no run {name[:80]!r} in the table: expected one that is listed")
         return path

@@ -102,7 +102,7 @@ def _numbers(s: LapTiming, has_name: bool) -> str:
         justify_content="space-between",
         flex_wrap="wrap",
         gap="0 14px",
-        font_size="19px",
+        font_size="15px" if has_name else "19px",
         font_weight=650,
         **MONO,
     )
