@@ -73,7 +73,6 @@ class Studio:
     def show(self, runs: Sequence[Path], t: float) -> None:
         """Show stored runs at t [s]."""
         races = self.session.snapshot.race
-        self._dashboard.race.show_replay(runs)
         self.session.tell(PageRace.start, [], runs)
         wait(lambda: self.session.snapshot.race > races)
         self.session.tell(PageRace.play, False)

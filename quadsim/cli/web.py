@@ -63,7 +63,6 @@ def web(
     rivals = [Choices(course=course, sampler=sampler) for sampler in ("colored", "gaussian")]
     page = Dashboard(server, session, Menu.of_everything(course), *rivals)
     if paths:
-        page.race.show_replay(paths)
         session.tell(PageRace.start, [], paths)
     url = address(host, server.get_port()) + (f"?token={token}" if token else "")
     if json:

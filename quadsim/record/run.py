@@ -248,7 +248,7 @@ def weight_text(weight: float | list) -> str:
     return "one for each step" if isinstance(weight, list) else f"{weight:g}"
 
 
-def has_planner(spec: dict[str, Any]) -> bool:
+def has_planner(spec: Mapping[str, Any]) -> bool:
     """Return whether a planner flew: neither a learned pilot nor a person did."""
     return not (spec.get("pilot") or spec.get(HAND))
 

@@ -189,7 +189,7 @@ def _record(server: viser.ViserServer, entries: Sequence[Competitor]) -> str:
     recording = server.get_scene_serializer()
     for t in np.arange(0.0, end + 1.0 / RATE, 1.0 / RATE):
         now = Snapshot(t=float(t), end=end, competitors=tuple(entries))
-        timings = lap_timings(now, by_place=False)
+        timings = lap_timings(now)
         scene.update(timings, by_speed=len(entries) == 1)
         clock.text = f"{t:.1f} s  lap {timings[0].lap}"
         recording.insert_sleep(1.0 / RATE)
