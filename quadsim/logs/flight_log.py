@@ -65,6 +65,7 @@ class FlightLog:
         battery: [V]  (n,)
         pieces: spans of rows without a gap or a reset, in order.
         remarks: one line each: what the log lacks, and which readings were left out, counted.
+        start: what the log's own clock showed at t = 0 [s].
     """
 
     name: str
@@ -82,6 +83,7 @@ class FlightLog:
     battery: np.ndarray | None
     pieces: tuple[slice, ...]
     remarks: tuple[str, ...]
+    start: float = 0.0
 
     def has(self, *names: str) -> bool:
         """Return whether the log has all these signals.
