@@ -1,13 +1,14 @@
 """From a RawLog to a FlightLog: bad rows and readings are left out and counted.
 
 In this order: rows without a time; rows whose time stands still or goes back; readings that are
-impossible or at which a sensor saturates, which become NaN; then gaps in time and jumps of the pose,
-at which the log is divided into pieces. Signals of which nothing is left are left out.
+impossible or at which a sensor saturates, which become NaN; then gaps in time and jumps of the
+pose, at which the log is divided into pieces. Signals of which nothing is left are left out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -72,7 +73,7 @@ def cleaned(raw: RawLog) -> FlightLog:
 
 
 def _in_order(raw: RawLog, remarks: list[str]) -> tuple[np.ndarray, np.ndarray, set[int]]:
-    """Return the rows whose time can be used, their times, and the rows at which the clock restarts.
+    """Return the rows whose time can be used, their times, and at which of them the clock restarts.
 
     After a restart the times continue one second later.
     """
@@ -221,6 +222,6 @@ def _jumped(t: np.ndarray, values: np.ndarray, fastest: float, farthest: float) 
 def _pieces(breaks: set[int], rows: int) -> Iterator[slice]:
     """Yield the spans between breaks that are long enough."""
     edges = [0, *sorted(breaks - {0}), rows]
-    for first, last in zip(edges, edges[1:], strict=False):
+    for first, last in pairwise(edges):
         if last - first >= SHORTEST_PIECE:
             yield slice(first, last)
