@@ -105,8 +105,9 @@ class FlightLog:
 
     @property
     def rate(self) -> float:
-        """The usual number of readings a second [Hz]."""
-        return float(1.0 / np.median(np.diff(self.t)))
+        """The number of readings a second, without gaps [Hz]."""
+        steps = sum(piece.stop - 1 - piece.start for piece in self.pieces)
+        return float(steps / sum(np.ptp(self.t[piece]) for piece in self.pieces))
 
     def __repr__(self) -> str:
         """Return one short line."""

@@ -100,10 +100,12 @@ def _measured_log(
     telemetry: Mapping[str, np.ndarray], kept: Mapping[str, np.ndarray], name: str
 ) -> RawLog:
     """Return the log of the measurements of a flight, on the clock of the inertial sensor."""
-    t = kept["imu.t"]
+    # The sensors begin before the flight.
+    flying = kept["imu.t"] >= telemetry["t"][0]
+    t = kept["imu.t"][flying]
     signals = {
-        "body_rates": kept["imu.gyro"],
-        "specific_force": kept["imu.specific_force"],
+        "body_rates": kept["imu.gyro"][flying],
+        "specific_force": kept["imu.specific_force"][flying],
         **dict(_commands(telemetry, t)),
     }
     remarks = []
