@@ -142,22 +142,30 @@ def _collect(frames: Iterator[Any], places: Sequence[int], numbers: array[float]
 
 
 def _whole(is_whole: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Return which rows do not depend on a row that is lost.  (n,)
+    """Return which rows do not depend on a frame that is lost.  (n,)
 
-    Frames of differences are wrong from the loss to the next frame of whole values.
+    A frame of differences is wrong if one before it is lost, up to the next frame of whole values.
+    The loss shows in the time: at that frame, or where the frames that follow it begin.
 
     Args:
         is_whole: whether a row is a frame of whole values  (n,).
         time: [us]  (n,).
     """
-    steps = np.diff(time, prepend=time[:1] - 1.0) if len(time) else time
-    usual = np.median(steps[1:]) if len(time) > 1 else 1.0
-    lost = (steps <= 0.0) | (steps > LARGEST_STEP * usual)
-    lost[:1] = True
     rows = np.arange(len(time))
-    last_lost = np.maximum.accumulate(np.where(lost, rows, -1))
+    steps = np.diff(time)
+    usual = np.median(steps) if len(steps) else 1.0
+    jumps = np.flatnonzero((steps <= 0.0) | (steps > LARGEST_STEP * usual)) + 1
+    jumps = np.concatenate(([0], jumps)).astype(int)
+    # The last frame of whole values up to each row, -1 before the first one
     last_whole = np.maximum.accumulate(np.where(is_whole, rows, -1))
-    return last_whole >= last_lost
+    # Differences that follow a jump of the time
+    last_jump = np.zeros(len(time), int)
+    last_jump[jumps[jumps < len(time)]] = jumps[jumps < len(time)]
+    good = last_whole >= np.maximum.accumulate(last_jump)
+    # Differences before one: somewhere between two frames of whole values others are lost.
+    for jump in jumps[1:]:
+        good[last_whole[jump - 1] + 1 : jump] = False
+    return good
 
 
 def _signals(

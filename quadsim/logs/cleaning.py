@@ -145,6 +145,7 @@ def _possible(name: str, readings: np.ndarray, raw: RawLog, remarks: list[str]) 
     signal = SIGNALS[name]
     found = np.array(readings, float)
     known = np.isfinite(found)
+    found[~known] = np.nan
     total = int(known.sum())
     if not total:
         return found

@@ -58,14 +58,16 @@ def read_csv_log(path: Path, mapping: str | Path | None = None) -> list[RawLog]:
         blocks = []
         bad_lines = 0
         rows = 0
+        is_cut = False
         for lines in _lines(file):
-            block, bad = _numbers(lines[: MOST_ROWS - rows], separator, places)
+            room = MOST_ROWS - rows
+            block, bad = _numbers(lines[:room], separator, places)
             blocks.append(block)
             bad_lines += bad
             rows += len(block)
-            if rows >= MOST_ROWS:
+            is_cut = len(lines) > room
+            if is_cut:
                 break
-        is_cut = bool(file.readline())
     if not rows:
         raise LogError(f"{path}: expected a row for each reading, got the line of names alone")
     remarks = [f"the first {MOST_ROWS:,} rows are read, and no more"] if is_cut else []

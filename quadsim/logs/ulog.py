@@ -60,7 +60,11 @@ def read_ulog(path: Path) -> list[RawLog]:
     except Exception as error:
         # pyulog raises errors of many types for a damaged file.
         raise LogError(f"{path}: cannot be read: {' '.join(str(error).split())}") from None
-    topics = {each.name: _topic(each.data) for each in data if each.multi_id == 0}
+    topics = {
+        each.name: _topic(each.data)
+        for each in data
+        if each.multi_id == 0 and "timestamp" in each.data
+    }
     rates = _body_rates(topics)
     if rates is None:
         known = ", ".join(sorted(topics)) or "none"

@@ -64,6 +64,7 @@ def test_dashes_are_fast_and_steps_span_the_thrust(run):
     assert np.percentile(thrust, 10) < 0.6 * GRAVITY
 
 
+@pytest.mark.slow
 def test_its_log_has_the_measurements_of_its_sensors(tmp_path):
     # The chirp about x has begun.
     run = quadsim.fly(**FLIGHT, timeout=4.0)
@@ -90,6 +91,7 @@ def test_it_is_flown_again_from_its_record():
     assert quadsim.fly(brief.spec).digest() == brief.digest()
 
 
+@pytest.mark.slow
 def test_slow_vehicles_are_flown_by_a_slower_loop():
     """A loop over position as fast as swift's is unstable with `paper`, which turns slowly."""
     run = quadsim.fly(**FLIGHT, vehicle="paper", sensing="perfect", timeout=14.0)
