@@ -84,7 +84,8 @@ def read_mcap_log(path: Path) -> list[RawLog]:
     if not rows:
         wanted = f"expected messages {TELEMETRY} of a run of quadsim (race export --mcap)"
         raise LogError(f"{path}: {wanted}, got none")
-    columns = dict(zip(names, np.array(rows, float).T, strict=True))
+    table = np.array(rows, float)
+    columns = {name: table[:, k] for k, name in enumerate(names)}
     return [_true_log(columns, path.name)]
 
 

@@ -17,7 +17,6 @@ from tests.logs.log_cases import (
     ulog_bytes,
     write_csv,
 )
-from tests.small import SHORT
 
 # What a format rounds to: whole degrees a second, whole steps of an accelerometer or a motor
 ROUNDED = {"body_rates": 0.01, "rate_setpoints": 0.01, "specific_force": 3e-3}
@@ -88,7 +87,7 @@ def test_a_csv_of_ones_own_is_read_with_a_mapping(tmp_path):
     file = write_csv(tmp_path / "flight.csv", columns)
     (log,) = read_logs(file, tmp_path / "mine.yaml")
     expect_known(log, s.keys() - {"velocity"})
-    with pytest.raises(LogError, match="flight.csv:1: expected the columns of a shipped mapping"):
+    with pytest.raises(LogError, match=r"flight.csv:1: expected the columns of a shipped mapping"):
         read_logs(file)
 
 

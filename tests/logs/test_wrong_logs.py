@@ -43,6 +43,16 @@ def test_a_whole_log_has_one_piece_and_nothing_left_out():
     )
 
 
+def read_or_refused(file):
+    """Return the flights of a log, none if it is refused with one line."""
+    try:
+        return read_logs(file)
+    except LogError as error:
+        if "\n" in str(error):
+            raise
+        return []
+
+
 # Time
 
 
@@ -245,13 +255,7 @@ def test_a_log_that_is_cut_off_is_read_up_to_there_or_is_one_line(tmp_path, kind
     rows = []
     for share in np.linspace(0.02, 1.0, 25):
         file.write_bytes(data[: int(share * len(data))])
-        try:
-            (log,) = read_logs(file)
-        except LogError as error:
-            assert "\n" not in str(error)
-            rows.append(0)
-        else:
-            rows.append(len(log.t))
+        rows.append(sum(len(log.t) for log in read_or_refused(file)))
     assert rows == sorted(rows)
     assert rows[-1] == ROWS
     assert rows[12] > 0.35 * ROWS
@@ -270,10 +274,7 @@ def test_damaged_bytes_never_end_in_a_traceback(tmp_path, kind):
         for place in rng.integers(16, len(data), 20):
             damaged[place] = rng.integers(256)
         file.write_bytes(damaged)
-        try:
-            read += len(read_logs(file))
-        except LogError as error:
-            assert "\n" not in str(error)
+        read += len(read_or_refused(file))
     assert read > 0
 
 
