@@ -61,7 +61,7 @@ def flying_numbers(vehicle: Vehicle) -> FlyingNumbers:
 
 
 def top_speed(vehicle: Vehicle) -> float:
-    """Return the speed of level flight along x at full thrust [m/s]; inf without drag along x.
+    """Return the speed of level flight along x at full thrust [m/s]; inf without drag.
 
     With the tilt theta, thrust a and drag d_x, d_z along the body's axes the forces balance:
 
@@ -70,7 +70,8 @@ def top_speed(vehicle: Vehicle) -> float:
     """
     drag_x, _, drag_z = vehicle.drag
     a = vehicle.thrust_max
-    if drag_x == 0.0:
+    # Without drag along one of the axes there is a tilt for any speed.
+    if drag_x == 0.0 or drag_z == 0.0:
         return inf
 
     def speed(theta: float) -> float:

@@ -8,6 +8,7 @@ from quadsim.cli.cli import race
 from quadsim.files.values import SettingError
 from quadsim.vehicle import GRAVITY, load_vehicle, parse_vehicle
 from quadsim.vehicle.scaling import PROPELLERS, KnownNumbers, diameter, scaled_vehicle
+from tests.small import flags
 
 GIVEN = {"mass": 0.6, "thrust_to_weight": 5.0, "arm": 0.11, "propeller": 0.127}
 
@@ -100,7 +101,8 @@ def test_a_diameter_without_unit_is_refused(text):
 
 def test_the_command_writes_a_file_once(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    words = "vehicle --mass .6 --thrust-to-weight 5 --arm .11 --prop 5in --name myquad".split()
+    known = {"mass": 0.6, "thrust_to_weight": 5, "arm": 0.11, "prop": "5in", "name": "myquad"}
+    words = ["vehicle", *flags(known)]
     assert race(words) == 0
     assert load_vehicle("myquad.yaml") == scaled()
     assert race(["check", "myquad.yaml"]) == 0
@@ -108,7 +110,7 @@ def test_the_command_writes_a_file_once(tmp_path, monkeypatch, capsys):
     for line in out.splitlines():
         assert "thrust-to-weight 5.00, hovers at 45 % of full rotor speed, top speed 120" in line
     assert race(words) == 2
-    assert race([*words[:1], "--mass", "60", *words[3:]]) == 2
+    assert race(["vehicle", *flags(known | {"mass": 60})]) == 2
     refused, out_of_range = capsys.readouterr().err.splitlines()
     assert refused.startswith("race vehicle: 'myquad.yaml': expected the name of a new file")
     assert out_of_range.startswith("race vehicle: --mass: expected a number [kg]")
