@@ -7,7 +7,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from quadsim.identify.problem import SINGLE_DRIVES, Geometry, Prepared
+from quadsim.identify.geometry import Geometry
+from quadsim.identify.prepared import Prepared
 
 EARLIEST = -0.02  # shortest and longest time from command to answer that is looked for [s]
 LATEST = 0.25
@@ -39,7 +40,7 @@ def _pairs(part: Prepared, geometry: Geometry) -> Iterator[tuple[np.ndarray, np.
     single = part.command**2
     if stretch.specific_force is not None:
         yield single.sum(axis=1), np.nan_to_num(stretch.specific_force[:, 2])
-    if stretch.body_rates is not None and part.drive in SINGLE_DRIVES:
+    if stretch.body_rates is not None and part.has_single:
         width = max(round(SMOOTH / stretch.dt), 1)
         slope = np.gradient(np.nan_to_num(stretch.body_rates), stretch.dt, axis=0)
         slope = uniform_filter1d(slope, width, axis=0)

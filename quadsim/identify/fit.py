@@ -11,18 +11,9 @@ from quadsim.identify.delays import answer_time
 from quadsim.identify.intervals import covariances
 from quadsim.identify.numbers import Numbers, Prior
 from quadsim.identify.prior import prior_of
-from quadsim.identify.problem import (
-    SINGLE_DRIVES,
-    VOLTAGE_DRIVES,
-    Geometry,
-    Prepared,
-    beginning,
-    drive_of,
-    prepared,
-    reference_voltage,
-    rotor_speeds,
-    rows_to_average,
-)
+from quadsim.identify.geometry import Geometry
+from quadsim.identify.prepared import SINGLE_DRIVES, VOLTAGE_DRIVES, Prepared, beginning, drive_of, prepare
+from quadsim.identify.rotors import rotor_speeds
 from quadsim.identify.rate_loop import fit_rate_loop
 from quadsim.identify.result import VehicleFit
 from quadsim.identify.search import Solution, solve
@@ -77,7 +68,7 @@ def fit_vehicle(
         wanted = "expected a flight of a second or more with motor commands or thrust setpoints"
         raise SettingError("logs", f"{wanted}, got none in {len(logs)}")
     remarks = [f"{log.name}: {remark}" for log in logs for remark in log.remarks]
-    ready = _prepared(parts, prior_vehicle)
+    ready = prepare(parts, prior_vehicle)
     geometry = Geometry.of(prior_vehicle)
     prior = prior_of(prior_vehicle)
 
@@ -118,17 +109,6 @@ def _nearest(mass: float | None) -> Vehicle:
     known = [load_vehicle(name) for name in vehicle_names()]
     with_rotors = [vehicle for vehicle in known if vehicle.rotors]
     return min(with_rotors, key=lambda vehicle: abs(np.log(vehicle.mass / mass)))
-
-
-def _prepared(parts: Sequence[Stretch], base: Vehicle) -> list[Prepared]:
-    """Return the stretches that have the best drive of all."""
-    drives = [drive_of(part) for part in parts]
-    order = ("motor_commands", "rotor_speeds", "thrust_setpoint", "throttle")
-    drive = next(each for each in order if each in drives)
-    chosen = [part for part, its in zip(parts, drives, strict=True) if its == drive]
-    reference = reference_voltage(chosen)
-    average = rows_to_average(chosen)
-    return [prepared(part, drive, base, reference, average) for part in chosen]
 
 
 def _searchable(parts: Sequence[Prepared]) -> tuple[str, ...]:

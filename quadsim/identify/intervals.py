@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quadsim.identify.search import LOSS_SCALE, Linearized
+from quadsim.identify.search import Linearized, soft_weight
 
 DRAWS = 400
 SEED = 0  # of the bootstrap's draws: the same log gives the same intervals
@@ -36,8 +36,7 @@ def covariances(solution: Linearized) -> Covariances:
     """Return the covariances of the numbers of a solution."""
     J = solution.jacobian
     r = solution.values
-    # soft_l1's weights: the residuals far out count less.
-    weight = 1.0 / np.sqrt(1.0 + (r / LOSS_SCALE) ** 2)
+    weight = soft_weight(r)
     clusters, index = np.unique(solution.cluster, return_inverse=True)
     k = J.shape[1]
     H = np.zeros((len(clusters), k, k))

@@ -20,7 +20,7 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from quadsim.dynamics.first_order import response
-from quadsim.identify.problem import Prepared
+from quadsim.identify.prepared import Prepared
 from quadsim.identify.search import LOSS_SCALE, MAD, Linearized
 from quadsim.rotation import Vec3
 

@@ -9,13 +9,7 @@ from scipy.signal import lfilter
 
 from quadsim.dynamics.first_order import remaining
 from quadsim.identify.numbers import Numbers
-from quadsim.physics.allocation import mixer
-from quadsim.vehicle import Rotors
-
-
-def torque_signs(rotors: Rotors) -> np.ndarray:
-    """Return the sign of each rotor's thrust in the torques about x, y, z  (3, 4)."""
-    return np.sign(np.array(mixer(rotors))[1:])
+from quadsim.identify.prepared import Prepared
 
 
 def lagged(command: np.ndarray, dt: float, tau: float, delay: float) -> np.ndarray:
@@ -60,3 +54,10 @@ def thrusts(speeds: np.ndarray, numbers: Numbers) -> np.ndarray:
     """
     return (numbers.c2 * speeds + numbers.c1) * speeds + numbers.c0
 
+
+def rotor_speeds(part: Prepared, numbers: Numbers) -> np.ndarray:
+    """Return the speeds of the rotors, in shares of the full command  (n, 4)."""
+    if part.drive == "rotor_speeds":
+        return part.command
+    command = part.command * (part.ratio**numbers.voltage_power)[:, None]
+    return lagged(command, part.stretch.dt, numbers.tau, numbers.delay)

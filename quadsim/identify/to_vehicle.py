@@ -10,7 +10,8 @@ import numpy as np
 
 from quadsim.identify.intervals import TWO_SIDED, Covariances, covariances
 from quadsim.identify.numbers import Numbers
-from quadsim.identify.problem import Drive, Geometry
+from quadsim.identify.geometry import Geometry
+from quadsim.identify.prepared import Drive
 from quadsim.identify.rate_loop import RateLoopFit
 from quadsim.identify.search import Solution
 from quadsim.vehicle import GRAVITY, Vehicle
