@@ -49,6 +49,7 @@ class Keywords(TypedDict, total=False):
     randomize: float | None
     displace_gates: float | None
     fault: str | Sequence[str] | None
+    excite: bool | None
     penalties: bool | None
     plant_dt: float | None
     flight_controller: Literal["betaflight", "ideal"] | None

@@ -65,6 +65,7 @@ class FlightLog:
         battery: [V]  (n,)
         pieces: spans of rows without a gap or a reset, in order.
         remarks: one line each: what the log lacks, and which readings were left out, counted.
+        start: what the log's own clock showed at t = 0 [s].
     """
 
     name: str
@@ -82,6 +83,7 @@ class FlightLog:
     battery: np.ndarray | None
     pieces: tuple[slice, ...]
     remarks: tuple[str, ...]
+    start: float = 0.0
 
     def has(self, *names: str) -> bool:
         """Return whether the log has all these signals.
@@ -103,8 +105,9 @@ class FlightLog:
 
     @property
     def rate(self) -> float:
-        """The usual number of readings a second [Hz]."""
-        return float(1.0 / np.median(np.diff(self.t)))
+        """The number of readings a second, without gaps [Hz]."""
+        steps = sum(piece.stop - 1 - piece.start for piece in self.pieces)
+        return float(steps / sum(np.ptp(self.t[piece]) for piece in self.pieces))
 
     def __repr__(self) -> str:
         """Return one short line."""
