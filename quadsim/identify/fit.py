@@ -29,6 +29,7 @@ COARSE = 20.0  # time of flight from which the starts are searched [s]
 # chi-square with two degrees of freedom.
 SQUARE_ALONE = 13.8
 LEAST_SPREAD = 0.01  # of the voltage, standard deviation over mean: less tells nothing
+COARSE_PIECE = 4.0  # of one flight, at least [s]
 MAP = ("c2", "c1", "c0")
 ROTORS = ("delay", "tau")
 DRAG = ("drag_x", "drag_y", "drag_z")
@@ -175,14 +176,9 @@ def _search(
 
 
 def _coarse(parts: Sequence[Prepared]) -> list[Prepared]:
-    """Return the beginning of the flights, which is enough to tell good starts from bad ones."""
-    left = COARSE
-    chosen = []
-    for part in parts:
-        if left > 0.0:
-            chosen.append(beginning(part, left))
-            left -= chosen[-1].stretch.duration
-    return chosen
+    """Return the beginnings of the flights, which are enough to tell good starts from bad ones."""
+    each = max(COARSE / len(parts), COARSE_PIECE)
+    return [beginning(part, each) for part in parts]
 
 
 def _needs_whole_map(solution: Solution) -> bool:
