@@ -44,11 +44,7 @@ def vehicle(
 
     race fly --vehicle myquad.yaml
     """
-    if not NAME.fullmatch(name):
-        raise UsageError(f"--name: expected letters, digits, - and _, got {name!r}")
-    file = Path(out or f"{name}.yaml")
-    if file.suffix not in (".yaml", ".yml"):
-        raise UsageError(f"--out: expected FILE.yaml, got {str(file)!r}")
+    file = file_of(name, out)
     with settings_as_flags():
         known = KnownNumbers(
             mass=mass,
@@ -66,3 +62,21 @@ def vehicle(
     else:
         emit(f"{escape(str(file))}: {scaled.vehicle.mass:g} kg, {numbers.text()}")
     return 0
+
+
+def file_of(name: str, out: str | None) -> Path:
+    """Return the new file of a vehicle.
+
+    Args:
+        name: name of the vehicle.
+        out: the file; None: NAME.yaml.
+
+    Raises:
+        UsageError: the name or the file cannot be used.
+    """
+    if not NAME.fullmatch(name):
+        raise UsageError(f"--name: expected letters, digits, - and _, got {name!r}")
+    file = Path(out or f"{name}.yaml")
+    if file.suffix not in (".yaml", ".yml"):
+        raise UsageError(f"--out: expected FILE.yaml, got {str(file)!r}")
+    return file
