@@ -10,17 +10,26 @@ from rich.markup import escape
 from rich.table import Table
 
 from quadsim.api import fit as fitted
-from quadsim.cli.flags import Help, Json, settings_as_flags, vehicle_help
+from quadsim.cli.flags import (
+    Help,
+    Json,
+    RunsDir,
+    names,
+    settings_as_flags,
+    stored_runs,
+    vehicle_help,
+)
 from quadsim.cli.vehicle import file_of
 from quadsim.console import UsageError, complain, emit, emit_json, plain_table
 from quadsim.identify import VehicleFit
+from quadsim.record.archive import find_run
 from quadsim.record.whole_files import expect_new_file, expect_writable
 
-LOG = "a log, or the folder of a stored run; may be repeated"
+LOG = "a log, or a stored run: its folder, a part of its name, or last; may be repeated"
 
 
 def fit(
-    *logs: Annotated[str, Help(LOG)],
+    *logs: Annotated[str, Help(LOG, completer=names(stored_runs))],
     test: Annotated[
         list[str] | None,
         Help(
@@ -49,12 +58,15 @@ def fit(
         Help("what the columns of a CSV log are: FILE.yaml or a name; default: one that fits"),
     ] = None,
     out: Annotated[str | None, Help("FILE.yaml to write; default: NAME.yaml")] = None,
+    runs_dir: RunsDir = "runs",
     json: Json = False,
 ) -> int:
     """Fit a vehicle to flight logs, each number with its 95 % interval.
 
     Logs: runs of quadsim, CSV, Betaflight's blackbox, PX4's .ulg, the
     Crazyflie's SD card. A comment of the file says what each number comes from.
+
+    race fit last --mass .87 --name fitted
 
     race fit flight1.csv flight2.csv --test flight3.csv --mass .041 --name myquad
 
@@ -67,7 +79,14 @@ def fit(
     expect_writable(file.parent)
     try:
         with settings_as_flags():
-            found = fitted(logs, test=test or (), name=name, mass=mass, like=like, mapping=mapping)
+            found = fitted(
+                [_place(log, runs_dir) for log in logs],
+                test=[_place(log, runs_dir) for log in test or ()],
+                name=name,
+                mass=mass,
+                like=like,
+                mapping=mapping,
+            )
     except ModuleNotFoundError as error:
         # A package that reads this kind of log
         raise UsageError(str(error)) from None
@@ -80,6 +99,15 @@ def fit(
         complain(remark)
     emit("", f"{escape(str(file))}: {escape(repr(found.vehicle))}")
     return 0
+
+
+def _place(log: str, runs_dir: str) -> Path:
+    """Return the file of a log, or the folder of a stored run. Raises RunError."""
+    path = Path(log)
+    # The names of runs have no dots.
+    if path.exists() or path.suffix or len(path.parts) > 1:
+        return path
+    return find_run(log, runs_dir)
 
 
 def _table(found: VehicleFit) -> Table:

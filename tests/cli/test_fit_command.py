@@ -63,6 +63,7 @@ def test_json_has_the_numbers_and_the_remarks(asked, capsys):
     [
         (["--name", "mine"], "expected one LOG or more"),
         (["none.csv", "--name", "mine"], "none.csv: expected a log, got no such file"),
+        (["nothing", "--name", "mine"], "no runs in 'runs'"),
         (["one.csv", "--name", "a/b"], "--name: expected letters"),
         (["one.csv", "--name", "mine", "--out", "mine.txt"], "--out: expected FILE.yaml"),
         (["one.csv", "--name", "there"], "'there.yaml': expected the name of a new file"),
