@@ -34,16 +34,32 @@ def answer_time(parts: Sequence[Prepared], geometry: Geometry) -> float:
     return float(max(np.array(lags)[order][np.searchsorted(share, 0.5)], 0.005))
 
 
+def spins_other_way(parts: Sequence[Prepared], geometry: Geometry) -> bool:
+    """Return whether the vehicle yaws against the reaction torques of quadsim's rotors."""
+    toward = against = 0.0
+    for part in parts:
+        if part.has_single and part.rates is not None:
+            torque = part.command**2 @ geometry.signs[2]
+            slope = _slope(part.rates[:, 2], part.stretch.dt)
+            toward += _peak(torque, slope, part.usable, part.stretch.dt)[1] * part.stretch.duration
+            against += _peak(-torque, slope, part.usable, part.stretch.dt)[1] * part.stretch.duration
+    return against > toward
+
+
+def _slope(values: np.ndarray, dt: float) -> np.ndarray:
+    """Return the smoothed derivative of a signal."""
+    width = max(round(SMOOTH / dt), 1)
+    return uniform_filter1d(np.gradient(values, dt, axis=0), width, axis=0)
+
+
 def _pairs(part: Prepared, geometry: Geometry) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield commands and answers that rise together: thrust, and torques about x and y."""
     stretch = part.stretch
     single = part.command**2
     if stretch.specific_force is not None:
         yield single.sum(axis=1), np.nan_to_num(stretch.specific_force[:, 2])
-    if stretch.body_rates is not None and part.has_single:
-        width = max(round(SMOOTH / stretch.dt), 1)
-        slope = np.gradient(np.nan_to_num(stretch.body_rates), stretch.dt, axis=0)
-        slope = uniform_filter1d(slope, width, axis=0)
+    if part.rates is not None and part.has_single:
+        slope = _slope(part.rates, stretch.dt)
         for k in range(2):
             yield single @ geometry.signs[k], slope[:, k]
 

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from quadsim.files.values import SettingError
-from quadsim.identify.delays import answer_time
+from quadsim.identify.delays import answer_time, spins_other_way
 from quadsim.identify.intervals import covariances
 from quadsim.identify.numbers import Numbers, Prior
 from quadsim.identify.prior import prior_of
 from quadsim.identify.geometry import Geometry
-from quadsim.identify.prepared import SINGLE_DRIVES, VOLTAGE_DRIVES, Prepared, beginning, drive_of, prepare
+from quadsim.identify.prepared import SINGLE_DRIVES, VOLTAGE_DRIVES, Prepared, drive_of, middle, prepare, reference_voltage
+from quadsim.identify.prediction import predictions
 from quadsim.identify.rotors import rotor_speeds
 from quadsim.identify.rate_loop import fit_rate_loop
 from quadsim.identify.result import VehicleFit
@@ -22,12 +24,14 @@ from quadsim.identify.to_vehicle import Found, SpeedScale, fitted_numbers, fitte
 from quadsim.logs.flight_log import FlightLog
 from quadsim.vehicle import Vehicle, load_vehicle, vehicle_names
 
-# How delay and lag of the rotors may share the time to the answer: starts of the search
-SHARES = (0.05, 0.35, 0.7)
+# How delay and lag of the rotors may share the time to the answer, which shows the fast part of a
+# lag alone: starts of the search
+SHARES = ((0.0, 1.5), (0.3, 0.9), (0.7, 0.3))
 COARSE = 20.0  # time of flight from which the starts are searched [s]
 # Thrust maps with a linear and a constant part have to fit better than this: the 99.9 % quantile of
 # chi-square with two degrees of freedom.
 SQUARE_ALONE = 13.8
+LEAST_EXPLAINED = 0.3  # of the rotation about an axis: with less its inertia is not told
 LEAST_SPREAD = 0.01  # of the voltage, standard deviation over mean: less tells nothing
 COARSE_PIECE = 4.0  # of one flight, at least [s]
 MAP = ("c2", "c1", "c0")
@@ -71,10 +75,14 @@ def fit_vehicle(
     remarks = [f"{log.name}: {remark}" for log in logs for remark in log.remarks]
     ready = prepare(parts, prior_vehicle)
     geometry = Geometry.of(prior_vehicle)
+    if spins_other_way(ready, geometry):
+        geometry = geometry.mirrored()
+        remarks.append("rotors turn the other way round than quadsim's, which makes no difference")
     prior = prior_of(prior_vehicle)
 
-    solution, untold = _search(ready, geometry, prior)
-    remarks += [_untold(name) for name in untold]
+    search = _search(ready, geometry, prior)
+    solution = search.solution
+    remarks += search.remarks
     lag = solution.numbers.tau
     loop = fit_rate_loop(ready, lag, prior_vehicle.rate_tau)
     if loop is None:
@@ -83,18 +91,21 @@ def fit_vehicle(
         numbers=solution.numbers,
         covariance=covariances(solution.linearized).reported,
         searched=solution.searched,
-        untold=untold,
+        untold=search.untold,
         drive=ready[0].drive,
         dt=ready[0].stretch.dt,
         speed_scale=_speed_scale(ready, solution.numbers),
         loop=loop,
     )
+    tested = [part for log in test for part in stretches(log) if drive_of(part) == ready[0].drive]
+    shown = prepare(tested, prior_vehicle, reference_voltage([part.stretch for part in ready])) if tested else ready
     numbers = fitted_numbers(found, prior_vehicle, mass or prior_vehicle.mass, mass is not None)
     return VehicleFit(
         name=name,
         vehicle=fitted_vehicle(name, found, numbers, prior_vehicle),
         numbers=numbers,
         remarks=tuple(remarks),
+        predictions=predictions(shown, solution.numbers, geometry, search.turning),
     )
 
 
@@ -131,7 +142,8 @@ def _searchable(parts: Sequence[Prepared]) -> tuple[str, ...]:
         names += FORCE if has_velocity else ()
         names += FORCE_ASIDE if has_velocity else ()
     if has_rates:
-        names += [*INERTIA, "gyro_lag"] if has_force or has_velocity else INERTIA
+        names += INERTIA
+        names += ("force_lag",) if has_force else ()
     return tuple(names)
 
 
@@ -140,45 +152,74 @@ def _spread(parts: Sequence[Prepared]) -> float:
     return float(np.std(np.concatenate([part.ratio[part.usable] for part in parts])))
 
 
+class Search(NamedTuple):
+    """The best numbers, and what the logs do not tell."""
+
+    solution: Solution
+    turning: tuple[int, ...]  # axes about which the rotors explain the rotation
+    untold: tuple[str, ...]  # names of the numbers that stay at the prior
+    remarks: tuple[str, ...]
+
+
 def _search(
     parts: Sequence[Prepared], geometry: Geometry, prior: Mapping[str, Prior]
-) -> tuple[Solution, tuple[str, ...]]:
-    """Return the solution, and the names of the numbers that the logs do not tell."""
+) -> Search:
+    """Return the numbers that fit best: delays first, then simple models before larger ones."""
     searched = _searchable(parts)
     start = Numbers(**{name: prior[name].mean for name in Numbers._fields})
-    # Delays first: the time of the answer is known from the correlation, how delay and lag share it
-    # is not.
+    # The time of the answer is known from the correlation, how delay and lag share it is not.
     time = answer_time(parts, geometry)
     square = [name for name in searched if name not in MAP[1:]]
     starts = [
-        start._replace(delay=share * time, tau=(1.0 - share) * time, c1=0.0, c0=0.0)
-        for share in SHARES
+        start._replace(delay=delay * time, tau=tau * time, c1=0.0, c0=0.0) for delay, tau in SHARES
     ]
-    coarse = solve(_coarse(parts), geometry, prior, square, starts)
-    solution = solve(parts, geometry, prior, square, [coarse.numbers])
+    solution = solve(_coarse(parts), geometry, prior, square, starts)
+    solution = solve(parts, geometry, prior, square, [solution.numbers])
+
+    # Rotation that the rotors do not explain would only spoil the rest.
+    remarks = []
+    turning = []
+    for k, axis in enumerate("xyz"):
+        share = solution.explained.get(f"rate_{axis}")
+        if share is not None and share >= LEAST_EXPLAINED:
+            turning.append(k)
+        elif share is not None:
+            remarks.append(
+                f"inertia about {axis}: the motors' commands explain {100 * max(share, 0.0):.0f} % of "
+                "the rotation, too little to tell it, and the prior is kept"
+            )
+    lost = [f"{name}_{axis}" for k, axis in enumerate("xyz") if k not in turning for name in ("inertia", "offset")]
+    searched = [name for name in searched if name not in lost]
+    if not turning:
+        searched = [name for name in searched if name != "force_lag"]
+    if lost:
+        square = [name for name in searched if name not in MAP[1:]]
+        begin = solution.numbers._replace(**{name: getattr(start, name) for name in lost})
+        solution = solve(parts, geometry, prior, square, [begin], turning)
+
+    # A linear and a constant part of the thrust map have to pay.
     if MAP[0] in searched:
-        whole = solve(parts, geometry, prior, searched, [solution.numbers])
+        whole = solve(parts, geometry, prior, searched, [solution.numbers], turning)
         if _needs_whole_map(whole):
             solution = whole
 
     # What the log tells worse than the prior stays at the prior.
     told = covariances(solution.linearized).log_alone
-    untold = tuple(
-        name
-        for name, std in zip(solution.searched, told, strict=True)
-        if not std < prior[name].std
-    )
+    pairs = zip(solution.searched, told, strict=True)
+    untold = tuple(name for name, std in pairs if not std < prior[name].std)
     if untold:
         kept = [name for name in solution.searched if name not in untold]
         at_prior = {name: prior[name].mean for name in untold}
-        solution = solve(parts, geometry, prior, kept, [solution.numbers._replace(**at_prior)])
-    return solution, untold
+        begin = solution.numbers._replace(**at_prior)
+        solution = solve(parts, geometry, prior, kept, [begin], turning)
+    remarks += [_untold(name) for name in untold]
+    return Search(solution, tuple(turning), (*lost, *untold), tuple(remarks))
 
 
 def _coarse(parts: Sequence[Prepared]) -> list[Prepared]:
-    """Return the beginnings of the flights, which are enough to tell good starts from bad ones."""
+    """Return the middles of the flights, which are enough to tell good starts from bad ones."""
     each = max(COARSE / len(parts), COARSE_PIECE)
-    return [beginning(part, each) for part in parts]
+    return [middle(part, each) for part in parts]
 
 
 def _needs_whole_map(solution: Solution) -> bool:

@@ -30,6 +30,10 @@ class Geometry(NamedTuple):
         signs = np.sign(np.array(mixer(vehicle.rotors))[1:])
         return cls(signs, x, y, 2.0 * jz / (jx + jy))
 
+    def mirrored(self) -> Geometry:
+        """Return the geometry of the same vehicle whose rotors turn the other way round."""
+        return self._replace(signs=self.signs * np.array([[1.0], [1.0], [-1.0]]))
+
     def inertia(self, numbers: Numbers) -> Vec3:
         """Return the inertia over the mass [m^2]."""
         jx = numbers.inertia_x * self.arm_y

@@ -12,7 +12,7 @@ from typing import NamedTuple
 class Numbers(NamedTuple):
     """The numbers that a fit searches."""
 
-    # time from a motor's command to the begin of its answer in the accelerometer [s]
+    # time from a motor's command to the begin of its answer in the gyro [s]
     delay: float
     # lag of the rotors' speed [s]
     tau: float
@@ -47,9 +47,9 @@ class Numbers(NamedTuple):
     # sideways force per thrust and body rate: blades that flap, or an accelerometer whose axes are
     # read later than its forces [s]
     flapping: float
-    # time by which the gyro is later than the accelerometer [s]
-    gyro_lag: float
-    # time by which the velocity is later than the accelerometer, or than the rotors [s]
+    # time by which the accelerometer, which is often filtered, is later than the gyro [s]
+    force_lag: float
+    # time by which the velocity is later than the gyro [s]
     velocity_lag: float
 
 

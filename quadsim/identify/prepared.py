@@ -52,18 +52,21 @@ def drive_of(part: Stretch) -> Drive | None:
     return None if part.throttle is None else "throttle"
 
 
-def prepare(parts: Sequence[Stretch], base: Vehicle) -> list[Prepared]:
+def prepare(
+    parts: Sequence[Stretch], base: Vehicle, reference: float | None = None
+) -> list[Prepared]:
     """Return the stretches that have the best drive of all, prepared.
 
     Args:
         parts: stretches, each with a drive.
         base: the prior vehicle.
+        reference: voltage to which the numbers refer [V]; None: the median of the stretches.
     """
     drives = [drive_of(part) for part in parts]
     order: tuple[Drive, ...] = ("motor_commands", "rotor_speeds", "thrust_setpoint", "throttle")
     drive = next(each for each in order if each in drives)
     chosen = [part for part, its in zip(parts, drives, strict=True) if its == drive]
-    reference = reference_voltage(chosen)
+    reference = reference or reference_voltage(chosen)
     average = _rows_to_average(chosen)
     return [prepared(part, drive, base, reference, average) for part in chosen]
 
@@ -118,15 +121,17 @@ def prepared(
     )
 
 
-def beginning(part: Prepared, time: float) -> Prepared:
-    """Return the first rows of a stretch in flight.
+def middle(part: Prepared, time: float) -> Prepared:
+    """Return the rows in the middle of the flight of a stretch.
 
     Args:
         part: the stretch.
         time: duration of what is returned [s].
     """
-    first = int(np.argmax(part.usable))
-    rows = slice(first, first + round(time / part.stretch.dt))
+    flying = np.flatnonzero(part.usable)
+    count = round(time / part.stretch.dt)
+    first = max(int(flying[len(flying) // 2]) - count // 2, 0) if len(flying) else 0
+    rows = slice(first, first + count)
 
     def cut(values: np.ndarray | None) -> np.ndarray | None:
         return None if values is None else values[rows]

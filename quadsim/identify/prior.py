@@ -21,6 +21,7 @@ OFFSET = 0.2
 BIAS = 1.0  # [m/s^2]
 TILT = 0.1  # [rad]
 SENSOR_LAG = 0.01  # [s]
+FORCE_LAG = 0.02
 
 
 def prior_of(vehicle: Vehicle) -> dict[str, Prior]:
@@ -43,7 +44,7 @@ def prior_of(vehicle: Vehicle) -> dict[str, Prior]:
         "inertia_y": _positive(inertia_y),
         "inertia_z": _positive(model.yaw_cost),
         "flapping": _about(0.0, SENSOR_LAG),
-        "gyro_lag": _about(0.0, SENSOR_LAG),
+        "force_lag": Prior(0.0, FORCE_LAG, -0.05, 0.1),
         "velocity_lag": _about(0.0, SENSOR_LAG),
     }
     for axis, drag in zip("xyz", vehicle.drag, strict=True):

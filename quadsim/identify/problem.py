@@ -22,6 +22,7 @@ from quadsim.identify.geometry import Geometry
 from quadsim.identify.numbers import Numbers
 from quadsim.identify.prepared import Prepared
 from quadsim.identify.rotors import rotor_speeds, thrusts
+from quadsim.identify.stretches import Stretch
 from quadsim.physics.actuators import gyroscopic
 from quadsim.rotation import to_world
 from quadsim.vehicle import GRAVITY
@@ -44,6 +45,8 @@ class Channel(NamedTuple):
     piece: float  # duration of an open-loop piece [s]
     is_free: bool  # whether each piece has an initial value of its own
     numbers: tuple[str, ...]  # that the prediction needs, besides those of the rotors
+    # whether the signal is later than the rotors' answer by force_lag
+    is_late: bool = False
 
 
 def predicted_force(
@@ -68,8 +71,7 @@ def predicted_rates(
     """Return what the gyro measures, but for the rates at the begin of a piece [rad/s]  (n, 3)."""
     assert part.rates is not None
     beta = angular_accelerations(part.rates, single, numbers, geometry)
-    # As in the plants, the rates of a row are those before it and the acceleration of this row.
-    return np.cumsum(beta, axis=0) * part.stretch.dt - numbers.gyro_lag * beta
+    return integrated(beta, part.stretch)
 
 
 def predicted_velocity(
@@ -80,7 +82,18 @@ def predicted_velocity(
     assert part.attitude is not None
     total = single.sum(axis=1)
     acceleration = world_acceleration(total, part.attitude, part.v_body, numbers)
-    return np.cumsum(acceleration, axis=0) * part.stretch.dt - numbers.velocity_lag * acceleration
+    return integrated(acceleration, part.stretch) - numbers.velocity_lag * acceleration
+
+
+def integrated(slope: np.ndarray, part: Stretch) -> np.ndarray:
+    """Return the integral from the first row on  (n, 3).
+
+    As in the plants, a row's value is the one before it and the slope of this row times dt. In a
+    stretch that is thinned, the rows between are on the line from slope to slope.
+    """
+    newer = 0.5 + 0.5 / part.thinned
+    steps = newer * slope[1:] + (1.0 - newer) * slope[:-1]
+    return np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0) * part.dt])
 
 
 def drag_acceleration(v_body: np.ndarray, numbers: Numbers) -> np.ndarray:
@@ -101,7 +114,9 @@ def angular_accelerations(
     """
     over_arm = np.array([numbers.inertia_x, numbers.inertia_y, numbers.inertia_z])
     offset = np.array([numbers.offset_x, numbers.offset_y, numbers.offset_z])
-    torque = single @ geometry.signs.T + single.sum(axis=1)[:, None] * offset
+    # einsum: a product of a long and a small matrix gains nothing from threads, which wait for cores
+    torque = np.einsum("nr,kr->nk", single, geometry.signs)
+    torque += single.sum(axis=1)[:, None] * offset
     inertia = geometry.inertia(numbers)
     x, y, z = rates.T
     gyro = np.stack(gyroscopic((x, y, z), inertia), axis=1) / np.array(inertia)
@@ -133,7 +148,8 @@ CHANNELS = (
         predicted_force,
         RATE_PIECE,
         False,
-        (*DRAG, "bias_x", "bias_y", "bias_z", "tilt_x", "tilt_y", "flapping"),
+        (*DRAG, "bias_x", "bias_y", "bias_z", "tilt_x", "tilt_y", "flapping", "force_lag"),
+        is_late=True,
     ),
     Channel(
         "rate",
@@ -141,7 +157,7 @@ CHANNELS = (
         predicted_rates,
         RATE_PIECE,
         True,
-        ("inertia_x", "inertia_y", "inertia_z", "offset_x", "offset_y", "offset_z", "gyro_lag"),
+        ("inertia_x", "inertia_y", "inertia_z", "offset_x", "offset_y", "offset_z"),
     ),
     Channel(
         "velocity",
@@ -174,6 +190,11 @@ class Block(NamedTuple):
             missing -= missing.mean(axis=1, keepdims=True)
         return missing.transpose(2, 0, 1).ravel()
 
+    def variances(self) -> np.ndarray:
+        """Return the variance of what is measured in the pieces, along each axis  (axes,)."""
+        free = self.measured.mean(axis=1, keepdims=True) if self.channel.is_free else 0.0
+        return np.var(self.measured - free, axis=(0, 1))
+
     def _averages(self, values: np.ndarray) -> np.ndarray:
         """Return a signal's averages in the usable pieces  (usable pieces, averages, axes)."""
         return averages(values[self.rows, self.axes], self.shape, self.whole)
@@ -194,30 +215,39 @@ def averages(values: np.ndarray, shape: tuple[int, int, int], whole: np.ndarray)
     return chosen[:, :, 0] if shape[2] == 1 else chosen.mean(axis=2)
 
 
-def blocks_of(parts: Sequence[Prepared]) -> list[Block]:
-    """Return the blocks of residuals of some stretches."""
+def blocks_of(parts: Sequence[Prepared], turning: Sequence[int]) -> list[Block]:
+    """Return the blocks of residuals of some stretches.
+
+    Args:
+        parts: the stretches.
+        turning: axes of the body rates that are compared.
+    """
     found = []
     first = 0
     for part in parts:
-        mine = [_block(part, channel, first) for channel in CHANNELS]
+        mine = [_block(part, channel, first, turning) for channel in CHANNELS]
         found += [block for block in mine if block is not None]
         first += int(part.stretch.duration / CLUSTER) + 1
     return found
 
 
-def _block(part: Prepared, channel: Channel, first: int) -> Block | None:
+def _block(
+    part: Prepared, channel: Channel, first: int, turning: Sequence[int]
+) -> Block | None:
     """Return the block of a channel, None without a usable piece.
 
     Args:
         part: the stretch.
         channel: its channel.
         first: number of the first cluster.
+        turning: axes of the body rates that are compared.
     """
     measured = channel.measured(part)
-    if measured is None:
-        return None
     # Without a velocity the drag is not known, and the sides of the accelerometer tell nothing.
-    axes = (2,) if channel.name == "force" and part.v_body is None else (0, 1, 2)
+    is_upright = channel.name == "force" and part.v_body is None
+    axes = (2,) if is_upright else tuple(turning) if channel.name == "rate" else (0, 1, 2)
+    if measured is None or not axes:
+        return None
     dt = part.stretch.dt
     rows = part.mean_rows
     each = max(round(channel.piece / dt / rows), 2)
@@ -244,6 +274,6 @@ def _block(part: Prepared, channel: Channel, first: int) -> Block | None:
     )
 
 
-def single_thrusts(part: Prepared, numbers: Numbers) -> np.ndarray:
-    """Return the thrusts of the rotors over the mass [m/s^2]  (n, 4)."""
-    return thrusts(rotor_speeds(part, numbers), numbers)
+def single_thrusts(part: Prepared, numbers: Numbers, lag: float = 0.0) -> np.ndarray:
+    """Return the thrusts of the rotors over the mass, some time late [m/s^2]  (n, 4)."""
+    return thrusts(rotor_speeds(part, numbers, lag), numbers)

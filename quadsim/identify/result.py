@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from quadsim.files.yaml_text import written
+from quadsim.identify.prediction import Prediction
 from quadsim.identify.to_vehicle import FittedNumber
 from quadsim.vehicle import Vehicle
 
@@ -32,12 +33,14 @@ class VehicleFit:
         vehicle: the vehicle, which `quadsim.fly` flies.
         numbers: its numbers with 95 % intervals and sources.
         remarks: one line each on what the logs do not tell, and what was left out.
+        predictions: errors of open-loop flights in each tested log.
     """
 
     name: str
     vehicle: Vehicle
     numbers: tuple[FittedNumber, ...]
     remarks: tuple[str, ...]
+    predictions: tuple[Prediction, ...]
 
     def __getitem__(self, key: str) -> FittedNumber:
         """Return a number by its key, such as "drag.x".
@@ -87,6 +90,7 @@ class VehicleFit:
             "name": self.name,
             "numbers": [number._asdict() for number in self.numbers],
             "remarks": list(self.remarks),
+            "predictions": [prediction._asdict() for prediction in self.predictions],
         }
         return written(json.dumps(content, indent=1) + "\n", path)
 

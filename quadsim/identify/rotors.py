@@ -55,9 +55,15 @@ def thrusts(speeds: np.ndarray, numbers: Numbers) -> np.ndarray:
     return (numbers.c2 * speeds + numbers.c1) * speeds + numbers.c0
 
 
-def rotor_speeds(part: Prepared, numbers: Numbers) -> np.ndarray:
-    """Return the speeds of the rotors, in shares of the full command  (n, 4)."""
+def rotor_speeds(part: Prepared, numbers: Numbers, lag: float = 0.0) -> np.ndarray:
+    """Return the speeds of the rotors, in shares of the full command  (n, 4).
+
+    Args:
+        part: the stretch.
+        numbers: with delay and lag of the rotors.
+        lag: time by which the speeds are returned late [s].
+    """
     if part.drive == "rotor_speeds":
-        return part.command
+        return part.command if not lag else lagged(part.command, part.stretch.dt, 0.0, lag)
     command = part.command * (part.ratio**numbers.voltage_power)[:, None]
-    return lagged(command, part.stretch.dt, numbers.tau, numbers.delay)
+    return lagged(command, part.stretch.dt, numbers.tau, numbers.delay + lag)

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import lsq_linear
 
+from quadsim.files.values import SettingError
 from quadsim.identify.geometry import Geometry
 from quadsim.identify.numbers import Numbers, Prior
 from quadsim.identify.prepared import Prepared
@@ -46,7 +47,13 @@ class Solution(NamedTuple):
     numbers: Numbers
     searched: tuple[str, ...]  # names of the numbers that were searched
     noise: dict[str, float]  # standard deviation of each kind of residual
+    # share of the variance of each kind of signal, within its pieces, that is explained
+    explained: dict[str, float]
     linearized: Linearized
+
+
+# Thrusts of the rotors by the identity of a stretch, and whether they are late
+Singles = dict[tuple[int, bool], np.ndarray]
 
 
 class Problem:
@@ -58,11 +65,14 @@ class Problem:
         geometry: Geometry,
         prior: Mapping[str, Prior],
         searched: Sequence[str],
+        turning: Sequence[int],
     ):
         """See `solve`."""
-        self._parts = parts
         self._geometry = geometry
-        self._blocks = blocks_of(parts)
+        self._blocks = blocks_of(parts, turning)
+        if not self._blocks:
+            wanted = "expected a second or more of flight without holes in its signals"
+            raise SettingError("logs", f"{wanted}, got none")
         self.searched = tuple(searched)
         self.std = np.array([prior[name].std for name in searched])
         self.mean = np.array([prior[name].mean for name in searched])
@@ -88,10 +98,14 @@ class Problem:
             value = getattr(numbers, name)
             ahead, behind = (numbers._replace(**{name: value + h}) for h in (step, -step))
             is_rotor = name in ROTOR_NUMBERS
-            singles = (self._singles(ahead), self._singles(behind)) if is_rotor else (here, here)
+            # Thrusts that do not change are not computed again.
+            singles = [here, here]
+            if is_rotor or name == "force_lag":
+                singles = [self._singles(each, is_late_alone=not is_rotor) for each in (ahead, behind)]
             for block, end in zip(self._blocks, self._ends, strict=True):
                 if is_rotor or name in block.channel.numbers:
-                    change = self._of(block, ahead, singles[0]) - self._of(block, behind, singles[1])
+                    after = self._of(block, ahead, singles[0])
+                    change = after - self._of(block, behind, singles[1])
                     result[end - len(block.cluster) : end, k] = change / (2.0 * step)
         return result
 
@@ -105,6 +119,17 @@ class Problem:
             for kind, sizes in by_kind.items()
         }
 
+    def explained(self, residuals: np.ndarray) -> dict[str, float]:
+        """Return the share of the variance of each kind that the prediction explains."""
+        lost: dict[str, float] = {}
+        moved: dict[str, float] = {}
+        sizes = [variance for block in self._blocks for variance in block.variances()]
+        for (kind, rows), variance in zip(self._kinds(), sizes, strict=True):
+            count = rows.stop - rows.start
+            lost[kind] = lost.get(kind, 0.0) + count * float(np.var(residuals[rows]))
+            moved[kind] = moved.get(kind, 0.0) + count * float(variance)
+        return {kind: 1.0 - lost[kind] / max(moved[kind], LEAST_NOISE) for kind in lost}
+
     def scale(self, noise: Mapping[str, float]) -> np.ndarray:
         """Return the noise of each residual  (m,)."""
         scale = np.zeros(len(self.cluster))
@@ -112,12 +137,23 @@ class Problem:
             scale[rows] = noise[kind]
         return scale
 
-    def _singles(self, numbers: Numbers) -> dict[int, np.ndarray]:
-        """Return the thrusts of the rotors in each stretch, by the stretch's identity."""
-        return {id(part): single_thrusts(part, numbers) for part in self._parts}
+    def _singles(self, numbers: Numbers, *, is_late_alone: bool = False) -> Singles:
+        """Return the thrusts of the rotors in each stretch as each channel meets them.
 
-    def _of(self, block: Block, numbers: Numbers, singles: Mapping[int, np.ndarray]) -> np.ndarray:
-        return block.residuals(numbers, self._geometry, singles[id(block.part)])
+        Args:
+            numbers: with delay and lags.
+            is_late_alone: whether the channels that are later than the others are enough.
+        """
+        wanted = {(id(block.part), block.channel.is_late): block.part for block in self._blocks}
+        return {
+            key: single_thrusts(part, numbers, numbers.force_lag if key[1] else 0.0)
+            for key, part in wanted.items()
+            if key[1] or not is_late_alone
+        }
+
+    def _of(self, block: Block, numbers: Numbers, singles: Singles) -> np.ndarray:
+        single = singles[id(block.part), block.channel.is_late]
+        return block.residuals(numbers, self._geometry, single)
 
     def _kinds(self) -> list[tuple[str, slice]]:
         """Return the kind of each part of the residuals, such as "force_x", and its rows."""
@@ -137,6 +173,7 @@ def solve(
     prior: Mapping[str, Prior],
     searched: Sequence[str],
     starts: Sequence[Numbers],
+    turning: Sequence[int] = (0, 1, 2),
 ) -> Solution:
     """Return the numbers that fit best.
 
@@ -146,8 +183,12 @@ def solve(
         prior: of each number.
         searched: names of the numbers that are searched; the others stay at the start.
         starts: where the search begins; the best end is searched on with the noise that is found.
+        turning: axes of the body rates that are compared.
+
+    Raises:
+        SettingError: the logs have no whole piece that can be compared.
     """
-    problem = Problem(parts, geometry, prior, searched)
+    problem = Problem(parts, geometry, prior, searched, turning)
     found = starts[0]
     noise = problem.noise(problem.residuals(found))
     for round_ in range(ROUNDS):
@@ -163,6 +204,7 @@ def solve(
         numbers=found,
         searched=problem.searched,
         noise=noise,
+        explained=problem.explained(problem.residuals(found)),
         linearized=Linearized(
             jacobian=problem.derivatives(found) / scale[:, None],
             values=problem.residuals(found) / scale,

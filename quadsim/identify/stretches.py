@@ -21,6 +21,7 @@ from quadsim.rotation import quaternion_rate, without_jumps
 SHORTEST = 1.0  # a shorter stretch is left out [s]
 LONGEST_HOLE = 0.06  # missing readings of a measured signal are interpolated over this time [s]
 LONGEST_HOLD = 0.25  # a missing command is the one before it for this time [s]
+LEAST_RATE = 200.0  # logs with more rows are thinned to this rate or more [Hz]
 SMOOTH = 0.05  # time over which a velocity is averaged [s]
 SMOOTH_VOLTAGE = 0.1  # time over which the voltage of the battery is averaged [s]
 # A vehicle flies while its motors' mean command, averaged over this time, is above this share of
@@ -41,6 +42,7 @@ class Stretch:
     log: str
     start: float  # in the log [s]
     dt: float  # [s]
+    thinned: int  # rows of the log in one of the stretch
     motor_commands: np.ndarray | None  # (n, 4)
     rotor_speeds: np.ndarray | None  # (n, 4)
     battery: np.ndarray | None  # (n,)
@@ -71,7 +73,7 @@ def stretches(log: FlightLog) -> list[Stretch]:
         t = log.t[piece]
         if len(t) < 2 or t[-1] - t[0] < SHORTEST:
             continue
-        stretch = _stretch(log, piece)
+        stretch = _thinned(_stretch(log, piece))
         if np.sum(stretch.flying) * stretch.dt >= SHORTEST:
             found.append(stretch)
     return found
@@ -116,6 +118,7 @@ def _stretch(log: FlightLog, piece: slice) -> Stretch:
         log=log.name,
         start=float(t[0]),
         dt=dt,
+        thinned=1,
         motor_commands=motor_commands,
         rotor_speeds=rotor_speeds,
         battery=battery,
@@ -212,6 +215,56 @@ def _flying(drive: np.ndarray, position: np.ndarray | None, dt: float) -> np.nda
         if np.any(grounded):
             flying &= ~(height < LEAST_HEIGHT)
     return flying
+
+
+def _thinned(part: Stretch) -> Stretch:
+    """Return a stretch with fewer rows, at LEAST_RATE or more.
+
+    Commands are averaged over the time in which they act, from a row to the next; what is measured,
+    around the row.
+    """
+    rows = int(1.0 / (part.dt * LEAST_RATE) + 1e-6)
+    if rows <= 1:
+        return part
+    count = len(part) // rows
+
+    def ahead(values: np.ndarray | None) -> np.ndarray | None:
+        if values is None:
+            return None
+        return values[: count * rows].reshape(count, rows, *values.shape[1:]).mean(axis=1)
+
+    def around(values: np.ndarray | None) -> np.ndarray | None:
+        if values is None:
+            return None
+        half = (rows // 2, (rows - 1) // 2)
+        ends = np.pad(values, (half, *((0, 0),) * (values.ndim - 1)), mode="edge")
+        # An even number of rows is half a row off the middle: the outer ones count half.
+        if rows % 2 == 0:
+            ends = 0.5 * (ends[:-1] + ends[1:])
+            ends = np.concatenate([ends, ends[-1:]])
+        means = sum(ends[k : k + len(values)] for k in range(rows)) / rows
+        return means[: count * rows : rows]
+
+    quaternion = around(part.quaternion)
+    if quaternion is not None:
+        quaternion = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
+    return replace(
+        part,
+        dt=rows * part.dt,
+        thinned=rows,
+        motor_commands=ahead(part.motor_commands),
+        rotor_speeds=around(part.rotor_speeds),
+        battery=ahead(part.battery),
+        rate_setpoints=ahead(part.rate_setpoints),
+        thrust_setpoint=ahead(part.thrust_setpoint),
+        throttle=ahead(part.throttle),
+        specific_force=around(part.specific_force),
+        body_rates=around(part.body_rates),
+        position=around(part.position),
+        velocity=around(part.velocity),
+        quaternion=quaternion,
+        flying=part.flying[: count * rows].reshape(count, rows).all(axis=1),
+    )
 
 
 def cropped(part: Stretch, rows: slice) -> Stretch:

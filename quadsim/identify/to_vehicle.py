@@ -21,6 +21,8 @@ Source = Literal["log", "prior", "given"]
 DIGITS = 5  # of the vehicle's numbers
 # What a log cannot tell whatever its length, one standard deviation: the scale factors of small
 # inertial units, which are off by some tenths of a per cent, and times below a part of a row.
+# A fitted thrust map may fall at low speeds; the idle speed is this share above its lowest point.
+ABOVE = 1e-4
 SCALE_FACTOR = 0.003
 PART_OF_ROW = 0.05
 
@@ -132,10 +134,10 @@ def _rows(found: Found, base: Vehicle, mass: float) -> Mapping[str, _Row]:
         for axis in axes:
             key = f"{name}_{axis}"
             rows[f"{name}.{axis}"] = _Row(unit, field(key), (key,))
-    for name in ("flapping", "gyro_lag", "velocity_lag"):
+    for name in ("flapping", "force_lag", "velocity_lag"):
         rows[name] = _Row("s", field(name), (name,), floor=late)
     # Nuisances that are not searched say nothing.
-    quiet = (*extras, "flapping", "gyro_lag", "velocity_lag", "voltage_power", "motor_delay")
+    quiet = (*extras, "flapping", "force_lag", "velocity_lag", "voltage_power", "motor_delay")
     return {
         key: row
         for key, row in rows.items()
@@ -213,7 +215,7 @@ def fitted_vehicle(name: str, found: Found, numbers: tuple[FittedNumber, ...], b
     full = float(f"{scale.full + scale.idle:.{DIGITS}g}")
     c2, c1, c0 = (value(f"rotors.thrust_map.{c}") for c in ("c2", "c1", "c0"))
     # The thrust has to rise from the idle speed on.
-    lowest = max(base.rotors.omega_min * full / base.rotors.omega_max, -c1 / (2.0 * c2))
+    lowest = max(base.rotors.omega_min * full / base.rotors.omega_max, -c1 / (2.0 * c2) * (1.0 + ABOVE))
     x, y = base.rotors.positions[2]
     return base.but(
         name=name,
