@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from json import loads
 from pathlib import Path
 from typing import Annotated
 
@@ -24,6 +25,7 @@ from quadsim.console import UsageError, complain, emit, emit_json, plain_table
 from quadsim.identify import VehicleFit
 from quadsim.record.archive import find_run
 from quadsim.record.whole_files import expect_new_file, expect_writable
+from quadsim.vehicle.flying import flying_numbers
 
 LOG = "a log, or a stored run: its folder, a part of its name, or last; may be repeated"
 
@@ -92,12 +94,15 @@ def fit(
         raise UsageError(str(error)) from None
     found.to_yaml(file)
     if json:
-        emit_json(_as_json(found, file))
+        emit_json({"file": str(file), **loads(found.to_json())})
         return 0
-    emit(_table(found))
+    emit(_table(found), "")
+    if found.predictions:
+        emit(_predictions(found), "")
     for remark in found.remarks:
         complain(remark)
-    emit("", f"{escape(str(file))}: {escape(repr(found.vehicle))}")
+    vehicle = found.vehicle
+    emit(f"{escape(str(file))}: {vehicle.mass:g} kg, {flying_numbers(vehicle).text()}")
     return 0
 
 
@@ -121,10 +126,17 @@ def _table(found: VehicleFit) -> Table:
     return table
 
 
-def _as_json(found: VehicleFit, file: Path) -> dict[str, object]:
-    """Return the fit as JSON."""
-    return {
-        "file": str(file),
-        "numbers": [number._asdict() for number in found.numbers],
-        "remarks": list(found.remarks),
-    }
+def _predictions(found: VehicleFit) -> Table:
+    """Return the errors of positions that are predicted open loop, from many begins in each log."""
+    heads = ("after [s]", "measured attitude [m]", "simulated [m]", "constant velocity [m]")
+    table = plain_table("log", *heads, left=(0,))
+    for row in found.predictions:
+        simulated = "" if row.simulated_attitude is None else f"{row.simulated_attitude:.3f}"
+        table.add_row(
+            escape(row.log),
+            f"{row.seconds:g}",
+            f"{row.measured_attitude:.3f}",
+            simulated,
+            f"{row.constant_velocity:.3f}",
+        )
+    return table

@@ -8,6 +8,7 @@ import pytest
 from quadsim import api
 from quadsim.cli.cli import race
 from quadsim.identify import FittedNumber, VehicleFit
+from quadsim.identify.prediction import Prediction
 from quadsim.vehicle import load_vehicle
 from tests.logs.log_cases import nanobench_columns, write_csv
 
@@ -16,6 +17,7 @@ NUMBERS = (
     FittedNumber("drag.x", "1/s", 0.3, 0.25, 0.35, "log"),
     FittedNumber("rotors.motor_tau", "s", 0.04, 0.04, 0.04, "prior"),
 )
+PREDICTION = Prediction("three.csv", 0.5, 30, 0.041, None, 0.166, None, None)
 REMARK = "inertia_z: the flights excite it too little"
 
 
@@ -28,7 +30,7 @@ def asked(tmp_path, monkeypatch):
     def fit_vehicle(logs, **settings):
         calls.append({"logs": [log.name for log in logs], **settings})
         vehicle = load_vehicle("crazyflie").but(name=settings["name"], mass=0.04)
-        return VehicleFit(settings["name"], vehicle, NUMBERS, (REMARK,))
+        return VehicleFit(settings["name"], vehicle, NUMBERS, (REMARK,), (PREDICTION,))
 
     monkeypatch.setattr("quadsim.identify.fit_vehicle", fit_vehicle)
     for name in ("one.csv", "two.csv", "three.csv"):
@@ -47,6 +49,7 @@ def test_it_reads_the_logs_and_writes_a_vehicle_that_flies(asked, capsys):
     out, err = capsys.readouterr()
     assert "drag.x" in out
     assert "0.25" in out
+    assert out.splitlines()[-3].split() == ["three.csv", "0.5", "0.041", "0.166"]
     assert err.splitlines() == [REMARK]
 
 
