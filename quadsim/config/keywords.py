@@ -54,6 +54,7 @@ class Keywords(TypedDict, total=False):
     displace_gates: float | None
     known_from: float | None
     fault: str | Sequence[str] | None
+    excite: bool | None
     penalties: bool | None
     plant_dt: float | None
     flight_controller: Literal["betaflight", "ideal"] | None

@@ -13,6 +13,7 @@ import msgspec
 
 from controllers.costs.race import RaceWeights
 from controllers.costs.reference import ReferenceWeights
+from controllers.excitation import EXCITE
 from controllers.learned.pilot import Pilot, load_pilot
 from controllers.presets import Planner
 from controllers.samplers import SAMPLERS, Sampling
@@ -300,7 +301,7 @@ def _sampling(name: str, numbers: Any) -> Sampling:
     """Return a registered sampler with these numbers. Raises RecordError."""
     if not isinstance(numbers, dict):
         raise RecordError(f"sampler: expected the numbers of {name!r}, got {numbers!r:.40}")
-    if name == "pilot":
+    if name in ("pilot", EXCITE):
         # The planner does not fly: any sampler with these numbers will do
         names = [key for key, kind in SAMPLERS.items() if numbers.keys() <= _field_names(kind)]
         name = names[0] if names else name

@@ -140,6 +140,13 @@ class FlightNumbers:
             " commands=lost@2~.1; the seed draws what is left out; may be repeated"
         ),
     ] = ()
+    excite: Annotated[
+        bool,
+        setting(
+            "manoeuvres within a box in the planner's place, to fit a vehicle from; on the sensors"
+            " of mocap, which are recorded, unless others are given"
+        ),
+    ] = False
     penalties: Annotated[bool, setting("a hit adds 3 s and does not end the flight")] = False
     plant_dt: Annotated[
         float, setting("physics step, .001 behind betaflight", "s", ge=1e-4, le=0.02)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import InitVar, asdict, dataclass, field, fields, is_dataclass, replace
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack, cast
 
@@ -11,6 +12,7 @@ import msgspec
 
 from controllers.costs import Cost, Term
 from controllers.costs.reference import ReferenceWeights
+from controllers.excitation import EXCITE
 from controllers.learned.pilot import Pilot, load_pilot
 from controllers.presets import Planner
 from quadsim.config.checks import (
@@ -56,6 +58,7 @@ from quadsim.config.resolve import (
     loaded_part,
     nominal_model,
     view_weight_of,
+    with_excitation,
     with_numbers,
     with_settings,
 )
@@ -245,9 +248,11 @@ class Spec(FlightNumbers, HostSettings):
 
     @property
     def sampler(self) -> str:
-        """The sampler's name, the class name of the user's own, "pilot" or "hand"."""
+        """The sampler's name, the class name of the user's own, "pilot", "hand" or "excite"."""
         if self.hand:
             return HAND
+        if self.excite:
+            return EXCITE
         return "pilot" if self.pilot else sampler_name(self.planner.sampling)
 
     @property
@@ -262,12 +267,14 @@ class Spec(FlightNumbers, HostSettings):
 
     @property
     def has_planner(self) -> bool:
-        """Whether a planner may fly: neither a learned pilot nor a person does."""
-        return self.pilot is None and self.hand is None
+        """Whether a planner may fly: neither a learned pilot, a person nor manoeuvres do."""
+        return self.pilot is None and self.hand is None and not self.excite
 
     @property
     def stuck_after(self) -> float:
         """The time without progress after which the vehicle is stuck [s]."""
+        if self.excite:
+            return inf
         return NO_PROGRESS_BY_HAND if self.hand else NO_PROGRESS
 
     @property
@@ -498,7 +505,7 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
     # Each file is read once; `but` uses the objects that were read.
     read: dict[str, Any] = {}
     asked = given
-    given = with_competition(asked, read)
+    given = with_excitation(with_competition(asked, read))
     flight = flight_settings(given)
     plant = given.get("plant")
     own_terms = given.get("terms")

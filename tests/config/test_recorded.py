@@ -106,6 +106,7 @@ def test_every_number_of_a_flight_is_recorded_and_read():
         "displace_gates": 0.3,
         "known_from": 0.7,
         "fault": ("rotor2=0.5@3.2",),
+        "excite": True,
         "penalties": True,
         "plant_dt": 0.002,
         "link_hz": 100.0,
