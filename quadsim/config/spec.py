@@ -117,7 +117,7 @@ OTHER_FORMS = {
     "flight_controller": "betaflight",
     **dict.fromkeys(LINK, "link"),
 }
-# Numbers of the model, of MPPI, of samplers and of an inertial unit that were added later; older
+# Numbers of vehicle, model, MPPI, samplers and of an inertial unit that were added later; older
 # runs lack them
 ADDED = (
     "yaw_first",
@@ -129,6 +129,7 @@ ADDED = (
     "gyro_misalignment_deg",
     "accelerometer_scale",
     "accelerometer_misalignment_deg",
+    "uncertainty",
 )
 
 
@@ -294,7 +295,9 @@ class Spec(FlightNumbers, HostSettings):
     @property
     def variation(self) -> Randomization:
         """The changes of start, vehicle and wind that the seed draws."""
-        return draw(self.streams.vehicle, self.randomize, self.flown_course, self.start)
+        return draw(
+            self.streams.vehicle, self.randomize, self.flown_course, self.start, self.vehicle
+        )
 
     @property
     def faults(self) -> tuple[Fault, ...]:
@@ -315,7 +318,7 @@ class Spec(FlightNumbers, HostSettings):
             "system": "quadrotor",
             "course": self.course.name,
             "course_text": self.course.text,
-            "vehicle": plain(self.vehicle),
+            "vehicle": _without_added(self.vehicle),
             "sampler": self.sampler,
             "preset": self.preset,
             "planner": {

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import radians, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,7 +24,8 @@ from quadsim.vehicle import Vehicle, scale_thrust
 from quadsim.vehicle.tolerances import VehicleTolerances
 
 # Half widths of the uniform distributions at size 1: start position per axis [m], start yaw [rad],
-# and vehicle parameters, of which flight controller and planner have only the nominal values.
+# and vehicle parameters, of which flight controller and planner have only the nominal values. A
+# vehicle whose file has an uncertainty is drawn from that.
 OFFSET = 0.2
 TURN = radians(10)
 VEHICLE = VehicleTolerances()
@@ -72,11 +74,35 @@ class Randomization:
         return replace(vehicle, mass=vehicle.mass * (1 + self.mass), inertia=inertia)
 
 
+class Widths(NamedTuple):
+    """Half widths of the uniform distributions of a vehicle's numbers at size 1, relative."""
+
+    mass: float
+    thrust: float
+    rate_lag: float
+    motor_lag: float
+    drag: float
+
+
+def widths(vehicle: Vehicle | None) -> Widths:
+    """Return the half widths of a vehicle: its own uncertainty, if it is known.
+
+    A uniform distribution has the half width sqrt(3) times its standard deviation.
+    """
+    known = vehicle.uncertainty if vehicle else None
+    if known is None:
+        lag = VEHICLE.lag
+        return Widths(VEHICLE.mass, VEHICLE.thrust, lag, lag, VEHICLE.drag)
+    shares = (known.mass, known.thrust, known.rate_lag, known.motor_lag, known.drag)
+    return Widths(*(sqrt(3) * share for share in shares))
+
+
 def draw(
     seeds: np.random.SeedSequence,
     size: float,
     course: Course | None = None,
     start: Start | None = None,
+    vehicle: Vehicle | None = None,
 ) -> Randomization:
     """Return the changes of a flight: uniform distributions, all independent.
 
@@ -88,6 +114,7 @@ def draw(
         size: scale of all changes; 0: none.
         course: the course as it stands; None: any start will do.
         start: the nominal start; None: that of the course.
+        vehicle: the nominal vehicle, whose uncertainty is drawn from; None: one without.
 
     Raises:
         SettingError: no start of MOST_DRAWS has room (a ValueError).
@@ -101,14 +128,15 @@ def draw(
     offset = (OFFSET * dx, OFFSET * dy, OFFSET * dz)
     if course is not None:
         offset = _with_room(offset, size, rng, course, start or course.start)
+    width = widths(vehicle)
     return Randomization(
         offset=offset,
         turn=TURN * turn,
-        mass=VEHICLE.mass * mass,
-        thrust=VEHICLE.thrust * thrust,
-        rate_lag=VEHICLE.lag * rate_lag,
-        motor_lag=VEHICLE.lag * motor_lag,
-        drag=VEHICLE.drag * drag,
+        mass=width.mass * mass,
+        thrust=width.thrust * thrust,
+        rate_lag=width.rate_lag * rate_lag,
+        motor_lag=width.motor_lag * motor_lag,
+        drag=width.drag * drag,
         gust=VEHICLE.gust * size,
     )
 
