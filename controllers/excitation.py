@@ -203,11 +203,11 @@ class Excitation:
 
     def _limited(self, rates: list[float], thrust: float) -> Control:
         """Return the command within the vehicle's limits."""
-        limited = [
+        roll, pitch, yaw = (
             min(max(rate, -most), most)
             for rate, most in zip(rates, self._vehicle.rate_max, strict=True)
-        ]
-        return Control(*limited, thrust)
+        )
+        return Control(roll, pitch, yaw, thrust)
 
 
 def manoeuvre_at(t: float) -> tuple[Manoeuvre, float]:

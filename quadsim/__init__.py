@@ -25,12 +25,14 @@ if TYPE_CHECKING:
     from quadsim.api import (
         compare,
         compare_heats,
+        fit,
         fly,
         frames,
         load_heat,
         load_run,
         plot,
         race,
+        read_logs,
         runs,
         save_run,
     )
@@ -60,8 +62,8 @@ _HOMES = {
     "controllers.plan": ("PlanStats",),
     "controllers.samplers": ("Colored", "Gaussian", "LogNormal", "Smooth", "SmoothStar"),
     "quadsim.api": (
-        *("compare", "compare_heats", "fly", "frames", "load_heat", "load_run"),
-        *("plot", "race", "runs", "save_run"),
+        *("compare", "compare_heats", "fit", "fly", "frames", "load_heat"),
+        *("load_run", "plot", "race", "read_logs", "runs", "save_run"),
     ),
     "quadsim.course": ("Course", "Gate", "Start", "load_course"),
     "quadsim.course.foreign": ("convert_course",),

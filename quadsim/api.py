@@ -21,8 +21,11 @@ if TYPE_CHECKING:
     from quadsim.campaign.compare_heats import HeatComparison
     from quadsim.config.keywords import CourseLike, Keywords
     from quadsim.heat.line_up import Entrants
+    from quadsim.identify import VehicleFit
+    from quadsim.logs.flight_log import FlightLog
     from quadsim.results.heat import Heat
     from quadsim.results.stored_runs import StoredRuns
+    from quadsim.vehicle import Vehicle
 
 
 def fly(
@@ -275,6 +278,94 @@ def runs(  # noqa: PLR0913 (a keyword for each pattern)
         seed=seed,
         outcome=outcome,
     )
+
+
+def read_logs(path: str | Path, mapping: str | Path | None = None) -> list[FlightLog]:
+    """Return the flights of a log; only a blackbox file has more than one.
+
+    Args:
+        path: the folder of a stored run, or a file: CSV, Betaflight's blackbox, PX4's .ulg, the log
+            of the Crazyflie's SD card, or a run as MCAP.
+        mapping: of a CSV file: what its columns are, by name or path; None: the shipped one that
+            fits.
+
+    Returns:
+        FlightLogs, whose signals have one set of units and frames.
+
+    Raises:
+        FileError: the log or the mapping cannot be used; one line (a ValueError).
+
+    Examples:
+        >>> import quadsim
+        >>> folder = quadsim.fly(excite=True, plant="rigid", timeout=1.0).save()
+        >>> (log,) = quadsim.read_logs(folder)
+        >>> log.has("body_rates", "rate_setpoints"), log.has("motor_commands")
+        (True, False)
+    """
+    from quadsim.logs.read import read_logs as read
+
+    return read(path, mapping)
+
+
+def fit(
+    logs: str | Path | FlightLog | Sequence[str | Path | FlightLog],
+    *,
+    test: str | Path | FlightLog | Sequence[str | Path | FlightLog] = (),
+    name: str = "fitted",
+    mass: float | None = None,
+    like: str | Path | Vehicle | None = None,
+    mapping: str | Path | None = None,
+) -> VehicleFit:
+    """Fit a vehicle to flight logs, each number with its 95 % interval.
+
+    Args:
+        logs: logs as `read_logs` takes or returns them, one or several.
+        test: logs on which the predictions of the fitted vehicle are measured; with none, the
+            fitted ones.
+        name: name of the vehicle.
+        mass: of the vehicle with its battery, by a scale [kg], as a log tells only ratios to it;
+            None: the mass of `like`.
+        like: a similar vehicle, by name, path or as a Vehicle: the search starts from its numbers,
+            and what the logs do not tell comes from it; None: the vehicle of the project with the
+            nearest mass.
+        mapping: of logs as CSV, see `read_logs`.
+
+    Returns:
+        A VehicleFit: `.vehicle`, which `fly` flies, `.numbers` with intervals and sources,
+            `.remarks` on what the logs do not tell, `.to_yaml(path)`.
+
+    Raises:
+        FileError: a log cannot be used (a ValueError).
+        SettingError: neither mass nor like is given, or the logs have nothing to fit (a
+            ValueError).
+
+    Examples:
+        >>> import quadsim
+        >>> flight = quadsim.fly(excite=True, plant="rigid", vehicle="kingfisher").save()
+        >>> found = quadsim.fit(flight, mass=0.75, like="swift", name="mine")
+        >>> drag = found["drag.x"]
+        >>> drag.low < 0.4 < drag.high
+        True
+        >>> run = quadsim.fly("figure8", vehicle=found.vehicle, laps=1, samples=512)
+    """
+    from quadsim.identify import fit_vehicle
+    from quadsim.vehicle import Vehicle, load_vehicle
+
+    base = like if like is None or isinstance(like, Vehicle) else load_vehicle(like)
+    return fit_vehicle(
+        _flights(logs, mapping), test=_flights(test, mapping), name=name, base=base, mass=mass
+    )
+
+
+def _flights(
+    logs: str | Path | FlightLog | Sequence[str | Path | FlightLog], mapping: str | Path | None
+) -> list[FlightLog]:
+    """Return the flights of all logs, of which files are read."""
+    given = [logs] if isinstance(logs, str | Path) or not isinstance(logs, Sequence) else logs
+    found: list[FlightLog] = []
+    for one in given:
+        found += read_logs(one, mapping) if isinstance(one, str | Path) else [one]
+    return found
 
 
 def plot(run: Run, path: str | Path | None = None) -> Figure:

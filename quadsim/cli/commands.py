@@ -38,6 +38,10 @@ COMMANDS = {
     ),
     "courses": Command("quadsim.cli.listing:courses", "the courses that come with the project"),
     "vehicles": Command("quadsim.cli.listing:vehicles", "the vehicles that come with the project"),
+    "fit": Command("quadsim.cli.fit:fit", "a vehicle file from flight logs"),
+    "vehicle": Command(
+        "quadsim.cli.vehicle:vehicle", "a vehicle file from mass, thrust-to-weight, arm, propeller"
+    ),
     "sensings": Command(
         "quadsim.cli.listing:sensings", "the sets of sensors that come with the project"
     ),

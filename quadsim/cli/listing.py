@@ -49,6 +49,7 @@ from quadsim.vehicle import (
     unlikely_inertia,
     vehicle_names,
 )
+from quadsim.vehicle.flying import flying_numbers
 
 # Keys that identify the kind of a file
 OF_VEHICLE = {"mass", "inertia", "rate_tau"}
@@ -249,9 +250,8 @@ def describe(text: str, file: str) -> Described:
         keys = {key.value for key, _ in root.value if isinstance(key, yaml.ScalarNode)}
     if keys & OF_VEHICLE:
         vehicle = parse_vehicle(text, file)
-        ratio = f"thrust-to-weight {vehicle.thrust_to_weight:.2f}"
-        weight = f"{vehicle.mass:g} kg, {ratio}"
-        return Described("vehicle", weight, unlikely_inertia(vehicle))
+        found = f"{vehicle.mass:g} kg, {flying_numbers(vehicle).text()}"
+        return Described("vehicle", found, unlikely_inertia(vehicle))
     if keys & OF_PRESET:
         return _describe_preset(text, file)
     if keys & OF_SENSING:

@@ -201,6 +201,6 @@ def _check_world(entrants: Sequence[Entrant]) -> None:
         if spec.plant not in PLANTS_WITH_ROTORS:
             wanted = f"expected {' or '.join(PLANTS_WITH_ROTORS)} for a race of several"
             raise SettingError("plant", f"{wanted}, got {plant_name(spec.plant)}")
-        for name in ("displace_gates", "referee", "blackbox"):
+        for name in ("displace_gates", "referee", "blackbox", "excite"):
             if getattr(spec, name):
                 raise SettingError(name, "expected none for a race of several vehicles")

@@ -27,9 +27,9 @@ GAP = 4.5
 SHORTEST_PIECE = 10
 FEWEST_ROWS = 50
 # A pose that moves faster, and farther, has jumped [m/s], [m], [rad/s], [rad].
-FASTEST = 200.0
+FASTEST = 80.0
 FARTHEST = 0.5
-FASTEST_TURN = 200.0
+FASTEST_TURN = 100.0
 LARGEST_TURN = 1.0
 # A sensor saturates this close to its largest reading.
 NEAR = 0.998

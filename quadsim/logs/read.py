@@ -50,7 +50,7 @@ KINDS = (
 
 
 def read_logs(path: str | Path, mapping: str | Path | None = None) -> list[FlightLog]:
-    """Return the flights of a log; only a blackbox file has more than one.
+    """Return the flights of a log, see quadsim.read_logs.
 
     Args:
         path: a file, or the folder of a stored run.
@@ -61,14 +61,6 @@ def read_logs(path: str | Path, mapping: str | Path | None = None) -> list[Fligh
             used are left out, which their remarks say.
         FileError: the mapping cannot be read.
         ModuleNotFoundError: a package that reads this kind of log is not installed; one line.
-
-    Examples:
-        >>> import quadsim
-        >>> from quadsim.logs.read import read_logs
-        >>> folder = quadsim.fly("figure8", laps=1, samples=256).save()
-        >>> (log,) = read_logs(folder)
-        >>> log.has("body_rates", "rate_setpoints"), log.has("motor_commands")
-        (True, False)
     """
     path = Path(path)
     raw = _read(path, mapping)

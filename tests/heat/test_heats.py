@@ -380,6 +380,7 @@ def test_a_race_that_cannot_be_written_leaves_nothing(raced, tmp_path):
         (["colored+patiense=1"], {}, "patiense", ["did you mean 'patience'"]),
         (["colored", "gaussian"], {"plant": "rotorpy"}, "plant", ["bullet or rigid"]),
         (["colored", "gaussian"], {"displace_gates": 0.1}, "displace_gates", ["expected none"]),
+        (["colored", "gaussian"], {"excite": True}, "excite", ["expected none"]),
     ],
 )
 def test_what_cannot_race_is_one_line(entrants, settings, name, said):
