@@ -125,7 +125,7 @@ OTHER_FORMS = {
     "flight_controller": "betaflight",
     **dict.fromkeys(LINK, "link"),
 }
-# Numbers of the model, of MPPI, of samplers and of an inertial unit that were added later; older
+# Numbers of vehicle, model, MPPI, samplers and of an inertial unit that were added later; older
 # runs lack them
 ADDED = (
     "yaw_first",
@@ -307,7 +307,12 @@ class Spec(FlightNumbers, HostSettings):
     def variation(self) -> Randomization:
         """The changes of start, vehicle and wind that the seed draws."""
         return draw(
-            self.streams.vehicle, self.randomize, self.flown_course, self.start, self.randomization
+            self.streams.vehicle,
+            self.randomize,
+            self.flown_course,
+            self.start,
+            self.randomization,
+            self.vehicle,
         )
 
     @property
@@ -329,7 +334,7 @@ class Spec(FlightNumbers, HostSettings):
             "system": "quadrotor",
             "course": self.course.name,
             "course_text": self.course.text,
-            "vehicle": plain(vehicle_record(self.vehicle)),
+            "vehicle": vehicle_record(self.vehicle),
             "sampler": self.sampler,
             "preset": self.preset,
             "planner": {

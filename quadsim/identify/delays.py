@@ -42,7 +42,9 @@ def spins_other_way(parts: Sequence[Prepared], geometry: Geometry) -> bool:
             torque = part.command**2 @ geometry.signs[2]
             slope = _slope(part.rates[:, 2], part.stretch.dt)
             toward += _peak(torque, slope, part.usable, part.stretch.dt)[1] * part.stretch.duration
-            against += _peak(-torque, slope, part.usable, part.stretch.dt)[1] * part.stretch.duration
+            against += (
+                _peak(-torque, slope, part.usable, part.stretch.dt)[1] * part.stretch.duration
+            )
     return against > toward
 
 
@@ -64,11 +66,14 @@ def _pairs(part: Prepared, geometry: Geometry) -> Iterator[tuple[np.ndarray, np.
             yield single @ geometry.signs[k], slope[:, k]
 
 
-def _peak(command: np.ndarray, answer: np.ndarray, usable: np.ndarray, dt: float) -> tuple[float, float]:
+def _peak(
+    command: np.ndarray, answer: np.ndarray, usable: np.ndarray, dt: float
+) -> tuple[float, float]:
     """Return the time by which the answer is later, and the correlation there."""
     width = max(round(TREND / dt), 3)
     command, answer = (
-        np.where(usable, values - uniform_filter1d(values, width), 0.0) for values in (command, answer)
+        np.where(usable, values - uniform_filter1d(values, width), 0.0)
+        for values in (command, answer)
     )
     size = float(np.linalg.norm(command) * np.linalg.norm(answer))
     if not size:

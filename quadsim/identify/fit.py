@@ -9,25 +9,34 @@ import numpy as np
 
 from quadsim.files.values import SettingError
 from quadsim.identify.delays import answer_time, spins_other_way
+from quadsim.identify.geometry import Geometry
 from quadsim.identify.intervals import covariances
 from quadsim.identify.numbers import Numbers, Prior
-from quadsim.identify.prior import prior_of
-from quadsim.identify.geometry import Geometry
-from quadsim.identify.prepared import SINGLE_DRIVES, VOLTAGE_DRIVES, Prepared, drive_of, middle, prepare, reference_voltage
 from quadsim.identify.prediction import predictions
-from quadsim.identify.rotors import rotor_speeds
+from quadsim.identify.prepared import (
+    SINGLE_DRIVES,
+    VOLTAGE_DRIVES,
+    Prepared,
+    drive_of,
+    middle,
+    prepare,
+    reference_voltage,
+)
+from quadsim.identify.prior import prior_of
 from quadsim.identify.rate_loop import fit_rate_loop
 from quadsim.identify.result import VehicleFit
+from quadsim.identify.rotors import rotor_speeds
 from quadsim.identify.search import Solution, solve
-from quadsim.identify.stretches import Stretch, stretches
+from quadsim.identify.stretches import stretches, thinned
 from quadsim.identify.to_vehicle import Found, SpeedScale, fitted_numbers, fitted_vehicle
+from quadsim.identify.traces import traces
 from quadsim.logs.flight_log import FlightLog
 from quadsim.vehicle import Vehicle, load_vehicle, vehicle_names
 
 # How delay and lag of the rotors may share the time to the answer, which shows the fast part of a
 # lag alone: starts of the search
 SHARES = ((0.0, 1.5), (0.3, 0.9), (0.7, 0.3))
-COARSE = 20.0  # time of flight from which the starts are searched [s]
+COARSE = 40.0  # time of flight from which the starts are searched [s]
 # Thrust maps with a linear and a constant part have to fit better than this: the 99.9 % quantile of
 # chi-square with two degrees of freedom.
 SQUARE_ALONE = 13.8
@@ -40,7 +49,7 @@ DRAG = ("drag_x", "drag_y", "drag_z")
 FORCE = ("bias_z",)
 FORCE_ASIDE = ("bias_x", "bias_y", "tilt_x", "tilt_y", "flapping")
 POSE = ("pose_tilt_x", "pose_tilt_y", "velocity_lag")
-INERTIA = ("inertia_x", "inertia_y", "inertia_z", "offset_x", "offset_y", "offset_z")
+INERTIA = ("inertia_x", "inertia_y", "inertia_z", "offset_x", "offset_y", "offset_z", "yaw_lead")
 
 
 def fit_vehicle(
@@ -73,7 +82,7 @@ def fit_vehicle(
         wanted = "expected a flight of a second or more with motor commands or thrust setpoints"
         raise SettingError("logs", f"{wanted}, got none in {len(logs)}")
     remarks = [f"{log.name}: {remark}" for log in logs for remark in log.remarks]
-    ready = prepare(parts, prior_vehicle)
+    ready = prepare([thinned(part) for part in parts], prior_vehicle)
     geometry = Geometry.of(prior_vehicle)
     if spins_other_way(ready, geometry):
         geometry = geometry.mirrored()
@@ -84,7 +93,7 @@ def fit_vehicle(
     solution = search.solution
     remarks += search.remarks
     lag = solution.numbers.tau
-    loop = fit_rate_loop(ready, lag, prior_vehicle.rate_tau)
+    loop = fit_rate_loop(prepare(parts, prior_vehicle), lag, prior_vehicle.rate_tau)
     if loop is None:
         remarks.append("the logs have no flight on rate setpoints: rate_tau is the prior's")
     found = Found(
@@ -97,8 +106,14 @@ def fit_vehicle(
         speed_scale=_speed_scale(ready, solution.numbers),
         loop=loop,
     )
-    tested = [part for log in test for part in stretches(log) if drive_of(part) == ready[0].drive]
-    shown = prepare(tested, prior_vehicle, reference_voltage([part.stretch for part in ready])) if tested else ready
+    tested = [
+        thinned(part) for log in test for part in stretches(log) if drive_of(part) == ready[0].drive
+    ]
+    shown = (
+        prepare(tested, prior_vehicle, reference_voltage([part.stretch for part in ready]))
+        if tested
+        else ready
+    )
     numbers = fitted_numbers(found, prior_vehicle, mass or prior_vehicle.mass, mass is not None)
     return VehicleFit(
         name=name,
@@ -106,6 +121,8 @@ def fit_vehicle(
         numbers=numbers,
         remarks=tuple(remarks),
         predictions=predictions(shown, solution.numbers, geometry, search.turning),
+        traces=traces(shown, solution.numbers, geometry, search.turning),
+        residuals=solution.by_channel(),
     )
 
 
@@ -116,7 +133,9 @@ def _nearest(mass: float | None) -> Vehicle:
         SettingError: there is no mass.
     """
     if mass is None:
-        wanted = "expected the mass by a scale [kg], or a base vehicle: a log tells only ratios to it"
+        wanted = (
+            "expected the mass by a scale [kg], or a base vehicle: a log tells only ratios to it"
+        )
         raise SettingError("mass", f"{wanted}, got neither")
     known = [load_vehicle(name) for name in vehicle_names()]
     with_rotors = [vehicle for vehicle in known if vehicle.rotors]
@@ -128,7 +147,9 @@ def _searchable(parts: Sequence[Prepared]) -> tuple[str, ...]:
     drive = parts[0].drive
     has_force = any(part.stretch.specific_force is not None for part in parts)
     has_velocity = any(part.v_body is not None for part in parts)
-    has_rates = drive in SINGLE_DRIVES and any(part.stretch.body_rates is not None for part in parts)
+    has_rates = drive in SINGLE_DRIVES and any(
+        part.stretch.body_rates is not None for part in parts
+    )
     names: list[str] = []
     if has_force or has_velocity:
         names += MAP
@@ -161,9 +182,7 @@ class Search(NamedTuple):
     remarks: tuple[str, ...]
 
 
-def _search(
-    parts: Sequence[Prepared], geometry: Geometry, prior: Mapping[str, Prior]
-) -> Search:
+def _search(parts: Sequence[Prepared], geometry: Geometry, prior: Mapping[str, Prior]) -> Search:
     """Return the numbers that fit best: delays first, then simple models before larger ones."""
     searched = _searchable(parts)
     start = Numbers(**{name: prior[name].mean for name in Numbers._fields})
@@ -188,10 +207,18 @@ def _search(
                 f"inertia about {axis}: the motors' commands explain {100 * max(share, 0.0):.0f} % of "
                 "the rotation, too little to tell it, and the prior is kept"
             )
-    lost = [f"{name}_{axis}" for k, axis in enumerate("xyz") if k not in turning for name in ("inertia", "offset")]
-    searched = [name for name in searched if name not in lost]
+    lost = [
+        f"{name}_{axis}"
+        for k, axis in enumerate("xyz")
+        if k not in turning
+        for name in ("inertia", "offset")
+    ]
     if not turning:
-        searched = [name for name in searched if name != "force_lag"]
+        lost.append("force_lag")
+    if 2 not in turning:
+        lost.append("yaw_lead")
+    lost = [name for name in lost if name in searched]
+    searched = [name for name in searched if name not in lost]
     if lost:
         square = [name for name in searched if name not in MAP[1:]]
         begin = solution.numbers._replace(**{name: getattr(start, name) for name in lost})
@@ -248,4 +275,6 @@ def _speed_scale(parts: Sequence[Prepared], numbers: Numbers) -> SpeedScale | No
 
 def _untold(name: str) -> str:
     """Return the line on a number that the logs do not tell."""
-    return f"{name}: the flights excite it too little to tell it better than the prior, which is kept"
+    return (
+        f"{name}: the flights excite it too little to tell it better than the prior, which is kept"
+    )

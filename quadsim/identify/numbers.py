@@ -35,6 +35,8 @@ class Numbers(NamedTuple):
     offset_x: float
     offset_y: float
     offset_z: float
+    # Rotors that speed up push the vehicle round, too: its yaw sees their thrust ahead by this [s]
+    yaw_lead: float
     # bias of the accelerometer [m/s^2]
     bias_x: float
     bias_y: float

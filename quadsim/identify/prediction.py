@@ -16,7 +16,12 @@ import numpy as np
 from quadsim.identify.geometry import Geometry
 from quadsim.identify.numbers import Numbers
 from quadsim.identify.prepared import Prepared
-from quadsim.identify.problem import angular_accelerations, single_thrusts, world_acceleration
+from quadsim.identify.problem import (
+    angular_accelerations,
+    single_thrusts,
+    torques,
+    world_acceleration,
+)
 from quadsim.rotation import quaternion_rate, to_body
 
 HORIZONS = (0.1, 0.25, 0.5, 1.0)  # [s]
@@ -182,6 +187,7 @@ def _flown(
     assert part.attitude is not None
     assert part.stretch.position is not None
     dt = part.stretch.dt
+    torque = torques(part, single, numbers, geometry)
     p = part.stretch.position[rows[0]]
     v = velocity
     q = part.attitude[rows[0]]
@@ -196,7 +202,9 @@ def _flown(
         v = v + acceleration * dt
         p = p + v * dt
         if turning is not None:
-            omega = omega + known * angular_accelerations(omega, single[now], numbers, geometry) * dt
+            omega = (
+                omega + known * angular_accelerations(omega, torque[now], numbers, geometry) * dt
+            )
             half = 0.5 * dt * omega.T
             q = q + np.stack(quaternion_rate(tuple(q.T), tuple(half)), axis=1)
             q = q / np.linalg.norm(q, axis=1, keepdims=True)

@@ -11,7 +11,9 @@ from quadsim.identify.stretches import Stretch, cropped
 from quadsim.rotation import to_body
 from quadsim.vehicle import Vehicle
 
-SETTLED = 0.3  # time after the begin of a stretch in which the speeds of the rotors are not known [s]
+SETTLED = (
+    0.3  # time after the begin of a stretch in which the speeds of the rotors are not known [s]
+)
 MOST_ROWS = 10_000  # of each signal; in longer logs, neighbouring residuals are averaged
 LONGEST_MEAN = 0.02  # neighbours are averaged over this time at most [s]
 

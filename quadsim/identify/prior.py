@@ -22,6 +22,7 @@ BIAS = 1.0  # [m/s^2]
 TILT = 0.1  # [rad]
 SENSOR_LAG = 0.01  # [s]
 FORCE_LAG = 0.02
+YAW_LEAD = 0.3
 
 
 def prior_of(vehicle: Vehicle) -> dict[str, Prior]:
@@ -43,6 +44,7 @@ def prior_of(vehicle: Vehicle) -> dict[str, Prior]:
         "inertia_x": _positive(inertia_x),
         "inertia_y": _positive(inertia_y),
         "inertia_z": _positive(model.yaw_cost),
+        "yaw_lead": Prior(0.0, YAW_LEAD, -0.5, 2.0),
         "flapping": _about(0.0, SENSOR_LAG),
         "force_lag": Prior(0.0, FORCE_LAG, -0.05, 0.1),
         "velocity_lag": _about(0.0, SENSOR_LAG),

@@ -27,7 +27,9 @@ from quadsim.physics.actuators import gyroscopic
 from quadsim.rotation import to_world
 from quadsim.vehicle import GRAVITY
 
-RATE_PIECE = 0.25  # duration of a piece of body rates, and of accelerations [s]
+# Duration of a piece of body rates, and of accelerations [s]: short, as torques by the air are not
+# modelled
+RATE_PIECE = 0.1
 VELOCITY_PIECE = 1.0  # and of velocities [s]
 CLUSTER = 1.0  # residuals within this time are taken as one reading for the intervals [s]
 # Numbers from which the thrusts of the rotors follow, and with them all else
@@ -70,7 +72,9 @@ def predicted_rates(
 ) -> np.ndarray:
     """Return what the gyro measures, but for the rates at the begin of a piece [rad/s]  (n, 3)."""
     assert part.rates is not None
-    beta = angular_accelerations(part.rates, single, numbers, geometry)
+    beta = angular_accelerations(
+        part.rates, torques(part, single, numbers, geometry), numbers, geometry
+    )
     return integrated(beta, part.stretch)
 
 
@@ -101,22 +105,34 @@ def drag_acceleration(v_body: np.ndarray, numbers: Numbers) -> np.ndarray:
     return -v_body * np.array([numbers.drag_x, numbers.drag_y, numbers.drag_z])
 
 
+def torques(part: Prepared, single: np.ndarray, numbers: Numbers, geometry: Geometry) -> np.ndarray:
+    """Return the torques of the rotors over mass and lever arm [m/s^2]  (n, 3).
+
+    Args:
+        part: the stretch.
+        single: thrusts of the rotors over the mass [m/s^2]  (n, 4).
+        numbers: with the centre of mass and the lead of the yaw.
+        geometry: signs of the thrusts in the torques.
+    """
+    offset = np.array([numbers.offset_x, numbers.offset_y, numbers.offset_z])
+    # einsum: a product of a long and a small matrix gains nothing from threads, which wait for cores
+    torque = np.einsum("nr,kr->nk", single, geometry.signs)
+    torque[:, 2] += numbers.yaw_lead * np.gradient(torque[:, 2], part.stretch.dt)
+    return torque + single.sum(axis=1)[:, None] * offset
+
+
 def angular_accelerations(
-    rates: np.ndarray, single: np.ndarray, numbers: Numbers, geometry: Geometry
+    rates: np.ndarray, torque: np.ndarray, numbers: Numbers, geometry: Geometry
 ) -> np.ndarray:
     """Return the angular accelerations by the rotors [rad/s^2]  (n, 3).
 
     Args:
         rates: body rates [rad/s]  (n, 3).
-        single: thrusts of the rotors over the mass [m/s^2]  (n, 4).
+        torque: of the rotors, over mass and lever arm [m/s^2]  (n, 3).
         numbers: with the inertia.
         geometry: what is not fitted.
     """
     over_arm = np.array([numbers.inertia_x, numbers.inertia_y, numbers.inertia_z])
-    offset = np.array([numbers.offset_x, numbers.offset_y, numbers.offset_z])
-    # einsum: a product of a long and a small matrix gains nothing from threads, which wait for cores
-    torque = np.einsum("nr,kr->nk", single, geometry.signs)
-    torque += single.sum(axis=1)[:, None] * offset
     inertia = geometry.inertia(numbers)
     x, y, z = rates.T
     gyro = np.stack(gyroscopic((x, y, z), inertia), axis=1) / np.array(inertia)
@@ -157,7 +173,7 @@ CHANNELS = (
         predicted_rates,
         RATE_PIECE,
         True,
-        ("inertia_x", "inertia_y", "inertia_z", "offset_x", "offset_y", "offset_z"),
+        ("inertia_x", "inertia_y", "inertia_z", "offset_x", "offset_y", "offset_z", "yaw_lead"),
     ),
     Channel(
         "velocity",
@@ -231,9 +247,7 @@ def blocks_of(parts: Sequence[Prepared], turning: Sequence[int]) -> list[Block]:
     return found
 
 
-def _block(
-    part: Prepared, channel: Channel, first: int, turning: Sequence[int]
-) -> Block | None:
+def _block(part: Prepared, channel: Channel, first: int, turning: Sequence[int]) -> Block | None:
     """Return the block of a channel, None without a usable piece.
 
     Args:

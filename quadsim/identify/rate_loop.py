@@ -90,7 +90,14 @@ def fit_rate_loop(parts: Sequence[Prepared], rotor_lag: float, prior: Vec3) -> R
     left = [_residuals(axis, best.x, rotor_lag) for axis in axes]
     noise = np.array(
         [
-            MAD * np.median(np.abs(np.concatenate([r.ravel() for r, a in zip(left, axes, strict=True) if a.axis == k])))
+            MAD
+            * np.median(
+                np.abs(
+                    np.concatenate(
+                        [r.ravel() for r, a in zip(left, axes, strict=True) if a.axis == k]
+                    )
+                )
+            )
             for k in range(3)
         ]
     )
@@ -111,7 +118,9 @@ def fit_rate_loop(parts: Sequence[Prepared], rotor_lag: float, prior: Vec3) -> R
         explained.append(float(1.0 - np.var(lost) / np.var(moved)))
     tau_x, tau_y, tau_z, delay = map(float, best.x)
     linearized = Linearized(np.stack(columns, axis=1), at, cluster, std**-2.0)
-    return RateLoopFit((tau_x, tau_y, tau_z), delay, linearized, (explained[0], explained[1], explained[2]))
+    return RateLoopFit(
+        (tau_x, tau_y, tau_z), delay, linearized, (explained[0], explained[1], explained[2])
+    )
 
 
 def _axes(parts: Sequence[Prepared]) -> list[_Axis]:
@@ -124,7 +133,9 @@ def _axes(parts: Sequence[Prepared]) -> list[_Axis]:
             continue
         length = round(PIECE / stretch.dt)
         count = len(stretch) // length
-        known = np.all(np.isfinite(stretch.body_rates) & np.isfinite(stretch.rate_setpoints), axis=1)
+        known = np.all(
+            np.isfinite(stretch.body_rates) & np.isfinite(stretch.rate_setpoints), axis=1
+        )
         usable = (part.usable & known)[: count * length].reshape(count, length).all(axis=1)
         saturated = _saturated(part)[: count * length].reshape(count, length).mean(axis=1)
         usable &= saturated <= SATURATED

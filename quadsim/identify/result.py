@@ -6,9 +6,12 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from quadsim.files.yaml_text import written
 from quadsim.identify.prediction import Prediction
 from quadsim.identify.to_vehicle import FittedNumber
+from quadsim.identify.traces import Trace
 from quadsim.vehicle import Vehicle
 
 # Keys of a vehicle file, with the fitted numbers on their line
@@ -34,6 +37,8 @@ class VehicleFit:
         numbers: its numbers with 95 % intervals and sources.
         remarks: one line each on what the logs do not tell, and what was left out.
         predictions: errors of open-loop flights in each tested log.
+        traces: measured and predicted signals of some seconds.
+        residuals: of each channel, over their noise.
     """
 
     name: str
@@ -41,6 +46,13 @@ class VehicleFit:
     numbers: tuple[FittedNumber, ...]
     remarks: tuple[str, ...]
     predictions: tuple[Prediction, ...]
+    traces: tuple[Trace, ...]
+    residuals: dict[str, np.ndarray]
+
+    def __repr__(self) -> str:
+        """Return one short line."""
+        told = sum(number.source == "log" for number in self.numbers)
+        return f"<VehicleFit {self.name}: {told} numbers from the logs>"
 
     def __getitem__(self, key: str) -> FittedNumber:
         """Return a number by its key, such as "drag.x".

@@ -16,7 +16,7 @@ from quadsim.files.values import SettingError
 from quadsim.identify.geometry import Geometry
 from quadsim.identify.numbers import Numbers, Prior
 from quadsim.identify.prepared import Prepared
-from quadsim.identify.problem import ROTOR_NUMBERS, Block, blocks_of, single_thrusts
+from quadsim.identify.problem import CHANNELS, ROTOR_NUMBERS, Block, blocks_of, single_thrusts
 
 LOSS_SCALE = 2.5  # residuals of more standard deviations than this count less
 MAD = 1.4826  # standard deviation of a normal distribution over its median absolute deviation
@@ -50,6 +50,16 @@ class Solution(NamedTuple):
     # share of the variance of each kind of signal, within its pieces, that is explained
     explained: dict[str, float]
     linearized: Linearized
+    channel: np.ndarray  # index of each residual's channel in CHANNELS  (m,)
+
+    def by_channel(self) -> dict[str, np.ndarray]:
+        """Return the residuals of each channel over their noise."""
+        found = {}
+        for k, channel in enumerate(CHANNELS):
+            mine = self.linearized.values[self.channel == k]
+            if len(mine):
+                found[channel.name] = mine
+        return found
 
 
 # Thrusts of the rotors by the identity of a stretch, and whether they are late
@@ -79,6 +89,8 @@ class Problem:
         self.low = np.array([prior[name].low for name in searched])
         self.high = np.array([prior[name].high for name in searched])
         self.cluster = np.concatenate([block.cluster for block in self._blocks])
+        numbers = [CHANNELS.index(block.channel) for block in self._blocks]
+        self.channel = np.repeat(numbers, [len(block.cluster) for block in self._blocks])
         self._ends = np.cumsum([len(block.cluster) for block in self._blocks])
 
     def residuals(self, numbers: Numbers) -> np.ndarray:
@@ -101,7 +113,9 @@ class Problem:
             # Thrusts that do not change are not computed again.
             singles = [here, here]
             if is_rotor or name == "force_lag":
-                singles = [self._singles(each, is_late_alone=not is_rotor) for each in (ahead, behind)]
+                singles = [
+                    self._singles(each, is_late_alone=not is_rotor) for each in (ahead, behind)
+                ]
             for block, end in zip(self._blocks, self._ends, strict=True):
                 if is_rotor or name in block.channel.numbers:
                     after = self._of(block, ahead, singles[0])
@@ -211,12 +225,11 @@ def solve(
             cluster=problem.cluster,
             prior_precision=problem.std**-2.0,
         ),
+        channel=problem.channel,
     )
 
 
-def _descend(
-    problem: Problem, start: Numbers, noise: Mapping[str, float]
-) -> tuple[Numbers, float]:
+def _descend(problem: Problem, start: Numbers, noise: Mapping[str, float]) -> tuple[Numbers, float]:
     """Return the numbers at the end of one search, and their cost.
 
     Levenberg's and Marquardt's steps within the limits. `scipy.optimize.least_squares` takes the same
@@ -273,7 +286,9 @@ def soft_weight(r: np.ndarray) -> np.ndarray:
     return 1.0 / np.sqrt(1.0 + (r / LOSS_SCALE) ** 2)
 
 
-def _step(x: np.ndarray, H: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def _step(
+    x: np.ndarray, H: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
     """Return the least of the model g' d + d' H d / 2 within limits, x + d."""
     R = np.linalg.cholesky(H).T
     found = lsq_linear(R, -np.linalg.solve(R.T, g), bounds=(low - x - TINY, high - x + TINY))

@@ -21,7 +21,7 @@ from quadsim.rotation import quaternion_rate, without_jumps
 SHORTEST = 1.0  # a shorter stretch is left out [s]
 LONGEST_HOLE = 0.06  # missing readings of a measured signal are interpolated over this time [s]
 LONGEST_HOLD = 0.25  # a missing command is the one before it for this time [s]
-LEAST_RATE = 200.0  # logs with more rows are thinned to this rate or more [Hz]
+LEAST_RATE = 250.0  # logs with more rows are thinned to this rate or more [Hz]
 SMOOTH = 0.05  # time over which a velocity is averaged [s]
 SMOOTH_VOLTAGE = 0.1  # time over which the voltage of the battery is averaged [s]
 # A vehicle flies while its motors' mean command, averaged over this time, is above this share of
@@ -67,13 +67,16 @@ class Stretch:
 
 
 def stretches(log: FlightLog) -> list[Stretch]:
-    """Return the stretches of a log in which the vehicle flies at least part of the time."""
+    """Return the stretches of a log in which the vehicle flies at least part of the time.
+
+    They have all rows of the log, see `thinned`.
+    """
     found = []
     for piece in log.pieces:
         t = log.t[piece]
         if len(t) < 2 or t[-1] - t[0] < SHORTEST:
             continue
-        stretch = _thinned(_stretch(log, piece))
+        stretch = _stretch(log, piece)
         if np.sum(stretch.flying) * stretch.dt >= SHORTEST:
             found.append(stretch)
     return found
@@ -111,7 +114,11 @@ def _stretch(log: FlightLog, piece: slice) -> Stretch:
     thrust_setpoint = held(log.thrust_setpoint)
     throttle = held(log.throttle)
     drive = next(
-        (each for each in (motor_commands, rotor_speeds, thrust_setpoint, throttle) if each is not None),
+        (
+            each
+            for each in (motor_commands, rotor_speeds, thrust_setpoint, throttle)
+            if each is not None
+        ),
         np.ones(len(clock)),
     )
     return Stretch(
@@ -217,7 +224,7 @@ def _flying(drive: np.ndarray, position: np.ndarray | None, dt: float) -> np.nda
     return flying
 
 
-def _thinned(part: Stretch) -> Stretch:
+def thinned(part: Stretch) -> Stretch:
     """Return a stretch with fewer rows, at LEAST_RATE or more.
 
     Commands are averaged over the time in which they act, from a row to the next; what is measured,

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from math import sqrt
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from quadsim.identify.intervals import TWO_SIDED, Covariances, covariances
-from quadsim.identify.numbers import Numbers
 from quadsim.identify.geometry import Geometry
+from quadsim.identify.intervals import TWO_SIDED, covariances
+from quadsim.identify.numbers import Numbers
 from quadsim.identify.prepared import Drive
 from quadsim.identify.rate_loop import RateLoopFit
-from quadsim.identify.search import Solution
-from quadsim.vehicle import GRAVITY, Vehicle
+from quadsim.physics.domain_randomization import widths
+from quadsim.vehicle import Uncertainty, Vehicle
 
 Source = Literal["log", "prior", "given"]
 
@@ -25,6 +25,8 @@ DIGITS = 5  # of the vehicle's numbers
 ABOVE = 1e-4
 SCALE_FACTOR = 0.003
 PART_OF_ROW = 0.05
+WEIGHED = 0.005  # relative standard deviation of a mass by a scale
+LARGEST_SHARE = 0.5
 
 
 class FittedNumber(NamedTuple):
@@ -74,7 +76,9 @@ class _Row(NamedTuple):
     scale: float = 0.0  # and relative
 
 
-def fitted_numbers(found: Found, base: Vehicle, mass: float, is_weighed: bool) -> tuple[FittedNumber, ...]:
+def fitted_numbers(
+    found: Found, base: Vehicle, mass: float, is_weighed: bool
+) -> tuple[FittedNumber, ...]:
     """Return all numbers of the vehicle.
 
     Args:
@@ -129,15 +133,28 @@ def _rows(found: Found, base: Vehicle, mass: float) -> Mapping[str, _Row]:
     for axis in "xyz":
         name = f"drag_{axis}"
         rows[f"drag.{axis}"] = _Row("1/s", field(name), (name,), scale=ratio)
-    extras = {"offset": ("1", "xyz"), "bias": ("m/s^2", "xyz"), "tilt": ("rad", "xy"), "pose_tilt": ("rad", "xy")}
+    extras = {
+        "offset": ("1", "xyz"),
+        "bias": ("m/s^2", "xyz"),
+        "tilt": ("rad", "xy"),
+        "pose_tilt": ("rad", "xy"),
+    }
     for name, (unit, axes) in extras.items():
         for axis in axes:
             key = f"{name}_{axis}"
             rows[f"{name}.{axis}"] = _Row(unit, field(key), (key,))
-    for name in ("flapping", "force_lag", "velocity_lag"):
+    for name in ("flapping", "yaw_lead", "force_lag", "velocity_lag"):
         rows[name] = _Row("s", field(name), (name,), floor=late)
     # Nuisances that are not searched say nothing.
-    quiet = (*extras, "flapping", "force_lag", "velocity_lag", "voltage_power", "motor_delay")
+    quiet = (
+        *extras,
+        "flapping",
+        "yaw_lead",
+        "force_lag",
+        "velocity_lag",
+        "voltage_power",
+        "motor_delay",
+    )
     return {
         key: row
         for key, row in rows.items()
@@ -159,7 +176,9 @@ def _number(key: str, row: _Row, found: Found) -> FittedNumber:
         gradient[k] = (ahead - behind) / (2.0 * step)
     variance = float(gradient @ found.covariance @ gradient)
     std = float(np.sqrt(variance + row.floor**2 + (row.scale * value) ** 2))
-    return FittedNumber(key, row.unit, value, value - TWO_SIDED * std, value + TWO_SIDED * std, "log")
+    return FittedNumber(
+        key, row.unit, value, value - TWO_SIDED * std, value + TWO_SIDED * std, "log"
+    )
 
 
 def _loop_numbers(found: Found, base: Vehicle) -> list[FittedNumber]:
@@ -167,7 +186,10 @@ def _loop_numbers(found: Found, base: Vehicle) -> list[FittedNumber]:
     loop = found.loop
     late = PART_OF_ROW * found.dt
     if loop is None:
-        rows = [FittedNumber(f"rate_tau.{axis}", "s", tau, tau, tau, "prior") for axis, tau in zip("xyz", base.rate_tau, strict=True)]
+        rows = [
+            FittedNumber(f"rate_tau.{axis}", "s", tau, tau, tau, "prior")
+            for axis, tau in zip("xyz", base.rate_tau, strict=True)
+        ]
         return [*rows, _latency_of_motors(found, base)]
     std = np.sqrt(np.diag(covariances(loop.linearized).reported) + late**2)
     values = (*loop.tau, loop.delay)
@@ -185,7 +207,9 @@ def _latency_of_motors(found: Found, base: Vehicle) -> FittedNumber:
     k = found.searched.index("delay")
     std = float(np.sqrt(found.covariance[k, k] + (PART_OF_ROW * found.dt) ** 2))
     value = found.numbers.delay
-    return FittedNumber("latency", "s", value, value - TWO_SIDED * std, value + TWO_SIDED * std, "log")
+    return FittedNumber(
+        "latency", "s", value, value - TWO_SIDED * std, value + TWO_SIDED * std, "log"
+    )
 
 
 def speed_map(numbers: Numbers, found: Found, base: Vehicle) -> tuple[float, float, float]:
@@ -199,7 +223,9 @@ def speed_map(numbers: Numbers, found: Found, base: Vehicle) -> tuple[float, flo
     return c2, c1, c0
 
 
-def fitted_vehicle(name: str, found: Found, numbers: tuple[FittedNumber, ...], base: Vehicle) -> Vehicle:
+def fitted_vehicle(
+    name: str, found: Found, numbers: tuple[FittedNumber, ...], base: Vehicle
+) -> Vehicle:
     """Return the vehicle with the fitted numbers, rounded.
 
     Raises:
@@ -215,7 +241,9 @@ def fitted_vehicle(name: str, found: Found, numbers: tuple[FittedNumber, ...], b
     full = float(f"{scale.full + scale.idle:.{DIGITS}g}")
     c2, c1, c0 = (value(f"rotors.thrust_map.{c}") for c in ("c2", "c1", "c0"))
     # The thrust has to rise from the idle speed on.
-    lowest = max(base.rotors.omega_min * full / base.rotors.omega_max, -c1 / (2.0 * c2) * (1.0 + ABOVE))
+    lowest = max(
+        base.rotors.omega_min * full / base.rotors.omega_max, -c1 / (2.0 * c2) * (1.0 + ABOVE)
+    )
     x, y = base.rotors.positions[2]
     return base.but(
         name=name,
@@ -234,4 +262,37 @@ def fitted_vehicle(name: str, found: Found, numbers: tuple[FittedNumber, ...], b
             "thrust_map": [c2, c1, c0],
             "kappa": value("rotors.kappa"),
         },
+        uncertainty=_uncertainty(numbers),
     )
+
+
+def _uncertainty(numbers: tuple[FittedNumber, ...]) -> Uncertainty:
+    """Return the relative standard deviations, of several axes the largest.
+
+    Numbers that the logs do not tell are as uncertain as those of any vehicle.
+    """
+    by_key = {number.key: number for number in numbers}
+    usual = widths(None)
+
+    def share(keys: Sequence[str], half_width: float) -> float:
+        known = [by_key[key] for key in keys]
+        if any(number.source == "prior" for number in known):
+            return half_width / sqrt(3)
+        return max(_relative(number) for number in known)
+
+    rates = [f"rate_tau.{axis}" for axis in "xyz"]
+    shares = {
+        "mass": share(["mass"], usual.mass),
+        "thrust": share(["thrust_max"], usual.thrust),
+        "rate_lag": share(rates, usual.rate_lag),
+        "motor_lag": share(["rotors.motor_tau"], usual.motor_lag),
+        "drag": share([f"drag.{axis}" for axis in "xyz"], usual.drag),
+    }
+    return Uncertainty(**{name: float(f"{value:.3g}") for name, value in shares.items()})
+
+
+def _relative(number: FittedNumber) -> float:
+    """Return a number's standard deviation over the number, at most LARGEST_SHARE."""
+    if number.source == "given":
+        return WEIGHED
+    return min(number.std / max(abs(number.value), 1e-9), LARGEST_SHARE)

@@ -20,10 +20,11 @@ from quadsim.course.frames import frame_numbers
 from quadsim.course.obstacles import Cylinder, Obstacle
 from quadsim.dynamics.first_order import remaining
 from quadsim.files.values import SettingError
-from quadsim.physics.randomization_file import OUTDOOR, VEHICLE, RandomizationRanges
+from quadsim.physics.randomization_file import OUTDOOR, OUTDOOR_NAME, RandomizationRanges
 from quadsim.rotation import Quaternion, Vec3, euler_angles, from_euler, product
 from quadsim.streams import tilt_stream
 from quadsim.vehicle import Vehicle, scale_thrust
+from quadsim.vehicle.tolerances import VehicleTolerances
 
 # Draws of a start, or of the places of gates, until they pass the checks of a course file
 MOST_DRAWS = 100
@@ -79,12 +80,41 @@ class Randomization:
         return replace(vehicle, mass=vehicle.mass * (1 + self.mass), inertia=inertia)
 
 
+class Widths(NamedTuple):
+    """Half widths of the uniform distributions of a vehicle's numbers at size 1, relative."""
+
+    mass: float
+    thrust: float
+    rate_lag: float
+    motor_lag: float
+    drag: float
+
+
+def widths(ranges: RandomizationRanges, vehicle: Vehicle | None = None) -> Widths:
+    """Return the half widths of a vehicle's numbers.
+
+    They are those of the randomization. In the default one, a vehicle whose file has an uncertainty
+    is drawn from that: a uniform distribution has the half width sqrt(3) times its standard
+    deviation.
+
+    Args:
+        ranges: the randomization.
+        vehicle: the nominal vehicle; None: one without an uncertainty of its own.
+    """
+    known = vehicle.uncertainty if vehicle else None
+    if known is None or ranges.name != OUTDOOR_NAME:
+        return Widths(ranges.mass, ranges.thrust, ranges.lag, ranges.lag, ranges.drag)
+    shares = (known.mass, known.thrust, known.rate_lag, known.motor_lag, known.drag)
+    return Widths(*(sqrt(3) * share for share in shares))
+
+
 def draw(
     seeds: np.random.SeedSequence,
     size: float,
     course: Course | None = None,
     start: Start | None = None,
     ranges: RandomizationRanges = OUTDOOR,
+    vehicle: Vehicle | None = None,
 ) -> Randomization:
     """Return the changes of a flight: uniform distributions, all independent.
 
@@ -97,6 +127,7 @@ def draw(
         course: the course as it stands; None: any start will do.
         start: the nominal start; None: that of the course.
         ranges: what is drawn, and how widely.
+        vehicle: the nominal vehicle, see `widths`; None: one without an uncertainty of its own.
 
     Raises:
         SettingError: no start of MOST_DRAWS has room (a ValueError).
@@ -117,14 +148,15 @@ def draw(
         jx, jy, jz = (size * rng.uniform(-1, 1, 3) * ranges.inertia).tolist()
         inertia = (jx, jy, jz)
     wx, wy, wz, a = (size * std for std in ranges.command_noise)
+    width = widths(ranges, vehicle)
     return Randomization(
         offset=offset,
         turn=radians(ranges.start_turn_deg) * turn,
-        mass=ranges.mass * mass,
-        thrust=ranges.thrust * thrust,
-        rate_lag=ranges.lag * rate_lag,
-        motor_lag=ranges.lag * motor_lag,
-        drag=ranges.drag * drag,
+        mass=width.mass * mass,
+        thrust=width.thrust * thrust,
+        rate_lag=width.rate_lag * rate_lag,
+        motor_lag=width.motor_lag * motor_lag,
+        drag=width.drag * drag,
         gust=ranges.gust * size,
         inertia=inertia,
         force=ranges.force * size,
@@ -174,7 +206,7 @@ def gusts(seeds: np.random.SeedSequence, std: float, dt: float) -> Iterator[Vec3
         std: standard deviation per axis [m/s^2].
         dt: physics step [s].
     """
-    keep = remaining(VEHICLE.gust_tau, dt)
+    keep = remaining(VehicleTolerances.gust_tau, dt)
     fresh = std * sqrt(1 - keep * keep)
     rng = np.random.default_rng(seeds)
     x, y, z = (std * rng.standard_normal(3)).tolist()

@@ -283,6 +283,8 @@ class LimitProblem:
         for part in ("course", "vehicle"):
             for name in NAMES:
                 decided[part].pop(name, None)
+        # How well a vehicle is known does not change what it can do.
+        del decided["vehicle"]["uncertainty"]
         if not decided["course"]["obstacles"]:
             del decided["course"]["obstacles"]
         text = json.dumps(_rounded(decided), sort_keys=True)

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict as dataclass_dict
+from dataclasses import dataclass, replace
 from math import isclose, nextafter, sqrt
 from pathlib import Path
 from typing import Annotated, Any, TypedDict, Unpack
 
 from msgspec import Struct
+from msgspec.structs import asdict
 
 from quadsim.files.data_files import locate, names, read_text
 from quadsim.files.strict_yaml import parse, setting, unit
@@ -109,6 +111,23 @@ class Rotors:
         return (sqrt(c1 * c1 + 4.0 * c2 * (thrust - c0)) - c1) / (2.0 * c2)
 
 
+@dataclass(frozen=True)
+class Uncertainty:
+    """Standard deviations of a vehicle's numbers, relative to them: 0.02 is 2 %.
+
+    Domain randomization draws from them, see quadsim.physics.domain_randomization.
+    """
+
+    mass: float
+    # of the full thrust
+    thrust: float
+    # of the lags of the body rates
+    rate_lag: float
+    # of the lag of the rotors
+    motor_lag: float
+    drag: float
+
+
 class RotorChanges(TypedDict, total=False):
     """Keys of the rotors in a vehicle file."""
 
@@ -137,6 +156,7 @@ class VehicleChanges(TypedDict, total=False):
     drag: Sequence[float]
     latency: float
     rotors: RotorChanges | Rotors | None
+    uncertainty: Mapping[str, float] | Uncertainty | None
 
 
 @dataclass(frozen=True)
@@ -174,6 +194,8 @@ class Vehicle:
     latency: float
     # None: the thrust acts at once, without limits of single rotors
     rotors: Rotors | None
+    # None: not known
+    uncertainty: Uncertainty | None = None
 
     def __repr__(self) -> str:
         """Return one short line; `to_yaml` has all numbers."""
@@ -232,12 +254,14 @@ class Vehicle:
 def vehicle_record(vehicle: Vehicle) -> dict[str, Any]:
     """Return a vehicle as records have it: nested dictionaries.
 
-    A response of the rotors is left out if there is none, so that the records of other vehicles,
-    and their hashes, are as before there was one.
+    A response of the rotors and an uncertainty are left out if there is none, so that the records of
+    other vehicles, and their hashes, are as before there was one.
     """
-    record = asdict(vehicle)
+    record = dataclass_dict(vehicle)
     if record["rotors"] and record["rotors"]["response"] is None:
         del record["rotors"]["response"]
+    if record["uncertainty"] is None:
+        del record["uncertainty"]
     return record
 
 
@@ -285,6 +309,19 @@ class RotorsEntry(Struct, frozen=True, kw_only=True):
     kappa: Annotated[float, setting("reaction torque per thrust [m]", unit="m", gt=0, le=1)]
 
 
+Share = Annotated[float, unit("share", ge=0, le=0.5)]
+
+
+class UncertaintyEntry(Struct, frozen=True, kw_only=True):
+    """How well the numbers of a vehicle are known, in a vehicle file."""
+
+    mass: Annotated[Share, setting("standard deviation of the mass, relative")]
+    thrust: Annotated[Share, setting("standard deviation of the full thrust, relative")]
+    rate_lag: Annotated[Share, setting("standard deviation of the body rates' lags, relative")]
+    motor_lag: Annotated[Share, setting("standard deviation of the rotors' lag, relative")]
+    drag: Annotated[Share, setting("standard deviation of the drag, relative")]
+
+
 class VehicleFile(Struct, frozen=True, kw_only=True):
     """The keys of a vehicle file."""
 
@@ -320,6 +357,7 @@ class VehicleFile(Struct, frozen=True, kw_only=True):
         float, setting("time from command to actuator [s]", unit="s", ge=0, le=0.5)
     ] = 0.0
     rotors: RotorsEntry | None = None
+    uncertainty: UncertaintyEntry | None = None
 
 
 def vehicle_names() -> tuple[str, ...]:
@@ -379,6 +417,7 @@ def parse_vehicle(text: str, file: str) -> Vehicle:
         drag=entry.drag,
         latency=entry.latency,
         rotors=rotors,
+        uncertainty=Uncertainty(**asdict(entry.uncertainty)) if entry.uncertainty else None,
     )
 
 
@@ -400,6 +439,8 @@ def _changed(vehicle: Vehicle, changes: Mapping[str, Any]) -> Vehicle:
             entries["thrust_max"] = vehicle.thrust_max
         else:
             entries["rotors"] = _changed_rotors(vehicle.rotors, rotors)
+    if isinstance(known := given.get("uncertainty"), Uncertainty):
+        given["uncertainty"] = dataclass_dict(known)
     return replace(remade({**entries, **given}, parse_vehicle, name), name=name)
 
 
@@ -480,9 +521,10 @@ def _entries(vehicle: Vehicle) -> dict[str, Any]:
         "drag": vehicle.drag,
         "latency": vehicle.latency,
         "rotors": _rotors_entry(vehicle.rotors) if vehicle.rotors else None,
+        "uncertainty": dataclass_dict(vehicle.uncertainty) if vehicle.uncertainty else None,
     }
     defaults = {"source": "", "thrust_max": None, "drag": (0.0, 0.0, 0.0), "latency": 0.0}
-    defaults["rotors"] = None
+    defaults |= {"rotors": None, "uncertainty": None}
     return {
         key: value
         for key, value in entries.items()
