@@ -14,6 +14,7 @@ from quadsim.identify.numbers import Numbers
 from quadsim.identify.prepared import Drive
 from quadsim.identify.rate_loop import RateLoopFit
 from quadsim.physics.domain_randomization import widths
+from quadsim.physics.randomization_file import OUTDOOR
 from quadsim.vehicle import Uncertainty, Vehicle
 
 Source = Literal["log", "prior", "given"]
@@ -272,7 +273,7 @@ def _uncertainty(numbers: tuple[FittedNumber, ...]) -> Uncertainty:
     Numbers that the logs do not tell are as uncertain as those of any vehicle.
     """
     by_key = {number.key: number for number in numbers}
-    usual = widths(None)
+    usual = widths(OUTDOOR)
 
     def share(keys: Sequence[str], half_width: float) -> float:
         known = [by_key[key] for key in keys]

@@ -284,7 +284,7 @@ class LimitProblem:
             for name in NAMES:
                 decided[part].pop(name, None)
         # How well a vehicle is known does not change what it can do.
-        del decided["vehicle"]["uncertainty"]
+        decided["vehicle"].pop("uncertainty", None)
         if not decided["course"]["obstacles"]:
             del decided["course"]["obstacles"]
         text = json.dumps(_rounded(decided), sort_keys=True)

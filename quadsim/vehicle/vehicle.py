@@ -254,8 +254,8 @@ class Vehicle:
 def vehicle_record(vehicle: Vehicle) -> dict[str, Any]:
     """Return a vehicle as records have it: nested dictionaries.
 
-    A response of the rotors and an uncertainty are left out if there is none, so that the records of
-    other vehicles, and their hashes, are as before there was one.
+    A response of the rotors and an uncertainty are left out if there is none, so that the records
+    of other vehicles, and their hashes, are as before there was one.
     """
     record = dataclass_dict(vehicle)
     if record["rotors"] and record["rotors"]["response"] is None:

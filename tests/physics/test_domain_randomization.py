@@ -16,7 +16,6 @@ from quadsim.course.checks import misplaced_gates, start_problems
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.values import SettingError
 from quadsim.physics.domain_randomization import (
-    VEHICLE,
     Displacement,
     Randomization,
     displaced,
@@ -24,6 +23,7 @@ from quadsim.physics.domain_randomization import (
     gusts,
 )
 from quadsim.physics.plant import PLANTS, default_plant
+from quadsim.physics.randomization_file import VEHICLE
 from quadsim.streams import quadrotor_streams
 from quadsim.vehicle import GRAVITY, load_vehicle, with_thrust_to_weight
 from tests.small import SMALL

@@ -65,7 +65,7 @@ def test_a_number_that_one_sampler_has_not_is_no_difference_from_it():
         # no single number tells all three apart, two do
         (
             [PLAIN, COLD, FEW],
-            ["colored T 1 samples 4096", "colored T 0.2 samples 4096", "colored T 1 samples 512"],
+            ["colored T 1 samples 1024", "colored T 0.2 samples 1024", "colored T 1 samples 512"],
         ),
         ([COLD, COLD, PLAIN], ["colored T 0.2", "colored T 0.2 2", "colored T 1"]),
     ],

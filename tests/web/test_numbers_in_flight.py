@@ -35,10 +35,10 @@ def test_numbers_that_differ_are_named_with_the_value_of_each(two):
 
 
 def test_a_change_in_flight_counts_from_its_time(two):
-    change = {"t": 0.1, "name": "samples", "from": 4096, "to": 512}
+    change = {"t": 0.1, "name": "samples", "from": 1024, "to": 512}
     changed = replace(two[0], spec={**two[0].spec, "interactive": [change]})
     at = {t: {one.name: one for one in numbers_of_several([changed], t)} for t in (0.05, 0.2)}
-    assert at[0.05]["samples"].values == (4096,)
+    assert at[0.05]["samples"].values == (1024,)
     assert at[0.2]["samples"].values == (512,)
 
 
@@ -59,12 +59,12 @@ def test_under_a_deadline_the_number_drawn_is_shown_and_not_the_setting():
     last = len(entry.t) - 1
     live = replace(entry, live=True, outcome=None, drawn_samples=384)
     assert drawn_samples(live, last).count == 384
-    assert drawn_samples(live, last).words == "384 samples, of 4096 by the deadline of 5 ms"
+    assert drawn_samples(live, last).words == "384 samples, of 1024 by the deadline of 5 ms"
     # Of an earlier plan, and of a stored run, the number is not known.
     for flight, i in ((live, 3), (entry, last)):
         assert drawn_samples(flight, i).count is None
         assert "how many is not recorded" in drawn_samples(flight, i).words
-    assert drawn_samples(competitor("colored"), 3).words == "4096 samples"
+    assert drawn_samples(competitor("colored"), 3).words == "1024 samples"
 
 
 def test_plans_that_took_longer_than_the_deadline_are_counted():
@@ -78,9 +78,9 @@ def test_plans_that_took_longer_than_the_deadline_are_counted():
 
 def test_a_live_flight_knows_the_samples_of_its_last_plan(monkeypatch):
     glider = Glider(choices(deadline_ms="5"))
-    drawn = iter([4096, 256, 128])
+    drawn = iter([1024, 256, 128])
     monkeypatch.setattr(glider, "_samples_to_draw", lambda: next(drawn))
-    for count in (4096, 256):
+    for count in (1024, 256):
         glider.advance()
         assert glider.now.drawn_samples == count
 
@@ -91,5 +91,5 @@ def test_the_table_of_the_planner_says_whose_it_is_and_what_it_has_drawn(two):
     (timing,) = lap_timings(s)
     page = planner(timing)
     assert "colored" in page
-    assert "at most 4096 samples" in page
+    assert "at most 1024 samples" in page
     assert "of 51 plans took longer" in page
