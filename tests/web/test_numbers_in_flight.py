@@ -23,7 +23,7 @@ def test_numbers_that_differ_are_named_with_the_value_of_each(two):
     """No number of one competitor is everyone's."""
     found = {one.name: one for one in numbers_of_several(two, 0.0)}
     assert found["temperature"].values == (0.2, 1.0)
-    assert found["target_ess"].values == (37.0, 60.0)
+    assert found["target_ess"].values == (37.0, 30.0)
     assert not found["samples"].differs
     # of colored sampling alone
     assert not found["gamma_rates"].differs
