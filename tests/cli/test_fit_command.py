@@ -47,6 +47,7 @@ def asked(tmp_path, monkeypatch):
     return calls
 
 
+@pytest.mark.slow
 def test_it_reads_the_logs_and_writes_a_vehicle_that_flies(asked, capsys):
     words = ["one.csv", "two.csv", "--test", "three.csv", "--mass", ".04", "--name", "mine"]
     assert race(["fit", *words, "--like", "crazyflie"]) == 0
@@ -63,6 +64,7 @@ def test_it_reads_the_logs_and_writes_a_vehicle_that_flies(asked, capsys):
     assert err.splitlines() == [REMARK]
 
 
+@pytest.mark.slow
 def test_json_has_the_numbers_and_the_remarks(asked, capsys):
     assert race(["fit", "one.csv", "--mass", ".04", "--name", "mine", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
