@@ -12,7 +12,7 @@ from quadsim.physics.plant import RigidPlant
 from quadsim.rotation import to_body
 from quadsim.vehicle import GRAVITY, load_vehicle
 
-DT = 1 / 250
+DT = 1 / 200
 LATE = 0.02  # latency of the vehicle, and time between a motor's command and its effect [s]
 TRUE = load_vehicle("kingfisher").but(latency=LATE)
 SIGNALS = ("position", "velocity", "quaternion", "body_rates", "specific_force")
@@ -34,7 +34,7 @@ class Recorded(Actuators):
 
 
 @cache
-def flight(seconds=12.0, yaw=2.0):
+def flight(seconds=8.0, yaw=2.0):
     """Return a log without noise of steps in rates and thrust, about hover.
 
     Args:
@@ -47,7 +47,7 @@ def flight(seconds=12.0, yaw=2.0):
     rows = []
     held = np.zeros(4)
     for k in range(round(seconds / DT)):
-        if k % 20 == 0:
+        if k % 16 == 0:
             held = rng.uniform(-1.0, 1.0, 4) * (4.0, 4.0, yaw, 4.0)
         x = plant.state.x
         ux, uy, _ = to_body(x.attitude, (0.0, 0.0, 1.0))

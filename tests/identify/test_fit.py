@@ -84,7 +84,7 @@ def test_rotors_that_turn_the_other_way_round_are_noticed(known):
     assert any("the other way round" in remark for remark in found.remarks)
     assert not any("the other way round" in remark for remark in known.remarks)
     key = "inertia_over_arm.z"
-    assert found[key].value == pytest.approx(known[key].value, rel=0.02)
+    assert found[key].value == pytest.approx(known[key].value, rel=0.05)
 
 
 def mirrored(log):

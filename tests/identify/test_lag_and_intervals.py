@@ -37,9 +37,9 @@ def covered(together):
     """Return the shares of intervals that cover 0: by the Jacobian alone, and as reported."""
     rng = np.random.default_rng(1)
     hits = np.zeros(2)
-    tries = 200
+    tries = 100
     for _ in range(tries):
-        mean, linearized = line(rng, 400, together)
+        mean, linearized = line(rng, 160, together)
         found = covariances(linearized)
         for k, covariance in enumerate((found.jacobian, found.reported)):
             hits[k] += abs(mean) < 1.96 * np.sqrt(covariance[0, 0])
