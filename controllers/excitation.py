@@ -56,6 +56,10 @@ LARGEST_FREQUENCY = 2.0
 SLOWER_THAN_ATTITUDE = 4.0
 DAMPING = 0.7
 TILT = radians(50.0)
+# Integral of the height's error: acceleration per metre and second [1/s^3], and the most [m/s^2].
+# Behind a firmware, which gives up thrust to turn, the vehicle would sink without it.
+INTEGRAL = 1.0
+LARGEST_INTEGRAL = 3.0
 # Share of the largest thrust that the loop uses
 LARGEST_THRUST = 0.9
 # Rate per angle of the attitude loop [1/s]: at most so much, and slower than the rate loop
@@ -127,6 +131,9 @@ class Excitation:
         gate = course.gates[0]
         forward = gate.axes[0]
         self._out = tuple(p + BEHIND * d for p, d in zip(gate.position, forward, strict=True))
+        # The integral's acceleration [m/s^2], and the time up to which it goes [s]
+        self._lift = 0.0
+        self._lifted = 0.0
         # The present step of the thrust [m/s^2], its end [s], and how many there were
         self._step = GRAVITY
         self._step_ends = 0.0
@@ -136,6 +143,7 @@ class Excitation:
         """Return the command at the estimated state, and zero statistics, as there is no plan."""
         x = State(*estimate.x.tolist())
         manoeuvre, since = manoeuvre_at(estimate.t)
+        self._integrate(x, manoeuvre, estimate.t)
         up = self._acceleration(x, manoeuvre, since)
         rates = self._attitude_rates(x, up)
         if manoeuvre.name == "chirp":
@@ -149,6 +157,15 @@ class Excitation:
             thrust = min(max(wanted, 0.0), LARGEST_THRUST * self._vehicle.thrust_max)
         u = np.array(self._limited(rates, thrust))
         return u, PlanStats(0.0, 0.0, 0.0)
+
+    def _integrate(self, x: State, manoeuvre: Manoeuvre, t: float) -> None:
+        """Integrate the error of the height, while the manoeuvre keeps it."""
+        step = t - self._lifted
+        self._lifted = t
+        if manoeuvre.name != "steps" and (manoeuvre.name, manoeuvre.axis) != ("dash", 2):
+            height = self._out[2] if manoeuvre.name == "leave" else self._centre[2]
+            lift = self._lift + INTEGRAL * (height - x.pz) * step
+            self._lift = min(max(lift, -LARGEST_INTEGRAL), LARGEST_INTEGRAL)
 
     def _acceleration(self, x: State, manoeuvre: Manoeuvre, since: float) -> Vec3:
         """Return the thrust, in the world, that leads to the manoeuvre's place [m/s^2]."""
@@ -166,6 +183,7 @@ class Excitation:
                 self._frequencies, place, x.position, x.velocity, strict=True
             )
         ]
+        wanted[2] += self._lift
         sideways = hypot(wanted[0], wanted[1])
         shrink = min(1.0, largest / sideways) if sideways > 0.0 else 1.0
         # Some thrust is always left to turn with.

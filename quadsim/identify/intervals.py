@@ -4,8 +4,8 @@ Two covariances are compared. The Jacobian's takes residuals as independent,
 
     C = (J' W J + P)^-1,
 
-with the robust weights W and the precision P of the prior. Real residuals are not independent: a gust
-pushes for a second. So pieces of a second are drawn with replacement (bootstrap), each draw
+with the robust weights W and the precision P of the prior. Real residuals are not independent: a
+gust pushes for a second. So pieces of a second are drawn with replacement (bootstrap), each draw
 taking one Gauss-Newton step from the solution. The larger of the two deviations is reported.
 """
 

@@ -1,9 +1,9 @@
 """Predictions: flights from many measured states on, open loop, against what was measured.
 
-A flight of a second begins at each of many rows of a log, at the measured position and velocity, and
-follows the logged commands. With the measured attitude the thrust acts along the attitude of the
-log; with the simulated attitude the rotors turn the vehicle, too. Beside them stands the simplest
-prediction, constant velocity.
+A flight of a second begins at each of many rows of a log, at the measured position and velocity,
+and follows the logged commands. With the measured attitude the thrust acts along the attitude of
+the log; with the simulated attitude the rotors turn the vehicle, too. Beside them stands the
+simplest prediction, constant velocity.
 """
 
 from __future__ import annotations

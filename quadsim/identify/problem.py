@@ -115,7 +115,7 @@ def torques(part: Prepared, single: np.ndarray, numbers: Numbers, geometry: Geom
         geometry: signs of the thrusts in the torques.
     """
     offset = np.array([numbers.offset_x, numbers.offset_y, numbers.offset_z])
-    # einsum: a product of a long and a small matrix gains nothing from threads, which wait for cores
+    # einsum: a product of a long and a small matrix gains nothing from threads
     torque = np.einsum("nr,kr->nk", single, geometry.signs)
     torque[:, 2] += numbers.yaw_lead * np.gradient(torque[:, 2], part.stretch.dt)
     return torque + single.sum(axis=1)[:, None] * offset

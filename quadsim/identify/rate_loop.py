@@ -3,7 +3,8 @@
 As the plants and the planner have it, a loop asks for the angular acceleration
 (setpoint - rate) / tau_omega, and the rotors follow with their lag:
 
-    omega' = beta,  beta' = (beta_cmd - beta) / tau_m,  beta_cmd = (omega_cmd(t - delay) - omega) / tau_omega
+    omega' = beta,  beta' = (beta_cmd - beta) / tau_m,
+    beta_cmd = (omega_cmd(t - delay) - omega) / tau_omega
 
 The answer is linear in the setpoints and in where a piece begins. So each piece begins where it
 fits best, which a projection finds without a search. Pieces with saturated motors are left out.
@@ -34,7 +35,10 @@ DELAYS = (0.005, 0.03, 0.08)  # where the search begins [s]
 EDGE = 0.01  # commands this near to the lowest or highest are saturated
 SATURATED = 0.02  # share of saturated rows from which on a piece is left out
 LEAST_PIECES = 6
-STEP = 1e-4
+STEP = 1e-4  # of the finite differences, in standard deviations of the prior
+TINY = 1e-4  # least distance of a start to a limit [s]
+LEAST_NOISE = 1e-4  # [rad/s]
+SECOND_DIFFERENCE = 6.0  # variance of the second difference of white noise, over the noise's
 
 
 class RateLoopFit(NamedTuple):
@@ -43,7 +47,6 @@ class RateLoopFit(NamedTuple):
     tau: Vec3  # [s]
     delay: float  # [s]
     linearized: Linearized
-    explained: Vec3  # share of the variance of the rates in the pieces
 
 
 class _Axis(NamedTuple):
@@ -54,7 +57,7 @@ class _Axis(NamedTuple):
     setpoints: np.ndarray  # whole stretch  (n,)
     rates: np.ndarray  # (n,)
     rows: np.ndarray  # of the usable pieces  (p, length)
-    cluster: int  # number of the first piece
+    first: int  # number of the first piece
 
 
 def fit_rate_loop(parts: Sequence[Prepared], rotor_lag: float, prior: Vec3) -> RateLoopFit | None:
@@ -65,62 +68,66 @@ def fit_rate_loop(parts: Sequence[Prepared], rotor_lag: float, prior: Vec3) -> R
         rotor_lag: lag of the rotors [s].
         prior: lags of a similar vehicle [s].
     """
-    axes = list(_axes(parts))
+    axes = _axes(parts)
     if len({axis.axis for axis in axes}) < 3:
         return None
-    noise = np.array([_noise([axis for axis in axes if axis.axis == k]) for k in range(3)])
-    std = np.array([LAG, LAG, LAG, DELAY])
     mean = np.array([*prior, 0.0])
+    std = np.array([LAG, LAG, LAG, DELAY])
+    low = np.array([SHORTEST, SHORTEST, SHORTEST, 0.0])
+    high = np.array([LONGEST, LONGEST, LONGEST, LONGEST_DELAY])
 
-    def errors(x: np.ndarray) -> np.ndarray:
-        fitted = [_residuals(axis, x, rotor_lag).ravel() / noise[axis.axis] for axis in axes]
-        return np.concatenate([*fitted, (x - mean) / std])
+    def errors(x: np.ndarray, noise: np.ndarray) -> np.ndarray:
+        parts = [_residuals(axis, x, rotor_lag).ravel() / noise[axis.axis] for axis in axes]
+        return np.concatenate(parts)
 
-    limits = np.array([SHORTEST] * 3 + [0.0]), np.array([LONGEST] * 3 + [LONGEST_DELAY])
-    best = None
-    for delay in DELAYS:
-        start = np.clip([*prior, delay], limits[0] + 1e-4, limits[1] - 1e-4)
-        found = least_squares(
-            errors, start, bounds=limits, x_scale=std, loss="soft_l1", f_scale=LOSS_SCALE
+    def with_prior(x: np.ndarray, noise: np.ndarray) -> np.ndarray:
+        return np.concatenate([errors(x, noise), (x - mean) / std])
+
+    # The best of the searches from several delays
+    noise = _noise([np.diff(axis.rates[axis.rows], n=2, axis=1) for axis in axes], axes)
+    ends = [
+        least_squares(
+            with_prior,
+            np.clip([*prior, delay], low + TINY, high - TINY),
+            bounds=(low, high),
+            x_scale=std,
+            loss="soft_l1",
+            f_scale=LOSS_SCALE,
+            args=(noise / np.sqrt(SECOND_DIFFERENCE),),
         )
-        if best is None or found.cost < best.cost:
-            best = found
-    assert best is not None
-    # The noise at the solution makes the derivatives' scale.
-    left = [_residuals(axis, best.x, rotor_lag) for axis in axes]
-    noise = np.array(
-        [
-            MAD
-            * np.median(
-                np.abs(
-                    np.concatenate(
-                        [r.ravel() for r, a in zip(left, axes, strict=True) if a.axis == k]
-                    )
-                )
-            )
-            for k in range(3)
-        ]
-    )
-    count = len(best.x)
-    at = errors(best.x)[:-count]
+        for delay in DELAYS
+    ]
+    x = min(ends, key=lambda end: end.cost).x
+
+    # The residuals there tell the noise, and with it the intervals.
+    left = [_residuals(axis, x, rotor_lag) for axis in axes]
+    noise = _noise(left, axes)
     columns = []
-    for k in range(count):
-        step = STEP * std * (np.arange(count) == k)
-        ahead, behind = errors(best.x + step)[:-count], errors(best.x - step)[:-count]
-        columns.append((ahead - behind) / (2.0 * step[k]))
-    cluster = np.concatenate(
-        [np.repeat(axis.cluster + np.arange(len(axis.rows)), axis.rows.shape[1]) for axis in axes]
-    )
-    explained = []
-    for k in range(3):
-        lost = np.concatenate([r.ravel() for r, a in zip(left, axes, strict=True) if a.axis == k])
-        moved = np.concatenate([a.rates[a.rows].ravel() for a in axes if a.axis == k])
-        explained.append(float(1.0 - np.var(lost) / np.var(moved)))
-    tau_x, tau_y, tau_z, delay = map(float, best.x)
-    linearized = Linearized(np.stack(columns, axis=1), at, cluster, std**-2.0)
+    for step in STEP * np.diag(std):
+        columns.append((errors(x + step, noise) - errors(x - step, noise)) / (2.0 * step.sum()))
+    clusters = [
+        np.repeat(axis.first + np.arange(len(axis.rows)), axis.rows.shape[1]) for axis in axes
+    ]
+    tau_x, tau_y, tau_z, delay = map(float, x)
     return RateLoopFit(
-        (tau_x, tau_y, tau_z), delay, linearized, (explained[0], explained[1], explained[2])
+        tau=(tau_x, tau_y, tau_z),
+        delay=delay,
+        linearized=Linearized(
+            jacobian=np.stack(columns, axis=1),
+            values=errors(x, noise),
+            cluster=np.concatenate(clusters),
+            prior_precision=std**-2.0,
+        ),
     )
+
+
+def _noise(values: Sequence[np.ndarray], axes: Sequence[_Axis]) -> np.ndarray:
+    """Return the standard deviation about each axis, by the median of absolute values  (3,)."""
+    sizes = []
+    for k in range(3):
+        mine = [each.ravel() for each, axis in zip(values, axes, strict=True) if axis.axis == k]
+        sizes.append(MAD * float(np.median(np.abs(np.concatenate(mine)))))
+    return np.maximum(sizes, LEAST_NOISE)
 
 
 def _axes(parts: Sequence[Prepared]) -> list[_Axis]:
@@ -159,14 +166,8 @@ def _saturated(part: Prepared) -> np.ndarray:
     return np.any((motors <= low + EDGE) | (motors >= 1.0 - EDGE), axis=1)
 
 
-def _noise(axes: Sequence[_Axis]) -> float:
-    """Return the noise of the rates, by their second differences. [rad/s]"""
-    second = np.concatenate([np.diff(axis.rates[axis.rows], n=2, axis=1).ravel() for axis in axes])
-    return max(MAD * float(np.median(np.abs(second))) / np.sqrt(6.0), 1e-4)
-
-
 def _residuals(axis: _Axis, x: np.ndarray, rotor_lag: float) -> np.ndarray:
-    """Return measured minus predicted rates, of pieces that begin where they fit best  (p, length)."""
+    """Return measured minus predicted rates in pieces that begin where they fit best.  (p, n)"""
     dt = axis.dt
     gain = response(float(x[axis.axis]), dt) / dt
     follow = response(rotor_lag, dt)

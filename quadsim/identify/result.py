@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -46,8 +47,8 @@ class VehicleFit:
     numbers: tuple[FittedNumber, ...]
     remarks: tuple[str, ...]
     predictions: tuple[Prediction, ...]
-    traces: tuple[Trace, ...]
-    residuals: dict[str, np.ndarray]
+    traces: tuple[Trace, ...] = ()
+    residuals: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         """Return one short line."""

@@ -1,7 +1,7 @@
 """Search: nonlinear least squares over the numbers, with robust loss, prior and several starts.
 
-Residuals are divided by the noise of their kind, which is estimated from them. The prior is one more
-residual for each number, (number - mean) / std. It decides only what the log does not tell.
+Residuals are divided by the noise of their kind, which is estimated from them. The prior is one
+more residual for each number, (number - mean) / std. It decides only what the log does not tell.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ STEP = 1e-4  # of the finite differences, in standard deviations of the prior
 ROUNDS = 3  # of noise and numbers in turn
 SETTLED = 0.03  # relative change of the noise at which the rounds end
 MOST_STEPS = 40  # of one search
-LEAST_GAIN = 1e-7  # relative decrease of the cost at which a search ends
+LEAST_GAIN = 1e-6  # relative decrease of the cost at which a search ends
+COARSE_GAIN = 1e-3  # the same of a search that has to tell good starts from bad ones
 FIRST_DAMPING = 1e-3
 SMALLEST_DAMPING = 1e-9
 LARGEST_DAMPING = 1e6
@@ -188,6 +189,7 @@ def solve(
     searched: Sequence[str],
     starts: Sequence[Numbers],
     turning: Sequence[int] = (0, 1, 2),
+    least_gain: float = LEAST_GAIN,
 ) -> Solution:
     """Return the numbers that fit best.
 
@@ -198,6 +200,7 @@ def solve(
         searched: names of the numbers that are searched; the others stay at the start.
         starts: where the search begins; the best end is searched on with the noise that is found.
         turning: axes of the body rates that are compared.
+        least_gain: relative decrease of the cost at which a search ends.
 
     Raises:
         SettingError: the logs have no whole piece that can be compared.
@@ -207,7 +210,7 @@ def solve(
     noise = problem.noise(problem.residuals(found))
     for round_ in range(ROUNDS):
         begins = starts if round_ == 0 else (found,)
-        ends = [_descend(problem, start, noise) for start in begins]
+        ends = [_descend(problem, start, noise, least_gain) for start in begins]
         found = min(ends, key=lambda end: end[1])[0]
         before = noise
         noise = problem.noise(problem.residuals(found))
@@ -229,12 +232,14 @@ def solve(
     )
 
 
-def _descend(problem: Problem, start: Numbers, noise: Mapping[str, float]) -> tuple[Numbers, float]:
+def _descend(
+    problem: Problem, start: Numbers, noise: Mapping[str, float], least_gain: float
+) -> tuple[Numbers, float]:
     """Return the numbers at the end of one search, and their cost.
 
-    Levenberg's and Marquardt's steps within the limits. `scipy.optimize.least_squares` takes the same
-    ones, but decomposes all rows of the Jacobian in each, which costs most of the time here; k x k
-    normal equations are enough for numbers in standard deviations of their prior.
+    Levenberg's and Marquardt's steps within the limits. `scipy.optimize.least_squares` takes the
+    same ones, but decomposes all rows of the Jacobian in each, which costs most of the time here;
+    k x k normal equations are enough for numbers in standard deviations of their prior.
     """
     scale = problem.scale(noise)
     std = problem.std
@@ -271,7 +276,7 @@ def _descend(problem: Problem, start: Numbers, noise: Mapping[str, float]) -> tu
             break
         x, r, cost = ahead, r_ahead, cost - gain
         damping = max(0.1 * damping, SMALLEST_DAMPING)
-        if gain < LEAST_GAIN * cost:
+        if gain < least_gain * cost:
             break
     return numbers(x), cost
 

@@ -26,6 +26,7 @@ DIGITS = 5  # of the vehicle's numbers
 ABOVE = 1e-4
 SCALE_FACTOR = 0.003
 PART_OF_ROW = 0.05
+LOOP_SHARE = 0.01  # of the lags of the rate loop
 WEIGHED = 0.005  # relative standard deviation of a mass by a scale
 LARGEST_SHARE = 0.5
 
@@ -177,27 +178,25 @@ def _number(key: str, row: _Row, found: Found) -> FittedNumber:
         gradient[k] = (ahead - behind) / (2.0 * step)
     variance = float(gradient @ found.covariance @ gradient)
     std = float(np.sqrt(variance + row.floor**2 + (row.scale * value) ** 2))
-    return FittedNumber(
-        key, row.unit, value, value - TWO_SIDED * std, value + TWO_SIDED * std, "log"
-    )
+    return _from_log(key, row.unit, value, std)
 
 
 def _loop_numbers(found: Found, base: Vehicle) -> list[FittedNumber]:
     """Return the lags of the rate loop and the latency."""
-    loop = found.loop
     late = PART_OF_ROW * found.dt
-    if loop is None:
-        rows = [
-            FittedNumber(f"rate_tau.{axis}", "s", tau, tau, tau, "prior")
-            for axis, tau in zip("xyz", base.rate_tau, strict=True)
-        ]
-        return [*rows, _latency_of_motors(found, base)]
-    std = np.sqrt(np.diag(covariances(loop.linearized).reported) + late**2)
-    values = (*loop.tau, loop.delay)
+    if found.loop is None:
+        rows = zip("xyz", base.rate_tau, strict=True)
+        lags = [FittedNumber(f"rate_tau.{axis}", "s", tau, tau, tau, "prior") for axis, tau in rows]
+        return [*lags, _latency_of_motors(found, base)]
+    std = np.sqrt(np.diag(covariances(found.loop.linearized).reported) + late**2)
+    tau_x, tau_y, tau_z = found.loop.tau
+    # The loop is taken as linear, which its rotors are not.
+    shares = (LOOP_SHARE, LOOP_SHARE, LOOP_SHARE, 0.0)
+    values = (tau_x, tau_y, tau_z, found.loop.delay)
     keys = ("rate_tau.x", "rate_tau.y", "rate_tau.z", "latency")
     return [
-        FittedNumber(key, "s", value, value - TWO_SIDED * s, value + TWO_SIDED * s, "log")
-        for key, value, s in zip(keys, values, std, strict=True)
+        _from_log(key, "s", value, float(np.hypot(deviation, share * value)))
+        for key, value, deviation, share in zip(keys, values, std, shares, strict=True)
     ]
 
 
@@ -206,11 +205,14 @@ def _latency_of_motors(found: Found, base: Vehicle) -> FittedNumber:
     if "delay" not in found.searched:
         return FittedNumber("latency", "s", base.latency, base.latency, base.latency, "prior")
     k = found.searched.index("delay")
-    std = float(np.sqrt(found.covariance[k, k] + (PART_OF_ROW * found.dt) ** 2))
-    value = found.numbers.delay
-    return FittedNumber(
-        "latency", "s", value, value - TWO_SIDED * std, value + TWO_SIDED * std, "log"
-    )
+    std = float(np.hypot(np.sqrt(found.covariance[k, k]), PART_OF_ROW * found.dt))
+    return _from_log("latency", "s", found.numbers.delay, std)
+
+
+def _from_log(key: str, unit: str, value: float, std: float) -> FittedNumber:
+    """Return a number with the interval of its standard deviation."""
+    half = TWO_SIDED * std
+    return FittedNumber(key, unit, value, value - half, value + half, "log")
 
 
 def speed_map(numbers: Numbers, found: Found, base: Vehicle) -> tuple[float, float, float]:
