@@ -120,8 +120,7 @@ PRESETS: dict[str, dict[str, Planner]] = {
     },
     "race": {
         "gaussian": _race(
-            Gaussian((1.12, 1.12, 0.1, 4.8)),
-            target_ess=30,
+            Gaussian((0.9, 0.9, 0.1, 3.8)),
             overshoot=1.0,
             first_noise=1.0,
             cost_rise=0.0,

@@ -20,11 +20,16 @@ from quadsim.config.build import planner_of, with_threads
 from quadsim.figures.style import STYLE, line
 from quadsim.palette import style
 from quadsim.physics.plant_state import start_state
-from quadsim.record.statistics import mean_interval
+from quadsim.record.statistics import Mean, mean_interval
 
 FOLDER = Path(__file__).parent
 CAMPAIGN = Path("runs/docs/samples.sqlite")
-COURSES = ("split_s_swift", "split_s_song", "alphapilot")
+# The races of results.md, with their settings
+RACES: dict[str, dict[str, Any]] = {
+    "split_s_swift": {},
+    "split_s_song": {"vehicle": "cpc", "laps": 2, "thrust_to_weight": 3.3},
+    "alphapilot": {"vehicle": "flightmare", "thrust_to_weight": 6.4},
+}
 SAMPLERS = ("colored", "gaussian")
 SAMPLES = (512, 1024, 2048, 4096)
 ATTEMPTS = 8
@@ -39,25 +44,16 @@ def main() -> None:
         for sampler in SAMPLERS
         for samples in SAMPLES
     }
-    found = quadsim.compare(
-        COURSES, variants, ATTEMPTS, jobs=2, campaign=CAMPAIGN, baseline="colored 1024", randomize=1
-    )
-    print(found)
     times = {name: step_time(**settings) for name, settings in variants.items()}
-    laps: dict[tuple[str, str], list[float]] = {}
-    for attempt in found.attempts:
-        if attempt.lap_mean is not None:
-            laps.setdefault((attempt.course, attempt.variant), []).append(attempt.lap_mean)
-
-    figure, axes = plt.subplots(1, len(COURSES), figsize=(9.0, 3.2))
-    for ax, course in zip(axes, COURSES, strict=True):
+    figure, axes = plt.subplots(1, len(RACES), figsize=(9.0, 3.2))
+    for ax, (course, settings) in zip(axes, RACES.items(), strict=True):
+        laps = mean_laps(course, variants, settings)
         for sampler in SAMPLERS:
             names = [f"{sampler} {samples}" for samples in SAMPLES]
-            means = [mean_interval(laps[course, name]) for name in names]
             x = [times[name] for name in names]
-            y = np.array([mean.mean for mean in means])
-            below = y - np.array([mean.low for mean in means])
-            above = np.array([mean.high for mean in means]) - y
+            y = np.array([laps[name].mean for name in names])
+            below = y - np.array([laps[name].low for name in names])
+            above = np.array([laps[name].high for name in names]) - y
             ax.errorbar(x, y, (below, above), label=sampler, **line(style(sampler)))
         ax.set(title=course, xscale="log", xlabel="control step, one thread [ms CPU]")
         ax.set_xticks(x, [f"{value:.1f}" for value in x])
@@ -68,9 +64,30 @@ def main() -> None:
     figure.savefig(FOLDER / "samples.png")
 
 
+def mean_laps(course: str, variants: dict[str, Any], settings: dict[str, Any]) -> dict[str, Mean]:
+    """Fly the variants, print their comparison, and return the mean lap of each by its name [s]."""
+    baseline = f"{SAMPLERS[0]} {SAMPLES[-1]}"
+    found = quadsim.compare(
+        course,
+        variants,
+        ATTEMPTS,
+        jobs=2,
+        campaign=CAMPAIGN,
+        baseline=baseline,
+        randomize=1,
+        **settings,
+    )
+    print(found, flush=True)
+    laps: dict[str, list[float]] = {name: [] for name in variants}
+    for attempt in found.attempts:
+        if attempt.lap_mean is not None:
+            laps[attempt.variant].append(attempt.lap_mean)
+    return {name: mean_interval(of_variant) for name, of_variant in laps.items()}
+
+
 def step_time(sampler: str, samples: int) -> float:
     """Return the median CPU time of a control step from the start, on one thread [ms]."""
-    spec = with_threads(Spec.of(COURSES[0], sampler=sampler, samples=samples, threads=1))
+    spec = with_threads(Spec.of(next(iter(RACES)), sampler=sampler, samples=samples, threads=1))
     planner = planner_of(spec)
     x = np.array(start_state(spec.course.start, spec.vehicle.radius))
     planner.control(x)  # compiles, and makes the first plan
