@@ -66,7 +66,8 @@ def fit(
     """Fit a vehicle to flight logs, each number with its 95 % interval.
 
     Logs: runs of quadsim, CSV, Betaflight's blackbox, PX4's .ulg, the
-    Crazyflie's SD card. A comment of the file says what each number comes from.
+    Crazyflie's SD card. A comment of the file says what each number comes from,
+    and NAME.png shows measured signals beside simulated ones.
 
     race fit last --mass .87 --name fitted
 
@@ -77,7 +78,9 @@ def fit(
     if not logs:
         raise UsageError("expected one LOG or more, got none")
     file = file_of(name, out)
-    expect_new_file(file)
+    picture = file.with_suffix(".png")
+    for new in (file, picture):
+        expect_new_file(new)
     expect_writable(file.parent)
     try:
         with settings_as_flags():
@@ -93,8 +96,13 @@ def fit(
         # A package that reads this kind of log
         raise UsageError(str(error)) from None
     found.to_yaml(file)
+    # Imported here, so that --help does not load matplotlib
+    from quadsim.figures.fit_figure import fit_figure
+    from quadsim.figures.style import save_figure
+
+    save_figure(fit_figure(found), picture)
     if json:
-        emit_json({"file": str(file), **loads(found.to_json())})
+        emit_json({"file": str(file), "picture": str(picture), **loads(found.to_json())})
         return 0
     emit(_table(found), "")
     if found.predictions:
@@ -102,6 +110,7 @@ def fit(
     for remark in found.remarks:
         complain(remark)
     vehicle = found.vehicle
+    emit(f"{escape(str(picture))}: measured and simulated")
     emit(f"{escape(str(file))}: {vehicle.mass:g} kg, {flying_numbers(vehicle).text()}")
     return 0
 

@@ -8,6 +8,8 @@ it, commands hold until the next one. PX4's motors of a quadrotor X have quadsim
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -56,7 +58,9 @@ def read_ulog(path: Path) -> list[RawLog]:
     pyulog = imported("pyulog", "pyulog", "logs")
     read_bytes(path, "a log of PX4")
     try:
-        data = pyulog.ULog(str(path)).data_list
+        # pyulog prints warnings, which would stand amid a command's output.
+        with redirect_stdout(StringIO()):
+            data = pyulog.ULog(str(path)).data_list
     except Exception as error:
         # pyulog raises errors of many types for a damaged file.
         raise LogError(f"{path}: cannot be read: {' '.join(str(error).split())}") from None

@@ -1,6 +1,7 @@
 """`race fit`: what it reads, writes and refuses. What is fitted is tested with quadsim.identify."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,7 +31,15 @@ def asked(tmp_path, monkeypatch):
     def fit_vehicle(logs, **settings):
         calls.append({"logs": [log.name for log in logs], **settings})
         vehicle = load_vehicle("crazyflie").but(name=settings["name"], mass=0.04)
-        return VehicleFit(settings["name"], vehicle, NUMBERS, (REMARK,), (PREDICTION,))
+        return VehicleFit(
+            name=settings["name"],
+            vehicle=vehicle,
+            numbers=NUMBERS,
+            remarks=(REMARK,),
+            predictions=(PREDICTION,),
+            traces=(),
+            residuals={"force": np.array([0.3, -0.4, 0.1])},
+        )
 
     monkeypatch.setattr("quadsim.identify.fit_vehicle", fit_vehicle)
     for name in ("one.csv", "two.csv", "three.csv"):
@@ -38,6 +47,7 @@ def asked(tmp_path, monkeypatch):
     return calls
 
 
+@pytest.mark.slow
 def test_it_reads_the_logs_and_writes_a_vehicle_that_flies(asked, capsys):
     words = ["one.csv", "two.csv", "--test", "three.csv", "--mass", ".04", "--name", "mine"]
     assert race(["fit", *words, "--like", "crazyflie"]) == 0
@@ -46,17 +56,19 @@ def test_it_reads_the_logs_and_writes_a_vehicle_that_flies(asked, capsys):
     assert [log.name for log in call["test"]] == ["three.csv"]
     assert (call["mass"], call["base"].name) == (0.04, "crazyflie")
     assert load_vehicle("mine.yaml").mass == 0.04
+    assert Path("mine.png").read_bytes().startswith(b"\x89PNG")
     out, err = capsys.readouterr()
     assert "drag.x" in out
     assert "0.25" in out
-    assert out.splitlines()[-3].split() == ["three.csv", "0.5", "0.041", "0.166"]
+    assert out.splitlines()[-4].split() == ["three.csv", "0.5", "0.041", "0.166"]
     assert err.splitlines() == [REMARK]
 
 
+@pytest.mark.slow
 def test_json_has_the_numbers_and_the_remarks(asked, capsys):
     assert race(["fit", "one.csv", "--mass", ".04", "--name", "mine", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert found["file"] == "mine.yaml"
+    assert (found["file"], found["picture"]) == ("mine.yaml", "mine.png")
     assert found["numbers"][1] == NUMBERS[1]._asdict()
     assert found["remarks"] == [REMARK]
 

@@ -262,7 +262,7 @@ def test_a_log_that_is_cut_off_is_read_up_to_there_or_is_one_line(tmp_path, kind
 
 
 @pytest.mark.parametrize("kind", ["crazyflie", "blackbox", "ulog"])
-def test_damaged_bytes_never_end_in_a_traceback(tmp_path, kind):
+def test_damaged_bytes_never_end_in_a_traceback(tmp_path, kind, capfd):
     if kind in READERS:
         pytest.importorskip(READERS[kind], reason="the extra logs is not installed")
     data = FILES[kind]()
@@ -276,6 +276,8 @@ def test_damaged_bytes_never_end_in_a_traceback(tmp_path, kind):
         file.write_bytes(damaged)
         read += len(read_or_refused(file))
     assert read > 0
+    # Nor do they make a library print.
+    assert capfd.readouterr() == ("", "")
 
 
 def test_cells_that_are_no_numbers_are_missing_readings(tmp_path):
