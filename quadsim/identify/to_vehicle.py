@@ -12,6 +12,7 @@ from quadsim.identify.geometry import Geometry
 from quadsim.identify.intervals import TWO_SIDED, covariances
 from quadsim.identify.numbers import Numbers
 from quadsim.identify.prepared import Drive
+from quadsim.identify.prior import FLATNESS
 from quadsim.identify.rate_loop import RateLoopFit
 from quadsim.physics.domain_randomization import widths
 from quadsim.vehicle import Uncertainty, Vehicle
@@ -116,6 +117,8 @@ def _rows(found: Found, base: Vehicle, mass: float) -> Mapping[str, _Row]:
     thrust = ("c2", "c1", "c0")
     turned = ("inertia_x", "inertia_y")
     ratio = SCALE_FACTOR
+    # Without gyroscopic torques the log tells the inertia about z over the reaction torque alone.
+    flat = ratio if "flatness" in found.searched else FLATNESS / 2.0
     rows = {
         "thrust_max": _Row("m/s^2", lambda n: 4.0 * (n.c2 + n.c1 + n.c0), thrust, scale=ratio),
         "rotors.thrust_map.c2": _Row("N s^2", coefficient(0), thrust, scale=ratio),
@@ -129,9 +132,10 @@ def _rows(found: Found, base: Vehicle, mass: float) -> Mapping[str, _Row]:
         name = f"inertia_{axis}"
         rows[f"inertia_over_arm.{axis}"] = _Row("m", field(name), (name,), scale=ratio)
     for k, axis in enumerate("xyz"):
-        needs = (f"inertia_{axis}",) if axis != "z" else turned
-        rows[f"inertia.{axis}"] = _Row("kg m^2", inertia(k), needs, scale=ratio)
-    rows["rotors.kappa"] = _Row("m", kappa, ("inertia_z", *turned), scale=ratio)
+        needs = (f"inertia_{axis}",) if axis != "z" else (*turned, "flatness")
+        share = flat if axis == "z" else ratio
+        rows[f"inertia.{axis}"] = _Row("kg m^2", inertia(k), needs, scale=share)
+    rows["rotors.kappa"] = _Row("m", kappa, ("inertia_z", *turned, "flatness"), scale=flat)
     for axis in "xyz":
         name = f"drag_{axis}"
         rows[f"drag.{axis}"] = _Row("1/s", field(name), (name,), scale=DRAG_SHARE)
