@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 from typing import Annotated
 
 from quadsim.files.strict_yaml import setting
@@ -99,17 +100,13 @@ class MPPIConfig:
             " betaflight"
         ),
     ] = False
+    # The square root was found in flights with 512 to 4096 samples, see docs/samplers.md.
     target_ess: (
-        Annotated[float, setting("effective sample size that the temperature is adapted to", ge=1)]
-        | None
-    ) = None
-    # The square root was found in flights with 512 to 4096 samples, see docs/results.md.
-    solved_ess: (
         Annotated[
             float,
             setting(
                 "effective sample size of 1024 samples, for which each iteration solves the"
-                " temperature in place of target_ess; it grows with the root of the samples",
+                " temperature; it grows with the square root of the samples",
                 ge=1,
             ),
         ]
@@ -118,3 +115,12 @@ class MPPIConfig:
 
     def __post_init__(self) -> None:
         check_fields(self)
+
+    def ess_of(self, samples: int) -> float | None:
+        """Return the effective sample size that a number of samples is to have.
+
+        None: the temperature is fixed.
+        """
+        if self.target_ess is None:
+            return None
+        return self.target_ess * sqrt(samples / 1024)

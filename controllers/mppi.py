@@ -22,8 +22,7 @@ There are extensions, most of them optional in MPPIConfig:
 * The first control of the plan may be left unperturbed (freeze_first).
 * Only a fraction of the update in equation (5) may be applied (step_size).
 * The first plan has more iterations (first_iterations).
-* The temperature is adapted to an effective sample size (target_ess), or solved for one in each
-  iteration (solved_ess).
+* The temperature of each iteration is solved for an effective sample size (target_ess).
 * The plan is filtered (smooth), and a sampler may have momentum (controllers.samplers.smooth).
 
 A model, a course and other vehicles that are estimated in flight come with the state, in an
@@ -39,7 +38,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -55,7 +53,6 @@ from controllers.samplers import PlainSampler, Sampling, build_lanes
 from controllers.samplers.lane_sampler import stream_key
 from controllers.schedule import Schedule
 from controllers.update import (
-    adapt_temperature,
     savitzky_golay,
     softmax_weights,
     solve_temperature,
@@ -239,6 +236,8 @@ class MPPI:
 
             # Roll out v = clip(U + n z), eq. (2) and (3).
             J[chunk] = self.costs(it, z, chunk)
+
+            # Solve for the temperature on the first chunk, before anything is weighed.
             if chunk.start == 0:
                 self.temperature = self.solved_temperature(J[chunk])
 
@@ -252,12 +251,8 @@ class MPPI:
         # Move the plan by a step along the weighted mean of v - U, eq. (5).
         self.update(U + self.config.step_size * layout.mean_of_chunks(means, w))
 
-        # Adapt the temperature to the target effective sample size, if it is not solved for.
         ess = float(1 / np.sum(w * w))
-        stats = PlanStats(cost=float(J[0]), ess=ess, temperature=self.temperature)
-        if self.config.solved_ess is None:
-            self.temperature = adapt_temperature(self.temperature, ess, self.config.target_ess)
-        return stats
+        return PlanStats(cost=float(J[0]), ess=ess, temperature=self.temperature)
 
     def begin_iteration(self, x: np.ndarray, target: int) -> Iteration:
         """Return the inputs of the next iteration, with costs still to be computed.
@@ -344,15 +339,14 @@ class MPPI:
     def solved_temperature(self, J: np.ndarray) -> float:
         """Return the temperature of an iteration, given the costs of its first chunk.
 
-        The effective sample size of M samples is solved_ess sqrt(M / 1024), and that of a chunk is
-        its share of it.
+        The target of a chunk is its share of the target of all samples.
 
         Args:
             J: costs of the first chunk's samples  (n,).
         """
-        if self.config.solved_ess is None:
+        of_all = self.config.ess_of(self.samples)
+        if of_all is None:
             return self.temperature
-        of_all = self.config.solved_ess * sqrt(self.samples / 1024)
         return solve_temperature(J, max(of_all * len(J) / self.samples, 1.0), self.temperature)
 
     def update(self, plan: np.ndarray) -> None:

@@ -6,7 +6,6 @@ from math import exp, isfinite, log
 
 import numpy as np
 
-TEMPERATURE_STEP = 1.1  # factor per iteration towards the target effective sample size
 TEMPERATURE_RANGE = (1e-4, 1e4)
 ESS_TOLERANCE = 0.01  # of the logarithm of the effective sample size
 MOST_STEPS = 40  # of the search for a temperature; some four are enough
@@ -56,21 +55,6 @@ def softmax_weights(J: np.ndarray, temperature: float) -> np.ndarray:
         return np.zeros_like(J)
     w = np.exp((rho - J) / temperature)
     return w / w.sum()
-
-
-def adapt_temperature(temperature: float, ess: float, target: float | None) -> float:
-    """Return the next temperature: higher by a fixed factor if the ESS is below the target.
-
-    Args:
-        temperature: lambda of the last iteration.
-        ess: effective sample size of that iteration.
-        target: effective sample size to reach; None: the temperature stays.
-    """
-    if target is None:
-        return temperature
-    exponent = 1 if ess < target else -1
-    low, high = TEMPERATURE_RANGE
-    return min(max(temperature * TEMPERATURE_STEP**exponent, low), high)
 
 
 def solve_temperature(J: np.ndarray, target: float, temperature: float) -> float:

@@ -86,7 +86,7 @@ WRONG = {
     "randomize": ("much", "a number"),
     "temperature": (float("nan"), "a number"),
     "dt": (0.0033, "a whole multiple of the plant's step 0.0025 [s]"),
-    "target_ess": (1e9, "less than samples"),
+    "target_ess": (1e9, "effective sample size below samples"),
     "smooth": ("maybe", "true or false"),
     "law": ("exat", "'exact'"),
     "clock": (3, "'simulated'"),

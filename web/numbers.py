@@ -68,17 +68,17 @@ SLIDERS = {
         high=10.0,
         step=0.01,
         hint="lambda: at a low one the plan follows the cheapest samples, at a high one it is the "
-        "mean of many; with a target ESS it is where the temperature starts",
+        "mean of many; with a target ESS it is solved for",
     ),
     # 0: the temperature is fixed
     "target_ess": Slider(
         setting="target_ess",
         label="Target ESS",
         low=0.0,
-        high=400.0,
-        step=5.0,
-        hint="effective sample size: how many samples the temperature is steered to give weight; "
-        "0: the temperature stays as it is",
+        high=200.0,
+        step=1.0,
+        hint="how many of 1024 samples the temperature gives weight (effective sample size); it "
+        "grows with the square root of the samples; 0: the temperature stays as it is",
     ),
     "samples": Slider(
         setting="samples",
@@ -155,9 +155,10 @@ def with_change(planner: Planner, preset: Planner, change: Change) -> Planner:
             mppi = replace(planner.mppi, temperature=value)
         case _:
             raise ValueError(f"{change.name}: expected one of {', '.join(SLIDERS)}")
-    if mppi.target_ess:
-        # the target must be below the number of samples
-        mppi = replace(mppi, target_ess=min(mppi.target_ess, mppi.samples / 2))
+    ess = mppi.ess_of(mppi.samples)
+    if mppi.target_ess and ess:
+        # At most half of the samples can have weight.
+        mppi = replace(mppi, target_ess=mppi.target_ess * min(1.0, mppi.samples / 2 / ess))
     return replace(planner, mppi=mppi)
 
 

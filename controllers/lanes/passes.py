@@ -8,6 +8,11 @@ A pass of radix r transforms x to y, for a length that has already been split by
 (Van Loan 1992, section 1.7). No bit reversal is needed, and as the rows q and their lanes are
 contiguous, the inner loop runs over s W numbers. Real parts fill the first half of an array,
 imaginary parts the second half.
+
+Of a band-limited series only B = n / r frequencies, from -B / 2 to below B / 2, are not zero. In
+the pass of radix r each sum then has one term, with f the frequency of row p:
+
+    y[r p + k] = e^{2 pi i f k / n} x[p]                                      p < B, k < r
 """
 
 from __future__ import annotations
@@ -43,6 +48,16 @@ for p in range({m}):
 """
 
 
+BAND_PASS = """
+for p in range({m}):
+    {turns}
+    for e in range({inner}):
+        i, o = p * {inner} + e, p * {r} * {inner} + e
+        r0 = x[i]; i0 = x[i + {m} * {inner}]
+        {lines}
+"""
+
+
 class Pass(NamedTuple):
     """The numbers of one pass."""
 
@@ -55,12 +70,13 @@ class Pass(NamedTuple):
     y: str  # name of the output array
 
 
-def passes(n: int, lanes: int) -> tuple[str, str, list[complex]]:
+def passes(n: int, lanes: int, band: int) -> tuple[str, str, list[complex]]:
     """Return the passes from an array x to an array y and back.
 
     Args:
         n: length of the transform.
         lanes: number of transforms side by side.
+        band: B, the number of frequencies in x, a divisor of n; n: all of them.
 
     Returns:
         The text, the name of the array with the result, and the twiddle factors of the passes.
@@ -69,7 +85,15 @@ def passes(n: int, lanes: int) -> tuple[str, str, list[complex]]:
     turns: list[complex] = []
     x, y = "x", "y"
     s, m = 1, n
-    for r in radices(n):
+    if band < n:
+        r = n // band
+        one = Pass(r=r, m=band, inner=lanes, size=n * lanes, first=0, x=x, y=y)
+        lines = ("\n" + 8 * " ").join(_stores(one, ["r0"] * r, ["i0"] * r))
+        text += BAND_PASS.format(**one._asdict(), turns=_turns(one), lines=lines)
+        turns += [exp(2j * pi * f * k / n) for f in frequencies(band) for k in range(1, r)]
+        s, m = r, band
+        x, y = y, x
+    for r in radices(m):
         m //= r
         one = Pass(r=r, m=m, inner=s * lanes, size=n * lanes, first=len(turns), x=x, y=y)
         if r <= WRITTEN_OUT:
@@ -82,6 +106,25 @@ def passes(n: int, lanes: int) -> tuple[str, str, list[complex]]:
         s *= r
         x, y = y, x
     return text, x, turns
+
+
+def narrowest_band(n: int, highest: int) -> int:
+    """Return the least number of frequencies from which a transform of length n can start.
+
+    Args:
+        n: length of the transform.
+        highest: the highest frequency that is not zero, at most n / 2.
+
+    Returns:
+        B, a divisor of n above 2 `highest`; n if there is none.
+    """
+    factors = [r for r in range(1, WRITTEN_OUT + 1) if n % r == 0 and n // r > 2 * highest]
+    return n // max(factors, default=1)
+
+
+def frequencies(band: int) -> list[int]:
+    """Return the frequencies of the rows of a band: from 0 up, then the negative ones up to -1."""
+    return [p if 2 * p < band else p - band for p in range(band)]
 
 
 def fast_length(n: int) -> int:
@@ -126,13 +169,20 @@ def _lines(one: Pass) -> list[str]:
         imaginary = f"i{j} = {one.x}[i + {j * m * inner + size}]"
         loads.append(f"{real}; {imaginary}")
     sums = SUMS[r] if r in SUMS else _odd_sums(r)
-    stores = [f"{one.y}[o] = R0; {one.y}[o + {size}] = I0"]
-    for k in range(1, r):
-        re, im = f"R{k}", f"I{k}"
-        if m > 1:
-            re, im = f"R{k} * c{k} - I{k} * s{k}", f"R{k} * s{k} + I{k} * c{k}"
-        stores.append(f"{one.y}[o + {k * inner}] = {re}; {one.y}[o + {k * inner + size}] = {im}")
+    stores = _stores(one, [f"R{k}" for k in range(r)], [f"I{k}" for k in range(r)])
     return [*loads, *sums, *stores]
+
+
+def _stores(one: Pass, real: list[str], imaginary: list[str]) -> list[str]:
+    """Write the lines that rotate the r numbers of these names and store them."""
+    stores = [f"{one.y}[o] = {real[0]}; {one.y}[o + {one.size}] = {imaginary[0]}"]
+    for k in range(1, one.r):
+        re, im = real[k], imaginary[k]
+        if one.m > 1:
+            re, im = f"{re} * c{k} - {im} * s{k}", f"{re} * s{k} + {im} * c{k}"
+        at = f"o + {k * one.inner}"
+        stores.append(f"{one.y}[{at}] = {re}; {one.y}[{at} + {one.size}] = {im}")
+    return stores
 
 
 # R_k + i I_k = sum_{j<r} (r_j + i i_j) e^{2 pi i j k / r}

@@ -1,6 +1,6 @@
 """Normals with a given spectrum: an inverse Fourier transform in lanes, as generated code.
 
-There is a module for each length n.
+There is a module for each length n and number of frequencies B that are not zero.
 
     z_t = sum_{k<n} Z_k e^{2 pi i k t / n},  Z_k = s_k (xi_k + i eta_k),  s_{n-k} = s_k
 
@@ -48,8 +48,9 @@ def transformed(desk, first, last, out, scale, offset, turns, key, call, first_p
     for b in range(first, last):
         for c in range(channels):
             for g in range(0, lanes, {W}):
-                normal_rows(x.reshape((2 * {n}, {W})), scale[c], (first_pair + b) * lanes + g,
-                            c * {groups}, key, call)
+                normals = x[: {numbers} * {W}].reshape(({numbers}, {W}))
+                lane = (first_pair + b) * lanes + g
+                normal_rows(normals, scale[c], lane, c * {groups}, key, call)
 {passes}
                 for k in range(2 * b, min(2 * b + 2, series)):
                     z = {result}[k % 2 * {half}:]
@@ -73,42 +74,51 @@ def fill_transformed(
     key: np.ndarray,
     call: int,
     first_pair: int,
+    n: int,
 ) -> None:
     """Fill out with z_t - offset_t z_1, two series from one transform.
 
     Args:
         out: array to fill  (series, channels, steps, LANES), at most n steps.
-        scale: s of the real parts, then the same s of the imaginary parts  (channels, 2 n).
+        scale: s of the real parts, then the same s of the imaginary parts, in the order of
+            `passes.frequencies`  (channels, 2 B).
         offset: factors on z_1; if the first one is zero, all are zero  (steps,).
         key: key of the generator  (2,) uint32.
         call: index of the call.
         first_pair: number of the first pair of series, which seeds the normals.
+        n: length of the transform, a multiple of B.
     """
-    module, turns = _module(scale.shape[1] // 2)
+    module, turns = _module(n, scale.shape[1] // 2)
     pairs = (len(out) + 1) // 2
     on_threads(module.transformed, pairs, out, scale, offset, turns, key, call, first_pair)
 
 
-def transform_loop(n: int) -> Callable:
-    """Return the compiled loop for this length."""
-    return _module(n)[0].transformed
+def transform_loop(n: int, band: int) -> Callable:
+    """Return the compiled loop for this length and number of frequencies that are not zero."""
+    return _module(n, band)[0].transformed
 
 
 @cache
-def _module(n: int) -> tuple[ModuleType, np.ndarray]:
-    """Return the loop for this length, and its twiddle factors e^{i phi}  (turns, 2)."""
-    text, result, turns = passes(n, W)
+def _module(n: int, band: int) -> tuple[ModuleType, np.ndarray]:
+    """Return the loop of a transform, and its twiddle factors e^{i phi}  (turns, 2).
+
+    Args:
+        n: length.
+        band: B, the number of frequencies that are not zero.
+    """
+    text, result, turns = passes(n, W, band)
     source = MODULE.format(
         n=n,
         W=W,
         size=2 * n * W,
         half=n * W,
-        groups=-(-2 * n // 4),
+        numbers=2 * band,
+        groups=-(-2 * band // 4),
         result=result,
         fast=sorted(FAST),
         passes=indent(text.strip("\n"), " " * 16),
     )
     digest = hashlib.sha256(source.encode()).hexdigest()[:16]
-    module = load_module(f"transform_{n}_{digest}", source)
+    module = load_module(f"transform_{n}_{band}_{digest}", source)
     table = np.array([(turn.real, turn.imag) for turn in turns], np.float32).reshape(-1, 2)
     return module, table

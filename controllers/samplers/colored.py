@@ -13,8 +13,9 @@ library  the authors' public CUDA code: length 2T with the first half kept, norm
          DC bin, and an offset z_t -= z_1 .97^t, so that every sample starts near zero.
 
 With a cut-off f_c, the noise of `exact` is band-limited: its amplitudes are multiplied by
-1 / (1 + (f / f_c)^4), which lowers its variance below sigma^2. With gamma 0 it is a low-pass
-Gaussian.
+1 / (1 + (f / f_c)^4), and are zero above 3.15 f_c, at which this factor is 1 %. That lowers the
+variance below sigma^2. With gamma 0 it is a low-pass Gaussian. The transform starts from the
+frequencies that are left, so most of the others are not drawn.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from typing import Annotated, Literal, get_args
 import numpy as np
 
 from controllers.lanes.layout import LANES
-from controllers.lanes.passes import fast_length
+from controllers.lanes.passes import fast_length, frequencies, narrowest_band
 from controllers.samplers.lane_sampler import Cutoff, Gamma, LaneSampler, Sigma
 from quadsim.files.strict_yaml import setting
 from quadsim.files.values import SettingError, check_fields
@@ -33,6 +34,7 @@ from quadsim.files.values import SettingError, check_fields
 Law = Literal["exact", "paper", "library"]
 LAWS: tuple[Law, ...] = get_args(Law)
 OFFSET_DECAY = 0.97  # factor per step; "library" only
+NEGLIGIBLE = 0.01  # factor on amplitudes below which the frequencies above a cut-off are left out
 
 
 def transform_length(horizon: int, law: Law) -> int:
@@ -74,7 +76,7 @@ def spectrum(n: int, gamma: float, law: Law) -> np.ndarray:
 
 
 def roll_off(n: int, dt: float, cutoff: float) -> np.ndarray:
-    """Return the factors 1 / (1 + (f / f_c)^4) on the amplitudes of a transform.
+    """Return the factors 1 / (1 + (f / f_c)^4) on the amplitudes of a transform, or zero.
 
     Args:
         n: length of the transform.
@@ -86,7 +88,8 @@ def roll_off(n: int, dt: float, cutoff: float) -> np.ndarray:
     """
     k = np.minimum(np.arange(n), n - np.arange(n))
     f = k / (n * dt)  # [Hz]
-    return 1 / (1 + (f / cutoff) ** 4)
+    factors = 1 / (1 + (f / cutoff) ** 4)
+    return np.where(factors < NEGLIGIBLE, 0.0, factors)
 
 
 @dataclass(frozen=True)
@@ -139,7 +142,7 @@ class Colored:
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
         """Return the source of perturbations, see Sampling."""
         noise = ColoredNoise(self, samples, horizon, key, dt)
-        return LaneSampler(noise.draw, noise.loop)
+        return LaneSampler(noise.draw, noise.loop, normals=noise.normals)
 
 
 class ColoredNoise:
@@ -161,7 +164,7 @@ class ColoredNoise:
         from controllers.lanes.transform import fill_transformed, transform_loop
 
         n = transform_length(horizon, sampler.law)
-        self.loop = transform_loop(n)
+        self._length = n
         self._fill = fill_transformed
         self._key = key
         self._samples = samples
@@ -171,13 +174,22 @@ class ColoredNoise:
         self._held = halves * LANES
         steps = halves * horizon
 
-        # Standard deviations of real and imaginary parts, for each control  (n_u, 2 n)
+        # Standard deviations of real and imaginary parts, for each control  (n_u, n)
         cutoffs = sampler.cutoff or (np.inf,) * len(sampler.sigma)
-        deviations = [
-            sigma * np.tile(spectrum(n, gamma, sampler.law) * roll_off(n, dt, cutoff), 2)
-            for sigma, gamma, cutoff in zip(sampler.sigma, sampler.gamma, cutoffs, strict=True)
-        ]
-        self._scale = np.array(deviations, np.float32)
+        deviations = np.array(
+            [
+                sigma * spectrum(n, gamma, sampler.law) * roll_off(n, dt, cutoff)
+                for sigma, gamma, cutoff in zip(sampler.sigma, sampler.gamma, cutoffs, strict=True)
+            ]
+        )
+
+        # The frequencies that are drawn: those of the narrowest band outside which all are zero
+        highest = int(np.flatnonzero(deviations[:, : n // 2 + 1].any(axis=0)).max(initial=0))
+        band = narrowest_band(n, highest)
+        self.normals = band / n
+        drawn = deviations[:, frequencies(band)]
+        self._scale = np.tile(drawn, 2).astype(np.float32)  # (n_u, 2 B)
+        self.loop = transform_loop(n, band)
 
         # The share of z_1 that is subtracted from each step  (steps,)
         self._offset = np.zeros(steps, np.float32)
@@ -201,7 +213,7 @@ class ColoredNoise:
         z = self._z[: self._series(self._samples if samples is None else samples)]
         # Two series come from one transform.
         first_transform = first // self._held // 2
-        self._fill(z, self._scale, self._offset, self._key, call, first_transform)
+        self._fill(z, self._scale, self._offset, self._key, call, first_transform, self._length)
         return z
 
     def _series(self, samples: int) -> int:

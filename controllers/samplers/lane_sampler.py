@@ -51,6 +51,8 @@ class LaneSampler:
     # The compiled loop of the source, if any
     loop: Callable | None
     momentum: Momentum | None = None
+    # Number of normals drawn for each perturbation
+    normals: float = 1.0
 
 
 @runtime_checkable

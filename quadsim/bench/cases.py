@@ -26,8 +26,9 @@ SWEPT = ("gaussian", "colored")
 WARM_UP = 3  # number of calls before the timing
 LEAST = 15  # smallest number of timed calls
 QUADROTOR = "quadrotor"
-PRESET = "paper"  # preset of the quadrotor
-COURSE = "paper_flat"
+RACER = "racer"  # the quadrotor of `race fly` without an argument
+PRESETS = {QUADROTOR: "paper", RACER: "race"}
+COURSES = {QUADROTOR: "paper_flat", RACER: "split_s_swift"}
 
 
 class PaperSystem(NamedTuple):
@@ -56,7 +57,7 @@ PAPER_SYSTEMS = {
         },
     ),
 }
-TIMED = (QUADROTOR, *PAPER_SYSTEMS)
+TIMED = (QUADROTOR, RACER, *PAPER_SYSTEMS)
 
 
 @dataclass(frozen=True)
@@ -125,9 +126,9 @@ class Start(NamedTuple):
 
 
 def paper_case(system: str, sampler: str) -> Case:
-    """Return the case at the paper's budget, on all threads."""
-    if system == QUADROTOR:
-        config = preset(PRESET, "gaussian").mppi
+    """Return the case at the paper's budget, the racer's at its own, on all threads."""
+    if system in PRESETS:
+        config = preset(PRESETS[system], "gaussian").mppi
     else:
         config = PAPER_SYSTEMS[system].config
     return Case(system, sampler, config.samples, config.horizon, config.iterations)
@@ -146,7 +147,7 @@ def cases(most: int) -> Iterator[Case]:
 def _sizes() -> Iterator[Case]:
     for sampler in SAMPLERS:
         yield paper_case(QUADROTOR, sampler)
-    for system in PAPER_SYSTEMS:
+    for system in (RACER, *PAPER_SYSTEMS):
         for sampler in SWEPT:
             yield paper_case(system, sampler)
     for sampler in SWEPT:
@@ -160,14 +161,15 @@ def _sizes() -> Iterator[Case]:
 
 
 def starting(case: Case) -> Start:
-    """Return a case's planner, with the paper's other settings, and its start state."""
+    """Return a case's planner, with the other settings of its preset, and its start state."""
     budget: dict[str, Any] = {
         "samples": case.samples,
         "horizon": case.horizon,
         "iterations": case.iterations,
     }
-    if case.system == QUADROTOR:
-        spec = Spec.of(COURSE, preset=PRESET, sampler=case.sampler, **budget)
+    if case.system in PRESETS:
+        course, preset_name = COURSES[case.system], PRESETS[case.system]
+        spec = Spec.of(course, preset=preset_name, sampler=case.sampler, **budget)
         x = start_state(spec.course.start, spec.vehicle.radius)
         return Start(planner_of(spec), np.array(x))
     system = PAPER_SYSTEMS[case.system]

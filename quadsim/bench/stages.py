@@ -107,13 +107,15 @@ def timed_parts(mppi: MPPI) -> Iterator[dict[str, float]]:
 def normals_ms(mppi: MPPI, seconds: float) -> float:
     """Return the time of the normals for one iteration's noise [ms].
 
-    The normals are drawn chunk after chunk in the sampler's own memory. With the method exact, two
-    series of n = 2T steps need 2n normals per channel.
+    The normals are drawn chunk after chunk in the sampler's own memory. With the method exact and
+    no cut-off, two series of n = 2T steps need 2n normals per channel.
     """
     key = np.zeros(2, np.uint32)
     parts = chunks(mppi.samples)
     noise = [mppi.sampler.sample(0, part.start, part.stop - part.start) for part in parts]
     rows = [z.reshape(len(z), -1, z.shape[-1]) for z in noise]  # views
+    drawn = round(mppi.sampler.normals * rows[0].shape[1])
+    rows = [of_part[:, :drawn] for of_part in rows]
     scale = np.ones(rows[0].shape[1], np.float32)
 
     def fill() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from math import sqrt
 from typing import Literal, get_args, get_type_hints
 
 import yaml
@@ -39,7 +40,7 @@ FIXED_WEIGHT = "progress"
 
 FACTOR = 4.0  # standard deviations and weights range from base / FACTOR to base * FACTOR
 GAMMA = (0.0, 4.0)
-ESS = (4.0, 800.0)
+ESS = (4.0, 400.0)
 TEMPERATURE = (0.01, 10.0)
 MARGIN = (0.0, 0.6)  # [m]
 TIGHTEN = (0.0, 0.1)
@@ -103,7 +104,8 @@ def _temperature(mppi: MPPIConfig) -> Parameter:
     if mppi.target_ess is None:
         return Parameter("temperature", *TEMPERATURE, mppi.temperature, log=True)
     low, high = ESS
-    return Parameter("target_ess", low, min(high, mppi.samples / 2), mppi.target_ess, log=True)
+    most = 16 * sqrt(mppi.samples)  # half of the samples, see MPPIConfig.ess_of
+    return Parameter("target_ess", low, min(high, most), mppi.target_ess, log=True)
 
 
 def _of_cost(planner: Planner, groups: Sequence[str]) -> Iterator[Parameter]:

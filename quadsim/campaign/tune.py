@@ -1,5 +1,8 @@
 """Tuning: the fastest planner that is still safe, searched and confirmed on fresh seeds.
 
+A planner can be tuned on several courses at once. What is minimised is then the geometric mean of
+the courses' mean laps, so that one per cent counts the same on a short course and on a long one.
+
 This module needs the extra `tune`.
 """
 
@@ -7,8 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from hashlib import sha256
 from math import inf
 from pathlib import Path
+from statistics import fmean, geometric_mean
 
 from quadsim.campaign.parameters import Parameter, Values, with_parameters
 from quadsim.campaign.runner import Runner
@@ -31,7 +36,7 @@ class Goal:
     """The goal of a search: its size, and the share of flights that must finish."""
 
     trials: int  # planners to try, the one that the search begins with included
-    attempts: int  # flights of each trial
+    attempts: int  # flights of each trial on each course
     floor: float  # share of them that must finish
 
 
@@ -39,12 +44,20 @@ class Goal:
 class Finalist:
     """One of the best trials, flown again on fresh seeds."""
 
-    stats: VariantStats
+    courses: dict[str, VariantStats]  # by the name of the course
     parameters: Values
 
-    def as_json(self) -> dict:
-        """Return the numbers as a plain dictionary."""
-        return asdict(self.stats) | {"params": dict(self.parameters)}
+    @property
+    def finishes(self) -> bool:
+        """Whether an attempt has finished on every course."""
+        return all(stats.finished for stats in self.courses.values())
+
+    def as_json(self) -> list[dict]:
+        """Return the numbers on each course as plain dictionaries."""
+        return [
+            asdict(stats) | {"course": course, "params": dict(self.parameters)}
+            for course, stats in self.courses.items()
+        ]
 
 
 @dataclass(frozen=True)
@@ -57,7 +70,7 @@ class Tuned:
 
 
 def tune(
-    base: Variant,
+    bases: Sequence[Variant],
     parameters: Sequence[Parameter],
     goal: Goal,
     campaign: Path,
@@ -67,7 +80,7 @@ def tune(
     """Search for the fastest planner, or continue the search that these arguments began.
 
     Args:
-        base: variant that the search begins with.
+        bases: the variant that the search begins with, on each course.
         parameters: parameters to search.
         goal: goal of the search.
         campaign: the SQLite file that keeps attempts and trials.
@@ -79,42 +92,60 @@ def tune(
         KeyboardInterrupt: what has been flown until then is kept.
     """
     names = "-".join(p.name for p in parameters)
-    seed = base.spec.seed
-    identity = f"{base.key[:16]}-{names}-{goal.attempts}-{goal.floor:g}-{seed}"
+    seed = bases[0].spec.seed
+    identity = f"{_key(bases)[:16]}-{names}-{goal.attempts}-{goal.floor:g}-{seed}"
     with (
         Runner(campaign, jobs, scheduler) as runner,
         Search(campaign, identity, parameters) as search,
     ):
-        _search(search, base, goal, runner)
+        _search(search, bases, goal, runner)
         return Tuned(
-            finals=_finals(search, base, goal, runner),
+            finals=_finals(search, bases, goal, runner),
             front=pareto_front(search.flown()),
             trials=search.done,
         )
 
 
-def _search(search: Search, base: Variant, goal: Goal, runner: Runner) -> None:
+def _key(bases: Sequence[Variant]) -> str:
+    """Return what distinguishes the variant and its courses from others."""
+    if len(bases) == 1:
+        return bases[0].key
+    return sha256("".join(base.key for base in bases).encode()).hexdigest()
+
+
+def _search(search: Search, bases: Sequence[Variant], goal: Goal, runner: Runner) -> None:
     """Fly trials, as many at once as keep the workers busy."""
     lost = 0  # trials in a row that were not flown
+    courses = len(bases)
     while search.done < goal.trials:
-        at_once = min(runner.pool.size // goal.attempts, goal.trials - search.done)
+        at_once = min(runner.pool.size // (goal.attempts * courses), goal.trials - search.done)
         trials = search.ask(max(1, at_once))
-        variants = [_variant(trial.number, base, trial.params) for trial in trials]
+        variants = [
+            _variant(trial.number, base, trial.params) for trial in trials for base in bases
+        ]
         flown = runner(variants, goal.attempts, quiet=True)
-        for trial, variant, rows in zip(trials, variants, flown, strict=True):
-            if len(rows) < goal.attempts:
+        for k, trial in enumerate(trials):
+            of_trial = slice(k * courses, (k + 1) * courses)
+            if any(len(rows) < goal.attempts for rows in flown[of_trial]):
                 search.give_up(trial)
                 lost += 1
                 if lost >= MOST_LOST:
                     raise RunError(f"{lost} trials in a row were lost with their workers")
                 continue
             lost = 0
-            _expect_no_own_error(variant, rows)
-            stats = _stats(variant, rows)
-            lap = stats.lap_mean if stats.finished else None
-            trial_stats = TrialStats(lap, stats.finished, stats.thrust_tv)
-            search.tell(trial, objective(stats, goal.floor), trial_stats)
-            complain(f"{search.done}/{goal.trials} {summary(stats)}")
+            found = _stats(variants[of_trial], flown[of_trial])
+            search.tell(trial, objective(found, goal.floor), _trial_stats(found))
+            complain(f"{search.done}/{goal.trials} {summary(found)}")
+
+
+def _trial_stats(found: Sequence[VariantStats]) -> TrialStats:
+    """Return the statistics of a trial over its courses."""
+    finishes = all(stats.finished for stats in found)
+    return TrialStats(
+        lap=geometric_mean(stats.lap_mean for stats in found) if finishes else None,
+        finished=sum(stats.finished for stats in found),
+        thrust_tv=fmean(stats.thrust_tv for stats in found),
+    )
 
 
 def _expect_no_own_error(variant: Variant, rows: Sequence[Row]) -> None:
@@ -130,18 +161,20 @@ def _expect_no_own_error(variant: Variant, rows: Sequence[Row]) -> None:
             )
 
 
-def _finals(search: Search, base: Variant, goal: Goal, runner: Runner) -> list[Finalist]:
+def _finals(search: Search, bases: Sequence[Variant], goal: Goal, runner: Runner) -> list[Finalist]:
     """Fly the search's best on fresh seeds. Return them best first."""
-    fresh = replace(base, spec=replace(base.spec, seed=base.spec.seed + FRESH))
+    fresh = [replace(base, spec=replace(base.spec, seed=base.spec.seed + FRESH)) for base in bases]
     best = search.best(FINALISTS)
-    variants = [_variant(trial.number, fresh, trial.parameters) for trial in best]
+    variants = [_variant(trial.number, base, trial.parameters) for trial in best for base in fresh]
     flown = runner(variants, REPEAT * goal.attempts)
-    finals = [
-        Finalist(_stats(variant, rows), trial.parameters)
-        for variant, rows, trial in zip(variants, flown, best, strict=True)
-        if rows
-    ]
-    return sorted(finals, key=lambda finalist: objective(finalist.stats, goal.floor))
+    names = [base.spec.course.name for base in bases]
+    finals = []
+    for k, trial in enumerate(best):
+        of_trial = slice(k * len(bases), (k + 1) * len(bases))
+        if all(flown[of_trial]):
+            found = _stats(variants[of_trial], flown[of_trial])
+            finals.append(Finalist(dict(zip(names, found, strict=True)), trial.parameters))
+    return sorted(finals, key=lambda final: objective(list(final.courses.values()), goal.floor))
 
 
 def _variant(trial: int, base: Variant, values: Values) -> Variant:
@@ -150,20 +183,35 @@ def _variant(trial: int, base: Variant, values: Values) -> Variant:
     return Variant(f"trial {trial}", replace(base.spec, planner=planner))
 
 
-def _stats(variant: Variant, rows: Sequence[Row]) -> VariantStats:
-    return variant_stats(variant.name, rows, lap_limit(variant.spec.record()))
+def _stats(variants: Sequence[Variant], flown: Sequence[Sequence[Row]]) -> list[VariantStats]:
+    """Return the statistics of a trial on each course.
+
+    Raises:
+        RunError: an error of the user's own code has ended an attempt.
+    """
+    found = []
+    for variant, rows in zip(variants, flown, strict=True):
+        _expect_no_own_error(variant, rows)
+        found.append(variant_stats(variant.name, rows, lap_limit(variant.spec.record())))
+    return found
 
 
-def objective(stats: VariantStats, floor: float) -> float:
+def objective(found: Sequence[VariantStats], floor: float) -> float:
     """Return the objective, which is minimised [s].
 
-    It is the mean lap of the attempts that finish if enough of them do. Otherwise each attempt that
-    does not finish counts as the time limit.
+    It is the geometric mean over the courses of the mean lap of the attempts that finish, if enough
+    of them do. On a course where too few do, each attempt that does not finish counts as the time
+    limit.
 
     Args:
-        stats: statistics of a trial.
+        found: statistics of a trial on each course.
         floor: share of the attempts that must finish.
     """
+    return geometric_mean(_mean_lap(stats, floor) for stats in found)
+
+
+def _mean_lap(stats: VariantStats, floor: float) -> float:
+    """Return the mean lap on one course, or the mean with a penalty, see `objective` [s]."""
     enough = stats.finished and stats.finished >= floor * stats.attempts
     return stats.lap_mean if enough else stats.penalised_mean
 
@@ -199,9 +247,14 @@ def pareto(points: Sequence[tuple[float, ...]]) -> list[int]:
     ]
 
 
-def summary(stats: VariantStats) -> str:
-    """Return the numbers of a trial in one line."""
+def summary(found: Sequence[VariantStats]) -> str:
+    """Return the numbers of a trial on each course in one line."""
+    return f"{found[0].name}: " + "; ".join(_summary(stats) for stats in found)
+
+
+def _summary(stats: VariantStats) -> str:
+    """Return the numbers of a trial on one course."""
     low, high = stats.success_ci
     lap = f"lap {stats.lap_mean:.3f} s" if stats.finished else "no lap"
     success = f"{stats.finished}/{stats.attempts} ({100 * low:.0f}-{100 * high:.0f} %)"
-    return f"{stats.name}: {success}, {lap}, thrust {stats.thrust_tv:.0f} m/s^2/s"
+    return f"{success}, {lap}, thrust {stats.thrust_tv:.0f} m/s^2/s"

@@ -58,7 +58,8 @@ def bench(
 ) -> int:
     """Time whole control steps on this machine, which should be otherwise idle.
 
-    Every system is timed at the paper's budget, then the quadrotor with other samples and horizons.
+    Every system is timed at the paper's budget and the racer at its own, then the quadrotor with
+    other samples and horizons.
 
     race bench --peers     the same model through pytorch-mppi and JAX, in the same run
 

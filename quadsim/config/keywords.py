@@ -89,7 +89,6 @@ class Keywords(TypedDict, total=False):
     freeze_first: bool | None
     smooth: bool | None
     target_ess: float | None
-    solved_ess: float | None
     progress: float | None
     heading: float | None
     height: float | None

@@ -128,7 +128,6 @@ ADDED = (
     "yaw_first",
     "rate_lag",
     "delay",
-    "solved_ess",
     "cutoff",
     "gyro_scale",
     "gyro_misalignment_deg",

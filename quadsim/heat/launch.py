@@ -48,8 +48,6 @@ from quadsim.streams import opponent_stream, sighting_stream
 
 # Iterations of the first plan of an opponent's flight
 FIRST_ITERATIONS = 20
-# Effective sample size of such plans: a small one, as a poor plan gains more from the best samples
-OPPONENT_ESS = 5.0
 
 
 def heat_frames(heat: HeatSpec) -> Generator[HeatFrame, None, None]:
@@ -263,7 +261,6 @@ def _opponent(heat: HeatSpec, k: int, m: int) -> OpponentModel:
         horizon=-(-spec.planner.mppi.horizon // OPPONENT_STEPS),
         iterations=1,
         first_iterations=FIRST_ITERATIONS,
-        target_ess=OPPONENT_ESS,
     )
     others = [n for n in range(len(heat.entrants)) if n != m]
     terms = _keep_clear_of(others, mppi.horizon, awareness)

@@ -80,6 +80,7 @@ def test_cases_are_the_papers_budgets_and_the_sweeps_each_once_on_one_thread_and
     assert {c.horizon for c in ours if c.samples == 4096} == set(HORIZONS)
     assert {c.size for c in found if c.system == "double_integrator"} == {"4096 x 65 x 1"}
     assert {c.size for c in found if c.system == "offroad"} == {"6144 x 250 x 3"}
+    assert {c.size for c in found if c.system == "racer"} == {"1024 x 150 x 2"}
 
 
 @pytest.mark.compiled
@@ -109,9 +110,9 @@ def test_each_part_has_the_time_of_its_calls_in_one_iteration_and_rest_what_rema
         "softmax_weights": 1.0,
         "weights": 7.0,
         "weighted_mean": 2.0,
-        "adapt_temperature": 11.0,
     }.items():
         monkeypatch.setattr(algorithm, name, lasting(ms, getattr(algorithm, name)))
+    monkeypatch.setattr(layout, "mean_of_chunks", lasting(11.0, layout.mean_of_chunks))
     monkeypatch.setattr(stages, "fill_normals", lasting(30.0, stages.fill_normals))
 
     noise = (
@@ -170,8 +171,8 @@ def test_tables_of_every_case_fit_a_terminal():
 @pytest.fixture
 def quick(monkeypatch):
     """Small cases, by the cost of the preset `race`, which other tests compile as well."""
-    assert bench_cases.PRESET == "paper"
-    monkeypatch.setattr(bench_cases, "PRESET", "race")
+    assert bench_cases.PRESETS["quadrotor"] == "paper"
+    monkeypatch.setitem(bench_cases.PRESETS, "quadrotor", "race")
     few = [replace(small(system, "gaussian"), threads=1) for system in TIMED]
     monkeypatch.setattr(bench, "cases", lambda most: few)
     monkeypatch.setattr(bench, "paper_case", small)

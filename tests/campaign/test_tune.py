@@ -98,8 +98,17 @@ def test_below_the_floor_attempts_that_do_not_finish_count():
     safe = variant_stats("safe", [row(s, laps=(6.0,)) for s in range(4)], 20.0)
     rows = [row(s, "finished" if s else "crashed", laps=(5.0,)) for s in range(4)]
     fast = variant_stats("fast", rows, 20.0)
-    assert objective(safe, floor=1.0) < objective(fast, floor=1.0)
-    assert objective(fast, floor=0.75) < objective(safe, floor=0.75)
+    assert objective([safe], floor=1.0) < objective([fast], floor=1.0)
+    assert objective([fast], floor=0.75) < objective([safe], floor=0.75)
+
+
+def test_one_per_cent_counts_the_same_on_every_course():
+    def flown(*laps):
+        return [variant_stats("v", [row(0, laps=(lap,))], 50.0) for lap in laps]
+
+    both = objective(flown(4.0, 20.0), floor=1.0)
+    assert objective(flown(3.9, 20.0), floor=1.0) == pytest.approx(both * 0.975**0.5)
+    assert objective(flown(4.0, 19.5), floor=1.0) == pytest.approx(both * 0.975**0.5)
 
 
 def opened(path, space=MARGINS):
@@ -258,6 +267,7 @@ def test_tune_started_again_with_more_trials_goes_on(tmp_path, capsys, monkeypat
     assert found["trials"] == 3
     assert err.startswith("3/3 trial 2: "), "the first two are kept"
     assert {(f["attempts"], f["lap_mean"]) for f in found["finals"]} == {(2, 4.0)}
+    assert {f["course"] for f in found["finals"]} == {COURSE}
     assert found["pareto"]
     assert Spec.of(COURSE, preset="tuned.yaml").planner.sampling
 
@@ -291,5 +301,5 @@ def test_a_search_whose_workers_die_ends_in_one_line(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Runner, "__call__", all_lost)
     with pytest.raises(RunError, match="5 trials in a row were lost with their workers"):
-        tune(variant("colored"), MARGINS, Goal(20, 2, 0.5), tmp_path / "t.sqlite", jobs=0)
+        tune([variant("colored")], MARGINS, Goal(20, 2, 0.5), tmp_path / "t.sqlite", jobs=0)
     assert len(asked) == 5

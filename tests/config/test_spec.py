@@ -323,7 +323,10 @@ def test_preset_file_changes_what_it_says_and_nothing_else(sampler):
         ("1", "p.yaml:1:1: expected a mapping"),
         ("[base, race]", "p.yaml:1:1: expected a mapping"),
         ("base: race\nmppi: {dt: 1e-2, dt: 2}\n", "mppi.dt: duplicate key"),
-        ("base: race\nmppi: {samples: 20}\n", "p.yaml:2:7: mppi.target_ess: expected less than"),
+        (
+            "base: race\nmppi: {samples: 20, target_ess: 200}\n",
+            "p.yaml:2:33: mppi.target_ess: expected an effective sample size below samples = 20",
+        ),
         ("base: race\nsampling: {sigma: [1, 1, 1, 0]}\n", "sampling.sigma[3]: expected a number"),
         ("base: race\nsampling: {sigma: [1, 1, 1]}\n", "[rad/s, rad/s, rad/s, m/s^2], got 3"),
         ("base: race\nsampling: {gama: [1, 1, 1, 1]}\n", "p.yaml:2:12: sampling.gama: unknown key"),

@@ -5,7 +5,7 @@ import pytest
 
 from controllers.lanes.layout import LANES
 from controllers.lanes.normals import fill_normals
-from controllers.lanes.passes import passes
+from controllers.lanes.passes import frequencies, narrowest_band, passes
 from controllers.lanes.transform import fill_transformed
 
 # Radices 2 to 7, and 31 in a loop; those of other tests, as each is compiled
@@ -26,15 +26,15 @@ def bins(n, scale, key, first=0, call=3):
 def fill(n, scale, key, series=2, steps=None, first=0, offset=0.0):
     steps = steps or n
     z = np.full((series, 1, steps, LANES), np.nan, np.float32)
-    fill_transformed(z, scale[None], np.full(steps, offset, np.float32), key, 3, first)
+    fill_transformed(z, scale[None], np.full(steps, offset, np.float32), key, 3, first, n)
     return z[:, 0]
 
 
 def in_plain_python(n, Z):
-    """Return what the passes make of Z (n,), run as Python."""
-    text, result, turns = passes(n, lanes=1)
+    """Return what the passes make of Z (B,), run as Python."""
+    text, result, turns = passes(n, lanes=1, band=len(Z))
     names = {"F": float, "turns": np.array([(turn.real, turn.imag) for turn in turns])}
-    names |= {"x": np.hstack([Z.real, Z.imag]), "y": np.empty(2 * n)}
+    names |= {"x": np.resize(np.hstack([Z.real, Z.imag]), 2 * n), "y": np.empty(2 * n)}
     exec(text, names)
     return names[result][:n] + 1j * names[result][n:]
 
@@ -45,6 +45,27 @@ def test_the_passes_of_every_length_are_the_transform():
         Z = np.random.default_rng(n).normal(size=(n, 2)) @ (1.0, 1j)
         z = np.fft.ifft(Z, norm="forward")
         np.testing.assert_allclose(in_plain_python(n, Z), z, atol=1e-12, err_msg=f"n = {n}")
+
+
+@pytest.mark.parametrize(
+    ("n", "band"), [(12, 12), (12, 6), (12, 4), (12, 3), (12, 1), (39, 3), (80, 16), (300, 100)]
+)
+def test_the_passes_from_a_band_are_the_transform_of_the_band_and_zeros(n, band):
+    Z = np.random.default_rng(n).normal(size=(band, 2)) @ (1.0, 1j)
+    whole = np.zeros(n, complex)
+    whole[frequencies(band)] = Z
+    np.testing.assert_allclose(
+        in_plain_python(n, Z), np.fft.ifft(whole, norm="forward"), atol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("n", "highest", "band"),
+    [(300, 0, 25), (300, 47, 100), (300, 49, 100), (300, 50, 150), (300, 75, 300), (62, 15, 31)],
+)
+def test_the_narrowest_band_holds_the_highest_frequency_on_both_sides(n, highest, band):
+    assert narrowest_band(n, highest) == band
+    assert {-highest, highest} <= set(frequencies(band)) or band == n
 
 
 @pytest.fixture

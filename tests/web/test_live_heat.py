@@ -79,7 +79,7 @@ def test_each_entrant_has_numbers_of_its_own():
     heat = HeatChoices(flights).spec()
     assert heat.names == ("colored", "colored 2", "gaussian")
     first, second, third = (entrant.spec for entrant in heat.entrants)
-    assert (first.planner.mppi.samples, second.planner.mppi.samples) == (512, 4096)
+    assert (first.planner.mppi.samples, second.planner.mppi.samples) == (512, 1024)
     assert (first.planner.mppi.horizon, second.planner.mppi.horizon) == (150, 100)
     assert (first.vehicle.name, second.vehicle.name) == ("swift", "kolibri")
     assert third.sampler == "gaussian"  # which has no gamma

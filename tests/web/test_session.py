@@ -108,7 +108,7 @@ def test_only_numbers_that_a_plan_has_used_are_on_the_record():
     assert glider.now.numbers(0.0)["gamma_thrust"] == 4.0  # the slider shows what is asked for
     glider.advance()
     t = glider.t
-    assert noted(glider) == [(t, "gamma_thrust", 2.0, 4.0), (t, "samples", 4096, 512)]
+    assert noted(glider) == [(t, "gamma_thrust", 2.0, 4.0), (t, "samples", 1024, 512)]
     changed(glider, ("temperature", 3.0))
     glider.end()
     assert len(noted(glider)) == 2  # no plan has used it
@@ -118,7 +118,7 @@ def test_none_is_the_number_of_the_preset():
     glider = Glider(choices(numbers={"samples": 512}))
     changed(glider, ("samples", None), ("target_ess", 0.0))
     glider.advance()
-    assert noted(glider) == [(0.0, "target_ess", 60, 0.0), (0.0, "samples", 512, 4096)]
+    assert noted(glider) == [(0.0, "target_ess", 20, 0.0), (0.0, "samples", 512, 1024)]
 
 
 def test_a_number_that_a_sampler_lacks_changes_nothing():
@@ -217,7 +217,7 @@ def test_a_replay_ignores_the_sliders(session, gliders, tmp_path):
     session.tell(PageRace.start, [], list_runs(tmp_path))
     session.tell(PageRace.change, Change("samples", 512))
     assert until(lambda: session.snapshot.race == 2)
-    assert gliders.built[0].now.numbers(inf)["samples"] == 4096
+    assert gliders.built[0].now.numbers(inf)["samples"] == 1024
 
 
 def test_choices_that_cannot_be_flown_are_a_notice_and_the_race_goes_on(session):

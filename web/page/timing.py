@@ -303,7 +303,7 @@ def planner(s: LapTiming) -> str:
     samples = mppi["samples"]
     ess = float(x["ess"][s.i])
     target = mppi.get("target_ess")
-    steered = f"target {target:g}" if target else "temperature fixed"
+    steered = f"target {target:g} of 1024" if target else "temperature fixed"
     colour = NEXT if ess > FEW_SAMPLES else RED
     meter = bar(ess / max(samples * GOOD_SHARE, 1.0), colour, height=8)
     update = (

@@ -128,7 +128,7 @@ def test_the_next_start_is_prepared_in_flight_and_a_flight_leaves_it_alone(page,
     fill(page, "Samples", 512)
     settled(page, session, "Target ESS now", "target_ess", 20)
     (flight,) = session.snapshot.competitors
-    assert flight.numbers(0.0)["samples"] == 4096
+    assert flight.numbers(0.0)["samples"] == 1024
     assert shown(page, "Target ESS") == PRESET["colored"].mppi.target_ess
     start(page, session)
     assert planners(session)[0]["mppi"]["samples"] == 512

@@ -33,7 +33,7 @@ def flown(page, session):
 def preset(page):
     """The boxes hold the preset's numbers."""
     press(page, "Reset to preset")
-    assert waited(page, lambda: field(page, "Samples").last.input_value() == "4096")
+    assert waited(page, lambda: field(page, "Samples").last.input_value() == "1024")
     yield
     press(page, "Reset to preset")
 
@@ -56,13 +56,13 @@ def test_a_number_does_not_count_before_enter_or_leaving(page, session):
     assert box.input_value() == "1024"
     assert "samples" not in rows(page).inner_text()
     page.keyboard.press("Escape")
-    assert box.input_value() == "4096"
+    assert box.input_value() == "1024"
     typed(page, "Samples", "512", leave="End")
     assert flown(page, session)["mppi"]["samples"] == 512  # START takes the focus
 
 
 WRONG = [
-    ("Samples", "99999", ["Samples", "from 256 to 8192", "got 99999", "it stays 4096"]),
+    ("Samples", "99999", ["Samples", "from 256 to 8192", "got 99999", "it stays 1024"]),
     ("Sigma scale", "0", ["Sigma scale", "from 0.1 to 4", "got 0", "it stays 1"]),
     ("Temperature", "warm", ["Temperature", "expected a number", "got warm"]),
     ("Samples", "1000.5", ["samples: expected a whole number", "got 1000.5"]),
