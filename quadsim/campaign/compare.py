@@ -46,6 +46,7 @@ from quadsim.files.extras import imported
 from quadsim.files.json_values import without_nan
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import did_you_mean
+from quadsim.physics.randomization_file import OUTDOOR
 from quadsim.record.given_state import conditions
 from quadsim.record.run import RunError, canonical
 from quadsim.record.whole_files import write_whole
@@ -259,9 +260,10 @@ def _setting(variant: Variant, rows: Sequence[Sequence[Row]]) -> str:
     laps = f"{spec.laps} lap" + "s" * (spec.laps > 1)
     vehicles = ", ".join(dict.fromkeys(of_variant[0].vehicle for of_variant in rows))
     seeds = {row.seed for of_variant in rows for row in of_variant}
+    by = "" if spec.randomization == OUTDOOR else f" by {spec.randomization.name}"
     return (
         f"{laps}, vehicle {vehicles}, seeds {min(seeds)} to {max(seeds)}, "
-        f"randomized {spec.randomize:g}"
+        f"randomized {spec.randomize:g}{by}"
     )
 
 

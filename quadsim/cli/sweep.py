@@ -74,7 +74,7 @@ def sweep(
     --randomize 1
 
     race sweep alphapilot --sensing vio --over sensing.camera.noise 1 2 4
-    --over fault default camera=lost@2~.5 camera=lost@2~1
+    --over sensing.camera.dropouts 0 .01 .03
 
     Beside the settings, a number of the vehicle (vehicle.mass) or of a sensor
     (sensing.imu.gyro_noise) can be swept; several that take the same value are

@@ -125,8 +125,8 @@ OTHER_FORMS = {
     "flight_controller": "betaflight",
     **dict.fromkeys(LINK, "link"),
 }
-# Numbers of vehicle, model, MPPI, samplers and of an inertial unit that were added later; older
-# runs lack them
+# Numbers of the model, of MPPI, of samplers, of an inertial unit and of a gate camera that were
+# added later; older runs lack them
 ADDED = (
     "yaw_first",
     "rate_lag",
@@ -136,6 +136,7 @@ ADDED = (
     "gyro_misalignment_deg",
     "accelerometer_scale",
     "accelerometer_misalignment_deg",
+    *("dropouts", "dropout"),
 )
 
 
@@ -455,6 +456,8 @@ def _of_sensing(sensing: Sensing | None) -> dict[str, Any] | None:
     record: dict[str, Any] = plain(sensing)
     if sensing.imu is not None:
         record["imu"] = _without_added(sensing.imu)
+    if sensing.camera is not None:
+        record["camera"] = _without_added(sensing.camera)
     return record
 
 
