@@ -48,8 +48,8 @@ def web(
     paths = [folder for run in runs for folder in run_folders(run, runs_dir)]
     # imported here, as they load numba and viser, which --help does not need
     from web.choices import Choices
+    from web.menu import Menu
     from web.page.dashboard import Dashboard
-    from web.page.menu import Menu
     from web.page.server import address, new_token, serve
     from web.race import PageRace
     from web.session import Session

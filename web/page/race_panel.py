@@ -16,10 +16,10 @@ from quadsim.files.strict_yaml import FileError
 from quadsim.heat.rules import RULES
 from quadsim.heat.settings import Expect
 from web.choices import Choices, HeatChoices
-from web.commands import AnyCommand, ChooseRace, FlyAgainst, TakeOver
+from web.commands import AnyCommand, ChooseRace, FlyAgainst, OfferCourse, TakeOver
 from web.desk import Desk
+from web.menu import Menu
 from web.page.html import box, div, small, text
-from web.page.menu import Menu
 from web.page.set_values import SetValues
 from web.race import Snapshot
 from web.state import TOGETHER, PageState, World
@@ -160,6 +160,7 @@ class RacePanel:
             name: a name or a path.
             chosen: whether START flies it next; its file is then read again.
         """
+        self._desk.do(OfferCourse(name))
         if name not in self.course.options:
             self.course.options = (*self.course.options, name)
         if chosen:
