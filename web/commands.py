@@ -291,7 +291,7 @@ def _offering(state: PageState, course: str) -> PageState:
 
 
 def _set_up(state: PageState, asked: SetUp) -> PageState:
-    """Return the state with another race; no row is kept. Raises ValueError."""
+    """Return the state with another race; the rows before can be put back. Raises ValueError."""
     if state.menu:
         expect_offered("course", asked.race.course, state.menu.courses)
     rows = []
@@ -299,15 +299,16 @@ def _set_up(state: PageState, asked: SetUp) -> PageState:
         _expect_on_menu(choices, state.menu)
         # What a link says is checked like what is typed: it may name no file and no code.
         settings = {
-            name: checked_setting(name, value, choices)
-            for name, value in choices.settings.items()
+            name: checked_setting(name, value, choices) for name, value in choices.settings.items()
         }
         numbers = {
             name: checked_number(name, value, choices) for name, value in choices.numbers.items()
         }
         rows.append(Row(number, _checked(replace(choices, settings=settings, numbers=numbers))))
+    before = (*state.removed, *(RemovedRow(row, k) for k, row in enumerate(state.rows)))
     return replace(
         state,
+        removed=before[-MOST_REMOVED:],
         race=replace(asked.race, runs_dir=state.race.runs_dir),
         rows=tuple(rows),
         world=asked.world,

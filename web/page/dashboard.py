@@ -181,7 +181,7 @@ class Dashboard:
         self._joining = Joining(server, session.cockpit, self._camera)
         self._options = ViewPanel(gui, self._camera)
         add_keys(gui, session, self._camera, controls)
-        add_export(gui, session, self._camera)
+        add_export(gui, session, self._camera, self.race)
         self._add_panels(gui)
         with self._editor_tab:
             self._editor = CourseEditor(gui, session, self.race)

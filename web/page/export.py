@@ -31,6 +31,7 @@ from web.lap_timing import lap_timings
 from web.page.camera import Camera, set_initial_camera
 from web.page.html import DIM, box, div, element, swatch, text
 from web.page.laps import chatter, laps
+from web.page.race_panel import RacePanel
 from web.page.race_scene import RaceScene
 from web.page.runs_panel import link_to, show_link
 from web.page.server import serve
@@ -64,11 +65,15 @@ class Download(NamedTuple):
     data: bytes
 
 
-def add_export(gui: viser.GuiApi, session: Session, camera: Camera) -> None:
+def add_export(gui: viser.GuiApi, session: Session, camera: Camera, race: RacePanel) -> None:
     """Add buttons to download the content of the page, or to link to it."""
     with gui.add_folder("Export", expand_by_default=False):
-        hint = "page: animated, plays offline; PNG: the view; link: an address that shows this"
-        what = gui.add_button_group("", ("page", "CSV", "zip", "PNG", "link"), hint=hint)
+        hint = (
+            "page: animated, plays offline; PNG: the view; link: an address that shows this;"
+            " set-up: an address that sets up the next START like this"
+        )
+        formats = ("page", "CSV", "zip", "PNG", "link", "set-up")
+        what = gui.add_button_group("", formats, hint=hint)
 
     @what.on_click
     def _(event: viser.GuiEvent) -> None:
@@ -79,6 +84,9 @@ def add_export(gui: viser.GuiApi, session: Session, camera: Camera) -> None:
         try:
             if what.value == "link":
                 show_link(client, link_to(s.competitors, s.t, camera.mode_of(client), session.root))
+                return
+            if what.value == "set-up":
+                show_link(client, race.line_up_link)
                 return
             file = _download(client, what.value, s)
         except (RunError, ValueError, RuntimeError, TimeoutError, OSError) as error:
