@@ -21,8 +21,8 @@ from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
 from quadsim.racing.hand import HAND
 from quadsim.record.archive import list_runs
 from web.choices import PILOT, Choices
+from web.menu import Menu
 from web.page.dashboard import Dashboard
-from web.page.menu import Menu
 from web.page.server import address, serve
 from web.race import PageRace
 from web.session import Session

@@ -6,7 +6,7 @@ it was typed, whatever other visitors do meanwhile.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Annotated, Any, Literal, get_args
@@ -16,14 +16,16 @@ from msgspec import Meta
 
 from controllers.presets import PRESETS
 from quadsim.config.settings import Clock
+from quadsim.files.yaml_errors import cut
 from quadsim.firmware import FlightControllerName
-from quadsim.heat.rules import RULES
-from quadsim.heat.settings import Expect
+from quadsim.heat.rules import RULES, RulesName
+from quadsim.heat.settings import Expect, HeatSettings
 from quadsim.heat.spec import MOST
 from web.choices import CompetitorChoices, RaceChoices
+from web.menu import Menu
 from web.numbers import SLIDERS
 from web.setting_texts import checked_number, checked_setting
-from web.state import PageState, RemovedRow, Row, Visitor, World
+from web.state import GHOSTS, PageState, RemovedRow, Row, Visitor, World
 
 MOST_REMOVED = 8  # number of removed rows that can be put back
 MOST_AGAINST = 8  # number of stored runs beside a flight
@@ -122,6 +124,22 @@ class EditRow(Command):
     row: int
 
 
+class OfferCourse(Command):
+    """Add a course to the menu. It is the server's own command: no visitor sends it."""
+
+    name: Name
+
+
+class SetUp(Command):
+    """Set up a whole race, as a link names it; the folder of runs stays."""
+
+    race: RaceChoices
+    competitors: Annotated[tuple[CompetitorChoices, ...], Meta(min_length=1, max_length=MOST)]
+    world: World = GHOSTS
+    expect: Expect = HeatSettings.expect
+    rules: RulesName = HeatSettings.rules
+
+
 class FlyAgainst(Command):
     """Show stored runs beside the next flight; none: no run."""
 
@@ -142,23 +160,19 @@ AnyCommand = (
     | PutBack
     | EditRow
     | FlyAgainst
+    | SetUp
 )
 
 
-def apply(state: PageState, command: AnyCommand) -> PageState:
+def apply(state: PageState, command: AnyCommand | OfferCourse) -> PageState:
     """Return the state after a command.
 
     Raises:
         ValueError: the command cannot be carried out; the message is one line.
     """
     match command:
-        case Arrive(visitor):
-            return state.with_visitor(visitor, Visitor(state.rows[0].number))
-        case Leave(visitor):
-            others = {number: one for number, one in state.visitors.items() if number != visitor}
-            return replace(state, visitors=MappingProxyType(others))
-        case EditRow(visitor, row):
-            return state.with_visitor(visitor, Visitor(state.row(row).number))
+        case Arrive() | Leave() | EditRow():
+            return _with_visitors(state, command)
         case ChooseRace(name, value):
             return _with_race(state, name, value)
         case FlyAgainst(runs):
@@ -171,7 +185,22 @@ def apply(state: PageState, command: AnyCommand) -> PageState:
             return _removed(state, row)
         case PutBack():
             return _put_back(state)
+        case OfferCourse(name):
+            return _offering(state, name)
+        case SetUp():
+            return _set_up(state, command)
     return _with_row(state, command)
+
+
+def _with_visitors(state: PageState, command: Arrive | Leave | EditRow) -> PageState:
+    """Return the state with a visitor who came, left or edits another row. Raises ValueError."""
+    match command:
+        case Arrive(visitor):
+            return state.with_visitor(visitor, Visitor(state.rows[0].number))
+        case EditRow(visitor, row):
+            return state.with_visitor(visitor, Visitor(state.row(row).number))
+    others = {k: one for k, one in state.visitors.items() if k != command.visitor}
+    return replace(state, visitors=MappingProxyType(others))
 
 
 def _with_race(state: PageState, name: str, value: str | int) -> PageState:
@@ -180,6 +209,8 @@ def _with_race(state: PageState, name: str, value: str | int) -> PageState:
         raise ValueError(f"{name}: expected one of {', '.join(RACE_OPTIONS[name])}, got {value!r}")
     if name == "laps" and not (isinstance(value, int) and value >= 0):
         raise ValueError(f"laps: expected a whole number, 0 for the course's own, got {value!r}")
+    if name == "course" and state.menu:
+        expect_offered("course", str(value), state.menu.courses)
     if name in OF_RACE_CHOICES:
         changes: dict[str, Any] = {name: value}
         race: RaceChoices = replace(state.race, **changes)
@@ -228,7 +259,10 @@ def _with_row(
     """Return the state with a changed row. Raises ValueError."""
     index = state.index(command.row)
     row = state.rows[index]
-    changed = replace(row, choices=_checked(_changed(row.choices, command)))
+    choices = _changed(row.choices, command)
+    if isinstance(command, ChooseNames):
+        _expect_on_menu(choices, state.menu)
+    changed = replace(row, choices=_checked(choices))
     return replace(state, rows=(*state.rows[:index], changed, *state.rows[index + 1 :]))
 
 
@@ -247,6 +281,57 @@ def _changed(
             return choices.with_setting(name, checked_setting(name, value, choices))
         case ResetRow():
             return replace(choices, numbers={}, settings={})
+
+
+def _offering(state: PageState, course: str) -> PageState:
+    """Return the state with another course on the menu."""
+    if state.menu is None or course in state.menu.courses:
+        return state
+    return replace(state, menu=replace(state.menu, courses=(*state.menu.courses, course)))
+
+
+def _set_up(state: PageState, asked: SetUp) -> PageState:
+    """Return the state with another race; the rows before can be put back. Raises ValueError."""
+    if state.menu:
+        expect_offered("course", asked.race.course, state.menu.courses)
+    rows = []
+    for number, choices in enumerate(asked.competitors, state.next_number):
+        _expect_on_menu(choices, state.menu)
+        # What a link says is checked like what is typed: it may name no file and no code.
+        settings = {
+            name: checked_setting(name, value, choices) for name, value in choices.settings.items()
+        }
+        numbers = {
+            name: checked_number(name, value, choices) for name, value in choices.numbers.items()
+        }
+        rows.append(Row(number, _checked(replace(choices, settings=settings, numbers=numbers))))
+    before = (*state.removed, *(RemovedRow(row, k) for k, row in enumerate(state.rows)))
+    return replace(
+        state,
+        removed=before[-MOST_REMOVED:],
+        race=replace(asked.race, runs_dir=state.race.runs_dir),
+        rows=tuple(rows),
+        world=asked.world,
+        expect=asked.expect,
+        rules=asked.rules,
+        next_number=state.next_number + len(rows),
+    )
+
+
+def _expect_on_menu(choices: CompetitorChoices, menu: Menu | None) -> None:
+    """Raise ValueError if a name of a competitor is not on the menu."""
+    if menu is None:
+        return
+    expect_offered("sampler", choices.sampler, menu.samplers)
+    expect_offered("preset", choices.preset, tuple(menu.presets))
+    expect_offered("vehicle", choices.vehicle, menu.vehicles)
+    expect_offered("sensing", choices.sensing, menu.sensings)
+
+
+def expect_offered(what: str, name: str, offered: Sequence[str]) -> None:
+    """Raise ValueError if a name is not offered."""
+    if name not in offered:
+        raise ValueError(f"{what}: expected one of {', '.join(offered)}, got {cut(repr(name))}")
 
 
 def _names(names: Mapping[str, str]) -> dict[str, Any]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import threading
 
 from web.choices import Choices
-from web.commands import AnyCommand, apply
+from web.commands import AnyCommand, OfferCourse, apply
+from web.menu import Menu
 from web.state import PageState
 
 
@@ -14,18 +15,19 @@ class Desk:
 
     Args:
         first: the initial competitors, with the choices of the whole race.
+        menu: the names that visitors may choose; None: any.
     """
 
-    def __init__(self, *first: Choices):
+    def __init__(self, *first: Choices, menu: Menu | None = None):
         self._lock = threading.Lock()
-        self._state = PageState.of(*first)
+        self._state = PageState.of(*first, menu=menu)
 
     @property
     def state(self) -> PageState:
         """The present state, which never changes itself."""
         return self._state
 
-    def do(self, command: AnyCommand) -> PageState:
+    def do(self, command: AnyCommand | OfferCourse) -> PageState:
         """Carry out a command and return the state after it.
 
         Raises:

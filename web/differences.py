@@ -83,8 +83,8 @@ def compared(records: Sequence[Record]) -> str:
 def distinct_names(records: Sequence[Record]) -> list[str]:
     """Return distinct names: the samplers, and what tells flights of one sampler apart.
 
-    Examples: "colored" and "gaussian"; "colored T 0.2" and "colored T 1"; "colored seed 0" and
-    "colored seed 5". Flights that are alike are numbered.
+    Examples: "colored" and "gaussian"; "colored T 0.2" and "colored T 1"; of three, "colored",
+    "colored seed 5" and "colored T 0.2". Flights that are alike are numbered.
     """
     kinds = [flown_by(record) for record in records]
     names = list(kinds)
@@ -182,10 +182,19 @@ def brief(value: str) -> str:
     return parts[0] if parts[0] == parts[-1] else f"{parts[0]}/{parts[-1]}"
 
 
+def _usual(difference: Difference) -> str | None:
+    """Return the value that most flights have, which a name leaves out; None: there is none."""
+    (value, most), *others = Counter(difference.values).most_common(2)
+    is_alone = not others or others[0][1] < most
+    return value if is_alone else None
+
+
 def _tag(chosen: Sequence[Difference], k: int) -> str:
-    """Return the values of flight k in a name; a name is its own value."""
+    """Return the values of flight k in a name, without the usual ones; a name is its own value."""
     words = []
     for difference in chosen:
+        if difference.values[k] == _usual(difference):
+            continue
         value = brief(difference.values[k]) or "none"
         name = SHORT.get(difference.name, difference.name.replace("_", " "))
         words.append(value if difference.name in NAMES else f"{name} {value}")

@@ -13,6 +13,7 @@ from typing import Literal
 from quadsim.heat.rules import RulesName
 from quadsim.heat.settings import Expect, HeatSettings
 from web.choices import Choices, CompetitorChoices, HeatChoices, RaceChoices
+from web.menu import Menu
 
 World = Literal["as ghosts", "in one world"]
 GHOSTS: World = "as ghosts"
@@ -55,6 +56,7 @@ class PageState:
         visitors: the visitors by their numbers.
         removed: the rows that were removed, the last one last.
         next_number: number of the next row.
+        menu: the names that may be chosen; None: any.
     """
 
     race: RaceChoices
@@ -66,12 +68,13 @@ class PageState:
     visitors: Mapping[int, Visitor] = field(default_factory=lambda: MappingProxyType({}))
     removed: tuple[RemovedRow, ...] = ()
     next_number: int = 1
+    menu: Menu | None = None
 
     @classmethod
-    def of(cls, *flights: Choices) -> PageState:
+    def of(cls, *flights: Choices, menu: Menu | None = None) -> PageState:
         """Return the state in which START flies these choices; the first one has the race's."""
         rows = tuple(Row(k, flight.competitor) for k, flight in enumerate(flights, 1))
-        return cls(race=flights[0].race, rows=rows, next_number=len(rows) + 1)
+        return cls(race=flights[0].race, rows=rows, next_number=len(rows) + 1, menu=menu)
 
     @property
     def flights(self) -> list[Choices]:

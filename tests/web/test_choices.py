@@ -17,11 +17,11 @@ from quadsim.vehicle import load_vehicle
 from tests.small import SMALL
 from web.choices import PILOT, Choices, HeatChoices
 from web.live_flight import LiveFlight
+from web.menu import Menu
 from web.notices import Notices
 from web.numbers import SLIDERS, Change
 from web.offered_presets import offered_presets
 from web.page.html import rounded
-from web.page.menu import Menu
 
 QUICK = SMALL | {"samples": 512}  # more than the fewest that a deadline leaves
 

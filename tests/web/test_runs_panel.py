@@ -14,7 +14,8 @@ from quadsim.record.run import same_flight
 from quadsim.record.schema import NumberChange
 from tests.small import SHORT
 from web.again import AgainChoices, HeatAgainChoices
-from web.commands import ChooseRace
+from web.commands import AddRow, ChooseRace, SetNumber, apply
+from web.line_up_link import line_up_text
 from web.live_flight import LiveFlight
 from web.live_heat import LiveHeat
 from web.page.runs_panel import FLYING, link_to
@@ -90,6 +91,33 @@ def test_stored_runs_fly_beside_the_next_flight_on_their_course(page, root):
         assert until(lambda: session.snapshot.flying)
         live, stored_one = session.snapshot.competitors
         assert (live.live, stored_one.folder) == (True, folder)
+
+
+@pytest.mark.socket
+def test_an_address_sets_up_the_next_start_and_nonsense_is_refused(page, root):
+    desk = page.dashboard.desk
+    state = desk.state
+    rival = apply(state, AddRow(0, like=state.rows[0].number))
+    asked = apply(rival, SetNumber(rival.rows[1].number, "temperature", 0.2))
+    with link(page.port) as linked:
+        linked.send("set_up", line_up=line_up_text(asked))
+        assert until(lambda: len(desk.state.rows) == 2)
+        assert desk.state.start == asked.start
+        assert "expected a line-up" in linked.ask("remark", "set_up", line_up="AAAA")["text"]
+        assert desk.state.start == asked.start
+
+
+@pytest.mark.socket
+def test_a_run_is_taken_over_as_a_competitor(page, root):
+    desk = page.dashboard.desk
+    flown = choices("gaussian", laps=2, numbers={"samples": 512})
+    folder = store(root, run_of(Glider(flown)))
+    with link(page.port) as linked:
+        linked.ask("runs", "list_runs")
+        linked.send("take_over", name=folder.name)
+        assert until(lambda: len(desk.state.rows) == 2)
+    taken = desk.state.flights[1]
+    assert (taken.sampler, taken.spec().planner.mppi.samples) == ("gaussian", 512)
 
 
 @pytest.mark.socket

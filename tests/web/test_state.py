@@ -6,7 +6,7 @@ import msgspec
 import pytest
 from web_cases import COURSE, choices
 
-from web.choices import Choices, CompetitorChoices, HeatChoices
+from web.choices import Choices, CompetitorChoices, HeatChoices, RaceChoices
 from web.commands import (
     MOST_REMOVED,
     AddRow,
@@ -17,16 +17,20 @@ from web.commands import (
     EditRow,
     FlyAgainst,
     Leave,
+    OfferCourse,
     PutBack,
     RemoveRow,
     ResetRow,
     SetNumber,
     SetSetting,
+    SetUp,
     TakeOver,
     apply,
 )
 from web.desk import Desk
 from web.line_up import line_up_of
+from web.line_up_link import line_up_text, set_up_of
+from web.menu import Menu
 from web.state import PageState
 
 A, B = 1, 2  # visitors
@@ -210,3 +214,61 @@ def test_a_state_is_never_changed_itself():
     after(Arrive(A), SetNumber(FIRST, "samples", 512), ChooseRace("seed", "3"), RemoveRow(SECOND))
     assert (TWO.rows, dict(TWO.visitors), TWO.race) == before
     assert Choices.of(TWO.race, TWO.rows[0].choices) == choices("colored")
+
+
+MENU_OF_TWO = Menu((COURSE,), ("swift",), {"race": "swift"}, ("colored", "gaussian"))
+OFFERED = PageState.of(choices("colored"), choices("gaussian"), menu=MENU_OF_TWO)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ChooseRace("course", "/etc/passwd"),
+        ChooseNames(FIRST, {"sampler": "mine:Code"}),
+        ChooseNames(FIRST, {"vehicle": "../secret.yaml"}),
+        ChooseNames(FIRST, {"sensing": "other.yaml"}),
+        ChooseNames(FIRST, {"preset": "paper"}),
+        SetUp(RaceChoices(course="/etc/passwd"), (CompetitorChoices(),)),
+        SetUp(RaceChoices(course=COURSE), (CompetitorChoices(vehicle="x.yaml"),)),
+        SetUp(RaceChoices(course=COURSE), (CompetitorChoices(settings={"plant": "mine:Code"}),)),
+        SetUp(RaceChoices(course=COURSE), (CompetitorChoices(settings={"horizon": 1}),)),
+    ],
+)
+def test_no_command_names_what_is_not_on_the_menu(command):
+    """No file, and no code of somebody's own, comes in by a name or by a link."""
+    with pytest.raises(ValueError, match="expected"):
+        apply(OFFERED, command)
+
+
+def test_a_course_that_was_saved_can_be_chosen():
+    state = after(OfferCourse("mine.yaml"), ChooseRace("course", "mine.yaml"), state=OFFERED)
+    assert state.race.course == "mine.yaml"
+    with pytest.raises(msgspec.ValidationError):
+        msgspec.json.decode(msgspec.json.encode(OfferCourse("x.yaml")), type=AnyCommand)
+
+
+def test_a_link_sets_up_the_same_line_up_on_another_page_with_its_own_folder_of_runs():
+    state = after(
+        Arrive(A),
+        SetNumber(SECOND, "temperature", 0.2),
+        SetSetting(FIRST, "gamma", "1 1 1 3"),
+        ChooseRace("seed", "5"),
+        ChooseRace("world", "in one world"),
+        state=OFFERED,
+    )
+    other = replace(OFFERED, race=replace(OFFERED.race, runs_dir="elsewhere"))
+    found = apply(other, set_up_of(line_up_text(state)))
+    assert found.race == replace(state.race, runs_dir="elsewhere")
+    assert [row.choices for row in found.rows] == [row.choices for row in state.rows]
+    assert found.world == state.world
+    assert not {row.number for row in found.rows} & {FIRST, SECOND}
+    assert found.edited(A) == found.rows[0]
+
+
+@pytest.mark.parametrize(
+    "text", ["", "!", "e30", "AAAA", "%3Cscript%3E", "eyJ0eXBlIjoiUHV0QmFjayJ9"]
+)
+def test_a_link_that_is_no_line_up_is_refused_in_one_line(text):
+    with pytest.raises(ValueError, match="link: expected a line-up") as refused:
+        set_up_of(text)
+    assert "\n" not in str(refused.value)

@@ -16,8 +16,8 @@ from quadsim.record.archive import RunFolder
 from quadsim.record.run import RecordedRun
 from web.choices import Choices
 from web.live_flight import LiveFlight
+from web.menu import Menu
 from web.page.dashboard import Dashboard
-from web.page.menu import Menu
 from web.page.server import PageServer, serve
 from web.session import Session
 from web.stored_runs import run_competitor

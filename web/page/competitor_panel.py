@@ -22,9 +22,9 @@ from web.commands import (
 )
 from web.desk import Desk
 from web.line_up import LineUp
+from web.menu import Menu
 from web.page.html import box, small, text
 from web.page.line_up_html import names_of, table_of
-from web.page.menu import Menu
 from web.page.row_numbers import RowNumbers
 from web.state import PageState
 

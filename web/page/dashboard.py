@@ -18,6 +18,7 @@ from web.desk import Desk
 from web.lap_timing import LapTiming, at_place_of_first, lap_timings
 from web.limit_race import limit_race
 from web.line_up import LineUp, line_up_of
+from web.menu import Menu
 from web.offered_presets import offered_presets
 from web.page.camera import Camera
 from web.page.charts import TABS, Charts, Tabs
@@ -32,7 +33,6 @@ from web.page.html import STYLE
 from web.page.joining import Joining
 from web.page.laps import chatter, laps
 from web.page.line_up_html import announced
-from web.page.menu import Menu
 from web.page.panels import PlaybackPanel, ViewPanel, add_keys
 from web.page.picture_tab import PictureTab
 from web.page.race_panel import RacePanel
@@ -145,7 +145,8 @@ class Dashboard:
     """
 
     def __init__(self, server: PageServer, session: Session, menu: Menu, *first: Choices):
-        self.desk = Desk(*(replace(one, runs_dir=str(session.root)) for one in first))
+        flights = [replace(one, runs_dir=str(session.root)) for one in first]
+        self.desk = Desk(*flights, menu=menu)
         self.visitors: dict[int, VisitorPanels] = {}
         self._menu = menu
         self._line_up = line_up_of(self.desk.state)
@@ -180,7 +181,7 @@ class Dashboard:
         self._joining = Joining(server, session.cockpit, self._camera)
         self._options = ViewPanel(gui, self._camera)
         add_keys(gui, session, self._camera, controls)
-        add_export(gui, session, self._camera)
+        add_export(gui, session, self._camera, self.race)
         self._add_panels(gui)
         with self._editor_tab:
             self._editor = CourseEditor(gui, session, self.race)

@@ -7,6 +7,7 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
+from urllib.parse import urlencode
 
 import viser
 
@@ -16,10 +17,11 @@ from quadsim.files.strict_yaml import FileError
 from quadsim.heat.rules import RULES
 from quadsim.heat.settings import Expect
 from web.choices import Choices, HeatChoices
-from web.commands import AnyCommand, ChooseRace, FlyAgainst, TakeOver
+from web.commands import AnyCommand, ChooseRace, FlyAgainst, OfferCourse, TakeOver
 from web.desk import Desk
+from web.line_up_link import line_up_text, set_up_of
+from web.menu import Menu
 from web.page.html import box, div, small, text
-from web.page.menu import Menu
 from web.page.set_values import SetValues
 from web.race import Snapshot
 from web.state import TOGETHER, PageState, World
@@ -160,6 +162,7 @@ class RacePanel:
             name: a name or a path.
             chosen: whether START flies it next; its file is then read again.
         """
+        self._desk.do(OfferCourse(name))
         if name not in self.course.options:
             self.course.options = (*self.course.options, name)
         if chosen:
@@ -171,6 +174,15 @@ class RacePanel:
         if course in self.course.options:
             self._desk.do(ChooseRace("course", course))
         self._desk.do(FlyAgainst(tuple(runs)))
+
+    def set_up(self, line_up: str) -> None:
+        """Set up the race of an address. Raises ValueError. line_up: see web.line_up_link."""
+        self._desk.do(set_up_of(line_up))
+
+    @property
+    def line_up_link(self) -> str:
+        """The part of an address that sets up this race. Raises ValueError: it is too long."""
+        return "?" + urlencode({"line_up": line_up_text(self._desk.state)})
 
     def take_over(self, record: Mapping[str, Any]) -> TakenOver:
         """Add a competitor that is set up like a run. Raises ValueError. record: its spec."""

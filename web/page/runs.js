@@ -1,5 +1,6 @@
 // The table of stored runs and the reports of campaigns, over the page. runs_panel.py sends what it shows; all of it is
-// set as text, never as HTML. An address with ?run=NAME&run=NAME2&t=3.2&camera=chase shows these runs.
+// set as text, never as HTML. An address with ?run=NAME&run=NAME2&t=3.2&camera=chase shows these runs, one with
+// ?line_up=TEXT sets up the next START.
 (() => {
   const MOST = 300; // rows that are shown; the filter finds the others
   const TOGETHER = 8; // runs side by side, at most
@@ -262,6 +263,7 @@
 
   // Show the runs, the time and the camera that the address names.
   function follow(asked) {
+    if (asked.get("line_up")) race.send({ type: "set_up", line_up: asked.get("line_up") });
     const names = asked.getAll("run").slice(0, TOGETHER);
     if (!names.length) return;
     const t = Number(asked.get("t") ?? NaN);

@@ -12,7 +12,7 @@ import traceback
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, get_args
 from urllib.parse import urlencode
 
 import viser
@@ -26,6 +26,7 @@ from quadsim.tables.wording import Wording, heat_wording, wording
 from web.again import AgainChoices, HeatAgainChoices
 from web.campaign_reports import CampaignReports, ReportRow
 from web.competitor import Competitor
+from web.line_up_link import MOST_BYTES
 from web.page.html import box, div, element, small, text
 from web.page.link import LinkVisitor, Message
 from web.page.race_panel import RacePanel
@@ -65,6 +66,12 @@ class TakeOverRun(Message, tag="take_over"):
     """A visitor requests a competitor that is set up like a stored run."""
 
     name: Name
+
+
+class SetUpRace(Message, tag="set_up"):
+    """A page that was opened with a line-up in its address."""
+
+    line_up: Annotated[str, Meta(max_length=MOST_BYTES)]
 
 
 class FlyAgain(Message, tag="fly_again"):
@@ -130,6 +137,7 @@ Request = (
     | ReplayRuns
     | FlyAgainstRuns
     | TakeOverRun
+    | SetUpRace
     | FlyAgain
     | WordRun
     | ListReports
@@ -149,15 +157,7 @@ class RunsPanel:
         self._wordings: dict[str, RunWording] = {}
         # None wakes the thread
         self._requests: queue.Queue[tuple[LinkVisitor, Request] | None] = queue.Queue(WAITING)
-        for form in (
-            ListRuns,
-            ReplayRuns,
-            FlyAgainstRuns,
-            FlyAgain,
-            WordRun,
-            ListReports,
-            ShowReport,
-        ):
+        for form in get_args(Request):
             self._link.on(form, self._queue)
         open_table = '<button class="race-open" data-open="runs">Runs and campaigns (T)</button>'
         server.gui.add_html(open_table)
@@ -204,6 +204,8 @@ class RunsPanel:
                     self._fly_against(names)
                 case TakeOverRun(name):
                     self._take_over(visitor, name)
+                case SetUpRace(line_up):
+                    self._race.set_up(line_up)
                 case FlyAgain(name):
                     self._fly_again(name)
                 case WordRun(name):
@@ -287,7 +289,7 @@ def show_link(client: viser.ClientHandle, link: str) -> None:
     with client.gui.add_modal("Link to what is shown") as modal:
         shown = div(element("code", text(link), word_break="break-all"), margin="4px 0 8px")
         copy = f'<button class="race-open" data-copy-link="{text(link)}">Copy the address</button>'
-        note = "It opens these runs at this time for everybody who looks at this page."
+        note = "It opens this for everybody who looks at the page then."
         client.gui.add_html(box(shown, copy, small(note)))
         client.gui.add_button("Close").on_click(lambda _: modal.close())
 
