@@ -13,22 +13,19 @@ from quadsim.vehicle import Vehicle
 
 
 class Geometry(NamedTuple):
-    """Arms, directions and flatness of the prior vehicle."""
+    """Arms and directions of the rotors of the prior vehicle."""
 
     signs: np.ndarray  # of the rotors' thrusts in the torques about x, y, z  (3, 4)
     arm_x: float  # of the rotors [m]
     arm_y: float
-    # inertia about z over the mean of the other two: a log tells it over the reaction torque alone
-    flatness: float
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> Geometry:
         """Return the geometry of a vehicle with rotors."""
         assert vehicle.rotors
         x, y = vehicle.rotors.positions[2]
-        jx, jy, jz = vehicle.inertia
         signs = np.sign(np.array(mixer(vehicle.rotors))[1:])
-        return cls(signs, x, y, 2.0 * jz / (jx + jy))
+        return cls(signs, x, y)
 
     def mirrored(self) -> Geometry:
         """Return the geometry of the same vehicle whose rotors turn the other way round."""
@@ -38,4 +35,4 @@ class Geometry(NamedTuple):
         """Return the inertia over the mass [m^2]."""
         jx = numbers.inertia_x * self.arm_y
         jy = numbers.inertia_y * self.arm_x
-        return jx, jy, 0.5 * self.flatness * (jx + jy)
+        return jx, jy, 0.5 * numbers.flatness * (jx + jy)

@@ -31,6 +31,8 @@ class Numbers(NamedTuple):
     inertia_x: float
     inertia_y: float
     inertia_z: float
+    # inertia about z over the mean of the other two, which gyroscopic torques tell
+    flatness: float
     # share of the thrust that turns the vehicle, by a centre of mass off the middle
     offset_x: float
     offset_y: float

@@ -18,6 +18,7 @@ FACTOR = 100.0  # the search ends at this many times the prior's thrust and iner
 DRAG = 0.5  # [1/s]
 VOLTAGE = 0.5
 OFFSET = 0.2
+FLATNESS = 0.2  # a flat body has 2, a ball 1
 BIAS = 1.0  # [m/s^2]
 TILT = 0.1  # [rad]
 SENSOR_LAG = 0.01  # [s]
@@ -34,6 +35,7 @@ def prior_of(vehicle: Vehicle) -> dict[str, Prior]:
     full = rotors.omega_max
     size = rotors.thrust(full) / vehicle.mass
     inertia_x, inertia_y = model.tilt_cost
+    jx, jy, jz = vehicle.inertia
     prior = {
         "delay": Prior(0.0, DELAY, EARLIEST, LARGEST_DELAY),
         "tau": Prior(rotors.tau, LAG, SHORTEST_LAG, LONGEST_LAG),
@@ -44,6 +46,7 @@ def prior_of(vehicle: Vehicle) -> dict[str, Prior]:
         "inertia_x": _positive(inertia_x),
         "inertia_y": _positive(inertia_y),
         "inertia_z": _positive(model.yaw_cost),
+        "flatness": Prior(2.0 * jz / (jx + jy), FLATNESS, 0.5, 2.0),
         "yaw_lead": Prior(0.0, YAW_LEAD, -0.5, 2.0),
         "flapping": _about(0.0, SENSOR_LAG),
         "force_lag": Prior(0.0, FORCE_LAG, -0.05, 0.1),

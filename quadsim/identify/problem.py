@@ -173,7 +173,16 @@ CHANNELS = (
         predicted_rates,
         RATE_PIECE,
         True,
-        ("inertia_x", "inertia_y", "inertia_z", "offset_x", "offset_y", "offset_z", "yaw_lead"),
+        (
+            "inertia_x",
+            "inertia_y",
+            "inertia_z",
+            "offset_x",
+            "offset_y",
+            "offset_z",
+            "yaw_lead",
+            "flatness",
+        ),
     ),
     Channel(
         "velocity",

@@ -158,12 +158,18 @@ def _axes(parts: Sequence[Prepared]) -> list[_Axis]:
 
 
 def _saturated(part: Prepared) -> np.ndarray:
-    """Return where a motor is at the end of its range  (n,)."""
+    """Return where a motor is at the end of its range  (n,).
+
+    The lowest command is that of idling motors. A flight controller may correct its commands for
+    the voltage of the battery, so that the lowest speed is what stays.
+    """
     motors = part.stretch.motor_commands
-    if motors is None:
+    if motors is None or not np.any(part.usable):
         return np.zeros(len(part.stretch), bool)
-    low = np.nanmin(motors[part.usable]) if np.any(part.usable) else 0.0
-    return np.any((motors <= low + EDGE) | (motors >= 1.0 - EDGE), axis=1)
+    at_end = motors >= 1.0 - EDGE
+    for values in (motors, motors * part.ratio[:, None]):
+        at_end |= values <= np.nanmin(values[part.usable]) + EDGE
+    return np.any(at_end, axis=1)
 
 
 def _residuals(axis: _Axis, x: np.ndarray, rotor_lag: float) -> np.ndarray:

@@ -75,7 +75,10 @@ class VehicleFit:
         Raises:
             FileError: the file cannot be written.
         """
-        lines = [self._commented(line) for line in self.vehicle.to_yaml().splitlines()]
+        text, block, rest = self.vehicle.to_yaml().partition("uncertainty:")
+        lines = [self._commented(line) for line in text.splitlines()]
+        # The block of standard deviations has keys of the same names.
+        lines += (block + rest).splitlines()
         remarks = [f"# {remark}" for remark in self.remarks]
         return written("\n".join([*remarks, *lines]) + "\n", path)
 

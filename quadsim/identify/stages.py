@@ -35,7 +35,16 @@ DRAG = ("drag_x", "drag_y", "drag_z")
 FORCE = ("bias_z",)
 FORCE_ASIDE = ("bias_x", "bias_y", "tilt_x", "tilt_y", "flapping")
 POSE = ("pose_tilt_x", "pose_tilt_y", "velocity_lag")
-INERTIA = ("inertia_x", "inertia_y", "inertia_z", "offset_x", "offset_y", "offset_z", "yaw_lead")
+INERTIA = (
+    "inertia_x",
+    "inertia_y",
+    "inertia_z",
+    "offset_x",
+    "offset_y",
+    "offset_z",
+    "yaw_lead",
+    "flatness",
+)
 
 
 def _searchable(parts: Sequence[Prepared]) -> tuple[str, ...]:
@@ -112,7 +121,7 @@ def search_numbers(
         for name in ("inertia", "offset")
     ]
     if not turning:
-        lost.append("force_lag")
+        lost += ["force_lag", "flatness"]
     if 2 not in turning:
         lost.append("yaw_lead")
     lost = [name for name in lost if name in searched]

@@ -22,7 +22,7 @@ SHORTEST = 1.0  # a shorter stretch is left out [s]
 LONGEST_HOLE = 0.06  # missing readings of a measured signal are interpolated over this time [s]
 LONGEST_HOLD = 0.25  # a missing command is the one before it for this time [s]
 LEAST_RATE = 250.0  # logs with more rows are thinned to this rate or more [Hz]
-SMOOTH = 0.05  # time over which a velocity is averaged [s]
+SMOOTH = 0.05  # time over which a velocity is smoothed [s]
 SMOOTH_VOLTAGE = 0.1  # time over which the voltage of the battery is averaged [s]
 # A vehicle flies while its motors' mean command, averaged over this time, is above this share of
 # the median of the commands that turn its rotors.
@@ -102,7 +102,7 @@ def _stretch(log: FlightLog, piece: slice) -> Stretch:
     if velocity is None and position is not None:
         velocity = _derivative(position, dt)
     elif velocity is not None:
-        velocity = uniform_filter1d(velocity, _odd(SMOOTH, dt), axis=0, mode="nearest")
+        velocity = _smoothed(velocity, dt)
     body_rates = measured(log.body_rates)
     if body_rates is None and quaternion is not None:
         body_rates = _turn_rates(quaternion, dt)
@@ -189,6 +189,12 @@ def _interpolated(t: np.ndarray, values: np.ndarray, clock: np.ndarray) -> np.nd
 def _odd(time: float, dt: float) -> int:
     """Return the odd number of readings nearest to a time, at least one."""
     return 2 * round(0.5 * time / dt) + 1
+
+
+def _smoothed(values: np.ndarray, dt: float) -> np.ndarray:
+    """Return a signal with less noise: parabolas, unlike means, do not flatten its peaks."""
+    window = _odd(SMOOTH, dt)
+    return savgol_filter(values, window, 2, axis=0) if 3 < window <= len(values) else values
 
 
 def _derivative(position: np.ndarray, dt: float) -> np.ndarray:

@@ -12,6 +12,7 @@ from quadsim.identify.geometry import Geometry
 from quadsim.identify.intervals import TWO_SIDED, covariances
 from quadsim.identify.numbers import Numbers
 from quadsim.identify.prepared import Drive
+from quadsim.identify.prior import FLATNESS
 from quadsim.identify.rate_loop import RateLoopFit
 from quadsim.physics.domain_randomization import widths
 from quadsim.vehicle import Uncertainty, Vehicle
@@ -25,6 +26,7 @@ DIGITS = 5  # of the vehicle's numbers
 ABOVE = 1e-4
 SCALE_FACTOR = 0.003
 PART_OF_ROW = 0.05
+DRAG_SHARE = 0.01  # of the drag, whose velocity is smoothed and late by a part of a row
 LOOP_SHARE = 0.01  # of the lags of the rate loop
 WEIGHED = 0.005  # relative standard deviation of a mass by a scale
 LARGEST_SHARE = 0.5
@@ -115,6 +117,8 @@ def _rows(found: Found, base: Vehicle, mass: float) -> Mapping[str, _Row]:
     thrust = ("c2", "c1", "c0")
     turned = ("inertia_x", "inertia_y")
     ratio = SCALE_FACTOR
+    # Without gyroscopic torques the log tells the inertia about z over the reaction torque alone.
+    flat = ratio if "flatness" in found.searched else FLATNESS / 2.0
     rows = {
         "thrust_max": _Row("m/s^2", lambda n: 4.0 * (n.c2 + n.c1 + n.c0), thrust, scale=ratio),
         "rotors.thrust_map.c2": _Row("N s^2", coefficient(0), thrust, scale=ratio),
@@ -128,12 +132,13 @@ def _rows(found: Found, base: Vehicle, mass: float) -> Mapping[str, _Row]:
         name = f"inertia_{axis}"
         rows[f"inertia_over_arm.{axis}"] = _Row("m", field(name), (name,), scale=ratio)
     for k, axis in enumerate("xyz"):
-        needs = (f"inertia_{axis}",) if axis != "z" else turned
-        rows[f"inertia.{axis}"] = _Row("kg m^2", inertia(k), needs, scale=ratio)
-    rows["rotors.kappa"] = _Row("m", kappa, ("inertia_z", *turned), scale=ratio)
+        needs = (f"inertia_{axis}",) if axis != "z" else (*turned, "flatness")
+        share = flat if axis == "z" else ratio
+        rows[f"inertia.{axis}"] = _Row("kg m^2", inertia(k), needs, scale=share)
+    rows["rotors.kappa"] = _Row("m", kappa, ("inertia_z", *turned, "flatness"), scale=flat)
     for axis in "xyz":
         name = f"drag_{axis}"
-        rows[f"drag.{axis}"] = _Row("1/s", field(name), (name,), scale=ratio)
+        rows[f"drag.{axis}"] = _Row("1/s", field(name), (name,), scale=DRAG_SHARE)
     extras = {
         "offset": ("1", "xyz"),
         "bias": ("m/s^2", "xyz"),
@@ -269,7 +274,7 @@ def fitted_vehicle(
 
 
 def _uncertainty(numbers: tuple[FittedNumber, ...]) -> Uncertainty:
-    """Return the relative standard deviations, of several axes the largest.
+    """Return the relative standard deviations, of several axes the deviations over the mean.
 
     Numbers that the logs do not tell are as uncertain as those of any vehicle.
     """
@@ -280,7 +285,7 @@ def _uncertainty(numbers: tuple[FittedNumber, ...]) -> Uncertainty:
         known = [by_key[key] for key in keys]
         if any(number.source == "prior" for number in known):
             return half_width / sqrt(3)
-        return max(_relative(number) for number in known)
+        return _relative(known)
 
     rates = [f"rate_tau.{axis}" for axis in "xyz"]
     shares = {
@@ -293,8 +298,10 @@ def _uncertainty(numbers: tuple[FittedNumber, ...]) -> Uncertainty:
     return Uncertainty(**{name: float(f"{value:.3g}") for name, value in shares.items()})
 
 
-def _relative(number: FittedNumber) -> float:
-    """Return a number's standard deviation over the number, at most LARGEST_SHARE."""
-    if number.source == "given":
+def _relative(numbers: Sequence[FittedNumber]) -> float:
+    """Return the standard deviation of some numbers over their mean, at most LARGEST_SHARE."""
+    if any(number.source == "given" for number in numbers):
         return WEIGHED
-    return min(number.std / max(abs(number.value), 1e-9), LARGEST_SHARE)
+    std = sqrt(np.mean([number.std**2 for number in numbers]))
+    size = float(np.mean([abs(number.value) for number in numbers]))
+    return min(std / max(size, 1e-9), LARGEST_SHARE)
