@@ -79,16 +79,16 @@ def test_a_log_without_yaw_keeps_the_yaw_inertia_of_the_prior():
 @pytest.mark.slow
 def test_rotors_that_turn_the_other_way_round_are_noticed(known):
     log = noisy(flight())
-    turned = replace(log, motor_commands=log.motor_commands[:, [3, 2, 1, 0]], **mirrored(log))
+    turned = replace(log, motor_commands=log.motor_commands[:, [2, 3, 0, 1]], **mirrored(log))
     found = fitted(turned)
     assert any("the other way round" in remark for remark in found.remarks)
     assert not any("the other way round" in remark for remark in known.remarks)
     key = "inertia_over_arm.z"
-    assert found[key].value == pytest.approx(known[key].value, rel=0.05)
+    assert found[key].value == pytest.approx(known[key].value, rel=0.1)
 
 
 def mirrored(log):
-    """Return the rotation seen in a mirror that swaps left and right; yaw stays."""
+    """Return the signals with left and right swapped, but for the yaw, which stays."""
     flip = {"body_rates": log.body_rates, "rate_setpoints": log.rate_setpoints}
     turned = {name: values * (-1.0, 1.0, 1.0) for name, values in flip.items()}
     return {
