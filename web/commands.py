@@ -23,7 +23,6 @@ from quadsim.heat.settings import Expect, HeatSettings
 from quadsim.heat.spec import MOST
 from web.choices import CompetitorChoices, RaceChoices
 from web.menu import Menu
-from web.numbers import SLIDERS
 from web.setting_texts import checked_number, checked_setting
 from web.state import GHOSTS, PageState, RemovedRow, Row, Visitor, World
 
@@ -180,6 +179,7 @@ def apply(state: PageState, command: AnyCommand | OfferCourse) -> PageState:
         case AddRow(visitor, like):
             return _added(state, visitor, state.row(like).choices)
         case TakeOver(visitor, choices):
+            _expect_on_menu(choices, state.menu)
             return _added(state, visitor, _checked(choices))
         case RemoveRow(row):
             return _removed(state, row)
@@ -274,8 +274,6 @@ def _changed(
         case ChooseNames(_, names):
             return replace(choices, **_names(names))
         case SetNumber(_, name, value):
-            if name not in SLIDERS:
-                raise ValueError(f"{name}: expected one of {', '.join(SLIDERS)}")
             return choices.with_number(name, checked_number(name, value, choices))
         case SetSetting(_, name, value):
             return choices.with_setting(name, checked_setting(name, value, choices))

@@ -8,6 +8,7 @@ from msgspec import inspect
 
 from quadsim.config.settings import SETTINGS, Kind, bare
 from quadsim.files.values import checked, is_optional
+from quadsim.files.yaml_errors import cut
 from web.choices import CompetitorChoices, planner_settings
 from web.numbers import SLIDERS
 
@@ -35,7 +36,13 @@ def read_value(value: Any, kind: Kind) -> Any:
 
 
 def checked_number(name: str, value: float, competitor: CompetitorChoices) -> float:
-    """Return the value of a slider if its setting can have it, else raise SettingError."""
+    """Return the value of a slider if its setting can have it.
+
+    Raises:
+        ValueError: there is no such slider, or its setting cannot have the value.
+    """
+    if name not in SLIDERS:
+        raise ValueError(f"{cut(name)}: expected one of {', '.join(SLIDERS)}")
     setting = SLIDERS[name].setting
     if setting not in HAVE_SLIDERS:
         return value

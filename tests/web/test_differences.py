@@ -5,8 +5,14 @@ from dataclasses import replace
 import pytest
 from web_cases import choices, competitor
 
+from controllers.presets import PRESETS
+from quadsim.record.preset_changes import number_text
 from web.competitor import named
 from web.differences import brief, compared, differences, distinct_names
+
+USUAL = PRESETS["race"]["colored"]
+T = f"{USUAL.mppi.temperature:g}"
+GAMMA = brief(number_text(USUAL.sampling.gamma))
 
 
 def record(sampler="colored", **more):
@@ -27,7 +33,7 @@ HAND = record("hand")
     [
         (GAUSSIAN, "sampler"),
         (SEED, "seed (0 / 5)"),
-        (COLD, "temperature (1 / 0.2)"),
+        (COLD, f"temperature ({T} / 0.2)"),
         (record(laps=2), "laps (1 / 2)"),
         (record(sensing="mocap"), "sensing (perfect / mocap)"),
         (record(deadline_ms="8", clock="wall"), "clock (simulated / wall) and deadline (none / 8)"),
@@ -59,12 +65,12 @@ def test_a_number_that_one_sampler_has_not_is_no_difference_from_it():
     [
         ([PLAIN, GAUSSIAN], ["colored", "gaussian"]),
         ([PLAIN, SEED], ["colored seed 0", "colored seed 5"]),
-        ([PLAIN, COLD, GAUSSIAN], ["colored T 1", "colored T 0.2", "gaussian"]),
-        ([PLAIN, WHITE], ["colored γ 0.8/2", "colored γ 0"]),
+        ([PLAIN, COLD, GAUSSIAN], [f"colored T {T}", "colored T 0.2", "gaussian"]),
+        ([PLAIN, WHITE], [f"colored γ {GAMMA}", "colored γ 0"]),
         ([PLAIN, PLAIN], ["colored", "colored 2"]),
         # no single number tells all three apart, two do; what most have is left out
         ([PLAIN, COLD, FEW], ["colored", "colored T 0.2", "colored samples 512"]),
-        ([COLD, COLD, PLAIN], ["colored", "colored 2", "colored T 1"]),
+        ([COLD, COLD, PLAIN], ["colored", "colored 2", f"colored T {T}"]),
     ],
 )
 def test_names_say_what_tells_flights_apart(records, names):

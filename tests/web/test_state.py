@@ -6,6 +6,7 @@ import msgspec
 import pytest
 from web_cases import COURSE, choices
 
+from controllers.presets import PRESETS
 from web.choices import Choices, CompetitorChoices, HeatChoices, RaceChoices
 from web.commands import (
     MOST_REMOVED,
@@ -176,8 +177,9 @@ def test_the_line_up_is_called_as_it_will_be_in_flight_and_says_what_differs():
         ChooseNames(SECOND, {"sampler": "colored"}), SetNumber(SECOND, "temperature", 0.2)
     )
     found = line_up_of(state)
-    assert found.names == ("colored T 1", "colored T 0.2")
-    assert found.compared == "They differ in temperature (1 / 0.2); all else is equal."
+    usual = PRESETS["race"]["colored"].mppi.temperature
+    assert found.names == (f"colored T {usual:g}", "colored T 0.2")
+    assert found.compared == f"They differ in temperature ({usual:g} / 0.2); all else is equal."
     assert found.problem == ""
     wrong = line_up_of(after(ChooseRace("seed", "many"), state=state))
     assert wrong.problem.startswith("colored: seed: expected a whole number")
@@ -232,6 +234,9 @@ OFFERED = PageState.of(choices("colored"), choices("gaussian"), menu=MENU_OF_TWO
         SetUp(RaceChoices(course=COURSE), (CompetitorChoices(vehicle="x.yaml"),)),
         SetUp(RaceChoices(course=COURSE), (CompetitorChoices(settings={"plant": "mine:Code"}),)),
         SetUp(RaceChoices(course=COURSE), (CompetitorChoices(settings={"horizon": 1}),)),
+        SetUp(RaceChoices(course=COURSE), (CompetitorChoices(settings={"horizon": {"a": 1}}),)),
+        SetUp(RaceChoices(course=COURSE), (CompetitorChoices(numbers={"wind": 1.0}),)),
+        TakeOver(A, CompetitorChoices(vehicle="x.yaml")),
     ],
 )
 def test_no_command_names_what_is_not_on_the_menu(command):
