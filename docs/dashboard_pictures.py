@@ -21,8 +21,8 @@ from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
 from quadsim.racing.hand import HAND
 from quadsim.record.archive import list_runs
 from web.choices import PILOT, Choices
+from web.menu import Menu
 from web.page.dashboard import Dashboard
-from web.page.menu import Menu
 from web.page.server import address, serve
 from web.race import PageRace
 from web.session import Session
@@ -73,7 +73,6 @@ class Studio:
     def show(self, runs: Sequence[Path], t: float) -> None:
         """Show stored runs at t [s]."""
         races = self.session.snapshot.race
-        self._dashboard.race.show_replay(runs)
         self.session.tell(PageRace.start, [], runs)
         wait(lambda: self.session.snapshot.race > races)
         self.session.tell(PageRace.play, False)

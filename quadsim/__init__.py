@@ -25,15 +25,19 @@ if TYPE_CHECKING:
     from quadsim.api import (
         compare,
         compare_heats,
+        fit,
         fly,
         frames,
         load_heat,
         load_run,
         plot,
         race,
+        read_logs,
         runs,
         save_run,
+        sweep,
     )
+    from quadsim.config.competition import load_competition
     from quadsim.config.settings import SettingError
     from quadsim.config.spec import Spec
     from quadsim.course import Course, Gate, Start, load_course
@@ -47,7 +51,14 @@ if TYPE_CHECKING:
     from quadsim.results.heat import Heat
     from quadsim.results.run import Run
     from quadsim.sensing import Sensing, load_sensing
-    from quadsim.tables.listings import courses, presets, sensings, settings, vehicles
+    from quadsim.tables.listings import (
+        competitions,
+        courses,
+        presets,
+        sensings,
+        settings,
+        vehicles,
+    )
     from quadsim.vehicle import Vehicle, load_vehicle
 
 _HOMES = {
@@ -60,8 +71,8 @@ _HOMES = {
     "controllers.plan": ("PlanStats",),
     "controllers.samplers": ("Colored", "Gaussian", "LogNormal", "Smooth", "SmoothStar"),
     "quadsim.api": (
-        *("compare", "compare_heats", "fly", "frames", "load_heat", "load_run"),
-        *("plot", "race", "runs", "save_run"),
+        *("compare", "compare_heats", "fit", "fly", "frames", "load_heat"),
+        *("load_run", "plot", "race", "read_logs", "runs", "save_run", "sweep"),
     ),
     "quadsim.course": ("Course", "Gate", "Start", "load_course"),
     "quadsim.course.foreign": ("convert_course",),
@@ -70,7 +81,10 @@ _HOMES = {
     "quadsim.heat.spec": ("Entrant",),
     "quadsim.results.heat": ("Heat",),
     "quadsim.sensing": ("Sensing", "load_sensing"),
-    "quadsim.tables.listings": ("courses", "presets", "sensings", "settings", "vehicles"),
+    "quadsim.tables.listings": (
+        *("competitions", "courses", "presets", "sensings", "settings", "vehicles"),
+    ),
+    "quadsim.config.competition": ("load_competition",),
     "quadsim.config.settings": ("SettingError",),
     "quadsim.config.spec": ("Spec",),
     "quadsim.record.run": ("RunError",),

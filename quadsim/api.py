@@ -19,10 +19,14 @@ if TYPE_CHECKING:
 
     from quadsim.campaign.compare import Comparison
     from quadsim.campaign.compare_heats import HeatComparison
+    from quadsim.campaign.sweep import Sweep
     from quadsim.config.keywords import CourseLike, Keywords
     from quadsim.heat.line_up import Entrants
+    from quadsim.identify import VehicleFit
+    from quadsim.logs.flight_log import FlightLog
     from quadsim.results.heat import Heat
     from quadsim.results.stored_runs import StoredRuns
+    from quadsim.vehicle import Vehicle
 
 
 def fly(
@@ -277,6 +281,94 @@ def runs(  # noqa: PLR0913 (a keyword for each pattern)
     )
 
 
+def read_logs(path: str | Path, mapping: str | Path | None = None) -> list[FlightLog]:
+    """Return the flights of a log; only a blackbox file has more than one.
+
+    Args:
+        path: the folder of a stored run, or a file: CSV, Betaflight's blackbox, PX4's .ulg, the log
+            of the Crazyflie's SD card, or a run as MCAP.
+        mapping: of a CSV file: what its columns are, by name or path; None: the shipped one that
+            fits.
+
+    Returns:
+        FlightLogs, whose signals have one set of units and frames.
+
+    Raises:
+        FileError: the log or the mapping cannot be used; one line (a ValueError).
+
+    Examples:
+        >>> import quadsim
+        >>> folder = quadsim.fly(excite=True, plant="rigid", timeout=1.0).save()
+        >>> (log,) = quadsim.read_logs(folder)
+        >>> log.has("body_rates", "rate_setpoints"), log.has("motor_commands")
+        (True, False)
+    """
+    from quadsim.logs.read import read_logs as read
+
+    return read(path, mapping)
+
+
+def fit(
+    logs: str | Path | FlightLog | Sequence[str | Path | FlightLog],
+    *,
+    test: str | Path | FlightLog | Sequence[str | Path | FlightLog] = (),
+    name: str = "fitted",
+    mass: float | None = None,
+    like: str | Path | Vehicle | None = None,
+    mapping: str | Path | None = None,
+) -> VehicleFit:
+    """Fit a vehicle to flight logs, each number with its 95 % interval.
+
+    Args:
+        logs: logs as `read_logs` takes or returns them, one or several.
+        test: logs on which the predictions of the fitted vehicle are measured; with none, the
+            fitted ones.
+        name: name of the vehicle.
+        mass: of the vehicle with its battery, by a scale [kg], as a log tells only ratios to it;
+            None: the mass of `like`.
+        like: a similar vehicle, by name, path or as a Vehicle: the search starts from its numbers,
+            and what the logs do not tell comes from it; None: the vehicle of the project with the
+            nearest mass.
+        mapping: of logs as CSV, see `read_logs`.
+
+    Returns:
+        A VehicleFit: `.vehicle`, which `fly` flies, `.numbers` with intervals and sources,
+            `.remarks` on what the logs do not tell, `.to_yaml(path)`.
+
+    Raises:
+        FileError: a log cannot be used (a ValueError).
+        SettingError: neither mass nor like is given, or the logs have nothing to fit (a
+            ValueError).
+
+    Examples:
+        >>> import quadsim
+        >>> flight = quadsim.fly(excite=True, plant="rigid", vehicle="kingfisher").save()
+        >>> found = quadsim.fit(flight, mass=0.75, like="swift", name="mine")
+        >>> drag = found["drag.x"]
+        >>> drag.low < 0.4 < drag.high
+        True
+        >>> run = quadsim.fly("figure8", vehicle=found.vehicle, laps=1, samples=512)
+    """
+    from quadsim.identify import fit_vehicle
+    from quadsim.vehicle import Vehicle, load_vehicle
+
+    base = like if like is None or isinstance(like, Vehicle) else load_vehicle(like)
+    return fit_vehicle(
+        _flights(logs, mapping), test=_flights(test, mapping), name=name, base=base, mass=mass
+    )
+
+
+def _flights(
+    logs: str | Path | FlightLog | Sequence[str | Path | FlightLog], mapping: str | Path | None
+) -> list[FlightLog]:
+    """Return the flights of all logs, of which files are read."""
+    given = [logs] if isinstance(logs, str | Path) or not isinstance(logs, Sequence) else logs
+    found: list[FlightLog] = []
+    for one in given:
+        found += read_logs(one, mapping) if isinstance(one, str | Path) else [one]
+    return found
+
+
 def plot(run: Run, path: str | Path | None = None) -> Figure:
     """Draw a run on one page: path, controls over time, spectrum of the thrust.
 
@@ -341,6 +433,53 @@ def compare(
     from quadsim.campaign.compare import compare as run_comparison
 
     return run_comparison(courses, variants, attempts, jobs, campaign, baseline, settings)
+
+
+def sweep(
+    courses: CourseLike | Sequence[CourseLike],
+    over: Mapping[str, Sequence[Any]],
+    variants: Mapping[str, Keywords | str] | Sequence[str] | str = ("gaussian", "colored"),
+    attempts: int = 10,
+    jobs: int | None = None,
+    campaign: str | Path | None = None,
+    **settings: Unpack[Keywords],
+) -> Sweep:
+    """Fly several values of settings, one setting at a time, paired by seed.
+
+    The sweep says what each value costs: finished flights, and the laps less those of the same
+    seeds at the first value, with 95 % intervals.
+
+    Args:
+        courses: one course or several.
+        over: two or more values of each setting by its name. The others are compared with the
+            first. A name may also be a number of the vehicle or of a sensor, such as
+            "vehicle.mass", "sensing.camera.noise", and several joined by "+" take the same value.
+            None stands for the setting's default.
+        variants: what flies at each value, as for `compare`.
+        attempts: flights of each variant at each value; attempt i flies seed + i.
+        jobs: worker processes, see `compare`.
+        campaign: an SQLite file that stores finished attempts; the same call resumes where it
+            stopped, and other sweeps and comparisons share its flights.
+        settings: settings of all variants, as for `fly`; randomize=1.0 randomizes vehicle, start
+            and wind by seed.
+
+    Returns:
+        A Sweep: `.points` with the numbers, `print(sweep)` for tables, `.attempts` for each
+            flight, `.plot(path)`.
+
+    Raises:
+        ValueError: as for `fly`.
+
+    Examples:
+        >>> import quadsim
+        >>> over = {"link_latency": [0, 0.02, 0.04]}
+        >>> swept = quadsim.sweep("figure8", over, "colored", attempts=2, laps=1, samples=256)
+        >>> [point.value for point in swept.points]
+        ['0', '0.02', '0.04']
+    """
+    from quadsim.campaign.sweep import sweep as run_sweep
+
+    return run_sweep(courses, over, variants, attempts, jobs, campaign, settings)
 
 
 def compare_heats(

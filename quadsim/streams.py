@@ -9,13 +9,14 @@ new stream with a new key changes none of those below.
 
 Flights of a seed are compared across versions, so the keys are never changed:
 
-    flight of a quadrotor   planner (0), vehicle (1, 0), gusts (1, 1), sensors (2), gates (3),
-                            faults (4); fault k, counted from 0, (4, k); link (5)
+    flight of a quadrotor   planner (0), vehicle (1, 0), gusts (1, 1), forces (1, 1, 0), sensors
+                            (2), gates (3), their heights and turns, and obstacles (3, 0), faults
+                            (4); fault k, counted from 0, (4, k); link (5), noise of commands (5, 0)
     race of several         seed of entrant k, counted from 0, (6, k), but for the first one, whose
                             seed is the race's; what vehicle k sees of the others (7, k); its plan
                             for vehicle m (8, k, m)
-    its sensors             imu (2, 0), rotors (2, 1), pose (2, 2), camera (2, 3); the flight
-                            controller's own imu (2, 4)
+    its sensors             imu (2, 0), rotors (2, 1), pose (2, 2), camera (2, 3), its dropouts
+                            (2, 3, 0); the flight controller's own imu (2, 4)
     off-road vehicle        planner (0), gusts (1); vehicle (2), sensors (3), gates (4), faults (5),
                             link (6) are not used
     double integrator       planner (); vehicle (0), gusts (1), sensors (2), gates (3), faults (4),
@@ -137,6 +138,25 @@ def fault_stream(faults: SeedSequence, index: int) -> SeedSequence:
     return _child(faults, index)
 
 
+def force_stream(gusts: SeedSequence) -> SeedSequence:
+    """Return the stream of the forces on the vehicle, derived from the stream `gusts`."""
+    return _child(gusts, 0)
+
+
+def tilt_stream(gates: SeedSequence) -> SeedSequence:
+    """Return the stream of the heights and turns of gates and of the places of obstacles.
+
+    Args:
+        gates: the stream `gates` of the flight.
+    """
+    return _child(gates, 0)
+
+
+def command_noise_stream(link: SeedSequence) -> SeedSequence:
+    """Return the stream of the noise on commands, derived from the stream `link`."""
+    return _child(link, 0)
+
+
 def sensor_streams(sensors: SeedSequence) -> SensorStreams:
     """Return the streams of single sensors, derived from the stream `sensors` of a flight."""
     return SensorStreams(
@@ -146,6 +166,11 @@ def sensor_streams(sensors: SeedSequence) -> SensorStreams:
         camera=_child(sensors, 3),
         flight_controller=_child(sensors, 4),
     )
+
+
+def dropout_stream(camera: SeedSequence) -> SeedSequence:
+    """Return the stream of a camera's dropouts, derived from the camera's stream."""
+    return _child(camera, 0)
 
 
 def alignment_stream(imu: SeedSequence) -> SeedSequence:

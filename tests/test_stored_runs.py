@@ -15,7 +15,7 @@ from quadsim.cli.cli import race
 from quadsim.heat.line_up import line_up
 from quadsim.record.archive import read_run
 from quadsim.results.stored_runs import LARGEST_RECORD
-from web.stored_runs import titled_runs
+from web.run_table import RunTable
 
 PILOT = {"name": "ace", "sha256": "0" * 64}
 
@@ -96,7 +96,10 @@ def test_what_is_no_file_of_a_run_is_neither_waited_for_nor_read(make, root):
     runs = quadsim.runs(root)
     assert len(runs) == 2
     assert "expected the record of a flight" in runs.damaged[folder]
-    assert len(titled_runs(str(root), 10)) == 3
+    table = RunTable(str(root))
+    assert table.refresh()
+    assert all(row.problem for row in table.rows if row.name == folder.name)
+    assert sum(not row.problem for row in table.rows) == 2
 
 
 def test_the_table_has_a_line_for_each_run(root):

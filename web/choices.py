@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Self
 
 from controllers.presets import Planner, preset
 from quadsim.config.presets import PresetSource
@@ -21,25 +20,19 @@ from quadsim.racing.hand import HAND
 from quadsim.sensing import PERFECT
 from quadsim.vehicle import load_vehicle
 from web.by_hand import flown_by_hand
+from web.differences import numbered
 from web.numbers import SLIDERS, Change, with_change
 
 # HAND may take the place of a sampler for a manual flight
 PILOT = "pilot "  # prefix of a learned pilot's name, which takes the place of a sampler
-# Fields that are common to all competitors of a race
-OF_THE_RACE = ("course", "seed", "laps", "clock", "deadline_ms", "runs_dir")
 OF_THE_PLANNER = {name for name, setting in SETTINGS.items() if setting.group != "flight"}
 
 
 @dataclass(frozen=True)
-class Choices:
-    """The choices of one flight: a row of the table of competitors."""
+class RaceChoices:
+    """The choices that are common to all competitors of a race."""
 
     course: str = "split_s_swift"
-    vehicle: str = "swift"
-    preset: str = "race"
-    sampler: str = "colored"  # or PILOT with the name of a learned pilot, or HAND
-    flight_controller: FlightControllerName = "ideal"
-    sensing: str = PERFECT
     seed: int | str = 0  # a text is checked when the flight begins
     laps: int = 0  # 0: the course's
     clock: Clock = "simulated"
@@ -47,6 +40,17 @@ class Choices:
     deadline_ms: float | str = "none"
     # folder of runs with the solutions of `race limit`
     runs_dir: str = FlightSettings.runs_dir
+
+
+@dataclass(frozen=True)
+class CompetitorChoices:
+    """The choices of one competitor: a row of the table of competitors."""
+
+    vehicle: str = "swift"
+    preset: str = "race"
+    sampler: str = "colored"  # or PILOT with the name of a learned pilot, or HAND
+    flight_controller: FlightControllerName = "ideal"
+    sensing: str = PERFECT
     # numbers of web.numbers.SLIDERS that differ from preset and settings
     numbers: Mapping[str, float] = field(default_factory=dict)
     # any other settings of quadsim.fly
@@ -99,11 +103,11 @@ class Choices:
             planner = with_change(planner, base, Change(name, value))
         return planner
 
-    def with_number(self, name: str, value: float) -> Choices:
+    def with_number(self, name: str, value: float) -> Self:
         """Return the choices with the number of a slider."""
         return replace(self, numbers={**self.numbers, name: value})
 
-    def with_setting(self, name: str, value: Any) -> Choices:
+    def with_setting(self, name: str, value: Any) -> Self:
         """Return the choices with a changed setting, which overrides its sliders.
 
         A value equal to the preset's is no change.
@@ -114,6 +118,26 @@ class Choices:
         if found is None or found.value != value:
             settings[name] = value
         return replace(self, numbers=numbers, settings=settings)
+
+
+@dataclass(frozen=True)
+class Choices(CompetitorChoices, RaceChoices):
+    """The choices of one flight: of its race, and of its competitor."""
+
+    @classmethod
+    def of(cls, race: RaceChoices, competitor: CompetitorChoices) -> Choices:
+        """Return the flight of a competitor in a race."""
+        return cls(**vars_of(race, RaceChoices), **vars_of(competitor, CompetitorChoices))
+
+    @property
+    def race(self) -> RaceChoices:
+        """The choices that are common to all competitors."""
+        return RaceChoices(**vars_of(self, RaceChoices))
+
+    @property
+    def competitor(self) -> CompetitorChoices:
+        """The choices of the competitor alone."""
+        return CompetitorChoices(**vars_of(self, CompetitorChoices))
 
     def base_spec(self) -> Spec:
         """Return the chosen flight without the numbers of the sliders.
@@ -156,6 +180,11 @@ class Choices:
         return self.flown(self.base_spec())
 
 
+def vars_of(choices: object, of: type) -> dict[str, Any]:
+    """Return the fields of a part of choices by name. of: RaceChoices or CompetitorChoices."""
+    return {one.name: getattr(choices, one.name) for one in fields(of)}
+
+
 @dataclass(frozen=True)
 class HeatChoices:
     """The choices of a race of several vehicles in one world."""
@@ -181,16 +210,6 @@ def names_of(flights: Sequence[Choices]) -> list[str]:
     return numbered([flight.kind for flight in flights])
 
 
-def numbered(kinds: Sequence[str]) -> list[str]:
-    """Return distinct names: the second "colored" becomes "colored 2"."""
-    seen: Counter[str] = Counter()
-    names = []
-    for kind in kinds:
-        seen[kind] += 1
-        names.append(kind if seen[kind] == 1 else f"{kind} {seen[kind]}")
-    return names
-
-
 def specs_of(flights: Sequence[Choices]) -> list[Spec]:
     """Return the chosen flights.
 
@@ -212,27 +231,6 @@ def expect_one_hand(flights: Sequence[Choices]) -> None:
     hands = [flight for flight in flights if flight.sampler == HAND]
     if len(hands) > 1:
         raise ValueError(f"sampler: expected one competitor by hand at most, got {len(hands)}")
-
-
-def differences(flights: Sequence[Choices]) -> list[str]:
-    """Return the differences between competitors: "sampler", "vehicle" or names of numbers."""
-    rows = [_flown_names(flight) for flight in flights]
-    names = dict.fromkeys(name for row in rows for name in row)
-    different = [name for name in names if len({row.get(name) for row in rows}) > 1]
-    return [name.replace("_", " ") for name in different]
-
-
-def _flown_names(flight: Choices) -> dict[str, str]:
-    """Return the effective choices of a competitor, as texts by name."""
-    own = asdict(flight)
-    left_out = (*OF_THE_RACE, "numbers", "settings")
-    found = {name: str(value) for name, value in own.items() if name not in left_out}
-    idle = flight.idle_settings
-    found |= {name: str(value) for name, value in flight.known_settings.items()}
-    for name, value in flight.numbers.items():
-        if SLIDERS[name].setting not in idle:
-            found[name] = str(value)
-    return found
 
 
 def planner_choice(sampler: str) -> dict[str, str]:

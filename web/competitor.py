@@ -14,12 +14,12 @@ import numpy as np
 from controllers.plan import PlannerSnapshot
 from quadsim.course import Course
 from quadsim.palette import Style, style, styles_on_dark
+from quadsim.racing.along import Legs
 from quadsim.racing.events import Event
 from quadsim.record.limits import StoredSolution
 from quadsim.record.planner_snapshot import PlannerSnapshots
 from quadsim.record.run import INTERACTIVE, flown_by, has_planner
-from web.choices import numbered
-from web.legs import Legs
+from web.differences import distinct_names
 
 if TYPE_CHECKING:
     from controllers.sampled_trajectories import SampledTrajectories
@@ -83,6 +83,8 @@ class Competitor:
     limit: StoredSolution | None = None  # the best known solution of its race
     # its predicted paths of the other vehicles of its race, while it flies  (points, 3) each
     expected: tuple[np.ndarray, ...] = ()
+    # samples of its last plan under a deadline, while it flies
+    drawn_samples: int | None = None
     # corners of gates in the last picture of its camera, while it flies
     corners: Corners | None = None
 
@@ -233,16 +235,7 @@ def named(entries: Sequence[Competitor]) -> tuple[Competitor, ...]:
 
 
 def _names(entries: Sequence[Competitor]) -> list[str]:
-    """Return distinct names.
-
-    In a race of several vehicles they are the entrants' names. Otherwise a name is the sampler's,
-    with the seed or a number appended if needed.
-    """
+    """Return distinct names; in a race of several vehicles, the entrants' own."""
     if entries and heat_of(entries):
         return [entry.spec["heat"]["name"] for entry in entries]
-    samplers = [entry.sampler for entry in entries]
-    with_seeds = [f"{entry.sampler} s{entry.spec['seed']}" for entry in entries]
-    for names in (samplers, with_seeds):
-        if len(set(names)) == len(entries):
-            return names
-    return numbered(samplers)
+    return distinct_names([entry.spec for entry in entries])

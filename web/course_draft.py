@@ -24,6 +24,7 @@ from quadsim.course.course_file import (
     ObstacleEntry,
     Point,
     StartEntry,
+    in_flown_order,
 )
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.yaml_text import dump
@@ -100,7 +101,7 @@ class Draft:
         Raises:
             FileError: the course's text is not a course.
         """
-        given = course_entries(course)
+        given = in_flown_order(course_entries(course))
         own = [
             msgspec.structs.replace(
                 gate,

@@ -1,10 +1,9 @@
-"""LapTiming: lap, gate, gap and chatter of a competitor at one instant; gaps at the same place."""
+"""LapTiming: lap, gate, standing and chatter of a competitor at one instant."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,15 +11,9 @@ from quadsim.racing.events import Event, sector_times
 from quadsim.record.metrics import total_variation
 from web.competitor import CRASHES, MISSES, Competitor
 from web.race import Snapshot
+from web.standings import Standing, Way, standings_at
 
 LAP_MARGIN = 0.02  # time around a lap, so that its frames cover both ends [s]
-
-
-class Way(NamedTuple):
-    """The progress of a flight or of a lap over time."""
-
-    t: np.ndarray  # times [s]  (frames,)
-    progress: np.ndarray  # distance along the race at these times [m]  (frames,)
 
 
 @dataclass(frozen=True)
@@ -29,10 +22,10 @@ class LapTiming:
 
     entry: Competitor
     i: int  # frame
+    standing: Standing  # in the order of the race
     lap: int
     lap_time: float  # elapsed time of this lap [s]
     gate: int  # the next gate, 1-based; 0: the race is over
-    gap: float  # behind the leader at the same place [s]; 0 for the leader
     last: float | None  # last lap [s]
     best: float | None  # best lap [s]
     chatter: float  # total variation of the commanded thrust so far [m/s^2/s]
@@ -45,7 +38,7 @@ class LapTiming:
     @property
     def progress(self) -> float:
         """The finished share of the race."""
-        return self.place / self.entry.legs.length
+        return max(self.place, 0.0) / self.entry.legs.length
 
     @property
     def t(self) -> float:
@@ -66,41 +59,29 @@ class LapTiming:
         return crashes[-1] if crashes else None
 
 
-def lap_timings(s: Snapshot, by_place: bool) -> list[LapTiming]:
-    """Return a LapTiming of each competitor that has a frame, in their order.
-
-    Args:
-        by_place: whether to take the other competitors at the place of the first; otherwise all are
-            taken at the same time.
-    """
+def lap_timings(s: Snapshot) -> list[LapTiming]:
+    """Return a LapTiming of each competitor that has a frame, in their order."""
     entries = [entry for entry in s.competitors if len(entry.t)]
     if not entries:
         return []
-    frames = [entry.at(s.t) for entry in entries]
-    if by_place:
-        here = float(entries[0].progress[frames[0]])
-        frames[1:] = [entry.at_place(here) for entry in entries[1:]]
-    leader = _leader(entries, frames)
-    return [_lap_timing(entry, i, leader) for entry, i in zip(entries, frames, strict=True)]
+    standings = standings_at(entries, s.t)
+    found = sorted(standings.order, key=lambda one: one.number)
+    return [_lap_timing(one.entry, one.entry.at(s.t), one) for one in found]
 
 
-def _leader(entries: Sequence[Competitor], frames: Sequence[int]) -> Competitor:
-    """Return the competitor that is farthest along; at the same place, the earlier one."""
+def at_place_of_first(timings: Sequence[LapTiming]) -> list[LapTiming]:
+    """Return the timings with the frames at which the others were where the first one is now.
 
-    def rank(pair: tuple[Competitor, int]) -> tuple[float, float]:
-        entry, i = pair
-        return float(entry.progress[i]), -float(entry.t[i])
-
-    leader, _ = max(zip(entries, frames, strict=True), key=rank)
-    return leader
+    Only the frames that are drawn change: who leads, and by how much, stays as it is.
+    """
+    first, *others = timings
+    here = float(first.entry.progress[first.i])
+    return [first, *(replace(other, i=other.entry.at_place(here)) for other in others)]
 
 
 def order(timings: Sequence[LapTiming]) -> list[LapTiming]:
-    """Return the timings, the leader first.
-
-    The leader is farthest along the course, regardless of the numbers of laps.
-    """
-    return sorted(timings, key=lambda timing: (-timing.place, timing.t))
+    """Return the timings, the leader first."""
+    return sorted(timings, key=lambda timing: timing.standing.rank)
 
 
 def crashed_gates(timings: Sequence[LapTiming]) -> set[int]:
@@ -113,7 +94,7 @@ def crashed_gates(timings: Sequence[LapTiming]) -> set[int]:
     }
 
 
-def _lap_timing(entry: Competitor, i: int, leader: Competitor) -> LapTiming:
+def _lap_timing(entry: Competitor, i: int, standing: Standing) -> LapTiming:
     """Return the timing of a competitor at its frame i."""
     t = float(entry.t[i])
     gates = entry.legs.gates
@@ -123,15 +104,13 @@ def _lap_timing(entry: Competitor, i: int, leader: Competitor) -> LapTiming:
     done = entry.laps_until(t)
     passed = kinds.count("pass")
     finished = passed == gates * laps
-    leader_way = Way(leader.t, leader.progress)
-    leader_was_here = time_at(entry.progress[i : i + 1], leader_way)[0]
     return LapTiming(
         entry=entry,
         i=i,
+        standing=standing,
         lap=min(passed // gates + 1, laps),
         lap_time=done[-1] if finished and done else t - sum(done),
         gate=0 if finished else passed % gates + 1,
-        gap=0.0 if entry is leader else float(t - leader_was_here),
         last=done[-1] if done else None,
         best=min(done, default=None),
         chatter=total_variation(entry.t[: i + 1], entry.x["a_cmd"][: i + 1]),
@@ -141,20 +120,6 @@ def _lap_timing(entry: Competitor, i: int, leader: Competitor) -> LapTiming:
         place=float(entry.progress[i]),
         over=entry.outcome is not None and i == len(entry.t) - 1,
     )
-
-
-def time_at(place: np.ndarray, way: Way) -> np.ndarray:
-    """Return the times at which a way first reached places [s]; nan if not reached.  (n,)"""
-    # Drop frames without progress, so that the way can be inverted.
-    first = np.flatnonzero(np.diff(way.progress, prepend=-1.0) > 0)
-    if not len(first):
-        return np.full(len(place), np.nan)
-    return np.interp(place, way.progress[first], way.t[first], left=np.nan, right=np.nan)
-
-
-def gap(place: np.ndarray, way: Way, reference: Way) -> np.ndarray:
-    """Return the time behind the reference at each place [s], negative if ahead.  (n,)"""
-    return time_at(place, way) - time_at(place, reference)
 
 
 def best_lap(entries: Sequence[Competitor]) -> Way | None:

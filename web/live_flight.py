@@ -13,6 +13,7 @@ from controllers.in_flight import PlannerInFlight
 from controllers.presets import Planner
 from quadsim.config.build import build, launched
 from quadsim.config.changes import changeable_numbers
+from quadsim.racing.along import Legs
 from quadsim.racing.clock import PlanningClock
 from quadsim.racing.events import Event, Frame, flown_laps, lap_penalties
 from quadsim.racing.flight import simulate
@@ -23,7 +24,6 @@ from quadsim.record.schema import NumberChange
 from web.again import AgainChoices
 from web.choices import Choices
 from web.competitor import Competitor
-from web.legs import Legs
 from web.numbers import Change, numbers_of, with_change
 
 if TYPE_CHECKING:
@@ -121,6 +121,7 @@ class LiveFlight:
             The frame of this plan. The last frame of a flight has the outcome, and no plan.
         """
         changes = self._use_pending()
+        drawn = self._samples_to_draw()
         frame = next(self._frames)
         self._recorder.add(frame)
         events = tuple(self._recorder.events)
@@ -131,6 +132,7 @@ class LiveFlight:
             laps=laps_so_far(events, self.now.legs.gates),
             outcome=frame.outcome,
             corners=self._corners(),
+            drawn_samples=drawn,
             pending_numbers={},
         )
         # A change is recorded when a plan has used it.
@@ -245,6 +247,10 @@ class LiveFlight:
     def _corners(self) -> Corners | None:
         """Return the corners in the last picture, if the vehicle has a gate camera."""
         return self._navigation.corners
+
+    def _samples_to_draw(self) -> int | None:
+        """Return the number of samples of the next plan; None for a learned pilot."""
+        return self._planner.planner.samples if self._planner else None
 
     def close(self) -> None:
         """Free the plant."""

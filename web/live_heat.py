@@ -11,6 +11,7 @@ from quadsim.heat.archive import entrant_folder
 from quadsim.heat.launch import heat_frames, is_compiled
 from quadsim.heat.loop import HeatFrame
 from quadsim.heat.result import HeatRecorder, run_records
+from quadsim.racing.along import Legs
 from quadsim.record.archive import remove_unfinished
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import columns_of
@@ -18,7 +19,6 @@ from quadsim.results.heat import Heat
 from web.again import HeatAgainChoices
 from web.choices import HeatChoices
 from web.competitor import Competitor
-from web.legs import Legs
 from web.live_flight import Flown, laps_so_far
 from web.numbers import SLIDERS, Change, numbers_of
 

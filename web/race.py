@@ -49,6 +49,12 @@ class Snapshot:
     waiting: bool = False  # whether the race waits for the start of the manual flight
 
     @property
+    def is_taking_off(self) -> bool:
+        """Whether flights have begun, and no plan of any of them is ready yet."""
+        live = [entry for entry in self.competitors if entry.live]
+        return self.flying and not any(len(entry.t) for entry in live)
+
+    @property
     def next_event(self) -> float | None:
         """The time of the next event that can be shown [s]; None while the race is being flown."""
         if self.flying and self.playing:

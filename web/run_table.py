@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from datetime import datetime
 from hashlib import sha256
 from pathlib import Path
@@ -22,6 +22,7 @@ from quadsim.files.strict_yaml import FileError
 from quadsim.heat.archive import HEAT
 from quadsim.record.archive import PART
 from quadsim.record.limits import limit_of, limits_folder
+from quadsim.record.preset_changes import changed_numbers
 from quadsim.record.run import canonical
 from quadsim.record.schema import AnyRun, ListedEntrant, ListedHeat
 from quadsim.results.stored_runs import LARGEST_RECORD, flown_at, read_row
@@ -49,6 +50,10 @@ class RunRow(msgspec.Struct, frozen=True):
     vehicle: str = ""
     preset: str = ""
     sensing: str = ""
+    # numbers of the planner that differ from the preset; of each entrant of a race
+    numbers: str = ""
+    # further settings, by which a row is found: clock, deadline, flight controller, rules
+    more: str = ""
     seed: int | None = None
     # completed and required laps
     laps: str = ""
@@ -208,6 +213,8 @@ def _run(path: Path, data: bytes) -> _Read:
         vehicle=_cut(run.vehicle),
         preset=_cut("" if run.pilot else run.preset),
         sensing=_cut(run.sensing),
+        numbers=_cut(_numbers(spec)),
+        more=_cut(_more(spec)),
         seed=run.seed,
         laps=f"{len(run.laps)}/{run.laps_wanted}",
         changes=run.changes,
@@ -232,6 +239,8 @@ def _race(name: str, when: datetime, data: bytes) -> _Read:
         vehicle=_each(spec.vehicle.name for spec in shown),
         preset=_each("" if spec.pilot else spec.preset for spec in shown),
         sensing=_each(spec.sensing.name if spec.sensing else PERFECT for spec in shown),
+        numbers=_each(_numbers_of(name, spec) for name, spec in specs.items()),
+        more=_each(map(_more, specs.values())),
         seed=race.spec.seed,
         laps=str(shown[0].laps),
         outcome=_cut(f"{finished} of {len(race.order)} finished, {winner.name} first"),
@@ -239,6 +248,39 @@ def _race(name: str, when: datetime, data: bytes) -> _Read:
         vehicles=len(specs),
     )
     return _Read(row, *_of_limit(specs.get(winner.name, {})))
+
+
+def _numbers(spec: Mapping[str, Any]) -> str:
+    """Return the numbers of a planner that differ from its preset; unreadable ones are left out."""
+    try:
+        found = changed_numbers(spec)
+    except (AttributeError, TypeError, KeyError, ValueError):
+        return ""
+    return ", ".join(f"{name} {value}" for name, value in found.items()).replace("_", " ")
+
+
+def _numbers_of(name: str, spec: Mapping[str, Any]) -> str:
+    """Return the changed numbers of an entrant with its name."""
+    numbers = _numbers(spec)
+    return f"{name}: {numbers}" if numbers else ""
+
+
+def _more(spec: Mapping[str, Any]) -> str:
+    """Return further settings of a flight that are not the usual ones."""
+    found = []
+    if spec.get("clock") == "wall":
+        found.append("wall clock")
+    if spec.get("deadline_ms"):
+        found.append(f"deadline {spec['deadline_ms']} ms")
+    if spec.get("betaflight"):
+        found.append("betaflight")
+    if spec.get("randomize"):
+        found.append(f"randomize {spec['randomize']}")
+    if spec.get("penalties"):
+        found.append("penalties")
+    if spec.get("plant"):
+        found.append(str(spec["plant"]))
+    return ", ".join(found)
 
 
 def _each(names: Iterator[str]) -> str:

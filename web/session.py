@@ -8,13 +8,14 @@ from __future__ import annotations
 import queue
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Concatenate, ParamSpec
 
 from quadsim.record.run import RunError
 from web.cockpit import Cockpit
-from web.race import REST, PageRace, Snapshot, TakeOff, take_off
+from web.race import REST, AnyChoices, PageRace, Snapshot, TakeOff, take_off
 
 Arguments = ParamSpec("Arguments")
 
@@ -39,6 +40,8 @@ class Session:
         self.cockpit = Cockpit()
         self._race = PageRace(root, take_off, self.cockpit)
         self._commands: queue.SimpleQueue[Callable[[], float | None]] = queue.SimpleQueue()
+        self._started: object = None  # choices and runs of the last start
+        self._is_starting = False  # whether a start is queued
         self._closing = False
         self._worker = threading.Thread(target=self._run, name="race", daemon=True)
         self._worker.start()
@@ -51,6 +54,30 @@ class Session:
     ) -> None:
         """Queue a call of a method of PageRace. Its errors become notices."""
         self._commands.put(partial(command, self._race, *arguments, **keywords))
+
+    def start(self, choices: Sequence[AnyChoices], runs: Sequence[Path] = ()) -> bool:
+        """Queue a start; the same one again is dropped until its first plan is ready.
+
+        A visitor who sees nothing happen presses START again, which would begin anew.
+
+        Returns:
+            Whether the start is queued.
+        """
+        asked = (tuple(choices), tuple(runs))
+        if asked == self._started and (self._is_starting or self.snapshot.is_taking_off):
+            return False
+        self._started = asked
+        self._is_starting = True
+        self._commands.put(partial(self._start, *asked))
+        return True
+
+    def _start(self, choices: Sequence[AnyChoices], runs: Sequence[Path]) -> None:
+        """Begin a race, on the race's thread."""
+        try:
+            self._race.start(choices, runs)
+        finally:
+            self.snapshot = self._race.snapshot()
+            self._is_starting = False
 
     def show_trajectories(self, on: bool) -> None:
         """Switch the sampled trajectories on or off; each update takes 0.3 ms."""

@@ -1,24 +1,21 @@
-"""Runs from the disk: as competitors, and in a list by title."""
+"""Runs from the disk as competitors."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import datetime
-from functools import cache
 from pathlib import Path
 
 import msgspec
 
 from controllers.presets import PRESETS
 from quadsim.course import Course, parse_course
-from quadsim.heat.archive import heat_title, is_heat, list_heats, runs_of_heat
-from quadsim.record.archive import list_runs, load_reportable
+from quadsim.heat.archive import is_heat, runs_of_heat
+from quadsim.racing.along import Legs
+from quadsim.record.archive import load_reportable
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import RecordedRun, RunError, flown_by
 from quadsim.record.schema import ReplayedPlanner, ReplayedSampling, ReplayedSpec
-from quadsim.results.stored_runs import UNREADABLE, flown_at, read_row
 from web.competitor import Competitor
-from web.legs import Legs
 from web.numbers import slider_values
 
 
@@ -92,44 +89,3 @@ def _preset_sigma(preset: str, sampler: str) -> Sequence[float]:
     """Return the preset's standard deviations; none if the preset was a file."""
     planners = PRESETS.get(preset, {})
     return planners[sampler].sampling.sigma if sampler in planners else ()
-
-
-def titled_runs(root: str, most: int) -> dict[str, Path]:
-    """Return the latest stored runs by title, as "16:15 split_s_swift colored 16.378 s".
-
-    A race of several vehicles is one entry, with the folder of the race.
-
-    Args:
-        root: the folder of runs.
-        most: largest number of runs, the latest first.
-    """
-    found: dict[str, Path] = {}
-    stored = sorted([*list_runs(root), *list_heats(root)])
-    for path in stored[: -most - 1 : -1]:
-        when = flown_at(path)
-        today = when.date() == datetime.now().date()
-        clock = when.strftime("%H:%M" if today else "%d %b %H:%M")
-        title = f"{clock} {_result(path)}"
-        if title in found:
-            # The seconds distinguish two runs of one title within a minute.
-            title = f"{clock}:{when.strftime('%S')} {_result(path)}"
-        if title in found:
-            title = path.name
-        found[title] = path
-    return found
-
-
-@cache
-def _result(path: Path) -> str:
-    """Return course, sampler and time or outcome; the folder's name if they are not readable."""
-    if is_heat(path):
-        return heat_title(path)
-    try:
-        row = read_row(path)
-    except UNREADABLE:
-        return path.name
-    if row.time is not None:
-        ended = f"{row.time:.3f} s"
-    else:
-        ended = f"{row.outcome}, lap {len(row.laps) + 1}"
-    return f"{row.course} {row.sampler} {ended}"

@@ -46,6 +46,7 @@ from quadsim.files.extras import imported
 from quadsim.files.json_values import without_nan
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import did_you_mean
+from quadsim.physics.randomization_file import OUTDOOR
 from quadsim.record.given_state import conditions
 from quadsim.record.run import RunError, canonical
 from quadsim.record.whole_files import write_whole
@@ -216,17 +217,17 @@ def comparison(
     for variant, of_variant in zip(variants, rows, strict=True):
         if of_variant:
             by_course.setdefault(variant.course, []).append((variant, of_variant))
-    sections = [_section(flown, home, baseline) for flown in by_course.values()]
+    sections = [section_of(flown, home, baseline) for flown in by_course.values()]
     return Comparison(sections, folder)
 
 
-def _section(
+def section_of(
     flown: Sequence[tuple[Variant, Sequence[Row]]], home: Path, baseline: str | None
 ) -> Section:
-    """Return the variants of one course.
+    """Return the numbers of the variants of one course.
 
     Args:
-        flown: variants with their attempts.
+        flown: variants with their attempts, at least one each.
         home: the folder to which the paths of their telemetry are relative.
         baseline: name of the variant that the others are compared with; None: all pairs.
     """
@@ -259,9 +260,10 @@ def _setting(variant: Variant, rows: Sequence[Sequence[Row]]) -> str:
     laps = f"{spec.laps} lap" + "s" * (spec.laps > 1)
     vehicles = ", ".join(dict.fromkeys(of_variant[0].vehicle for of_variant in rows))
     seeds = {row.seed for of_variant in rows for row in of_variant}
+    by = "" if spec.randomization == OUTDOOR else f" by {spec.randomization.name}"
     return (
         f"{laps}, vehicle {vehicles}, seeds {min(seeds)} to {max(seeds)}, "
-        f"randomized {spec.randomize:g}"
+        f"randomized {spec.randomize:g}{by}"
     )
 
 

@@ -297,7 +297,7 @@ def paired(mean: Mean, form: str) -> str:
     return interval(mean, form) if mean.n >= FEWEST_PAIRS else number(mean.mean, form)
 
 
-def _p(value: float) -> str:
+def shown_p(value: float) -> str:
     """Return a p-value as text; t-tests say nothing of how small a very small one is."""
     return f"<{LEAST_P:g}" if value < LEAST_P else number(value, ".3g")
 
@@ -316,7 +316,7 @@ def _ends(variant: VariantStats) -> str:
     return ", ".join(f"{n} {where}" for where, n in variant.crashes.items()) or "-"
 
 
-def _success_interval(variant: VariantStats) -> str:
+def success_interval(variant: VariantStats) -> str:
     low, high = variant.success_ci
     return f"{100 * low:.0f}-{100 * high:.0f}"
 
@@ -324,7 +324,7 @@ def _success_interval(variant: VariantStats) -> str:
 LAPS: dict[str, Callable[[VariantStats], str]] = {
     "variant": lambda v: v.name,
     "done": lambda v: f"{v.finished}/{v.attempts}",
-    "CI\n[%]": _success_interval,
+    "CI\n[%]": success_interval,
     "lap\n[s]": lambda v: number(v.lap_mean),
     "sd\n[s]": lambda v: number(v.lap_sd),
     "best\n[s]": lambda v: number(v.lap_min),
@@ -354,7 +354,7 @@ PAIRS: dict[str, Callable[[PairStats], str]] = {
     "lap difference\n[s]": lambda p: paired(p.lap_difference, "+.3f"),
     "pairs": lambda p: str(p.lap_difference.n),
     "only one\nfinished": _only_one,
-    "p": lambda p: _p(p.success_p),
+    "p": lambda p: shown_p(p.success_p),
     "thrust variation\n[ratio]": lambda p: f"x {paired(p.thrust_tv_ratio, '.2f')}",
 }
 
@@ -364,10 +364,10 @@ def _against(baseline: str) -> dict[str, Callable[[PairStats], str]]:
     return {
         f"variant less\n{baseline}": lambda p: p.b,
         "lap difference\n[s]": lambda p: paired(p.lap_difference, "+.3f"),
-        "p of\nlaps": lambda p: _p(_corrected(p).laps),
+        "p of\nlaps": lambda p: shown_p(_corrected(p).laps),
         "pairs": lambda p: str(p.lap_difference.n),
         "only one\nfinished": _only_one,
-        "p of\nfinished": lambda p: _p(_corrected(p).success),
+        "p of\nfinished": lambda p: shown_p(_corrected(p).success),
         "thrust variation\n[ratio]": lambda p: f"x {paired(p.thrust_tv_ratio, '.2f')}",
-        "p of\nthrust": lambda p: _p(_corrected(p).thrust_tv),
+        "p of\nthrust": lambda p: shown_p(_corrected(p).thrust_tv),
     }

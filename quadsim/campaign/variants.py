@@ -145,10 +145,10 @@ def make_variants(
     for course in courses:
         for name, own in variants.items():
             made.append(Variant(name, resolve(course, with_shared(own, settings))))
-    return _told_apart(made)
+    return told_apart(made)
 
 
-def _told_apart(variants: Sequence[Variant]) -> list[Variant]:
+def told_apart(variants: Sequence[Variant]) -> list[Variant]:
     """Return the variants with the number of each twin, so that none flies under another's name."""
     found: list[Variant] = []
     objects: dict[str, list[list[int]]] = {}

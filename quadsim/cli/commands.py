@@ -38,8 +38,16 @@ COMMANDS = {
     ),
     "courses": Command("quadsim.cli.listing:courses", "the courses that come with the project"),
     "vehicles": Command("quadsim.cli.listing:vehicles", "the vehicles that come with the project"),
+    "fit": Command("quadsim.cli.fit:fit", "a vehicle file from flight logs"),
+    "vehicle": Command(
+        "quadsim.cli.vehicle:vehicle", "a vehicle file from mass, thrust-to-weight, arm, propeller"
+    ),
     "sensings": Command(
         "quadsim.cli.listing:sensings", "the sets of sensors that come with the project"
+    ),
+    "competitions": Command(
+        "quadsim.cli.listing:competitions",
+        "the competitions that come with the project",
     ),
     "presets": Command("quadsim.cli.listing:presets", "the presets, with some of their numbers"),
     "settings": Command(
@@ -60,6 +68,9 @@ COMMANDS = {
     ),
     "compare": Command(
         "quadsim.cli.compare:compare", "compare variants over many flights, paired by seed", True
+    ),
+    "sweep": Command(
+        "quadsim.cli.sweep:sweep", "what each value of a setting costs, paired by seed", True
     ),
     "results": Command("quadsim.cli.results:results", "stored comparisons: list, filter, compare"),
     "tune": Command(

@@ -14,6 +14,7 @@ from quadsim.campaign.variants import make_variants, parse_variants
 from quadsim.cli.compare_heats import compare_heats
 from quadsim.cli.flags import Given, GivenHeat, Help, Json, Switch, course_help, settings_as_flags
 from quadsim.cli.fly import complain_beside_controllers
+from quadsim.config.competition import prescribed_courses
 from quadsim.console import UsageError, emit, emit_json
 from quadsim.record.run import ERROR, RunError
 from quadsim.record.whole_files import expect_file, try_writing
@@ -126,6 +127,7 @@ def compare(
     given_flag = next((name.replace("_", "-") for name, given in of_races.items() if given), None)
     if given_flag is not None:
         raise UsageError(f"--{given_flag}: expected --line-up beside it, the entrants of a race")
+    courses = courses or prescribed_courses(settings)
     if not courses:
         raise UsageError("expected one COURSE or more, got none (race courses lists them)")
     with settings_as_flags():

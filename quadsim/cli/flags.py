@@ -16,6 +16,7 @@ from msgspec import Meta, inspect
 
 from controllers.presets import PRESETS
 from controllers.samplers import SAMPLERS
+from quadsim.config.competition import competition_names
 from quadsim.config.library_code import error_text
 from quadsim.config.settings import (
     SETTINGS,
@@ -30,6 +31,7 @@ from quadsim.console import UsageError
 from quadsim.course import course_names
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.heat.settings import HeatSettings
+from quadsim.physics.randomization_file import randomization_names
 from quadsim.sensing import sensing_names
 from quadsim.vehicle import load_vehicle, vehicle_names
 
@@ -102,6 +104,8 @@ COMPLETERS = {
     "preset": names(lambda: PRESETS),
     "vehicle": names(vehicle_names),
     "sensing": names(sensing_names),
+    "competition": names(competition_names),
+    "randomization": names(randomization_names),
 }
 
 

@@ -15,6 +15,7 @@ from rich.markup import escape
 
 from controllers.presets import PRESETS
 from quadsim.cli.flags import Help, Json
+from quadsim.config.competition import competition_names, load_competition
 from quadsim.config.presets import parse_planner
 from quadsim.console import UsageError, complain, emit, emit_json, width
 from quadsim.course import COURSES, Course, course_names, load_course, parse_course
@@ -35,6 +36,7 @@ from quadsim.sensing.sensing_file import (
 )
 from quadsim.tables.listings import (
     SAMPLER,
+    competition_table,
     course_table,
     preset_table,
     sensing_table,
@@ -49,6 +51,7 @@ from quadsim.vehicle import (
     unlikely_inertia,
     vehicle_names,
 )
+from quadsim.vehicle.flying import flying_numbers
 
 # Keys that identify the kind of a file
 OF_VEHICLE = {"mass", "inertia", "rate_tau"}
@@ -122,6 +125,19 @@ def sensings(*, json: Json = False) -> int:
         emit_json([asdict(sensing) for sensing in known])
         return 0
     emit(sensing_table(known))
+    return 0
+
+
+def competitions(*, json: Json = False) -> int:
+    """List the competitions that come with the project.
+
+    `race fly --competition FILE.yaml` flies in any other one.
+    """
+    known = [load_competition(name) for name in competition_names()]
+    if json:
+        emit_json([asdict(competition) for competition in known])
+        return 0
+    emit(competition_table(known))
     return 0
 
 
@@ -249,9 +265,8 @@ def describe(text: str, file: str) -> Described:
         keys = {key.value for key, _ in root.value if isinstance(key, yaml.ScalarNode)}
     if keys & OF_VEHICLE:
         vehicle = parse_vehicle(text, file)
-        ratio = f"thrust-to-weight {vehicle.thrust_to_weight:.2f}"
-        weight = f"{vehicle.mass:g} kg, {ratio}"
-        return Described("vehicle", weight, unlikely_inertia(vehicle))
+        found = f"{vehicle.mass:g} kg, {flying_numbers(vehicle).text()}"
+        return Described("vehicle", found, unlikely_inertia(vehicle))
     if keys & OF_PRESET:
         return _describe_preset(text, file)
     if keys & OF_SENSING:

@@ -18,8 +18,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from quadsim.campaign.pool import Pool, finished, open_pool
 from quadsim.cli.flags import Help, Json, RunsDir, Switch, course_help
 from quadsim.console import UsageError, complain, emit, emit_json, progress_console
-from quadsim.course import load_course, parse_course
-from quadsim.course.course import course_names
+from quadsim.course import course_names, load_course, parse_course
 from quadsim.files.data_files import SUFFIXES
 from quadsim.files.extras import needs_extra
 from quadsim.files.yaml_errors import did_you_mean

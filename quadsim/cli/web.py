@@ -48,8 +48,8 @@ def web(
     paths = [folder for run in runs for folder in run_folders(run, runs_dir)]
     # imported here, as they load numba and viser, which --help does not need
     from web.choices import Choices
+    from web.menu import Menu
     from web.page.dashboard import Dashboard
-    from web.page.menu import Menu
     from web.page.server import address, new_token, serve
     from web.race import PageRace
     from web.session import Session
@@ -63,7 +63,6 @@ def web(
     rivals = [Choices(course=course, sampler=sampler) for sampler in ("colored", "gaussian")]
     page = Dashboard(server, session, Menu.of_everything(course), *rivals)
     if paths:
-        page.race.show_replay(paths)
         session.tell(PageRace.start, [], paths)
     url = address(host, server.get_port()) + (f"?token={token}" if token else "")
     if json:
@@ -71,6 +70,9 @@ def web(
     else:
         emit(url)
         complain("race web: open the address in a browser; Ctrl-C ends it")
+        forward = forwarding(host, server.get_port(), os.environ.get("SSH_CONNECTION", ""))
+        if forward:
+            complain(f"race web: on the machine that you came from: {forward}")
     with suppress(KeyboardInterrupt):  # the way a server ends
         while True:
             sleep(WAKE)
@@ -79,3 +81,26 @@ def web(
         session.close()
         server.stop()
     return EXIT["interrupted"]
+
+
+def forwarding(host: str, port: int, connection: str) -> str:
+    """Return the command by which a remote visitor reaches a page that only this machine serves.
+
+    Args:
+        host, port: address of the page.
+        connection: the environment's SSH_CONNECTION: client, its port, server, its port; empty: the
+            user did not come by ssh.
+
+    Examples:
+        >>> from quadsim.cli.web import forwarding
+        >>> forwarding("127.0.0.1", 8080, "192.0.2.7 50514 192.0.2.9 22")
+        'ssh -N -L 8080:127.0.0.1:8080 192.0.2.9'
+        >>> forwarding("127.0.0.1", 8080, "")
+        ''
+    """
+    parts = connection.split()
+    if len(parts) != 4 or host not in ("127.0.0.1", "localhost"):
+        return ""
+    server, server_port = parts[2:]
+    port_option = "" if server_port == "22" else f" -p {server_port}"
+    return f"ssh -N -L {port}:127.0.0.1:{port}{port_option} {server}"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from numpy.random import SeedSequence
 
+from controllers.excitation import Excitation
 from controllers.in_flight import PlannerInFlight
 from controllers.learned.pilot import PilotController
 from controllers.plan import PlannerSnapshot
@@ -96,13 +97,15 @@ def build(
 
 
 def controller_of(spec: Spec) -> Controller:
-    """Return the controller of a flight: the user's own, the learned pilot, or the planner.
+    """Return the controller of a flight: the user's own, manoeuvres, a pilot, or the planner.
 
     Raises:
         SettingError: the user's controller has no control at rest of 4 numbers, or a deadline is
             given that it cannot keep.
     """
     own = made("controller", spec.controller, spec)
+    if own is None and spec.excite:
+        return Excitation(spec.vehicle, spec.course)
     if own is None:
         return pilot_of(spec) or planner_of(spec)
     rest = system_of(spec).rest

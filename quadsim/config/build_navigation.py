@@ -23,6 +23,7 @@ from quadsim.sensing.estimation.body_rates import BodyRates
 from quadsim.sensing.estimation.estimator import Estimator
 from quadsim.sensing.estimation.prediction import Commands, GateCounter
 from quadsim.sensing.estimation.vehicle_learner import VehicleLearner
+from quadsim.sensing.known_course import KnownCourse
 from quadsim.sensing.navigation import (
     CourseEstimate,
     GateCount,
@@ -77,7 +78,11 @@ def _state_source(spec: Spec, plant: Plant) -> StateSource:
         return _sensed_state(spec, spec.sensing, plant, adapts)
     dt = spec.planner.mppi.dt
     learner = VehicleLearner.for_exact_states(spec.model, dt) if adapts else None
-    return TrueState(plant.state, dt, learner)
+    course = None
+    flown = spec.flown_course
+    if spec.known_from is not None and flown != spec.course:
+        course = KnownCourse(spec.course, flown, spec.known_from)
+    return TrueState(plant.state, dt, learner, course)
 
 
 def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> SensedState:
@@ -104,7 +109,7 @@ def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> S
         gates=frames(spec.course.gates),
         start=spec.start or spec.course.start,
         t=-WARM_UP,
-        displaced=spec.displace_gates,
+        displaced=spec.displacement.gates,
     )
     state = SensedState(
         sensors=_sensors(spec, sensing, plant),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from math import sqrt
 from pathlib import Path
@@ -22,9 +22,9 @@ from quadsim.firmware.actuators import (
 from quadsim.firmware.configuration import eeprom_with_log
 from quadsim.firmware.identified import firmware_for
 from quadsim.physics.actuators import Actuators
-from quadsim.physics.domain_randomization import gusts
+from quadsim.physics.domain_randomization import Randomization, forces, gusts
 from quadsim.physics.faults import RotorFault
-from quadsim.physics.link import Link
+from quadsim.physics.link import CommandNoise, Link
 from quadsim.physics.plant import (
     PLANTS,
     Arena,
@@ -35,8 +35,9 @@ from quadsim.physics.plant import (
     start_state,
 )
 from quadsim.physics.rotorpy_plant import RotorpyPlant
+from quadsim.rotation import Vec3
 from quadsim.sensing.config import ImuConfig
-from quadsim.streams import sensor_streams
+from quadsim.streams import command_noise_stream, force_stream, sensor_streams
 from quadsim.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -71,17 +72,34 @@ def plant_of(spec: Spec, arena: Arena | None = None) -> Plant:
         plant = partial(plant, actuators=partial(actuators_of, spec))
     if spec.randomize == 0:
         return plant(course, spec.vehicle, spec.plant_dt, start=spec.start, faults=faults)
-    streams = spec.streams
     varied = spec.variation
+    body = varied.body(spec.vehicle)
     return plant(
         course,
         varied.vehicle(spec.vehicle),
         spec.plant_dt,
         start=varied.start(spec.start or spec.course.start),
-        body=varied.body(spec.vehicle),
-        gusts=gusts(streams.gusts, varied.gust, spec.plant_dt),
+        body=body,
+        gusts=_disturbances(spec, varied, body.mass),
         faults=faults,
     )
+
+
+def _disturbances(spec: Spec, varied: Randomization, mass: float) -> Iterator[Vec3]:
+    """Return the accelerations by gusts and random forces in each physics step [m/s^2].
+
+    Args:
+        spec: specification of the flight.
+        varied: what its seed has drawn.
+        mass: mass of the body [kg].
+    """
+    stream = spec.streams.gusts
+    wind = gusts(stream, varied.gust, spec.plant_dt)
+    if not varied.force:
+        return wind
+    pushed = forces(force_stream(stream), varied.force, mass)
+    pairs = zip(wind, pushed, strict=False)  # both are endless
+    return ((ax + bx, ay + by, az + bz) for (ax, ay, az), (bx, by, bz) in pairs)
 
 
 def actuators_of(
@@ -104,11 +122,12 @@ def actuators_of(
     """
     stream = spec.streams.link
     if spec.betaflight is None:
-        link = Link(dt, vehicle.latency, spec.link, stream=stream)
+        link = Link(dt, vehicle.latency, spec.link, stream=stream, noise=_command_noise(spec))
         return Actuators(vehicle, dt, faults, link)
     if spec.blackbox is not None:
         expect_new_log(spec.blackbox)
-    link = Link(dt, vehicle.latency, spec.link, spec.planner.mppi.dt, stream)
+    period = spec.planner.mppi.dt
+    link = Link(dt, vehicle.latency, spec.link, period, stream, _command_noise(spec))
     built, configuration = firmware_for(vehicle, spec.betaflight)
     log = None
     if spec.blackbox is not None:
@@ -116,6 +135,15 @@ def actuators_of(
         log = FirmwareLog(Path(spec.blackbox), eeprom_with_log(built.program, text, reversed_))
     noise = _imu_noise(spec, spec.sensing.imu, dt) if spec.sensing and spec.sensing.imu else None
     return BetaflightActuators(vehicle, dt, built, configuration, faults, link, log, noise)
+
+
+def _command_noise(spec: Spec) -> CommandNoise | None:
+    """Return the noise on the commands of a flight, None without any."""
+    std = spec.variation.command_noise
+    if not any(std):
+        return None
+    steps = round(spec.planner.mppi.dt / spec.plant_dt)
+    return CommandNoise(std, steps, command_noise_stream(spec.streams.link))
 
 
 def _imu_noise(spec: Spec, imu: ImuConfig, dt: float) -> ImuNoise:

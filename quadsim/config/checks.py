@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import get_args
 
 from controllers.costs import Cost
+from controllers.learned.pilot import Pilot
 from controllers.presets import Planner
 from controllers.presets import contradictions as contradictions_of_planner
 from controllers.samplers import Sampling
@@ -19,6 +20,7 @@ from quadsim.firmware.process import MAIN_LOOP
 from quadsim.firmware.text import Text
 from quadsim.physics.faults import CommandLoss, RotorFault, parse_fault, sensor_key
 from quadsim.physics.link import WIRE, LinkConfig
+from quadsim.physics.randomization_file import RandomizationRanges, check_randomization
 from quadsim.racing.flight import whole_multiple
 from quadsim.record.limits import LimitProblem, StoredSolution
 from quadsim.sensing import PERFECT, Sensing
@@ -62,11 +64,11 @@ def check_classes(name: str, part: object) -> None:
 
 
 def check_numbers(name: str, part: object) -> None:
-    """Check the numbers of a vehicle or a sensing that comes from no file by the rules of a file.
+    """Check the numbers of a part that comes from no file by the rules of its file.
 
     Args:
         name: the name of the setting.
-        part: the vehicle or the sensing; anything else has been checked.
+        part: a vehicle, a sensing or a randomization; anything else has been checked.
 
     Raises:
         SettingError: a number is out of range, or the numbers do not fit together.
@@ -76,6 +78,8 @@ def check_numbers(name: str, part: object) -> None:
             check_vehicle(part)
         elif isinstance(part, Sensing):
             part.but()
+        elif isinstance(part, RandomizationRanges):
+            check_randomization(part)
     except SettingError as error:
         raise SettingError(name, str(error)) from None
 
@@ -117,6 +121,20 @@ def check_record_sensing(record_sensing: bool, sensing: Sensing | None) -> None:
     if record_sensing and sensing is None:
         wanted = "expected a sensing with sensors beside it"
         raise SettingError("record_sensing", f"{wanted}, got {PERFECT}")
+
+
+def check_known_from(
+    known_from: float | None, sensing: Sensing | None, pilot: Pilot | None
+) -> None:
+    """Check that who flies makes use of the true places of gates. Raises SettingError."""
+    if known_from is None:
+        return
+    if sensing is not None:
+        wanted = "expected none beside sensors, whose estimator finds displaced gates"
+        raise SettingError("known_from", f"{wanted}, got {known_from:g} and {sensing.name}")
+    if pilot is not None:
+        wanted = "expected none beside a learned pilot, which flies by the map"
+        raise SettingError("known_from", f"{wanted}, got {known_from:g}")
 
 
 def check_planner(planner: Planner) -> None:

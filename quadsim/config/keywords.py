@@ -16,11 +16,13 @@ if TYPE_CHECKING:
     from controllers.learned.pilot import Pilot
     from controllers.presets import Planner
     from controllers.samplers import PlainSampler, Sampling
+    from quadsim.config.competition import Competition
     from quadsim.config.spec import Spec
     from quadsim.course import Course
     from quadsim.dynamics.quadrotor import ModelParams
     from quadsim.firmware.text import Text
     from quadsim.physics.plant import Plant
+    from quadsim.physics.randomization_file import RandomizationRanges
     from quadsim.racing.flight import ControlLaw, Controller, RefereeProtocol
     from quadsim.sensing import Sensing
     from quadsim.vehicle import Vehicle
@@ -36,11 +38,13 @@ class Keywords(TypedDict, total=False):
     pilot: str | Path | Pilot | None
     controller: str | Controller | ControlLaw | Callable[[Spec], Controller | ControlLaw] | None
     preset: str | Path | None
+    competition: str | Path | Competition | None
     vehicle: str | Path | Vehicle | None
     thrust_to_weight: float | None
     laps: int | None
     timeout: float | None
     sensing: str | Path | Sensing | None
+    randomization: str | Path | RandomizationRanges | None
     view_weight: float | None
     plant: Literal["bullet", "rigid", "rotorpy"] | Plant | Callable[[Spec], Plant] | None
     betaflight: str | Path | Text | None
@@ -48,7 +52,9 @@ class Keywords(TypedDict, total=False):
     seed: int | None
     randomize: float | None
     displace_gates: float | None
+    known_from: float | None
     fault: str | Sequence[str] | None
+    excite: bool | None
     penalties: bool | None
     plant_dt: float | None
     flight_controller: Literal["betaflight", "ideal"] | None

@@ -13,6 +13,7 @@ import msgspec
 
 from controllers.costs.race import RaceWeights
 from controllers.costs.reference import ReferenceWeights
+from controllers.excitation import EXCITE
 from controllers.learned.pilot import Pilot, load_pilot
 from controllers.presets import Planner
 from controllers.samplers import SAMPLERS, Sampling
@@ -235,6 +236,7 @@ def _built(
         timeout=read.timeout,
         start=read.start,
         sensing=read.sensing,
+        randomization=read.randomization,
         pilot=_pilot(read, own),
         view_weight=read.view_weight,
         plant=own.get("plant") or _plant(read.plant),
@@ -259,6 +261,7 @@ def _check_ranges(read: FlownSpec, course: Course) -> None:
     try:
         check_numbers("vehicle", read.vehicle)
         check_numbers("sensing", read.sensing)
+        check_numbers("randomization", read.randomization)
     except SettingError as error:
         raise RecordError(str(error)) from None
     if read.start is not None:
@@ -298,7 +301,7 @@ def _sampling(name: str, numbers: Any) -> Sampling:
     """Return a registered sampler with these numbers. Raises RecordError."""
     if not isinstance(numbers, dict):
         raise RecordError(f"sampler: expected the numbers of {name!r}, got {numbers!r:.40}")
-    if name == "pilot":
+    if name in ("pilot", EXCITE):
         # The planner does not fly: any sampler with these numbers will do
         names = [key for key, kind in SAMPLERS.items() if numbers.keys() <= _field_names(kind)]
         name = names[0] if names else name

@@ -25,16 +25,25 @@ from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.values import checked
 from quadsim.files.yaml_errors import did_you_mean, shown_value
 from quadsim.firmware.text import Text, read_text, shipped_configuration
-from quadsim.sensing import Sensing
+from quadsim.sensing import PERFECT, Sensing
 from quadsim.vehicle import Vehicle
 
 DEFAULT_COURSE = "split_s_swift"
+# What a flight of manoeuvres has unless it is given
+EXCITATION: Mapping[str, Any] = {
+    "course": Path(__file__).parent / "excitation_box.yaml",
+    "sensing": "mocap",
+    "record_sensing": True,
+    # The manoeuvres take a minute; the way out has no more than this [s].
+    "timeout": 75.0,
+}
 # Keywords that take an object and are not settings.
 OBJECTS = ("course", "planner", "model", "referee", "cost", "terms")
 KEYWORDS = (*SETTINGS, *OBJECTS)
 # Settings that take an object in place of a name
 OBJECT_SETTINGS = (
-    *("sampler", "pilot", "controller", "vehicle", "sensing", "plant", "preset", "betaflight"),
+    *("sampler", "pilot", "controller", "vehicle", "sensing", "randomization", "plant", "preset"),
+    *("betaflight", "competition"),
 )
 # Physics step with the firmware: its gyro and its link are exchanged in each [s]
 FIRMWARE_STEP = 1e-3
@@ -47,6 +56,22 @@ def check_names(given: Mapping[str, Any]) -> None:
     for name in given:
         if name not in KEYWORDS:
             raise SettingError(name, f"no such setting, {did_you_mean(name, KEYWORDS)}")
+
+
+def with_excitation(given: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the settings with the defaults of a flight of manoeuvres, if it is to be one.
+
+    Raises:
+        SettingError: something else is to fly, too.
+    """
+    if not checked("excite", given.get("excite") or False, SETTINGS["excite"].kind):
+        return given
+    for name in ("pilot", "controller"):
+        if given.get(name) is not None:
+            raise SettingError(name, "expected none beside excite, whose manoeuvres fly")
+    chosen = {name: value for name, value in given.items() if value is not None}
+    of_no_sensors = {"record_sensing": False} if chosen.get("sensing") == PERFECT else {}
+    return {**EXCITATION, **of_no_sensors, **chosen}
 
 
 def flight_settings(given: Mapping[str, Any]) -> FlightSettings:

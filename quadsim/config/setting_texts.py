@@ -121,15 +121,22 @@ def parse_parts(text: str) -> dict[str, Any]:
     """
     settings: dict[str, Any] = {}
     for part in text.split("+"):
-        name, value = _setting(part)
+        name, value = parse_part(part)
         if name in REPEATED:
             value = (*settings.get(name, ()), value)
         settings[name] = value
     return settings
 
 
-def _setting(part: str) -> tuple[str, Any]:
-    """Return the name of a setting and its value or text."""
+def parse_part(part: str) -> tuple[str, Any]:
+    """Return the name of a setting and its value or text.
+
+    Args:
+        part: one of the parts that + joins, such as "target-ess=200" or "gaussian".
+
+    Raises:
+        ValueError: it is no setting with a value, and neither a sampler, a preset nor a pilot.
+    """
     name, has_value, text = part.partition("=")
     if not has_value:
         return _kind_of(part), part

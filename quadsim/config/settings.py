@@ -29,6 +29,7 @@ from quadsim.files.values import is_optional as is_optional
 from quadsim.files.yaml_errors import unless_null
 from quadsim.firmware import FlightControllerName
 from quadsim.physics.plant import PlantName
+from quadsim.physics.randomization_file import OUTDOOR_NAME
 from quadsim.sensing import PERFECT
 
 Clock = Literal["simulated", "wall"]
@@ -39,6 +40,7 @@ ThrustToWeight = Annotated[float, Meta(gt=1, le=20)]
 TimeLimit = Annotated[float, unit("s", gt=0, le=1e5)]
 FrameRate = Annotated[float, unit("Hz", ge=1, le=1e4)]
 BurstLength = Annotated[float, Meta(ge=1, le=1e4)]
+Distance = Annotated[float, unit("m", ge=0, le=1000)]
 Milliseconds = Annotated[float, unit("ms", gt=0, le=1e4)]
 CONTROL_UNITS = ", ".join(units_of(Control).values())
 
@@ -63,6 +65,13 @@ class PartSettings:
     preset: Annotated[str, setting("source of the planner's numbers: a name or a FILE.yaml")] = (
         "race"
     )
+    competition: Annotated[
+        str | None,
+        setting(
+            "a competition, whose course and settings stand in for those that are not given: a name"
+            " or a FILE.yaml (default: none)"
+        ),
+    ] = None
     vehicle: Annotated[
         str | None, setting("vehicle: a name or a FILE.yaml (default: the preset's)")
     ] = None
@@ -78,6 +87,9 @@ class PartSettings:
     sensing: Annotated[
         str, setting("sensors: a name or a FILE.yaml; perfect gives the planner the true state")
     ] = PERFECT
+    randomization: Annotated[
+        str, setting("what randomize draws, and how widely: a name or a FILE.yaml")
+    ] = OUTDOOR_NAME
     view_weight: Annotated[
         Weight | None,
         setting(
@@ -114,6 +126,13 @@ class FlightNumbers:
     displace_gates: Annotated[
         float, setting("gates stand up to this far off the map along x and y", "m", ge=0, le=1)
     ] = 0.0
+    known_from: Annotated[
+        Distance | None,
+        setting(
+            "horizontal distance within which gates and obstacles that stand off the map are known"
+            " where they stand (default: the planner flies by the map)"
+        ),
+    ] = None
     fault: Annotated[
         tuple[str, ...],
         setting(
@@ -121,6 +140,13 @@ class FlightNumbers:
             " commands=lost@2~.1; the seed draws what is left out; may be repeated"
         ),
     ] = ()
+    excite: Annotated[
+        bool,
+        setting(
+            "manoeuvres within a box in the planner's place, to fit a vehicle from; on the sensors"
+            " of mocap, which are recorded, unless others are given"
+        ),
+    ] = False
     penalties: Annotated[bool, setting("a hit adds 3 s and does not end the flight")] = False
     plant_dt: Annotated[
         float, setting("physics step, .001 behind betaflight", "s", ge=1e-4, le=0.02)

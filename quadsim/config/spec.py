@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import InitVar, asdict, dataclass, field, fields, is_dataclass, replace
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack, cast
 
@@ -11,6 +12,7 @@ import msgspec
 
 from controllers.costs import Cost, Term
 from controllers.costs.reference import ReferenceWeights
+from controllers.excitation import EXCITE
 from controllers.learned.pilot import Pilot, load_pilot
 from controllers.presets import Planner
 from quadsim.config.checks import (
@@ -20,6 +22,7 @@ from quadsim.config.checks import (
     check_cost,
     check_faults,
     check_firmware,
+    check_known_from,
     check_link,
     check_no_firmware,
     check_period,
@@ -30,6 +33,7 @@ from quadsim.config.checks import (
     check_type,
     check_view,
 )
+from quadsim.config.competition import with_competition
 from quadsim.config.parts import (
     check_part,
     describe,
@@ -54,6 +58,7 @@ from quadsim.config.resolve import (
     loaded_part,
     nominal_model,
     view_weight_of,
+    with_excitation,
     with_numbers,
     with_settings,
 )
@@ -74,7 +79,7 @@ from quadsim.files.values import checked, kinds_of
 from quadsim.firmware.identified import model_behind
 from quadsim.firmware.package import built_firmware
 from quadsim.firmware.text import Text
-from quadsim.physics.domain_randomization import Randomization, displaced, draw
+from quadsim.physics.domain_randomization import Displacement, Randomization, displaced, draw
 from quadsim.physics.faults import (
     Fault,
     drawn,
@@ -83,6 +88,12 @@ from quadsim.physics.faults import (
 )
 from quadsim.physics.link import WIRE, LinkConfig
 from quadsim.physics.plant import Plant, default_plant
+from quadsim.physics.randomization_file import (
+    OUTDOOR,
+    OUTDOOR_NAME,
+    RandomizationRanges,
+    load_randomization,
+)
 from quadsim.racing.events import NO_PROGRESS, NO_PROGRESS_BY_HAND
 from quadsim.racing.flight import ControlLaw, Controller, RefereeProtocol
 from quadsim.racing.hand import HAND, Hand
@@ -91,7 +102,7 @@ from quadsim.record.run import INTERACTIVE, flown_by
 from quadsim.record.schema import NumberChange
 from quadsim.sensing import PERFECT, Sensing, load_sensing
 from quadsim.streams import Streams, quadrotor_streams
-from quadsim.vehicle import Vehicle, load_vehicle, with_thrust_to_weight
+from quadsim.vehicle import Vehicle, load_vehicle, vehicle_record, with_thrust_to_weight
 
 if TYPE_CHECKING:
     from quadsim.config.keywords import CourseLike, Keywords
@@ -114,8 +125,8 @@ OTHER_FORMS = {
     "flight_controller": "betaflight",
     **dict.fromkeys(LINK, "link"),
 }
-# Numbers of the model, of MPPI, of samplers and of an inertial unit that were added later; older
-# runs lack them
+# Numbers of the model, of MPPI, of samplers, of an inertial unit and of a gate camera that were
+# added later; older runs lack them
 ADDED = (
     "yaw_first",
     "rate_lag",
@@ -125,6 +136,7 @@ ADDED = (
     "gyro_misalignment_deg",
     "accelerometer_scale",
     "accelerometer_misalignment_deg",
+    *("dropouts", "dropout"),
 )
 
 
@@ -161,6 +173,7 @@ class Spec(FlightNumbers, HostSettings):
     timeout: TimeLimit  # [s]
     start: Start | None = None  # place on a start grid; None: the course's own start
     sensing: Sensing | None = None  # None: the planner is given the true state
+    randomization: RandomizationRanges = OUTDOOR  # what `randomize` draws
     pilot: Pilot | None = None  # a learned pilot in the planner's place
     view_weight: Weight = 0.0  # of the term that keeps the camera along the flight
     plant: PlantName | Plant | Callable[[Spec], Plant] = field(default_factory=default_plant)
@@ -236,9 +249,11 @@ class Spec(FlightNumbers, HostSettings):
 
     @property
     def sampler(self) -> str:
-        """The sampler's name, the class name of the user's own, "pilot" or "hand"."""
+        """The sampler's name, the class name of the user's own, "pilot", "hand" or "excite"."""
         if self.hand:
             return HAND
+        if self.excite:
+            return EXCITE
         return "pilot" if self.pilot else sampler_name(self.planner.sampling)
 
     @property
@@ -253,12 +268,14 @@ class Spec(FlightNumbers, HostSettings):
 
     @property
     def has_planner(self) -> bool:
-        """Whether a planner may fly: neither a learned pilot nor a person does."""
-        return self.pilot is None and self.hand is None
+        """Whether a planner may fly: neither a learned pilot, a person nor manoeuvres do."""
+        return self.pilot is None and self.hand is None and not self.excite
 
     @property
     def stuck_after(self) -> float:
         """The time without progress after which the vehicle is stuck [s]."""
+        if self.excite:
+            return inf
         return NO_PROGRESS_BY_HAND if self.hand else NO_PROGRESS
 
     @property
@@ -279,14 +296,25 @@ class Spec(FlightNumbers, HostSettings):
     @property
     def flown_course(self) -> Course:
         """The course with its gates where they truly stand; `course` is the planner's map."""
-        if not self.displace_gates:
-            return self.course
-        return displaced(self.course, self.streams.gates, self.displace_gates)
+        by = self.displacement
+        return displaced(self.course, self.streams.gates, by) if by.is_any else self.course
+
+    @property
+    def displacement(self) -> Displacement:
+        """The half widths by which gates and obstacles stand off the map."""
+        return Displacement.of(self.randomization, self.randomize, self.displace_gates)
 
     @property
     def variation(self) -> Randomization:
         """The changes of start, vehicle and wind that the seed draws."""
-        return draw(self.streams.vehicle, self.randomize, self.flown_course, self.start)
+        return draw(
+            self.streams.vehicle,
+            self.randomize,
+            self.flown_course,
+            self.start,
+            self.randomization,
+            self.vehicle,
+        )
 
     @property
     def faults(self) -> tuple[Fault, ...]:
@@ -307,7 +335,7 @@ class Spec(FlightNumbers, HostSettings):
             "system": "quadrotor",
             "course": self.course.name,
             "course_text": self.course.text,
-            "vehicle": plain(self.vehicle),
+            "vehicle": vehicle_record(self.vehicle),
             "sampler": self.sampler,
             "preset": self.preset,
             "planner": {
@@ -320,13 +348,14 @@ class Spec(FlightNumbers, HostSettings):
             "laps": self.laps,
             "timeout": self.timeout,
             "plant": self.plant if isinstance(self.plant, str) else "own",
-            "variation": asdict(self.variation),
+            "variation": _of_variation(self.variation),
             "host": self._host(),
         }
         # Parts that a flight does not use are left out.
         used = {
             "start": plain(self.start),
             "sensing": _of_sensing(self.sensing),
+            "randomization": _of_randomization(self.randomization),
             "view_weight": self.view_weight,
             "faults": [str(fault) for fault in self.faults],
             "drawn_faults": [str(fault) for fault in self.drawn_faults],
@@ -407,6 +436,19 @@ def _without_added(part: object) -> Any:
     return {name: number for name, number in numbers.items() if number != nominal.get(name, ...)}
 
 
+def _of_variation(variation: Randomization) -> dict[str, Any]:
+    """Return what a seed has drawn as a record has it; changes of later versions only if any."""
+    record = asdict(variation)
+    nominal = Randomization()
+    later = ("inertia", "force", "command_noise")
+    return {k: v for k, v in record.items() if k not in later or v != getattr(nominal, k)}
+
+
+def _of_randomization(ranges: RandomizationRanges) -> dict[str, Any] | None:
+    """Return what is drawn as a record has it, None for the default."""
+    return None if ranges == OUTDOOR else plain(ranges)
+
+
 def _of_sensing(sensing: Sensing | None) -> dict[str, Any] | None:
     """Return the sensors as a record has them."""
     if sensing is None:
@@ -414,6 +456,8 @@ def _of_sensing(sensing: Sensing | None) -> dict[str, Any] | None:
     record: dict[str, Any] = plain(sensing)
     if sensing.imu is not None:
         record["imu"] = _without_added(sensing.imu)
+    if sensing.camera is not None:
+        record["camera"] = _without_added(sensing.camera)
     return record
 
 
@@ -435,7 +479,7 @@ def validate(spec: Spec) -> None:
     wanted = {"course": Course, "vehicle": Vehicle, "planner": Planner, "model": ModelParams}
     for name, kind in wanted.items():
         check_type(name, getattr(spec, name), kind)
-    for name in ("vehicle", "model", "sensing"):
+    for name in ("vehicle", "model", "sensing", "randomization"):
         check_classes(name, getattr(spec, name))
     check_plant(spec.plant)
     check_cost(spec.cost)
@@ -447,8 +491,9 @@ def validate(spec: Spec) -> None:
     check_planner(spec.planner)
     check_view(spec.view_weight, spec.sensing)
     check_record_sensing(spec.record_sensing, spec.sensing)
+    check_known_from(spec.known_from, spec.sensing, spec.pilot)
     if isinstance(spec.planner.cost, ReferenceWeights):
-        check_beside_reference(spec.displace_gates, spec.view_weight)
+        check_beside_reference(spec.displacement.gates, spec.view_weight)
         problem = followed_problem(spec.course, spec.vehicle, spec.laps, spec.planner.cost)
         check_reference(spec.reference, problem)
     check_faults(spec.fault, spec.vehicle, spec.plant, spec.sensing)
@@ -465,12 +510,14 @@ def validate(spec: Spec) -> None:
 def _resolved(given: Mapping[str, Any]) -> Spec:
     """Return the spec of these settings; the others come from preset, course and vehicle."""
     check_names(given)
+    # Each file is read once; `but` uses the objects that were read.
+    read: dict[str, Any] = {}
+    asked = given
+    given = with_excitation(with_competition(asked, read))
     flight = flight_settings(given)
     plant = given.get("plant")
     own_terms = given.get("terms")
 
-    # Each file is read once; `but` uses the objects that were read.
-    read: dict[str, Any] = {}
     course = loaded_part(given, "course", Course, load_course, DEFAULT_COURSE, read)
     own_pilot = given.get("pilot")
     pilot = None if own_pilot is None else given_part("pilot", own_pilot, Pilot, load_pilot, read)
@@ -478,6 +525,9 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
     if controller is not None:
         read["controller"] = controller
     sensing = loaded_part(given, "sensing", Sensing, load_sensing, PERFECT, read)
+    randomization = loaded_part(
+        given, "randomization", RandomizationRanges, load_randomization, OUTDOOR_NAME, read
+    )
     base = base_planner(given, flight, read)
     default_vehicle = pilot.about.vehicle if pilot else base.vehicle
     vehicle = loaded_part(given, "vehicle", Vehicle, load_vehicle, default_vehicle, read)
@@ -493,7 +543,9 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
         # What can never fly is refused before a solution is asked for.
         check_beside_reference(flight.displace_gates, view_weight)
         reference = stored_reference(course, vehicle, laps, planner.cost, flight.runs_dir, given)
-    settings = {**given, **read}
+    # Parts of a competition are not kept as given: another competition has others.
+    own = {name: part for name, part in read.items() if name in asked}
+    settings = {**asked, **own}
     spec = Spec(
         course=course,
         vehicle=vehicle,
@@ -502,6 +554,7 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
         laps=laps,
         timeout=flight.timeout or default_timeout(course, laps),
         sensing=None if sensing.exact else sensing,
+        randomization=randomization,
         pilot=pilot,
         view_weight=view_weight,
         plant=default_plant() if plant is None else plant,

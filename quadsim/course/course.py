@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from math import degrees, dist, inf, nextafter, radians
@@ -17,20 +17,28 @@ from typing import Any, TypedDict, Unpack
 import numpy as np
 
 from quadsim.course.checks import problems
-from quadsim.course.course_file import CourseFile, GateEntry, ObstacleEntry, Published
+from quadsim.course.course_file import (
+    CourseFile,
+    GateEntry,
+    ObstacleEntry,
+    Published,
+    in_flown_order,
+    misnumbered,
+)
 from quadsim.course.gate import Gate, Start
 from quadsim.course.obstacles import Box, Cylinder, Obstacle
-from quadsim.files.data_files import locate, names, read_text
 from quadsim.files.strict_yaml import Document, FileError, parse
+from quadsim.files.values import FieldProblem
 from quadsim.files.yaml_text import dump, remade, written
 
-COURSES = Path(__file__).parents[2] / "courses"
 # [m] of default bounds around start, gates and obstacles
 MARGIN = 10.0
 # [m] of default bounds below the ground, so that the ground ends a flight and not the bounds
 BELOW_GROUND = 1.0
+# The key of a problem with a gate
+OF_GATE = re.compile(r"gates\[(?P<index>\d+)\]")
 # Keys with whose change a course loses its published times
-DECIDE_TIMES = ("gates", "opening", "frame_width", "obstacles", "start", "loop")
+DECIDE_TIMES = ("gates", "order", "opening", "frame_width", "obstacles", "start", "loop")
 
 
 class CourseChanges(TypedDict, total=False):
@@ -45,6 +53,7 @@ class CourseChanges(TypedDict, total=False):
     bounds: Sequence[Sequence[float]] | None
     start: Start | Mapping[str, Any]
     gates: Sequence[Gate | Mapping[str, Any]]
+    order: Sequence[int]
     obstacles: Sequence[Obstacle | Mapping[str, Any]]
     published: Sequence[Published | Mapping[str, Any]]
 
@@ -159,27 +168,6 @@ class Course:
         return np.vstack([start, *of_gates, *of_obstacles])
 
 
-def course_names() -> tuple[str, ...]:
-    """Return the names of the courses that come with the project."""
-    return names(COURSES)
-
-
-def load_course(name_or_path: str | Path) -> Course:
-    """Return a course by name ("split_s_swift") or path ("mine.yaml").
-
-    Raises:
-        FileError: there is no such course, or the file is not a course.
-
-    Examples:
-        >>> import quadsim
-        >>> course = quadsim.load_course("split_s_swift")
-        >>> len(course.gates), course.laps
-        (7, 3)
-    """
-    path = locate(name_or_path, COURSES, "course")
-    return parse_course(read_text(path), str(path))
-
-
 # Reports and figures of a run ask for its course again and again.
 @lru_cache(maxsize=16)
 def parse_course(text: str, file: str) -> Course:
@@ -194,7 +182,7 @@ def parse_course(text: str, file: str) -> Course:
     """
     document = parse(text, file)
     course = _read(document)
-    document.check(problems(course))
+    document.check(_at_entries(problems(course), document))
     return course
 
 
@@ -231,6 +219,7 @@ def course_of(entries: CourseFile, name: str, text: str = "") -> Course:
         name: the course's name.
         text: the YAML of the entries.
     """
+    entries = in_flown_order(entries)
     course = Course(
         name=name,
         source=entries.source,
@@ -270,8 +259,28 @@ def _read(document: Document) -> Course:
         if (entry.box is None) == (entry.cylinder is None):
             got = "neither" if entry.box is None else "both"
             raise document.error(f"obstacles[{i}]", f"expected a box or a cylinder, got {got}")
+    wrong = misnumbered(entries)
+    if wrong is not None:
+        index, problem = wrong
+        raise document.error(f"order[{index}]", problem)
     own_name = re.sub(r"[^A-Za-z0-9_-]", "_", Path(document.file).stem)[:64]
     return course_of(entries, entries.name or own_name, document.text)
+
+
+def _at_entries(found: Iterator[FieldProblem], document: Document) -> Iterator[FieldProblem]:
+    """Yield the problems of a course at the keys of its file, whose gates may be flown in an order.
+
+    Args:
+        found: problems, of gates at their place in the order of flight.
+        document: the file.
+    """
+    order = document.fill(CourseFile).order
+    for key, problem in found:
+        gate = OF_GATE.match(key)
+        if gate and order:
+            index = abs(order[int(gate["index"])]) - 1
+            key = f"gates[{index}]{key[gate.end() :]}"
+        yield FieldProblem(key, problem)
 
 
 def is_described(course: Course) -> bool:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from msgspec import Meta, Struct
+from msgspec.structs import replace
 
 from quadsim.files.strict_yaml import setting, unit
 
@@ -17,6 +18,10 @@ Span = tuple[Metre, Metre]
 # Folders of runs have the name of their course.
 Name = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}\Z")]
 Second = Annotated[float, unit("s", gt=0)]
+
+
+# Of a gate in the order of flight; `misnumbered` refuses one that no gate has.
+GateNumber = Annotated[int, Meta(ge=-1000, le=1000)]
 
 
 @dataclass(frozen=True)
@@ -87,10 +92,51 @@ class CourseFile(Struct, frozen=True, kw_only=True):
         setting("spans of x, y and z; default: around start, gates and obstacles, with room"),
     ] = None
     start: Annotated[StartEntry, setting("place and heading at rest")]
-    gates: Annotated[tuple[GateEntry, ...], setting("gates in the order of flight", min_length=1)]
+    gates: Annotated[
+        tuple[GateEntry, ...],
+        setting("gates, in the order of flight unless `order` gives another", min_length=1),
+    ]
+    order: Annotated[
+        tuple[GateNumber, ...],
+        setting(
+            "numbers of the gates in the order of flight, from 1, negative for a passage from"
+            " behind; default: each once, as they stand"
+        ),
+    ] = ()
     obstacles: Annotated[
         tuple[ObstacleEntry, ...], setting("boxes and cylinders to keep clear of")
     ] = ()
     published: Annotated[
         tuple[Published, ...], setting("times that reports show beside yours")
     ] = ()
+
+
+def misnumbered(entries: CourseFile) -> tuple[int, str] | None:
+    """Return the index in `order` of a number that no gate has and the problem, None if all fit."""
+    count = len(entries.gates)
+    for i, number in enumerate(entries.order):
+        if not 1 <= abs(number) <= count:
+            wanted = f"expected the number of a gate, 1 to {count}, or -1 to -{count} from behind"
+            return i, f"{wanted}, got {number}"
+    return None
+
+
+def in_flown_order(entries: CourseFile) -> CourseFile:
+    """Return the same course with its gates as they are flown, and without `order`.
+
+    Args:
+        entries: entries of a course file, whose numbers in `order` are those of gates.
+    """
+    if not entries.order:
+        return entries
+    gates = [
+        entries.gates[number - 1] if number > 0 else from_behind(entries.gates[-number - 1])
+        for number in entries.order
+    ]
+    return replace(entries, gates=tuple(gates), order=())
+
+
+def from_behind(gate: GateEntry) -> GateEntry:
+    """Return a gate that is flown the other way."""
+    yaw = gate.yaw_deg - 180.0 if gate.yaw_deg > 0.0 else gate.yaw_deg + 180.0
+    return replace(gate, yaw_deg=yaw, pitch_deg=0.0 - gate.pitch_deg, roll_deg=0.0 - gate.roll_deg)

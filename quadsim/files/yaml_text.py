@@ -40,6 +40,20 @@ def dump(entries: Mapping[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def with_comments(text: str, comments: Mapping[str, str]) -> str:
+    """Return the text of `dump` with comments at the ends of lines.
+
+    Args:
+        text: what `dump` has returned.
+        comments: name of a key, of an inner mapping too -> comment of its line.
+    """
+    lines = []
+    for line in text.splitlines():
+        comment = comments.get(line.partition(":")[0].strip())
+        lines.append(f"{line}  # {comment}" if comment else line)
+    return "\n".join(lines) + "\n"
+
+
 def remade(entries: Mapping[str, Any], read: Callable[[str, str], T], name: str) -> T:
     """Return the object that a file with these entries describes.
 

@@ -17,9 +17,8 @@ from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.expected_path import ExpectedPath, OtherVehicle
 from quadsim.heat.expectations import Expectation, Perceived, planned_path
 from quadsim.heat.patience import Patience
-from quadsim.heat.rules import Standing
 from quadsim.heat.traffic import Sighting, Traffic
-from quadsim.racing.referee import way_left
+from quadsim.racing.along import Along
 
 # Distance within which a vehicle ahead is followed [m]
 CLOSE = 3.0
@@ -48,18 +47,18 @@ class Perception:
 
     def is_behind(self, seen: Sighting, estimate: Estimate) -> bool:
         """Return whether another vehicle is behind this one."""
-        own = self._progress(estimate.target, tuple(estimate.x[:3].tolist()))
-        return self._progress(seen.passed, seen.position).is_behind(own)
+        own = self._along(estimate.target, tuple(estimate.x[:3].tolist()))
+        return self._along(seen.passed, seen.position) < own
 
     def follows(self, seen: Sighting, estimate: Estimate) -> bool:
         """Return whether this vehicle is closely behind another one."""
         near = dist(seen.position, estimate.x[:3].tolist()) < CLOSE
         return near and not self.is_behind(seen, estimate)
 
-    def _progress(self, passed: int, position: tuple[float, ...]) -> Standing:
+    def _along(self, passed: int, position: tuple[float, ...]) -> Along:
+        """Return how far a vehicle at a position [m] has come."""
         x, y, z = position
-        gates = self._course.gates
-        return Standing(passed, way_left(gates[passed % len(gates)], (x, y, z)))
+        return Along.of(self._course, passed, (x, y, z))
 
 
 class Tactics(NamedTuple):

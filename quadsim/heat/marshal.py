@@ -8,7 +8,8 @@ from math import dist, inf
 from typing import NamedTuple
 
 from quadsim.course.swept import first_within, lerp
-from quadsim.heat.rules import Rules, Standing
+from quadsim.heat.rules import Rules
+from quadsim.racing.along import Along
 from quadsim.racing.events import Event
 from quadsim.racing.referee import CLEAR, Referee
 from quadsim.rotation import Vec3
@@ -155,5 +156,10 @@ class Marshal:
         """
         if self._rules.out != "chaser":
             return pair if self._rules.out == "both" else ()
-        first, second = (Standing.of(self._referees[k].flight, at[k]) for k in pair)
-        return (pair[0],) if first.is_behind(second) else (pair[1],)
+        first, second = (self._along(k, at[k]) for k in pair)
+        return (pair[0],) if first < second else (pair[1],)
+
+    def _along(self, k: int, position: Vec3) -> Along:
+        """Return how far a vehicle has come, by the count of its referee."""
+        referee = self._referees[k].flight
+        return Along.of(referee.course, referee.passed, position)

@@ -9,9 +9,12 @@ from hashlib import sha256
 from itertools import combinations
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from quadsim.course import Course
 from quadsim.heat.loop import HeatFrame
 from quadsim.heat.spec import HeatSpec
+from quadsim.racing.along import Legs
 from quadsim.racing.events import Event
 from quadsim.racing.referee import way_left
 from quadsim.record.run import RecordedRun, Recorder, canonical, hostless
@@ -132,8 +135,8 @@ def run_records(of_heat: Mapping[str, Any]) -> list[dict[str, Any]]:
 def placings(names: Sequence[str], runs: Sequence[RecordedRun], course: Course) -> list[Placing]:
     """Return the results, the winner first.
 
-    Those that have finished are ranked by their time, the others behind them by the gates that they
-    have passed, then by the way to the next gate.
+    Entrants that have finished are ranked by their time, the others behind them by how far along
+    the race they came.
 
     Args:
         names: names of the entrants.
@@ -141,6 +144,7 @@ def placings(names: Sequence[str], runs: Sequence[RecordedRun], course: Course) 
         course: the course.
     """
     results = []
+    reached: dict[str, float] = {}  # distances along the race [m]
     for name, run in zip(names, runs, strict=True):
         finished = run.outcome == "finished"
         passed = int(run.telemetry["passed"][-1])
@@ -149,13 +153,23 @@ def placings(names: Sequence[str], runs: Sequence[RecordedRun], course: Course) 
         to_next = 0.0 if finished else way_left(gate, (x, y, z))
         time = sum(run.laps) if finished else None
         results.append(Placing(0, name, run.outcome, time, passed, to_next))
+        reached[name] = _reached(run, course)
 
-    def order(placing: Placing) -> tuple[bool, float, float, float]:
+    def order(placing: Placing) -> tuple[bool, float, float]:
         time = placing.time
-        return time is None, time or 0.0, -placing.passed, placing.to_next_gate
+        return time is None, time or 0.0, -reached[placing.name]
 
     ranked = sorted(results, key=order)
     return [placing._replace(rank=rank) for rank, placing in enumerate(ranked, 1)]
+
+
+def _reached(run: RecordedRun, course: Course) -> float:
+    """Return the distance along the race that a run has reached [m]."""
+    columns = run.telemetry
+    p = np.column_stack([columns[axis] for axis in ("px", "py", "pz")])
+    passed = columns["passed"]
+    laps_begun = int(passed[-1]) // len(course.gates) + 1
+    return float(Legs(course, laps_begun).progress(p, passed)[-1])
 
 
 def heat_events(

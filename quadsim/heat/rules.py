@@ -12,9 +12,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from quadsim.racing.referee import Referee, way_left
-from quadsim.rotation import Vec3
-
 RulesName = Literal["elimination", "chaser", "physics"]
 Out = Literal["both", "chaser", "nobody"]
 
@@ -40,24 +37,3 @@ RULES: dict[RulesName, Rules] = {
     "physics": Rules("physics", None, "nobody", collide=True, penalties=True),
 }
 assert tuple(RULES) == get_args(RulesName)
-
-
-@dataclass(frozen=True)
-class Standing:
-    """How far a vehicle has come: gates passed, then the way to the next one."""
-
-    passed: int
-    # [m]
-    way: float
-
-    @classmethod
-    def of(cls, referee: Referee, position: Vec3) -> Standing:
-        """Return the progress of a vehicle at a position [m], by its referee's count."""
-        gate = referee.course.gates[referee.next_gate]
-        return cls(referee.passed, way_left(gate, position))
-
-    def is_behind(self, other: Standing) -> bool:
-        """Return whether this vehicle has come less far than another one."""
-        if self.passed != other.passed:
-            return self.passed < other.passed
-        return self.way > other.way

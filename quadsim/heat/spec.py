@@ -201,6 +201,9 @@ def _check_world(entrants: Sequence[Entrant]) -> None:
         if spec.plant not in PLANTS_WITH_ROTORS:
             wanted = f"expected {' or '.join(PLANTS_WITH_ROTORS)} for a race of several"
             raise SettingError("plant", f"{wanted}, got {plant_name(spec.plant)}")
-        for name in ("displace_gates", "referee", "blackbox"):
+        for name in ("displace_gates", "known_from", "referee", "blackbox", "excite"):
             if getattr(spec, name):
                 raise SettingError(name, "expected none for a race of several vehicles")
+        if spec.displacement.is_any:
+            wanted = "expected one that leaves gates and obstacles on the map, in a race of several"
+            raise SettingError("randomization", f"{wanted}, got {spec.randomization.name}")

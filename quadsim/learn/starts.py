@@ -107,7 +107,7 @@ def start_rows(
     rows: list[list[list[float]]] = [[] for _ in range(racers)]
     for number in range(count):
         streams = start_vehicle_streams(seeds, number, racers)
-        varied = [draw(stream, randomize) for stream in streams]
+        varied = [draw(stream, randomize, vehicle=vehicle) for stream in streams]
         if start == "anywhere" and number >= STANDING * count:
             states, target = flying_together(course, cost, rng, racers)
         else:

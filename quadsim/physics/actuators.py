@@ -126,6 +126,7 @@ class Motors:
         # A fitted thrust map may go below zero at idle.
         self._low = max(0.0, rotors.thrust(rotors.omega_min))
         self._high = rotors.thrust(rotors.omega_max)
+        self._dt = dt
         self._remaining = remaining(rotors.tau, dt)
         # [rad/s]
         self.speeds: PerRotor = (rotors.speed(0.25 * vehicle.mass * GRAVITY),) * 4
@@ -158,7 +159,7 @@ class Motors:
             The delivered collective [N] and torque [N m] at the end of the step.
         """
         self.speeds = tuple(
-            command + (speed - command) * self._remaining
+            command + (speed - command) * self._share_left(speed, command)
             for speed, command in zip(self.speeds, commands, strict=True)
         )
         # A rotor's thrust and its reaction torque fail together.
@@ -168,6 +169,12 @@ class Motors:
         )
         force, x, y, z = (a * t0 + b * t1 + c * t2 + d * t3 for a, b, c, d in self._mixer)
         return force, (x, y, z)
+
+    def _share_left(self, speed: float, command: float) -> float:
+        """Return the share of the distance from a speed to its command that a step leaves."""
+        if self._rotors.response is None:
+            return self._remaining
+        return remaining(self._rotors.lag(speed, command), self._dt)
 
 
 class Actuators:

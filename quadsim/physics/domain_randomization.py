@@ -7,26 +7,25 @@ planner's model remains the model of the nominal vehicle.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import radians, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
 from quadsim.course import Course, Gate, Start
 from quadsim.course.checks import misplaced_gates, start_problems
 from quadsim.course.frames import frame_numbers
+from quadsim.course.obstacles import Cylinder, Obstacle
 from quadsim.dynamics.first_order import remaining
 from quadsim.files.values import SettingError
-from quadsim.rotation import Vec3
+from quadsim.physics.randomization_file import OUTDOOR, OUTDOOR_NAME, RandomizationRanges
+from quadsim.rotation import Quaternion, Vec3, euler_angles, from_euler, product
+from quadsim.streams import tilt_stream
 from quadsim.vehicle import Vehicle, scale_thrust
 from quadsim.vehicle.tolerances import VehicleTolerances
 
-# Half widths of the uniform distributions at size 1: start position per axis [m], start yaw [rad],
-# and vehicle parameters, of which flight controller and planner have only the nominal values.
-OFFSET = 0.2
-TURN = radians(10)
-VEHICLE = VehicleTolerances()
 # Draws of a start, or of the places of gates, until they pass the checks of a course file
 MOST_DRAWS = 100
 
@@ -46,6 +45,12 @@ class Randomization:
     drag: float = 0.0
     # standard deviation of the gusts per axis [m/s^2]
     gust: float = 0.0
+    # of each moment of inertia; None: they change with the mass
+    inertia: Vec3 | None = None
+    # half width of the force on each axis in each physics step [N]
+    force: float = 0.0
+    # standard deviation of the noise on each command, in the order of Control
+    command_noise: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
 
     def start(self, start: Start) -> Start:
         """Return the start, moved and turned."""
@@ -59,7 +64,9 @@ class Randomization:
         drag = tuple(d * (1 + self.drag) for d in vehicle.drag)
         rotors = vehicle.rotors
         if rotors:
-            rotors = replace(rotors, tau=rotors.tau * (1 + self.motor_lag))
+            slower = 1 + self.motor_lag
+            rates = tuple(rate / slower for rate in rotors.response or ())
+            rotors = replace(rotors, tau=rotors.tau * slower, response=rates or None)
         varied = replace(vehicle, rate_tau=lags, rotors=rotors, drag=drag)
         return scale_thrust(varied, 1 + self.thrust)
 
@@ -68,8 +75,37 @@ class Randomization:
 
         The flight controller uses the nominal mass and inertia.
         """
-        inertia = tuple(j * (1 + self.mass) for j in vehicle.inertia)
+        changes = self.inertia or (self.mass,) * 3
+        inertia = tuple(j * (1 + d) for j, d in zip(vehicle.inertia, changes, strict=True))
         return replace(vehicle, mass=vehicle.mass * (1 + self.mass), inertia=inertia)
+
+
+class Widths(NamedTuple):
+    """Half widths of the uniform distributions of a vehicle's numbers at size 1, relative."""
+
+    mass: float
+    thrust: float
+    rate_lag: float
+    motor_lag: float
+    drag: float
+
+
+def widths(ranges: RandomizationRanges, vehicle: Vehicle | None = None) -> Widths:
+    """Return the half widths of a vehicle's numbers.
+
+    They are those of the randomization. In the default one, a vehicle whose file has an uncertainty
+    is drawn from that: a uniform distribution has the half width sqrt(3) times its standard
+    deviation.
+
+    Args:
+        ranges: the randomization.
+        vehicle: the nominal vehicle; None: one without an uncertainty of its own.
+    """
+    known = vehicle.uncertainty if vehicle else None
+    if known is None or ranges.name != OUTDOOR_NAME:
+        return Widths(ranges.mass, ranges.thrust, ranges.lag, ranges.lag, ranges.drag)
+    shares = (known.mass, known.thrust, known.rate_lag, known.motor_lag, known.drag)
+    return Widths(*(sqrt(3) * share for share in shares))
 
 
 def draw(
@@ -77,6 +113,8 @@ def draw(
     size: float,
     course: Course | None = None,
     start: Start | None = None,
+    ranges: RandomizationRanges = OUTDOOR,
+    vehicle: Vehicle | None = None,
 ) -> Randomization:
     """Return the changes of a flight: uniform distributions, all independent.
 
@@ -88,6 +126,8 @@ def draw(
         size: scale of all changes; 0: none.
         course: the course as it stands; None: any start will do.
         start: the nominal start; None: that of the course.
+        ranges: what is drawn, and how widely.
+        vehicle: the nominal vehicle, see `widths`; None: one without an uncertainty of its own.
 
     Raises:
         SettingError: no start of MOST_DRAWS has room (a ValueError).
@@ -98,32 +138,57 @@ def draw(
     dx, dy, dz, turn, mass, thrust, rate_lag, motor_lag, drag = (
         size * rng.uniform(-1, 1, 9)
     ).tolist()
-    offset = (OFFSET * dx, OFFSET * dy, OFFSET * dz)
+    x, y, z = ranges.start
+    offset = (x * dx, y * dy, z * dz)
     if course is not None:
-        offset = _with_room(offset, size, rng, course, start or course.start)
+        offset = _with_room(offset, ranges.start, size, rng, course, start or course.start)
+    inertia = None
+    if ranges.inertia is not None:
+        # Drawn last, so that the numbers above are the same without it.
+        jx, jy, jz = (size * rng.uniform(-1, 1, 3) * ranges.inertia).tolist()
+        inertia = (jx, jy, jz)
+    wx, wy, wz, a = (size * std for std in ranges.command_noise)
+    width = widths(ranges, vehicle)
     return Randomization(
         offset=offset,
-        turn=TURN * turn,
-        mass=VEHICLE.mass * mass,
-        thrust=VEHICLE.thrust * thrust,
-        rate_lag=VEHICLE.lag * rate_lag,
-        motor_lag=VEHICLE.lag * motor_lag,
-        drag=VEHICLE.drag * drag,
-        gust=VEHICLE.gust * size,
+        turn=radians(ranges.start_turn_deg) * turn,
+        mass=width.mass * mass,
+        thrust=width.thrust * thrust,
+        rate_lag=width.rate_lag * rate_lag,
+        motor_lag=width.motor_lag * motor_lag,
+        drag=width.drag * drag,
+        gust=ranges.gust * size,
+        inertia=inertia,
+        force=ranges.force * size,
+        command_noise=(wx, wy, wz, a),
     )
 
 
 def _with_room(
-    offset: Vec3, size: float, rng: np.random.Generator, course: Course, start: Start
+    offset: Vec3,
+    widths: Vec3,
+    size: float,
+    rng: np.random.Generator,
+    course: Course,
+    start: Start,
 ) -> Vec3:
-    """Return a displacement of the start that has room, the one given if it has. [m]"""
+    """Return a displacement of the start that has room, the one given if it has. [m]
+
+    Args:
+        offset: the displacement that was drawn [m].
+        widths: half widths of the distributions along x, y, z at size 1 [m].
+        size: scale of the half widths.
+        rng: generator of further displacements.
+        course: the course as it stands.
+        start: the nominal start.
+    """
     problem = ""
     for _ in range(MOST_DRAWS):
         moved = Randomization(offset).start(start)
         problem = next(start_problems(course, moved.position), "")
         if not problem:
             return offset
-        x, y, z = (OFFSET * size * rng.uniform(-1, 1, 3)).tolist()
+        x, y, z = (np.array(widths) * size * rng.uniform(-1, 1, 3)).tolist()
         offset = (x, y, z)
     wanted = f"expected room for the vehicle in one of {MOST_DRAWS} starts that are drawn"
     raise SettingError("randomize", f"{wanted}, got none: the last: {problem}")
@@ -141,7 +206,7 @@ def gusts(seeds: np.random.SeedSequence, std: float, dt: float) -> Iterator[Vec3
         std: standard deviation per axis [m/s^2].
         dt: physics step [s].
     """
-    keep = remaining(VEHICLE.gust_tau, dt)
+    keep = remaining(VehicleTolerances.gust_tau, dt)
     fresh = std * sqrt(1 - keep * keep)
     rng = np.random.default_rng(seeds)
     x, y, z = (std * rng.standard_normal(3)).tolist()
@@ -153,35 +218,147 @@ def gusts(seeds: np.random.SeedSequence, std: float, dt: float) -> Iterator[Vec3
         z = keep * z + fresh * c
 
 
-def displaced(course: Course, seeds: np.random.SeedSequence, size: float) -> Course:
-    """Return the course with every gate displaced along x and y, uniformly within +-size [m].
+def forces(seeds: np.random.SeedSequence, width: float, mass: float) -> Iterator[Vec3]:
+    """Yield the acceleration by a random force [m/s^2] in each physics step, world frame.
 
-    A frame that is flown through several times is moved once. Heights stay, as gates stand on the
-    ground, and so that a gate above another stays clear of it. A gate that would stand out of
-    bounds, in the start or behind obstacles is drawn again, alone.
+    Args:
+        seeds: the stream of the forces.
+        width: half width of the uniform distribution of the force on each axis [N].
+        mass: mass of the body [kg].
+    """
+    rng = np.random.default_rng(seeds)
+    while True:
+        x, y, z = (width / mass * rng.uniform(-1, 1, 3)).tolist()
+        yield x, y, z
+
+
+class Displacement(NamedTuple):
+    """Half widths of the displacements of gates and obstacles from the map."""
+
+    gates: float  # along x and y [m]
+    height: float = 0.0  # of gates, along z [m]
+    turn: Vec3 = (0.0, 0.0, 0.0)  # roll, pitch and yaw of gates [rad]
+    obstacles: float = 0.0  # along x and y [m]
+    obstacles_height: float = 0.0  # [m]
+
+    @property
+    def is_any(self) -> bool:
+        """Whether anything is displaced."""
+        return any((self.gates, self.height, *self.turn, self.obstacles, self.obstacles_height))
+
+    @classmethod
+    def of(cls, ranges: RandomizationRanges, size: float, gates: float = 0.0) -> Displacement:
+        """Return the displacement by a randomization.
+
+        Args:
+            ranges: the randomization.
+            size: its scale.
+            gates: the least half width along x and y [m].
+        """
+        roll, pitch, yaw = (size * turn for turn in ranges.gates_turn)
+        return cls(
+            gates=max(gates, size * ranges.gates),
+            height=size * ranges.gates_height,
+            turn=(roll, pitch, yaw),
+            obstacles=size * ranges.obstacles,
+            obstacles_height=size * ranges.obstacles_height,
+        )
+
+
+class Move(NamedTuple):
+    """The displacement of one frame."""
+
+    x: float  # [m]
+    y: float
+    z: float
+    roll: float  # [rad]
+    pitch: float
+    yaw: float
+
+
+def displaced(course: Course, seeds: np.random.SeedSequence, by: Displacement) -> Course:
+    """Return the course with every gate and obstacle displaced, all distributions uniform.
+
+    A frame that is flown through several times is moved once. A gate that would stand out of
+    bounds, in the start or behind obstacles is drawn again along x and y, alone.
+
+    Args:
+        course: the map.
+        seeds: the stream of the gates.
+        by: half widths of the distributions. Without heights and turns a gate above another stays
+            clear of it.
 
     Raises:
         SettingError: a gate finds no place in MOST_DRAWS draws (a ValueError).
     """
     rng = np.random.default_rng(seeds)
     numbers = frame_numbers(course.gates)
-    moves = size * rng.uniform(-1, 1, (max(numbers) + 1, 2))  # of each frame
+    count = max(numbers) + 1
+    moves = by.gates * rng.uniform(-1, 1, (count, 2))  # of each frame along x and y
+    # A stream of their own, so that the places along x and y are the same without them.
+    others = np.random.default_rng(tilt_stream(seeds))
+    rises = by.height * others.uniform(-1, 1, (count, 1))
+    turns = np.array(by.turn) * others.uniform(-1, 1, (count, 3))
+    shifts = others.uniform(-1, 1, (len(course.obstacles), 3))
+    shifts *= (by.obstacles, by.obstacles, by.obstacles_height)
+    pairs = zip(course.obstacles, shifts.tolist(), strict=True)
+    obstacles = tuple(_shifted(obstacle, *shift) for obstacle, shift in pairs)
     problems: dict[int, str] = {}
     for _ in range(MOST_DRAWS):
-        gates = zip(course.gates, numbers, strict=True)
-        moved = replace(course, gates=tuple(_moved(gate, moves[k]) for gate, k in gates))
+        of_frames = [Move(*row) for row in np.hstack([moves, rises, turns]).tolist()]
+        gates = _moved_gates(course.gates, numbers, of_frames)
+        moved = replace(course, gates=gates, obstacles=obstacles)
         problems = misplaced_gates(moved)
         if not problems:
             return moved
         for k in dict.fromkeys(numbers[i] for i in problems):
-            moves[k] = size * rng.uniform(-1, 1, 2)
+            moves[k] = by.gates * rng.uniform(-1, 1, 2)
     (i, problem), *_ = problems.items()
     wanted = f"expected a place for gate {i + 1} in one of {MOST_DRAWS} draws"
     raise SettingError("displace_gates", f"{wanted}, got none: the last: {problem}")
 
 
-def _moved(gate: Gate, move: np.ndarray) -> Gate:
-    """Return a gate that is moved along x and y [m]."""
-    x, y, z = gate.position
-    dx, dy = move.tolist()
-    return replace(gate, position=(x + dx, y + dy, z))
+def _moved_gates(
+    gates: Sequence[Gate], numbers: Sequence[int], moves: Sequence[Move]
+) -> tuple[Gate, ...]:
+    """Return the gates, each displaced with its frame.
+
+    Args:
+        gates: gates of the map.
+        numbers: the frame of each gate.
+        moves: displacement of each frame.
+    """
+    first = {number: gate for gate, number in reversed(list(zip(gates, numbers, strict=True)))}
+    moved = []
+    for gate, number in zip(gates, numbers, strict=True):
+        move = moves[number]
+        x, y, z = gate.position
+        raised = z + move.z if move.z else z
+        there = replace(gate, position=(x + move.x, y + move.y, raised))
+        if move.roll or move.pitch or move.yaw:
+            there = _turned(there, _turn_of(first[number], move))
+        moved.append(there)
+    return tuple(moved)
+
+
+def _turn_of(frame: Gate, move: Move) -> Quaternion:
+    """Return the rotation in the world that changes a frame's roll, pitch and yaw."""
+    before = from_euler(frame.yaw, frame.pitch, frame.roll)
+    after = from_euler(frame.yaw + move.yaw, frame.pitch + move.pitch, frame.roll + move.roll)
+    w, x, y, z = before
+    return product(after, (w, -x, -y, -z))
+
+
+def _turned(gate: Gate, turn: Quaternion) -> Gate:
+    """Return a gate that is turned about its centre by a rotation in the world."""
+    yaw, pitch, roll = euler_angles(product(turn, from_euler(gate.yaw, gate.pitch, gate.roll)))
+    return replace(gate, yaw=yaw, pitch=pitch, roll=roll)
+
+
+def _shifted(obstacle: Obstacle, dx: float, dy: float, dz: float) -> Obstacle:
+    """Return an obstacle that is displaced [m]."""
+    if isinstance(obstacle, Cylinder):
+        x, y, z = obstacle.base
+        return replace(obstacle, base=(x + dx, y + dy, z + dz))
+    x, y, z = obstacle.centre
+    return replace(obstacle, centre=(x + dx, y + dy, z + dz))

@@ -19,9 +19,11 @@ Losses are independent with L = 1 / (1 - p).
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
 from numpy.random import SeedSequence, default_rng
 
 from quadsim.dynamics.quadrotor import Control
@@ -86,6 +88,31 @@ class Received(NamedTuple):
     is_new: bool  # whether a frame has arrived in this step
 
 
+class CommandNoise:
+    """Noise that is added to the commands, drawn anew in each control period."""
+
+    def __init__(self, std: Sequence[float], steps: int, stream: SeedSequence):
+        """Begin at t = 0.
+
+        Args:
+            std: standard deviation for each command, in the order of Control  (4,).
+            steps: physics steps in a control period.
+            stream: random stream of the noise.
+        """
+        self._std = np.array(std)
+        self._every = steps
+        self._random = default_rng(stream)
+        self._steps = 0
+        self._noise = [0.0] * len(self._std)
+
+    def added(self, command: Control) -> Control:
+        """Return the command of a physics step with its noise."""
+        if self._steps % self._every == 0:
+            self._noise = (self._std * self._random.standard_normal(len(self._std))).tolist()
+        self._steps += 1
+        return Control(*(u + e for u, e in zip(command, self._noise, strict=True)))
+
+
 class Link:
     """The link to one vehicle, advanced by one physics step with each command."""
 
@@ -96,6 +123,7 @@ class Link:
         config: LinkConfig = WIRE,
         interpolation: float = 0.0,
         stream: SeedSequence | None = None,
+        noise: CommandNoise | None = None,
     ):
         """Begin at t = 0; the receiver has the command of hovering.
 
@@ -106,8 +134,10 @@ class Link:
             interpolation: time of the linear interpolation to a new command, a control period [s];
                 0: none.
             stream: random stream of the losses; needed only with losses.
+            noise: noise that is added to the commands; None: there is none.
         """
         self._dt = dt
+        self._noise = noise
         self._config = config
         self._frame_period = config.period or dt
         self._steps = 0
@@ -134,6 +164,8 @@ class Link:
 
     def carry(self, command: Control) -> Received:
         """Give a command to the link for one physics step, and return what the receiver has."""
+        if self._noise is not None:
+            command = self._noise.added(command)
         self._on_the_way.append(self._frame(command))
         self._steps += 1
         arrived = self._on_the_way.popleft()

@@ -40,7 +40,7 @@ from quadsim.dynamics.quadrotor import (
 from quadsim.files.arrays import TEXT, Declared, arrays_of, npz_bytes, read_bytes, record_of
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.yaml_errors import shown
-from quadsim.vehicle import Vehicle
+from quadsim.vehicle import Vehicle, vehicle_record
 
 # Folder of the solutions that come with the project
 SOLUTIONS = Path(__file__).parent / "solutions"
@@ -275,7 +275,7 @@ class LimitProblem:
     @cached_property
     def key(self) -> str:
         """The sha256 of all that decides the limit [16 hex digits]."""
-        decided = asdict(self)
+        decided = asdict(self) | {"vehicle": vehicle_record(self.vehicle)}
         # Numbers at their defaults do not enter the key.
         for name in ("margin", "reserve"):
             if not decided[name]:
@@ -283,6 +283,8 @@ class LimitProblem:
         for part in ("course", "vehicle"):
             for name in NAMES:
                 decided[part].pop(name, None)
+        # How well a vehicle is known does not change what it can do.
+        decided["vehicle"].pop("uncertainty", None)
         if not decided["course"]["obstacles"]:
             del decided["course"]["obstacles"]
         text = json.dumps(_rounded(decided), sort_keys=True)

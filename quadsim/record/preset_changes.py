@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from typing import Any
 
@@ -20,15 +20,26 @@ def preset_changes(spec: dict[str, Any]) -> str:
     Args:
         spec: the record of a Spec, see Spec.record.
     """
-    found = list(_changes(spec))
+    found = [f"{name} {value}" for name, value in changed_numbers(spec).items()]
     shown = found[:MOST]
     if len(found) > MOST:
         shown.append(f"and {len(found) - MOST} more")
     return ", ".join(shown)
 
 
-def _changes(spec: dict[str, Any]) -> Iterator[str]:
-    """Yield each number that differs, as its name and value."""
+def changed_numbers(spec: Mapping[str, Any]) -> dict[str, str]:
+    """Return the numbers that differ from the preset, as texts by name.
+
+    It is empty in the cases in which `preset_changes` is.
+
+    Args:
+        spec: the record of a Spec, see Spec.record.
+    """
+    return dict(_changes(spec))
+
+
+def _changes(spec: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield the name and the value of each number that differs."""
     of_samplers = PRESETS.get(spec.get("preset", ""), {})
     base = of_samplers.get(spec.get("sampler", ""))
     parts = ("sampling", "mppi", "cost")
@@ -45,12 +56,13 @@ def _changes(spec: dict[str, Any]) -> Iterator[str]:
             value = numbers.get(name)
             # A JSON record has lists in place of tuples, and leaves out what was not set
             usual = list(usual) if isinstance(usual, tuple) else usual
+            value = list(value) if isinstance(value, tuple) else value
             if name in numbers and value != usual:
-                yield f"{name} {_text(value)}"
+                yield name, number_text(value)
 
 
-def _text(value: Any) -> str:
+def number_text(value: Any) -> str:
     """Return a number, or numbers, as text."""
-    if isinstance(value, list):
-        return " ".join(map(_text, value))
+    if isinstance(value, list | tuple):
+        return " ".join(map(number_text, value))
     return f"{value:g}" if isinstance(value, float) else str(value).lower()

@@ -73,9 +73,13 @@ def _head(run: RecordedRun, limit: StoredSolution | None) -> Iterator[str]:
         yield lost
     flown = [escape(flown_with(spec))]
     if spec.get("randomize"):
-        flown.append(f"randomized {spec['randomize']:g}")
+        drawn = spec.get("randomization")
+        by = f" by {escape(drawn['name'])}" if drawn else ""
+        flown.append(f"randomized {spec['randomize']:g}{by}")
     if spec.get("displace_gates"):
         flown.append(f"gates up to {spec['displace_gates']:g} m off the map")
+    if spec.get("known_from"):
+        flown.append(f"gates known within {spec['known_from']:g} m")
     yield from wrap(", ".join(flown), WIDTH, break_on_hyphens=False)
     state = given_state(spec)
     if state:

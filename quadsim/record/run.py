@@ -17,6 +17,7 @@ from typing import Any, Literal, TypedDict, get_args
 
 import numpy as np
 
+from controllers.excitation import EXCITE
 from controllers.plan import PlannerSnapshot
 from quadsim.console import plain
 from quadsim.dynamics.quadrotor import CONTROL_UNITS, STATE_UNITS
@@ -248,16 +249,16 @@ def weight_text(weight: float | list) -> str:
     return "one for each step" if isinstance(weight, list) else f"{weight:g}"
 
 
-def has_planner(spec: dict[str, Any]) -> bool:
-    """Return whether a planner flew: neither a learned pilot nor a person did."""
-    return not (spec.get("pilot") or spec.get(HAND))
+def has_planner(spec: Mapping[str, Any]) -> bool:
+    """Return whether a planner flew: neither a learned pilot, a person nor manoeuvres did."""
+    return not (spec.get("pilot") or spec.get(HAND) or spec.get(EXCITE))
 
 
 def flown_by(spec: Mapping[str, Any]) -> str:
     """Return the name of what controlled a flight.
 
-    It is the sampler's, "pilot", "hand" (a person), or the class of a controller of the user's own,
-    beside which the record names a sampler that did not fly.
+    It is the sampler's, "pilot", "hand" (a person), "excite" (manoeuvres), or the class of a
+    controller of the user's own, beside which the record names a sampler that did not fly.
     """
     own = own_parts({"own": spec.get("own", {})})
     return own["controller"] if "controller" in own else spec["sampler"]
@@ -269,16 +270,7 @@ def flown_with(spec: dict[str, Any]) -> str:
     It names the vehicle, the plant, the flight controller, the seed, the sensors, the link, the
     numbers of the planner that differ from its preset, and the faults.
     """
-    own = own_parts(spec)
-    pilot = spec.get("pilot")
-    if "controller" in own:
-        controlled = f"controller {own['controller']}"
-    elif pilot:
-        controlled = f"pilot {pilot['name']}"
-    elif spec.get(HAND):
-        controlled = "the sticks of a person"
-    else:
-        controlled = f"{spec['sampler']} sampling"
+    controlled = _controlled_by(spec)
     parts = [controlled]
     if has_planner(spec):
         parts.append(f"preset {spec['preset']}")
@@ -304,6 +296,21 @@ def flown_with(spec: dict[str, Any]) -> str:
     if faults:
         parts.append(f"fault{'s' if len(faults) > 1 else ''} {' and '.join(faults)}")
     return ", ".join(parts)
+
+
+def _controlled_by(spec: dict[str, Any]) -> str:
+    """Return what controlled a flight, in words."""
+    own = own_parts(spec)
+    pilot = spec.get("pilot")
+    if "controller" in own:
+        return f"controller {own['controller']}"
+    if pilot:
+        return f"pilot {pilot['name']}"
+    if spec.get(HAND):
+        return "the sticks of a person"
+    if spec.get(EXCITE):
+        return "manoeuvres that excite the vehicle"
+    return f"{spec['sampler']} sampling"
 
 
 def hostless(spec: dict[str, Any]) -> dict:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from controllers.excitation import EXCITE
 from quadsim.racing.hand import HAND
 from quadsim.record.estimate_metrics import lost_estimate
 from quadsim.record.given_state import given_state
@@ -35,7 +36,7 @@ def _sentences(run: RecordedRun, metrics: RunMetrics) -> Iterator[str]:
     yield f"Thrust chatter is {chatter_text(metrics)}."
     if metrics.motor_variation is not None:
         yield f"The firmware's motor commands vary by {motor_text(metrics)}."
-    if not run.spec.get(HAND):
+    if not (run.spec.get(HAND) or run.spec.get(EXCITE)):
         who = "The pilot" if run.spec.get("pilot") else "A plan"
         yield f"{who} took {planning_text(metrics)}."
     remark = not_comparable(run.spec)

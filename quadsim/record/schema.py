@@ -23,6 +23,7 @@ from controllers.config import MPPIConfig
 from quadsim.course import Start
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.physics.link import WIRE, LinkConfig
+from quadsim.physics.randomization_file import OUTDOOR, RandomizationRanges
 from quadsim.racing.events import Event
 from quadsim.record.run import Outcome, PlanTime
 from quadsim.sensing import Sensing
@@ -245,6 +246,7 @@ class FlownSpec(Struct, kw_only=True):
     host: Host = field(default_factory=Host)
     start: Start | None = None
     sensing: Sensing | None = None
+    randomization: RandomizationRanges = OUTDOOR
     view_weight: float = 0.0
     faults: tuple[str, ...] = ()
     pilot: FlownPilot | None = None

@@ -171,6 +171,8 @@ class GateCameraConfig(Camera):
     dies_at: Annotated[
         EndOfLife | None, setting("time from which on the camera is silent [s]; null: never")
     ] = None
+    dropouts: Annotated[Share, setting("probability per picture that a dropout begins")] = 0.0
+    dropout: Annotated[float, setting("duration of a dropout [s]", unit="s", gt=0, le=100)] = 0.5
 
     def local(self, points: np.ndarray) -> np.ndarray:
         """Return points of the body frame in the camera frame [m].  (n, 3)"""

@@ -23,6 +23,7 @@ from quadsim.sensing.config import GateCameraConfig
 from quadsim.sensing.measurements import Corners
 from quadsim.sensing.timing import Ticks
 from quadsim.sensing.visibility import hidden
+from quadsim.streams import dropout_stream
 
 
 class GateCamera:
@@ -46,6 +47,9 @@ class GateCamera:
         self.latency = config.latency
         self._config = config
         self._rng = np.random.default_rng(seeds)
+        # A stream of its own, so that the errors of the corners are the same without dropouts.
+        self._dropouts = np.random.default_rng(dropout_stream(seeds))
+        self._silent_until = -inf
         self._ticks = Ticks(config.rate)
         self._gates = tuple(gates)
         self._obstacles = tuple(obstacles)
@@ -67,7 +71,15 @@ class GateCamera:
         for k in np.flatnonzero(seen.reshape(-1, 4).any(axis=1)).tolist():
             others = self._gates[:k] + self._gates[k + 1 :]
             seen[4 * k : 4 * k + 4] &= ~hidden(self._corners[k], position, others, self._obstacles)
-        return self._found(state.t, pixels, np.flatnonzero(seen))
+        found = self._found(state.t, pixels, np.flatnonzero(seen))
+        return None if self._is_silent(state.t) else found
+
+    def _is_silent(self, t: float) -> bool:
+        """Return whether the picture that is taken at t [s] is lost in a dropout."""
+        begins = self._dropouts.random() < self._config.dropouts
+        if begins and t > 0.0:
+            self._silent_until = t + self._config.dropout
+        return t < self._silent_until
 
     def _found(self, t: float, pixels: np.ndarray, view: np.ndarray) -> Corners:
         """Return the found corners among the corners in view.

@@ -39,6 +39,7 @@ from quadsim.sensing.estimation.estimator import Estimator
 from quadsim.sensing.estimation.prediction import Commands, predict
 from quadsim.sensing.estimation.vehicle_learner import VehicleLearner
 from quadsim.sensing.kept import Kept
+from quadsim.sensing.known_course import KnownCourse
 from quadsim.sensing.measurements import Corners, Inertial, Measurement, RotorThrust
 from quadsim.sensing.sensors import Sensors
 
@@ -148,14 +149,22 @@ class TrueState:
 
     corners = None
 
-    def __init__(self, state: PlantState, dt: float, learner: VehicleLearner | None = None):
+    def __init__(
+        self,
+        state: PlantState,
+        dt: float,
+        learner: VehicleLearner | None = None,
+        course: KnownCourse | None = None,
+    ):
         """Start at the plant's first state.
 
         Args:
             state: state of the plant.
             dt: control period [s].
             learner: estimator of the vehicle's parameters; None: they are not estimated.
+            course: the course as it is known in flight; None: the map alone.
         """
+        self._course = course
         self._state = state
         self._dt = dt
         self.learner = learner
@@ -170,14 +179,17 @@ class TrueState:
         """Return the true state, and the model estimated from true states."""
         before = self._before
         self._before = self._state
+        course = None
+        if self._course is not None:
+            course = self._course.seen_from(State(*self._state.x).position)
         if self.learner is None:
-            return Present(self._state.x)
+            return Present(self._state.x, course=course)
         if before is not None and periods:
             duration = self._whole_periods(t - before.t) * self._dt
             self.learner.learn_from_states(
                 State(*before.x), State(*self._state.x), Control(*acted), duration
             )
-        return Present(self._state.x, self.learner.model)
+        return Present(self._state.x, self.learner.model, course)
 
     def record(self, state: PlantState) -> tuple[float, ...]:
         """Return (), as nothing is estimated."""

@@ -1,6 +1,7 @@
-"""Lists of courses, vehicles, sensings, presets and settings.
+"""Lists of courses, vehicles, sensings, competitions, presets and settings.
 
-`race courses`, `vehicles`, `sensings`, `presets` and `settings` print the same tables.
+`race courses`, `vehicles`, `sensings`, `competitions`, `presets` and `settings` print the same
+tables.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, overload
 
 from controllers.presets import PRESETS
+from quadsim.config.competition import Competition, competition_names, load_competition
 from quadsim.course import Course, course_names, load_course
 from quadsim.sensing import Sensing, load_sensing, sensing_names
 from quadsim.sensing.sensing_file import SENSORS
@@ -98,6 +100,18 @@ def vehicles() -> Listing:
     """
     known = [load_vehicle(name) for name in vehicle_names()]
     return Listing(vehicle_names(), lambda _: vehicle_table(known))
+
+
+def competitions() -> Listing:
+    """Return the names of the competitions, as `race competitions` lists them.
+
+    Examples:
+        >>> import quadsim
+        >>> list(quadsim.competitions())[:2]
+        ['aigp_physical', 'lsy_level0']
+    """
+    known = [load_competition(name) for name in competition_names()]
+    return Listing(competition_names(), lambda _: competition_table(known))
 
 
 def sensings() -> Listing:
@@ -194,6 +208,19 @@ def sensing_table(sensings: Sequence[Sensing]) -> Table:
     table = plain_table("sensing", "sensors: samples a second [Hz], latency [ms]", left=(0, 1))
     for sensing in sensings:
         table.add_row(sensing.name, _sensors_text(sensing))
+    return table
+
+
+def competition_table(competitions: Sequence[Competition]) -> Table:
+    """Return the table of competitions."""
+    from quadsim.console import plain_table
+
+    table = plain_table("competition", "course", "what it prescribes", left=range(3))
+    table.columns[0].no_wrap = True
+    table.columns[1].no_wrap = True
+    for one in competitions:
+        prescribed = [f"{name} {shown(value)}" for name, value in one.settings.items()]
+        table.add_row(one.name, one.course, ", ".join(prescribed))
     return table
 
 

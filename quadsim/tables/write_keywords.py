@@ -33,11 +33,13 @@ if TYPE_CHECKING:
     from controllers.learned.pilot import Pilot
     from controllers.presets import Planner
     from controllers.samplers import PlainSampler, Sampling
+    from quadsim.config.competition import Competition
     from quadsim.config.spec import Spec
     from quadsim.course import Course
     from quadsim.dynamics.quadrotor import ModelParams
     from quadsim.firmware.text import Text
     from quadsim.physics.plant import Plant
+    from quadsim.physics.randomization_file import RandomizationRanges
     from quadsim.racing.flight import ControlLaw, Controller, RefereeProtocol
     from quadsim.sensing import Sensing
     from quadsim.vehicle import Vehicle
@@ -57,6 +59,8 @@ OBJECTS = {
     "preset": "str | Path",
     "vehicle": "str | Path | Vehicle",
     "sensing": "str | Path | Sensing",
+    "randomization": "str | Path | RandomizationRanges",
+    "competition": "str | Path | Competition",
     "plant": 'Literal["bullet", "rigid", "rotorpy"] | Plant | Callable[[Spec], Plant]',
     "betaflight": "str | Path | Text",
     "runs_dir": "str | Path",

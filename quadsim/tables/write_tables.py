@@ -11,8 +11,10 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+from quadsim.config.competition import competition_schema
 from quadsim.config.settings import OWNERS, SETTINGS
 from quadsim.course.course_file import CourseFile
+from quadsim.physics.randomization_file import RandomizationRanges
 from quadsim.sensing.sensing_file import SensingFile
 from quadsim.tables.settings_table import key_rows, markdown, setting_rows
 from quadsim.vehicle.vehicle import VehicleFile
@@ -25,7 +27,13 @@ TABLE = re.compile(r"(<!-- table (\S+), [^\n]*-->\n\n)(.*?)(\n<!-- end of table 
 
 def tables() -> dict[str, Callable[[], str]]:
     """Return the functions that make the tables, by name."""
-    files = {"course": CourseFile, "vehicle": VehicleFile, "sensing": SensingFile}
+    files = {
+        "course": CourseFile,
+        "vehicle": VehicleFile,
+        "sensing": SensingFile,
+        "competition": competition_schema(),
+        "randomization": RandomizationRanges,
+    }
     made: dict[str, Callable[[], str]] = {f"settings.{group}": _settings(group) for group in OWNERS}
     return made | {f"keys.{kind}": _keys(schema) for kind, schema in files.items()}
 

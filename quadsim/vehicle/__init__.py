@@ -4,6 +4,7 @@ from quadsim.vehicle.vehicle import (
     GRAVITY,
     VEHICLES,
     Rotors,
+    Uncertainty,
     Vehicle,
     check_vehicle,
     load_vehicle,
@@ -11,6 +12,7 @@ from quadsim.vehicle.vehicle import (
     scale_thrust,
     unlikely_inertia,
     vehicle_names,
+    vehicle_record,
     with_thrust_to_weight,
 )
 
@@ -18,6 +20,7 @@ __all__ = [
     "GRAVITY",
     "VEHICLES",
     "Rotors",
+    "Uncertainty",
     "Vehicle",
     "check_vehicle",
     "load_vehicle",
@@ -25,5 +28,6 @@ __all__ = [
     "scale_thrust",
     "unlikely_inertia",
     "vehicle_names",
+    "vehicle_record",
     "with_thrust_to_weight",
 ]

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict as dataclass_dict
 from dataclasses import dataclass, replace
 from math import isclose, nextafter, sqrt
 from pathlib import Path
 from typing import Annotated, Any, TypedDict, Unpack
 
 from msgspec import Struct
+from msgspec.structs import asdict
 
 from quadsim.files.data_files import locate, names, read_text
 from quadsim.files.strict_yaml import parse, setting, unit
@@ -29,6 +31,7 @@ KEYS_OF_ROTORS = {
     "omega_min": "motor_omega_min",
     "omega_max": "motor_omega_max",
     "tau": "motor_tau",
+    "response": "motor_response",
     "positions": "arm_l, or rotor_x and rotor_y",
 }
 # Name of a vehicle with a changed thrust-to-weight ratio
@@ -45,6 +48,8 @@ Length = Annotated[float, unit("m", gt=0, le=LARGEST_ARM)]
 Speed = Annotated[float, unit("rad/s", ge=0, le=20000)]
 Lag = Annotated[float, unit("s", ge=0, le=2)]
 Rate = Annotated[float, unit("rad/s", gt=0, le=100)]
+# A rate that is 0 for both would never let the speed change: `_rotor_problems` checks their sum.
+Response = Annotated[float, unit("1/s, 1/rad", ge=0, le=1e4)]
 Moment = Annotated[float, unit("kg m^2", gt=0, le=10)]
 Drag = Annotated[float, unit("1/s", ge=0, le=20)]
 
@@ -74,6 +79,23 @@ class Rotors:
     tau: float
     # reaction torque per thrust [m]
     kappa: float
+    # a [1/s] and b [1/rad] of W' = a (c - W) + b (c^2 - W^2) while the speed W rises to its command
+    # c, then a and b while it falls; None: W' = (c - W) / tau
+    response: tuple[float, float, float, float] | None = None
+
+    def lag(self, speed: float, command: float) -> float:
+        """Return the time constant of the speed on its way to a command [s].
+
+        Args:
+            speed: present speed [rad/s].
+            command: commanded speed [rad/s].
+        """
+        if self.response is None:
+            return self.tau
+        a_up, b_up, a_down, b_down = self.response
+        a, b = (a_up, b_up) if command > speed else (a_down, b_down)
+        # a (c - W) + b (c^2 - W^2) = (a + b (c + W)) (c - W)
+        return 1.0 / (a + b * (command + speed))
 
     def thrust(self, speed: float) -> float:
         """Return c2 W^2 + c1 W + c0, the thrust of one rotor [N] at the speed W [rad/s]."""
@@ -89,6 +111,23 @@ class Rotors:
         return (sqrt(c1 * c1 + 4.0 * c2 * (thrust - c0)) - c1) / (2.0 * c2)
 
 
+@dataclass(frozen=True)
+class Uncertainty:
+    """Standard deviations of a vehicle's numbers, relative to them: 0.02 is 2 %.
+
+    Domain randomization draws from them, see quadsim.physics.domain_randomization.
+    """
+
+    mass: float
+    # of the full thrust
+    thrust: float
+    # of the lags of the body rates
+    rate_lag: float
+    # of the lag of the rotors
+    motor_lag: float
+    drag: float
+
+
 class RotorChanges(TypedDict, total=False):
     """Keys of the rotors in a vehicle file."""
 
@@ -98,6 +137,7 @@ class RotorChanges(TypedDict, total=False):
     motor_omega_min: float
     motor_omega_max: float
     motor_tau: float
+    motor_response: Sequence[float] | None
     thrust_map: Sequence[float]
     kappa: float
 
@@ -116,6 +156,7 @@ class VehicleChanges(TypedDict, total=False):
     drag: Sequence[float]
     latency: float
     rotors: RotorChanges | Rotors | None
+    uncertainty: Mapping[str, float] | Uncertainty | None
 
 
 @dataclass(frozen=True)
@@ -153,6 +194,8 @@ class Vehicle:
     latency: float
     # None: the thrust acts at once, without limits of single rotors
     rotors: Rotors | None
+    # None: not known
+    uncertainty: Uncertainty | None = None
 
     def __repr__(self) -> str:
         """Return one short line; `to_yaml` has all numbers."""
@@ -208,6 +251,20 @@ class Vehicle:
         return written(_as_yaml(self), path)
 
 
+def vehicle_record(vehicle: Vehicle) -> dict[str, Any]:
+    """Return a vehicle as records have it: nested dictionaries.
+
+    A response of the rotors and an uncertainty are left out if there is none, so that the records
+    of other vehicles, and their hashes, are as before there was one.
+    """
+    record = dataclass_dict(vehicle)
+    if record["rotors"] and record["rotors"]["response"] is None:
+        del record["rotors"]["response"]
+    if record["uncertainty"] is None:
+        del record["uncertainty"]
+    return record
+
+
 def scale_thrust(vehicle: Vehicle, factor: float) -> Vehicle:
     """Return the vehicle with stronger or weaker propellers.
 
@@ -237,11 +294,32 @@ class RotorsEntry(Struct, frozen=True, kw_only=True):
     motor_omega_min: Annotated[Speed, setting("speed at idle [rad/s]")]
     motor_omega_max: Annotated[Speed, setting("full speed [rad/s]")]
     motor_tau: Annotated[Lag, setting("lag of the speed [s]")]
+    motor_response: Annotated[
+        tuple[Response, Response, Response, Response] | None,
+        setting(
+            "a, b of the speed's W' = a (c - W) + b (c^2 - W^2) to a command c, rising and falling,"
+            " in place of the lag, which stays that of the planner's model",
+            unit="1/s, 1/rad, 1/s, 1/rad",
+        ),
+    ] = None
     thrust_map: Annotated[
         tuple[float, float, float],
         setting("c2, c1, c0 of the thrust c2 W^2 + c1 W + c0", unit="N s^2, N s, N"),
     ]
     kappa: Annotated[float, setting("reaction torque per thrust [m]", unit="m", gt=0, le=1)]
+
+
+Share = Annotated[float, unit("share", ge=0, le=0.5)]
+
+
+class UncertaintyEntry(Struct, frozen=True, kw_only=True):
+    """How well the numbers of a vehicle are known, in a vehicle file."""
+
+    mass: Annotated[Share, setting("standard deviation of the mass, relative")]
+    thrust: Annotated[Share, setting("standard deviation of the full thrust, relative")]
+    rate_lag: Annotated[Share, setting("standard deviation of the body rates' lags, relative")]
+    motor_lag: Annotated[Share, setting("standard deviation of the rotors' lag, relative")]
+    drag: Annotated[Share, setting("standard deviation of the drag, relative")]
 
 
 class VehicleFile(Struct, frozen=True, kw_only=True):
@@ -279,6 +357,7 @@ class VehicleFile(Struct, frozen=True, kw_only=True):
         float, setting("time from command to actuator [s]", unit="s", ge=0, le=0.5)
     ] = 0.0
     rotors: RotorsEntry | None = None
+    uncertainty: UncertaintyEntry | None = None
 
 
 def vehicle_names() -> tuple[str, ...]:
@@ -338,6 +417,7 @@ def parse_vehicle(text: str, file: str) -> Vehicle:
         drag=entry.drag,
         latency=entry.latency,
         rotors=rotors,
+        uncertainty=Uncertainty(**asdict(entry.uncertainty)) if entry.uncertainty else None,
     )
 
 
@@ -359,6 +439,8 @@ def _changed(vehicle: Vehicle, changes: Mapping[str, Any]) -> Vehicle:
             entries["thrust_max"] = vehicle.thrust_max
         else:
             entries["rotors"] = _changed_rotors(vehicle.rotors, rotors)
+    if isinstance(known := given.get("uncertainty"), Uncertainty):
+        given["uncertainty"] = dataclass_dict(known)
     return replace(remade({**entries, **given}, parse_vehicle, name), name=name)
 
 
@@ -439,9 +521,10 @@ def _entries(vehicle: Vehicle) -> dict[str, Any]:
         "drag": vehicle.drag,
         "latency": vehicle.latency,
         "rotors": _rotors_entry(vehicle.rotors) if vehicle.rotors else None,
+        "uncertainty": dataclass_dict(vehicle.uncertainty) if vehicle.uncertainty else None,
     }
     defaults = {"source": "", "thrust_max": None, "drag": (0.0, 0.0, 0.0), "latency": 0.0}
-    defaults["rotors"] = None
+    defaults |= {"rotors": None, "uncertainty": None}
     return {
         key: value
         for key, value in entries.items()
@@ -460,6 +543,7 @@ def _rotors_entry(rotors: Rotors) -> dict[str, Any]:
         "motor_omega_min": rotors.omega_min,
         "motor_omega_max": rotors.omega_max,
         "motor_tau": rotors.tau,
+        **({"motor_response": rotors.response} if rotors.response else {}),
         "thrust_map": rotors.thrust_map,
         "kappa": rotors.kappa,
     }
@@ -487,6 +571,7 @@ def _rotors(entry: RotorsEntry) -> Rotors:
         omega_min=entry.motor_omega_min,
         omega_max=entry.motor_omega_max,
         tau=entry.motor_tau,
+        response=entry.motor_response,
         kappa=entry.kappa,
     )
 
@@ -546,6 +631,12 @@ def _rotor_problems(entry: RotorsEntry, weight: float) -> Iterator[FieldProblem]
     if c2 <= 0.0 or 2 * c2 * low + c1 < 0.0:
         expected = "expected thrust that rises, ever faster, with the speed"
         yield FieldProblem("rotors.thrust_map", f"{expected}, got {_list(rotors.thrust_map)}")
+
+    if rotors.response:
+        a_up, b_up, a_down, b_down = rotors.response
+        if not (a_up + b_up * low > 0.0 and a_down + b_down * low > 0.0):
+            problem = "expected a speed that follows its command, got rates of 0"
+            yield FieldProblem("rotors.motor_response", problem)
 
     idle = 4 * rotors.thrust(low)
     full = 4 * rotors.thrust(high)

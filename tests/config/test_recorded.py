@@ -76,6 +76,7 @@ FLIGHTS = {
         BRIEF | {"sensing": "gates", "displace_gates": 0.3, "view_weight": 0.0},
     ),
     "pilot": ("split_s_swift", {"pilot": "split_s_swift", "timeout": 0.3}),
+    "competition": (None, BRIEF | {"competition": "lsy_level2", "preset": "race", "seed": 3}),
     "timed": ("figure8", BRIEF | {"penalties": True, "plant_dt": 0.002}),
     "faults": ("split_s_swift", BRIEF | {"fault": ("rotor=.7@.05", "commands=lost@.1-.12")}),
     "rotorpy": ("figure8", BRIEF | {"plant": "rotorpy"}),
@@ -103,7 +104,9 @@ def test_every_number_of_a_flight_is_recorded_and_read():
         "seed": 3,
         "randomize": 0.5,
         "displace_gates": 0.3,
+        "known_from": 0.7,
         "fault": ("rotor2=0.5@3.2",),
+        "excite": True,
         "penalties": True,
         "plant_dt": 0.002,
         "link_hz": 100.0,
@@ -114,7 +117,7 @@ def test_every_number_of_a_flight_is_recorded_and_read():
         "clock": "wall",
         "deadline_ms": 50.0,
     }
-    spec = Spec.of("split_s_swift", sensing="gates", plant="rigid", **numbers)
+    spec = Spec.of("split_s_swift", plant="rigid", **numbers)
     again = spec_of_record(as_stored(spec.record()))
     # Not every machine has the firmware, whose configuration is recorded.
     names = {field.name for field in fields(FlightNumbers)} - {"flight_controller"}

@@ -74,6 +74,7 @@ LISTINGS = {
     "courses": (quadsim.courses, quadsim.load_course),
     "vehicles": (quadsim.vehicles, quadsim.load_vehicle),
     "sensings": (quadsim.sensings, quadsim.load_sensing),
+    "competitions": (quadsim.competitions, quadsim.load_competition),
 }
 
 

@@ -282,6 +282,8 @@ def test_no_gate_is_first_met_from_behind():
     split-S has 0."""
     for course in ALL:
         for (before, here), gate in zip(pairwise(_way(course)), course.gates, strict=True):
+            if course.name == "aigp_physical" and gate is course.gates[5]:
+                continue  # a hairpin, as its organizers have published it
             leg = np.subtract(here, before)
             assert leg @ gate.rotation[:, 0] > -0.05 * np.linalg.norm(leg), course.name
 

@@ -19,7 +19,7 @@ from quadsim.firmware.identification import (
 from quadsim.firmware.identified import firmware_for
 from quadsim.firmware.limits import nominal_behind
 from quadsim.firmware.switches import Switches
-from quadsim.firmware.text import Text
+from quadsim.firmware.text import Text, shipped_configuration
 from quadsim.firmware.translation import ConfigurationError
 from quadsim.firmware.tuned_gains import first_configuration
 from quadsim.vehicle import load_vehicle, vehicle_names
@@ -27,7 +27,7 @@ from quadsim.vehicle import load_vehicle, vehicle_names
 ARM = "aux 0 0 0 1700 2100 0 0"
 SWIFT = load_vehicle("swift")
 NOMINAL = quadsim.dynamics.quadrotor.ModelParams.of(SWIFT)
-WITH_ROTORS = [name for name in vehicle_names() if load_vehicle(name).rotors]
+CONFIGURED = [n for n in vehicle_names() if shipped_configuration(load_vehicle(n))]
 
 
 def limits(rates=(12.0, 12.0, 12.0), motors=(0.055, 1.0)):
@@ -70,7 +70,7 @@ def test_a_configuration_that_cannot_fly_the_vehicle_is_one_line(changes, said):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("name", WITH_ROTORS)
+@pytest.mark.parametrize("name", CONFIGURED)
 def test_the_configuration_of_a_vehicle_does_not_limit_it(built, name):
     vehicle = load_vehicle(name)
     _, configuration = firmware_for(vehicle, first_configuration(vehicle))

@@ -24,7 +24,9 @@ DT = 1e-3
 PERIOD = 0.01
 ARM = "aux 0 0 0 1700 2100 0 0"
 GAINS = (Gains(20, 21, 22), Gains(30, 31, 32), Gains(40, 41, 0))
-WITH_ROTORS = [name for name in vehicle_names() if load_vehicle(name).rotors]
+# Crazyflies have a firmware of their own, and nobody has measured an Archer to tune one for.
+WITHOUT = {"archer", "cf21b_500"}
+WITH_ROTORS = [n for n in vehicle_names() if load_vehicle(n).rotors and n not in WITHOUT]
 # found by step responses; swift's were chosen by its lap times
 TUNED = sorted(set(WITH_ROTORS) - {"swift", "swift_40ms"})
 
@@ -42,7 +44,7 @@ def response(name, axis):
     return bench(name).response(axis)
 
 
-def test_each_vehicle_with_rotors_has_a_configuration():
+def test_each_vehicle_with_rotors_has_a_configuration_but_those_without_a_tuned_one():
     files = {path.name.partition(".")[0] for path in VEHICLES.glob("*.betaflight.txt")}
     assert files == set(WITH_ROTORS)
 

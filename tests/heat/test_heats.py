@@ -380,6 +380,13 @@ def test_a_race_that_cannot_be_written_leaves_nothing(raced, tmp_path):
         (["colored+patiense=1"], {}, "patiense", ["did you mean 'patience'"]),
         (["colored", "gaussian"], {"plant": "rotorpy"}, "plant", ["bullet or rigid"]),
         (["colored", "gaussian"], {"displace_gates": 0.1}, "displace_gates", ["expected none"]),
+        (["colored", "gaussian"], {"excite": True}, "excite", ["expected none"]),
+        (
+            ["colored", "gaussian"],
+            {"randomization": "lsy_level2", "randomize": 1.0},
+            "randomization",
+            ["leaves gates and obstacles on the map"],
+        ),
     ],
 )
 def test_what_cannot_race_is_one_line(entrants, settings, name, said):

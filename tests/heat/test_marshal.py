@@ -5,7 +5,7 @@ from referee_cases import FAR, gate
 
 from quadsim.course import Course, Start
 from quadsim.heat.marshal import HeatReferee, Marshal, Move
-from quadsim.heat.rules import RULES, Standing
+from quadsim.heat.rules import RULES
 from quadsim.racing.referee import CLEAR, Referee
 
 R = 0.14
@@ -74,13 +74,6 @@ def test_side_by_side_is_no_contact_under_elimination_but_is_one_for_the_chaser(
     # the first one is farther from gate 1
     assert [r.outcome for r in referees] == ["crashed", None]
     assert [len(events(r)) for r in referees] == [1, 1]
-
-
-def test_the_chaser_is_who_has_passed_fewer_gates():
-    ahead = Standing(passed=3, way=9.0)
-    assert Standing(passed=2, way=1.0).is_behind(ahead)
-    assert not ahead.is_behind(Standing(passed=2, way=1.0))
-    assert Standing(passed=3, way=9.5).is_behind(ahead)
 
 
 def test_under_physics_nobody_is_out_and_a_contact_counts_once():

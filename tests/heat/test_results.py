@@ -82,7 +82,7 @@ def test_a_contact_of_two_is_one_event():
     assert kinds(a, b) == [("contact", "a", "b", 0), ("out", "a", "b", 0), ("out", "b", "a", 0)]
 
 
-def test_the_order_is_time_then_gates_then_the_way_to_the_next():
+def test_the_order_is_time_then_how_far_along_the_race():
     gate = np.array(COURSE.gates[2].position)
     ahead = gate - 1.0 * np.array(COURSE.gates[2].axes[0])
     behind = gate - 3.0 * np.array(COURSE.gates[2].axes[0])

@@ -16,15 +16,16 @@ from quadsim.course.checks import misplaced_gates, start_problems
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.values import SettingError
 from quadsim.physics.domain_randomization import (
-    VEHICLE,
+    Displacement,
     Randomization,
     displaced,
     draw,
     gusts,
 )
 from quadsim.physics.plant import PLANTS, default_plant
+from quadsim.physics.randomization_file import VEHICLE, load_randomization
 from quadsim.streams import quadrotor_streams
-from quadsim.vehicle import GRAVITY, load_vehicle, with_thrust_to_weight
+from quadsim.vehicle import GRAVITY, Uncertainty, load_vehicle, with_thrust_to_weight
 from tests.small import SMALL
 
 HOVER = (0.0, 0.0, 0.0, GRAVITY)
@@ -148,11 +149,11 @@ def test_displaced_gates_stand_where_a_course_file_may_have_them():
     drawn_again = 0
     for seed in range(40):
         seeds = quadrotor_streams(seed).gates
-        assert not misplaced_gates(displaced(course, seeds, 1.0))
+        assert not misplaced_gates(displaced(course, seeds, Displacement(1.0)))
         distinct = tuple(dict.fromkeys(course.gates))
         moves = np.random.default_rng(seeds).uniform(-1, 1, (len(distinct), 2))
         first = dict(zip(distinct, moves, strict=True))
-        moved = displaced(course, seeds, 1.0)
+        moved = displaced(course, seeds, Displacement(1.0))
         same = [
             np.array_equal(now.position[:2], np.array(gate.position[:2]) + first[gate])
             for gate, now in zip(course.gates, moved.gates, strict=True)
@@ -163,4 +164,22 @@ def test_displaced_gates_stand_where_a_course_file_may_have_them():
 
 def test_gates_without_a_place_are_one_line():
     with pytest.raises(SettingError, match=r"^displace_gates: expected a place for gate \d"):
-        displaced(load_course("lsy_level2"), quadrotor_streams(0).gates, 1000.0)
+        displaced(load_course("lsy_level2"), quadrotor_streams(0).gates, Displacement(1000.0))
+
+
+def test_a_vehicle_whose_uncertainty_is_known_is_drawn_from_it():
+    known = Uncertainty(mass=0.01, thrust=0.02, rate_lag=0.03, motor_lag=0.04, drag=0.05)
+    vehicle = replace(load_vehicle("swift"), uncertainty=known)
+    names = ("mass", "thrust", "rate_lag", "motor_lag", "drag")
+    streams = [quadrotor_streams(seed).vehicle for seed in range(400)]
+    drawn = np.array([[getattr(draw(s, 1.0, vehicle=vehicle), n) for n in names] for s in streams])
+    stds = [getattr(known, name) for name in names]
+    assert drawn.std(axis=0) == pytest.approx(stds, rel=0.1)
+    # The control: without it, the same seeds draw from the tolerances of any vehicle.
+    usual = np.array([draw(s, 1.0).mass for s in streams])
+    assert usual.std() > 2.0 * known.mass
+    assert np.corrcoef(usual, drawn[:, 0])[0, 1] == pytest.approx(1.0)
+    # Another randomization counts before the vehicle's own uncertainty.
+    level = load_randomization("lsy_level2")
+    of_level = [draw(s, 1.0, ranges=level, vehicle=vehicle).mass for s in streams[:9]]
+    assert of_level == [draw(s, 1.0, ranges=level).mass for s in streams[:9]]

@@ -8,7 +8,7 @@ import pytest
 from referee_cases import HALF, WIDTH, R, fly, gate, make_referee, straight
 
 from quadsim.course.frames import frame_numbers, frames, same_frame
-from quadsim.physics.domain_randomization import displaced
+from quadsim.physics.domain_randomization import Displacement, displaced
 from quadsim.streams import quadrotor_streams
 
 HERE = gate()
@@ -77,7 +77,7 @@ def test_one_touch_of_a_frame_is_one_hit(other):
 
 def test_a_displaced_frame_stays_whole():
     referee = make_referee(HERE, THERE, turned(pi))
-    moved = displaced(referee.course, quadrotor_streams(3).gates, 0.5).gates
+    moved = displaced(referee.course, quadrotor_streams(3).gates, Displacement(0.5)).gates
     assert same_frame(moved[0], moved[2])
     assert not np.allclose(moved[0].position, HERE.position, atol=1e-3)
     assert R > 0

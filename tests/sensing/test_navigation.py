@@ -17,7 +17,7 @@ from quadsim.course.frames import frames
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import Control, ModelParams, State
 from quadsim.files.strict_yaml import FileError
-from quadsim.physics.domain_randomization import displaced
+from quadsim.physics.domain_randomization import Displacement, displaced
 from quadsim.physics.plant import RigidPlant
 from quadsim.racing.flight import FlightParts
 from quadsim.record.estimate_metrics import estimate_errors, sensing_numbers
@@ -115,7 +115,9 @@ def test_gates_are_counted_where_they_are_estimated_to_stand():
 
 def test_gates_are_moved_by_the_seed_within_the_size():
     course = load_course("split_s_swift")
-    one, same, other = (displaced(course, np.random.SeedSequence(s), 0.15) for s in (1, 1, 2))
+    one, same, other = (
+        displaced(course, np.random.SeedSequence(s), Displacement(0.15)) for s in (1, 1, 2)
+    )
     assert one == same != other
     moves = np.subtract([g.position for g in one.gates], [g.position for g in course.gates])
     assert 0.05 < abs(moves[:, :2]).max() <= 0.15

@@ -243,3 +243,15 @@ def test_misses_outliers_and_false_associations_come_as_often_as_configured():
     assert found / seen == pytest.approx(0.9, abs=0.01)
     # one swap in eight is with itself
     assert wrong / found == pytest.approx(0.05 + 0.03 * 7 / 8, abs=0.01)
+
+
+def test_a_cameras_dropouts_lose_pictures_in_bursts_and_change_no_later_corner():
+    whole = GateCameraConfig(width=640, height=360, fx=320, fy=320, rate=50, noise=2.0, misses=0.1)
+    kept = {m.t: m for m in measured(GateCamera(whole, SEED, GATES))}
+    bursts = replace(whole, dropouts=0.03, dropout=0.3)
+    found = {m.t: m for m in measured(GateCamera(bursts, SEED, GATES))}
+    gaps = np.diff([t for t in found if t > 0.0])
+    assert gaps.max() >= 0.3
+    assert 0.2 < 1.0 - len(found) / len(kept) < 0.8
+    for t, corners in found.items():
+        assert np.array_equal(corners.pixels, kept[t].pixels)

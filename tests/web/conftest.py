@@ -11,7 +11,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from web_cases import COURSE, MENU, Gliders, served, until
 
 from web.choices import Choices
-from web.page.race_panel import LIVE
+from web.commands import ChooseRace, FlyAgainst, RemoveRow, ResetRow
 from web.race import PageRace
 
 
@@ -43,8 +43,12 @@ def page(shared_page, root):
     yield shared_page
     dashboard, server, session = shared_page
     assert until(lambda: not server.get_clients())
-    dashboard.race.mode.value = LIVE
-    dashboard.race.course.value = COURSE
+    dashboard.desk.do(ChooseRace("course", COURSE))
+    dashboard.desk.do(FlyAgainst(()))
+    first, *others = dashboard.desk.state.rows
+    for row in others:
+        dashboard.desk.do(RemoveRow(row.number))
+    dashboard.desk.do(ResetRow(first.number))
     session.tell(PageRace.set_speed, 1.0)
     race = session.snapshot.race
     session.tell(PageRace.start, [])

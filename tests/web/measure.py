@@ -32,8 +32,8 @@ from wire import CAMERA, PROTOCOL
 
 from quadsim.bench.cases import QUADROTOR, median_ms, paper_case, starting
 from web.choices import Choices, HeatChoices
+from web.menu import Menu
 from web.page.dashboard import Dashboard
-from web.page.menu import Menu
 from web.page.server import serve
 from web.race import PageRace
 from web.session import Session

@@ -10,12 +10,13 @@ from web_cases import choices, competitor, stored, until
 from wire import link
 
 from web.competitor import POSITION, VELOCITY, named
-from web.lap_timing import Way, gap, lap_timings
+from web.lap_timing import lap_timings
 from web.limit_race import limit_race
 from web.page import charts
 from web.page.charts import AskCharts, answer
 from web.page.sectors import sector_ends, sectors, times_of
 from web.race import PageRace, Snapshot
+from web.standings import Way, gap
 
 NOTHING = AskCharts(race=0, frames=[], curves=0)
 
@@ -115,7 +116,7 @@ def test_the_limit_is_freed_with_the_last_flight_of_its_race(competitors):
 def test_a_chart_shows_the_seconds_behind_the_limit(competitors):
     entries = [limited(one) for one in competitors]
     s = race_of(entries, t=3.0)
-    timings = lap_timings(s, by_place=False)
+    timings = lap_timings(s)
     curves = charts._gaps(timings, limit_race(entries[0]))
     (behind,) = [one for one in curves if "behind the limit" in one.title]
     limit = limit_race(entries[0])

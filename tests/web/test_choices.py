@@ -6,7 +6,7 @@ from itertools import pairwise
 from types import SimpleNamespace
 
 import pytest
-from web_cases import Gliders, choices, competitor, served, until
+from web_cases import Gliders, choices, competitor, panels_of, served, until
 from wire import connect
 
 from controllers.presets import PRESETS
@@ -17,11 +17,11 @@ from quadsim.vehicle import load_vehicle
 from tests.small import SMALL
 from web.choices import PILOT, Choices, HeatChoices
 from web.live_flight import LiveFlight
+from web.menu import Menu
 from web.notices import Notices
 from web.numbers import SLIDERS, Change
 from web.offered_presets import offered_presets
 from web.page.html import rounded
-from web.page.menu import Menu
 
 QUICK = SMALL | {"samples": 512}  # more than the fewest that a deadline leaves
 
@@ -92,7 +92,7 @@ def test_a_solution_among_the_runs_is_offered_and_followed_and_none_of_another_f
 ):
     told = str(tmp_path / "told")
     solve(hall, "runs", sooner=0.005)  # the folder of runs where no other is named
-    informed = Choices(hall, "crazyflie", "race_informed", runs_dir=told)
+    informed = Choices(hall, vehicle="crazyflie", preset="race_informed", runs_dir=told)
 
     def offered():
         return offered_presets(PRESETS, {"race"}, load_course(hall), "crazyflie", 1, told)
@@ -117,17 +117,20 @@ def test_a_page_offers_and_flies_the_solutions_of_its_own_folder_of_runs(tmp_pat
     menu = Menu(("figure8", hall), ("crazyflie",), presets, ("colored",))
     flights = Gliders()
     with (
-        served(told, flights, menu, Choices(hall, "crazyflie")) as page,
+        served(told, flights, menu, Choices(hall, vehicle="crazyflie")) as page,
         connect(page.port) as client,
     ):
         race = page.dashboard.race
-        assert race.table.preset.options == ("race",)
+        (panels,) = panels_of(page)
+        preset = panels.competitors.preset
+        assert until(lambda: preset.options == ("race",))
         client.set(race.course, "figure8")
         assert until(lambda: race.course.value == "figure8")
         time = solve(hall, told)
         client.set(race.course, hall)
-        assert until(lambda: "race_informed" in race.table.preset.options)
-        client.set(race.table.preset, "race_informed")
+        assert until(lambda: "race_informed" in preset.options)
+        client.set(preset, "race_informed")
+        assert until(lambda: page.dashboard.desk.state.rows[0].choices.preset == "race_informed")
         client.click(race.start)
         assert until(lambda: flights.built)
     (flight,) = flights.built

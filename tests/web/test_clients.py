@@ -7,13 +7,14 @@ import socket
 from contextlib import suppress
 
 import pytest
-from web_cases import until
+from web_cases import panels_of, until
 from websockets.exceptions import ConnectionClosed
 from wire import connect, open_socket
 
 from web.page.dashboard import PAUSE, SCENE, SHARE, pause_after
 from web.page.messages import MAX_BYTES
 from web.page.server import LoopEvent
+from web.race import PageRace
 
 WRONG = (math.nan, math.inf, 1e9, -5.0, "much", None, True, [1.0], {"a": 1})
 
@@ -55,36 +56,40 @@ def test_one_click_starts_a_flight(page):
 
 @pytest.mark.socket
 def test_a_value_out_of_range_or_of_another_type_changes_nothing(page):
-    slider = page.dashboard.race.table.numbers.sliders["temperature"]
     seen = []
-    slider.on_update(lambda _: seen.append(slider.value))
-    assert slider.value != 2.5
     with connect(page.port) as client:
+        (panels,) = panels_of(page)
+        slider = panels.competitors.numbers.sliders["temperature"]
+        slider.on_update(
+            lambda event: seen.append(slider.value) if event.client_id is not None else None
+        )
+        assert slider.value != 2.5
         for value in WRONG:
             client.set(slider, value)
         client.set(slider, 2.5)  # a valid value is still accepted
         assert until(lambda: 2.5 in seen)
-    assert set(seen) == {2.5}
+        assert set(seen) == {2.5}
 
 
 @pytest.mark.socket
 def test_only_values_can_be_set(page):
-    slider = page.dashboard.race.table.numbers.sliders["sigma"]
     names = ("removed", "update_cb", "gui_api", "uuid", "nonsense")
-    before = [getattr(slider._impl, name, None) for name in names]
     with connect(page.port) as client:
+        (panels,) = panels_of(page)
+        slider = panels.competitors.numbers.sliders["sigma"]
+        before = [getattr(slider._impl, name, None) for name in names]
         for name in names:
             client.set(slider, "x", name=name)
         client.set(slider, 1.5)
         assert until(lambda: slider.value == 1.5)
-    assert [getattr(slider._impl, name, None) for name in names] == before
+        assert [getattr(slider._impl, name, None) for name in names] == before
 
 
 @pytest.mark.socket
 def test_a_course_that_is_not_on_the_menu_is_not_chosen(page):
     course = page.dashboard.race.course
     seen = []
-    course.on_update(lambda _: seen.append(course.value))
+    course.on_update(lambda event: seen.append(course.value) if event.client else None)
     with connect(page.port) as client:
         client.set(course, "/etc/passwd")
         client.set(course, "paper_flat")
@@ -97,25 +102,46 @@ def test_moving_gamma_in_flight_is_an_event(page):
     def entry():
         return page.session.snapshot.competitors[0]
 
+    page.session.tell(PageRace.set_speed, 0.1)  # the flight lasts while the scene is drawn
     with connect(page.port) as client:
         client.click(page.dashboard.race.start)
         assert until(lambda: page.session.snapshot.t > 0.02)
-        client.set(page.dashboard.numbers.sliders["gamma_rates"], 1.25)
+        (panels,) = panels_of(page)
+        slider = panels.in_flight.sliders["gamma_rates"]
+        assert until(lambda: not slider.disabled and panels.in_flight.folder.visible)
+        client.set(slider, 1.25)
         assert until(lambda: entry().changes)
     (change,) = entry().changes
     assert (change["name"], change["to"]) == ("gamma_rates", 1.25)
 
 
 @pytest.mark.socket
-def test_two_clients_see_each_others_changes(page):
-    slider = page.dashboard.race.table.numbers.sliders["gamma_thrust"]
-
+def test_a_number_that_is_typed_lands_on_the_row_of_its_visitor_and_both_see_it(page):
+    """A edits the first row; B adds another one and edits that."""
     with connect(page.port) as one, connect(page.port) as two:
-        assert until(lambda: len(page.server.get_clients()) == 2)
-        one.set(slider, 3.5)
-        assert until(lambda: 3.5 in two.values(slider._impl.uuid))
-        two.set(slider, 0.5)
-        assert until(lambda: 0.5 in one.values(slider._impl.uuid))
+        a, b = panels_of(page, 2)
+        two.set(b.competitors.choose, "add")
+        assert until(lambda: "2" in a.competitors.choose.options)
+        slider = a.competitors.numbers.sliders["temperature"]
+        one.set(slider, 0.3)
+        assert until(
+            lambda: [row.choices.numbers for row in rows(page)] == [{"temperature": 0.3}, {}]
+        )
+        assert b.competitors.numbers.sliders["temperature"].value == 1.0
+        # B looks at the first row, and sees what A has typed.
+        two.set(b.competitors.choose, "1")
+        assert until(lambda: b.competitors.numbers.sliders["temperature"].value == 0.3)
+        two.set(b.competitors.numbers.sliders["temperature"], 0.5)
+        assert until(lambda: slider.value == 0.5)
+        two.set(b.competitors.choose, "2")
+        two.set(b.competitors.choose, "remove")
+        assert until(lambda: len(rows(page)) == 1)
+        two.click(b.competitors.reset)
+        assert until(lambda: rows(page)[0].choices.numbers == {})
+
+
+def rows(page):
+    return page.dashboard.desk.state.rows
 
 
 @pytest.mark.socket

@@ -15,6 +15,7 @@ from web_cases import COURSE, Glider, choices, free_port, run_of, until
 from wire import connect, get, link
 
 from quadsim.cli.cli import race
+from quadsim.cli.web import forwarding
 from quadsim.record.archive import list_runs, read_run
 
 # The command, with flights without physics in place of the planner's, which would be compiled
@@ -112,3 +113,12 @@ def test_a_wrong_argument_is_one_line(flags, wrong, capsys):
     assert err.startswith("race web: ")
     assert wrong in err
     assert "\n" not in err
+
+
+def test_who_came_by_ssh_is_told_how_to_reach_the_page_and_nobody_else():
+    connection = "192.0.2.7 50514 192.0.2.9 2222"
+    told = forwarding("127.0.0.1", 8081, connection)
+    assert told == "ssh -N -L 8081:127.0.0.1:8081 -p 2222 192.0.2.9"
+    assert forwarding("192.0.2.9", 8081, connection) == ""
+    assert forwarding("127.0.0.1", 8081, "") == ""
+    assert forwarding("127.0.0.1", 8081, "nonsense") == ""

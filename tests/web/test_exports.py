@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from web_cases import Glider, choices, run_of, store, stored
+from web_cases import Glider, choices, competitor, run_of, store, stored
 
 from quadsim.cli.cli import race
 from quadsim.palette import STYLES
@@ -19,8 +19,10 @@ from quadsim.record.exchange import telemetry_csv
 from quadsim.record.run import COLUMNS, RunError
 from quadsim.record.run_format import write_csv
 from web.competitor import named
-from web.page.export import picture
+from web.page.export import picture, picture_name
+from web.race import Snapshot
 from web.stored_runs import stored_competitor
+from web.summary import summary_at
 
 
 @pytest.fixture(scope="module")
@@ -93,15 +95,34 @@ def test_a_picture_has_a_dark_ground_everywhere_and_names_both_runs(folder):
     two = replace(one, spec={**one.spec, "sampler": "gaussian"})
     render = np.zeros((200, 300, 4), np.uint8)
     render[50, 60] = 10, 200, 30, 255
-    image = imread(io.BytesIO(picture(render, named([one, two]))))
-    assert image.shape[:2] == (200 + 50, 300)
+    image = imread(io.BytesIO(picture(render, summary_at(named([one, two]), 1.0))))
+    assert image.shape[:2] == (200 + 98, 300)
     assert image.shape[2] == 3 or (image[..., 3] == 1.0).all()
-    assert np.allclose(image[50 + 50, 60, :3] * 255, [10, 200, 30], atol=2)
-    assert image[50:, :, :3].mean() < 0.1
+    assert np.allclose(image[98 + 50, 60, :3] * 255, [10, 200, 30], atol=2)
+    assert image[98:, :, :3].mean() < 0.1
     assert (image[-1, -1, :3] < 0.1).all()
     for k, colour in enumerate(("colored", "gaussian")):
-        line = 255 * image[8 + 20 * k : 28 + 20 * k, :, :3].reshape(-1, 3)
+        # below the headline and the differences
+        line = 255 * image[8 + 22 * (k + 2) : 8 + 22 * (k + 3), :, :3].reshape(-1, 3)
         assert abs(line - STYLES[colour].rgb).sum(axis=1).min() < 30
+
+
+def test_what_leaves_the_browser_says_leader_differences_chatter_and_numbers():
+    entries = named([competitor("gaussian", laps=2), competitor("colored", laps=1, seed=5)])
+    found = summary_at(entries, 1.0)
+    assert "figure8, 1.00 s: colored leads gaussian by 0.10 s over the first lap" in found.headline
+    assert found.compared.startswith("They differ in sampler, ")
+    first, second = (line.text for line in found.lines)
+    assert first.startswith("colored  in its first lap")
+    assert "seed 5" in first
+    assert "+0.10 s" in second
+    assert all("chatter" in line for line in (first, second))
+    ended = summary_at(entries, 99.0).lines
+    assert all("finished after" in line.text for line in ended)
+    s = Snapshot(t=1.0, competitors=tuple(entries))
+    assert picture_name(s) == "figure8_gaussian_colored_1.00s"
+    evil = replace(entries[0], name="../<b>")
+    assert "/" not in picture_name(replace(s, competitors=(evil,)))
 
 
 def test_the_zip_holds_a_run_that_can_be_loaded(folder, tmp_path):

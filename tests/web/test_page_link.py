@@ -29,6 +29,7 @@ pytestmark = pytest.mark.socket
 @pytest.fixture
 def server():
     server = serve("127.0.0.1", 0, None, "race")
+    server.link.open()
     yield server
     server.stop()
 
@@ -45,6 +46,16 @@ def test_a_message_is_answered(server):
     server.link.on(Ping, answer)
     with link(server.get_port()) as linked:
         assert linked.ask("pong", "ping", count=1) == {"type": "pong", "count": 2}
+
+
+def test_a_message_that_comes_before_the_page_is_built_is_answered_then():
+    server = serve("127.0.0.1", 0, None, "race")
+    with link(server.get_port()) as linked:
+        linked.send("ping", count=1)
+        server.link.on(Ping, answer)
+        server.link.open()
+        assert linked.got("pong") == {"type": "pong", "count": 2}
+    server.stop()
 
 
 def test_nonsense_is_dropped_and_logged_once(server, caplog):
@@ -96,6 +107,7 @@ def test_the_server_reaches_every_page(server):
 
 def test_the_link_is_guarded_like_the_page():
     guarded = serve("127.0.0.1", 0, "a-token-of-this-test", "race")
+    guarded.link.open()
     port = guarded.get_port()
 
     def status(**options):

@@ -1,4 +1,4 @@
-"""Claims about what the page writes: escaped, in order, best and faster, gaps at the same place."""
+"""Claims about what the page writes: escaped, best and faster, results, the leader's numbers."""
 
 import re
 from dataclasses import replace
@@ -7,21 +7,20 @@ import numpy as np
 import pytest
 from web_cases import COURSE, choices, competitor
 
-from quadsim.course import load_course
 from quadsim.palette import STYLES
 from quadsim.racing.events import sector_times
 from quadsim.record.limits import limit_of
+from web.commands import ChooseRace, SetNumber, apply
 from web.competitor import named
-from web.lap_timing import Way, gap, lap_timings, order, time_at
-from web.legs import Legs
-from web.page.comparison import headline
-from web.page.competitor_table import announced
+from web.lap_timing import lap_timings
+from web.line_up import line_up_of
 from web.page.course_map import Map, timeline
-from web.page.flight_numbers import _numbers
 from web.page.html import label
 from web.page.laps import chatter, coloured_time, laps, splits
+from web.page.line_up_html import announced, table_of
 from web.page.timing import events, hud, planner, tower
 from web.race import Snapshot
+from web.state import PageState
 
 
 @pytest.fixture(scope="module")
@@ -29,73 +28,8 @@ def competitors():
     return named([competitor("colored"), competitor("gaussian")])
 
 
-def at(competitors, t, by_place=False):
-    return lap_timings(Snapshot(t=t, end=99.0, competitors=tuple(competitors)), by_place)
-
-
-def test_progress_grows_from_zero_to_the_length_of_the_race(competitors):
-    for one in competitors:
-        assert one.progress[0] == pytest.approx(0.0, abs=0.5)
-        assert one.progress[-1] == pytest.approx(one.legs.length)
-        assert (np.diff(one.progress) >= 0).all()
-
-
-def test_progress_at_a_gate_is_the_end_of_its_leg():
-    course = load_course(COURSE)
-    legs = Legs(course, 1)
-    spots = np.array([g.position for g in course.gates])
-    assert np.allclose(legs.progress(spots, np.arange(1, len(spots) + 1)), legs.ends[1:])
-
-
-def test_the_gap_of_two_steady_flights_grows_with_the_way(competitors):
-    """v t = s: behind by s (1/v2 - 1/v1)."""
-    place = np.linspace(1.0, competitors[0].legs.length - 1.0, 50)
-    first, second = (Way(one.t, one.progress) for one in competitors)
-    found = gap(place, second, first)
-    assert np.allclose(found, place * (1 / 36.0 - 1 / 40.0), atol=0.03)
-    assert not np.allclose(found, 0.0, atol=0.03)
-
-
-def test_a_place_not_reached_has_no_time():
-    way = Way(t=np.array([0.0, 1.0, 2.0]), progress=np.array([0.0, 5.0, 5.0]))
-    assert time_at(np.array([2.5, 5.0]), way).tolist() == [0.5, 1.0]
-    assert np.isnan(time_at(np.array([5.1]), way)).all()
-
-
-def test_the_faster_flight_leads(competitors):
-    first, second = order(at(competitors, 1.0))
-    assert (first.entry.name, second.entry.name) == ("colored", "gaussian")
-    assert first.gap == 0.0
-    assert second.gap > 0.0
-
-
-def test_the_headline_says_who_leads_and_that_nobody_does_at_the_start(competitors):
-    leads = headline(at(competitors, 1.0))
-    assert " leads " in leads
-    assert re.search(r" by <b[^>]*>0\.[0-9]{2} s</b>", leads)
-    assert " is level with " in headline(at(competitors, 0.0))
-    three = named([*competitors, competitor("gaussian", seed=1)])
-    assert " more" in headline(at(three, 1.0))
-    # only the first two are known to be level
-    assert " more" not in headline(at(three, 0.0))
-
-
-def test_by_place_everyone_is_shown_at_the_first_ones_place(competitors):
-    me, other = at(competitors, 1.0, by_place=True)
-    assert other.entry.progress[other.i] == pytest.approx(me.entry.progress[me.i], abs=0.5)
-    assert other.entry.t[other.i] > me.entry.t[me.i]
-
-
-def test_names_of_runs_differ():
-    assert [x.name for x in named([competitor(), competitor("gaussian")])] == [
-        "colored",
-        "gaussian",
-    ]
-    assert [x.name for x in named([competitor(), competitor(seed=1)])] == [
-        "colored s0",
-        "colored s1",
-    ]
-    assert [x.name for x in named([competitor(), competitor()])] == ["colored", "colored 2"]
+def at(competitors, t):
+    return lap_timings(Snapshot(t=t, end=99.0, competitors=tuple(competitors)))
 
 
 def test_two_runs_of_one_sampler_differ_in_line_and_others_keep_theirs(competitors):
@@ -103,14 +37,16 @@ def test_two_runs_of_one_sampler_differ_in_line_and_others_keep_theirs(competito
     assert one.style == STYLES["colored"] != two.style
     assert two.style.colour != one.style.colour
     assert two.style.dash != one.style.dash
-    assert label(one) != label(two).replace("s1", "s0")
+    assert label(one) != label(two).replace("seed 1", "seed 0")
     assert [x.style for x in competitors] == [STYLES["colored"], STYLES["gaussian"]]
 
 
 def ended(entry, outcome, *events):
-    """The same flight with another end."""
+    """The same flight with another end, before the end of its last lap."""
     at_end = [replace(e, t=float(entry.t[-1])) for e in events]
-    return replace(entry, outcome=outcome, events=(*entry.events, *at_end))
+    return replace(
+        entry, outcome=outcome, events=(*entry.events[:-1], *at_end), laps=entry.laps[:-1]
+    )
 
 
 def shown_at(entries, t):
@@ -135,6 +71,59 @@ def test_the_head_up_display_says_how_a_flight_ended_once_it_has(competitors):
         assert result not in shown_at([entry], 0.5)
 
 
+def test_the_row_of_numbers_is_the_leaders_and_names_it(competitors):
+    """The second of the competitors is the faster one."""
+    slow, fast = named([competitors[1], competitors[0]])
+    (numbers,) = re.findall(r'<div class="numbers".*?</div>', shown_at([slow, fast], 1.0))
+    (leader,) = at([fast], 1.0)
+    plain = re.sub("<[^>]+>", " ", numbers)
+    assert "colored" in plain
+    assert "gaussian" not in plain
+    assert f"G{leader.gate}/" in plain
+    assert f"{leader.entry.speed(leader.i):.1f} m/s" in plain
+
+
+def test_what_differs_is_said_under_the_headline(competitors):
+    assert "They differ in sampler; all else is equal." in shown_at(competitors, 1.0)
+    seeds = named([competitor(), competitor(seed=5)])
+    assert "They differ in seed (0 / 5); all else is equal." in shown_at(seeds, 1.0)
+
+
+def test_runs_of_different_laps_are_compared_over_the_common_ones_in_words():
+    long, short = named([competitor("colored", laps=2), competitor("gaussian", laps=1)])
+    for t in (0.5, short.last_t + 0.1, 99.0):
+        plain = re.sub("<[^>]+>", "", shown_at([long, short], t))
+        assert "over the first lap" in plain
+        assert "by -" not in plain
+    assert "over the first lap" in tower(at([long, short], 0.5))
+
+
+def test_not_comparable_is_said_of_the_competitor_that_was_changed_alone(competitors):
+    change = {"t": 0.1, "name": "sigma", "from": 1.0, "to": 2.0}
+    changed = replace(competitors[1], spec={**competitors[1].spec, "interactive": [change]})
+    page = shown_at([competitors[0], changed], 1.0)
+    assert "gaussian: interactive, not comparable: 1 change in flight" in page
+    assert "colored: interactive" not in page
+
+
+def test_before_the_first_plan_is_ready_the_head_up_display_says_that_it_is_made(competitors):
+    none_yet = {name: column[:0] for name, column in competitors[0].x.items()}
+    live = replace(competitors[0], live=True, outcome=None, x=none_yet)
+    compiling = Snapshot(flying=True, compiling=True, competitors=(live,))
+    assert "Compiling the planner" in hud(compiling, [])
+    planning = hud(Snapshot(flying=True, competitors=(live,)), [], "START flies another")
+    assert "Planning the first step of" in planning
+    assert "colored" in planning
+    assert "START flies another" not in planning
+    assert hud(Snapshot(), [], "START flies another").count("START flies another") == 1
+
+
+def test_alone_nobody_leads(competitors):
+    page = shown_at([competitors[0]], 1.0)
+    assert "leads" not in page
+    assert "lap 1/3" in page
+
+
 def test_a_flight_that_finished_says_how_far_above_the_best_known_limit(competitors):
     entry = competitor()
     limit = limit_of(entry.spec)
@@ -157,10 +146,24 @@ def test_the_tower_says_who_did_not_finish_and_counts_misses(competitors):
 
 
 def test_before_a_start_is_said_who_flies_where_and_what_they_differ_in():
-    page = announced([choices("colored"), choices("gaussian")], "in one world")
-    said = re.sub("<[^>]+>", "", page)
+    two = PageState.of(choices("colored"), choices("gaussian"))
+    state = apply(two, ChooseRace("world", "in one world"))
+    said = re.sub("<[^>]+>", "", announced(state, line_up_of(state)))
     assert said.startswith("START flies colored against gaussian")
     assert f"on {COURSE}, in one world. They differ in sampler; all else is equal" in said
+
+
+def test_the_table_of_competitors_marks_the_row_that_a_visitor_edits_and_names_its_numbers():
+    two = PageState.of(choices("colored"), choices("gaussian"))
+    first, second = (row.number for row in two.rows)
+    state = apply(two, SetNumber(second, "samples", 512))
+    table = table_of(state, line_up_of(state), edited=second)
+    one, other = table.split("data-row=")[1:]
+    assert "background" in other
+    assert "background" not in one.split("</div>")[0]
+    assert "<b>samples 512</b>" in other
+    wrong = apply(state, ChooseRace("seed", "many"))
+    assert "seed: expected a whole number" in table_of(wrong, line_up_of(wrong), edited=first)
 
 
 def test_the_tower_says_the_last_and_the_best_lap_of_each(competitors):
@@ -184,7 +187,7 @@ def test_the_best_time_of_all_a_runs_own_best_and_another_one_look_different():
 
 def test_the_time_line_has_a_tick_for_every_event_and_says_the_laps(competitors):
     one = competitors[0]
-    hit = ended(one, "crashed", replace(one.events[-1], kind="hit"))
+    hit = replace(one, events=(*one.events, replace(one.events[-1], kind="hit")))
     ticks = [timeline([e], 1.0, 9.0).count("<line") for e in (one, hit)]
     assert ticks == [len(one.events) + 1, len(one.events) + 2]  # one more is now
     laps = [n for n in range(1, 6) if f"lap {n}<" in timeline([one], 1.0, 9.0)]
@@ -261,7 +264,6 @@ def test_a_change_of_an_unknown_number_is_listed_and_is_no_number_of_the_page(co
     spec = {**competitors[1].spec, "interactive": changes}
     changed = replace(competitors[1], spec=spec)
     assert changed.numbers(0.2) == competitors[1].numbers(0.2) | {"sigma": 2.0}
-    assert _numbers([changed], 0.2)["sigma"] == 2.0
     assert "wind 1 → 3" in events([changed], 0.2)
 
 

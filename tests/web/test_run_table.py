@@ -7,7 +7,7 @@ import time
 
 import pytest
 from run_cases import SPEC, save, two_laps
-from web_cases import stored
+from web_cases import Glider, choices, run_of, store, stored
 
 import quadsim
 from quadsim.record.limits import limit_of
@@ -46,6 +46,26 @@ def test_a_row_says_what_the_run_says(tmp_path):
     assert (of_glider.changes, of_glider.outcome, of_glider.time) == (0, "finished", time_flown)
     assert of_glider.above == pytest.approx(100 * (time_flown / best - 1), abs=0.06)
     assert (of_probe.sensing, of_probe.changes, of_probe.above) == ("gates", 2, None)
+
+
+def test_a_row_names_the_numbers_and_settings_that_distinguish_it(tmp_path):
+    numbers = {"samples": 256, "temperature": 0.2}
+    flown = choices("colored", numbers=numbers, clock="wall", deadline_ms="8")
+    store(tmp_path, run_of(Glider(flown)))
+    (row,) = refreshed(tmp_path)
+    assert set(row.numbers.split(", ")) >= {"samples 256", "temperature 0.2"}
+    assert "wall clock, deadline 8" in row.more
+    shutil.rmtree(tmp_path / row.name)
+    stored(tmp_path)
+    (plain,) = refreshed(tmp_path)
+    assert plain.numbers == ""
+    assert "deadline" not in plain.more
+
+
+def refreshed(root):
+    table = RunTable(str(root))
+    assert table.refresh()
+    return table.rows
 
 
 def test_a_look_at_the_same_folder_reads_nothing_and_a_new_run_arrives(tmp_path, monkeypatch):

@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 import pytest
-from web_cases import Glider, choices, competitor, run_of, store, stored, until
-from wire import link
+from web_cases import COURSE, Glider, choices, competitor, run_of, store, stored, until
+from wire import connect, link
 
 import quadsim
 from quadsim.config.changes import changeable_numbers
@@ -14,6 +14,8 @@ from quadsim.record.run import same_flight
 from quadsim.record.schema import NumberChange
 from tests.small import SHORT
 from web.again import AgainChoices, HeatAgainChoices
+from web.commands import AddRow, ChooseRace, SetNumber, apply
+from web.line_up_link import line_up_text
 from web.live_flight import LiveFlight
 from web.live_heat import LiveHeat
 from web.page.runs_panel import FLYING, link_to
@@ -37,7 +39,8 @@ def test_the_table_comes_when_asked_for_and_again_when_a_run_arrives(page, root,
         while listed(table) != wanted:  # as it was when the folder was last read
             table = linked.got("runs")
         wanted.add(stored(root, "gaussian").name)
-        assert listed(linked.got("runs")) == wanted
+        while listed(table) != wanted:  # until then, as it was
+            table = linked.got("runs")
 
 
 @pytest.mark.socket
@@ -50,9 +53,71 @@ def test_two_runs_are_compared_and_paused_at_a_time(page, root):
         linked.send("replay_runs", names=names, t=1.25)
         assert until(lambda: shown(session) == folders and session.snapshot.t == 1.25)
         assert not session.snapshot.playing
-        assert until(lambda: page.dashboard.race.is_replay)
         linked.send("replay_runs", names=names[1:])
         assert until(lambda: shown(session) == folders[1:] and session.snapshot.playing)
+
+
+@pytest.mark.socket
+def test_a_replay_leaves_the_next_start_as_it_was_and_refused_runs_too(page, root):
+    """What START flies is chosen in one place, which no replay changes."""
+    session = page.session
+    desk = page.dashboard.desk
+    before = desk.state
+    folder = stored(root)
+    damaged = stored(root, "gaussian")
+    (damaged / "telemetry.npz").write_bytes(b"")
+    with link(page.port) as linked:
+        linked.ask("runs", "list_runs")
+        linked.send("replay_runs", names=[folder.name])
+        assert until(lambda: shown(session) == [folder])
+        linked.send("replay_runs", names=[damaged.name])
+        assert until(lambda: any(n.kind == "error" for n in session.snapshot.notices))
+        assert shown(session) == [folder]
+    assert desk.state.start == before.start
+    assert desk.state.against == ()
+
+
+@pytest.mark.socket
+def test_stored_runs_fly_beside_the_next_flight_on_their_course(page, root):
+    session = page.session
+    folder = stored(root, "gaussian")
+    page.dashboard.desk.do(ChooseRace("course", "paper_flat"))
+    with link(page.port) as linked, connect(page.port) as client:
+        linked.ask("runs", "list_runs")
+        linked.send("fly_against", names=[folder.name])
+        assert until(lambda: page.dashboard.desk.state.against == (folder.name,))
+        assert page.dashboard.desk.state.race.course == COURSE
+        client.click(page.dashboard.race.start)
+        assert until(lambda: session.snapshot.flying)
+        live, stored_one = session.snapshot.competitors
+        assert (live.live, stored_one.folder) == (True, folder)
+
+
+@pytest.mark.socket
+def test_an_address_sets_up_the_next_start_and_nonsense_is_refused(page, root):
+    desk = page.dashboard.desk
+    state = desk.state
+    rival = apply(state, AddRow(0, like=state.rows[0].number))
+    asked = apply(rival, SetNumber(rival.rows[1].number, "temperature", 0.2))
+    with link(page.port) as linked:
+        linked.send("set_up", line_up=line_up_text(asked))
+        assert until(lambda: len(desk.state.rows) == 2)
+        assert desk.state.start == asked.start
+        assert "expected a line-up" in linked.ask("remark", "set_up", line_up="AAAA")["text"]
+        assert desk.state.start == asked.start
+
+
+@pytest.mark.socket
+def test_a_run_is_taken_over_as_a_competitor(page, root):
+    desk = page.dashboard.desk
+    flown = choices("gaussian", laps=2, numbers={"samples": 512})
+    folder = store(root, run_of(Glider(flown)))
+    with link(page.port) as linked:
+        linked.ask("runs", "list_runs")
+        linked.send("take_over", name=folder.name)
+        assert until(lambda: len(desk.state.rows) == 2)
+    taken = desk.state.flights[1]
+    assert (taken.sampler, taken.spec().planner.mppi.samples) == ("gaussian", 512)
 
 
 @pytest.mark.socket

@@ -63,7 +63,7 @@ def test_the_drones_camera_looks_ahead_and_up_from_its_centre():
     angles."""
     one = competitor(laps=1)
     x = one.x | {"qw": np.full(len(one.t), np.sqrt(0.5)), "qz": np.full(len(one.t), np.sqrt(0.5))}
-    (s,) = lap_timings(Snapshot(t=0.5, end=9.0, competitors=(replace(one, x=x),)), by_place=False)
+    (s,) = lap_timings(Snapshot(t=0.5, end=9.0, competitors=(replace(one, x=x),)))
     (eye, ahead), up = fpv(s)
     assert np.allclose(eye, one.rows(("px", "py", "pz"), s.i))
     assert np.allclose(ahead - eye, [0.0, np.sqrt(0.5), np.sqrt(0.5)])

@@ -7,7 +7,7 @@ from threading import Event
 
 import numpy as np
 import pytest
-from web_cases import COURSE, PERIOD, Clock, Glider, Gliders, choices, until
+from web_cases import COURSE, PERIOD, Clock, Glider, Gliders, choices, stored, until
 
 from quadsim.files.values import checked
 from quadsim.record.archive import list_runs, read_run
@@ -278,3 +278,44 @@ def test_a_flight_that_must_compile_first_says_so_and_another_does_not(session, 
     assert any(n.kind == "wait" for n in session.snapshot.notices)
     gliders.compiled.set()
     assert until(lambda: not session.snapshot.compiling)
+
+
+def test_the_same_start_again_is_dropped_until_its_first_plan_is_ready(session, gliders):
+    """An impatient second click would begin anew."""
+    gliders.compiled = Event()
+    assert session.start([choices(laps=3)])
+    assert until(lambda: session.snapshot.is_taking_off)
+    assert not session.start([choices(laps=3)])
+    assert session.start([choices(laps=2)])  # another one is meant
+    assert not session.start([choices(laps=2)])
+    gliders.compiled.set()
+    assert until(lambda: session.snapshot.race == 2 and session.snapshot.t > 0.0)
+    assert [glider.flown.laps for glider in gliders.built] == [3, 2]
+    # While it flies, it begins anew.
+    assert session.start([choices(laps=2)])
+    assert until(lambda: session.snapshot.race == 3)
+
+
+def test_a_start_that_was_refused_can_be_asked_again(session):
+    for _ in range(2):
+        assert session.start([choices(laps=10**6)])
+        assert until(lambda: not session._is_starting)
+    assert sum(notice.kind == "error" for notice in session.snapshot.notices) == 2
+
+
+def test_a_stored_run_beside_a_flight_does_not_move_the_time_ahead(gliders, tmp_path):
+    run = stored(tmp_path, "colored", laps=3)
+    race = PageRace(str(tmp_path), gliders)
+    race.set_speed(1e6)
+    race.start([choices("gaussian", laps=3)], [run])
+    while race.snapshot().t < 0.1:
+        race.turn()
+    race.play(False)
+    flown = race.snapshot().t
+    frames = len(race.snapshot().competitors[0].t)
+    race.step(1)
+    assert race.snapshot().t == pytest.approx(flown + PERIOD)
+    assert len(race.snapshot().competitors[0].t) == frames + 1
+    race.step(-1)
+    race.step(1)  # nothing is flown for it
+    assert len(race.snapshot().competitors[0].t) == frames + 1

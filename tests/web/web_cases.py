@@ -16,8 +16,8 @@ from quadsim.record.archive import RunFolder
 from quadsim.record.run import RecordedRun
 from web.choices import Choices
 from web.live_flight import LiveFlight
+from web.menu import Menu
 from web.page.dashboard import Dashboard
-from web.page.menu import Menu
 from web.page.server import PageServer, serve
 from web.session import Session
 from web.stored_runs import run_competitor
@@ -41,6 +41,7 @@ class Glider(LiveFlight):
         super().__init__(choices)
 
     def _take_off(self):
+        self._planner = None
         self.is_cached = self.compiled is None
         return self.frames()
 
@@ -169,6 +170,18 @@ class Page(NamedTuple):
     @property
     def port(self):
         return self.server.get_port()
+
+
+def panels_of(page, count=1):
+    """The controls of the visitors of a page, in the order of their arrival."""
+    dashboard = page.dashboard
+
+    def are_there():
+        clients = set(page.server.get_clients())
+        return len(clients) == count and set(dashboard.visitors) == clients
+
+    assert until(are_there)
+    return [dashboard.visitors[number] for number in sorted(dashboard.visitors)]
 
 
 @contextmanager

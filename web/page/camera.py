@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 from math import radians
 from typing import NamedTuple
 
@@ -13,12 +14,15 @@ from viser.transforms import SO3
 from quadsim.course import Course
 from quadsim.racing.hand import HAND
 from web.competitor import POSITION, QUATERNION, VELOCITY
-from web.lap_timing import LapTiming
+from web.lap_timing import LapTiming, order
 from web.page.html import text
 
 FREE, CHASE, TOP, FPV = MODES = ("free", "chase", "top", "FPV")
 FOV = 0.9  # vertical [rad]
 NEAR = 0.01  # nothing nearer is drawn [m]
+CHASE_NEAR = 1.5  # the same for the chasing camera, which comes into the frames of gates [m]
+LEADER = "the leader"
+NOTICE = 3.0  # duration of a notice [s]
 # The drone's camera is wide and tilted up, as on racing drones.
 DRONE_FOV = radians(100.0)
 DRONE_TILT = radians(45.0)
@@ -58,6 +62,9 @@ class Pose(NamedTuple):
     look_at: np.ndarray
 
 
+FAR_AWAY = Pose(np.full(3, 1e6), np.zeros(3))
+
+
 class Part(NamedTuple):
     """A part of the canvas, whose edges are at -1 and 1."""
 
@@ -86,7 +93,10 @@ class Camera:
         self._placed: dict[int, Placed] = {}
         self._course: Course | None = None
         self._size = 1.0  # size of the drawn drone [m]
-        self._chase = Pose(np.zeros(3), np.zeros(3))
+        # what each visitor follows: name of a competitor, or LEADER
+        self._followed: dict[int, str] = {}
+        # last poses behind the drones that are followed, by the competitors' names
+        self._chased: dict[str, Pose] = {}
         server.on_client_connect(self._connected)
         server.on_client_disconnect(self._disconnected)
 
@@ -119,20 +129,54 @@ class Camera:
         """Return the mode of one visitor's camera."""
         return self._modes[client.client_id]
 
-    def follow(self, s: LapTiming) -> None:
-        """Move the cameras that follow the first drone."""
-        self._chase = chase(s, self._chase)
+    def follow_next(self, client: viser.ClientHandle | None, names: Sequence[str]) -> None:
+        """Let one visitor's camera follow another competitor, and after the last one the leader.
+
+        names: the competitors of the race.
+        """
+        if client is None or not names:
+            return
+        followed = [*names, LEADER]
+        now = self._followed.get(client.client_id, followed[0])
+        index = followed.index(now) if now in followed else -1
+        chosen = followed[(index + 1) % len(followed)]
+        self._followed[client.client_id] = chosen
+        client.add_notification(
+            f"The camera follows {chosen}", "chase and FPV", auto_close_seconds=NOTICE
+        )
+
+    def follow(self, timings: Sequence[LapTiming]) -> None:
+        """Move the cameras that follow a drone, each the drone that its visitor has chosen."""
+        chased: dict[str, Pose] = {}
         for number, client in self._server.get_clients().items():
             camera = client.camera
             mode = self._modes[number]
+            s = self._followed_by(number, timings)
             if mode == CHASE:
+                name = s.entry.name
+                if name not in chased:
+                    chased[name] = chase(s, self._chased.get(name, FAR_AWAY))
                 with client.atomic():
-                    camera.position, camera.look_at = self._chase
+                    camera.position, camera.look_at = chased[name]
             elif mode == FPV:
                 pose, up = fpv(s)
                 with client.atomic():
                     camera.up_direction = up
                     camera.position, camera.look_at = pose
+        self._chased = chased
+
+    def _followed_by(self, number: int, timings: Sequence[LapTiming]) -> LapTiming:
+        """Return the competitor that a visitor follows: at first the one flown by hand, or the
+        first one.
+        """
+        chosen = self._followed.get(number)
+        if chosen == LEADER:
+            return order(timings)[0]
+        for s in timings:
+            if s.entry.name == chosen:
+                return s
+        by_hand = (s for s in timings if s.entry.live and s.entry.sampler == HAND)
+        return next(by_hand, timings[0])
 
     def _connected(self, client: viser.ClientHandle) -> None:
         self._told[client.client_id] = client.gui.add_html("")
@@ -142,6 +186,7 @@ class Camera:
 
     def _disconnected(self, client: viser.ClientHandle) -> None:
         self._modes.pop(client.client_id, None)
+        self._followed.pop(client.client_id, None)
         self._told.pop(client.client_id, None)
         self._placed.pop(client.client_id, None)
 
@@ -177,7 +222,7 @@ class Camera:
                 camera.near = 0.8 * self._size  # the drone itself is not in view
                 return
             camera.fov = FOV
-            camera.near = NEAR
+            camera.near = CHASE_NEAR if mode == CHASE else NEAR
             if self._course is None:
                 return
             camera.up_direction = UP

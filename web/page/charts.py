@@ -18,12 +18,13 @@ from msgspec import Meta
 
 from quadsim.record.metrics import motor_corner, motor_tau, thrust_psd
 from web.competitor import Competitor
-from web.lap_timing import LapTiming, Way, best_lap, gap, lap_of
+from web.lap_timing import LapTiming, best_lap, lap_of
 from web.limit_race import limit_race
 from web.page.link import LinkVisitor, Message
 from web.page.server import PageServer
 from web.race import PageRace, Snapshot
 from web.session import Session
+from web.standings import Way, gap
 
 TABS = ("Signals", "Spectrum", "Gap")
 PLACES = 300
@@ -223,7 +224,7 @@ def _gaps(timings: Sequence[LapTiming], limit: Competitor | None) -> list[Curves
     """Return the gaps at the same place [s].
 
     There are up to three charts: the race behind the limit, the race behind the first competitor,
-    and this lap behind the best lap of all.
+    and this lap behind the best lap so far.
     """
     first = timings[0]
     legs = first.entry.legs
@@ -241,13 +242,13 @@ def _gaps(timings: Sequence[LapTiming], limit: Competitor | None) -> list[Curves
         found.append(
             Curves(title, "place [m]", "Gap", _rounded(place, 2), y, first.place, seeks_from=0.0)
         )
-    best = best_lap([s.entry for s in timings])
+    best = best_lap([s.entry.until(s.t) for s in timings])
     if best is not None:
         begins = float([0.0, *legs.lap_ends][first.lap - 1])
         place = np.linspace(0.0, float(np.diff(legs.lap_ends, prepend=0.0)[-1]), PLACES)
         laps = [lap_of(s.entry, s.lap - 1, s.i) for s in timings]
         y = [_rounded(gap(place, lap, best), 3) for lap in laps]
-        title = "this lap behind the best lap of all [s]"
+        title = "this lap behind the best lap so far [s]"
         mark = first.place - begins
         x = _rounded(place, 2)
         found.append(Curves(title, "place in the lap [m]", "Gap", x, y, mark, seeks_from=begins))

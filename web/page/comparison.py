@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import isfinite
 from typing import NamedTuple
 
-import numpy as np
-
 from quadsim.palette import FASTER
-from web.lap_timing import LapTiming, Way, order, time_at
+from web.lap_timing import LapTiming, order
 from web.page.html import (
     DIM,
     MONO,
@@ -23,6 +22,7 @@ from web.page.html import (
     small,
     text,
 )
+from web.standings import Standing, Standings
 
 WHY_CHATTER = (
     "chatter: how much the commanded thrust jumps in a second [m/s²/s]. Motors lag and cannot"
@@ -57,33 +57,13 @@ def result(s: LapTiming) -> Result:
     return Result(f"CRASHED {where[crash.kind]}, lap {crash.lap}", RED)
 
 
-def headline(timings: Sequence[LapTiming]) -> str:
+def headline(standings: Standings) -> str:
     """Return one sentence with the leader and the lead, as HTML."""
-    going = [s for s in order(timings) if not _is_out(s)]
-    if not going:
-        first = label(order(timings)[0].entry)
-        return f"nobody finished; {first} came farthest"
-    first = label(going[0].entry)
-    if len(going) == 1:
-        return f"{first} {'finished alone' if going[0].over else 'flies on alone'}"
-    second = going[1]
-    behind = seconds_behind(second, going[0])
-    if not second.over and rounded(behind, 2) == 0.0:
-        return f"{first} is level with {label(second.entry)}"
-    verb = "beats" if second.over else "leads"
-    more = f" and {len(timings) - 2} more" if len(timings) > 2 else ""
-    by = ""
-    if np.isfinite(behind):
-        by = f" by {element('b', f'{rounded(behind, 2):.2f} s', white_space='nowrap')}"
-    return f"{first} {verb} {label(second.entry)}{more}{by}"
 
+    def lead(number: str) -> str:
+        return element("b", number, white_space="nowrap")
 
-def seconds_behind(s: LapTiming, leader: LapTiming) -> float:
-    """Return the time of a competitor behind the leader at its place [s]; nan: at the start."""
-    if s.over and leader.over:
-        return sum(s.entry.laps) - sum(leader.entry.laps)
-    way = Way(leader.entry.t, leader.entry.progress)
-    return s.t - float(time_at(np.array([s.place]), way)[0])
+    return standings.headline.words(label, lead)
 
 
 def comparison(timings: Sequence[LapTiming]) -> str:
@@ -91,16 +71,14 @@ def comparison(timings: Sequence[LapTiming]) -> str:
 
     More than FEW competitors have rows of one line. On a phone, page.css shows the first FEW.
     """
-    ranked = order(timings)
-    going = [s for s in ranked if not _is_out(s)]
     most = max(s.chatter for s in timings)
     brief = len(timings) > FEW
+    alone = len(timings) == 1
     parts = []
-    for s in [*going, *(s for s in ranked if _is_out(s))]:
-        leader = going[0] if going else s
+    for s in order(timings):
         cells = [
             div(label(s.entry), width="34%", overflow="hidden"),
-            div(_standing(s, leader, brief), width="30%"),
+            div(_standing(s, alone), width="30%"),
             div(_chatter(s, most, brief), width="36%"),
         ]
         parts.append(div("".join(cells), display="flex", align_items="center", gap="8px", **MONO))
@@ -108,23 +86,25 @@ def comparison(timings: Sequence[LapTiming]) -> str:
     return div(rows + small(WHY_CHATTER), margin_top="4px")
 
 
-def _is_out(s: LapTiming) -> bool:
-    """Return whether a flight has ended without a finish."""
-    return s.over and s.entry.outcome != "finished"
-
-
-def _standing(s: LapTiming, leader: LapTiming, brief: bool) -> str:
-    """Return the lap and the gap of a competitor, only the gap if brief, or the result."""
+def _standing(s: LapTiming, alone: bool) -> str:
+    """Return the gap of a competitor, or its result; alone, its lap."""
     if s.over:
         ended = result(s)
+        if s.entry.outcome == "finished":
+            return coloured(f"{sum(s.entry.laps):.3f} s", ended.colour)
         return coloured(ended.content, ended.colour)
-    lap = "" if brief else f"lap {s.lap}/{s.entry.laps_to_fly} "
-    if s is leader:
-        return f"{lap}leads"
-    behind = seconds_behind(s, leader)
-    if not np.isfinite(behind):
-        return lap
-    return f"{lap}{element('span', f'{rounded(behind, 2):+.2f} s', white_space='nowrap')}"
+    if alone:
+        return f"lap {s.lap}/{s.entry.laps_to_fly}"
+    return element("span", gap_text(s.standing), white_space="nowrap")
+
+
+def gap_text(s: Standing) -> str:
+    """Return the gap of a competitor to the leader as text."""
+    if s.is_out:
+        return "out"
+    if s.rank == 1:
+        return "leads"
+    return f"{rounded(s.gap, 2):+.2f} s" if isfinite(s.gap) else "-"
 
 
 def _chatter(s: LapTiming, most: float, brief: bool) -> str:

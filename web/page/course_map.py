@@ -20,6 +20,7 @@ HEIGHT = 190
 SHORTEST = 9.0  # least length of a gate on the map [px]
 # length of the time line and height of a competitor's row [px]
 LONG = 320
+EDGE = 3  # margin on both sides of the time line [px]
 ROW = 11
 
 
@@ -56,7 +57,11 @@ def timeline(entries: Sequence[Competitor], t: float, end: float) -> str:
     parts.append(svg("line", x1=now, x2=now, y1=0, y2=height - 13, **white))
     ground = f"linear-gradient({TRACK},{TRACK}) 0 0/100% 1px no-repeat"
     style = f"width:100%;display:block;margin-top:5px;background:{ground}"
-    return svg("svg", "".join(parts), viewBox=f"-3 0 {LONG + 6} {height}", style=style)
+    look = {"viewBox": f"{-EDGE} 0 {LONG + 2 * EDGE} {height}", "style": style}
+    whole = svg("svg", "".join(parts), **look)
+    # page.js moves the replay to the time that is pressed.
+    seeks = f'<svg class="race-timeline" data-end="{end:.3f}" data-edge="{EDGE / LONG:.5f}" '
+    return whole.replace("<svg ", seeks, 1)
 
 
 def _row(entry: Competitor, y: float, scale: float) -> list[str]:

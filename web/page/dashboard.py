@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import traceback
+from dataclasses import replace
 from math import inf
 from time import perf_counter
 from typing import Literal, NamedTuple
@@ -12,10 +13,16 @@ import viser
 
 from quadsim.course import Course
 from web.choices import Choices
-from web.lap_timing import LapTiming, lap_timings
+from web.commands import Arrive, Leave
+from web.desk import Desk
+from web.lap_timing import LapTiming, at_place_of_first, lap_timings
 from web.limit_race import limit_race
+from web.line_up import LineUp, line_up_of
+from web.menu import Menu
+from web.offered_presets import offered_presets
 from web.page.camera import Camera
 from web.page.charts import TABS, Charts, Tabs
+from web.page.competitor_panel import CompetitorPanel
 from web.page.course_editor import CourseEditor
 from web.page.course_map import Map
 from web.page.drones import SPAN
@@ -23,9 +30,9 @@ from web.page.export import add_export
 from web.page.flight_controls import FlightControls
 from web.page.flight_numbers import NumbersInFlight
 from web.page.html import STYLE
-from web.page.joining import Joining, by_hand
+from web.page.joining import Joining
 from web.page.laps import chatter, laps
-from web.page.menu import Menu
+from web.page.line_up_html import announced
 from web.page.panels import PlaybackPanel, ViewPanel, add_keys
 from web.page.picture_tab import PictureTab
 from web.page.race_panel import RacePanel
@@ -36,6 +43,7 @@ from web.page.server import PageServer, forget_removed
 from web.page.timing import events, hud, planner, tower
 from web.race import Snapshot
 from web.session import Session
+from web.state import PageState
 
 # periods [s]
 SCENE = 1 / 25  # shortest time between two updates of the page
@@ -103,15 +111,46 @@ class RaceView:
         self.map = Map(s.competitors[0].course)
 
 
+class VisitorPanels:
+    """The controls that each visitor has alone.
+
+    Args:
+        client: the visitor.
+        order: place of the controls among the others.
+    """
+
+    def __init__(
+        self,
+        client: viser.ClientHandle,
+        desk: Desk,
+        session: Session,
+        menu: Menu,
+        order: float,
+    ):
+        first = desk.state.rows[0].choices
+        self.in_flight = NumbersInFlight(client.gui, session, first, order)
+        self.competitors = CompetitorPanel(client, desk, menu, order + 0.1)
+
+
 class Dashboard:
     """The page of a session, until `close`.
 
     Args:
         menu: the available choices.
         first: the initially chosen competitors.
+
+    Attributes:
+        desk: the owner of the state of the page.
+        visitors: the controls of each visitor, by its number.
     """
 
     def __init__(self, server: PageServer, session: Session, menu: Menu, *first: Choices):
+        flights = [replace(one, runs_dir=str(session.root)) for one in first]
+        self.desk = Desk(*flights, menu=menu)
+        self.visitors: dict[int, VisitorPanels] = {}
+        self._menu = menu
+        self._line_up = line_up_of(self.desk.state)
+        self._line_up_of = self._asked(self.desk.state)
         self._server = server
         self._session = session
         self._view: RaceView | None = None
@@ -125,28 +164,28 @@ class Dashboard:
         self._past_due = Due(TABLES)
         self._controls_due = Due(TABLES)
         self._slow_due = Due(SLOW)
-        self._runs_due = Due(SLOW)
+        self._presets_due = Due(SLOW)
+        self._offered: dict[object, tuple[str, ...]] = {}
         gui = server.gui
         gui.configure_theme(
             dark_mode=True, show_logo=False, show_share_button=False, brand_color=(230, 159, 0)
         )
         gui.add_html(STYLE)
-        self.race = RacePanel(gui, session, menu, first)
+        self.race = RacePanel(gui, self.desk, menu, str(session.root))
         self.runs = RunsPanel(server, session, self.race)
-        self.numbers = NumbersInFlight(gui, session, first[0])
-        # above the controls of the next START
-        above, below = self.race.folder.order, self.race.table.folder.order
-        self.numbers.folder.order = (above + below) / 2
+        # each visitor's own controls stand between the race's and the playback's
+        self._order = self.race.folder.order + 0.5
         controls = FlightControls(session, self.race)
-        self._playback = PlaybackPanel(gui, session, controls)
+        self._playback = PlaybackPanel(gui, session, controls, self.race.folder.order + 0.3)
         self._camera = Camera(server)
         self._joining = Joining(server, session.cockpit, self._camera)
         self._options = ViewPanel(gui, self._camera)
         add_keys(gui, session, self._camera, controls)
-        add_export(gui, session, self._camera)
+        add_export(gui, session, self._camera, self.race)
         self._add_panels(gui)
         with self._editor_tab:
             self._editor = CourseEditor(gui, session, self.race)
+        server.link.open()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="page", daemon=True)
         self._thread.start()
@@ -192,6 +231,7 @@ class Dashboard:
         while not self._closing.wait(pause):
             began = perf_counter()
             watched = bool(self._server.get_clients())
+            self._forget_left()
             self._session.show_trajectories(watched and self._options.trajectories.value)
             if not watched:
                 continue
@@ -205,7 +245,8 @@ class Dashboard:
 
     def _update(self, s: Snapshot) -> None:
         """Show changes; a race that has ended or is paused sends nothing."""
-        timings = lap_timings(s, self._options.by_place)
+        timings = lap_timings(s)
+        drawn = at_place_of_first(timings) if timings and self._options.by_place else timings
         look = Look(
             by_place=self._options.by_place,
             by_speed=self._options.by_speed(len(timings)),
@@ -218,28 +259,76 @@ class Dashboard:
             self._update_editor(s)
             editing = self._is_editing
             doing = (s.playing, s.flying, s.waiting, editing)
-            state = (s.race, s.t, s.end, doing, look, competitors)
+            shown = (s.race, s.t, s.end, doing, look, competitors)
             view = None if editing else self._view_of(s, timings)
             if view:
-                if self._scene_due((view, state)):
-                    view.scene.update(timings, look.by_speed, look.trajectories)
+                if self._scene_due((view, shown)):
+                    view.scene.update(drawn, look.by_speed, look.trajectories)
                     view.scene.update_limit(timings[0], look.limit, look.by_place)
-                self._camera.follow(by_hand(timings) or timings[0])
-            if self._tables_due((view, state, self.race.coming)):
-                self._update_tables(s, timings, view)
+                self._camera.follow(timings)
+            state = self.desk.state
+            if self._tables_due((view, shown, state)):
+                self._update_tables(s, timings, drawn, view)
             if self._controls_due(perf_counter()):
                 self._playback.update(s)
-                self.numbers.update(s)
-                self.race.update(s)
+                self.race.update(s, state)
+                self._update_visitors(s, state)
         if self._past_due((view, [entry.past(s.t) for entry in s.competitors])):
             self._update_past(s, view)
-        self._pictures.update(timings if view else [])
-        if view and self._slow_due((view, state)):
+        self._pictures.update(drawn if view else [])
+        if view and self._slow_due((view, shown)):
             self._charts.update(s, timings)
             self._tables["Chatter"].content = chatter([e.until(s.t) for e in s.competitors])
-        if self._runs_due(perf_counter()):
-            self.race.refresh()
         self._notify(s)
+
+    def _update_visitors(self, s: Snapshot, state: PageState) -> None:
+        """Show the controls of each visitor."""
+        if self._presets_due(perf_counter()):
+            self._offered.clear()
+        for number, client in self._server.get_clients().items():
+            if number not in self.visitors:
+                self.desk.do(Arrive(number))
+                self.visitors[number] = VisitorPanels(
+                    client, self.desk, self._session, self._menu, self._order
+                )
+            panels = self.visitors[number]
+            presets = self._presets(state, state.edited(number).choices.vehicle)
+            panels.competitors.update(state, self._line_up_now(state), presets)
+            panels.in_flight.update(s)
+
+    def _forget_left(self) -> None:
+        """Forget the visitors who have left."""
+        for number in set(self.visitors) - set(self._server.get_clients()):
+            del self.visitors[number]
+            self.desk.do(Leave(number))
+
+    def _presets(self, state: PageState, vehicle: str) -> tuple[str, ...]:
+        """Return the presets with which a vehicle can fly the chosen race, and the chosen ones."""
+        course = self.race.chosen_course()
+        if course is None:
+            return tuple(self._menu.presets)
+        chosen = {row.choices.preset for row in state.rows}
+        laps = state.race.laps or course.laps
+        runs_dir = state.race.runs_dir
+        asked = (frozenset(chosen), course.text, vehicle, laps)
+        # A solution may be stored at any time, so that the answer holds for a second.
+        if asked not in self._offered:
+            self._offered[asked] = offered_presets(
+                self._menu.presets, chosen, course, vehicle, laps, runs_dir
+            )
+        return self._offered[asked]
+
+    def _asked(self, state: PageState) -> object:
+        """Return the part of the state that decides what START flies."""
+        return state.start, state.world
+
+    def _line_up_now(self, state: PageState) -> LineUp:
+        """Return what START flies, in words."""
+        asked = self._asked(state)
+        if asked != self._line_up_of:
+            self._line_up_of = asked
+            self._line_up = line_up_of(state)
+        return self._line_up
 
     def _update_editor(self, s: Snapshot) -> None:
         """Show the edited course instead of a race, while the editor is open."""
@@ -279,7 +368,7 @@ class Dashboard:
 
     def _chosen_course(self, s: Snapshot) -> Course | None:
         """Return the course that was chosen after the race, None if none was."""
-        course = self.race.preview()
+        course = self.race.chosen_course()
         if s.flying or s.race != self._race:
             # Choices for the next race do not hide this one.
             self._race = s.race
@@ -301,12 +390,23 @@ class Dashboard:
         self._view = None
         forget_removed(self._server)
 
-    def _update_tables(self, s: Snapshot, timings: list[LapTiming], view: RaceView | None) -> None:
-        """Show the tables of the present moment."""
+    def _update_tables(
+        self,
+        s: Snapshot,
+        timings: list[LapTiming],
+        drawn: list[LapTiming],
+        view: RaceView | None,
+    ) -> None:
+        """Show the tables of the present moment.
+
+        drawn: the timings with the frames that the scene shows.
+        """
         if not self._is_editing:
-            self._tables["HUD"].content = hud(s, timings, self.race.coming)
+            state = self.desk.state
+            coming = announced(state, self._line_up_now(state))
+            self._tables["HUD"].content = hud(s, timings, coming)
         if view:
-            self._tables["Timing"].content = tower(timings) + view.map.draw(timings)
+            self._tables["Timing"].content = tower(timings) + view.map.draw(drawn)
             self._tables["Planner"].content = planner(timings[0])
 
     def _update_past(self, s: Snapshot, view: RaceView | None) -> None:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import io
+import re
 import secrets
 import zipfile
 from collections.abc import Sequence
+from math import inf
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,22 +29,33 @@ from quadsim.record.run import RunError
 from web.competitor import Competitor, named
 from web.lap_timing import lap_timings
 from web.page.camera import Camera, set_initial_camera
-from web.page.html import div, element, text
-from web.page.laps import laps
+from web.page.html import DIM, box, div, element, swatch, text
+from web.page.laps import chatter, laps
+from web.page.race_panel import RacePanel
 from web.page.race_scene import RaceScene
 from web.page.runs_panel import link_to, show_link
 from web.page.server import serve
 from web.race import Snapshot
 from web.session import Session
 from web.stored_runs import stored_competitor
+from web.summary import CompetitorLine, Summary, summary_at
 
 GROUND = "#141517"  # background of a picture, the dark background of the page
-LINE = 20  # height of a line of text in a picture [px]
+LINE = 22  # height of a line of text in a picture [px]
 DPI = 100
+MOST_NAME = 120  # length of the name of a picture, at most [characters]
 RATE = 25  # frames per second of the offline page
 SAMPLES = 8  # number of stored sampled trajectories of a run
 RENDER_TIMEOUT = 30.0  # time limit for a browser with software rendering [s]
 NOTICE = 6.0  # duration of a notice [s]
+
+
+class PictureLine(NamedTuple):
+    """A line of text in a picture."""
+
+    text: str
+    colour: str
+    size: float  # [pt]
 
 
 class Download(NamedTuple):
@@ -52,11 +65,15 @@ class Download(NamedTuple):
     data: bytes
 
 
-def add_export(gui: viser.GuiApi, session: Session, camera: Camera) -> None:
+def add_export(gui: viser.GuiApi, session: Session, camera: Camera, race: RacePanel) -> None:
     """Add buttons to download the content of the page, or to link to it."""
     with gui.add_folder("Export", expand_by_default=False):
-        hint = "page: animated, plays offline; PNG: the view; link: an address that shows this"
-        what = gui.add_button_group("", ("page", "CSV", "zip", "PNG", "link"), hint=hint)
+        hint = (
+            "page: animated, plays offline; PNG: the view; link: an address that shows this;"
+            " set-up: an address that sets up the next START like this"
+        )
+        formats = ("page", "CSV", "zip", "PNG", "link", "set-up")
+        what = gui.add_button_group("", formats, hint=hint)
 
     @what.on_click
     def _(event: viser.GuiEvent) -> None:
@@ -67,6 +84,9 @@ def add_export(gui: viser.GuiApi, session: Session, camera: Camera) -> None:
         try:
             if what.value == "link":
                 show_link(client, link_to(s.competitors, s.t, camera.mode_of(client), session.root))
+                return
+            if what.value == "set-up":
+                show_link(client, race.line_up_link)
                 return
             file = _download(client, what.value, s)
         except (RunError, ValueError, RuntimeError, TimeoutError, OSError) as error:
@@ -80,8 +100,8 @@ def add_export(gui: viser.GuiApi, session: Session, camera: Camera) -> None:
 def _download(client: viser.ClientHandle, what: str, s: Snapshot) -> Download:
     """Return the requested file."""
     if what == "PNG":
-        entries = [entry.until(s.t) for entry in s.competitors]
-        return Download("race.png", picture(_rendered(client), entries))
+        summary = summary_at(s.competitors, s.t)
+        return Download(f"{picture_name(s)}.png", picture(_rendered(client), summary))
     folders = [entry.folder for entry in s.competitors if entry.folder]
     if not folders:
         raise ValueError("nothing is stored yet: a flight is kept when it ends")
@@ -102,41 +122,46 @@ def _rendered(client: viser.ClientHandle) -> np.ndarray:
     )
 
 
-def picture(render: np.ndarray, entries: Sequence[Competitor]) -> bytes:
-    """Return a PNG of the scene on the page's dark background, below a line for each run.
+def picture_name(s: Snapshot) -> str:
+    """Return the name of a picture, such as "figure8_colored_gaussian_2.50s"."""
+    names = [s.competitors[0].course.name, *(entry.name for entry in s.competitors)]
+    plain = "_".join(re.sub(r"[^0-9A-Za-z.-]+", "-", name).strip("-") for name in names)
+    return f"{plain[:MOST_NAME]}_{s.t:.2f}s"
+
+
+def picture(render: np.ndarray, summary: Summary) -> bytes:
+    """Return a PNG of the scene on the page's dark background, below what is said of the race.
 
     The dark background makes the picture readable on white paper too.
 
     Args:
         render: (height, width, 4) uint8
+        summary: the race in words.
     """
     height, width = render.shape[:2]
-    total = height + LINE * len(entries) + 10
+    lines = [PictureLine(summary.headline, "#ffffff", 12)]
+    if summary.compared:
+        lines.append(PictureLine(summary.compared, DIM, 9))
+    lines += [PictureLine(one.text, one.entry.style.colour, 9) for one in summary.lines]
+    total = height + LINE * len(lines) + 10
     figure = Figure(figsize=(width / DPI, total / DPI), dpi=DPI, facecolor=GROUND)
     opacity = render[..., 3:] / 255
     ground = 255 * np.array(to_rgb(GROUND))
     scene = opacity * render[..., :3] + (1 - opacity) * ground
     figure.figimage(scene.astype(np.uint8))
-    for k, entry in enumerate(entries):
+    for k, line in enumerate(lines):
         figure.text(
             x=12 / width,
             y=1 - (8 + LINE * (k + 0.5)) / total,
-            s=_caption(entry),
-            color=entry.style.colour,
-            fontsize=9,
+            s=line.text,
+            color=line.colour,
+            fontsize=line.size,
             va="center",
             parse_math=False,
         )
     data = io.BytesIO()
     figure.savefig(data, format="png")
     return data.getvalue()
-
-
-def _caption(entry: Competitor) -> str:
-    """Return the line of a run in a picture."""
-    laps = "  ".join(f"{lap:.3f}" for lap in entry.laps) or "-"
-    ended = f"{entry.outcome or 'flying'} at {entry.last_t:.2f} s"
-    return f"{entry.course.name}  {entry.name}  laps {laps} s  {ended}"
 
 
 def zipped(folders: Sequence[Path]) -> bytes:
@@ -189,24 +214,36 @@ def _record(server: viser.ViserServer, entries: Sequence[Competitor]) -> str:
     recording = server.get_scene_serializer()
     for t in np.arange(0.0, end + 1.0 / RATE, 1.0 / RATE):
         now = Snapshot(t=float(t), end=end, competitors=tuple(entries))
-        timings = lap_timings(now, by_place=False)
+        timings = lap_timings(now)
         scene.update(timings, by_speed=len(entries) == 1)
         clock.text = f"{t:.1f} s  lap {timings[0].lap}"
         recording.insert_sleep(1.0 / RATE)
     return recording.as_html(dark_mode=True)
 
 
+def _coloured_line(line: CompetitorLine) -> str:
+    """Return the line of a competitor in its colour, as HTML."""
+    style = line.entry.style
+    return div(swatch(style) + element("span", text(line.text), color=style.colour))
+
+
 def _with_laps(page: str, entries: Sequence[Competitor]) -> str:
     """Return a page with a title and a table of laps in its corner."""
     names = ", ".join(entry.name for entry in entries)
     title = f"{text(entries[0].course.name)}: {text(names)}"
+    summary = summary_at(entries, inf)
+    said = [element("b", title), text(summary.headline), text(summary.compared)]
+    about = div("".join(div(line) for line in said if line), padding="0 10px", font_size="13px")
+    numbers = box(*(_coloured_line(one) for one in summary.lines))
     corner = div(
-        element("b", title, padding="0 10px") + laps(entries),
+        about + numbers + laps(entries) + chatter(entries),
         position="fixed",
         left="12px",
         top="12px",
         z_index=9,
         max_width="420px",
+        max_height="calc(100% - 24px)",
+        overflow="auto",
         color="#e6e9ee",
         background="#1a1c20e6",
         border_radius="6px",

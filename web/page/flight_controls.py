@@ -37,7 +37,7 @@ class FlightControls:
         self._ask_first(event, lambda: self._session.tell(PageRace.restart))
 
     def _start(self) -> None:
-        self._session.tell(PageRace.start, self._race.choices, self._race.runs)
+        self._session.start(self._race.choices, self._race.runs)
 
     def _ask_first(self, event: Event, act: Callable[[], None]) -> None:
         """Act, after a confirmation if this would end another visitor's flight."""

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from math import inf
 from time import perf_counter
+from typing import NamedTuple
 
 import viser
 
-from web.choices import Choices
+from web.choices import CompetitorChoices
 from web.competitor import Competitor
 from web.numbers import SLIDERS, Change
+from web.numbers_in_flight import can_change, numbers_of_several, remark
 from web.page.html import box, small, text
 from web.page.row_numbers import add_sliders, show_numbers
 from web.race import PageRace, Snapshot
@@ -21,20 +24,30 @@ SETTLED = 0.5  # rest time of a slider before its number is requested, so a drag
 HOLD = 1.0  # time after a visitor's move before a slider follows the race again [s]
 
 
+class Asked(NamedTuple):
+    """A number that a visitor has moved."""
+
+    value: float
+    whose: str  # name of a competitor, or EVERYONE
+
+
 class NumbersInFlight:
     """The sliders of the shown flight, which act on its next plan, and not on a later START.
 
-    The page's thread calls `update`; callbacks are coroutines and only note what was moved.
+    Every visitor has them. The page's thread calls `update`; callbacks are coroutines and only note
+    what was moved.
 
     Args:
         first: a competitor, for the sliders' ranges.
+        order: place of the folder among the others.
     """
 
-    def __init__(self, gui: viser.GuiApi, session: Session, first: Choices):
+    def __init__(self, gui: viser.GuiApi, session: Session, first: CompetitorChoices, order: float):
         self._session = session
-        self._asked: dict[str, float] = {}  # numbers that have not settled yet
+        # numbers that have not settled yet, with the competitor that was meant when they were moved
+        self._asked: dict[str, Asked] = {}
         self._moved_at: dict[str, float] = dict.fromkeys(SLIDERS, -inf)  # by hand [s]
-        self.folder = gui.add_folder("Numbers in flight", visible=False)
+        self.folder = gui.add_folder("Numbers in flight", visible=False, order=order)
         with self.folder:
             self._whose = gui.add_html("")
             self.whose = gui.add_dropdown("Of", (EVERYONE,), initial_value=EVERYONE)
@@ -52,23 +65,29 @@ class NumbersInFlight:
         self._ask()
         flying = [entry for entry in s.competitors if entry.live and entry.outcome is None]
         self._offer(flying or s.competitors)
-        of = [entry for entry in flying or s.competitors if self._is_meant(entry)]
-        self._whose.content = box(small(_remark(of, bool(flying))))
+        shown_ones = flying or s.competitors
+        of = [entry for entry in shown_ones if self._is_meant(entry)] or shown_ones[:1]
+        self._whose.content = box(small(text(remark(of, s.t))))
         now = perf_counter()
-        numbers = _numbers(of, s.t)
-        can_act = [name for name in SLIDERS if any(_changes(entry, name) for entry in of)]
+        numbers = {
+            **of[0].numbers(s.t),
+            **{number.name: number.values[0] for number in numbers_of_several(of, s.t)},
+        }
+        can_act = [name for name in SLIDERS if any(can_change(entry, name) for entry in of)]
         for name, slider in self.sliders.items():
-            disabled = not flying or name not in can_act
+            disabled = name not in can_act
             if slider.disabled != disabled:
                 slider.disabled = disabled
             if now - self._moved_at[name] > HOLD:
                 show_numbers({name: slider}, numbers)
 
-    def _offer(self, entries: list[Competitor] | tuple[Competitor, ...]) -> None:
-        """Offer the competitors of the race, by name."""
-        options = (EVERYONE, *(entry.name for entry in entries))
+    def _offer(self, entries: Sequence[Competitor]) -> None:
+        """Offer the competitors of the race by name, and all of them; the first one is chosen."""
+        names = tuple(entry.name for entry in entries)
+        options = (*names, EVERYONE) if len(names) > 1 else names
         if self.whose.options != options:
-            self.whose.options = options  # a competitor that is gone becomes EVERYONE
+            self.whose.options = options  # a competitor that is gone becomes the first one
+            self.whose.value = options[0]
 
     def _is_meant(self, entry: Competitor) -> bool:
         """Return whether the sliders apply to a competitor."""
@@ -78,50 +97,14 @@ class NumbersInFlight:
         """Request the numbers that have settled."""
         now = perf_counter()
         settled = [name for name in self._asked if now - self._moved_at[name] > SETTLED]
-        name = "" if self.whose.value == EVERYONE else self.whose.value
         for number in settled:
-            value = self._asked.pop(number)
-            self._session.tell(PageRace.change, Change(number, value), name)
+            asked = self._asked.pop(number)
+            name = "" if asked.whose == EVERYONE else asked.whose
+            self._session.tell(PageRace.change, Change(number, asked.value), name)
 
     async def _moved(self, name: str, event: viser.GuiEvent) -> None:
         """Note a visitor's change of a number."""
         if event.client_id is None:  # by update(), not by a visitor
             return
         self._moved_at[name] = perf_counter()
-        self._asked[name] = self.sliders[name].value
-
-
-def _numbers(entries: list[Competitor], t: float) -> dict[str, float]:
-    """Return the numbers at t, each from the first competitor that has it."""
-    numbers = entries[0].numbers(t)
-    for name in numbers:
-        having = [entry for entry in entries if _has(entry, name)]
-        if having:
-            numbers[name] = having[0].numbers(t)[name]
-    return numbers
-
-
-def _has(entry: Competitor, name: str) -> bool:
-    """Return whether a competitor's planner has the number of a slider."""
-    if not entry.has_planner:
-        return False
-    sampling = entry.spec["planner"].get("sampling")
-    is_of_colored = SLIDERS[name].setting == "gamma"
-    return not is_of_colored or (isinstance(sampling, dict) and "gamma" in sampling)
-
-
-def _changes(entry: Competitor, name: str) -> bool:
-    """Return whether a number may change in flight, which it cannot in a shared world."""
-    return _has(entry, name) and not entry.spec.get("heat")
-
-
-def _remark(entries: list[Competitor], flying: bool) -> str:
-    """Return one line about the effect of the sliders, as HTML."""
-    names = text(", ".join(entry.name for entry in entries))
-    if not any(entry.has_planner for entry in entries):
-        return f"{names}: a learned pilot, or a person, has none of these numbers"
-    if not flying:
-        return f"{names}: the numbers at this time"
-    if any(entry.spec.get("heat") for entry in entries):
-        return "in one world the numbers of START stay: they act in flight as ghosts only"
-    return f"a slider acts on the next plan of {names}, and on this flight alone"
+        self._asked[name] = Asked(self.sliders[name].value, self.whose.value)

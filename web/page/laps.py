@@ -62,9 +62,14 @@ def _table(entries: Sequence[Competitor]) -> str:
     for entry in entries:
         times = [coloured_time(lap, best, min(entry.laps)) for lap in entry.laps]
         missing = ["-"] * (most - len(times))
-        total = f"{sum(entry.laps):.3f}"
-        rows.append([label(entry), *times, *missing, total, text(entry.outcome or "flying")])
+        total = f"{sum(entry.laps):.3f}" if entry.laps else "-"
+        rows.append([label(entry), *times, *missing, total, text(_state(entry))])
     return table(["run", *map(str, range(1, most + 1)), "sum", ""], rows)
+
+
+def _state(entry: Competitor) -> str:
+    """Return how a flight ended, or that it is not over at this time."""
+    return entry.outcome or ("flying" if entry.live else f"in lap {len(entry.laps) + 1}")
 
 
 def coloured_time(t: float, best: float, own: float, decimals: int = 3) -> str:

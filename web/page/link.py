@@ -27,6 +27,7 @@ from quadsim.files.yaml_errors import cut
 
 LINK_PATH = "/link"
 MAX_LINK_BYTES = 4096  # largest message that a page may send
+OPENING = 0.05  # time between two looks whether the page is built [s]
 MAX_WAITING = 64  # largest number of unread messages to a page; further ones are dropped
 
 
@@ -81,6 +82,15 @@ class Link:
         self._decoder: msgspec.json.Decoder[Any] | None = None
         self._numbers = count(1)
         self._visitors: dict[int, LinkVisitor] = {}
+        self._is_open = False
+
+    def open(self) -> None:
+        """Begin to handle messages, once all receivers are registered.
+
+        The port listens before: an address that is opened meanwhile asks for its runs, and is heard
+        when the page is built.
+        """
+        self._is_open = True
 
     def on(
         self, form: type[AnyMessage], handler: Callable[[LinkVisitor, AnyMessage], None]
@@ -111,6 +121,8 @@ class Link:
         sending = asyncio.create_task(visitor.pass_on(connection))
         has_logged = False
         try:
+            while not self._is_open and connection.close_code is None:
+                await asyncio.sleep(OPENING)
             while True:
                 data = await connection.recv()
                 problem = self._handle(visitor, data)

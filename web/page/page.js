@@ -93,6 +93,17 @@
     }
   }
 
+  // A press on the time line, or a drag along it, moves the replay; a flight that is on has to be paused first.
+  function seek(event) {
+    const line = event.target.closest?.(".race-timeline");
+    if (!line || !(event.buttons & 1)) return;
+    const { left, width } = line.getBoundingClientRect();
+    const edge = Number(line.dataset.edge);
+    const share = ((event.clientX - left) / width) * (1 + 2 * edge) - edge;
+    const end = Number(line.dataset.end);
+    window.race.send({ type: "seek", t: Math.min(Math.max(share, 0), 1) * end });
+  }
+
   // Keys in a window act there alone. Escape, and a click beside it, press its last button, which closes it without effect.
   function pressLastButton(dialog) {
     [...dialog.querySelectorAll("button")].at(-1)?.click();
@@ -112,6 +123,13 @@
 
   addEventListener("DOMContentLoaded", () => {
     document.body.append(status, head);
+    // Before viser, whose window would move with the pointer
+    for (const kind of ["pointerdown", "pointermove"]) {
+      document.body.addEventListener(kind, (event) => {
+        if (event.target.closest?.(".race-timeline")) event.stopPropagation();
+        seek(event);
+      }, true);
+    }
     document.body.addEventListener("keydown", actInWindow);
     document.body.addEventListener("keydown", leaveBox);
     // The space bar presses the button that has the focus; elsewhere it is the key for pause.

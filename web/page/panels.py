@@ -25,11 +25,11 @@ AUTO, SPEED, SAMPLER = "auto", "speed", "sampler"
 class PlaybackPanel:
     """Pause, step, scrub, speed."""
 
-    def __init__(self, gui: viser.GuiApi, session: Session, controls: FlightControls):
+    def __init__(self, gui: viser.GuiApi, session: Session, controls: FlightControls, order: float):
         self._session = session
         self._shown = 0.0  # time that the slider was set to [s]
         self._scrubbed_at = inf  # when the slider was last moved by hand [s]; inf: it was not
-        with gui.add_folder("Playback"):
+        with gui.add_folder("Playback", order=order):
             hint = "the time that is shown; moving it pauses the race"
             self.time = gui.add_slider("Time [s]", 0.0, 1.0, RESOLUTION, 0.0, hint=hint)
             self.buttons = gui.add_button_group("", ("<", "pause", ">"))
@@ -133,6 +133,10 @@ class Key(NamedTuple):
 
 def add_keys(gui: viser.GuiApi, session: Session, camera: Camera, controls: FlightControls) -> None:
     """Add the keys that control the race."""
+
+    def follow_next(event: viser.CommandEvent) -> None:
+        camera.follow_next(event.client, [entry.name for entry in session.snapshot.competitors])
+
     keys = [
         Key("space", "pause, continue", lambda _: session.tell(PageRace.play)),
         Key("N", "one step", lambda _: session.tell(PageRace.step, 1)),
@@ -142,6 +146,7 @@ def add_keys(gui: viser.GuiApi, session: Session, camera: Camera, controls: Flig
         Key("R", "restart", controls.restart),
         Key("E", "next event", lambda _: session.tell(PageRace.jump)),
         Key("C", f"camera: {', '.join(MODES)}", lambda event: camera.choose(event.client)),
+        Key("F", "follow the next competitor, or the leader", follow_next),
         Key("H", "help: these keys", lambda event: show_help(event.client, keys)),
     ]
     for key in keys:

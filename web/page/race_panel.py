@@ -1,11 +1,13 @@
-"""RacePanel: the controls that choose what to fly or to replay."""
+"""RacePanel: the controls that choose the race of the next START, which all visitors share."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple, get_args
+from typing import Any, NamedTuple, get_args
+from urllib.parse import urlencode
 
 import viser
 
@@ -13,24 +15,21 @@ from quadsim.config.settings import Clock
 from quadsim.course import Course, load_course
 from quadsim.files.strict_yaml import FileError
 from quadsim.heat.rules import RULES
-from quadsim.heat.settings import Expect, HeatSettings
-from web.choices import Choices, HeatChoices, specs_of
-from web.page.competitor_table import CompetitorTable, announced, table_of
-from web.page.menu import Menu
+from quadsim.heat.settings import Expect
+from web.choices import Choices, HeatChoices
+from web.commands import AnyCommand, ChooseRace, FlyAgainst, OfferCourse, TakeOver
+from web.desk import Desk
+from web.line_up_link import line_up_text, set_up_of
+from web.menu import Menu
+from web.page.html import box, div, small, text
+from web.page.set_values import SetValues
 from web.race import Snapshot
-from web.run_table import FolderWatch
-from web.session import Session
-from web.stored_runs import runs_at, titled_runs
+from web.state import TOGETHER, PageState, World
+from web.stored_runs import runs_at
+from web.take_over import TakenOver, taken_over
 
-LIVE = "live"
-AGAINST = "live against a run"
-REPLAY = "replay"
-MODES = (LIVE, AGAINST, REPLAY)
-GHOSTS = "as ghosts"
-TOGETHER = "in one world"
-NONE: str = "none"
-RUNS = 200  # number of the latest runs that are offered
 LAPS = (1, 2, 3, 5, 10, 20, 50, 100)
+NOTICE = 6.0  # duration of a notice [s]
 
 
 class LoadedCourse(NamedTuple):
@@ -41,47 +40,44 @@ class LoadedCourse(NamedTuple):
 
 
 class RacePanel:
-    """The controls that choose a race.
+    """The controls of the race; they show the state of the desk and send commands.
 
     Args:
+        desk: the owner of the state.
         menu: the available choices.
-        first: the initial competitors, with the choices of the whole race.
-
-    Attributes:
-        table: the competitors.
-        coming: description of the next START, as HTML.
+        root: the folder of runs.
     """
 
-    def __init__(self, gui: viser.GuiApi, session: Session, menu: Menu, first: Sequence[Choices]):
-        self._session = session
+    def __init__(self, gui: viser.GuiApi, desk: Desk, menu: Menu, root: str):
+        self._desk = desk
+        self._root = Path(root)
         self._loaded = LoadedCourse("", None)
-        self._folder = FolderWatch(Path(session.root))
-        self._paths: dict[str, Path] = {}  # title of a stored run -> its folder
-        self.coming = ""
-        self._shown: object = None  # what the table of competitors shows
-        race = first[0]
+        self._shown: object = None
+        self._set_values = SetValues()
+        self._refused_shown = 0
+        self._refused = 0  # number of refused commands, after which the controls are set again
+        state = desk.state
+        race = state.race
         self.folder = gui.add_folder("Race")
         with self.folder:
-            self.mode = gui.add_dropdown("Mode", MODES, initial_value=LIVE)
-            self._competitors = gui.add_html("")
             self.world = gui.add_dropdown(
                 "Fly",
-                (GHOSTS, TOGETHER),
-                initial_value=GHOSTS,
+                get_args(World),
+                initial_value=state.world,
                 hint="ghosts: each alone in its world, side by side; in one world they see each"
                 " other, keep clear and can touch",
             )
             self.expect = gui.add_dropdown(
                 "Others",
                 get_args(Expect),
-                initial_value=HeatSettings.expect,
+                initial_value=state.expect,
                 hint="what a planner expects of the others: plans that they tell, plans of its own"
                 " for them, constant velocity, or nothing",
             )
             self.rules = gui.add_dropdown(
                 "Rules",
                 tuple(RULES),
-                initial_value=HeatSettings.rules,
+                initial_value=state.rules,
                 hint="what a contact of two drones costs",
             )
             self.course = gui.add_dropdown("Course", menu.courses, initial_value=race.course)
@@ -106,124 +102,58 @@ class RacePanel:
                 str(race.deadline_ms),
                 hint="longest time of a plan, kept by fewer samples; none, or a number",
             )
-            self.run = gui.add_dropdown("Run", (NONE,), initial_value=NONE)
-            self.second_run = gui.add_dropdown("Second run", (NONE,), initial_value=NONE)
+            self._against = gui.add_html("")
+            self.alone = gui.add_button("Fly without stored runs", color="gray")
             self.start = gui.add_button("START", icon=viser.Icon.FLAG, color="orange")
             stop = viser.Icon.PLAYER_STOP
             self.stop = gui.add_button("STOP", icon=stop, color="red", disabled=True)
-        self.table = CompetitorTable(gui, menu, first)
-        self.mode.on_update(self._show_controls)
-        self.world.on_update(self._show_controls)
-        self.run.on_update(self._choose_course)
-        self.refresh()
-        self._show_controls()
-
-    @property
-    def is_replay(self) -> bool:
-        """Whether only stored runs are chosen."""
-        return self.mode.value == REPLAY
-
-    @property
-    def is_together(self) -> bool:
-        """Whether the competitors share one world."""
-        return self.world.value == TOGETHER and len(self.table.rows) > 1
-
-    @property
-    def flights(self) -> list[Choices]:
-        """The chosen flights of the competitors."""
-        laps = self.laps.value
-        race = Choices(
-            course=self.course.value,
-            seed=self.seed.value.strip(),
-            laps=int(laps) if laps.isdigit() else 0,
-            clock=self.clock.value,
-            deadline_ms=self.deadline.value.strip(),
-            runs_dir=str(self._session.root),
-        )
-        return self.table.flights(race)
+        for name, control in self._controls.items():
+            control.on_update(partial(self._chosen, name))
+        self.alone.on_click(self._fly_alone)
+        self._show(state)
 
     @property
     def choices(self) -> list[Choices | HeatChoices]:
-        """The choices of the next START."""
-        if self.is_replay:
-            return []
-        if self.is_together:
-            return [HeatChoices(tuple(self.flights), self.expect.value, self.rules.value)]
-        return [*self.flights]
+        """What START flies."""
+        return self._desk.state.start
 
     @property
     def runs(self) -> list[Path]:
-        """The chosen stored runs."""
-        titles = []
-        if self.mode.value in (AGAINST, REPLAY):
-            titles.append(self.run.value)
-        if self.mode.value == REPLAY:
-            titles.append(self.second_run.value)
-        chosen = [self._paths[title] for title in titles if title in self._paths]
-        return [run for path in chosen for run in runs_at(path)]
-
-    def show_replay(self, runs: Sequence[Path]) -> None:
-        """Show that these runs are being replayed."""
-        self.mode.value = REPLAY
-        titles = {path: title for title, path in self._paths.items()}
-        for control, path in zip((self.run, self.second_run), runs, strict=False):
-            if path in titles:
-                control.value = titles[path]
-
-    def refresh(self) -> None:
-        """Offer the presets that can fly the race, and list the stored runs.
-
-        The list of runs, the latest first, is updated if the runs have changed.
-        """
-        self._offer_presets()
-        if not self._folder.has_changed():
-            return
-        self._paths = titled_runs(self._session.root, RUNS)
-        options = (NONE, *self._paths)
-        for control in (self.run, self.second_run):
-            if control.options != options:
-                control.options = options  # a run that is gone becomes NONE
-        if self.run.value == NONE and len(options) > 1:
-            self.run.value = options[1]
-
-    def _offer_presets(self) -> None:
-        """Offer the presets that can fly the chosen race."""
-        course = self._course()
-        if course is not None:
-            laps = int(self.laps.value) if self.laps.value.isdigit() else course.laps
-            self.table.offer_presets(course, laps, str(self._session.root))
-
-    def update(self, s: Snapshot) -> None:
-        """Enable and label the controls for the present state of the race."""
-        self.stop.disabled = not s.flying
-        self._show_competitors()
-        own = self._own_laps()
-        # viser sends options even if they have not changed.
-        if self.laps.options[0] != own:
-            self.laps.options = (own, *self.laps.options[1:])
-
-    def _show_competitors(self) -> None:
-        """Show the table of competitors, with an error if they cannot fly, after a change."""
-        asked = (self.choices, self.table.edited)
-        if asked == self._shown:
-            return
-        self._shown = asked
-        problem = problem_of(self.choices)
-        self._competitors.content = table_of(self.flights, self.table.edited, problem)
-        self.coming = "" if self.is_replay else announced(self.flights, self.world.value)
-
-    def preview(self) -> Course | None:
-        """Return the course of the next START, None if stored runs are chosen instead."""
-        return None if self.is_replay else self._course()
-
-    def chosen_course(self) -> Course | None:
-        """Return the chosen course; None if its file cannot be read."""
-        return self._course()
+        """The stored runs beside the next flight."""
+        names = self._desk.state.against
+        return [run for name in names for run in runs_at(self._root / name)]
 
     @property
     def first_vehicle(self) -> str:
         """The vehicle of the first competitor."""
-        return self.flights[0].vehicle
+        return self._desk.state.rows[0].choices.vehicle
+
+    def update(self, s: Snapshot, state: PageState) -> None:
+        """Enable and label the controls for the present state of the race and of the page."""
+        if self.stop.disabled == s.flying:
+            self.stop.disabled = not s.flying
+        own = self._own_laps()
+        # viser sends options even if they have not changed.
+        if self.laps.options[0] != own:
+            self.laps.options = (own, *self.laps.options[1:])
+            self._set_values.forget("laps")
+            self._shown = None
+        shown = (state, self._refused)
+        if shown != self._shown:
+            self._shown = shown
+            if self._refused != self._refused_shown:
+                self._refused_shown = self._refused
+                self._set_values.forget()
+            self._show(state)
+
+    def chosen_course(self) -> Course | None:
+        """Return the chosen course; None if its file cannot be read, which START reports."""
+        name = self._desk.state.race.course
+        if self._loaded.name != name:
+            self._loaded = LoadedCourse(name, None)
+            with suppress(FileError):
+                self._loaded = LoadedCourse(name, load_course(name))
+        return self._loaded.course
 
     def offer_course(self, name: str, chosen: bool = False) -> None:
         """Add a course to the menu.
@@ -232,59 +162,100 @@ class RacePanel:
             name: a name or a path.
             chosen: whether START flies it next; its file is then read again.
         """
+        self._desk.do(OfferCourse(name))
         if name not in self.course.options:
             self.course.options = (*self.course.options, name)
         if chosen:
             self._loaded = LoadedCourse("", None)
-            self.course.value = name
-            if self.is_replay:
-                self.mode.value = LIVE
+            self._desk.do(ChooseRace("course", name))
 
-    def _course(self) -> Course | None:
-        """Return the chosen course; None if its file cannot be read, which START reports."""
-        name = self.course.value
-        if self._loaded.name != name:
-            self._loaded = LoadedCourse(name, None)
-            with suppress(FileError):
-                self._loaded = LoadedCourse(name, load_course(name))
-        return self._loaded.course
+    def fly_against(self, runs: Sequence[str], course: str) -> None:
+        """Show stored runs beside the next flight, on their course if the menu has it."""
+        if course in self.course.options:
+            self._desk.do(ChooseRace("course", course))
+        self._desk.do(FlyAgainst(tuple(runs)))
+
+    def set_up(self, line_up: str) -> None:
+        """Set up the race of an address. Raises ValueError. line_up: see web.line_up_link."""
+        self._desk.do(set_up_of(line_up))
+
+    @property
+    def line_up_link(self) -> str:
+        """The part of an address that sets up this race. Raises ValueError: it is too long."""
+        return "?" + urlencode({"line_up": line_up_text(self._desk.state)})
+
+    def take_over(self, record: Mapping[str, Any]) -> TakenOver:
+        """Add a competitor that is set up like a run. Raises ValueError. record: its spec."""
+        found = taken_over(record, self._desk.state.race)
+        self._desk.do(TakeOver(None, found.choices))
+        return found
+
+    @property
+    def _controls(self) -> dict[str, Any]:
+        """The controls by the names of their choices."""
+        return {
+            "world": self.world,
+            "expect": self.expect,
+            "rules": self.rules,
+            "course": self.course,
+            "seed": self.seed,
+            "laps": self.laps,
+            "clock": self.clock,
+            "deadline_ms": self.deadline,
+        }
+
+    def _show(self, state: PageState) -> None:
+        """Show the state."""
+        race = state.race
+        laps = str(race.laps) if race.laps else self._own_laps()
+        shown = {
+            "world": state.world,
+            "expect": state.expect,
+            "rules": state.rules,
+            "course": race.course,
+            "seed": str(race.seed),
+            "laps": laps,
+            "clock": race.clock,
+            "deadline_ms": str(race.deadline_ms),
+        }
+        if laps not in self.laps.options:
+            self.laps.options = (*self.laps.options, laps)
+        for name, control in self._controls.items():
+            self._set_values(name, control, shown[name])
+        several = len(state.rows) > 1
+        for control in (self.expect, self.rules):
+            control.visible = several and state.world == TOGETHER
+        beside = bool(state.against)
+        self._against.visible = self.alone.visible = beside
+        if beside:
+            names = "".join(div(text(name), word_break="break-all") for name in state.against)
+            self._against.content = box("against", small(names))
 
     def _own_laps(self) -> str:
         """Return the option for the course's own number of laps."""
-        course = self._course()
+        course = self.chosen_course()
         return f"course ({course.laps})" if course else "course"
 
-    def _show_controls(self, _: viser.GuiEvent | None = None) -> None:
-        """Show the controls of the mode."""
-        mode = self.mode.value
-        live = mode != REPLAY
-        of_the_race = (self.world, self.course, self.seed, self.laps, self.clock, self.deadline)
-        for control in (self._competitors, *of_the_race):
-            control.visible = live
-        self.table.folder.visible = live
-        for control in (self.expect, self.rules):
-            control.visible = live and self.world.value == TOGETHER
-        self.run.visible = mode in (AGAINST, REPLAY)
-        self.second_run.visible = mode == REPLAY
-        self.start.label = "REPLAY" if mode == REPLAY else "START"
-
-    def _choose_course(self, _: viser.GuiEvent) -> None:
-        """Choose the run's course, for a live flight together with the run."""
-        path = self._paths.get(self.run.value)
-        if path is None or self.mode.value != AGAINST:
+    async def _chosen(self, name: str, event: viser.GuiEvent) -> None:
+        """Choose a setting of the race."""
+        if event.client_id is None:  # by update(), not by a visitor
             return
-        found = [course for course in self.course.options if f"_{course}_" in path.name]
-        if found:
-            self.course.value = max(found, key=len)
+        value = self._controls[name].value
+        if name == "laps":
+            value = int(value) if value.isdigit() else 0
+        self._do(ChooseRace(name, value.strip() if isinstance(value, str) else value), event)
 
+    async def _fly_alone(self, event: viser.GuiEvent) -> None:
+        """Show no stored runs beside the next flight."""
+        self._do(FlyAgainst(()), event)
 
-def problem_of(choices: Sequence[Choices | HeatChoices]) -> str:
-    """Return one line with the reason why choices cannot be flown, "" if they can."""
-    try:
-        specs_of([one for one in choices if isinstance(one, Choices)])
-        for one in choices:
-            if isinstance(one, HeatChoices):
-                one.spec()
-    except ValueError as error:
-        return str(error)
-    return ""
+    def _do(self, command: AnyCommand, event: viser.GuiEvent) -> None:
+        """Carry out a command; notify the visitor if that is not possible."""
+        try:
+            self._desk.do(command)
+        except ValueError as error:
+            self._refused += 1
+            if event.client is not None:
+                event.client.add_notification(
+                    "Not taken", str(error), auto_close_seconds=NOTICE, color="red"
+                )

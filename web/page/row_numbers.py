@@ -11,18 +11,17 @@ import viser
 from msgspec import inspect
 
 from quadsim.config.settings import Kind, SettingValue, bare
-from quadsim.files.values import checked
-from web.choices import Choices, planner_settings
+from web.choices import CompetitorChoices, planner_settings
+from web.commands import SetNumber, SetSetting
 from web.numbers import SLIDERS, numbers_of
+from web.page.set_values import SetValues
+from web.setting_texts import HAVE_SLIDERS, shown_value
 
 TITLES = {"sampling": "Sampling", "mppi": "MPPI", "cost": "Cost", "model": "Model of the vehicle"}
-# Settings with a slider for the whole number; sliders of sigma and gamma control a part of one
-HAVE_SLIDERS = {"temperature", "target_ess", "samples"}
 DIGITS = 6  # of the decimals that a box takes
 
-# makes another competitor of one, and may raise ValueError
-Step = Callable[[Choices], Choices]
-Edit = Callable[[viser.GuiEvent, Step], None]
+# Sends a command about a number: SetNumber or SetSetting, the name and the value of the number
+Send = Callable[[type, str, Any], None]
 
 
 class Field(NamedTuple):
@@ -35,31 +34,34 @@ class Field(NamedTuple):
 class RowNumbers:
     """The sliders, and a control for each setting of the planner.
 
-    They show the numbers of one competitor. Only the owner calls `show`, on viser's event loop;
-    callbacks are coroutines, which run one after another on that loop.
+    They show the numbers of one competitor. Only the page's thread calls `show`; callbacks are
+    coroutines on viser's event loop, which send commands.
 
     Args:
         first: the initial competitor.
-        edit: called when a visitor has changed a number.
+        send: called when a visitor has changed a number.
     """
 
-    def __init__(self, gui: viser.GuiApi, first: Choices, edit: Edit):
+    def __init__(self, gui: viser.GuiApi, first: CompetitorChoices, send: Send):
         self._gui = gui
-        self._edit = edit
+        self._send = send
         self.sliders = add_sliders(gui, first, "")
         for name, slider in self.sliders.items():
             slider.on_update(partial(self._moved, name))
         self._folder = gui.add_folder("All numbers", expand_by_default=False)
         self._groups: list[viser.GuiFolderHandle] = []
         self._fields: dict[str, Field] = {}
+        self.set_values = SetValues()
         self.show(first)
 
-    def show(self, row: Choices) -> None:
+    def show(self, row: CompetitorChoices) -> None:
         """Show the numbers of a competitor."""
         known = planner_settings(row.preset, row.vehicle, row.sampler)
         planner = row.planner
-        show_numbers(self.sliders, numbers_of(planner, row.base))
+        numbers = numbers_of(planner, row.base)
         for name, slider in self.sliders.items():
+            widen(slider, float(numbers[name]))
+            self.set_values(name, slider, float(numbers[name]))
             slider.disabled = SLIDERS[name].setting not in known
         shown = {name: found for name, found in known.items() if name not in HAVE_SLIDERS}
         if {name: found.kind for name, found in shown.items()} != self._kinds():
@@ -71,7 +73,7 @@ class RowNumbers:
                 value = getattr(parts[setting.group], setting.field)
             else:
                 value = row.settings.get(name, shown[name].value)
-            control.value = shown_value(value)
+            self.set_values(f"setting {name}", control, shown_value(value))
 
     def _kinds(self) -> dict[str, Kind]:
         """Return the kinds of the settings that have a control, by name."""
@@ -81,6 +83,7 @@ class RowNumbers:
         """Replace the controls by the controls of these settings."""
         for group in self._groups:
             group.remove()
+        self.set_values.forget(*(f"setting {name}" for name in self._fields), *self.sliders)
         self._groups = []
         self._fields = {}
         for group, members in groupby(settings.items(), key=lambda item: item[1].setting.group):
@@ -113,23 +116,17 @@ class RowNumbers:
         """Set the number of a slider."""
         if event.client_id is None:  # by show(), not by a visitor
             return
-        value = self.sliders[name].value
-
-        def moved(row: Choices) -> Choices:
-            return row.with_number(name, checked_number(name, value, row))
-
-        self._edit(event, moved)
+        self._send(SetNumber, name, self.sliders[name].value)
 
     async def _typed(self, name: str, event: viser.GuiEvent) -> None:
         """Set the value of a control."""
-        if event.client_id is None or name not in self._fields:
-            return
-        control, kind = self._fields[name]
-        value = read(control.value, kind)
-        self._edit(event, lambda row: row.with_setting(name, checked(name, value, kind)))
+        if event.client_id is not None:
+            self._send(SetSetting, name, event.target.value)
 
 
-def add_sliders(gui: viser.GuiApi, first: Choices, ending: str) -> dict[str, viser.GuiSliderHandle]:
+def add_sliders(
+    gui: viser.GuiApi, first: CompetitorChoices, ending: str
+) -> dict[str, viser.GuiSliderHandle]:
     """Add a slider for each number of web.numbers.SLIDERS.
 
     Args:
@@ -159,34 +156,11 @@ def show_numbers(
     """Set the sliders; a number beyond the range of its slider widens the range."""
     for name, slider in sliders.items():
         value = float(numbers[name])
-        slider.min = min(slider.min, value)
-        slider.max = max(slider.max, value)
+        widen(slider, value)
         slider.value = value
 
 
-def checked_number(name: str, value: float, row: Choices) -> float:
-    """Return the value of a slider if its setting can have it, else raise SettingError."""
-    setting = SLIDERS[name].setting
-    if setting not in HAVE_SLIDERS or (setting == "target_ess" and value == 0):
-        return value
-    found = planner_settings(row.preset, row.vehicle, row.sampler)[setting]
-    whole = int(value) if value.is_integer() else value
-    checked(setting, whole, found.kind)
-    return whole if setting == "samples" else value
-
-
-def shown_value(value: Any) -> Any:
-    """Return a setting's value for its control, numbers as a text."""
-    if isinstance(value, bool | str):
-        return value
-    numbers = value if isinstance(value, tuple) else (value,)
-    return " ".join("none" if x is None else f"{x:.10g}" for x in numbers)
-
-
-def read(value: Any, kind: Kind) -> Any:
-    """Return a control's value as a setting of quadsim.fly, which reports invalid values."""
-    if not isinstance(value, str):
-        return value
-    if isinstance(bare(kind), inspect.TupleType):
-        return value.split()
-    return None if value.strip().lower() == "none" else value
+def widen(slider: viser.GuiSliderHandle, value: float) -> None:
+    """Widen the range of a slider to a value beyond it."""
+    slider.min = min(slider.min, value)
+    slider.max = max(slider.max, value)

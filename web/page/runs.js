@@ -1,5 +1,6 @@
 // The table of stored runs and the reports of campaigns, over the page. runs_panel.py sends what it shows; all of it is
-// set as text, never as HTML. An address with ?run=NAME&run=NAME2&t=3.2&camera=chase shows these runs.
+// set as text, never as HTML. An address with ?run=NAME&run=NAME2&t=3.2&camera=chase shows these runs, one with
+// ?line_up=TEXT sets up the next START.
 (() => {
   const MOST = 300; // rows that are shown; the filter finds the others
   const TOGETHER = 8; // runs side by side, at most
@@ -11,6 +12,7 @@
     ["flown_by", "flown by"],
     ["vehicle", "vehicle"],
     ["preset", "preset"],
+    ["numbers", "changed numbers"],
     ["sensing", "sensing"],
     ["seed", "seed", String],
     ["laps", "laps"],
@@ -36,6 +38,7 @@
   const filter = make("input", { type: "search", placeholder: "filter: words that a row has", ariaLabel: "Filter the runs" });
   const count = make("span", { className: "count" });
   const compare = make("button", { textContent: "Replay", onclick: () => replay([...chosen]) });
+  const against = make("button", { textContent: "Fly against", onclick: () => leave({ type: "fly_against", names: [...chosen] }) });
   const remark = make("div", { className: "remark", role: "status" });
   const table = make("table");
   const reports = make("div", { className: "reports" });
@@ -43,10 +46,15 @@
   sheet.setAttribute("role", "dialog");
   const tabs = ["Runs", "Campaigns"].map((name) => make("button", { textContent: name, onclick: () => showTab(name) }));
   const close = make("button", { textContent: "Close", onclick: () => open(false) });
-  const runs = make("div", { className: "runs" }, make("div", { className: "tools" }, filter, count, compare), make("div", { className: "scroll" }, table));
+  const runs = make("div", { className: "runs" }, make("div", { className: "tools" }, filter, count, compare, against), make("div", { className: "scroll" }, table));
   sheet.append(make("div", { className: "tools" }, ...tabs, remark, close), runs, reports);
 
-  filter.oninput = draw;
+  // Rows are drawn once a visitor pauses: drawing 300 of them at every key held the typing up.
+  let typing = 0;
+  filter.oninput = () => {
+    clearTimeout(typing);
+    typing = setTimeout(draw, 150);
+  };
 
   function open(on) {
     sheet.hidden = !on;
@@ -61,9 +69,9 @@
     if (name === "Campaigns") race.send({ type: "list_reports" });
   }
 
-  // Whether a row has each of the words.
+  // Whether a row has each of the words, in what is shown or in its further settings.
   function fits(row, words) {
-    const text = [...COLUMNS.map(([key]) => row[key]), row.name, row.problem].join(" ").toLowerCase();
+    const text = [...COLUMNS.map(([key]) => row[key]), row.name, row.problem, row.more].join(" ").toLowerCase();
     return words.every((word) => text.includes(word));
   }
 
@@ -82,9 +90,11 @@
     const shown = found.slice(0, MOST);
     count.textContent = `${found.length} of ${rows.length}` + (found.length > MOST ? `, the first ${MOST} are shown` : "");
     compare.textContent = chosen.size > 1 ? `Compare ${chosen.size}` : "Replay";
-    compare.disabled = chosen.size === 0;
+    compare.disabled = against.disabled = chosen.size === 0;
     const focus = document.activeElement?.dataset?.key;
-    table.replaceChildren(head(), make("tbody", {}, ...shown.flatMap(drawn)));
+    const none = make("td", { colSpan: COLUMNS.length + 2, textContent: rows.length ? "No run has all of these words." : "No run is stored yet." });
+    const body = shown.length ? shown.flatMap(drawn) : [make("tr", {}, none)];
+    table.replaceChildren(head(), make("tbody", {}, ...body));
     if (focus) table.querySelector(`[data-key="${CSS.escape(focus)}"]`)?.focus();
   }
 
@@ -118,12 +128,15 @@
       const value = row[key];
       const text = value === null ? "" : shown ? shown(value) : value;
       const bad = (key === "changes" && value > 0) || (key === "outcome" && row.time === null && row.vehicles === 1);
-      return make("td", { textContent: text, className: (shown ? "number" : "") + (bad ? " bad" : "") });
+      const long = key === "flown_by" || key === "numbers" || key === "outcome";
+      const title = long ? text : "";
+      return make("td", { textContent: text, title, className: (shown ? "number" : "") + (bad ? " bad" : "") + (long ? " long" : "") });
     });
     const acts = make(
       "td",
       { className: "acts" },
       act("replay", row, () => replay([row.name])),
+      act("take over", row, () => leave({ type: "take_over", name: row.name })),
       act("fly again", row, () => leave({ type: "fly_again", name: row.name })),
       act("copy ...", row, () => word(row.name)),
     );
@@ -223,6 +236,8 @@
   });
   race.on("remark", ({ text }) => {
     if (sheet.hidden) open(true);
+    if (opened && !wordings[opened]) opened = null; // its texts do not come
+    draw();
     remark.textContent = text;
   });
   race.on("reports", ({ rows }) => {
@@ -248,6 +263,7 @@
 
   // Show the runs, the time and the camera that the address names.
   function follow(asked) {
+    if (asked.get("line_up")) race.send({ type: "set_up", line_up: asked.get("line_up") });
     const names = asked.getAll("run").slice(0, TOGETHER);
     if (!names.length) return;
     const t = Number(asked.get("t") ?? NaN);
@@ -266,11 +282,20 @@
   addEventListener("DOMContentLoaded", () => {
     document.body.append(sheet);
     showTab("Runs");
-    // The keys of the race do not act on a table that is over it.
-    sheet.addEventListener("keydown", (event) => {
-      event.stopPropagation();
-      if (event.key === "Escape") open(false);
-    });
+    // The keys of the race do not act beneath a table that is over it, wherever the focus is: after a click with the mouse
+    // it is on the page. In the capture phase the table comes before all that listens for keys.
+    addEventListener(
+      "keydown",
+      (event) => {
+        if (sheet.hidden) return;
+        const inside = sheet.contains(event.target);
+        const closes = event.key === "Escape" || (event.key === "t" && !event.target.matches?.("input"));
+        if (closes || !inside) event.stopImmediatePropagation();
+        if (closes) open(false);
+      },
+      true,
+    );
+    sheet.addEventListener("keydown", (event) => event.stopPropagation());
     document.body.addEventListener("click", ({ target }) => {
       if (target.closest('[data-open="runs"]')) open(sheet.hidden);
       const link = target.closest("[data-copy-link]");

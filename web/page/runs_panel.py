@@ -12,7 +12,7 @@ import traceback
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, get_args
 from urllib.parse import urlencode
 
 import viser
@@ -21,10 +21,12 @@ from msgspec import Meta
 from quadsim.heat.archive import is_heat
 from quadsim.record.archive import load_reportable
 from quadsim.record.run import RunError, why_not_repeatable
+from quadsim.results.stored_runs import UNREADABLE, read_row
 from quadsim.tables.wording import Wording, heat_wording, wording
 from web.again import AgainChoices, HeatAgainChoices
 from web.campaign_reports import CampaignReports, ReportRow
 from web.competitor import Competitor
+from web.line_up_link import MOST_BYTES
 from web.page.html import box, div, element, small, text
 from web.page.link import LinkVisitor, Message
 from web.page.race_panel import RacePanel
@@ -52,6 +54,24 @@ class ReplayRuns(Message, tag="replay_runs"):
 
     names: Annotated[list[Name], Meta(min_length=1, max_length=TOGETHER)]
     t: Annotated[float, Meta(ge=0, le=1e6)] | None = None
+
+
+class FlyAgainstRuns(Message, tag="fly_against"):
+    """A visitor requests stored runs beside the next flight."""
+
+    names: Annotated[list[Name], Meta(min_length=1, max_length=TOGETHER)]
+
+
+class TakeOverRun(Message, tag="take_over"):
+    """A visitor requests a competitor that is set up like a stored run."""
+
+    name: Name
+
+
+class SetUpRace(Message, tag="set_up"):
+    """A page that was opened with a line-up in its address."""
+
+    line_up: Annotated[str, Meta(max_length=MOST_BYTES)]
 
 
 class FlyAgain(Message, tag="fly_again"):
@@ -112,7 +132,17 @@ class Remark(Message, tag="remark"):
     text: str
 
 
-Request = ListRuns | ReplayRuns | FlyAgain | WordRun | ListReports | ShowReport
+Request = (
+    ListRuns
+    | ReplayRuns
+    | FlyAgainstRuns
+    | TakeOverRun
+    | SetUpRace
+    | FlyAgain
+    | WordRun
+    | ListReports
+    | ShowReport
+)
 
 
 class RunsPanel:
@@ -127,7 +157,7 @@ class RunsPanel:
         self._wordings: dict[str, RunWording] = {}
         # None wakes the thread
         self._requests: queue.Queue[tuple[LinkVisitor, Request] | None] = queue.Queue(WAITING)
-        for form in (ListRuns, ReplayRuns, FlyAgain, WordRun, ListReports, ShowReport):
+        for form in get_args(Request):
             self._link.on(form, self._queue)
         open_table = '<button class="race-open" data-open="runs">Runs and campaigns (T)</button>'
         server.gui.add_html(open_table)
@@ -170,6 +200,12 @@ class RunsPanel:
                     visitor.send(Runs(self._table.rows[:MOST]))
                 case ReplayRuns(names, t):
                     self._replay(names, t)
+                case FlyAgainstRuns(names):
+                    self._fly_against(names)
+                case TakeOverRun(name):
+                    self._take_over(visitor, name)
+                case SetUpRace(line_up):
+                    self._race.set_up(line_up)
                 case FlyAgain(name):
                     self._fly_again(name)
                 case WordRun(name):
@@ -179,12 +215,15 @@ class RunsPanel:
                     visitor.send(Reports(self._reports.rows))
                 case ShowReport(name):
                     visitor.send(ReportShown(name, *self._reports.read(name)))
-        except (ValueError, RunError) as error:
+        except (ValueError, RunError, *UNREADABLE) as error:
             visitor.send(Remark(str(error)))
 
     def _path(self, name: str) -> Path:
         """Return the folder of a listed run. Raises ValueError."""
         path = self._table.path(name)
+        if path is None and self._table.refresh():
+            # It has just been stored
+            path = self._table.path(name)
         if path is None:
             raise ValueError(f"no run {name[:80]!r} in the table: expected one that is listed")
         return path
@@ -195,7 +234,24 @@ class RunsPanel:
         self._expect_landed()
         runs = [run for folder in folders for run in runs_at(folder)]
         self._session.tell(PageRace.replay, runs, t)
-        self._race.show_replay(folders)
+
+    def _fly_against(self, names: Sequence[str]) -> None:
+        """Show runs beside the next flight. Raises ValueError, RunError."""
+        folders = [self._path(name) for name in dict.fromkeys(names)]
+        runs = [run for folder in folders for run in runs_at(folder)]
+        courses = {read_row(run).course for run in runs}
+        if len(courses) > 1:
+            raise ValueError(f"against: expected runs of one course, got {', '.join(courses)}")
+        self._race.fly_against([folder.name for folder in folders], *courses)
+
+    def _take_over(self, visitor: LinkVisitor, name: str) -> None:
+        """Add a competitor for each run of a row. Raises ValueError, RunError."""
+        for run in runs_at(self._path(name)):
+            found = self._race.take_over(load_reportable(run).spec)
+            if found.differs:
+                differs = ", ".join(found.differs)
+                remark = f"taken over; the race keeps its own settings: the run had {differs}"
+                visitor.send(Remark(remark))
 
     def _fly_again(self, name: str) -> None:
         """Fly a run or a race again. Raises ValueError."""
@@ -233,7 +289,7 @@ def show_link(client: viser.ClientHandle, link: str) -> None:
     with client.gui.add_modal("Link to what is shown") as modal:
         shown = div(element("code", text(link), word_break="break-all"), margin="4px 0 8px")
         copy = f'<button class="race-open" data-copy-link="{text(link)}">Copy the address</button>'
-        note = "It opens these runs at this time for everybody who looks at this page."
+        note = "It opens this for everybody who looks at the page then."
         client.gui.add_html(box(shown, copy, small(note)))
         client.gui.add_button("Close").on_click(lambda _: modal.close())
 

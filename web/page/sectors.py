@@ -7,9 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from quadsim.racing.along import Legs
 from quadsim.racing.events import sector_times
 from web.competitor import Competitor
-from web.legs import Legs
 from web.page.html import DIM, element, heading, label, small, table
 from web.page.laps import best_sectors, coloured_time
 

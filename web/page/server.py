@@ -6,6 +6,7 @@ import asyncio
 import errno
 import secrets
 import socket
+import warnings
 from typing import Any
 
 import rich
@@ -53,6 +54,8 @@ def serve(host: str, port: int, token: str | None, label: str) -> PageServer:
         ValueError: the server cannot listen there; the message is one line.
     """
     port = probe(host, port)
+    # A visitor may leave while its own controls are set.
+    warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")
     # viser prints banners through rich; stdout is for results
     rich.reconfigure(stderr=True, quiet=True)
     guard = Guard(host, port, token)

@@ -12,6 +12,8 @@ from quadsim.racing.events import Event
 from quadsim.racing.hand import HAND
 from quadsim.record.run import not_comparable
 from web.competitor import CRASHES, Competitor, heat_of
+from web.differences import compared
+from web.drawn_samples import drawn_samples, late_plans
 from web.lap_timing import LapTiming, order
 from web.page.comparison import comparison, headline, result
 from web.page.course_map import timeline
@@ -36,6 +38,7 @@ from web.page.html import (
 )
 from web.page.laps import best_sectors, coloured_time
 from web.race import Snapshot
+from web.standings import standings_at
 
 EVENTS = 60  # number of the newest events in the list
 SLOWER = "#8b93a1"  # colour of a sector that is not the best
@@ -49,40 +52,49 @@ CENTRED = {"text_align": "center"}
 def hud(s: Snapshot, timings: list[LapTiming], coming: str = "") -> str:
     """Return the head-up display.
 
-    It shows the leader, the lead and the chatter of each thrust; lap, lap time, next gate, speed
-    and gap of the first competitor; and below the state of the race, the results and the time line.
+    It shows the leader, the lead and the chatter of each thrust; lap, lap time, next gate and speed
+    of the leader; and below the state of the race, the results and the time line.
 
     coming: description of the next START, as HTML.
     """
     if s.compiling:
         compiling = "Compiling the planner for this machine: once, it takes some 15 s"
         return head_up(div(compiling, **CENTRED, color=DIM))
+    if s.is_taking_off:
+        names = " and ".join(label(entry) for entry in s.competitors if entry.live)
+        planning = f"Planning the first step of {names}: with many samples it takes seconds"
+        return head_up(div(planning, **CENTRED, font_size="16px"))
     if not timings:
         return head_up(coming or div("Choose a race and press START", **CENTRED, color=DIM))
-    leads = ""
+    leader = order(timings)[0]
     if len(timings) > 1:
-        leads = div(headline(timings), **CENTRED, font_size="18px")
+        standings = standings_at([one.entry for one in timings], s.t)
+        differ = compared([one.entry.spec for one in timings])
+        leads = div(headline(standings), **CENTRED, font_size="18px") + small(text(differ))
     else:
-        leads = _result(timings[0])
+        leads = _result(leader)
     above = "".join(_above(one, len(timings) > 1) for one in timings if one.over)
     line = timeline(s.competitors, s.t, s.end)
-    return head_up(leads, _numbers(timings), comparison(timings), above, _state(s, timings), line)
+    return head_up(
+        leads,
+        _numbers(leader, len(timings) > 1),
+        comparison(timings),
+        above,
+        _state(s, timings),
+        line,
+    )
 
 
-def _numbers(timings: list[LapTiming]) -> str:
-    """Return lap, lap time, next gate, speed and gap of the first competitor."""
-    first = timings[0]
-    entry = first.entry
-    cells = [
-        f"LAP {first.lap}/{entry.laps_to_fly}",
-        f"{rounded(first.lap_time, 2):.2f} s",
-        f"G{first.gate}/{entry.legs.gates}" if first.gate else "FINISH",
-        f"{entry.speed(first.i):.1f} m/s",
+def _numbers(s: LapTiming, has_name: bool) -> str:
+    """Return lap, lap time, next gate and speed of a competitor, with its name if has_name."""
+    entry = s.entry
+    cells = [label(entry)] if has_name else []
+    cells += [
+        f"LAP {s.lap}/{entry.laps_to_fly}",
+        f"{rounded(s.lap_time, 2):.2f} s",
+        f"G{s.gate}/{entry.legs.gates}" if s.gate else "FINISH",
+        f"{entry.speed(s.i):.1f} m/s",
     ]
-    gaps = [other.gap - first.gap for other in timings[1:] if isfinite(other.gap)]
-    if gaps:
-        behind = rounded(-min(gaps), 2)
-        cells.append(coloured(f"{behind:+.2f} s", FASTER if behind < 0 else RED))
     spans = "".join(f"<span>{cell}</span>" for cell in cells)
     row = div(
         spans,
@@ -90,7 +102,7 @@ def _numbers(timings: list[LapTiming]) -> str:
         justify_content="space-between",
         flex_wrap="wrap",
         gap="0 14px",
-        font_size="19px",
+        font_size="15px" if has_name else "19px",
         font_weight=650,
         **MONO,
     )
@@ -130,6 +142,7 @@ SLOW = 0.6
 def _state(s: Snapshot, timings: Sequence[LapTiming]) -> str:
     """Return the state of the race as text: flying, paused, ended or replay."""
     first = timings[0]
+    all_over = all(one.over for one in timings)
     if s.playing:
         doing = "flying" if s.flying else "replay"
         pace = f"{s.factor:.2f} x real time"
@@ -139,7 +152,7 @@ def _state(s: Snapshot, timings: Sequence[LapTiming]) -> str:
         if s.flying and 0.0 < s.factor < SLOW:
             pace += ": this machine is too slow for it"
     else:
-        doing = "ended" if first.over and not s.flying else "paused"
+        doing = "ended" if all_over and not s.flying else "paused"
         pace = f"of {s.end:.2f} s"
     parts = [part for part in (doing, f"t {s.t:.2f} s", pace) if part]
     sensing = first.entry.spec.get("sensing")
@@ -164,28 +177,35 @@ def tower(timings: list[LapTiming]) -> str:
     best = best_sectors([row for s in timings for row in s.sectors], gates)
     best_lap = min((s.best for s in timings if s.best), default=0.0)
     rows: list[list[str] | str] = []
-    for place, s in enumerate(order(timings), 1):
-        rows.append(_row(place, s, best_lap))
+    for s in order(timings):
+        rows.append(_row(s, best_lap))
         rows.append(_sectors(s, best) + bar(s.progress, s.entry.style.colour))
+    best_of_all = coloured("purple", BEST)
+    own_best = coloured("green", FASTER)
     note = (
-        f"gap [s] at the same place; {coloured('purple', BEST)} best of all, "
-        f"{coloured('green', FASTER)} a run's own best; chatter: total variation of the commanded "
-        "thrust [m/s²/s]"
+        f"gap [s] to the leader at the same place{_over(timings)}; {best_of_all} best of all, "
+        f"{own_best} a run's own best; chatter: total variation of the commanded thrust [m/s²/s]"
     )
     return box(table(head, rows, left=2), small(note))
 
 
-def _row(place: int, s: LapTiming, best: float) -> list[str]:
+def _over(timings: Sequence[LapTiming]) -> str:
+    """Return the compared part of the race, if it is not the whole race of everyone."""
+    over = standings_at([one.entry for one in timings], timings[0].t).over
+    return f", {over}" if over else ""
+
+
+def _row(s: LapTiming, best: float) -> list[str]:
     """Return a run's row of the timing tower.
 
     best: the best lap of all [s].
     """
     own = s.best or 0.0
     return [
-        str(place),
+        str(s.standing.rank),
         label(s.entry),
         f"{s.lap}/{s.entry.laps_to_fly}",
-        _gap(place, s),
+        _gap(s),
         coloured_time(s.last, best, own) if s.last else "-",
         coloured_time(s.best, best, own) if s.best else "-",
         coloured(str(s.hits), RED) if s.hits else "0",
@@ -194,13 +214,14 @@ def _row(place: int, s: LapTiming, best: float) -> list[str]:
     ]
 
 
-def _gap(place: int, s: LapTiming) -> str:
+def _gap(s: LapTiming) -> str:
     """Return a run's gap to the leader."""
-    if s.over and s.entry.outcome != "finished":
+    if s.standing.is_out:
         return coloured("DNF", RED)
-    if place == 1:
+    if s.standing.rank == 1:
         return "leader"
-    return f"{rounded(s.gap, 2):+.2f}" if isfinite(s.gap) else "-"
+    gap = s.standing.gap
+    return f"{rounded(gap, 2):+.2f}" if isfinite(gap) else "-"
 
 
 def _sectors(s: LapTiming, best: list[float]) -> str:
@@ -300,18 +321,21 @@ def planner(s: LapTiming) -> str:
             _line(f"no plan: a person flies, with rates up to {most} deg/s (roll, pitch, yaw)"),
         )
     mppi = s.entry.spec["planner"]["mppi"]
-    samples = mppi["samples"]
+    drawn = drawn_samples(s.entry, s.i)
     ess = float(x["ess"][s.i])
     target = mppi.get("target_ess")
     steered = f"target {target:g} of 1024" if target else "temperature fixed"
     colour = NEXT if ess > FEW_SAMPLES else RED
-    meter = bar(ess / max(samples * GOOD_SHARE, 1.0), colour, height=8)
+    meter = bar(ess / max((drawn.count or drawn.most) * GOOD_SHARE, 1.0), colour, height=8)
     update = (
-        f"<b>{ess:.0f}</b> effective of {samples} samples, {steered}; temperature "
+        f"<b>{ess:.0f}</b> effective of {drawn.words}, {steered}; temperature "
         f"<b>{x['temperature'][s.i]:.3g}</b>, planned in <b>{plan_ms:.1f}</b> ms"
     )
+    late = late_plans(s.entry, s.i)
+    deadline = _line(late) if late else ""
     cost = heading("cost of the plan") + _cost(s)
-    return box(heading("effective sample size"), meter, _line(update), cost)
+    whose = div(label(s.entry), margin_top="2px")
+    return box(whose, heading("effective sample size"), meter, _line(update), deadline, cost)
 
 
 def _cost(s: LapTiming) -> str:

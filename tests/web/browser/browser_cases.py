@@ -7,7 +7,7 @@ from web_cases import served
 
 from quadsim.racing.hand import HAND
 from web.choices import PILOT, Choices
-from web.page.menu import Menu
+from web.menu import Menu
 
 SLOW = 60_000  # [ms] a first frame drawn in software
 ATTEMPTS = 4  # to choose from a menu

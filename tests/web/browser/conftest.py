@@ -11,7 +11,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from browser_cases import choose, dashboard, opened, waited
+from browser_cases import dashboard, opened, waited
 from web_cases import COURSE, Gliders
 
 from web.race import PageRace
@@ -87,5 +87,3 @@ def page(shared_page, session):
     yield shared_page
     print(shared_page.locator("button:visible").all_inner_texts())
     print(shared_page.locator("[data-row]").all_inner_texts())
-    if shared_page.get_by_role("button", name="REPLAY", exact=True).count():
-        choose(shared_page, "Mode", "live")

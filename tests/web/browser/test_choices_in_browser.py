@@ -1,7 +1,6 @@
 """Claims about what there is to choose before START, over flights without physics."""
 
 import re
-from threading import Event
 
 import pytest
 from browser_cases import choose, field, fill, press, waited
@@ -51,26 +50,6 @@ def test_the_course_is_shown_before_a_start(page):
     choose(page, "Laps", "40")
 
 
-def test_runs_are_called_by_time_course_sampler_and_result_the_latest_first(page, session):
-    session.tell(PageRace.set_speed, 20.0)
-    for laps in ("1", "2"):
-        choose(page, "Laps", laps)
-        races = session.snapshot.race
-        press(page, "START")
-        assert waited(page, lambda n=races: session.snapshot.race > n)
-        assert waited(page, lambda: not session.snapshot.flying)
-    choose(page, "Laps", "40")
-    choose(page, "Mode", "replay")
-    field(page, "Run").first.click()
-    assert waited(page, lambda: page.get_by_role("option").count() >= 3)
-    none, *titles = page.get_by_role("option").all_inner_texts()[:3]
-    page.keyboard.press("Escape")
-    assert none == "none"
-    wanted = rf"\d\d:\d\d(:\d\d)? {COURSE} colored (\d+\.\d{{3}}) s"
-    seconds = [float(re.fullmatch(wanted, title)[2]) for title in titles]
-    assert seconds[0] > seconds[1] > 0  # two laps, flown last, take longer
-
-
 def test_every_number_of_the_planner_can_be_changed_and_reset(page, session, gliders):
     page.get_by_text("All numbers", exact=True).click()
     numbers = {
@@ -98,32 +77,3 @@ def test_every_number_of_the_planner_can_be_changed_and_reset(page, session, gli
     horizon = field(page, "Horizon [steps]").first
     assert waited(page, lambda: horizon.input_value() == "150")
     page.get_by_text("All numbers", exact=True).click()
-
-
-def test_what_cannot_be_flown_is_said_before_start_in_one_line(page, session):
-    """A number out of its range is refused at once, one that fits nothing else in the table."""
-    races = session.snapshot.race
-    fill(page, "Seed", "many")
-    refused = page.locator("p, span, div:visible", has_text="seed: expected a whole number").first
-    refused.wait_for()
-    press(page, "START")
-    assert waited(page, lambda: any("seed" in n.text for n in session.snapshot.notices))
-    assert session.snapshot.race == races
-    fill(page, "Seed", "0")
-    page.get_by_text("All numbers", exact=True).click()
-    unfold(page, "MPPI", "Horizon [steps]")
-    fill(page, "Horizon [steps]", "1")
-    page.get_by_text("horizon: expected a whole number").first.wait_for()
-    assert waited(page, lambda: field(page, "Horizon [steps]").first.input_value() == "150")
-    page.get_by_text("All numbers", exact=True).click()
-
-
-def test_a_planner_that_is_being_compiled_says_so_in_the_head_up_display(page, session, gliders):
-    compiling = page.locator(".hud", has_text="Compiling")
-    gliders.compiled = Event()
-    press(page, "START")
-    compiling.wait_for()
-    gliders.compiled.set()
-    gliders.compiled = None
-    assert waited(page, lambda: len(session.snapshot.competitors[0].t))
-    assert waited(page, lambda: compiling.count() == 0)

@@ -2,7 +2,6 @@
 
 import re
 import shlex
-from math import dist
 
 import pytest
 from browser_cases import button, choose, dashboard, field, fill, opened, press, waited
@@ -141,20 +140,6 @@ def test_a_course_made_in_the_browser_is_flown_again_by_the_command_to_the_same_
     assert race([*words, *FLAGS, "--seed", "4", "--runs-dir", str(root)]) == 0
     (other,) = set(list_runs(root)) - {first, *again}
     assert not same_flight(read_run(other), flown)
-
-
-def test_a_gate_that_is_clicked_is_chosen(page):
-    choose(page, "Course", "figure8")
-    open_editor(page, "Edit a copy")
-    assert waited(page, lambda: handle_of(page))
-    choose(page, "Item", "start")
-    gate = load_course("figure8").gates[2]
-    bar = gate.to_world(gate.bars[0].centre)
-    # the scene's root has the axes of the world
-    spot = resting(page, ["/course", *bar])
-    assert dist(spot, (0, 0)) > 0
-    page.mouse.click(*spot)
-    assert waited(page, lambda: field(page, "Item").first.input_value() == "gate 3")
 
 
 def test_the_editor_waits_for_a_flight_and_is_closed_by_a_start(page, session):

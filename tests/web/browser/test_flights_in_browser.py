@@ -1,6 +1,5 @@
 """Claims about real flights in a real browser: the planner on few samples, a pilot on sensors."""
 
-import json
 import re
 
 import numpy as np
@@ -17,21 +16,15 @@ from browser_cases import (
     opened,
     press,
     rows,
-    seen,
     waited,
 )
 
-import quadsim
-from controllers.presets import PRESETS
-from quadsim.cli.fly import spec_again
 from quadsim.record.archive import list_runs, read_run
-from quadsim.record.run import same_flight
 from tests.small import SMALL
 from web.choices import PILOT
 from web.numbers import SLIDERS
 from web.page.race_scene import visible_scale
 from web.race import PageRace, take_off
-from web.stored_runs import titled_runs
 
 pytestmark = pytest.mark.browser
 
@@ -80,10 +73,8 @@ def replayed(page, session, root, piloted):
     session.tell(PageRace.end_flights)
     assert waited(page, lambda: list_runs(root))
     (folder,) = list_runs(root)
-    choose(page, "Mode", "replay")
-    titles = {path: title for title, path in titled_runs(str(root), 9).items()}
-    choose(page, "Run", titles[folder])
-    press(page, "REPLAY")
+    page.keyboard.press("t")
+    press(page, "replay")
     assert waited(page, lambda: not session.snapshot.competitors[0].live)
     # a slider that moves by itself cannot be typed into
     session.tell(PageRace.play, False)
@@ -120,15 +111,11 @@ def test_the_pilot_and_the_sensors_that_are_chosen_are_flown_and_shown(page, pil
 
 
 @pytest.mark.page
-def test_the_ghost_stands_where_the_estimate_is_with_its_ellipsoid(page, piloted):
+def test_the_estimate_is_drawn_where_it_is_and_the_corners_of_the_last_picture(page, piloted):
     place = drawn(piloted.course, piloted.x, -1)
     assert not np.allclose(place, piloted.rows(("px", "py", "pz"), -1), atol=1e-3)
     for part in ("ghost", "ellipsoid"):
         assert waited(page, lambda p=part: stands_at(page, p, place))
-
-
-@pytest.mark.page
-def test_the_corners_of_the_last_picture_are_drawn(page, piloted):
     assert piloted.corners is not None
     recent = piloted.t[-1] - piloted.corners.t <= 0.25
     assert waited(page, lambda: estimate(page, "corners")["visible"] == recent)
@@ -181,48 +168,6 @@ def test_the_exported_page_plays_without_a_network(browser, page, replayed, tmp_
 
 
 @pytest.mark.page
-def test_moving_gamma_in_flight_is_flown_by_the_planner_and_shown_as_an_event(
-    page, session, replayed
-):
-    choose(page, "Mode", "live")
-    choose(page, "Sensing", "perfect")
-    choose(page, "Sampler", "colored")
-    start(page, session)
-    assert waited(page, lambda: session.snapshot.t > 0.05)
-    fill(page, "Gamma rates now", 1.5)
-    page.get_by_role("tab", name="Events").click()
-    before = PRESETS["race"]["colored"].sampling.gamma[0]
-    seen(page, f"gamma rates {before:g} → 1.5")
-    seen(page, "not comparable")
-    (change,) = session.snapshot.competitors[0].changes
-    assert waited(page, lambda: session.snapshot.t > change["t"] + 0.05)
-
-
-@pytest.mark.page
-def test_what_is_called_repeatable_is_flown_again_to_the_last_bit_with_its_changes(page, session):
-    """The flight that was changed above, until its end; `race fly --from` flies this spec."""
-    session.tell(PageRace.set_speed, 1e6)
-    assert waited(page, lambda: not session.snapshot.flying)
-    session.tell(PageRace.set_speed, 1.0)
-    (entry,) = session.snapshot.competitors
-    run = read_run(entry.folder)
-    assert len(run.spec["interactive"]) == 1
-    assert json.loads((entry.folder / "run.json").read_text())["repeatable_from_spec"] is True
-    assert same_flight(run, quadsim.fly(spec_again(run, {})))
-
-
-@pytest.mark.page
-def test_a_flight_that_was_stopped_is_not_called_repeatable(page, session):
-    start(page, session)
-    assert waited(page, lambda: session.snapshot.competitors[0].events)
-    press(page, "STOP")
-    assert waited(page, lambda: not session.snapshot.flying)
-    (entry,) = session.snapshot.competitors
-    assert entry.outcome == "interrupted"
-    assert json.loads((entry.folder / "run.json").read_text())["repeatable_from_spec"] is False
-
-
-@pytest.mark.page
 def test_a_race_in_one_world_is_flown_and_shown(page, session):
     add_rival(page, "gaussian")
     choose(page, "Fly", "in one world")
@@ -243,9 +188,4 @@ def test_a_race_in_one_world_is_flown_and_shown(page, session):
     refused.wait_for()
     press(page, "STOP")
     assert waited(page, lambda: not session.snapshot.flying)
-
-
-@pytest.mark.page
-def test_the_console_holds_no_error_and_no_warning(page, replayed):
-    """After all of the above: live, a replay, an export."""
     assert page.complaints == []

@@ -3,10 +3,9 @@
 import pytest
 from browser_cases import dashboard, opened, press, waited
 from hand_cases import WIDE, sticks
-from wire import link
 
 from quadsim.firmware.package import find_built
-from quadsim.racing.hand import HAND, SINKING, Sticks
+from quadsim.racing.hand import HAND, SINKING
 from quadsim.record.archive import list_runs, read_run
 from web.by_hand import flight_controller_of
 from web.race import PageRace, take_off
@@ -171,25 +170,3 @@ def test_keys_fly_and_do_nothing_else_meanwhile(page, session, waiting):
     assert session.snapshot.flying
     page.keyboard.press("x")
     assert waited(page, lambda: not session.snapshot.flying)
-
-
-@pytest.mark.page
-def test_a_visitor_cannot_take_the_sticks_of_another_one(page, session, waiting):
-    press(page, "Let go (Esc)")
-    assert waited(page, lambda: session.cockpit.pilot is None)
-    with link(session.server.get_port()) as other:
-        assert other.ask("taken", "take", seat="")["yours"]
-        take = page.get_by_role("button", name="Take the sticks")
-        assert waited(page, take.is_disabled)
-        assert "Another visitor flies" in note(page)
-        pilot = session.cockpit.pilot
-        page.evaluate("race.send({type: 'take', seat: ''})")
-        page.evaluate(
-            """race.send({type: "sticks", roll: 1, pitch: 0, yaw: 0, throttle: 0, stamp: 0})"""
-        )
-        other.send("sticks", roll=0.5, pitch=0.0, yaw=0.0, throttle=0.5, stamp=0.0)
-        other.got("heard")
-        page.wait_for_timeout(300)
-        assert session.cockpit.pilot == pilot
-        assert session.cockpit.sticks in (None, Sticks(roll=0.5, throttle=0.5))
-    assert page.complaints == []

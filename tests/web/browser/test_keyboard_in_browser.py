@@ -45,19 +45,6 @@ def test_every_control_that_can_be_seen_has_a_name(page):
     page.get_by_text("Export", exact=True).click()
 
 
-def test_a_flight_is_started_paused_and_stopped_with_the_keyboard(page, session):
-    page.keyboard.press("s")
-    assert waited(page, lambda: session.snapshot.flying and session.snapshot.t > 0.1)
-    page.keyboard.press("Space")
-    assert waited(page, lambda: not session.snapshot.playing)
-    assert session.snapshot.flying
-    t = session.snapshot.t
-    page.keyboard.press("b")
-    assert waited(page, lambda: session.snapshot.t < t)
-    page.keyboard.press("x")
-    assert waited(page, lambda: not session.snapshot.flying)
-
-
 def test_after_a_click_on_start_the_space_bar_pauses(page, session):
     race = session.snapshot.race
     press(page, "START")
@@ -101,7 +88,3 @@ def test_a_lost_connection_is_lost_in_words_until_it_is_back(page, session):
     assert waited(page, lambda: lost.count() == 0 and page.title() == "race", 30)
     # What the browser reports while it is offline is no fault of the page.
     del page.complaints[before:]
-
-
-def test_the_console_holds_no_error_and_no_warning(page):
-    assert page.complaints == []

@@ -6,17 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from browser_cases import SLOW, press, seen, waited
+from browser_cases import SLOW, press, waited
 from matplotlib.image import imread
 from web_cases import Glider, choices, store, stored
 from wire import connect
 
 from quadsim.palette import STYLES
 from quadsim.racing.events import Event
-from quadsim.record.limits import limit_of
 from quadsim.record.run import RecordedRun
 from web.race import PageRace
-from web.stored_runs import stored_competitor
 
 pytestmark = [pytest.mark.browser, pytest.mark.page]
 
@@ -110,19 +108,6 @@ def near(found, colour, most=14):
     return int((abs(found - np.array(colour)).max(axis=1) < most).sum())
 
 
-def test_how_each_flight_ended_stays_on_the_page(page, race, runs):
-    finished = stored_competitor(runs[0])
-    seen(page, f"FINISHED {sum(finished.laps):.3f} s")
-    seen(page, "CRASHED at gate 4, lap 1")
-    limit = limit_of(finished.spec)
-    above = 100 * (sum(finished.laps) / limit.time - 1)
-    assert page.get_by_text(f"{above:.1f} % above").first.is_visible()
-    seen(page, "DNF")
-    race.tell(PageRace.scrub, 0.2)
-    assert waited(page, lambda: scene(page, "/impacts") is False)
-    assert waited(page, lambda: page.get_by_text("CRASHED at gate 4").count() == 0)
-
-
 def test_paths_have_the_colours_of_the_legend(page, race):
     """(230, 159, 0) came out as (226, 209, 73), in a view where lines are many pixels wide."""
     orange = (*STYLES["colored"].rgb[:2], 32)  # as near as the renderer can come: some blue is left
@@ -145,15 +130,6 @@ def test_all_text_can_be_read(page, race):
         # A hint that fades in or out has little contrast for a moment.
         assert waited(page, is_readable), found
         assert found[0] > 40
-
-
-def test_the_pointer_over_a_chart_shows_the_values_there(page, race):
-    page.get_by_role("tab", name="Signals").click()
-    chart = page.locator('[data-charts="Signals"] canvas').first
-    chart.wait_for()
-    chart.hover(position={"x": 70, "y": 30})
-    thrust = page.locator(".legend span", has_text="colored delivered").locator("b").first
-    assert waited(page, lambda: thrust.inner_text() == "9.810"), thrust.inner_text()
 
 
 def test_each_visitor_has_a_camera_and_fpv_is_the_drones(page, race):
@@ -191,7 +167,3 @@ def test_on_a_phone_the_head_up_display_stays_above_whether_the_sheet_is_open_or
         assert waited(phone, lambda at=t: f"t {at:.2f} s" in head(phone)[1])
         assert head(phone)[0] == (0, 0, 390)
         bar.click()
-
-
-def test_the_browser_has_nothing_to_complain_about(page):
-    assert page.complaints == []

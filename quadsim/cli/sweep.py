@@ -1,0 +1,123 @@
+"""`race sweep`: what each value of a setting costs, in flights paired by seed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Token
+from msgspec import Meta
+from rich.markup import escape
+
+from quadsim.campaign.runner import Runner
+from quadsim.campaign.sweep import fly_sweep, plan_sweep, write_sweep_report
+from quadsim.campaign.variants import parse_variants
+from quadsim.cli.compare import CAMPAIGN, VARIANTS, Campaign, Jobs, Scheduler
+from quadsim.cli.flags import Given, Help, Json, Switch, course_help, settings_as_flags
+from quadsim.cli.fly import complain_beside_controllers
+from quadsim.config.competition import prescribed_courses
+from quadsim.console import UsageError, emit, emit_json
+from quadsim.record.run import ERROR
+from quadsim.record.whole_files import expect_file, try_writing
+
+ATTEMPTS = 10
+
+
+def _apart(kind: Any, tokens: Sequence[Token]) -> list[list[str]]:
+    """Return the words of each --over, whose first is a name."""
+    groups: list[list[str]] = []
+    for token in tokens:
+        if token.index == 0:
+            groups.append([])
+        groups[-1].append(token.value)
+    return groups
+
+
+def sweep(
+    *courses: Annotated[str, course_help()],
+    over: Annotated[
+        list[list[str]] | None,
+        Help(
+            "a setting and its values, the first of which the others are compared with; may be"
+            " repeated",
+            consume_multiple=True,
+            converter=_apart,
+            negative_iterable="",
+            metavar="SETTING VALUE VALUE...",
+        ),
+    ] = None,
+    variants: Annotated[
+        str, Help("samplers, or NAME=preset+flag=value+..., joined by commas")
+    ] = VARIANTS,
+    attempts: Annotated[
+        int, Meta(ge=1, le=100_000), Help("flights of each variant at each value")
+    ] = ATTEMPTS,
+    jobs: Jobs = None,
+    scheduler: Scheduler = None,
+    campaign: Campaign = CAMPAIGN,
+    this_commit: Annotated[bool, Switch("count only attempts that this commit has flown")] = False,
+    out: Annotated[
+        str | None, Help("folder of Markdown and figures; default: beside the campaign")
+    ] = None,
+    json: Json = False,
+    settings: Given = None,
+) -> int:
+    """Fly each value of a setting on the same seeds: what does an imperfection cost?
+
+    Flight i at every value has seed --seed + i: the same start, gusts and vehicle
+    under --randomize. Each --over is swept alone, with the other settings as they
+    are. What has been flown before is not flown again, and a command that was
+    interrupted continues where it stopped.
+
+    race sweep split_s_swift --over latency 0 .02 .04 .06 --over link-hz 100 40 25
+    --randomize 1
+
+    race sweep alphapilot --sensing vio --over sensing.camera.noise 1 2 4
+    --over sensing.camera.dropouts 0 .01 .03
+
+    Beside the settings, a number of the vehicle (vehicle.mass) or of a sensor
+    (sensing.imu.gyro_noise) can be swept; several that take the same value are
+    joined by +, as sensing.camera.fx+sensing.camera.fy.
+    """
+    courses = courses or prescribed_courses(settings)
+    if not courses:
+        raise UsageError("expected one COURSE or more, got none (race courses lists them)")
+    with settings_as_flags():
+        named = parse_variants(variants)
+        planned = plan_sweep(courses, _as_mapping(over or []), named, settings or {})
+    specs = [variant.spec for curve in planned for variant in curve.at_values]
+    complain_beside_controllers("race sweep", specs, settings or {})
+    path = Path(campaign)
+    expect_file(path)
+    report = Path(out) if out else path.with_name(f"{path.stem}.report")
+    try_writing(report)
+
+    with Runner(path, jobs, scheduler, this_commit) as runner:
+        found = fly_sweep(planned, attempts, runner, path.parent)
+
+    # Results are printed first, as drawing may take some seconds.
+    if json:
+        emit_json(found.as_json() | {"campaign": campaign})
+    else:
+        emit(*found.renderables())
+    files = write_sweep_report(found, planned, attempts, report)
+    if not json:
+        emit("", *(f"[dim]{escape(str(file))}[/]" for file in files))
+    flown = sum(point.stats.attempts for point in found.points)
+    ended_by_error = any(attempt.outcome == ERROR for attempt in found.attempts)
+    return 0 if flown == attempts * len(specs) and not ended_by_error else 1
+
+
+def _as_mapping(groups: Sequence[Sequence[str]]) -> dict[str, list[str]]:
+    """Return the values of each setting by its name.
+
+    Raises:
+        UsageError: a setting is given twice.
+    """
+    found: dict[str, list[str]] = {}
+    for name, *values in groups:
+        if name in found:
+            raise UsageError(f"--over: expected {name} once, got it twice")
+        found[name] = values
+    return found

@@ -1,0 +1,142 @@
+"""The fit of a vehicle to logs: delays first, then all numbers together, then the rate loop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from quadsim.files.values import SettingError
+from quadsim.identify.delays import spins_other_way
+from quadsim.identify.geometry import Geometry
+from quadsim.identify.intervals import covariances
+from quadsim.identify.numbers import Numbers
+from quadsim.identify.prediction import predictions
+from quadsim.identify.prepared import (
+    Prepared,
+    drive_of,
+    prepare,
+    reference_voltage,
+)
+from quadsim.identify.prior import prior_of
+from quadsim.identify.rate_loop import fit_rate_loop
+from quadsim.identify.result import VehicleFit
+from quadsim.identify.rotors import rotor_speeds
+from quadsim.identify.stages import search_numbers
+from quadsim.identify.stretches import stretches, thinned
+from quadsim.identify.to_vehicle import Found, SpeedScale, fitted_numbers, fitted_vehicle
+from quadsim.identify.traces import traces
+from quadsim.logs.flight_log import FlightLog
+from quadsim.vehicle import Vehicle, load_vehicle, vehicle_names
+
+
+def fit_vehicle(
+    logs: Sequence[FlightLog],
+    *,
+    test: Sequence[FlightLog] = (),
+    name: str = "fitted",
+    base: Vehicle | None = None,
+    mass: float | None = None,
+) -> VehicleFit:
+    """Return the vehicle that flies as in the logs.
+
+    Args:
+        logs: flights to fit.
+        test: flights on which the predictions of the fitted vehicle are measured; with none, the
+            fitted flights.
+        name: name of the vehicle.
+        base: a similar vehicle with rotors: the prior of each number, and the source of what no log
+            tells; None: the vehicle of quadsim with the nearest mass.
+        mass: of the vehicle, by a scale [kg]; None: the mass of `base`.
+
+    Raises:
+        SettingError: neither base nor mass is given, or the logs have nothing to fit.
+    """
+    prior_vehicle = base or _nearest(mass)
+    if prior_vehicle.rotors is None:
+        raise SettingError("base", f"expected a vehicle with rotors, got {prior_vehicle.name!r}")
+    parts = [part for log in logs for part in stretches(log) if drive_of(part)]
+    if not parts:
+        wanted = "expected a flight of a second or more with motor commands or thrust setpoints"
+        raise SettingError("logs", f"{wanted}, got none in {len(logs)}")
+    remarks = [f"{log.name}: {remark}" for log in logs for remark in log.remarks]
+    ready = prepare([thinned(part) for part in parts], prior_vehicle)
+    geometry = Geometry.of(prior_vehicle)
+    if spins_other_way(ready, geometry):
+        geometry = geometry.mirrored()
+        remarks.append("rotors turn the other way round than quadsim's, which makes no difference")
+    prior = prior_of(prior_vehicle)
+
+    search = search_numbers(ready, geometry, prior)
+    solution = search.solution
+    remarks += search.remarks
+    if not ready[0].has_single:
+        remarks.append(
+            "the logs have no motor commands: inertia and full thrust are the prior's, and the "
+            "thrust map tells how the thrust follows its setpoint"
+        )
+    lag = solution.numbers.tau
+    loop = fit_rate_loop(prepare(parts, prior_vehicle), lag, prior_vehicle.rate_tau)
+    if loop is None:
+        remarks.append("the logs have no flight on rate setpoints: rate_tau is the prior's")
+    found = Found(
+        numbers=solution.numbers,
+        covariance=covariances(solution.linearized).reported,
+        searched=solution.searched,
+        untold=search.untold,
+        drive=ready[0].drive,
+        dt=ready[0].stretch.dt,
+        speed_scale=_speed_scale(ready, solution.numbers),
+        loop=loop,
+    )
+    shown = _tested(test, ready, prior_vehicle) or ready
+    numbers = fitted_numbers(found, prior_vehicle, mass or prior_vehicle.mass, mass is not None)
+    return VehicleFit(
+        name=name,
+        vehicle=fitted_vehicle(name, found, numbers, prior_vehicle),
+        numbers=numbers,
+        remarks=tuple(remarks),
+        predictions=predictions(shown, solution.numbers, geometry, search.turning),
+        traces=traces(shown, solution.numbers, geometry, search.turning),
+        residuals=solution.by_channel(),
+    )
+
+
+def _nearest(mass: float | None) -> Vehicle:
+    """Return the vehicle of the project with rotors and the nearest mass.
+
+    Raises:
+        SettingError: there is no mass.
+    """
+    if mass is None:
+        wanted = (
+            "expected the mass by a scale [kg], or a base vehicle: a log tells only ratios to it"
+        )
+        raise SettingError("mass", f"{wanted}, got neither")
+    known = [load_vehicle(name) for name in vehicle_names()]
+    with_rotors = [vehicle for vehicle in known if vehicle.rotors]
+    return min(with_rotors, key=lambda vehicle: abs(np.log(vehicle.mass / mass)))
+
+
+def _tested(test: Sequence[FlightLog], fitted: Sequence[Prepared], base: Vehicle) -> list[Prepared]:
+    """Return the stretches of the tested logs that tell of the rotors what the fitted ones tell."""
+    found = [part for log in test for part in stretches(log)]
+    alike = [thinned(part) for part in found if drive_of(part) == fitted[0].drive]
+    reference = reference_voltage([part.stretch for part in fitted])
+    return prepare(alike, base, reference) if alike else []
+
+
+def _speed_scale(parts: Sequence[Prepared], numbers: Numbers) -> SpeedScale | None:
+    """Return how logged rotor speeds follow the commands; None if a log has not both."""
+    shares, speeds = [], []
+    for part in parts:
+        logged = part.stretch.rotor_speeds
+        if part.drive != "motor_commands" or logged is None:
+            continue
+        usable = part.usable & np.all(np.isfinite(logged), axis=1)
+        shares.append(rotor_speeds(part, numbers)[usable].ravel())
+        speeds.append(logged[usable].ravel())
+    if not shares or not sum(map(len, shares)):
+        return None
+    full, idle = np.polyfit(np.concatenate(shares), np.concatenate(speeds), 1)
+    return SpeedScale(float(full), float(idle))

@@ -1,0 +1,87 @@
+"""Intervals: how well a log tells the numbers.
+
+Two covariances are compared. The Jacobian's takes residuals as independent,
+
+    C = (J' W J + P)^-1,
+
+with the robust weights W and the precision P of the prior. Real residuals are not independent: a
+gust pushes for a second. So pieces of a second are drawn with replacement (bootstrap), each draw
+taking one Gauss-Newton step from the solution. The larger of the two deviations is reported.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from quadsim.identify.search import Linearized, soft_weight
+
+DRAWS = 400
+SEED = 0  # of the bootstrap's draws: the same log gives the same intervals
+TWO_SIDED = 1.96  # standard deviations of a 95 % interval
+
+
+class Covariances(NamedTuple):
+    """The covariance of the searched numbers, in two ways and together."""
+
+    jacobian: np.ndarray  # (k, k)
+    bootstrap: np.ndarray  # (k, k)
+    reported: np.ndarray  # the larger deviations, with the bootstrap's correlations  (k, k)
+    # standard deviation of each number by the log alone, without the prior  (k,)
+    log_alone: np.ndarray
+
+
+def covariances(solution: Linearized) -> Covariances:
+    """Return the covariances of the numbers of a solution."""
+    J = solution.jacobian
+    r = solution.values
+    weight = soft_weight(r)
+    clusters, index = np.unique(solution.cluster, return_inverse=True)
+    k = J.shape[1]
+    H = np.zeros((len(clusters), k, k))
+    g = np.zeros((len(clusters), k))
+    weighted = J * weight[:, None]
+    order = np.argsort(index, kind="stable")
+    bounds = np.searchsorted(index[order], np.arange(len(clusters) + 1))
+    for c in range(len(clusters)):
+        rows = order[bounds[c] : bounds[c + 1]]
+        H[c] = weighted[rows].T @ J[rows]
+        g[c] = weighted[rows].T @ r[rows]
+
+    P = np.diag(solution.prior_precision)
+    total = H.sum(axis=0)
+    by_jacobian = np.linalg.pinv(total + P, hermitian=True)
+    by_bootstrap = _bootstrap(H, g, P)
+    deviations = np.maximum(_deviations(by_jacobian), _deviations(by_bootstrap))
+    scale = deviations / np.maximum(_deviations(by_bootstrap), 1e-300)
+    alone = np.linalg.pinv(total + 1e-12 * np.diag(np.diag(total)) + 1e-9 * P, hermitian=True)
+    return Covariances(
+        jacobian=by_jacobian,
+        bootstrap=by_bootstrap,
+        reported=by_bootstrap * np.outer(scale, scale),
+        log_alone=np.maximum(_deviations(alone), _deviations(by_bootstrap)),
+    )
+
+
+def _bootstrap(H: np.ndarray, g: np.ndarray, P: np.ndarray) -> np.ndarray:
+    """Return the covariance of one Gauss-Newton step over drawn clusters  (k, k).
+
+    Args:
+        H: J' W J of each cluster  (c, k, k).
+        g: J' W r of each cluster  (c, k).
+        P: precision of the prior  (k, k).
+    """
+    count = len(H)
+    rng = np.random.default_rng(SEED)
+    drawn = rng.multinomial(count, np.full(count, 1.0 / count), size=DRAWS)
+    # At the solution the clusters' gradients add up to the prior's alone, which is left out.
+    g = g - g.mean(axis=0)
+    H_drawn = np.tensordot(drawn, H, axes=1) + P
+    g_drawn = drawn @ g
+    steps = np.linalg.solve(H_drawn, g_drawn[..., None])[..., 0]
+    return np.cov(steps, rowvar=False).reshape(H.shape[1:])
+
+
+def _deviations(covariance: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.maximum(np.diag(covariance), 0.0))

@@ -1,0 +1,300 @@
+"""Search: nonlinear least squares over the numbers, with robust loss, prior and several starts.
+
+Residuals are divided by the noise of their kind, which is estimated from them. The prior is one
+more residual for each number, (number - mean) / std. It decides only what the log does not tell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from quadsim.files.values import SettingError
+from quadsim.identify.geometry import Geometry
+from quadsim.identify.numbers import Numbers, Prior
+from quadsim.identify.prepared import Prepared
+from quadsim.identify.problem import CHANNELS, ROTOR_NUMBERS, Block, blocks_of, single_thrusts
+
+LOSS_SCALE = 2.5  # residuals of more standard deviations than this count less
+MAD = 1.4826  # standard deviation of a normal distribution over its median absolute deviation
+LEAST_NOISE = 1e-9
+STEP = 1e-4  # of the finite differences, in standard deviations of the prior
+ROUNDS = 3  # of noise and numbers in turn
+SETTLED = 0.03  # relative change of the noise at which the rounds end
+MOST_STEPS = 40  # of one search
+LEAST_GAIN = 1e-6  # relative decrease of the cost at which a search ends
+COARSE_GAIN = 1e-3  # the same of a search that has to tell good starts from bad ones
+FIRST_DAMPING = 1e-3
+SMALLEST_DAMPING = 1e-9
+LARGEST_DAMPING = 1e6
+TINY = 1e-9  # room between limits that a search needs
+
+
+class Linearized(NamedTuple):
+    """Residuals over their noise, and their derivatives by the searched numbers."""
+
+    jacobian: np.ndarray  # (m, k)
+    values: np.ndarray  # (m,)
+    cluster: np.ndarray  # residuals of one number are not independent  (m,)
+    prior_precision: np.ndarray  # 1 / std^2 of each searched number  (k,)
+
+
+class Solution(NamedTuple):
+    """The numbers that fit best, and the derivatives there."""
+
+    numbers: Numbers
+    searched: tuple[str, ...]  # names of the numbers that were searched
+    noise: dict[str, float]  # standard deviation of each kind of residual
+    # share of the variance of each kind of signal, within its pieces, that is explained
+    explained: dict[str, float]
+    linearized: Linearized
+    channel: np.ndarray  # index of each residual's channel in CHANNELS  (m,)
+
+    def by_channel(self) -> dict[str, np.ndarray]:
+        """Return the residuals of each channel over their noise."""
+        found = {}
+        for k, channel in enumerate(CHANNELS):
+            mine = self.linearized.values[self.channel == k]
+            if len(mine):
+                found[channel.name] = mine
+        return found
+
+
+# Thrusts of the rotors by the identity of a stretch, and whether they are late
+Singles = dict[tuple[int, bool], np.ndarray]
+
+
+class Problem:
+    """The residuals of some stretches as a function of the searched numbers."""
+
+    def __init__(
+        self,
+        parts: Sequence[Prepared],
+        geometry: Geometry,
+        prior: Mapping[str, Prior],
+        searched: Sequence[str],
+        turning: Sequence[int],
+    ):
+        """See `solve`."""
+        self._geometry = geometry
+        self._blocks = blocks_of(parts, turning)
+        if not self._blocks:
+            wanted = "expected a second or more of flight without holes in its signals"
+            raise SettingError("logs", f"{wanted}, got none")
+        self.searched = tuple(searched)
+        self.std = np.array([prior[name].std for name in searched])
+        self.mean = np.array([prior[name].mean for name in searched])
+        self.low = np.array([prior[name].low for name in searched])
+        self.high = np.array([prior[name].high for name in searched])
+        self.cluster = np.concatenate([block.cluster for block in self._blocks])
+        numbers = [CHANNELS.index(block.channel) for block in self._blocks]
+        self.channel = np.repeat(numbers, [len(block.cluster) for block in self._blocks])
+        self._ends = np.cumsum([len(block.cluster) for block in self._blocks])
+
+    def residuals(self, numbers: Numbers) -> np.ndarray:
+        """Return all residuals, in their units  (m,)."""
+        singles = self._singles(numbers)
+        return np.concatenate([self._of(block, numbers, singles) for block in self._blocks])
+
+    def derivatives(self, numbers: Numbers) -> np.ndarray:
+        """Return the derivatives of the residuals by the searched numbers  (m, k).
+
+        Central differences, of those blocks alone that depend on a number.
+        """
+        result = np.zeros((len(self.cluster), len(self.searched)))
+        here = self._singles(numbers)
+        for k, name in enumerate(self.searched):
+            step = STEP * self.std[k]
+            value = getattr(numbers, name)
+            ahead, behind = (numbers._replace(**{name: value + h}) for h in (step, -step))
+            is_rotor = name in ROTOR_NUMBERS
+            # Thrusts that do not change are not computed again.
+            singles = [here, here]
+            if is_rotor or name == "force_lag":
+                singles = [
+                    self._singles(each, is_late_alone=not is_rotor) for each in (ahead, behind)
+                ]
+            for block, end in zip(self._blocks, self._ends, strict=True):
+                if is_rotor or name in block.channel.numbers:
+                    after = self._of(block, ahead, singles[0])
+                    change = after - self._of(block, behind, singles[1])
+                    result[end - len(block.cluster) : end, k] = change / (2.0 * step)
+        return result
+
+    def noise(self, residuals: np.ndarray) -> dict[str, float]:
+        """Return the standard deviation of each kind, by the median of the absolute residuals."""
+        by_kind: dict[str, list[np.ndarray]] = {}
+        for kind, rows in self._kinds():
+            by_kind.setdefault(kind, []).append(np.abs(residuals[rows]))
+        return {
+            kind: max(MAD * float(np.median(np.concatenate(sizes))), LEAST_NOISE)
+            for kind, sizes in by_kind.items()
+        }
+
+    def explained(self, residuals: np.ndarray) -> dict[str, float]:
+        """Return the share of the variance of each kind that the prediction explains."""
+        lost: dict[str, float] = {}
+        moved: dict[str, float] = {}
+        sizes = [variance for block in self._blocks for variance in block.variances()]
+        for (kind, rows), variance in zip(self._kinds(), sizes, strict=True):
+            count = rows.stop - rows.start
+            lost[kind] = lost.get(kind, 0.0) + count * float(np.var(residuals[rows]))
+            moved[kind] = moved.get(kind, 0.0) + count * float(variance)
+        return {kind: 1.0 - lost[kind] / max(moved[kind], LEAST_NOISE) for kind in lost}
+
+    def scale(self, noise: Mapping[str, float]) -> np.ndarray:
+        """Return the noise of each residual  (m,)."""
+        scale = np.zeros(len(self.cluster))
+        for kind, rows in self._kinds():
+            scale[rows] = noise[kind]
+        return scale
+
+    def _singles(self, numbers: Numbers, *, is_late_alone: bool = False) -> Singles:
+        """Return the thrusts of the rotors in each stretch as each channel meets them.
+
+        Args:
+            numbers: with delay and lags.
+            is_late_alone: whether the channels that are later than the others are enough.
+        """
+        wanted = {(id(block.part), block.channel.is_late): block.part for block in self._blocks}
+        return {
+            key: single_thrusts(part, numbers, numbers.force_lag if key[1] else 0.0)
+            for key, part in wanted.items()
+            if key[1] or not is_late_alone
+        }
+
+    def _of(self, block: Block, numbers: Numbers, singles: Singles) -> np.ndarray:
+        single = singles[id(block.part), block.channel.is_late]
+        return block.residuals(numbers, self._geometry, single)
+
+    def _kinds(self) -> list[tuple[str, slice]]:
+        """Return the kind of each part of the residuals, such as "force_x", and its rows."""
+        found = []
+        for block, end in zip(self._blocks, self._ends, strict=True):
+            each = len(block.cluster) // len(block.axes)
+            begin = end - len(block.cluster)
+            for k, axis in enumerate(block.axes):
+                rows = slice(begin + k * each, begin + (k + 1) * each)
+                found.append((f"{block.channel.name}_{'xyz'[axis]}", rows))
+        return found
+
+
+def solve(
+    parts: Sequence[Prepared],
+    geometry: Geometry,
+    prior: Mapping[str, Prior],
+    searched: Sequence[str],
+    starts: Sequence[Numbers],
+    turning: Sequence[int] = (0, 1, 2),
+    least_gain: float = LEAST_GAIN,
+) -> Solution:
+    """Return the numbers that fit best.
+
+    Args:
+        parts: what is fitted.
+        geometry: what is not fitted.
+        prior: of each number.
+        searched: names of the numbers that are searched; the others stay at the start.
+        starts: where the search begins; the best end is searched on with the noise that is found.
+        turning: axes of the body rates that are compared.
+        least_gain: relative decrease of the cost at which a search ends.
+
+    Raises:
+        SettingError: the logs have no whole piece that can be compared.
+    """
+    problem = Problem(parts, geometry, prior, searched, turning)
+    found = starts[0]
+    noise = problem.noise(problem.residuals(found))
+    for round_ in range(ROUNDS):
+        begins = starts if round_ == 0 else (found,)
+        ends = [_descend(problem, start, noise, least_gain) for start in begins]
+        found = min(ends, key=lambda end: end[1])[0]
+        before = noise
+        noise = problem.noise(problem.residuals(found))
+        if all(abs(noise[kind] - before[kind]) < SETTLED * noise[kind] for kind in noise):
+            break
+    scale = problem.scale(noise)
+    return Solution(
+        numbers=found,
+        searched=problem.searched,
+        noise=noise,
+        explained=problem.explained(problem.residuals(found)),
+        linearized=Linearized(
+            jacobian=problem.derivatives(found) / scale[:, None],
+            values=problem.residuals(found) / scale,
+            cluster=problem.cluster,
+            prior_precision=problem.std**-2.0,
+        ),
+        channel=problem.channel,
+    )
+
+
+def _descend(
+    problem: Problem, start: Numbers, noise: Mapping[str, float], least_gain: float
+) -> tuple[Numbers, float]:
+    """Return the numbers at the end of one search, and their cost.
+
+    Levenberg's and Marquardt's steps within the limits. `scipy.optimize.least_squares` takes the
+    same ones, but decomposes all rows of the Jacobian in each, which costs most of the time here;
+    k x k normal equations are enough for numbers in standard deviations of their prior.
+    """
+    scale = problem.scale(noise)
+    std = problem.std
+
+    # The search is in standard deviations of the prior.
+    def numbers(x: np.ndarray) -> Numbers:
+        values = map(float, x * std)
+        return start._replace(**dict(zip(problem.searched, values, strict=True)))
+
+    def errors(x: np.ndarray) -> np.ndarray:
+        return np.concatenate([problem.residuals(numbers(x)) / scale, x - problem.mean / std])
+
+    low = problem.low / std
+    high = problem.high / std
+    x = np.clip([getattr(start, name) for name in problem.searched] / std, low, high)
+    r = errors(x)
+    cost = soft_cost(r)
+    damping = FIRST_DAMPING
+    for _ in range(MOST_STEPS):
+        J = problem.derivatives(numbers(x)) * std / scale[:, None]
+        weight = soft_weight(r)
+        weighted = J * weight[: len(J), None]
+        H = weighted.T @ J + np.diag(weight[len(J) :])
+        g = weighted.T @ r[: len(J)] + weight[len(J) :] * r[len(J) :]
+        gain = 0.0
+        while damping < LARGEST_DAMPING:
+            ahead = _step(x, H + damping * np.diag(np.diag(H)), g, low, high)
+            r_ahead = errors(ahead)
+            gain = cost - soft_cost(r_ahead)
+            if gain > 0.0:
+                break
+            damping *= 10.0
+        if gain <= 0.0:
+            break
+        x, r, cost = ahead, r_ahead, cost - gain
+        damping = max(0.1 * damping, SMALLEST_DAMPING)
+        if gain < least_gain * cost:
+            break
+    return numbers(x), cost
+
+
+def soft_cost(r: np.ndarray) -> float:
+    """Return half the sum of a square whose growth slows to a line beyond LOSS_SCALE."""
+    return float(LOSS_SCALE**2 * np.sum(np.sqrt(1.0 + (r / LOSS_SCALE) ** 2) - 1.0))
+
+
+def soft_weight(r: np.ndarray) -> np.ndarray:
+    """Return how much each residual counts, the slope of `soft_cost` over the residual."""
+    return 1.0 / np.sqrt(1.0 + (r / LOSS_SCALE) ** 2)
+
+
+def _step(
+    x: np.ndarray, H: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
+    """Return the least of the model g' d + d' H d / 2 within limits, x + d."""
+    R = np.linalg.cholesky(H).T
+    found = lsq_linear(R, -np.linalg.solve(R.T, g), bounds=(low - x - TINY, high - x + TINY))
+    return np.clip(x + found.x, low, high)

@@ -1,0 +1,171 @@
+"""Stages: the numbers that fit best, found from simple models to larger ones.
+
+Delays come first: the time of the answer is known from the correlation of commands and answers.
+Then thrust maps that are a square, then axes whose rotation the rotors do not explain are left out,
+then whole thrust maps. What the logs tell worse than the prior stays at the prior.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from quadsim.identify.delays import answer_time
+from quadsim.identify.geometry import Geometry
+from quadsim.identify.intervals import covariances
+from quadsim.identify.numbers import Numbers, Prior
+from quadsim.identify.prepared import SINGLE_DRIVES, VOLTAGE_DRIVES, Prepared, middle
+from quadsim.identify.search import COARSE_GAIN, Solution, solve
+
+# How delay and lag of the rotors may share the time to the answer, which shows the fast part of a
+# lag alone: starts of the search
+SHARES = ((0.0, 1.5), (0.3, 0.9), (0.7, 0.3))
+COARSE = 20.0  # time of flight from which the starts are searched [s]
+# Thrust maps with a linear and a constant part have to fit better than this: the 99.9 % quantile of
+# chi-square with two degrees of freedom.
+SQUARE_ALONE = 13.8
+LEAST_EXPLAINED = 0.3  # of the rotation about an axis: with less its inertia is not told
+LEAST_SPREAD = 0.01  # of the voltage, standard deviation over mean: less tells nothing
+COARSE_PIECE = 4.0  # of one flight, at least [s]
+MAP = ("c2", "c1", "c0")
+ROTORS = ("delay", "tau")
+DRAG = ("drag_x", "drag_y", "drag_z")
+FORCE = ("bias_z",)
+FORCE_ASIDE = ("bias_x", "bias_y", "tilt_x", "tilt_y", "flapping")
+POSE = ("pose_tilt_x", "pose_tilt_y", "velocity_lag")
+INERTIA = (
+    "inertia_x",
+    "inertia_y",
+    "inertia_z",
+    "offset_x",
+    "offset_y",
+    "offset_z",
+    "yaw_lead",
+    "flatness",
+)
+
+
+def _searchable(parts: Sequence[Prepared]) -> tuple[str, ...]:
+    """Return the names of the numbers that the signals of the logs may tell."""
+    drive = parts[0].drive
+    has_force = any(part.stretch.specific_force is not None for part in parts)
+    has_velocity = any(part.v_body is not None for part in parts)
+    has_rates = drive in SINGLE_DRIVES and any(
+        part.stretch.body_rates is not None for part in parts
+    )
+    names: list[str] = []
+    if has_force or has_velocity:
+        names += MAP
+    if drive != "rotor_speeds":
+        names += ROTORS
+    if drive in VOLTAGE_DRIVES and _spread(parts) > LEAST_SPREAD:
+        names.append("voltage_power")
+    if has_velocity:
+        names += [*DRAG, *POSE]
+    if has_force:
+        names += FORCE if has_velocity else ()
+        names += FORCE_ASIDE if has_velocity else ()
+    if has_rates:
+        names += INERTIA
+        names += ("force_lag",) if has_force else ()
+    return tuple(names)
+
+
+def _spread(parts: Sequence[Prepared]) -> float:
+    """Return the standard deviation of the voltage over its mean."""
+    return float(np.std(np.concatenate([part.ratio[part.usable] for part in parts])))
+
+
+class Search(NamedTuple):
+    """The best numbers, and what the logs do not tell."""
+
+    solution: Solution
+    turning: tuple[int, ...]  # axes about which the rotors explain the rotation
+    untold: tuple[str, ...]  # names of the numbers that stay at the prior
+    remarks: tuple[str, ...]
+
+
+def search_numbers(
+    parts: Sequence[Prepared], geometry: Geometry, prior: Mapping[str, Prior]
+) -> Search:
+    """Return the numbers that fit best: delays first, then simple models before larger ones."""
+    searched = _searchable(parts)
+    start = Numbers(**{name: prior[name].mean for name in Numbers._fields})
+    # The time of the answer is known from the correlation, how delay and lag share it is not.
+    time = answer_time(parts, geometry)
+    square = [name for name in searched if name not in MAP[1:]]
+    starts = [
+        start._replace(delay=delay * time, tau=tau * time, c1=0.0, c0=0.0) for delay, tau in SHARES
+    ]
+    solution = solve(_coarse(parts), geometry, prior, square, starts, least_gain=COARSE_GAIN)
+    solution = solve(parts, geometry, prior, square, [solution.numbers])
+
+    # Rotation that the rotors do not explain would only spoil the rest.
+    remarks = []
+    turning = []
+    for k, axis in enumerate("xyz"):
+        share = solution.explained.get(f"rate_{axis}")
+        if share is not None and share >= LEAST_EXPLAINED:
+            turning.append(k)
+        elif share is not None:
+            remarks.append(
+                f"inertia about {axis}: the motors' commands explain {100 * max(share, 0.0):.0f} % "
+                "of the rotation, too little to tell it, and the prior is kept"
+            )
+    lost = [
+        f"{name}_{axis}"
+        for k, axis in enumerate("xyz")
+        if k not in turning
+        for name in ("inertia", "offset")
+    ]
+    if not turning:
+        lost += ["force_lag", "flatness"]
+    if 2 not in turning:
+        lost.append("yaw_lead")
+    lost = [name for name in lost if name in searched]
+    searched = [name for name in searched if name not in lost]
+    if lost:
+        square = [name for name in searched if name not in MAP[1:]]
+        begin = solution.numbers._replace(**{name: getattr(start, name) for name in lost})
+        solution = solve(parts, geometry, prior, square, [begin], turning)
+
+    # A linear and a constant part of the thrust map have to pay.
+    if MAP[0] in searched:
+        whole = solve(parts, geometry, prior, searched, [solution.numbers], turning)
+        if _needs_whole_map(whole):
+            solution = whole
+
+    # What the log tells worse than the prior stays at the prior.
+    told = covariances(solution.linearized).log_alone
+    pairs = zip(solution.searched, told, strict=True)
+    untold = tuple(name for name, std in pairs if not std < prior[name].std)
+    if untold:
+        kept = [name for name in solution.searched if name not in untold]
+        at_prior = {name: prior[name].mean for name in untold}
+        begin = solution.numbers._replace(**at_prior)
+        solution = solve(parts, geometry, prior, kept, [begin], turning)
+    remarks += [_untold(name) for name in untold]
+    return Search(solution, tuple(turning), (*lost, *untold), tuple(remarks))
+
+
+def _coarse(parts: Sequence[Prepared]) -> list[Prepared]:
+    """Return the middles of the flights, which are enough to tell good starts from bad ones."""
+    each = max(COARSE / len(parts), COARSE_PIECE)
+    return [middle(part, each) for part in parts]
+
+
+def _needs_whole_map(solution: Solution) -> bool:
+    """Return whether the thrust is not proportional to the square of the command."""
+    index = [solution.searched.index(name) for name in MAP[1:]]
+    covariance = covariances(solution.linearized).reported[np.ix_(index, index)]
+    values = np.array([solution.numbers.c1, solution.numbers.c0])
+    return float(values @ np.linalg.solve(covariance, values)) > SQUARE_ALONE
+
+
+def _untold(name: str) -> str:
+    """Return the line on a number that the logs do not tell."""
+    return (
+        f"{name}: the flights excite it too little to tell it better than the prior, which is kept"
+    )

@@ -1,0 +1,308 @@
+"""From the numbers of a fit to a vehicle, each number with its interval and its source."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from math import sqrt
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from quadsim.identify.geometry import Geometry
+from quadsim.identify.intervals import TWO_SIDED, covariances
+from quadsim.identify.numbers import Numbers
+from quadsim.identify.prepared import Drive
+from quadsim.identify.prior import FLATNESS
+from quadsim.identify.rate_loop import RateLoopFit
+from quadsim.physics.domain_randomization import widths
+from quadsim.physics.randomization_file import OUTDOOR
+from quadsim.vehicle import Uncertainty, Vehicle
+
+Source = Literal["log", "prior", "given"]
+
+DIGITS = 5  # of the vehicle's numbers
+# What a log cannot tell whatever its length, one standard deviation: the scale factors of small
+# inertial units, which are off by some tenths of a per cent, and times below a part of a row.
+# A fitted thrust map may fall at low speeds; the idle speed is this share above its lowest point.
+ABOVE = 1e-4
+SCALE_FACTOR = 0.003
+PART_OF_ROW = 0.05
+DRAG_SHARE = 0.01  # of the drag, whose velocity is smoothed and late by a part of a row
+LOOP_SHARE = 0.01  # of the lags of the rate loop
+WEIGHED = 0.005  # relative standard deviation of a mass by a scale
+LARGEST_SHARE = 0.5
+
+
+class FittedNumber(NamedTuple):
+    """One number of a fitted vehicle."""
+
+    key: str  # as in a vehicle file, with the axis
+    unit: str
+    value: float
+    low: float  # limits of the 95 % interval
+    high: float
+    source: Source
+    remark: str = ""
+
+    @property
+    def std(self) -> float:
+        """The standard deviation."""
+        return (self.high - self.low) / (2.0 * TWO_SIDED)
+
+
+class Found(NamedTuple):
+    """What was found in the logs."""
+
+    numbers: Numbers
+    covariance: np.ndarray  # of the searched numbers  (k, k)
+    searched: tuple[str, ...]
+    untold: tuple[str, ...]  # names of the numbers that the log could have told, but does not
+    drive: Drive
+    dt: float  # time between two rows [s]
+    speed_scale: SpeedScale | None
+    loop: RateLoopFit | None
+
+
+class SpeedScale(NamedTuple):
+    """Speed of a rotor [rad/s] = full share + idle."""
+
+    full: float
+    idle: float
+
+
+class _Row(NamedTuple):
+    """How one number of the vehicle follows from the searched ones."""
+
+    unit: str
+    value: Callable[[Numbers], float]
+    needs: tuple[str, ...]
+    floor: float = 0.0  # least standard deviation, absolute
+    scale: float = 0.0  # and relative
+
+
+def fitted_numbers(
+    found: Found, base: Vehicle, mass: float, is_weighed: bool
+) -> tuple[FittedNumber, ...]:
+    """Return all numbers of the vehicle.
+
+    Args:
+        found: what was found in the logs.
+        base: the prior vehicle.
+        mass: of the vehicle [kg].
+        is_weighed: whether the mass was given for this vehicle.
+    """
+    source: Source = "given" if is_weighed else "prior"
+    rows = [FittedNumber("mass", "kg", mass, mass, mass, source)]
+    rows += [_number(key, row, found) for key, row in _rows(found, base, mass).items()]
+    rows += _loop_numbers(found, base)
+    return tuple(rows)
+
+
+def _rows(found: Found, base: Vehicle, mass: float) -> Mapping[str, _Row]:
+    """Return the numbers that follow from the searched ones, by key."""
+    geometry = Geometry.of(base)
+    late = PART_OF_ROW * found.dt
+
+    def coefficient(k: int) -> Callable[[Numbers], float]:
+        return lambda n: mass * speed_map(n, found, base)[k]
+
+    def inertia(k: int) -> Callable[[Numbers], float]:
+        return lambda n: mass * geometry.inertia(n)[k]
+
+    def field(name: str) -> Callable[[Numbers], float]:
+        return lambda n: getattr(n, name)
+
+    def kappa(n: Numbers) -> float:
+        return geometry.inertia(n)[2] / n.inertia_z
+
+    thrust = ("c2", "c1", "c0")
+    turned = ("inertia_x", "inertia_y")
+    ratio = SCALE_FACTOR
+    # Without gyroscopic torques the log tells the inertia about z over the reaction torque alone.
+    flat = ratio if "flatness" in found.searched else FLATNESS / 2.0
+    rows = {
+        "thrust_max": _Row("m/s^2", lambda n: 4.0 * (n.c2 + n.c1 + n.c0), thrust, scale=ratio),
+        "rotors.thrust_map.c2": _Row("N s^2", coefficient(0), thrust, scale=ratio),
+        "rotors.thrust_map.c1": _Row("N s", coefficient(1), thrust),
+        "rotors.thrust_map.c0": _Row("N", coefficient(2), thrust),
+        "rotors.motor_tau": _Row("s", field("tau"), ("tau",), floor=late),
+        "motor_delay": _Row("s", field("delay"), ("delay",), floor=late),
+        "voltage_power": _Row("1", field("voltage_power"), ("voltage_power",)),
+    }
+    for axis in "xyz":
+        name = f"inertia_{axis}"
+        rows[f"inertia_over_arm.{axis}"] = _Row("m", field(name), (name,), scale=ratio)
+    for k, axis in enumerate("xyz"):
+        needs = (f"inertia_{axis}",) if axis != "z" else (*turned, "flatness")
+        share = flat if axis == "z" else ratio
+        rows[f"inertia.{axis}"] = _Row("kg m^2", inertia(k), needs, scale=share)
+    rows["rotors.kappa"] = _Row("m", kappa, ("inertia_z", *turned, "flatness"), scale=flat)
+    for axis in "xyz":
+        name = f"drag_{axis}"
+        rows[f"drag.{axis}"] = _Row("1/s", field(name), (name,), scale=DRAG_SHARE)
+    extras = {
+        "offset": ("1", "xyz"),
+        "bias": ("m/s^2", "xyz"),
+        "tilt": ("rad", "xy"),
+        "pose_tilt": ("rad", "xy"),
+    }
+    for name, (unit, axes) in extras.items():
+        for axis in axes:
+            key = f"{name}_{axis}"
+            rows[f"{name}.{axis}"] = _Row(unit, field(key), (key,))
+    for name in ("flapping", "yaw_lead", "force_lag", "velocity_lag"):
+        rows[name] = _Row("s", field(name), (name,), floor=late)
+    # Nuisances that are not searched say nothing.
+    quiet = (
+        *extras,
+        "flapping",
+        "yaw_lead",
+        "force_lag",
+        "velocity_lag",
+        "voltage_power",
+        "motor_delay",
+    )
+    return {
+        key: row
+        for key, row in rows.items()
+        if key.split(".")[0] not in quiet or any(name in found.searched for name in row.needs)
+    }
+
+
+def _number(key: str, row: _Row, found: Found) -> FittedNumber:
+    """Return a number with its interval, by the derivatives."""
+    value = row.value(found.numbers)
+    told = [name for name in row.needs if name in found.searched]
+    if not told:
+        return FittedNumber(key, row.unit, value, value, value, "prior")
+    gradient = np.zeros(len(found.searched))
+    for k, name in enumerate(found.searched):
+        at = getattr(found.numbers, name)
+        step = 1e-5 * max(abs(at), 1e-3)
+        ahead, behind = (row.value(found.numbers._replace(**{name: at + h})) for h in (step, -step))
+        gradient[k] = (ahead - behind) / (2.0 * step)
+    variance = float(gradient @ found.covariance @ gradient)
+    std = float(np.sqrt(variance + row.floor**2 + (row.scale * value) ** 2))
+    return _from_log(key, row.unit, value, std)
+
+
+def _loop_numbers(found: Found, base: Vehicle) -> list[FittedNumber]:
+    """Return the lags of the rate loop and the latency."""
+    late = PART_OF_ROW * found.dt
+    if found.loop is None:
+        rows = zip("xyz", base.rate_tau, strict=True)
+        lags = [FittedNumber(f"rate_tau.{axis}", "s", tau, tau, tau, "prior") for axis, tau in rows]
+        return [*lags, _latency_of_motors(found, base)]
+    std = np.sqrt(np.diag(covariances(found.loop.linearized).reported) + late**2)
+    tau_x, tau_y, tau_z = found.loop.tau
+    # The loop is taken as linear, which its rotors are not.
+    shares = (LOOP_SHARE, LOOP_SHARE, LOOP_SHARE, 0.0)
+    values = (tau_x, tau_y, tau_z, found.loop.delay)
+    keys = ("rate_tau.x", "rate_tau.y", "rate_tau.z", "latency")
+    return [
+        _from_log(key, "s", value, float(np.hypot(deviation, share * value)))
+        for key, value, deviation, share in zip(keys, values, std, shares, strict=True)
+    ]
+
+
+def _latency_of_motors(found: Found, base: Vehicle) -> FittedNumber:
+    """Return the latency of a log without setpoints: the delay of its commands."""
+    if "delay" not in found.searched:
+        return FittedNumber("latency", "s", base.latency, base.latency, base.latency, "prior")
+    k = found.searched.index("delay")
+    std = float(np.hypot(np.sqrt(found.covariance[k, k]), PART_OF_ROW * found.dt))
+    return _from_log("latency", "s", found.numbers.delay, std)
+
+
+def _from_log(key: str, unit: str, value: float, std: float) -> FittedNumber:
+    """Return a number with the interval of its standard deviation."""
+    half = TWO_SIDED * std
+    return FittedNumber(key, unit, value, value - half, value + half, "log")
+
+
+def speed_map(numbers: Numbers, found: Found, base: Vehicle) -> tuple[float, float, float]:
+    """Return c2, c1, c0 of a rotor's thrust over the mass against its speed in rad/s."""
+    assert base.rotors
+    scale = found.speed_scale or SpeedScale(base.rotors.omega_max, 0.0)
+    # s = (W - idle) / full
+    c2 = numbers.c2 / scale.full**2
+    c1 = numbers.c1 / scale.full - 2.0 * c2 * scale.idle
+    c0 = numbers.c0 - numbers.c1 / scale.full * scale.idle + c2 * scale.idle**2
+    return c2, c1, c0
+
+
+def fitted_vehicle(
+    name: str, found: Found, numbers: tuple[FittedNumber, ...], base: Vehicle
+) -> Vehicle:
+    """Return the vehicle with the fitted numbers, rounded.
+
+    Raises:
+        SettingError: the numbers are not those of a vehicle that can fly.
+    """
+    assert base.rotors
+    by_key = {number.key: number.value for number in numbers}
+
+    def value(key: str) -> float:
+        return float(f"{by_key[key]:.{DIGITS}g}")
+
+    scale = found.speed_scale or SpeedScale(base.rotors.omega_max, 0.0)
+    full = float(f"{scale.full + scale.idle:.{DIGITS}g}")
+    c2, c1, c0 = (value(f"rotors.thrust_map.{c}") for c in ("c2", "c1", "c0"))
+    # The thrust has to rise from the idle speed on.
+    lowest = max(
+        base.rotors.omega_min * full / base.rotors.omega_max, -c1 / (2.0 * c2) * (1.0 + ABOVE)
+    )
+    x, y = base.rotors.positions[2]
+    return base.but(
+        name=name,
+        source=f"fitted from logs by quadsim; what they do not tell: {base.name}",
+        mass=value("mass"),
+        inertia=[value(f"inertia.{axis}") for axis in "xyz"],
+        rate_tau=[value(f"rate_tau.{axis}") for axis in "xyz"],
+        drag=[max(value(f"drag.{axis}"), 0.0) for axis in "xyz"],
+        latency=max(value("latency"), 0.0),
+        rotors={
+            "rotor_x": x,
+            "rotor_y": y,
+            "motor_omega_min": float(f"{lowest:.{DIGITS}g}"),
+            "motor_omega_max": full,
+            "motor_tau": value("rotors.motor_tau"),
+            "thrust_map": [c2, c1, c0],
+            "kappa": value("rotors.kappa"),
+        },
+        uncertainty=_uncertainty(numbers),
+    )
+
+
+def _uncertainty(numbers: tuple[FittedNumber, ...]) -> Uncertainty:
+    """Return the relative standard deviations, of several axes the deviations over the mean.
+
+    Numbers that the logs do not tell are as uncertain as those of any vehicle.
+    """
+    by_key = {number.key: number for number in numbers}
+    usual = widths(OUTDOOR)
+
+    def share(keys: Sequence[str], half_width: float) -> float:
+        known = [by_key[key] for key in keys]
+        if any(number.source == "prior" for number in known):
+            return half_width / sqrt(3)
+        return _relative(known)
+
+    rates = [f"rate_tau.{axis}" for axis in "xyz"]
+    shares = {
+        "mass": share(["mass"], usual.mass),
+        "thrust": share(["thrust_max"], usual.thrust),
+        "rate_lag": share(rates, usual.rate_lag),
+        "motor_lag": share(["rotors.motor_tau"], usual.motor_lag),
+        "drag": share([f"drag.{axis}" for axis in "xyz"], usual.drag),
+    }
+    return Uncertainty(**{name: float(f"{value:.3g}") for name, value in shares.items()})
+
+
+def _relative(numbers: Sequence[FittedNumber]) -> float:
+    """Return the standard deviation of some numbers over their mean, at most LARGEST_SHARE."""
+    if any(number.source == "given" for number in numbers):
+        return WEIGHED
+    std = sqrt(np.mean([number.std**2 for number in numbers]))
+    size = float(np.mean([abs(number.value) for number in numbers]))
+    return min(std / max(size, 1e-9), LARGEST_SHARE)

@@ -1,0 +1,137 @@
+"""The fit of a vehicle: known numbers are found again, and what a log cannot tell is said."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import quadsim
+from quadsim.files.values import SettingError
+from quadsim.identify import fit_vehicle
+from quadsim.vehicle import load_vehicle, parse_vehicle
+from tests.identify.fit_cases import LATE, TRUE, flight, noisy
+
+OTHER = load_vehicle("swift")
+
+
+def fitted(log, **settings):
+    return fit_vehicle([log], base=OTHER, mass=TRUE.mass, name="mine", **settings)
+
+
+@pytest.fixture(scope="module")
+def known():
+    """Return the fit of a flight whose vehicle is known."""
+    return fitted(noisy(flight()))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("key", "true", "share"),
+    [
+        ("thrust_max", TRUE.thrust_max, 0.01),
+        ("rotors.motor_tau", TRUE.rotors.tau, 0.02),
+        ("motor_delay", LATE, 0.02),
+        ("latency", LATE, 0.05),
+        ("drag.x", TRUE.drag[0], 0.05),
+        ("drag.y", TRUE.drag[1], 0.05),
+        ("drag.z", TRUE.drag[2], 0.05),
+        ("inertia_over_arm.x", TRUE.inertia[0] / (TRUE.mass * 0.1), 0.03),
+        ("inertia_over_arm.y", TRUE.inertia[1] / (TRUE.mass * 0.0775), 0.03),
+        ("inertia_over_arm.z", TRUE.inertia[2] / (TRUE.mass * TRUE.rotors.kappa), 0.05),
+        ("rate_tau.x", TRUE.rate_tau[0], 0.05),
+        ("rate_tau.y", TRUE.rate_tau[1], 0.05),
+        ("rate_tau.z", TRUE.rate_tau[2], 0.05),
+    ],
+)
+def test_the_numbers_of_a_known_vehicle_are_found(known, key, true, share):
+    assert known[key].value == pytest.approx(true, rel=share)
+    assert known[key].source == "log"
+    assert OTHER.mass != TRUE.mass, "the prior is another vehicle's"
+
+
+def test_the_file_is_the_vehicle_and_says_where_each_number_comes_from(known, tmp_path):
+    text = known.to_yaml(tmp_path / "mine.yaml")
+    again = load_vehicle(tmp_path / "mine.yaml")
+    assert again == known.vehicle
+    (drag,) = (line for line in text.splitlines() if line.startswith("drag:"))
+    assert f"{known['drag.x'].low:.4g} to {known['drag.x'].high:.4g}" in drag
+    (mass,) = (line for line in text.splitlines() if line.startswith("mass:"))
+    assert mass.endswith("# [kg] given")
+    assert 0.0 < again.uncertainty.drag < 0.1
+
+
+def test_predictions_with_the_fitted_vehicle_beat_constant_velocity(known):
+    after = {row.seconds: row for row in known.predictions}
+    assert set(after) == {0.1, 0.25, 0.5, 1.0}
+    assert after[0.5].measured_attitude < 0.2 * after[0.5].constant_velocity
+    assert after[0.5].simulated_attitude < 0.5 * after[0.5].constant_velocity
+
+
+@pytest.mark.slow
+def test_a_log_without_yaw_keeps_the_yaw_inertia_of_the_prior():
+    calm = noisy(flight(yaw=0.0))
+    found = fitted(calm)
+    assert found["inertia_over_arm.z"].source == "prior"
+    assert any("inertia about z" in remark for remark in found.remarks)
+    assert found["inertia_over_arm.x"].source == "log"
+
+
+@pytest.mark.slow
+def test_rotors_that_turn_the_other_way_round_are_noticed(known):
+    log = noisy(flight())
+    turned = replace(log, motor_commands=log.motor_commands[:, [2, 3, 0, 1]], **mirrored(log))
+    found = fitted(turned)
+    assert any("the other way round" in remark for remark in found.remarks)
+    assert not any("the other way round" in remark for remark in known.remarks)
+    key = "inertia_over_arm.z"
+    assert found[key].value == pytest.approx(known[key].value, rel=0.1)
+
+
+def mirrored(log):
+    """Return the signals with left and right swapped, but for the yaw, which stays."""
+    flip = {"body_rates": log.body_rates, "rate_setpoints": log.rate_setpoints}
+    turned = {name: values * (-1.0, 1.0, 1.0) for name, values in flip.items()}
+    return {
+        **turned,
+        "specific_force": log.specific_force * (1.0, -1.0, 1.0),
+        "position": None,
+        "velocity": None,
+        "quaternion": None,
+    }
+
+
+@pytest.mark.slow
+def test_a_log_of_gyro_accelerometer_and_motors_tells_thrust_and_inertia():
+    log = replace(noisy(flight()), position=None, velocity=None, quaternion=None)
+    found = fitted(log)
+    assert found["thrust_max"].value == pytest.approx(TRUE.thrust_max, rel=0.05)
+    assert found["drag.x"].source == "prior"
+    assert found.predictions == ()
+
+
+def test_a_log_tells_ratios_to_the_mass_alone():
+    with pytest.raises(SettingError, match="mass: expected the mass by a scale"):
+        fit_vehicle([flight()])
+
+
+def test_a_log_without_a_flight_has_nothing_to_fit():
+    log = replace(flight(), motor_commands=None, thrust_setpoint=None)
+    with pytest.raises(SettingError, match="logs: expected a flight of a second or more"):
+        fitted(log)
+
+
+@pytest.mark.compiled
+def test_a_fitted_vehicle_flies(known):
+    run = quadsim.fly("figure8", vehicle=known.vehicle, laps=1, samples=512, timeout=0.2)
+    assert run.spec["vehicle"]["uncertainty"]["mass"] == known.vehicle.uncertainty.mass
+
+
+def test_the_uncertainty_of_a_vehicle_file_is_kept_and_may_be_missing():
+    text = OTHER.but(uncertainty=None).to_yaml()
+    assert "uncertainty" not in text
+    wide = OTHER.but(
+        uncertainty={"mass": 0.01, "thrust": 0.02, "rate_lag": 0.1, "motor_lag": 0.2, "drag": 0.3}
+    )
+    again = parse_vehicle(wide.to_yaml(), "swift.yaml")
+    assert again == wide
+    assert np.isclose(again.uncertainty.drag, 0.3)

@@ -1,0 +1,117 @@
+"""PageState: what the page has besides the race that is flown: the next START, and its visitors.
+
+It is a frozen value. Commands of web.commands make another one of it, and nothing else does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Literal
+
+from quadsim.heat.rules import RulesName
+from quadsim.heat.settings import Expect, HeatSettings
+from web.choices import Choices, CompetitorChoices, HeatChoices, RaceChoices
+from web.menu import Menu
+
+World = Literal["as ghosts", "in one world"]
+GHOSTS: World = "as ghosts"
+TOGETHER: World = "in one world"
+
+
+@dataclass(frozen=True)
+class Row:
+    """A competitor of the next START."""
+
+    number: int  # names the row for as long as it exists, whatever rows are added or removed
+    choices: CompetitorChoices
+
+
+@dataclass(frozen=True)
+class RemovedRow:
+    """A row that was removed, and where it stood."""
+
+    row: Row
+    index: int
+
+
+@dataclass(frozen=True)
+class Visitor:
+    """What is one visitor's own."""
+
+    row: int  # number of the row that the visitor edits
+
+
+@dataclass(frozen=True)
+class PageState:
+    """The next START, and the visitors of the page.
+
+    Attributes:
+        race: the choices that are common to all competitors.
+        rows: the competitors, at least one.
+        world: whether several competitors fly as ghosts or in one world.
+        expect, rules: of a race in one world.
+        against: names of stored runs that are shown beside the next flight.
+        visitors: the visitors by their numbers.
+        removed: the rows that were removed, the last one last.
+        next_number: number of the next row.
+        menu: the names that may be chosen; None: any.
+    """
+
+    race: RaceChoices
+    rows: tuple[Row, ...]
+    world: World = GHOSTS
+    expect: Expect = HeatSettings.expect
+    rules: RulesName = HeatSettings.rules
+    against: tuple[str, ...] = ()
+    visitors: Mapping[int, Visitor] = field(default_factory=lambda: MappingProxyType({}))
+    removed: tuple[RemovedRow, ...] = ()
+    next_number: int = 1
+    menu: Menu | None = None
+
+    @classmethod
+    def of(cls, *flights: Choices, menu: Menu | None = None) -> PageState:
+        """Return the state in which START flies these choices; the first one has the race's."""
+        rows = tuple(Row(k, flight.competitor) for k, flight in enumerate(flights, 1))
+        return cls(race=flights[0].race, rows=rows, next_number=len(rows) + 1, menu=menu)
+
+    @property
+    def flights(self) -> list[Choices]:
+        """The flights of the next START, each on its own."""
+        return [Choices.of(self.race, row.choices) for row in self.rows]
+
+    @property
+    def is_together(self) -> bool:
+        """Whether the competitors share one world."""
+        return self.world == TOGETHER and len(self.rows) > 1
+
+    @property
+    def start(self) -> list[Choices | HeatChoices]:
+        """What START flies."""
+        if self.is_together:
+            return [HeatChoices(tuple(self.flights), self.expect, self.rules)]
+        return [*self.flights]
+
+    def row(self, number: int) -> Row:
+        """Return the row with this number. Raises ValueError: it was removed."""
+        for row in self.rows:
+            if row.number == number:
+                return row
+        raise ValueError(f"competitor: expected one that is there, got row {number}, now removed")
+
+    def index(self, number: int) -> int:
+        """Return the place of a row, from 0. Raises ValueError: it was removed."""
+        return self.rows.index(self.row(number))
+
+    def edited(self, visitor: int) -> Row:
+        """Return the row that a visitor edits: the first one, until another one is chosen."""
+        chosen = self.visitors.get(visitor)
+        if chosen is None:
+            return self.rows[0]
+        found = [row for row in self.rows if row.number == chosen.row]
+        return found[0] if found else self.rows[0]
+
+    def with_visitor(self, number: int, visitor: Visitor) -> PageState:
+        """Return the state with a visitor's own part."""
+        return replace(self, visitors=MappingProxyType({**self.visitors, number: visitor}))
