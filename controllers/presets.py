@@ -94,9 +94,8 @@ _RACE = Planner(
 
 # The samplers that the paper does not fly were tuned by hand.
 # Log-normal: the standard deviation sigma exp(sigma^2) equals the Gaussian's.
-# Smooth: sigma is a fifth of the Gaussian's, as a plan with momentum accumulates the changes of all
-# iterations; in races the sigma of the body rates is half of the Gaussian's. The plan is filtered,
-# as the momentum has no damping. The sigma of `smooth` refers to the derivatives [rad/s^2, m/s^3],
+# Smooth: sigma is smaller than the Gaussian's, as a plan with momentum accumulates the changes of
+# all iterations. The plan is filtered, as the momentum has no damping. The sigma of `smooth` refers to the derivatives [rad/s^2, m/s^3],
 # so it is divided by dt: `smooth` and `smooth_star` behave alike unless dt is changed.
 
 
@@ -126,7 +125,7 @@ PRESETS: dict[str, dict[str, Planner]] = {
             cost_rise=0.0,
         ),
         "colored": _RACE,
-        "log_normal": _race(LogNormal((0.69, 0.69, 0.89, 1.18))),
+        "log_normal": _race(LogNormal((0.616, 0.616, 0.099, 1.11))),
         "smooth": _smooth(_RACE, Smooth((60.0, 60.0, 12.0, 120.0))),
         "smooth_star": _smooth(_RACE, SmoothStar((0.6, 0.6, 0.12, 1.2))),
     },
@@ -141,17 +140,18 @@ PRESETS: dict[str, dict[str, Planner]] = {
 # all directions, a metre apart, so turning the nose to each costs more than it improves the view.
 # A light vehicle follows faster changes, and needs them between gates a metre apart. With the 1024
 # samples of `race` it flies 40 % slower there, as fewer samples find the way between two gates.
-_SMALL_YAW = 0.5  # [rad/s] standard deviation of the yaw rate, of Gaussian and colored sampling
+# sigma of the yaw rate, whose standard deviation is 0.5 rad/s for each of these samplers
+_SMALL_YAW = {"gaussian": 0.5, "colored": 0.5, "log_normal": 0.419}
 _SMALL_CUTOFF = 8.0  # [Hz]
 _SMALL_SAMPLES = 4096
 
 
-def _small(planner: Planner) -> Planner:
+def _small(sampler: str, planner: Planner) -> Planner:
     """Return a planner of the preset `race` for small gates and vehicles."""
-    sampling = planner.sampling
-    if isinstance(sampling, Colored | Gaussian):
+    sampling: Any = planner.sampling
+    if sampler in _SMALL_YAW:
         roll, pitch, _, thrust = sampling.sigma
-        sampling = replace(sampling, sigma=(roll, pitch, _SMALL_YAW, thrust))
+        sampling = replace(sampling, sigma=(roll, pitch, _SMALL_YAW[sampler], thrust))
     if isinstance(sampling, Colored):
         sampling = replace(sampling, cutoff=(_SMALL_CUTOFF,) * 4)
     assert isinstance(planner.cost, RaceWeights)
@@ -165,7 +165,7 @@ def _small(planner: Planner) -> Planner:
     )
 
 
-PRESETS["race_small"] = {name: _small(planner) for name, planner in PRESETS["race"].items()}
+PRESETS["race_small"] = {name: _small(name, planner) for name, planner in PRESETS["race"].items()}
 
 
 # `race_informed` follows the solution of an optimiser, which covers the whole race and not only a
@@ -176,7 +176,7 @@ _CALMER = 0.7  # factor on the standard deviations of `race`
 # Samplers whose sigma is not simply scaled: log-normal keeps the Gaussian's standard deviation, and
 # `smooth_star` stays equal to `smooth`, as above.
 _CALM: dict[str, Sampling] = {
-    "log_normal": LogNormal((0.566, 0.566, 0.769, 1.07)),
+    "log_normal": LogNormal((0.494, 0.494, 0.07, 0.993)),
     "smooth_star": SmoothStar((0.42, 0.42, 0.084, 0.84)),
 }
 
