@@ -95,8 +95,9 @@ _RACE = Planner(
 # The samplers that the paper does not fly were tuned by hand.
 # Log-normal: the standard deviation sigma exp(sigma^2) equals the Gaussian's.
 # Smooth: sigma is smaller than the Gaussian's, as a plan with momentum accumulates the changes of
-# all iterations. The plan is filtered, as the momentum has no damping. The sigma of `smooth` refers to the derivatives [rad/s^2, m/s^3],
-# so it is divided by dt: `smooth` and `smooth_star` behave alike unless dt is changed.
+# all iterations. The plan is filtered, as the momentum has no damping. The sigma of `smooth` refers
+# to the derivatives [rad/s^2, m/s^3], so it is divided by dt: `smooth` and `smooth_star` behave
+# alike unless dt is changed.
 
 
 def _smooth(base: Planner, sampling: Smooth | SmoothStar) -> Planner:

@@ -1,4 +1,4 @@
-"""The picture of samplers.md: lap times against the CPU time of a control step.
+"""The picture of samplers.md: laps against the CPU time of a control step, paired by seed.
 
 It takes 6 flights a point, half an hour on two cores, and continues where it was interrupted:
 
@@ -20,7 +20,7 @@ from quadsim.config.build import planner_of, with_threads
 from quadsim.figures.style import STYLE, line
 from quadsim.palette import style
 from quadsim.physics.plant_state import start_state
-from quadsim.record.statistics import Mean, mean_interval
+from quadsim.record.statistics import Mean
 
 FOLDER = Path(__file__).parent
 CAMPAIGN = Path("runs/docs/samples.sqlite")
@@ -32,6 +32,7 @@ RACES: dict[str, dict[str, Any]] = {
 }
 SAMPLERS = ("colored", "gaussian")
 SAMPLES = (512, 1024, 2048, 4096)
+BASELINE = "colored 4096"
 ATTEMPTS = 6
 STEPS = 40  # control steps that are timed
 
@@ -47,42 +48,41 @@ def main() -> None:
     times = {name: step_time(**settings) for name, settings in variants.items()}
     figure, axes = plt.subplots(1, len(RACES), figsize=(9.0, 3.2))
     for ax, (course, settings) in zip(axes, RACES.items(), strict=True):
-        laps = mean_laps(course, variants, settings)
+        difference = differences(course, variants, settings)
         for sampler in SAMPLERS:
             names = [f"{sampler} {samples}" for samples in SAMPLES]
             x = [times[name] for name in names]
-            y = np.array([laps[name].mean for name in names])
-            below = y - np.array([laps[name].low for name in names])
-            above = np.array([laps[name].high for name in names]) - y
-            ax.errorbar(x, y, (below, above), label=sampler, **line(style(sampler)))
+            y = [difference[name].mean for name in names]
+            below = [difference[name].mean - difference[name].low for name in names]
+            above = [difference[name].high - difference[name].mean for name in names]
+            ax.errorbar(x, y, (below, above), label=sampler, capsize=2, **line(style(sampler)))
         ax.set(title=course, xscale="log", xlabel="control step, one thread [ms CPU]")
         ax.set_xticks(x, [f"{value:.1f}" for value in x])
         ax.minorticks_off()
-    axes[0].set(ylabel="lap, mean [s]")
+    axes[0].set(ylabel=f"lap - lap of {BASELINE} [s]")
     axes[-1].legend()
     figure.suptitle(f"{', '.join(map(str, SAMPLES))} samples, randomized, 95 % intervals")
     figure.savefig(FOLDER / "samples.png")
 
 
-def mean_laps(course: str, variants: dict[str, Any], settings: dict[str, Any]) -> dict[str, Mean]:
-    """Fly the variants, print their comparison, and return the mean lap of each by its name [s]."""
-    baseline = f"{SAMPLERS[0]} {SAMPLES[-1]}"
+def differences(course: str, variants: dict[str, Any], settings: dict[str, Any]) -> dict[str, Mean]:
+    """Fly the variants, print their comparison, and return how much longer the laps of each are.
+
+    The differences are from the laps of BASELINE with the same seed [s].
+    """
     found = quadsim.compare(
         course,
         variants,
         ATTEMPTS,
         jobs=2,
         campaign=CAMPAIGN,
-        baseline=baseline,
+        baseline=BASELINE,
         randomize=1,
         **settings,
     )
     print(found, flush=True)
-    laps: dict[str, list[float]] = {name: [] for name in variants}
-    for attempt in found.attempts:
-        if attempt.lap_mean is not None:
-            laps[attempt.variant].append(attempt.lap_mean)
-    return {name: mean_interval(of_variant) for name, of_variant in laps.items()}
+    own = {BASELINE: Mean(mean=0.0, low=0.0, high=0.0, n=ATTEMPTS, sd=0.0)}
+    return own | {pair.b: pair.lap_difference for pair in found.pairs}
 
 
 def step_time(sampler: str, samples: int) -> float:
