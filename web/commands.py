@@ -38,39 +38,40 @@ OF_RACE_CHOICES = ("course", "seed", "laps", "clock", "deadline_ms")
 COMPETITOR_NAMES = ("sampler", "preset", "vehicle", "sensing", "flight_controller")
 
 Name = Annotated[str, Meta(max_length=300)]
+RaceSetting = Literal["course", "seed", "laps", "clock", "deadline_ms", "world", "expect", "rules"]
 
 
 class Command(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
     """A command; its class names it."""
 
 
-class Arrive(Command):
+class Arrive(Command, frozen=True):
     """A visitor has opened the page."""
 
     visitor: int
 
 
-class Leave(Command):
+class Leave(Command, frozen=True):
     """A visitor has closed the page."""
 
     visitor: int
 
 
-class ChooseRace(Command):
+class ChooseRace(Command, frozen=True):
     """Choose a setting of the whole race by its name."""
 
-    name: Literal["course", "seed", "laps", "clock", "deadline_ms", "world", "expect", "rules"]
+    name: RaceSetting
     value: Name | int
 
 
-class ChooseNames(Command):
+class ChooseNames(Command, frozen=True):
     """Choose names of a competitor: sampler, preset, vehicle, sensing, flight controller."""
 
     row: int
     names: dict[str, Name]
 
 
-class SetNumber(Command):
+class SetNumber(Command, frozen=True):
     """Set the number of a slider of a competitor."""
 
     row: int
@@ -78,7 +79,7 @@ class SetNumber(Command):
     value: float
 
 
-class SetSetting(Command):
+class SetSetting(Command, frozen=True):
     """Set any setting of a competitor's planner, as a control has it."""
 
     row: int
@@ -86,50 +87,50 @@ class SetSetting(Command):
     value: Any
 
 
-class ResetRow(Command):
+class ResetRow(Command, frozen=True):
     """Give a competitor the numbers of its preset."""
 
     row: int
 
 
-class AddRow(Command):
+class AddRow(Command, frozen=True):
     """Add a competitor, a copy of another one; its visitor edits it."""
 
     visitor: int
     like: int
 
 
-class TakeOver(Command):
+class TakeOver(Command, frozen=True):
     """Add a competitor with these choices; its visitor, if it is known, edits it."""
 
     visitor: int | None
     choices: CompetitorChoices
 
 
-class RemoveRow(Command):
+class RemoveRow(Command, frozen=True):
     """Remove a competitor."""
 
     row: int
 
 
-class PutBack(Command):
+class PutBack(Command, frozen=True):
     """Put back the competitor that was removed last."""
 
 
-class EditRow(Command):
+class EditRow(Command, frozen=True):
     """Edit a competitor; every visitor edits one of its own choice."""
 
     visitor: int
     row: int
 
 
-class OfferCourse(Command):
+class OfferCourse(Command, frozen=True):
     """Add a course to the menu. It is the server's own command: no visitor sends it."""
 
     name: Name
 
 
-class SetUp(Command):
+class SetUp(Command, frozen=True):
     """Set up a whole race, as a link names it; the folder of runs stays."""
 
     race: RaceChoices
@@ -139,7 +140,7 @@ class SetUp(Command):
     rules: RulesName = HeatSettings.rules
 
 
-class FlyAgainst(Command):
+class FlyAgainst(Command, frozen=True):
     """Show stored runs beside the next flight; none: no run."""
 
     runs: Annotated[tuple[Name, ...], Meta(max_length=MOST_AGAINST)]

@@ -34,7 +34,7 @@ class DrawnSamples(NamedTuple):
 def drawn_samples(entry: Competitor, i: int) -> DrawnSamples:
     """Return the samples of the plan of frame i."""
     t = float(entry.t[i])
-    most = int(entry.numbers(t).get("samples", entry.spec["planner"]["mppi"]["samples"]))
+    most = int(entry.numbers(t).get("samples") or entry.spec["planner"]["mppi"]["samples"])
     deadline_ms = entry.spec.get("deadline_ms")
     if deadline_ms is None:
         return DrawnSamples(most, most, None)

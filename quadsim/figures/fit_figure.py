@@ -112,7 +112,7 @@ def _draw_steps(axes: Axes, fit: VehicleFit) -> None:
         "thrust": (hover._replace(thrust=GRAVITY + THRUST_STEP), "thrust", GRAVITY, THRUST_STEP),
     }
     for (name, (command, signal, before, size)), colour in zip(steps.items(), OTHERS, strict=True):
-        x = State(*(0.0,) * 6, 1.0, *(0.0,) * 6, GRAVITY, *(0.0,) * 3)
+        x = State(*np.zeros(len(State._fields)))._replace(qw=1.0, thrust=GRAVITY)
         answer = []
         for k in range(count):
             answer.append((getattr(x, signal) - before) / size)

@@ -18,6 +18,8 @@ MOST_ROWS = 10_000  # of each signal; in longer logs, neighbouring residuals are
 LONGEST_MEAN = 0.02  # neighbours are averaged over this time at most [s]
 
 Drive = Literal["motor_commands", "rotor_speeds", "thrust_setpoint", "throttle"]
+# Drives by how much they tell
+BEST_FIRST: tuple[Drive, ...] = ("motor_commands", "rotor_speeds", "thrust_setpoint", "throttle")
 # Drives that tell each rotor, and drives whose effect changes with the battery's voltage
 SINGLE_DRIVES = ("motor_commands", "rotor_speeds")
 VOLTAGE_DRIVES = ("motor_commands", "throttle")
@@ -65,8 +67,7 @@ def prepare(
         reference: voltage to which the numbers refer [V]; None: the median of the stretches.
     """
     drives = [drive_of(part) for part in parts]
-    order: tuple[Drive, ...] = ("motor_commands", "rotor_speeds", "thrust_setpoint", "throttle")
-    drive = next(each for each in order if each in drives)
+    drive = min((each for each in drives if each is not None), key=BEST_FIRST.index)
     chosen = [part for part, its in zip(parts, drives, strict=True) if its == drive]
     reference = reference or reference_voltage(chosen)
     average = _rows_to_average(chosen)

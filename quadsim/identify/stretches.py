@@ -194,7 +194,9 @@ def _odd(time: float, dt: float) -> int:
 def _smoothed(values: np.ndarray, dt: float) -> np.ndarray:
     """Return a signal with less noise: parabolas, unlike means, do not flatten its peaks."""
     window = _odd(SMOOTH, dt)
-    return savgol_filter(values, window, 2, axis=0) if 3 < window <= len(values) else values
+    if not 3 < window <= len(values):
+        return values
+    return np.asarray(savgol_filter(values, window, 2, axis=0))
 
 
 def _derivative(position: np.ndarray, dt: float) -> np.ndarray:
@@ -202,7 +204,7 @@ def _derivative(position: np.ndarray, dt: float) -> np.ndarray:
     window = max(_odd(2.0 * SMOOTH, dt), 5)
     if len(position) < window:
         return np.full_like(position, np.nan)
-    return savgol_filter(position, window, 2, deriv=1, delta=dt, axis=0)
+    return np.asarray(savgol_filter(position, window, 2, deriv=1, delta=dt, axis=0))
 
 
 def _turn_rates(quaternion: np.ndarray, dt: float) -> np.ndarray:
@@ -255,7 +257,7 @@ def thinned(part: Stretch) -> Stretch:
         if rows % 2 == 0:
             ends = 0.5 * (ends[:-1] + ends[1:])
             ends = np.concatenate([ends, ends[-1:]])
-        means = sum(ends[k : k + len(values)] for k in range(rows)) / rows
+        means = np.mean([ends[k : k + len(values)] for k in range(rows)], axis=0)
         return means[: count * rows : rows]
 
     quaternion = around(part.quaternion)

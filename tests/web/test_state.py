@@ -167,7 +167,10 @@ def test_a_row_names_the_number_that_is_flown():
     flown = state.flights[0].spec().planner.mppi
     assert flown.samples == 300
     assert flown.ess_of(300) == pytest.approx(150)
-    assert set(line_up_of(state).changes[0]) == {"samples 300", "target ess 277.128 (asked for 400)"}
+    assert set(line_up_of(state).changes[0]) == {
+        "samples 300",
+        "target ess 277.128 (asked for 400)",
+    }
     # lowered by the samples alone
     few = line_up_of(after(SetNumber(FIRST, "samples", 256))).changes[0]
     assert few == ("samples 256",)

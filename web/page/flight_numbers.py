@@ -85,7 +85,7 @@ class NumbersInFlight:
         """Offer the competitors of the race by name, and all of them; the first one is chosen."""
         names = tuple(entry.name for entry in entries)
         options = (*names, EVERYONE) if len(names) > 1 else names
-        if self.whose.options != options:
+        if options and self.whose.options != options:
             self.whose.options = options  # a competitor that is gone becomes the first one
             self.whose.value = options[0]
 

@@ -17,7 +17,7 @@ from quadsim.files.strict_yaml import FileError
 from quadsim.heat.rules import RULES
 from quadsim.heat.settings import Expect
 from web.choices import Choices, HeatChoices
-from web.commands import AnyCommand, ChooseRace, FlyAgainst, OfferCourse, TakeOver
+from web.commands import AnyCommand, ChooseRace, FlyAgainst, OfferCourse, RaceSetting, TakeOver
 from web.desk import Desk
 from web.line_up_link import line_up_text, set_up_of
 from web.menu import Menu
@@ -191,7 +191,7 @@ class RacePanel:
         return found
 
     @property
-    def _controls(self) -> dict[str, Any]:
+    def _controls(self) -> dict[RaceSetting, Any]:
         """The controls by the names of their choices."""
         return {
             "world": self.world,
@@ -236,7 +236,7 @@ class RacePanel:
         course = self.chosen_course()
         return f"course ({course.laps})" if course else "course"
 
-    async def _chosen(self, name: str, event: viser.GuiEvent) -> None:
+    async def _chosen(self, name: RaceSetting, event: viser.GuiEvent) -> None:
         """Choose a setting of the race."""
         if event.client_id is None:  # by update(), not by a visitor
             return
