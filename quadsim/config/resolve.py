@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from controllers.presets import Planner
-from controllers.samplers import SAMPLERS
+from controllers.samplers import SAMPLERS, Colored
 from quadsim.config.checks import check_numbers, check_type
 from quadsim.config.parts import is_registered, own_sampler, sampler_name
 from quadsim.config.presets import PresetSource
@@ -184,8 +184,22 @@ def base_planner(given: Mapping[str, Any], flight: FlightSettings, read: dict[st
     return replace(preset.planner(name, firmware), sampling=sampling)
 
 
+def _with_law(planner: Planner, law: object) -> Planner:
+    """Return the planner without the cut-off of its preset if another law has none.
+
+    Args:
+        planner: the planner of the preset.
+        law: the law that was given, if any.
+    """
+    sampling = planner.sampling
+    if not isinstance(sampling, Colored) or law in (None, "exact"):
+        return planner
+    return replace(planner, sampling=replace(sampling, cutoff=()))
+
+
 def with_numbers(planner: Planner, given: Mapping[str, Any]) -> Planner:
     """Return the planner with the given numbers of its sampler, MPPI and cost."""
+    planner = _with_law(planner, given.get("law"))
     groups: tuple[Group, ...] = ("sampling", "mppi", "cost")
     parts = {group: with_settings(group, getattr(planner, group), given) for group in groups}
     return replace(planner, **parts)

@@ -67,7 +67,8 @@ def prepare(
         reference: voltage to which the numbers refer [V]; None: the median of the stretches.
     """
     drives = [drive_of(part) for part in parts]
-    drive = min((each for each in drives if each is not None), key=BEST_FIRST.index)
+    known: list[Drive] = [each for each in drives if each is not None]
+    drive = min(known, key=BEST_FIRST.index)
     chosen = [part for part, its in zip(parts, drives, strict=True) if its == drive]
     reference = reference or reference_voltage(chosen)
     average = _rows_to_average(chosen)
