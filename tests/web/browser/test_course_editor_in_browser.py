@@ -119,7 +119,7 @@ def test_a_course_made_in_the_browser_is_flown_again_by_the_command_to_the_same_
     assert field(page, "Course").first.input_value() == path
     choose(page, "Sampler", "gaussian")
     typed(page, "Seed", 3)
-    typed(page, "Samples", 256)
+    typed(page, "Samples", 512)
     session.tell(PageRace.set_speed, 20.0)
     press(page, "START")
     assert waited(page, lambda: session.snapshot.flying)

@@ -45,17 +45,17 @@ def test_each_competitor_flies_numbers_of_its_own(page, session):
     """Two of one sampler differ in name, colour and line, and in one number."""
     fill(page, "Samples", 512)
     press(page, "add")
-    fill(page, "Samples", 1024)
+    fill(page, "Samples", 2048)
     fill(page, "Sigma scale", 1.5)
-    assert waited(page, lambda: "samples 1024 · sigma scale 1.5" in rows(page).last.inner_text())
+    assert waited(page, lambda: "samples 2048 · sigma scale 1.5" in rows(page).last.inner_text())
     rows(page).first.click()  # a click on a row shows its numbers
     assert waited(page, lambda: shown(page, "Samples") == 512)
     start(page, session)
     first, second = session.snapshot.competitors
-    assert (first.name, second.name) == ("colored samples 512", "colored samples 1024")
+    assert (first.name, second.name) == ("colored samples 512", "colored samples 2048")
     assert first.style.colour != second.style.colour
     assert first.style.dash != second.style.dash
-    assert [entry.spec["planner"]["mppi"]["samples"] for entry in (first, second)] == [512, 1024]
+    assert [entry.spec["planner"]["mppi"]["samples"] for entry in (first, second)] == [512, 2048]
     sigma = PRESET["colored"].sampling.sigma
     assert list(first.spec["planner"]["sampling"]["sigma"]) == pytest.approx(sigma)
     wanted = [1.5 * one for one in sigma]
