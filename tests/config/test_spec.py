@@ -342,5 +342,5 @@ def test_preset_file_errors_name_the_place(text, place):
 def test_a_law_without_a_cut_off_leaves_out_that_of_the_preset():
     assert Spec.of("figure8", law="paper").planner.sampling.cutoff == ()
     assert Spec.of("figure8", law="exact").planner.sampling.cutoff == (5.0,) * 4
-    with pytest.raises(SettingError, match="^cutoff: expected none with the law paper"):
+    with pytest.raises(SettingError, match=r"^cutoff: expected none with the law paper"):
         Spec.of("figure8", law="paper", cutoff=(5.0,) * 4)
