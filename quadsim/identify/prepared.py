@@ -66,7 +66,7 @@ def prepare(
         base: the prior vehicle.
         reference: voltage to which the numbers refer [V]; None: the median of the stretches.
     """
-    drives = [drive_of(part) for part in parts]
+    drives: list[Drive | None] = [drive_of(part) for part in parts]
     known: list[Drive] = [each for each in drives if each is not None]
     drive = min(known, key=BEST_FIRST.index)
     chosen = [part for part, its in zip(parts, drives, strict=True) if its == drive]
