@@ -342,7 +342,8 @@ def fit(
 
     Examples:
         >>> import quadsim
-        >>> flight = quadsim.fly(excite=True, plant="rigid", vehicle="kingfisher").save()
+        >>> brief = {"plant": "rigid", "timeout": 20.0}
+        >>> flight = quadsim.fly(excite=True, vehicle="kingfisher", **brief).save()
         >>> found = quadsim.fit(flight, mass=0.75, like="swift", name="mine")
         >>> drag = found["drag.x"]
         >>> drag.low < 0.4 < drag.high
@@ -425,7 +426,7 @@ def compare(
 
     Examples:
         >>> import quadsim
-        >>> variants = {"short": {"horizon": 80}, "long": {"horizon": 150}}
+        >>> variants = {"short": {"horizon": 120}, "long": {"horizon": 150}}
         >>> comparison = quadsim.compare("figure8", variants, attempts=2, laps=1, samples=512)
         >>> [variant.finished for variant in comparison.variants]
         [2, 2]

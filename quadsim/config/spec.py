@@ -160,7 +160,7 @@ class Spec(FlightNumbers, HostSettings):
         >>> import quadsim
         >>> spec = quadsim.Spec.of("figure8", sampler="gaussian", laps=1)
         >>> spec.planner.mppi.samples
-        4096
+        1024
         >>> colored = spec.but(sampler="colored", samples=512)
         >>> runs = [quadsim.fly(colored, seed=seed) for seed in range(2)]
     """

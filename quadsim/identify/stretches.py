@@ -196,7 +196,7 @@ def _smoothed(values: np.ndarray, dt: float) -> np.ndarray:
     window = _odd(SMOOTH, dt)
     if not 3 < window <= len(values):
         return values
-    return np.asarray(savgol_filter(values, window, 2, axis=0))
+    return _parabolas(values, window, dt)
 
 
 def _derivative(position: np.ndarray, dt: float) -> np.ndarray:
@@ -204,7 +204,17 @@ def _derivative(position: np.ndarray, dt: float) -> np.ndarray:
     window = max(_odd(2.0 * SMOOTH, dt), 5)
     if len(position) < window:
         return np.full_like(position, np.nan)
-    return np.asarray(savgol_filter(position, window, 2, deriv=1, delta=dt, axis=0))
+    return _parabolas(position, window, dt, deriv=1)
+
+
+def _parabolas(values: np.ndarray, window: int, dt: float, deriv: int = 0) -> np.ndarray:
+    """Return the value or the slope at each reading of a parabola through those around it.
+
+    At both ends of a signal with missing readings it is missing, too.
+    """
+    ends = "interp" if np.isfinite(values).all() else "constant"
+    found = savgol_filter(values, window, 2, deriv=deriv, delta=dt, axis=0, mode=ends, cval=np.nan)
+    return np.asarray(found)
 
 
 def _turn_rates(quaternion: np.ndarray, dt: float) -> np.ndarray:

@@ -39,7 +39,7 @@ class Listing(Sequence[str]):
         >>> import quadsim
         >>> vehicles = quadsim.vehicles()
         >>> list(vehicles)[:2], "swift" in vehicles
-        (['cpc', 'crazyflie'], True)
+        (['archer', 'cf21b_500'], True)
     """
 
     names: tuple[str, ...]
@@ -120,7 +120,7 @@ def sensings() -> Listing:
     Examples:
         >>> import quadsim
         >>> list(quadsim.sensings())
-        ['gates', 'lab', 'mocap', 'perfect', 'velocity', 'vio']
+        ['aigp_physical', 'aigp_virtual', 'gates', 'lab', 'mocap', 'perfect', 'velocity', 'vio']
     """
     known = [load_sensing(name) for name in sensing_names()]
     return Listing(sensing_names(), lambda _: sensing_table(known))
