@@ -36,7 +36,13 @@ class MPPIConfig:
         int, setting("M, number of control sequences sampled per iteration", ge=2, le=10**6)
     ] = 4096
     horizon: Annotated[
-        int, setting("T, number of control periods planned ahead", unit="steps", ge=2, le=10_000)
+        int,
+        setting(
+            "T, number of control periods planned ahead; with another dt, the preset's time",
+            unit="steps",
+            ge=2,
+            le=10_000,
+        ),
     ] = 150
     iterations: Annotated[
         int, setting("I, number of iterations per control step", ge=1, le=100)

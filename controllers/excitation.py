@@ -43,15 +43,15 @@ STEPS = (0.12, 0.31, 0.2, 0.25, 0.15, 0.4)
 STEP_UP = 0.85
 LARGEST_STEP = 2.0 * GRAVITY
 STEP_DOWN = 0.4 * GRAVITY
-# Height above the centre that one m/s of climb is worth, when the next step is chosen [s]
+# Weight of the climb rate beside the height when the next step is chosen [s]
 CLIMB = 0.6
 # Time from one end of a dash to the other [s]
 DASH = 1.6
 # Room between the ends of a dash and the bounds of the course [m]
 ROOM = 3.0
 LARGEST_REACH = 5.0
-# Position loop: its natural frequency [rad/s], at most so much, and along the horizontal so many
-# times slower than the attitude's loop; its damping ratio; the largest tilt
+# Position loop: the limit of its natural frequency [rad/s]; the ratio of the attitude loop's
+# frequency to its horizontal one, at least; its damping ratio; the largest tilt
 LARGEST_FREQUENCY = 2.0
 SLOWER_THAN_ATTITUDE = 4.0
 DAMPING = 0.7
@@ -62,7 +62,8 @@ INTEGRAL = 1.0
 LARGEST_INTEGRAL = 3.0
 # Share of the largest thrust that the loop uses
 LARGEST_THRUST = 0.9
-# Rate per angle of the attitude loop [1/s]: at most so much, and slower than the rate loop
+# Attitude loop: the limit of its gain, body rate per angle [1/s], and the ratio of the rate loop's
+# frequency to that gain
 LARGEST_GAIN = 8.0
 SLOWER = 2.5
 HEADING_GAIN = 1.5

@@ -139,8 +139,8 @@ PRESETS: dict[str, dict[str, Planner]] = {
 # flights of lsy_level2 got stuck or crashed. With the yaw noise of `race` 94 of 100 finished, with
 # this yaw noise all 100, and 97 since the model limits yaw. There is no view term: the gates face
 # all directions, a metre apart, so turning the nose to each costs more than it improves the view.
-# A light vehicle follows faster changes, and needs them between gates a metre apart. With the 1024
-# samples of `race` it flies 40 % slower there, as fewer samples find the way between two gates.
+# The cut-off is higher than in `race`, as a light vehicle follows faster changes and needs them
+# between gates a metre apart. With the 1024 samples of `race` the race takes a third longer.
 # sigma of the yaw rate, whose standard deviation is 0.5 rad/s for each of these samplers
 _SMALL_YAW = {"gaussian": 0.5, "colored": 0.5, "log_normal": 0.419}
 _SMALL_CUTOFF = 8.0  # [Hz]

@@ -43,7 +43,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Sweep:
-    """What each value of a setting costs; `print` shows it as tables, a notebook also its figure.
+    """A sweep holds the flights at each value of a setting, and their differences.
+
+    `print` shows it as tables, a notebook also its figure.
 
     Examples:
         >>> import quadsim
@@ -162,7 +164,7 @@ class Sweep:
 
 
 class _Group(NamedTuple):
-    """What is shown of one setting on one course."""
+    """The table and notes of one setting on one course."""
 
     course: str
     title: str

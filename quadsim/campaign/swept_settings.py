@@ -1,4 +1,4 @@
-"""What a sweep changes: a setting, or a number of the vehicle or of a sensor, and its values.
+"""A sweep changes one setting, or one number of the vehicle or of a sensor.
 
     link_hz                               a setting of `race fly`
     latency                               the one setting whose name ends in it, link_latency
@@ -88,7 +88,7 @@ def _full_name(given: str) -> str:
     if len(ending) == 1:
         return ending[0]
     near = did_you_mean(name, [*SETTINGS, *ending])
-    raise _wrong(f"no setting {given!r}, {near}, or a number such as vehicle.mass")
+    raise _wrong(f"no setting {given!r} (a number of a part is vehicle.mass, say): {near}")
 
 
 def _values(name: str, values: Any) -> tuple[SweptValue, ...]:

@@ -32,6 +32,10 @@ Rotate = Annotated[
     bool,
     Help("whether entrants change places on the grid from race to race", negative="--no-rotate"),
 ]
+ThisCommit = Annotated[bool, Switch("count only attempts that this commit has flown")]
+ReportFolder = Annotated[
+    str | None, Help("folder of Markdown and figures; default: beside the campaign")
+]
 Scheduler = Annotated[
     str | None, Help("tcp://HOST:PORT of a Dask cluster; default: processes of this machine")
 ]
@@ -72,10 +76,8 @@ def compare(
     jobs: Jobs = None,
     scheduler: Scheduler = None,
     campaign: Campaign = CAMPAIGN,
-    this_commit: Annotated[bool, Switch("count only attempts that this commit has flown")] = False,
-    out: Annotated[
-        str | None, Help("folder of Markdown and figures; default: beside the campaign")
-    ] = None,
+    this_commit: ThisCommit = False,
+    out: ReportFolder = None,
     json: Json = False,
     race: GivenHeat = None,
     settings: Given = None,

@@ -13,8 +13,16 @@ from rich.markup import escape
 from quadsim.campaign.runner import Runner
 from quadsim.campaign.sweep import fly_sweep, plan_sweep, write_sweep_report
 from quadsim.campaign.variants import parse_variants
-from quadsim.cli.compare import CAMPAIGN, VARIANTS, Campaign, Jobs, Scheduler
-from quadsim.cli.flags import Given, Help, Json, Switch, course_help, settings_as_flags
+from quadsim.cli.compare import (
+    CAMPAIGN,
+    VARIANTS,
+    Campaign,
+    Jobs,
+    ReportFolder,
+    Scheduler,
+    ThisCommit,
+)
+from quadsim.cli.flags import Given, Help, Json, course_help, settings_as_flags
 from quadsim.cli.fly import complain_beside_controllers
 from quadsim.config.competition import prescribed_courses
 from quadsim.console import UsageError, emit, emit_json
@@ -56,10 +64,8 @@ def sweep(
     jobs: Jobs = None,
     scheduler: Scheduler = None,
     campaign: Campaign = CAMPAIGN,
-    this_commit: Annotated[bool, Switch("count only attempts that this commit has flown")] = False,
-    out: Annotated[
-        str | None, Help("folder of Markdown and figures; default: beside the campaign")
-    ] = None,
+    this_commit: ThisCommit = False,
+    out: ReportFolder = None,
     json: Json = False,
     settings: Given = None,
 ) -> int:

@@ -202,7 +202,12 @@ def with_numbers(planner: Planner, given: Mapping[str, Any]) -> Planner:
     planner = _with_law(planner, given.get("law"))
     groups: tuple[Group, ...] = ("sampling", "mppi", "cost")
     parts = {group: with_settings(group, getattr(planner, group), given) for group in groups}
-    return replace(planner, **parts)
+    changed = replace(planner, **parts)
+    if given.get("horizon") is not None or changed.mppi.dt == planner.mppi.dt:
+        return changed
+    # With another control period the planner looks as many seconds ahead, not as many steps.
+    steps = round(planner.mppi.horizon * planner.mppi.dt / changed.mppi.dt)
+    return replace(changed, mppi=replace(changed.mppi, horizon=max(steps, 2)))
 
 
 def nominal_model(given: Mapping[str, Any], vehicle: Vehicle) -> ModelParams:

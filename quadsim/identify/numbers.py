@@ -58,7 +58,7 @@ class Numbers(NamedTuple):
 
 
 class Prior(NamedTuple):
-    """What is known of a number before a log is read: a mean and a standard deviation."""
+    """The mean and standard deviation that a number has before a log is read."""
 
     mean: float
     std: float

@@ -35,6 +35,16 @@ CLUSTER = 1.0  # residuals within this time are taken as one reading for the int
 # Numbers from which the thrusts of the rotors follow, and with them all else
 ROTOR_NUMBERS = ("delay", "tau", "c2", "c1", "c0", "voltage_power")
 DRAG = ("drag_x", "drag_y", "drag_z")
+INERTIA = (
+    "inertia_x",
+    "inertia_y",
+    "inertia_z",
+    "offset_x",
+    "offset_y",
+    "offset_z",
+    "yaw_lead",
+    "flatness",
+)
 
 
 class Channel(NamedTuple):
@@ -173,16 +183,7 @@ CHANNELS = (
         predicted_rates,
         RATE_PIECE,
         True,
-        (
-            "inertia_x",
-            "inertia_y",
-            "inertia_z",
-            "offset_x",
-            "offset_y",
-            "offset_z",
-            "yaw_lead",
-            "flatness",
-        ),
+        INERTIA,
     ),
     Channel(
         "velocity",

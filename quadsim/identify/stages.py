@@ -17,6 +17,7 @@ from quadsim.identify.geometry import Geometry
 from quadsim.identify.intervals import covariances
 from quadsim.identify.numbers import Numbers, Prior
 from quadsim.identify.prepared import SINGLE_DRIVES, VOLTAGE_DRIVES, Prepared, middle
+from quadsim.identify.problem import DRAG, INERTIA
 from quadsim.identify.search import COARSE_GAIN, Solution, solve
 
 # How delay and lag of the rotors may share the time to the answer, which shows the fast part of a
@@ -31,20 +32,9 @@ LEAST_SPREAD = 0.01  # of the voltage, standard deviation over mean: less tells 
 COARSE_PIECE = 4.0  # of one flight, at least [s]
 MAP = ("c2", "c1", "c0")
 ROTORS = ("delay", "tau")
-DRAG = ("drag_x", "drag_y", "drag_z")
 FORCE = ("bias_z",)
 FORCE_ASIDE = ("bias_x", "bias_y", "tilt_x", "tilt_y", "flapping")
 POSE = ("pose_tilt_x", "pose_tilt_y", "velocity_lag")
-INERTIA = (
-    "inertia_x",
-    "inertia_y",
-    "inertia_z",
-    "offset_x",
-    "offset_y",
-    "offset_z",
-    "yaw_lead",
-    "flatness",
-)
 
 
 def _searchable(parts: Sequence[Prepared]) -> tuple[str, ...]:

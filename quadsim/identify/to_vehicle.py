@@ -31,6 +31,7 @@ DRAG_SHARE = 0.01  # of the drag, whose velocity is smoothed and late by a part 
 LOOP_SHARE = 0.01  # of the lags of the rate loop
 WEIGHED = 0.005  # relative standard deviation of a mass by a scale
 LARGEST_SHARE = 0.5
+FULL_THRUST = ("thrust_max", *(f"rotors.thrust_map.c{k}" for k in (2, 1, 0)))
 
 
 class FittedNumber(NamedTuple):
@@ -42,7 +43,6 @@ class FittedNumber(NamedTuple):
     low: float  # limits of the 95 % interval
     high: float
     source: Source
-    remark: str = ""
 
     @property
     def std(self) -> float:
@@ -51,7 +51,7 @@ class FittedNumber(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What was found in the logs."""
+    """The numbers that the search has found in the logs, with their covariance."""
 
     numbers: Numbers
     covariance: np.ndarray  # of the searched numbers  (k, k)
@@ -173,7 +173,10 @@ def _number(key: str, row: _Row, found: Found) -> FittedNumber:
     """Return a number with its interval, by the derivatives."""
     value = row.value(found.numbers)
     told = [name for name in row.needs if name in found.searched]
-    if not told:
+    # A log with setpoints of the thrust tells the ratio of the thrust to them. Full thrust and the
+    # rotors' map are the prior's times that ratio.
+    is_scaled = found.drive == "thrust_setpoint" and key in FULL_THRUST
+    if is_scaled or not told:
         return FittedNumber(key, row.unit, value, value, value, "prior")
     gradient = np.zeros(len(found.searched))
     for k, name in enumerate(found.searched):

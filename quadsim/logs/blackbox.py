@@ -28,7 +28,7 @@ from quadsim.logs.raw_log import MOST_ROWS, LogError, RawLog
 
 # Type of a frame of whole values; others have differences to the frames before
 WHOLE = "I"
-# A step of time longer than so many usual ones shows that frames are lost.
+# Frames are lost if a step of time is longer than this multiple of the median step.
 LARGEST_STEP = 4.5
 BEGIN = b"H Product:Blackbox"
 # Betaflight's motors in quadsim's order: front right, rear left, front left, rear right

@@ -21,7 +21,7 @@ from quadsim.logs.unit_checks import expect_units
 # more of them mean that the clock has started anew.
 MOST_OUT_OF_ORDER = 20
 MOST_RESTARTS = 100
-# A step of time longer than so many usual ones is a gap.
+# A step of time is a gap if it is longer than this multiple of the median step.
 GAP = 4.5
 # Rows of the shortest piece
 SHORTEST_PIECE = 10

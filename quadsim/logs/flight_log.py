@@ -13,7 +13,7 @@ import numpy as np
 
 
 class Signal(NamedTuple):
-    """What is known of a signal before any log is read."""
+    """The width, unit and range of a signal in any log."""
 
     # numbers of a reading
     width: int

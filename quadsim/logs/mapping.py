@@ -78,7 +78,7 @@ IN_THE_BODY = ("body_rates", "specific_force", "rate_setpoints")
 
 
 class Entry(Struct, frozen=True, kw_only=True):
-    """Where one signal stands, and how it is written."""
+    """The columns of one signal in a CSV file, with their unit and scale."""
 
     column: Annotated[str | None, setting("the column of a signal of one number")] = None
     columns: Annotated[
@@ -104,7 +104,7 @@ class Entry(Struct, frozen=True, kw_only=True):
 
     @property
     def scale(self) -> float:
-        """What one of the unit is in SI units."""
+        """The value of one such unit in SI units."""
         return UNITS[self.unit] if self.unit else 1.0
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-# A reading that is older than so many usual steps of its own signal is missing.
+# A value is missing if its readings are farther apart than this multiple of their median step.
 LATEST = 3.5
 
 

@@ -29,7 +29,7 @@ class FlyingNumbers(NamedTuple):
         of = "full rotor speed" if self.motor_tau else "full thrust"
         speed = "no top speed, as it has no drag"
         if self.top_speed < inf:
-            speed = f"top speed {self.top_speed:.0f} m/s"
+            speed = f"top speed {self.top_speed:.0f} m/s by its linear drag"
         lags = " ".join(f"{1e3 * tau:.0f}" for tau in self.rate_tau)
         rotors = f", rotors {1e3 * self.motor_tau:.0f} ms" if self.motor_tau else ""
         return (

@@ -344,3 +344,11 @@ def test_a_law_without_a_cut_off_leaves_out_that_of_the_preset():
     assert Spec.of("figure8", law="exact").planner.sampling.cutoff == (5.0,) * 4
     with pytest.raises(SettingError, match=r"^cutoff: expected none with the law paper"):
         Spec.of("figure8", law="paper", cutoff=(5.0,) * 4)
+
+
+def test_another_control_period_keeps_the_time_that_is_planned_ahead():
+    usual = Spec.of("figure8").planner.mppi
+    slower = Spec.of("figure8", dt=0.025).planner.mppi
+    assert slower.horizon * slower.dt == pytest.approx(usual.horizon * usual.dt)
+    assert Spec.of("figure8", dt=0.025, horizon=40).planner.mppi.horizon == 40
+    assert Spec.of("figure8", dt=usual.dt).planner.mppi == usual

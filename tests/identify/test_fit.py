@@ -109,6 +109,16 @@ def test_a_log_of_gyro_accelerometer_and_motors_tells_thrust_and_inertia():
     assert found.predictions == ()
 
 
+@pytest.mark.slow
+def test_a_log_of_thrust_setpoints_does_not_tell_full_thrust():
+    found = fitted(replace(noisy(flight()), motor_commands=None))
+    assert found["drag.x"].source == "log"
+    assert found["thrust_max"].source == "prior"
+    assert found.vehicle.uncertainty.thrust == pytest.approx(0.05 / np.sqrt(3), abs=1e-4), (
+        "as for any vehicle"
+    )
+
+
 def test_a_log_tells_ratios_to_the_mass_alone():
     with pytest.raises(SettingError, match="mass: expected the mass by a scale"):
         fit_vehicle([flight()])

@@ -108,7 +108,8 @@ def test_the_command_writes_a_file_once(tmp_path, monkeypatch, capsys):
     assert race(["check", "myquad.yaml"]) == 0
     out, _ = capsys.readouterr()
     for line in out.splitlines():
-        assert "thrust-to-weight 5.00, hovers at 45 % of full rotor speed, top speed 120" in line
+        assert "thrust-to-weight 5.00, hovers at 45 % of full rotor speed" in line
+        assert "top speed 120 m/s by its linear drag" in line
     assert race(words) == 2
     assert race(["vehicle", *flags(known | {"mass": 60})]) == 2
     refused, out_of_range = capsys.readouterr().err.splitlines()
