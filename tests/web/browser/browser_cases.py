@@ -11,6 +11,9 @@ from web.menu import Menu
 
 SLOW = 60_000  # [ms] a first frame drawn in software
 ATTEMPTS = 4  # to choose from a menu
+# viser's page sends at most one change of its controls in 50 ms and keeps the last one: of two that
+# follow each other faster than a person's the first may be lost.
+HELD_BACK = 100  # [ms]
 WIDE = {"width": 1200, "height": 800}
 # The 3D scene is drawn in software, so it gets fewer pixels than the screen has ...
 DRAWN = "?fixedDpr=0.2"
@@ -103,6 +106,7 @@ def enter(page, label, value):
     box = field(page, label).last
     box.fill(str(value))
     box.press("Enter")
+    page.wait_for_timeout(HELD_BACK)
 
 
 def add_rival(page, sampler):
@@ -134,6 +138,7 @@ def button(page, name):
 
 def press(page, name):
     button(page, name).click()
+    page.wait_for_timeout(HELD_BACK)
 
 
 def seen(page, words):

@@ -16,7 +16,9 @@ from web.race import PageRace, take_off
 
 pytestmark = [pytest.mark.browser, pytest.mark.page]
 
-FLAGS = ["--sampler", "gaussian", "--laps", "1", *flags(SMALL | {"samples": 256})]
+# as many samples and iterations as two gates in a row take
+SETTINGS = SMALL | {"samples": 512, "iterations": 2}
+FLAGS = ["--sampler", "gaussian", "--laps", "1", *flags(SETTINGS)]
 
 # Pixel at which a point of a handle is drawn, in its own axes [m]
 PIXEL = """([name, x, y, z]) => {
@@ -53,13 +55,6 @@ def resting(page, point):
     raise TimeoutError(point)
 
 
-def typed(page, label, value):
-    """Type a value, and wait as long as viser's page may hold it back: another control that is set
-    within 50 ms would replace it."""
-    fill(page, label, value)
-    page.wait_for_timeout(100)
-
-
 def told(page, words):
     """Wait until the page says it."""
     page.get_by_text(words).first.wait_for()
@@ -76,7 +71,9 @@ def root(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def shared_session(browser, root):
-    with dashboard(root, take_off, course="figure8", settings=SMALL) as session:
+    with dashboard(
+        root, take_off, course="figure8", settings=SETTINGS | {"samples": 256}
+    ) as session:
         yield session
 
 
@@ -103,10 +100,10 @@ def test_a_course_made_in_the_browser_is_flown_again_by_the_command_to_the_same_
     for item in ("gate 1", "gate 2"):
         press(page, "gate")
         assert waited(page, lambda i=item: field(page, "Item").first.input_value() == i)
-    typed(page, "y [m]", 1.25)
-    typed(page, "Yaw [deg]", 20)
+    fill(page, "y [m]", 1.25)
+    fill(page, "Yaw [deg]", 20)
     press(page, "pole")
-    typed(page, "Name", "made_here")
+    fill(page, "Name", "made_here")
     press(page, "Save and choose")
     told(page, "race fly")
     command = re.search(r"race fly \S+", page.locator(".hud").first.inner_text())[0]
@@ -116,10 +113,10 @@ def test_a_course_made_in_the_browser_is_flown_again_by_the_command_to_the_same_
     assert course.gates[1].position == (10.0, 1.25, 1.12)
     assert len(course.obstacles) == 1
 
-    assert field(page, "Course").first.input_value() == path
+    assert waited(page, lambda: field(page, "Course").first.input_value() == path)
     choose(page, "Sampler", "gaussian")
-    typed(page, "Seed", 3)
-    typed(page, "Samples", 512)
+    fill(page, "Seed", 3)
+    fill(page, "Samples", 512)
     session.tell(PageRace.set_speed, 20.0)
     press(page, "START")
     assert waited(page, lambda: session.snapshot.flying)
@@ -143,6 +140,7 @@ def test_a_course_made_in_the_browser_is_flown_again_by_the_command_to_the_same_
 
 
 def test_the_editor_waits_for_a_flight_and_is_closed_by_a_start(page, session):
+    choose(page, "Course", "figure8")
     choose(page, "Laps", "100")
     press(page, "START")
     assert waited(page, lambda: session.snapshot.flying)

@@ -45,9 +45,10 @@ def test_each_competitor_flies_numbers_of_its_own(page, session):
     """Two of one sampler differ in name, colour and line, and in one number."""
     fill(page, "Samples", 512)
     press(page, "add")
+    assert waited(page, lambda: rows(page).count() == 2)
     fill(page, "Samples", 2048)
     fill(page, "Sigma scale", 1.5)
-    assert waited(page, lambda: "samples 2048 · sigma scale 1.5" in rows(page).last.inner_text())
+    assert waited(page, lambda: "sigma scale 1.5 · samples 2048" in rows(page).last.inner_text())
     rows(page).first.click()  # a click on a row shows its numbers
     assert waited(page, lambda: shown(page, "Samples") == 512)
     start(page, session)

@@ -169,6 +169,8 @@ def test_the_exported_page_plays_without_a_network(browser, page, replayed, tmp_
 
 @pytest.mark.page
 def test_a_race_in_one_world_is_flown_and_shown(page, session):
+    choose(page, "Sampler", "colored")
+    choose(page, "Sensing", "perfect")
     add_rival(page, "gaussian")
     choose(page, "Fly", "in one world")
     assert waited(page, lambda: rows(page).count() == 2)
