@@ -10,7 +10,7 @@ PYTEST := $(BIN)/pytest -n 2 --dist worksteal
 # Plain Python and NumPy: tests/fence.py fails a test that does more without its mark.
 QUICK  := not (slow or compiled or process or socket or browser or firmware or docs or page or regression)
 
-.PHONY: race web bench quick test firmware page docs-check regression fuzz coverage lint fix docs docs-figures \
+.PHONY: race web bench quick test firmware page docs-check regression fuzz coverage lint fix docs docs-figures results \
 	docs-version notebooks clean
 
 race: $(VENV)/.app
@@ -118,6 +118,13 @@ docs-figures: $(VENV)/.dev
 	$(BIN)/python docs/pictures_figure.py # docs/pictures.png
 	$(BIN)/python docs/sensing_figures.py # docs/sensing_*.png
 	$(BIN)/python docs/dashboard_pictures.py # docs/dashboard_*.png
+
+# Fly the experiments of docs/results/experiments.yaml that the present commit has not flown, and write their CSV files and the
+# tables of the pages: hours; make results NAMES="swift song" flies these. What is interrupted goes on where it stopped.
+NAMES ?=
+results: $(VENV)/.dev
+	$(BIN)/python -m docs.results.fly $(NAMES)
+	$(BIN)/python -m docs.results.tables
 
 # Run the notebooks of examples/ and store them with their outputs: some minutes.
 notebooks: $(VENV)/.dev

@@ -1,0 +1,170 @@
+"""Fly the experiments of docs/results/experiments.yaml and write a CSV file for each.
+
+    make results                        those that the present commit has not flown: hours
+    make results NAMES="swift song"     these alone
+    python -m docs.results.fly --list   names, minutes and what has been flown
+
+A campaign that is interrupted goes on where it stopped: its attempts lie in runs/results/.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterable, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from docs.results.experiments import Experiment, Flown, csv_file, experiments, read, write
+
+ROOT = Path(__file__).parents[2]
+RUNS = Path("runs/results")
+DIGITS = 6  # significant digits of a number in a CSV file
+COMMIT_DIGITS = 8
+
+
+def main() -> int:
+    """Fly what is asked for; return the exit status."""
+    known = experiments()
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(known)}")
+    parser.add_argument("--list", action="store_true", help="list the experiments and fly none")
+    parser.add_argument("--jobs", type=int, help="attempts at once; default: one for each core")
+    given = parser.parse_args()
+    unknown = [name for name in given.names if name not in known]
+    if unknown:
+        parser.error(f"{unknown[0]!r}: expected one of {', '.join(known)}")
+    if given.list:
+        print(*_listed(known), sep="\n")
+        return 0
+    chosen = given.names or [name for name in known if not _is_present(name)]
+    failed = [name for name in chosen if not _fly(name, known[name], given.jobs)]
+    if failed:
+        print(f"not complete: {', '.join(failed)}", file=sys.stderr)
+    return 1 if failed else 0
+
+
+def _listed(known: Mapping[str, Experiment]) -> Iterable[str]:
+    for name, experiment in known.items():
+        flown = f"flown at {read(name).commit}" if csv_file(name).exists() else "not flown"
+        yield f"{name:20} {experiment.minutes:4} min  {flown:24} {experiment.needs}"
+
+
+def _commit() -> str:
+    told = subprocess.run(
+        ["git", "rev-parse", f"--short={COMMIT_DIGITS}", "HEAD"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return told.stdout.strip()
+
+
+def _is_present(name: str) -> bool:
+    """Return whether the present commit has flown an experiment."""
+    return csv_file(name).exists() and read(name).commit == _commit()
+
+
+def _fly(name: str, experiment: Experiment, jobs: int | None) -> bool:
+    """Fly an experiment and write its rows; return whether it is complete."""
+    print(f"{name}: {experiment.command}", file=sys.stderr)
+    program, *words = shlex.split(experiment.command)
+    words += ["--campaign", str(RUNS / f"{name}.sqlite"), "--out", str(RUNS / name), "--json"]
+    if jobs is not None:
+        words += ["--jobs", str(jobs)]
+    RUNS.mkdir(parents=True, exist_ok=True)
+    done = subprocess.run(
+        [Path(sys.executable).with_name(program), *words],
+        stdout=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
+    if done.returncode != 0:
+        return False
+    found = json.loads(done.stdout)
+    rows = list(_heats(found) if "settings" in found else _flights(found))
+    commits = {
+        commit[:COMMIT_DIGITS] for one in found.get("variants", ()) for commit in one["commits"]
+    }
+    flown = Flown(
+        command=experiment.command,
+        commit=" ".join(sorted(commits)) or _commit(),
+        date=f"{datetime.now(UTC):%Y-%m-%d}",
+        machine=_machine(),
+        rows=rows,
+    )
+    print(write(name, flown), file=sys.stderr)
+    return True
+
+
+def _machine() -> str:
+    """Return the number of cores, and the processor by its name."""
+    names = [
+        line.split(":", 1)[1].strip()
+        for line in Path("/proc/cpuinfo").read_text().splitlines()
+        if line.startswith("model name")
+    ]
+    return f"{os.cpu_count()} cores, {names[0] if names else platform.machine()}"
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.{DIGITS}g}"
+
+
+def _mean(name: str, value: Mapping[str, Any]) -> dict[str, str]:
+    """Return mean and 95 % interval as three columns."""
+    return {
+        name: _number(value["mean"]),
+        f"{name}_low": _number(value["low"]),
+        f"{name}_high": _number(value["high"]),
+    }
+
+
+def _share(name: str, interval: Iterable[float]) -> dict[str, str]:
+    low, high = interval
+    return {f"{name}_low": _number(low), f"{name}_high": _number(high)}
+
+
+def _flights(found: Mapping[str, Any]) -> Iterable[dict[str, str]]:
+    """Yield the numbers of each variant of `race compare`, beside the first of its course."""
+    against = {(pair["course"], pair["a"], pair["b"]): pair for pair in found["pairs"]}
+    first: dict[str, str] = {}
+    for one in found["variants"]:
+        course = one["course"]
+        reference = first.setdefault(course, one["name"])
+        row = {"course": course, "variant": one["name"]}
+        row |= {key: str(one[key]) for key in ("attempts", "finished", "turned_back")}
+        row |= _share("finished", one["success_ci"])
+        numbers = "race_median", "lap_mean", "lap_sd", "above_limit", "thrust_tv", "rates_tv"
+        row |= {key: _number(one[key]) for key in numbers}
+        row |= _against(against.get((course, reference, one["name"])))
+        yield row
+
+
+def _against(pair: Mapping[str, Any] | None) -> dict[str, str]:
+    """Return a variant's lap less that of the first, and the ratio of their thrust variations."""
+    unknown = {"mean": None, "low": None, "high": None}
+    lap = unknown if pair is None else pair["lap_difference"]
+    thrust = unknown if pair is None else pair["thrust_tv_ratio"]
+    return _mean("lap_difference", lap) | _mean("thrust_tv_ratio", thrust)
+
+
+def _heats(found: Mapping[str, Any]) -> Iterable[dict[str, str]]:
+    """Yield the numbers of each variant of `race compare --line-up`."""
+    for name, one in found["settings"].items():
+        row = {"variant": name}
+        row |= {key: str(one[key]) for key in ("races", "flights", "finished", "contacts")}
+        row |= {"with_contact": str(one["with_contact"])}
+        row |= _share("finished", one["finished_ci"]) | _share("with_contact", one["contact_ci"])
+        yield row | _mean("race", one["race"]) | _mean("overtakes", one["overtakes"])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,151 @@
+"""Write the tables of results into the pages from docs/results/*.csv.
+
+    python -m docs.results.tables
+
+A page has "<!-- results NAME NAME: COLUMN, COLUMN -->" and "<!-- end of results -->". Between them
+stand the commands, the table of their rows, and one line that tells when they were flown.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from docs.results.experiments import Flown, experiments, read
+
+DOCS = Path(__file__).parents[1]
+COMMAND = "python -m docs.results.tables"
+TABLE = re.compile(
+    r"(<!-- results (?P<names>[\w ]+): (?P<columns>[\w, ]+) -->\n\n)"
+    r"(?P<table>.*?)"
+    r"(<!-- end of results -->)",
+    re.DOTALL,
+)
+
+Row = Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table: its heading, and the text of a row."""
+
+    heading: str
+    text: Callable[[Row], str]
+    is_number: bool = True
+
+
+def _fixed(name: str, digits: int, scale: float = 1.0, sign: str = "") -> Callable[[Row], str]:
+    """Return the function that writes a number with so many decimals; empty where it is unknown."""
+
+    def text(row: Row) -> str:
+        return f"{scale * float(row[name]):{sign}.{digits}f}" if row[name] else ""
+
+    return text
+
+
+def _interval(name: str, digits: int, sign: str = "") -> Callable[[Row], str]:
+    """Return the function that writes a mean and its 95 % interval."""
+
+    def text(row: Row) -> str:
+        if not row[name]:
+            return ""
+        mean, low, high = (float(row[key]) for key in (name, f"{name}_low", f"{name}_high"))
+        return f"{mean:{sign}.{digits}f} ({low:{sign}.{digits}f} to {high:{sign}.{digits}f})"
+
+    return text
+
+
+def _percent(name: str) -> Callable[[Row], str]:
+    """Return the function that writes the 95 % interval of a share."""
+
+    def text(row: Row) -> str:
+        low, high = (100.0 * float(row[f"{name}_{end}"]) for end in ("low", "high"))
+        return f"{low:.0f} to {high:.0f} %"
+
+    return text
+
+
+def _above_limit(row: Row) -> str:
+    return f"{100.0 * float(row['above_limit']):.1f} %" if row["above_limit"] else ""
+
+
+COLUMNS: dict[str, Column] = {
+    "course": Column("course", lambda row: row["course"], is_number=False),
+    "variant": Column("variant", lambda row: row["variant"], is_number=False),
+    "finished": Column("finished", lambda row: f"{row['finished']} of {row['attempts']}"),
+    "interval": Column("95 %", _percent("finished")),
+    "race": Column("median race [s]", _fixed("race_median", 3)),
+    "lap": Column("mean lap [s]", _fixed("lap_mean", 3)),
+    "lap_sd": Column("sd [s]", _fixed("lap_sd", 3)),
+    "above_limit": Column("above the limit", _above_limit),
+    "thrust": Column("thrust variation [m/s²/s]", _fixed("thrust_tv", 1)),
+    "rates": Column("body rates, variation [rad/s²]", _fixed("rates_tv", 1)),
+    "turned_back": Column("turned back", lambda row: row["turned_back"]),
+    "lap_difference": Column("lap less the first, 95 % [s]", _interval("lap_difference", 3, "+")),
+    "thrust_ratio": Column("ratio of thrust variations, 95 %", _interval("thrust_tv_ratio", 2)),
+    "flights": Column("flights finished", lambda row: f"{row['finished']} of {row['flights']}"),
+    "contacts": Column(
+        "races with a contact", lambda row: f"{row['with_contact']} of {row['races']}"
+    ),
+    "contact_interval": Column("95 %", _percent("with_contact")),
+    "overtakes": Column("overtakes in a race", _interval("overtakes", 2)),
+    "heat_race": Column("race [s]", _interval("race", 3)),
+}
+
+
+def table(names: Sequence[str], columns: Sequence[str]) -> str:
+    """Return the commands of experiments, their rows as one table, and how they were flown.
+
+    Raises:
+        KeyError: an experiment or a column has another name.
+        FileNotFoundError: an experiment has not been flown.
+    """
+    flown = {name: read(name) for name in names}
+    labels = {name: experiments()[name].labels for name in names}
+    shown = [COLUMNS[column] for column in columns]
+    rows = [
+        [_cell(column, row, labels[name]) for column in shown]
+        for name in names
+        for row in flown[name].rows
+    ]
+    lines = [f"    {one.command}" for one in flown.values()]
+    lines += ["", _line([column.heading for column in shown])]
+    lines += [_line(["---:" if column.is_number else "---" for column in shown])]
+    lines += [_line(row) for row in rows]
+    return "\n".join([*lines, "", *_provenance(flown.values()), "", ""])
+
+
+def _cell(column: Column, row: Row, labels: Mapping[str, str]) -> str:
+    text = column.text(row)
+    return labels.get(text, text) if column is COLUMNS["variant"] else text
+
+
+def _line(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _provenance(flown: Iterable[Flown]) -> list[str]:
+    """Return one line for each commit, day and machine."""
+    told = {f"Flown at commit `{one.commit}` on {one.date}; {one.machine}." for one in flown}
+    return sorted(told)
+
+
+def written(page: str) -> str:
+    """Return the text of a page with the tables of the CSV files."""
+
+    def replaced(found: re.Match[str]) -> str:
+        names = found["names"].split()
+        columns = [column.strip() for column in found["columns"].split(",")]
+        return found[1] + table(names, columns) + found[5]
+
+    return TABLE.sub(replaced, page)
+
+
+if __name__ == "__main__":
+    for path in sorted(DOCS.glob("**/*.md")):
+        text = path.read_text(encoding="utf-8")
+        if written(text) != text:
+            path.write_text(written(text), encoding="utf-8")
+            print(path.relative_to(DOCS))
