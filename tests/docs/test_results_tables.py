@@ -1,4 +1,4 @@
-"""Claims that the tables of results on the pages are those of the CSV files, which name their flights."""
+"""Claims that the tables of results on the pages are those of the CSV files."""
 
 from dataclasses import replace
 
