@@ -76,7 +76,9 @@ def _fly(name: str, experiment: Experiment, jobs: int | None) -> bool:
     """Fly an experiment and write its rows; return whether it is complete."""
     print(f"{name}: {experiment.command}", file=sys.stderr)
     program, *words = shlex.split(experiment.command)
-    words += ["--campaign", str(RUNS / f"{name}.sqlite"), "--out", str(RUNS / name), "--json"]
+    # Experiments share their flights: the same settings and seed are flown once.
+    campaign = RUNS / ("heats.sqlite" if "--line-up" in words else "flights.sqlite")
+    words += ["--campaign", str(campaign), "--out", str(RUNS / name), "--json"]
     if jobs is not None:
         words += ["--jobs", str(jobs)]
     RUNS.mkdir(parents=True, exist_ok=True)
