@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import quadsim
-from controllers.costs.race_targets import GateTarget
+from controllers.costs.race_targets import GATE_STDS, GateTarget
 from quadsim.config.build import build, flight_frames
 from quadsim.config.build_navigation import navigation_of
 from quadsim.config.spec import Spec
@@ -137,7 +137,7 @@ def test_the_planner_keeps_farther_from_a_gate_whose_place_is_uncertain(moved):
     controller.use_estimates(Estimate(0.0, START, course=course.updated(state)))
     target = GateTarget(*controller.cost.targets[0])
     first, free = target.margin, target.free_y
-    assert first == pytest.approx(min(margin + 2.5 * state.gate_std(7)[0], 0.7 * free))
+    assert first == pytest.approx(min(margin + GATE_STDS * state.gate_std(7)[0], 0.7 * free))
     assert first > 2 * margin
     assert course.updated(state) is course.updated(state), (
         "nothing has moved: the same course, the same cost"
