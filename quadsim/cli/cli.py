@@ -99,7 +99,8 @@ def _about(argv: list[str]) -> int:
     """Handle arguments that are not a command: help, version, completion."""
     name = argv[0]
     if name in ("-h", "--help"):
-        commands = "\n".join(f"  {name:<10}{c.summary}" for name, c in COMMANDS.items())
+        width = max(map(len, COMMANDS))
+        commands = "\n".join(f"  {name:<{width}}  {c.summary}" for name, c in COMMANDS.items())
         print(HELP.format(commands=commands), end="", flush=True)
         return 0
     if name == "--version":

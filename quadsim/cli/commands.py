@@ -63,8 +63,7 @@ COMMANDS = {
         "quadsim.cli.convert:convert", "a course of another simulator as a course file"
     ),
     "limit": Command(
-        "quadsim.cli.limit:limit",
-        "the least time in which a vehicle can fly a course, by optimisation",
+        "quadsim.cli.limit:limit", "the least time in which a vehicle can fly a course"
     ),
     "compare": Command(
         "quadsim.cli.compare:compare", "compare variants over many flights, paired by seed", True

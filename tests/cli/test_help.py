@@ -26,6 +26,15 @@ def test_listings_answer_on_stdout_in_80_columns(argv, capsys):
     assert all(len(line) <= 80 and line == line.rstrip() for line in out.splitlines())
 
 
+def test_help_names_each_command_in_a_column_of_its_own(capsys):
+    _, out, _ = outcome("--help", capsys)
+    lines = {line.split()[0]: line for line in out.splitlines() if line.startswith("  ")}
+    summaries = {name: command.summary for name, command in COMMANDS.items()}
+    columns = {name: lines[name].find(f"  {summary}") for name, summary in summaries.items()}
+    assert len(set(columns.values())) == 1
+    assert all(columns[name] >= len(f"  {name}") for name in COMMANDS)
+
+
 @pytest.mark.parametrize(("argv", "name"), [("courses", "split_s_swift"), ("vehicles", "swift")])
 def test_listings_are_json_for_programs(argv, name, capsys):
     code, out, err = outcome(f"{argv} --json", capsys)
