@@ -11,7 +11,7 @@ PYTEST := $(BIN)/pytest -n 2 --dist worksteal
 QUICK  := not (slow or compiled or process or socket or browser or firmware or docs or page or regression)
 
 .PHONY: race web bench quick test firmware page docs-check regression fuzz coverage lint fix docs docs-figures results \
-	docs-version notebooks clean
+	docs-version notebooks constraints release clean
 
 race: $(VENV)/.app
 	$(BIN)/race fly
@@ -136,6 +136,27 @@ docs-version: $(VENV)/.dev
 	@test -n "$(VERSION)" || { echo "docs-version: expected VERSION=, for example VERSION=0.1" >&2; exit 1; }
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mike deploy --update-aliases $(VERSION) latest
 
+# Write the versions of a new environment into constraints-dev.txt, with which .venv is made for the checks.
+constraints: | $(VENV)/.made
+	$(BIN)/python -m venv --clear $(VENV)/newest
+	$(VENV)/newest/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	{ sed -n '/^#/p' constraints-dev.txt; \
+	$(VENV)/newest/bin/python -m pip freeze --disable-pip-version-check --exclude-editable; } >$(VENV)/constraints.txt
+	mv $(VENV)/constraints.txt constraints-dev.txt
+	rm -rf $(VENV)/newest
+
+# Check and tag a version: make release VERSION=0.2.0. Nothing is published before the tag is pushed.
+release: $(VENV)/.dev
+	@test -n "$(VERSION)" || { echo "release: expected VERSION=, for example VERSION=0.2.0" >&2; exit 1; }
+	@test -z "$$(git status --porcelain)" || { echo "release: expected no uncommitted changes: git status" >&2; exit 1; }
+	$(BIN)/python .ci/release.py versions v$(VERSION)
+	$(MAKE) lint test docs docs-check
+	rm -rf dist
+	$(BIN)/python -m build
+	$(BIN)/python .ci/release.py install dist/*
+	git tag --annotate v$(VERSION) --message "quadsim $(VERSION)"
+	@echo "tagged; git push origin v$(VERSION) publishes it"
+
 # .made: an environment of Python alone. .app holds what it takes to fly, .dev all that the checks take besides.
 $(VENV)/.made:
 	@$(BIN)/python -c '$(FIT); import pip' 2>/dev/null || { \
@@ -149,8 +170,8 @@ $(VENV)/.app: pyproject.toml | $(VENV)/.made
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
 	touch $@
 
-$(VENV)/.dev: pyproject.toml | $(VENV)/.made
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+$(VENV)/.dev: pyproject.toml constraints-dev.txt | $(VENV)/.made
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints-dev.txt --editable '.[dev]'
 	touch $(VENV)/.app $@
 
 clean:
