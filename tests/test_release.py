@@ -36,6 +36,10 @@ def written(folder: Path, file: str = "", old: str = "", new: str = "") -> Path:
     return folder
 
 
+def test_the_files_of_this_repository_name_one_version():
+    assert RELEASE.problems(ROOT) == []
+
+
 def test_files_that_agree_can_be_tagged(tmp_path):
     root = written(tmp_path)
     assert RELEASE.problems(root) == []
