@@ -18,6 +18,7 @@ from pymavlink import mavutil
 
 SPEED = 5.0  # [m/s]
 BEFORE = 3.0  # [m] distance from the gate at which the vehicle is to be in line with it
+ASIDE = 4.0  # [m] distance at which it flies round a gate that it comes to from behind
 
 
 def track(chunks):
@@ -31,13 +32,15 @@ def track(chunks):
 
 
 def velocity_to(place, centre, ahead):
-    """Return the velocity that leads through a gate: to a point before it, then along its axis."""
+    """Return the velocity through a gate: round it, to a point before it, then along its axis."""
     away = place - centre
     along = away @ ahead
     aside = away - along * ahead
     if np.linalg.norm(aside) < max(0.5, -0.3 * along) and along < 2.0:
         return SPEED * ahead - 2.0 * aside
     way = centre - BEFORE * ahead - place
+    if along > -1.0:
+        way = way + ASIDE * aside / np.linalg.norm(aside)
     return SPEED * way / max(np.linalg.norm(way), 1.0)
 
 
