@@ -136,7 +136,7 @@ ADDED = (
     "gyro_misalignment_deg",
     "accelerometer_scale",
     "accelerometer_misalignment_deg",
-    *("dropouts", "dropout"),
+    *("dropouts", "dropout", "blind_within", "miss_burst", "vibration", "vibration_hz"),
 )
 
 
