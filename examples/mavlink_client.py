@@ -48,7 +48,7 @@ link = mavutil.mavlink_connection(f"udpin:127.0.0.1:{sys.argv[1] if sys.argv[1:]
 link.wait_heartbeat()
 chunks, gates, active, armed = {}, None, 0, False
 while True:
-    message = link.recv_match(blocking=True, timeout=5.0)
+    message = link.recv_match(blocking=True, timeout=30.0)
     if message is None:
         sys.exit("the simulator is silent")
     kind = message.get_type()

@@ -19,7 +19,7 @@ from quadsim.config.competition import load_competition
 from quadsim.config.spec import Spec
 from quadsim.console import UsageError, complain, emit, emit_json, uninterrupted, width
 from quadsim.files.values import SettingError
-from quadsim.mavlink.server import MavlinkClient, Round, Served, Server
+from quadsim.mavlink.server import SILENCE, MavlinkClient, Round, Served, Server
 from quadsim.physics.faults import BiasJump, SensorFault
 from quadsim.racing.events import NO_PROGRESS_BY_HAND
 from quadsim.racing.referee import Referee
@@ -97,6 +97,8 @@ def serve(
                 result = race.stored(json, counted(server))
             if not server.was_reset:
                 found.append(result)
+            if server.was_silent:
+                complain(f"race serve: no packet of the client for {SILENCE:g} s: the race ends")
             if outcome == "interrupted" and not server.was_reset:
                 break
         if json:
@@ -178,10 +180,9 @@ def _asked(
             raise UsageError(f"{flag(name)}: expected none, as the client has its own estimator")
     if "clock" in given:
         raise UsageError("--clock: expected none: give --lock-step, or fly on the wall clock")
-    if (
-        given.get("competition") is None
-        or load_competition(given["competition"]).settings.get("dt") is None
-    ):
+    competition = given.get("competition")
+    prescribed = load_competition(competition).settings if competition else {}
+    if "dt" not in prescribed:
         given.setdefault("dt", PERIOD)
     with settings_as_flags():
         spec = Spec.of(course, **given, clock="simulated" if served.lock_step else "wall")

@@ -93,6 +93,9 @@ TOUCHES = ("hit", "ground", "bounds")
 INFO = 6  # MAV_SEVERITY_INFO
 # [s] In lock step, the time for a command; without one the flight goes on with the last command.
 PATIENCE = 1.0
+# [s] A race in lock step begins once the client has been quiet for so long, or has not been for
+# PATIENCE: it may still answer messages from before the race.
+QUIET = 0.1
 # [s] Time without a packet of the client, after which a race in lock step is over
 SILENCE = 10.0
 # [s] A flight that lags further behind the wall clock is slower than that from then on.
@@ -146,6 +149,7 @@ class Server:
         sensing: sensors whose measurements are sent; None: the truth.
         wire: the sockets, which count what they send and receive.
         was_reset: whether the client has ended the last race by a reset.
+        was_silent: whether the last race ended as no packet came in lock step.
         unanswered: periods in lock step in which no command came within PATIENCE.
         lost: time by which the flights were slower than the wall clock [s].
         skipped: pictures that were left out, as the flight lagged behind the wall clock.
@@ -170,6 +174,7 @@ class Server:
         self._is_racing = False
         self._asked_for_reset = False
         self.was_reset = False
+        self.was_silent = False
         self._resets = 0
         self._transfers = 0
         self._pictures = 0
@@ -237,9 +242,12 @@ class Server:
         rest = tuple(controller.rest.tolist())
         navigation = exact_navigation(plant.state, referee, rest, period)
         self._begin(parts)
+        if self._served.lock_step:
+            self._let_answers_pass()
         self._is_racing = True
         self._asked_for_reset = False
         self.was_reset = False
+        self.was_silent = False
         self._setpoint = None
         self._commands = 0
         self._wanted = 0
@@ -252,6 +260,7 @@ class Server:
         for step in flight(plant, controller, referee, period, None, None, navigation, limit):
             if isinstance(step, Planning):
                 if not self._takes_up_commands():
+                    self.was_silent = True
                     return
                 if self._setpoint is not None:
                     command = control_of(self._setpoint, plant.state.x, spec.vehicle)
@@ -298,6 +307,14 @@ class Server:
         self._wanted = 0
         return perf_counter() - self._heard < SILENCE
 
+    def _let_answers_pass(self) -> None:
+        """Hear what the client has to say of messages from before the race."""
+        end = perf_counter() + PATIENCE
+        quiet_since = perf_counter()
+        while perf_counter() < min(end, quiet_since + QUIET):
+            if self._hear(QUIET):
+                quiet_since = perf_counter()
+
     def _paced(self, began: float, t: float) -> float:
         """Wait until the time of a flight is t [s] on the wall clock.
 
@@ -325,13 +342,18 @@ class Server:
             if end - perf_counter() <= 0.0:
                 return
 
-    def _hear(self, wait: float) -> None:
-        """Act on the messages that have come; `wait` for the first one [s]."""
+    def _hear(self, wait: float) -> bool:
+        """Act on the messages that have come, and return whether any has.
+
+        Args:
+            wait: time to wait for the first one [s].
+        """
         messages = self.wire.receive(wait)
         if messages:
             self._heard = perf_counter()
         for message in messages:
             self._act(message)
+        return bool(messages)
 
     def _act(self, message: Message) -> None:
         """Act on a message of the client."""

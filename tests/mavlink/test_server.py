@@ -78,15 +78,14 @@ def test_the_example_flies_a_race_which_is_recorded(serve, port, tmp_path, capsy
     result = json.loads(capsys.readouterr().out)
     assert result["received"].get("bad", 0) == 0
     assert result["unanswered"] == 0
-    # each odometry was answered by one command
-    commands = result["received"]["SET_POSITION_TARGET_LOCAL_NED"]
-    assert abs(commands - result["sent"]["ODOMETRY"]) <= 2
 
     (folder,) = list_runs(tmp_path / "runs")
     run = read_run(folder)
     assert run.outcome == "finished"
     assert [event.kind for event in run.events] == ["pass"]
     assert run.spec["own"]["controller"]["class"].endswith("MavlinkClient")
+    # each odometry of the race was answered by a command
+    assert result["received"]["SET_POSITION_TARGET_LOCAL_NED"] >= int(73.0 * run.duration)
     # a message of a finished race has the time of the run
     assert float(said.split()[2]) == pytest.approx(run.duration, abs=0.01)
 
