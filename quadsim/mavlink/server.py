@@ -167,7 +167,7 @@ class Server:
         self._course = spec.flown_course
         self.wire = Wire(served.client, served.port, served.camera_port)
         self._eye = Eye(self._course, served.camera) if served.camera else None
-        # boot time is the wall clock less this [s]
+        # The time since the simulator's start is the wall clock less this [s], but in lock step.
         self._origin = perf_counter()
         self._boot = 0.0
         self._is_armed = False
@@ -253,7 +253,7 @@ class Server:
         self._wanted = 0
         self._heard = perf_counter()
         starts = self._boot
-        began = perf_counter()
+        self._origin = perf_counter() - starts
         self._status = RaceStatus(round(1e3 * starts), round(1e3 * starts), -1, 0, -1)
         self._tell_state(plant.state)
         limit = spec.timeout if spec.referee is not None else None
@@ -269,7 +269,7 @@ class Server:
             elif isinstance(step, PhysicsStep):
                 t = plant.state.t + plant.dt
                 if not self._served.lock_step:
-                    began = self._paced(began, t)
+                    self._keep_pace(starts + t)
                 plant.step(step.u)
                 self._boot = starts + t
                 self._tell_state(plant.state)
@@ -315,22 +315,17 @@ class Server:
             if self._hear(QUIET):
                 quiet_since = perf_counter()
 
-    def _paced(self, began: float, t: float) -> float:
-        """Wait until the time of a flight is t [s] on the wall clock.
+    def _keep_pace(self, boot: float) -> None:
+        """Wait until the wall clock is at a time since the start, or note that it is far ahead.
 
         Args:
-            began: wall clock at the flight's start [s].
-            t: time of the flight [s].
-
-        Returns:
-            The flight's start, later if the flight cannot keep up.
+            boot: time since the simulator's start [s].
         """
-        late = perf_counter() - began - t
+        late = perf_counter() - self._origin - boot
         if late > LAG:
             self.lost += late
-            return began + late
-        self._listen_until(began + t)
-        return began
+            self._origin += late
+        self._listen_until(self._origin + boot)
 
     # What the client says.
 
