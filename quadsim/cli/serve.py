@@ -185,7 +185,9 @@ def _asked(
     if "dt" not in prescribed:
         given.setdefault("dt", PERIOD)
     with settings_as_flags():
-        spec = Spec.of(course, **given, clock="simulated" if served.lock_step else "wall")
+        clock = "simulated" if served.lock_step else "wall"
+        # Neither an estimate nor a model of ours is given to the client.
+        spec = Spec.of(course, **given, clock=clock, predict=False, adapt=False)
         sensing = spec.sensing
         for fault in spec.faults:
             if isinstance(fault, SensorFault | BiasJump):
