@@ -9,12 +9,12 @@ import threading
 
 import pytest
 
-os.environ["MAVLINK20"] = "1"  # before pymavlink is imported
-from pymavlink import mavutil
-
 from quadsim.cli.cli import race
 from quadsim.record.archive import list_runs, read_run
 from tests.docs.pages import ROOT
+
+os.environ["MAVLINK20"] = "1"  # before pymavlink is imported
+mavutil = pytest.importorskip("pymavlink.mavutil")
 
 EXAMPLE = ROOT / "examples" / "mavlink_client.py"
 COURSE = """
