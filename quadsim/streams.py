@@ -16,7 +16,8 @@ Flights of a seed are compared across versions, so the keys are never changed:
                             seed is the race's; what vehicle k sees of the others (7, k); its plan
                             for vehicle m (8, k, m)
     its sensors             imu (2, 0), rotors (2, 1), pose (2, 2), camera (2, 3), its dropouts
-                            (2, 3, 0); the flight controller's own imu (2, 4)
+                            (2, 3, 0), its bursts of misses (2, 3, 1); the flight controller's own
+                            imu (2, 4)
     off-road vehicle        planner (0), gusts (1); vehicle (2), sensors (3), gates (4), faults (5),
                             link (6) are not used
     double integrator       planner (); vehicle (0), gusts (1), sensors (2), gates (3), faults (4),
@@ -171,6 +172,11 @@ def sensor_streams(sensors: SeedSequence) -> SensorStreams:
 def dropout_stream(camera: SeedSequence) -> SeedSequence:
     """Return the stream of a camera's dropouts, derived from the camera's stream."""
     return _child(camera, 0)
+
+
+def miss_stream(camera: SeedSequence) -> SeedSequence:
+    """Return the stream of the bursts in which corners are missed, from the camera's stream."""
+    return _child(camera, 1)
 
 
 def alignment_stream(imu: SeedSequence) -> SeedSequence:

@@ -29,6 +29,9 @@ COMMANDS = {
         "quadsim.cli.stored:plot", "a stored run as a picture: path, height, controls, spectrum"
     ),
     "web": Command("quadsim.cli.web:web", "watch, tune, race and replay in a browser", True),
+    "serve": Command(
+        "quadsim.cli.serve:serve", "the AI Grand Prix's simulator for a client over MAVLink"
+    ),
     "render": Command(
         "quadsim.cli.render:render",
         "pictures with labels for perception: colour, depth, segmentation",

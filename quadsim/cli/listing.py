@@ -12,12 +12,13 @@ from typing import Annotated, NamedTuple
 import yaml
 from msgspec import Meta
 from rich.markup import escape
+from rich.table import Table
 
 from controllers.presets import PRESETS
-from quadsim.cli.flags import Help, Json
+from quadsim.cli.flags import Help, Json, names
 from quadsim.config.competition import competition_names, load_competition
 from quadsim.config.presets import parse_planner
-from quadsim.console import UsageError, complain, emit, emit_json, width
+from quadsim.console import UsageError, complain, emit, emit_json, plain_table, width
 from quadsim.course import COURSES, Course, course_names, load_course, parse_course
 from quadsim.course.checks import looks_like_radians
 from quadsim.course.course import in_degrees, summary
@@ -27,6 +28,7 @@ from quadsim.files.strict_yaml import FileError, parse
 from quadsim.files.yaml_errors import cut, did_you_mean
 from quadsim.racing.fits import misfit
 from quadsim.record.whole_files import expect_writable
+from quadsim.sensing.camera import Camera, camera_names, load_camera
 from quadsim.sensing.sensing_file import (
     SENSINGS,
     SENSORS,
@@ -34,6 +36,7 @@ from quadsim.sensing.sensing_file import (
     parse_sensing,
     sensing_names,
 )
+from quadsim.sensing.whole_gates import gates_alike, whole_from
 from quadsim.tables.listings import (
     SAMPLER,
     competition_table,
@@ -184,6 +187,14 @@ def _generate(number: int, seed: int, folder: Path, json: bool) -> int:
 
 def check(
     *files: Annotated[str, Help("a course, vehicle, preset or sensing file, or the name of one")],
+    camera: Annotated[
+        str | None,
+        Help(
+            "also prints from which distance a course's gates are whole in the picture of a camera,"
+            " a name or a FILE.yaml, or of the camera of a set of sensors; default: none",
+            completer=names(lambda: (*camera_names(), *sensing_names())),
+        ),
+    ] = None,
     json: Json = False,
 ) -> int:
     """Check course, vehicle, preset and sensing files; exit code 2 if any cannot be used.
@@ -193,10 +204,15 @@ def check(
     race check mine.yaml
 
     race check mine.yaml kingfisher
+
+    race check aigp_physical --camera aigp
     """
     if not files:
         raise UsageError("expected one FILE or more, got none")
+    eyes = None if camera is None else _camera(camera)
     results = with_fits([examine(name) for name in files])
+    if eyes is not None:
+        results = [_with_view(result, eyes) for result in results]
     if json:
         emit_json(results)
     else:
@@ -216,6 +232,58 @@ def examine(name: str) -> dict:
     except FileError as error:
         return _wrong(name, error)
     return {"file": str(path), "ok": True, **found._asdict()}
+
+
+def _camera(name: str) -> Camera:
+    """Return the camera of this name or file, or that of a set of sensors.
+
+    Raises:
+        FileError: there is no such file, or it has no camera.
+    """
+    if name in sensing_names():
+        found = load_sensing(name).camera
+        if found is None:
+            raise FileError(f"{name}: expected a set of sensors with a camera, got none")
+        return found
+    return load_camera(name)
+
+
+def _with_view(result: dict, camera: Camera) -> dict:
+    """Return the result of a course with `whole_from`, and any other result as it is.
+
+    Args:
+        result: result of `examine`.
+        camera: the camera.
+    """
+    if result.get("kind") != "course":
+        return result
+    gates = load_course(result["file"]).gates
+    views = [
+        {"gates": numbers, "from": [view._asdict() for view in whole_from(gates[k - 1], camera)]}
+        for numbers in gates_alike(gates)
+        for k in numbers[:1]
+    ]
+    return result | {"whole_from": views}
+
+
+def _view_table(views: Sequence[dict]) -> Table:
+    """Return the distances from which gates are whole in the picture, as a table."""
+    table = plain_table("gates", "nose down [deg]", "opening [m]", "with its frame [m]", left=[0])
+    for view in views:
+        name = _numbers_of(view["gates"])
+        for row in view["from"]:
+            ranges = (row["opening"], row["frame"])
+            shown = ("never" if least is None else f"{least:.2f}" for least in ranges)
+            table.add_row(name, f"{row['pitch']:g}", *shown)
+            name = ""
+    return table
+
+
+def _numbers_of(numbers: Sequence[int]) -> str:
+    """Return numbers in a row as "1 to 11", others as "1, 3"."""
+    if len(numbers) > 2 and numbers[-1] - numbers[0] == len(numbers) - 1:
+        return f"{numbers[0]} to {numbers[-1]}"
+    return ", ".join(map(str, numbers))
 
 
 def _wrong(name: str, error: FileError) -> dict:
@@ -320,6 +388,8 @@ def _print_result(result: dict) -> None:
         emit(f"{escape(result['file'])}: [green]ok[/], {result['kind']}: {result['summary']}")
         if result["remark"]:
             complain(f"{result['file']}: {result['remark']}")
+        if "whole_from" in result:
+            emit("whole in the picture from a distance of", _view_table(result["whole_from"]))
         return
     for wrong in (result, *result["others"][:MOST_OTHERS]):
         complain(wrong["error"])

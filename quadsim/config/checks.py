@@ -156,12 +156,15 @@ def _check_channels(sampling: Sampling) -> None:
             raise SettingError(name, f"expected {wanted} numbers{units}, got {shown}")
 
 
-def check_beside_reference(displace_gates: float, view_weight: float) -> None:
+def check_beside_reference(displace_gates: float, view_weight: float, map_scale: float) -> None:
     """Check that no setting is given that a reference does not know. Raises SettingError."""
     for name, number in (("displace_gates", displace_gates), ("view_weight", view_weight)):
         if number:
             why = "for a preset whose reference ignores displaced gates and the camera"
             raise SettingError(name, f"expected 0 {why}, got {number:g}")
+    if map_scale != 1.0:
+        why = "for a preset whose reference is of the map"
+        raise SettingError("map_scale", f"expected 1 {why}, got {map_scale:g}")
 
 
 def check_reference(reference: StoredSolution | None, problem: LimitProblem) -> None:

@@ -52,6 +52,7 @@ class Keywords(TypedDict, total=False):
     seed: int | None
     randomize: float | None
     displace_gates: float | None
+    map_scale: float | None
     known_from: float | None
     fault: str | Sequence[str] | None
     excite: bool | None

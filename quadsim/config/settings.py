@@ -126,6 +126,15 @@ class FlightNumbers:
     displace_gates: Annotated[
         float, setting("gates stand up to this far off the map along x and y", "m", ge=0, le=1)
     ] = 0.0
+    map_scale: Annotated[
+        float,
+        setting(
+            "size of the map that the planner flies by, as a share of the course as it stands: a"
+            " map of .93 has gates and obstacles 7 % too near to the start",
+            ge=0.5,
+            le=2,
+        ),
+    ] = 1.0
     known_from: Annotated[
         Distance | None,
         setting(

@@ -79,7 +79,13 @@ from quadsim.files.values import checked, kinds_of
 from quadsim.firmware.identified import model_behind
 from quadsim.firmware.package import built_firmware
 from quadsim.firmware.text import Text
-from quadsim.physics.domain_randomization import Displacement, Randomization, displaced, draw
+from quadsim.physics.domain_randomization import (
+    Displacement,
+    Randomization,
+    displaced,
+    draw,
+    stretched,
+)
 from quadsim.physics.faults import (
     Fault,
     drawn,
@@ -136,7 +142,7 @@ ADDED = (
     "gyro_misalignment_deg",
     "accelerometer_scale",
     "accelerometer_misalignment_deg",
-    *("dropouts", "dropout"),
+    *("dropouts", "dropout", "blind_within", "miss_burst", "vibration", "vibration_hz"),
 )
 
 
@@ -297,7 +303,10 @@ class Spec(FlightNumbers, HostSettings):
     def flown_course(self) -> Course:
         """The course with its gates where they truly stand; `course` is the planner's map."""
         by = self.displacement
-        return displaced(self.course, self.streams.gates, by) if by.is_any else self.course
+        stands = self.course
+        if self.map_scale != 1.0:
+            stands = stretched(stands, 1.0 / self.map_scale)
+        return displaced(stands, self.streams.gates, by) if by.is_any else stands
 
     @property
     def displacement(self) -> Displacement:
@@ -493,7 +502,7 @@ def validate(spec: Spec) -> None:
     check_record_sensing(spec.record_sensing, spec.sensing)
     check_known_from(spec.known_from, spec.sensing, spec.pilot)
     if isinstance(spec.planner.cost, ReferenceWeights):
-        check_beside_reference(spec.displacement.gates, spec.view_weight)
+        check_beside_reference(spec.displacement.gates, spec.view_weight, spec.map_scale)
         problem = followed_problem(spec.course, spec.vehicle, spec.laps, spec.planner.cost)
         check_reference(spec.reference, problem)
     check_faults(spec.fault, spec.vehicle, spec.plant, spec.sensing)
@@ -541,7 +550,7 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
     reference = None
     if isinstance(planner.cost, ReferenceWeights):
         # What can never fly is refused before a solution is asked for.
-        check_beside_reference(flight.displace_gates, view_weight)
+        check_beside_reference(flight.displace_gates, view_weight, flight.map_scale)
         reference = stored_reference(course, vehicle, laps, planner.cost, flight.runs_dir, given)
     # Parts of a competition are not kept as given: another competition has others.
     own = {name: part for name, part in read.items() if name in asked}

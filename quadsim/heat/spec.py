@@ -204,6 +204,9 @@ def _check_world(entrants: Sequence[Entrant]) -> None:
         for name in ("displace_gates", "known_from", "referee", "blackbox", "excite"):
             if getattr(spec, name):
                 raise SettingError(name, "expected none for a race of several vehicles")
+        if spec.map_scale != 1.0:
+            wanted = "expected 1 for a race of several vehicles"
+            raise SettingError("map_scale", f"{wanted}, got {spec.map_scale:g}")
         if spec.displacement.is_any:
             wanted = "expected one that leaves gates and obstacles on the map, in a race of several"
             raise SettingError("randomization", f"{wanted}, got {spec.randomization.name}")

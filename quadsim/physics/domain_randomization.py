@@ -318,6 +318,31 @@ def displaced(course: Course, seeds: np.random.SeedSequence, by: Displacement) -
     raise SettingError("displace_gates", f"{wanted}, got none: the last: {problem}")
 
 
+def stretched(course: Course, factor: float) -> Course:
+    """Return the course with everything `factor` times as far from the start, horizontally.
+
+    Gates and obstacles keep their sizes, attitudes and heights. The bounds are stretched too.
+    """
+    sx, sy, _ = course.start.position
+
+    def moved(place: Vec3) -> Vec3:
+        x, y, z = place
+        return (sx + factor * (x - sx), sy + factor * (y - sy), z)
+
+    gates = tuple(replace(gate, position=moved(gate.position)) for gate in course.gates)
+    obstacles = tuple(
+        replace(one, base=moved(one.base))
+        if isinstance(one, Cylinder)
+        else replace(one, centre=moved(one.centre))
+        for one in course.obstacles
+    )
+    (west, east), (south, north), height = course.bounds
+    low_x, low_y, _ = moved((west, south, 0.0))
+    high_x, high_y, _ = moved((east, north, 0.0))
+    bounds = ((low_x, high_x), (low_y, high_y), height)
+    return replace(course, gates=gates, obstacles=obstacles, bounds=bounds)
+
+
 def _moved_gates(
     gates: Sequence[Gate], numbers: Sequence[int], moves: Sequence[Move]
 ) -> tuple[Gate, ...]:

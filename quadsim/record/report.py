@@ -76,6 +76,8 @@ def _head(run: RecordedRun, limit: StoredSolution | None) -> Iterator[str]:
         drawn = spec.get("randomization")
         by = f" by {escape(drawn['name'])}" if drawn else ""
         flown.append(f"randomized {spec['randomize']:g}{by}")
+    if spec.get("map_scale"):
+        flown.append(f"a map of {spec['map_scale']:g} of the course's size")
     if spec.get("displace_gates"):
         flown.append(f"gates up to {spec['displace_gates']:g} m off the map")
     if spec.get("known_from"):

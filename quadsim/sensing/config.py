@@ -20,6 +20,7 @@ Latency = Annotated[float, unit("s", ge=0, le=0.5)]
 Share = Annotated[float, unit("1", ge=0, le=1)]
 Metre = Annotated[float, unit("m", ge=0, le=100)]
 ScaleError = Annotated[float, unit("1", ge=0, le=0.5)]
+BurstLength = Annotated[float, unit("1", ge=1, le=1e4)]
 Tilt = Annotated[float, unit("deg", ge=0, le=30)]
 EndOfLife = Annotated[float, unit("s", ge=0, le=1e5)]
 
@@ -100,6 +101,22 @@ class ImuConfig:
         setting("standard deviation of the angles between true and measured axes of the force"),
     ] = 0.0
 
+    # A chip that samples at an instant and without a filter: what is faster than half the rate
+    # comes as something slower.
+    vibration: Annotated[
+        float,
+        setting(
+            "amplitude of the rotors' vibration on each axis of the specific force, which is"
+            " sampled at an instant [m/s^2]",
+            unit="m/s^2",
+            ge=0,
+            le=1000,
+        ),
+    ] = 0.0
+    vibration_hz: Annotated[
+        float, setting("frequency of the vibration [Hz]", unit="Hz", gt=0, le=5000)
+    ] = 130.0
+
 
 @dataclass(frozen=True)
 class PoseConfig:
@@ -158,9 +175,20 @@ class GateCameraConfig(Camera):
         float,
         setting("distance beyond which no corner is found [m]", unit="m", gt=0, le=1000),
     ] = 20.0
+    blind_within: Annotated[
+        Metre,
+        setting("distance within which no corner is found, as the gate overfills the picture [m]"),
+    ] = 0.0
     latency: Annotated[Latency, setting("time from exposure to corners [s]")] = 0.0
     noise: Annotated[float, setting("noise of a found corner [px]", unit="px", ge=0, le=1000)] = 1.0
     misses: Annotated[Share, setting("share of the corners in view that are not found")] = 0.0
+    miss_burst: Annotated[
+        BurstLength | None,
+        setting(
+            "mean number of pictures in a row in which a corner is missed; null: it is missed"
+            " independently"
+        ),
+    ] = None
     outliers: Annotated[
         Share, setting("share of the found corners that are anywhere in the picture")
     ] = 0.0

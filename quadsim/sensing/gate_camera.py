@@ -1,9 +1,11 @@
 """The gate camera: corners of gates' openings in each picture, with noise and false matches.
 
-A corner can be found if it is in front of the camera, in the picture and in range, and if no other
-frame and no obstacle blocks its line of sight. It is found with a Gaussian error of `noise` pixels;
-a share of the corners is missed, a share is found anywhere in the picture, and a share is matched
-to a different corner. Swift (Kaufmann et al., Nature 2023) and Foehn et al. ("AlphaPilot:
+A corner can be found if it is in front of the camera, in the picture, in range and not nearer than
+`blind_within`, and if no other frame and no obstacle blocks its line of sight. It is found with a
+Gaussian error of `noise` pixels; a share of the corners is missed, independently or in bursts, a
+share is found anywhere in the picture, and a share is matched to a different corner. A burst is one
+of Gilbert's channel, as in quadsim.physics.link, with a channel for each corner and a step for each
+picture. Swift (Kaufmann et al., Nature 2023) and Foehn et al. ("AlphaPilot:
 Autonomous drone racing", Autonomous Robots 46, 2022) use corners, found by a network, as landmarks.
 """
 
@@ -23,7 +25,7 @@ from quadsim.sensing.config import GateCameraConfig
 from quadsim.sensing.measurements import Corners
 from quadsim.sensing.timing import Ticks
 from quadsim.sensing.visibility import hidden
-from quadsim.streams import dropout_stream
+from quadsim.streams import dropout_stream, miss_stream
 
 
 class GateCamera:
@@ -50,6 +52,9 @@ class GateCamera:
         # A stream of its own, so that the errors of the corners are the same without dropouts.
         self._dropouts = np.random.default_rng(dropout_stream(seeds))
         self._silent_until = -inf
+        # Another one, and whether each corner is missed in a burst now  (corners,)
+        self._bursts = np.random.default_rng(miss_stream(seeds))
+        self._missed: np.ndarray | None = None
         self._ticks = Ticks(config.rate)
         self._gates = tuple(gates)
         self._obstacles = tuple(obstacles)
@@ -65,7 +70,10 @@ class GateCamera:
         position = np.array(state.x.position)
         points = self._corners.reshape(-1, 3) - position
         pixels, seen = self._config.seen(points @ matrix(state.x.attitude))
-        seen &= (points**2).sum(axis=1) <= self._config.range**2
+        apart = (points**2).sum(axis=1)
+        seen &= apart <= self._config.range**2
+        if self._config.blind_within:
+            seen &= apart >= self._config.blind_within**2
 
         # Keep the corners with a free line of sight.
         for k in np.flatnonzero(seen.reshape(-1, 4).any(axis=1)).tolist():
@@ -80,6 +88,18 @@ class GateCamera:
         if begins and t > 0.0:
             self._silent_until = t + self._config.dropout
         return t < self._silent_until
+
+    def _missed_in_bursts(self, n: int) -> np.ndarray:
+        """Return which of n corners are missed in this picture.  (n,) bool"""
+        share = self._config.misses
+        length = self._config.miss_burst or 1.0
+        draws = self._bursts.random(n)
+        if self._missed is None:
+            self._missed = draws < share
+        else:
+            begins = share / (length * (1.0 - share))
+            self._missed = np.where(self._missed, draws >= 1.0 / length, draws < begins)
+        return self._missed
 
     def _found(self, t: float, pixels: np.ndarray, view: np.ndarray) -> Corners:
         """Return the found corners among the corners in view.
@@ -98,7 +118,8 @@ class GateCamera:
 
         # Some corners are missed, the rest is found with noise.
         c = self._config
-        found = view[miss[view] >= c.misses]
+        missed = miss < c.misses if c.miss_burst is None else self._missed_in_bursts(n)
+        found = view[~missed[view]]
         at = pixels[found] + c.noise * noise[found]
 
         # Some are found anywhere in the picture, some are matched to a different corner.

@@ -10,6 +10,10 @@ The usual model of strapdown units (IEEE Std 952-1997, annex C; Woodman, "An int
 inertial navigation", Cambridge UCAM-CL-TR-696, 2007). omega and v' are means over the sample, as
 an integrating unit measures them: the rotation and the change of velocity between two physics
 steps. So the sensor needs no forces from the plant.
+
+A vibration of the rotors, A sin(2 pi f t) on each axis of the force with another phase, is not
+averaged but sampled at the end of the sample. A unit that is read at a low rate without a filter
+takes it for a slow force: at 32 Hz, 130 Hz are seen as 2 Hz.
 """
 
 from __future__ import annotations
@@ -24,6 +28,9 @@ from quadsim.sensing.measurements import Inertial
 from quadsim.sensing.timing import Ticks
 from quadsim.streams import alignment_stream
 from quadsim.vehicle import GRAVITY
+
+# Phases of the vibration on the three axes [rad]
+PHASES = 2.0 * np.pi / 3.0 * np.arange(3)
 
 
 class Imu:
@@ -41,6 +48,8 @@ class Imu:
         # [rad/s, m/s^2]  (6,)
         self.bias = bias_std * self._rng.standard_normal(6)
         self._mixing = drawn_mixing(config, seeds)
+        self._vibration = config.vibration
+        self._turns = 2.0 * np.pi * config.vibration_hz
         self._ticks = Ticks(config.rate)
         # state at the end of the last sample
         self._last: PlantState[State] | None = None
@@ -70,6 +79,8 @@ class Imu:
         middle = turned(before.attitude, [0.5 * angle for angle in turn])
         specific_force = to_body(middle, acceleration)
         true = np.array([*body_rates, *specific_force])
+        if self._vibration:
+            true[3:] += self._vibration * np.sin(self._turns * state.t + PHASES)
         if self._mixing is not None:
             true = self._mixing @ true
 

@@ -191,6 +191,26 @@ def _problems(entry: SensingFile) -> Iterator[FieldProblem]:
         yield FieldProblem("imu", problem)
     if entry.pose:
         yield from _pose_problems(entry.pose)
+    if entry.camera:
+        yield from _camera_problems(entry.camera)
+
+
+def _camera_problems(camera: GateCameraConfig) -> Iterator[FieldProblem]:
+    """Yield the faults of a gate camera: blind everywhere, bursts that cannot be."""
+    if camera.blind_within >= camera.range:
+        expected = f"expected less than the range of {camera.range:g} m"
+        yield FieldProblem("camera.blind_within", f"{expected}, got {camera.blind_within:g}")
+    if camera.miss_burst is None:
+        return
+    if not 0.0 < camera.misses < 1.0:
+        expected = "expected misses beside it, a share above 0 and below 1"
+        yield FieldProblem("camera.miss_burst", f"{expected}, got {camera.misses:g}")
+        return
+    # A channel that is bad after each good picture has bursts of no less than this.
+    shortest = camera.misses / (1.0 - camera.misses)
+    if camera.miss_burst < shortest:
+        expected = f"expected at least {shortest:.3g} pictures with these misses"
+        yield FieldProblem("camera.miss_burst", f"{expected}, got {camera.miss_burst:g}")
 
 
 def _pose_problems(pose: PoseConfig) -> Iterator[FieldProblem]:

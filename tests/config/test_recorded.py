@@ -104,6 +104,7 @@ def test_every_number_of_a_flight_is_recorded_and_read():
         "seed": 3,
         "randomize": 0.5,
         "displace_gates": 0.3,
+        "map_scale": 0.93,
         "known_from": 0.7,
         "fault": ("rotor2=0.5@3.2",),
         "excite": True,

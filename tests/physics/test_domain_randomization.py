@@ -183,3 +183,22 @@ def test_a_vehicle_whose_uncertainty_is_known_is_drawn_from_it():
     level = load_randomization("lsy_level2")
     of_level = [draw(s, 1.0, ranges=level, vehicle=vehicle).mass for s in streams[:9]]
     assert of_level == [draw(s, 1.0, ranges=level).mass for s in streams[:9]]
+
+
+def test_a_map_that_is_too_small_has_every_gate_too_near_to_the_start():
+    """A map of 0.93 of the course's size, and the gates where they stand."""
+    spec = Spec.of("lsy_level2", map_scale=0.93, plant="rigid")
+    start = np.array(spec.course.start.position)
+    for mapped, stands in zip(spec.course.gates, spec.flown_course.gates, strict=True):
+        apart = np.array(mapped.position) - start
+        assert apart[:2] == pytest.approx(0.93 * (np.array(stands.position) - start)[:2])
+        assert (stands.position[2], stands.opening) == (mapped.position[2], mapped.opening)
+    pairs = zip(spec.course.obstacles, spec.flown_course.obstacles, strict=True)
+    for mapped, stands in pairs:
+        apart = np.array(mapped.base) - start
+        assert apart[:2] == pytest.approx(0.93 * (np.array(stands.base) - start)[:2])
+    # displaced gates are displaced from there
+    both = spec.but(displace_gates=0.1)
+    for stands, moved in zip(spec.flown_course.gates, both.flown_course.gates, strict=True):
+        off = np.array(moved.position) - np.array(stands.position)
+        assert abs(off).max() <= 0.1

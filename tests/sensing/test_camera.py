@@ -1,6 +1,7 @@
 """A pinhole camera: where points of the world are seen, and what a camera file may say."""
 
-from math import cos, pi, radians, sin
+from dataclasses import replace
+from math import atan2, cos, pi, radians, sin, tan
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from quadsim.course import load_course
 from quadsim.files.strict_yaml import FileError
 from quadsim.sensing.camera import Camera, camera_names, load_camera, parse_camera
+from quadsim.sensing.whole_gates import gates_alike, whole_from
 
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 CAMERA = Camera(width=640, height=360, fx=320.0, fy=300.0)
@@ -106,3 +108,21 @@ def test_an_unknown_camera_is_one_line_with_those_that_are_known():
         FileError, match=r"^no camera 'agp': did you mean 'aigp'\?, or a FILE.yaml$"
     ):
         load_camera("agp")
+
+
+def test_a_gate_is_whole_from_where_its_lower_edge_comes_into_the_picture():
+    """A level camera at the height of the centre: the edge is half the opening below, at d."""
+    gate = load_course("aigp_physical").gates[0]
+    camera = Camera(width=640, height=360, fx=320.0, fy=320.0, tilt_deg=20.0)
+    edge = radians(20.0) - atan2(180.0, 320.0)  # of the picture, above the horizon
+    (level,) = whole_from(gate, camera, pitches=[0.0])
+    assert level.opening == pytest.approx(0.75 / -tan(edge), abs=0.06)
+    assert level.frame == pytest.approx(1.35 / -tan(edge), abs=0.06)
+    # One that looks over the horizon sees no gate of its own height whole.
+    (over,) = whole_from(gate, replace(camera, tilt_deg=30.0), pitches=[0.0])
+    assert (over.opening, over.frame) == (None, None)
+
+
+def test_gates_of_one_size_and_pitch_are_a_group():
+    gates = load_course("aigp_physical").gates
+    assert gates_alike(gates) == [list(range(1, 12))]

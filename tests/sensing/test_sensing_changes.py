@@ -19,6 +19,9 @@ def test_a_sensing_written_as_yaml_reads_back_equal(name, tmp_path):
     assert sensing.but() == sensing
 
 
+EYE = {"width": 640, "height": 360, "fx": 320, "fy": 320}
+
+
 def test_a_sensor_is_changed_replaced_added_or_taken_away():
     slow = MOCAP.but(name="slow", pose={"rate": 25, "dies_at": 3}, rotors=None)
     assert (slow.name, slow.rotors, slow.imu) == ("slow", None, MOCAP.imu)
@@ -43,6 +46,9 @@ def test_a_sensor_is_changed_replaced_added_or_taken_away():
         ({"imu": None}, "imu: missing"),
         ({"imu": 3}, "imu: expected a mapping"),
         ({"camera": {"width": 640}}, r"camera\.height: missing"),
+        ({"camera": EYE | {"blind_within": 20}}, r"camera\.blind_within: expected less than"),
+        ({"camera": EYE | {"miss_burst": 3}}, r"camera\.miss_burst: expected misses beside it"),
+        ({"camera": EYE | {"miss_burst": 3, "misses": 0.9}}, r"camera\.miss_burst: expected at"),
         ({"exact": True}, "imu: expected no sensor beside exact"),
         ({"poses": {}}, "poses: unknown key, did you mean 'pose'"),
     ],

@@ -1,6 +1,7 @@
 """Every sensor's law: what it says of a known flight, how far off, how often and when."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -255,3 +256,53 @@ def test_a_cameras_dropouts_lose_pictures_in_bursts_and_change_no_later_corner()
     assert 0.2 < 1.0 - len(found) / len(kept) < 0.8
     for t, corners in found.items():
         assert np.array_equal(corners.pixels, kept[t].pixels)
+
+
+@pytest.mark.slow
+def test_corners_are_missed_in_bursts_as_long_and_as_often_as_configured():
+    config = replace(CAMERA, rate=400.0, misses=0.13, miss_burst=5.26)
+    pictures = measured(GateCamera(config, SEED, GATES))
+    seen, found = sum(p.in_view for p in pictures), sum(len(p.pixels) for p in pictures)
+    assert found / seen == pytest.approx(0.87, abs=0.02)
+    # Of the corners found in one picture, a share is missed in the next: 1 / 5.26 of 0.13 / 0.87.
+    kept = 0
+    lost = 0
+    for before, after in pairwise(pictures):
+        if before.in_view != after.in_view:
+            continue
+        first, second = (
+            set(zip(p.gates.tolist(), p.corners.tolist(), strict=True)) for p in (before, after)
+        )
+        lost += len(first - second)
+        kept += len(first & second)
+    assert lost / (lost + kept) == pytest.approx(0.13 / 0.87 / 5.26, rel=0.15)
+
+
+def test_bursts_of_misses_change_no_corner_that_is_found():
+    plain = measured(GateCamera(replace(CAMERA, noise=2.0), SEED, GATES))
+    bursts = measured(GateCamera(replace(CAMERA, noise=2.0, misses=0.3, miss_burst=3), SEED, GATES))
+    assert sum(len(p.pixels) for p in bursts) < sum(len(p.pixels) for p in plain)
+    for one, other in zip(plain, bursts, strict=True):
+        assert {tuple(row) for row in other.pixels} <= {tuple(row) for row in one.pixels}
+
+
+def test_a_blind_camera_finds_no_corner_nearer_than_it_sees():
+    nearest = min(
+        np.linalg.norm(GATES[g].corners()[c] - circle(p.t).x[0:3])
+        for p in measured(GateCamera(replace(CAMERA, blind_within=5.0), SEED, GATES))
+        for g, c in zip(p.gates, p.corners, strict=True)
+    )
+    assert 5.0 <= nearest < 6.0
+
+
+def test_a_vibration_is_seen_as_a_slow_force_at_a_low_rate():
+    """130 Hz, sampled 32 times a second, are 2 Hz; sampled 400 times, they are themselves."""
+    rest = [PlantState(k / 400, at_rest((0.0, 0.0, 1.0)), ()) for k in range(1601)]
+    for rate, seen in ((32.0, 2.0), (400.0, 130.0)):
+        config = ImuConfig(rate=rate, vibration=3.0, vibration_hz=130.0)
+        samples = measured(Imu(config, SEED), rest)
+        force = np.array([sample.specific_force[0] for sample in samples])
+        assert abs(force).max() == pytest.approx(3.0, rel=0.05)
+        spectrum = abs(np.fft.rfft(force))
+        frequency = np.fft.rfftfreq(len(force), 1.0 / rate)
+        assert frequency[spectrum.argmax()] == pytest.approx(seen, abs=0.5)

@@ -1,0 +1,440 @@
+"""The MAVLink messages that the simulator sends and understands, with their layout on the wire.
+
+A message is a dataclass whose fields stand in the order of MAVLink's common.xml, each annotated
+with its type there. The layout follows from the fields (MAVLink, "Packet serialization"): on the
+wire they are sorted by the size of their type, the largest first, and extensions follow unsorted.
+So does CRC_EXTRA, the checksum of the definition, by which two programs with different definitions
+refuse each other's messages.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import cache
+from struct import Struct
+from typing import Annotated, Any, ClassVar, NamedTuple, get_type_hints
+
+# MAVLink's name of a type -> its letter in `struct`
+LETTERS = {
+    "uint8_t": "B",
+    "int8_t": "b",
+    "uint16_t": "H",
+    "int16_t": "h",
+    "uint32_t": "I",
+    "int32_t": "i",
+    "uint64_t": "Q",
+    "int64_t": "q",
+    "float": "f",
+    "char": "c",
+}
+
+
+class Wire(NamedTuple):
+    """The type of a field on the wire."""
+
+    type: str  # of LETTERS
+    length: int = 0  # numbers of an array; 0: no array
+    extension: bool = False  # whether MAVLink 2 has added the field
+
+    @property
+    def size(self) -> int:
+        """The size of one number [bytes]."""
+        return Struct("<" + LETTERS[self.type]).size
+
+    @property
+    def count(self) -> int:
+        """The count of numbers."""
+        return self.length or 1
+
+
+U8 = Annotated[int, Wire("uint8_t")]
+U8X = Annotated[int, Wire("uint8_t", extension=True)]
+I8X = Annotated[int, Wire("int8_t", extension=True)]
+I32X = Annotated[int, Wire("int32_t", extension=True)]
+U16 = Annotated[int, Wire("uint16_t")]
+U32 = Annotated[int, Wire("uint32_t")]
+U64 = Annotated[int, Wire("uint64_t")]
+I64 = Annotated[int, Wire("int64_t")]
+F32 = Annotated[float, Wire("float")]
+Floats = tuple[float, ...]
+F4 = Annotated[Floats, Wire("float", 4)]
+F21 = Annotated[Floats, Wire("float", 21)]
+F32S = Annotated[Floats, Wire("float", 32)]
+Data253 = Annotated[bytes, Wire("uint8_t", 253)]
+Text50 = Annotated[bytes, Wire("char", 50)]
+
+UNKNOWN_COVARIANCE = (float("nan"), *20 * (0.0,))
+
+
+@dataclass(frozen=True)
+class Message:
+    """A message of MAVLink."""
+
+    ID: ClassVar[int]
+    NAME: ClassVar[str]
+
+
+@dataclass(frozen=True)
+class Heartbeat(Message):
+    """The sender is there; `base_mode` says whether it is armed."""
+
+    ID = 0
+    NAME = "HEARTBEAT"
+    type: U8
+    autopilot: U8
+    base_mode: U8
+    custom_mode: U32 = 0
+    system_status: U8 = 4  # MAV_STATE_ACTIVE
+    mavlink_version: U8 = 3
+
+
+@dataclass(frozen=True)
+class Attitude(Message):
+    """Euler angles [rad] and body rates [rad/s], forward right down."""
+
+    ID = 30
+    NAME = "ATTITUDE"
+    time_boot_ms: U32
+    roll: F32
+    pitch: F32
+    yaw: F32
+    rollspeed: F32
+    pitchspeed: F32
+    yawspeed: F32
+
+
+@dataclass(frozen=True)
+class LocalPositionNed(Message):
+    """Position [m] and velocity [m/s], north east down."""
+
+    ID = 32
+    NAME = "LOCAL_POSITION_NED"
+    time_boot_ms: U32
+    x: F32
+    y: F32
+    z: F32
+    vx: F32
+    vy: F32
+    vz: F32
+
+
+@dataclass(frozen=True)
+class CommandLong(Message):
+    """A command with up to seven numbers."""
+
+    ID = 76
+    NAME = "COMMAND_LONG"
+    target_system: U8
+    target_component: U8
+    command: U16
+    confirmation: U8
+    param1: F32
+    param2: F32
+    param3: F32
+    param4: F32
+    param5: F32
+    param6: F32
+    param7: F32
+
+
+@dataclass(frozen=True)
+class CommandAck(Message):
+    """The answer to a command."""
+
+    ID = 77
+    NAME = "COMMAND_ACK"
+    command: U16
+    result: U8
+    progress: U8X = 0
+    result_param2: I32X = 0
+    target_system: U8X = 0
+    target_component: U8X = 0
+
+
+@dataclass(frozen=True)
+class SetAttitudeTarget(Message):
+    """Body rates [rad/s] or an attitude (wxyz), and the thrust from 0 to 1."""
+
+    ID = 82
+    NAME = "SET_ATTITUDE_TARGET"
+    time_boot_ms: U32
+    target_system: U8
+    target_component: U8
+    type_mask: U8
+    q: F4
+    body_roll_rate: F32
+    body_pitch_rate: F32
+    body_yaw_rate: F32
+    thrust: F32
+
+
+@dataclass(frozen=True)
+class SetPositionTargetLocalNed(Message):
+    """Position [m], velocity [m/s] and yaw [rad] that the vehicle is to have."""
+
+    ID = 84
+    NAME = "SET_POSITION_TARGET_LOCAL_NED"
+    time_boot_ms: U32
+    target_system: U8
+    target_component: U8
+    coordinate_frame: U8
+    type_mask: U16
+    x: F32
+    y: F32
+    z: F32
+    vx: F32
+    vy: F32
+    vz: F32
+    afx: F32
+    afy: F32
+    afz: F32
+    yaw: F32
+    yaw_rate: F32
+
+
+@dataclass(frozen=True)
+class HighresImu(Message):
+    """Specific force [m/s^2] and body rates [rad/s], forward right down; height by pressure [m]."""
+
+    ID = 105
+    NAME = "HIGHRES_IMU"
+    time_usec: U64
+    xacc: F32
+    yacc: F32
+    zacc: F32
+    xgyro: F32
+    ygyro: F32
+    zgyro: F32
+    xmag: F32 = 0.0
+    ymag: F32 = 0.0
+    zmag: F32 = 0.0
+    abs_pressure: F32 = 0.0
+    diff_pressure: F32 = 0.0
+    pressure_alt: F32 = 0.0
+    temperature: F32 = 0.0
+    fields_updated: U16 = 0
+    id: U8X = 0
+
+
+@dataclass(frozen=True)
+class Timesync(Message):
+    """Times of two clocks [ns]."""
+
+    ID = 111
+    NAME = "TIMESYNC"
+    tc1: I64
+    ts1: I64
+
+
+@dataclass(frozen=True)
+class DataTransmissionHandshake(Message):
+    """Announces a transfer in several packets of ENCAPSULATED_DATA."""
+
+    ID = 130
+    NAME = "DATA_TRANSMISSION_HANDSHAKE"
+    type: U8
+    size: U32
+    width: U16
+    height: U16
+    packets: U16
+    payload: U8
+    jpg_quality: U8
+
+
+@dataclass(frozen=True)
+class EncapsulatedData(Message):
+    """A packet of a transfer, or the state of the race."""
+
+    ID = 131
+    NAME = "ENCAPSULATED_DATA"
+    seqnr: U16
+    data: Data253
+
+
+@dataclass(frozen=True)
+class Collision(Message):
+    """The vehicle has touched something."""
+
+    ID = 247
+    NAME = "COLLISION"
+    src: U8
+    id: U32
+    action: U8
+    threat_level: U8
+    time_to_minimum_delta: F32
+    altitude_minimum_delta: F32
+    horizontal_minimum_delta: F32
+
+
+@dataclass(frozen=True)
+class Statustext(Message):
+    """A line of text for people."""
+
+    ID = 253
+    NAME = "STATUSTEXT"
+    severity: U8
+    text: Text50
+    id: Annotated[int, Wire("uint16_t", extension=True)] = 0
+    chunk_seq: U8X = 0
+
+
+@dataclass(frozen=True)
+class Odometry(Message):
+    """Pose, velocity and body rates, see quadsim.mavlink.telemetry for the frames."""
+
+    ID = 331
+    NAME = "ODOMETRY"
+    time_usec: U64
+    frame_id: U8
+    child_frame_id: U8
+    x: F32
+    y: F32
+    z: F32
+    q: F4
+    vx: F32
+    vy: F32
+    vz: F32
+    rollspeed: F32
+    pitchspeed: F32
+    yawspeed: F32
+    pose_covariance: F21 = UNKNOWN_COVARIANCE
+    velocity_covariance: F21 = UNKNOWN_COVARIANCE
+    reset_counter: U8X = 0
+    estimator_type: U8X = 0
+    quality: I8X = 0
+
+
+@dataclass(frozen=True)
+class ActuatorOutputStatus(Message):
+    """The outputs to the motors, from 0 to 1."""
+
+    ID = 375
+    NAME = "ACTUATOR_OUTPUT_STATUS"
+    time_usec: U64
+    active: U32
+    actuator: F32S
+
+
+MESSAGES: dict[int, type[Message]] = {
+    kind.ID: kind
+    for kind in (
+        Heartbeat,
+        Attitude,
+        LocalPositionNed,
+        CommandLong,
+        CommandAck,
+        SetAttitudeTarget,
+        SetPositionTargetLocalNed,
+        HighresImu,
+        Timesync,
+        DataTransmissionHandshake,
+        EncapsulatedData,
+        Collision,
+        Statustext,
+        Odometry,
+        ActuatorOutputStatus,
+    )
+}
+
+
+class Layout(NamedTuple):
+    """How a message stands on the wire."""
+
+    names: tuple[str, ...]  # fields in the order of the wire
+    wires: tuple[Wire, ...]  # their types
+    struct: Struct
+    crc_extra: int
+
+
+@cache
+def layout(kind: type[Message]) -> Layout:
+    """Return the layout of a message."""
+    hints = get_type_hints(kind, include_extras=True)
+    found: list[tuple[str, Wire]] = [
+        (field.name, hints[field.name].__metadata__[0]) for field in fields(kind)
+    ]
+    # Sorting is stable: fields of one size keep their order.
+    base = sorted((f for f in found if not f[1].extension), key=lambda f: -f[1].size)
+    ordered = base + [f for f in found if f[1].extension]
+    names, wires = zip(*ordered, strict=True)
+    return Layout(names, wires, Struct("<" + "".join(map(_letters, wires))), _crc_extra(kind, base))
+
+
+def _letters(wire: Wire) -> str:
+    """Return a field in the language of `struct`; texts and data are bytes."""
+    if wire.length and wire.type in ("char", "uint8_t"):
+        return f"{wire.length}s"
+    return f"{wire.count}{LETTERS[wire.type]}"
+
+
+def _crc_extra(kind: type[Message], base: list[tuple[str, Wire]]) -> int:
+    """Return CRC_EXTRA of a message.
+
+    Args:
+        kind: the message.
+        base: its fields that are no extensions, in the order of the wire.
+    """
+    crc = x25(kind.NAME.encode() + b" ")
+    for name, wire in base:
+        crc = x25(f"{wire.type} {name} ".encode(), crc)
+        if wire.length:
+            crc = x25(bytes([wire.length]), crc)
+    return (crc & 0xFF) ^ (crc >> 8)
+
+
+def _table() -> tuple[int, ...]:
+    """Return the checksum of each single byte."""
+    found = []
+    for byte in range(256):
+        crc = byte
+        for _ in range(8):
+            crc = crc >> 1 ^ (0x8408 if crc & 1 else 0)
+        found.append(crc)
+    return tuple(found)
+
+
+X25_TABLE = _table()
+
+
+def x25(data: bytes, crc: int = 0xFFFF) -> int:
+    """Return MAVLink's checksum of bytes, CRC-16/MCRF4XX: X.25 without the final inversion.
+
+    Args:
+        data: the bytes.
+        crc: checksum of the bytes before them.
+
+    Examples:
+        >>> from quadsim.mavlink.messages import x25
+        >>> hex(x25(b"123456789"))
+        '0x6f91'
+    """
+    for byte in data:
+        crc = crc >> 8 ^ X25_TABLE[(crc ^ byte) & 0xFF]
+    return crc
+
+
+def pack(message: Message) -> bytes:
+    """Return the payload of a message, without the zeros at its end but one byte or more."""
+    numbers: list[Any] = []
+    shape = layout(type(message))
+    for name, wire in zip(shape.names, shape.wires, strict=True):
+        value = getattr(message, name)
+        if wire.length and not isinstance(value, bytes):
+            numbers += value
+        else:
+            numbers.append(value)
+    return shape.struct.pack(*numbers).rstrip(b"\0") or b"\0"
+
+
+def unpack(kind: type[Message], payload: bytes) -> Message:
+    """Return the message in a payload, whose missing end is zeros and whose excess is ignored."""
+    shape = layout(kind)
+    size = shape.struct.size
+    numbers = iter(shape.struct.unpack(payload[:size].ljust(size, b"\0")))
+    values: dict[str, Any] = {}
+    for name, wire in zip(shape.names, shape.wires, strict=True):
+        if wire.length and not _letters(wire).endswith("s"):
+            values[name] = tuple(next(numbers) for _ in range(wire.length))
+        else:
+            values[name] = next(numbers)
+    return kind(**values)

@@ -1,0 +1,109 @@
+"""The two UDP sockets: messages to and from a client, and the pictures of the camera."""
+
+from __future__ import annotations
+
+import socket
+from collections import Counter
+from collections.abc import Iterable
+from ipaddress import ip_address
+from select import select
+
+from quadsim.files.values import SettingError
+from quadsim.mavlink.messages import Message
+from quadsim.mavlink.packets import Packer, parse
+
+# [bytes] longest datagram
+LONGEST = 65536
+# Datagrams read at once, so that a flood does not hold up the flight
+MOST = 200
+ANY = "0.0.0.0"
+
+
+class Wire:
+    """Sends messages to one client, and receives its messages.
+
+    Messages go to the client's address until it has sent one itself, and from then on to where that
+    came from. Datagrams of other machines are counted and not read.
+
+    Attributes:
+        sent: messages sent, by name; datagrams of pictures count as "picture".
+        received: messages received, by name; packets of other messages count as "unknown",
+            pieces that are no packets as "bad", datagrams of others as "strange".
+
+    Args:
+        host: address of the client; a socket is bound to loopback alone if that is there.
+        port: its port for messages.
+        camera_port: its port for pictures.
+
+    Raises:
+        SettingError: the client's address is none.
+    """
+
+    def __init__(self, host: str, port: int, camera_port: int):
+        try:
+            self._host = socket.gethostbyname(host)
+        except OSError as error:
+            problem = f"expected the address of a machine, got {host!r}: {error.strerror}"
+            raise SettingError("client", problem) from None
+        self._peer = (self._host, port)
+        self._camera = (self._host, camera_port)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        own = self._host if ip_address(self._host).is_loopback else ANY
+        self._socket.bind((own, 0))
+        self._packer = Packer()
+        self.sent: Counter[str] = Counter()
+        self.received: Counter[str] = Counter()
+
+    @property
+    def port(self) -> int:
+        """The simulator's own port."""
+        return self._socket.getsockname()[1]
+
+    def send(self, message: Message) -> None:
+        """Send a message; what the machine cannot send now is lost, as on any such link."""
+        self._put(self._packer.packet(message), self._peer)
+        self.sent[message.NAME] += 1
+
+    def send_picture(self, datagrams: Iterable[bytes]) -> None:
+        """Send the datagrams of a picture."""
+        for datagram in datagrams:
+            self._put(datagram, self._camera)
+        self.sent["picture"] += 1
+
+    def _put(self, datagram: bytes, address: tuple[str, int]) -> None:
+        """Send a datagram, unless the buffer is full or nobody can be reached."""
+        try:
+            self._socket.sendto(datagram, address)
+        except OSError:
+            self.sent["lost"] += 1
+
+    def receive(self, wait: float = 0.0) -> list[Message]:
+        """Return the messages that have come.
+
+        Args:
+            wait: time to wait for the first one [s].
+        """
+        if not select([self._socket], [], [], max(wait, 0.0))[0]:
+            return []
+        found: list[Message] = []
+        for _ in range(MOST):
+            try:
+                datagram, address = self._socket.recvfrom(LONGEST)
+            except OSError:  # none is left
+                break
+            if address[0] != self._host:
+                self.received["strange"] += 1
+                continue
+            parsed = parse(datagram)
+            self.received["unknown"] += parsed.unknown
+            self.received["bad"] += parsed.bad
+            self.received.update(message.NAME for message in parsed.messages)
+            if parsed.messages:
+                self._peer = address
+            found += parsed.messages
+        return found
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
