@@ -6,10 +6,10 @@
     body rates            omega' = (signs a + offset sum a) / inertia - gyroscopic
     velocity              v' = R(q) (a (pose_tilt_x, pose_tilt_y, 1) - d v_body) - g e_z
 
-Body rates and velocity are predicted over short open-loop pieces (multiple shooting). Each piece has
-an initial value of its own, and body rates also have a constant torque of the air of their own. The
-motors answer that torque through the flight controller, so that a fit without it finds the inertia
-too large and the lag of the rotors too short. As the pieces follow the measured attitude and rates,
+Body rates and velocity are predicted over short open-loop pieces (multiple shooting). Each piece
+has an initial value of its own, and in body rates a constant torque of the air of its own, too. The
+flight controller answers that torque by its motors: without it, the inertia would come out too
+large and the lag of the rotors too short. As the pieces follow the measured attitude and rates,
 both enter linearly, and leave with the line that fits the residuals of a piece best.
 """
 
@@ -103,10 +103,10 @@ def predicted_velocity(
 def integrated(slope: np.ndarray, part: Stretch) -> np.ndarray:
     """Return the integral from the first row on  (n, 3).
 
-    As in the plants, a row's value is the one before it and the slope of this row times dt. In a
-    stretch that is thinned, the rows between are on the line from slope to slope.
+    As in the plants, the value after a step is the one before it and the slope after the step times
+    its duration. In a row of several steps, the slopes between are on the line from row to row.
     """
-    newer = 0.5 + 0.5 / part.thinned
+    newer = 0.5 + 0.5 * part.plant_step / part.dt
     steps = newer * slope[1:] + (1.0 - newer) * slope[:-1]
     return np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0) * part.dt])
 
@@ -220,7 +220,7 @@ class Block(NamedTuple):
         return np.var(self._without_free(self.measured), axis=(0, 1))
 
     def _without_free(self, values: np.ndarray) -> np.ndarray:
-        """Return averages without what each piece has of its own  (usable pieces, averages, axes)."""
+        """Return averages without what each piece has of its own  (pieces, averages, axes)."""
         if not self.channel.free:
             return values
         # Polynomials over a piece, orthonormal  (averages, free)
