@@ -190,13 +190,14 @@ def _residuals(axis: _Axis, x: np.ndarray, rotor_lag: float) -> np.ndarray:
     acting = _delayed(np.repeat(axis.setpoints, steps), float(x[3]) / dt)
     count, length = axis.rows.shape
     inner = (steps * axis.rows[:, :, None] + np.arange(steps)).reshape(count, -1)
-    missing = axis.rates[axis.rows] - lfilter(b, a, acting[inner], axis=1)[:, ::steps]
+    answer = np.asarray(lfilter(b, a, acting[inner], axis=1))
+    missing = axis.rates[axis.rows] - answer[:, ::steps]
 
     impulse = np.zeros((2, length * steps))
     impulse[0, 0] = 1.0
     impulse[1, 1] = 1.0
-    begins = lfilter([1.0], a, impulse, axis=1)[:, ::steps]
-    free = np.concatenate([begins, np.ones((1, length))])
+    begins = np.asarray(lfilter([1.0], a, impulse, axis=1))
+    free = np.concatenate([begins[:, ::steps], np.ones((1, length))])
     basis, _ = np.linalg.qr(free.T)
     return missing - (missing @ basis) @ basis.T
 
