@@ -6,9 +6,11 @@
     body rates            omega' = (signs a + offset sum a) / inertia - gyroscopic
     velocity              v' = R(q) (a (pose_tilt_x, pose_tilt_y, 1) - d v_body) - g e_z
 
-Body rates and velocity are predicted over short open-loop pieces, each from an initial value of its
-own (multiple shooting). As the pieces follow the measured attitude and rates, their initial values
-enter linearly, and leave with the mean of the residuals of a piece.
+Body rates and velocity are predicted over short open-loop pieces (multiple shooting). Each piece
+has an initial value of its own, and in body rates a constant torque of the air of its own, too. The
+flight controller answers that torque by its motors: without it, the inertia would come out too
+large and the lag of the rotors too short. As the pieces follow the measured attitude and rates,
+both enter linearly, and leave with the line that fits the residuals of a piece best.
 """
 
 from __future__ import annotations
@@ -27,9 +29,7 @@ from quadsim.physics.actuators import gyroscopic
 from quadsim.rotation import to_world
 from quadsim.vehicle import GRAVITY
 
-# Duration of a piece of body rates, and of accelerations [s]: short, as torques by the air are not
-# modelled
-RATE_PIECE = 0.1
+RATE_PIECE = 0.2  # duration of a piece of body rates, and of accelerations [s]
 VELOCITY_PIECE = 1.0  # and of velocities [s]
 CLUSTER = 1.0  # residuals within this time are taken as one reading for the intervals [s]
 # Numbers from which the thrusts of the rotors follow, and with them all else
@@ -55,7 +55,8 @@ class Channel(NamedTuple):
     # from the stretch, the numbers, the geometry and the thrusts of the rotors (n, 4)
     predicted: Callable[[Prepared, Numbers, Geometry, np.ndarray], np.ndarray]  # (n, 3)
     piece: float  # duration of an open-loop piece [s]
-    is_free: bool  # whether each piece has an initial value of its own
+    # What each piece has of its own: nothing (0), an initial value (1), a constant slope, too (2)
+    free: int
     numbers: tuple[str, ...]  # that the prediction needs, besides those of the rotors
     # whether the signal is later than the rotors' answer by force_lag
     is_late: bool = False
@@ -102,10 +103,10 @@ def predicted_velocity(
 def integrated(slope: np.ndarray, part: Stretch) -> np.ndarray:
     """Return the integral from the first row on  (n, 3).
 
-    As in the plants, a row's value is the one before it and the slope of this row times dt. In a
-    stretch that is thinned, the rows between are on the line from slope to slope.
+    As in the plants, the value after a step is the one before it and the slope after the step times
+    its duration. In a row of several steps, the slopes between are on the line from row to row.
     """
-    newer = 0.5 + 0.5 / part.thinned
+    newer = 0.5 + 0.5 * part.plant_step / part.dt
     steps = newer * slope[1:] + (1.0 - newer) * slope[:-1]
     return np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0) * part.dt])
 
@@ -173,7 +174,7 @@ CHANNELS = (
         lambda part: part.stretch.specific_force,
         predicted_force,
         RATE_PIECE,
-        False,
+        0,
         (*DRAG, "bias_x", "bias_y", "bias_z", "tilt_x", "tilt_y", "flapping", "force_lag"),
         is_late=True,
     ),
@@ -182,7 +183,7 @@ CHANNELS = (
         lambda part: part.stretch.body_rates if part.has_single else None,
         predicted_rates,
         RATE_PIECE,
-        True,
+        2,
         INERTIA,
     ),
     Channel(
@@ -190,7 +191,7 @@ CHANNELS = (
         lambda part: part.stretch.velocity if part.v_body is not None else None,
         predicted_velocity,
         VELOCITY_PIECE,
-        True,
+        1,
         (*DRAG, "pose_tilt_x", "pose_tilt_y", "velocity_lag"),
     ),
 )
@@ -212,14 +213,21 @@ class Block(NamedTuple):
         """Return measured minus predicted, axis after axis  (m,)."""
         predicted = self.channel.predicted(self.part, numbers, geometry, single)
         missing = self.measured - self._averages(predicted)
-        if self.channel.is_free:
-            missing -= missing.mean(axis=1, keepdims=True)
-        return missing.transpose(2, 0, 1).ravel()
+        return self._without_free(missing).transpose(2, 0, 1).ravel()
 
     def variances(self) -> np.ndarray:
         """Return the variance of what is measured in the pieces, along each axis  (axes,)."""
-        free = self.measured.mean(axis=1, keepdims=True) if self.channel.is_free else 0.0
-        return np.var(self.measured - free, axis=(0, 1))
+        return np.var(self._without_free(self.measured), axis=(0, 1))
+
+    def _without_free(self, values: np.ndarray) -> np.ndarray:
+        """Return averages without what each piece has of its own  (pieces, averages, axes)."""
+        if not self.channel.free:
+            return values
+        # Polynomials over a piece, orthonormal  (averages, free)
+        times = np.linspace(-1.0, 1.0, self.shape[1])
+        basis, _ = np.linalg.qr(np.vander(times, self.channel.free))
+        own = np.einsum("nb,pna->pba", basis, values)
+        return values - np.einsum("nb,pba->pna", basis, own)
 
     def _averages(self, values: np.ndarray) -> np.ndarray:
         """Return a signal's averages in the usable pieces  (usable pieces, averages, axes)."""

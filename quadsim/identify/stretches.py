@@ -22,6 +22,7 @@ SHORTEST = 1.0  # a shorter stretch is left out [s]
 LONGEST_HOLE = 0.06  # missing readings of a measured signal are interpolated over this time [s]
 LONGEST_HOLD = 0.25  # a missing command is the one before it for this time [s]
 LEAST_RATE = 250.0  # logs with more rows are thinned to this rate or more [Hz]
+PLANT_STEP = 1 / 400  # of quadsim's plants; real vehicles move continuously [s]
 SMOOTH = 0.05  # time over which a velocity is smoothed [s]
 SMOOTH_VOLTAGE = 0.1  # time over which the voltage of the battery is averaged [s]
 # A vehicle flies while its motors' mean command, averaged over this time, is above this share of
@@ -64,6 +65,11 @@ class Stretch:
     def duration(self) -> float:
         """The time of the stretch [s]."""
         return len(self) * self.dt
+
+    @property
+    def plant_step(self) -> float:
+        """The step of time in which the vehicle moves, at most a row of the log [s]."""
+        return min(self.dt / self.thinned, PLANT_STEP)
 
 
 def stretches(log: FlightLog) -> list[Stretch]:

@@ -59,7 +59,7 @@ def traces(
                     t=part.stretch.start + part.stretch.dt * np.arange(rows.start, rows.stop),
                     measured=here,
                     predicted=_begun_anew(here, predicted[rows, k], part.stretch.dt)
-                    if channel.is_free
+                    if channel.free
                     else predicted[rows, k],
                 )
             )

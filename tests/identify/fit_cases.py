@@ -12,7 +12,8 @@ from quadsim.physics.plant import RigidPlant
 from quadsim.rotation import to_body
 from quadsim.vehicle import GRAVITY, load_vehicle
 
-DT = 1 / 200
+DT = 1 / 400  # of the plant [s]
+EVERY = 2  # steps of the plant in a row of the log
 LATE = 0.02  # latency of the vehicle, and time between a motor's command and its effect [s]
 TRUE = load_vehicle("kingfisher").but(latency=LATE)
 SIGNALS = ("position", "velocity", "quaternion", "body_rates", "specific_force")
@@ -47,7 +48,7 @@ def flight(seconds=8.0, yaw=2.0):
     rows = []
     held = np.zeros(4)
     for k in range(round(seconds / DT)):
-        if k % 16 == 0:
+        if k % 32 == 0:
             held = rng.uniform(-1.0, 1.0, 4) * (4.0, 4.0, yaw, 4.0)
         x = plant.state.x
         ux, uy, _ = to_body(x.attitude, (0.0, 0.0, 1.0))
@@ -68,19 +69,20 @@ def flight(seconds=8.0, yaw=2.0):
     early = round(LATE / DT)
     asked = np.concatenate([asked[early:], np.repeat(asked[-1:], early, axis=0)])
     commands = np.array([row[3] for row in rows])
-    n = len(rows)
+    kept = slice(0, len(rows), EVERY)
+    n = len(rows[kept])
     return FlightLog(
         name="flight",
-        t=DT * np.arange(n),
-        position=states[:, 0:3],
-        velocity=states[:, 3:6],
-        quaternion=states[:, 6:10],
-        body_rates=states[:, 10:13],
-        specific_force=force,
-        motor_commands=asked,
+        t=EVERY * DT * np.arange(n),
+        position=states[kept, 0:3],
+        velocity=states[kept, 3:6],
+        quaternion=states[kept, 6:10],
+        body_rates=states[kept, 10:13],
+        specific_force=force[kept],
+        motor_commands=asked[kept],
         rotor_speeds=None,
-        rate_setpoints=commands[:, :3],
-        thrust_setpoint=commands[:, 3],
+        rate_setpoints=commands[kept, :3],
+        thrust_setpoint=commands[kept, 3],
         throttle=None,
         battery=None,
         pieces=(slice(0, n),),

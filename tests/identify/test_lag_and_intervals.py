@@ -1,11 +1,22 @@
-"""Laws of the parts of a fit: the lag behind a delay, and intervals that cover the truth."""
+"""Laws of the parts of a fit: lag behind a delay, torques of the air, intervals, sampling."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from quadsim.identify.geometry import Geometry
 from quadsim.identify.intervals import covariances
+from quadsim.identify.numbers import Numbers
+from quadsim.identify.prepared import prepare
+from quadsim.identify.prior import prior_of
+from quadsim.identify.problem import RATE_PIECE, blocks_of, single_thrusts
+from quadsim.identify.rate_loop import fit_rate_loop
 from quadsim.identify.rotors import lagged
 from quadsim.identify.search import Linearized
+from quadsim.identify.stretches import stretches
+from quadsim.vehicle import load_vehicle
+from tests.identify.fit_cases import TRUE, flight
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.004, 0.0137, -0.006])
@@ -56,3 +67,41 @@ def test_intervals_of_independent_residuals_cover_the_truth():
     by_jacobian, reported = covered(together=1)
     assert by_jacobian > 0.9
     assert reported >= by_jacobian
+
+
+def test_a_constant_torque_of_the_air_changes_no_residual_of_the_body_rates():
+    calm = flight()
+    push = 0.5  # [rad/s^2], a torque about x over the inertia
+    pushed = replace(calm, body_rates=calm.body_rates + push * calm.t[:, None] * (1.0, 0.0, 0.0))
+    before, after = (rate_residuals(log) for log in (calm, pushed))
+    # A free begin alone would leave the slope of each piece, which has this size at its ends.
+    assert np.abs(after - before).max() < 0.01 * push * RATE_PIECE / 2.0
+    assert np.std(before) > 0.0
+
+
+def rate_residuals(log):
+    """Return measured minus predicted body rates of the prior vehicle about x."""
+    vehicle = load_vehicle("swift")
+    parts = prepare(stretches(log), vehicle)
+    (block,) = (b for b in blocks_of(parts, turning=(0,)) if b.channel.name == "rate")
+    prior = prior_of(vehicle)
+    numbers = Numbers(**{name: prior[name].mean for name in Numbers._fields})
+    return block.residuals(numbers, Geometry.of(vehicle), single_thrusts(parts[0], numbers))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rows", [1, 2])
+def test_lags_of_the_rate_loop_do_not_depend_on_the_rate_of_the_log(rows):
+    """At 100 Hz, taking a row as one step of the loop would find a lag of 60 ms 6 % low."""
+    log = flight()
+    count = len(log.t[::rows])
+    signals = {
+        name: values[::rows]
+        for name in ("t", *log.signals)
+        if (values := getattr(log, name)) is not None
+    }
+    thin = replace(log, **signals, pieces=(slice(0, count),))
+    prior = load_vehicle("swift")
+    found = fit_rate_loop(prepare(stretches(thin), prior), TRUE.rotors.tau, prior.rate_tau)
+    assert found is not None
+    assert found.tau == pytest.approx(TRUE.rate_tau, rel=0.02)
