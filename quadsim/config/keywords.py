@@ -46,7 +46,9 @@ class Keywords(TypedDict, total=False):
     sensing: str | Path | Sensing | None
     randomization: str | Path | RandomizationRanges | None
     view_weight: float | None
-    plant: Literal["bullet", "rigid", "rotorpy"] | Plant | Callable[[Spec], Plant] | None
+    plant: (
+        Literal["bullet", "rigid", "rotorpy", "crazyflow"] | Plant | Callable[[Spec], Plant] | None
+    )
     betaflight: str | Path | Text | None
     term: str | Sequence[str] | None
     seed: int | None

@@ -61,7 +61,7 @@ OBJECTS = {
     "sensing": "str | Path | Sensing",
     "randomization": "str | Path | RandomizationRanges",
     "competition": "str | Path | Competition",
-    "plant": 'Literal["bullet", "rigid", "rotorpy"] | Plant | Callable[[Spec], Plant]',
+    "plant": 'Literal["bullet", "rigid", "rotorpy", "crazyflow"] | Plant | Callable[[Spec], Plant]',
     "betaflight": "str | Path | Text",
     "runs_dir": "str | Path",
     "planner": "Planner",
