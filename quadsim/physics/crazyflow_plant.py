@@ -193,7 +193,7 @@ def _simulator(rate: int) -> Simulator:
             body_rate_freq=rate,
             force_torque_freq=rate,
         )
-    advance = sim.build_step_fn()
+    advance: Any = sim.build_step_fn()
 
     @jax.jit
     def step(data: Any, command: Any, force: Any) -> Any:

@@ -75,6 +75,7 @@ def test_body_rates_turn_it_as_they_turn_the_other_plants(u, share):
 @needs_crazyflow
 def test_the_numbers_of_its_own_vehicle_are_its_own():
     """All of them but drag and the gains of the rate loop, which the vehicle's file has."""
+    assert CRAZYFLIE.rotors
     data = crazyflow_plant._simulator(round(1 / DT)).data
     changed = crazyflow_plant._with_numbers(data, CRAZYFLIE, CRAZYFLIE.rotors, CRAZYFLIE)
     for name in ("mass", "L", "J", "J_inv", "rpm2thrust", "rotor_dyn_coef", "prop_inertia"):
@@ -129,7 +130,7 @@ def test_without_the_extra_one_line_says_what_installs_it(monkeypatch, capsys, t
     for name in [name for name in sys.modules if name.split(".")[0] == "crazyflow"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "crazyflow", None)
-    assert race(["fly", "figure8", "--plant", "crazyflow", *flags(SMALL)]) == 2
+    assert race(["fly", "figure8", "--plant", "crazyflow", *flags({**SMALL})]) == 2
     error = capsys.readouterr().err
     assert error.startswith("race fly: plant: 'crazyflow': crazyflow is not installed: ")
     assert "crazyflow" in error.partition(" -m pip install ")[2]
