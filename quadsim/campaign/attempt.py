@@ -29,7 +29,7 @@ LABELS = ("host", "preset")  # keys of a spec's record that do not decide the fl
 DRAWN = ("seed", "variation", "drawn_faults")
 # Libraries whose versions decide a flight. The commit of this project stands beside the key.
 LIBRARIES = ("numpy", "numba", "pybullet")
-LIBRARIES_OF_PLANT = {"rotorpy": ("rotorpy", "scipy")}
+LIBRARIES_OF_PLANT = {"rotorpy": ("rotorpy", "scipy"), "crazyflow": ("crazyflow", "jax")}
 
 Flyable = TypeVar("Flyable")  # a Spec or a HeatSpec
 

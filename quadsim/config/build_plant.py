@@ -22,6 +22,7 @@ from quadsim.firmware.actuators import (
 from quadsim.firmware.configuration import eeprom_with_log
 from quadsim.firmware.identified import firmware_for
 from quadsim.physics.actuators import Actuators
+from quadsim.physics.crazyflow_plant import CrazyflowPlant
 from quadsim.physics.domain_randomization import Randomization, forces, gusts
 from quadsim.physics.faults import RotorFault
 from quadsim.physics.link import CommandNoise, Link
@@ -68,7 +69,9 @@ def plant_of(spec: Spec, arena: Arena | None = None) -> Plant:
     plant = partial(SharedPlant, arena) if arena else PLANTS[cast(PlantName, spec.plant)]
     course = spec.flown_course
     faults = [fault for fault in spec.drawn_faults if isinstance(fault, RotorFault)]
-    if plant is not RotorpyPlant:
+    if plant is CrazyflowPlant:
+        plant = partial(plant, noise=_command_noise(spec))
+    elif plant is not RotorpyPlant:
         plant = partial(plant, actuators=partial(actuators_of, spec))
     if spec.randomize == 0:
         return plant(course, spec.vehicle, spec.plant_dt, start=spec.start, faults=faults)

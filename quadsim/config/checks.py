@@ -18,6 +18,7 @@ from quadsim.dynamics.quadrotor import Control
 from quadsim.files.yaml_errors import shown_value
 from quadsim.firmware.process import MAIN_LOOP
 from quadsim.firmware.text import Text
+from quadsim.physics.crazyflow_plant import before_scipy
 from quadsim.physics.faults import CommandLoss, RotorFault, parse_fault, sensor_key
 from quadsim.physics.link import WIRE, LinkConfig
 from quadsim.physics.randomization_file import RandomizationRanges, check_randomization
@@ -91,6 +92,9 @@ def check_plant(plant: object) -> None:
     elif plant not in PLANTS:
         known = " or ".join(map(repr, PLANTS))
         raise SettingError("plant", f"expected {known}, got {plant!r}")
+    elif plant == "crazyflow":
+        # Here, as the planner loads SciPy before a flight has its plant
+        before_scipy()
 
 
 def check_cost(cost: object) -> None:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from quadsim.course import Course
     from quadsim.dynamics.quadrotor import ModelParams
     from quadsim.firmware.text import Text
-    from quadsim.physics.plant import Plant
+    from quadsim.physics.plant import Plant, PlantName
     from quadsim.physics.randomization_file import RandomizationRanges
     from quadsim.racing.flight import ControlLaw, Controller, RefereeProtocol
     from quadsim.sensing import Sensing
@@ -46,7 +46,7 @@ class Keywords(TypedDict, total=False):
     sensing: str | Path | Sensing | None
     randomization: str | Path | RandomizationRanges | None
     view_weight: float | None
-    plant: Literal["bullet", "rigid", "rotorpy"] | Plant | Callable[[Spec], Plant] | None
+    plant: PlantName | Plant | Callable[[Spec], Plant] | None
     betaflight: str | Path | Text | None
     term: str | Sequence[str] | None
     seed: int | None

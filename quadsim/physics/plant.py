@@ -1,7 +1,7 @@
 """Plants: the simulated vehicle. The controller's model of the vehicle may differ from the plant.
 
 A quadrotor is a rigid body behind its actuators; the rigid body moves in one of two worlds,
-PyBullet's and our own. A third simulator, RotorPy, has its own multirotor.
+PyBullet's and our own. Two more simulators, RotorPy and Crazyflow, have multirotors of their own.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from quadsim.dynamics.quadrotor import State
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import shown_value
 from quadsim.physics.actuators import Actuators, Wrench
+from quadsim.physics.crazyflow_plant import CrazyflowPlant
 from quadsim.physics.faults import CommandLoss, RotorFault
 from quadsim.physics.link import HOVER
 from quadsim.physics.plant_state import MotorUse, PlantState, start_state
@@ -309,11 +310,12 @@ class BulletPlant(RigidPlant):
         return world.BulletWorld(course, body, dt)
 
 
-PlantName = Literal["bullet", "rigid", "rotorpy"]
-PLANTS: dict[PlantName, type[RigidPlant] | type[RotorpyPlant]] = {
+PlantName = Literal["bullet", "rigid", "rotorpy", "crazyflow"]
+PLANTS: dict[PlantName, type[RigidPlant] | type[RotorpyPlant] | type[CrazyflowPlant]] = {
     "bullet": BulletPlant,
     "rigid": RigidPlant,
     "rotorpy": RotorpyPlant,
+    "crazyflow": CrazyflowPlant,
 }
 
 

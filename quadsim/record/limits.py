@@ -267,7 +267,7 @@ class LimitProblem:
         the timed mode.
         """
         own = {"plant", "referee"} & set(spec.get("own", {}))
-        if own or spec.get("plant") == "rotorpy" or spec.get("penalties"):
+        if own or spec.get("plant") in ("rotorpy", "crazyflow") or spec.get("penalties"):
             return None
         course = parse_course(spec["course_text"], spec["course"])
         return cls.of(course, msgspec.convert(spec["vehicle"], Vehicle), spec["laps"])

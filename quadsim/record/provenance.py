@@ -11,7 +11,7 @@ import sys
 from importlib import metadata
 from pathlib import Path
 
-PACKAGES = ("quadsim", "numpy", "scipy", "pybullet", "numba", "rotorpy")
+PACKAGES = ("quadsim", "numpy", "scipy", "pybullet", "numba", "rotorpy", "crazyflow", "jax")
 # Print the commit alone, without the names of tags, and whether files differ from it
 DESCRIBE = ("describe", "--always", "--dirty", "--abbrev=40", "--exclude=*")
 

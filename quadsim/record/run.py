@@ -277,8 +277,8 @@ def flown_with(spec: dict[str, Any]) -> str:
     behind = " behind Betaflight" if spec.get("betaflight") else ""
     parts.append(f"vehicle {spec['vehicle']['name']}{behind}")
     # The other plants have the same dynamics
-    if spec.get("plant") == "rotorpy":
-        parts.append("plant rotorpy")
+    if spec.get("plant") in ("rotorpy", "crazyflow"):
+        parts.append(f"plant {spec['plant']}")
     parts.append(f"seed {spec['seed']}")
     heat = spec.get("heat")
     if heat:

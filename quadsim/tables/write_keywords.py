@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from quadsim.course import Course
     from quadsim.dynamics.quadrotor import ModelParams
     from quadsim.firmware.text import Text
-    from quadsim.physics.plant import Plant
+    from quadsim.physics.plant import Plant, PlantName
     from quadsim.physics.randomization_file import RandomizationRanges
     from quadsim.racing.flight import ControlLaw, Controller, RefereeProtocol
     from quadsim.sensing import Sensing
@@ -61,7 +61,7 @@ OBJECTS = {
     "sensing": "str | Path | Sensing",
     "randomization": "str | Path | RandomizationRanges",
     "competition": "str | Path | Competition",
-    "plant": 'Literal["bullet", "rigid", "rotorpy"] | Plant | Callable[[Spec], Plant]',
+    "plant": "PlantName | Plant | Callable[[Spec], Plant]",
     "betaflight": "str | Path | Text",
     "runs_dir": "str | Path",
     "planner": "Planner",

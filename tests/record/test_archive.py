@@ -61,6 +61,8 @@ def test_run_json_says_what_flew_and_where(tmp_path):
         "pybullet",
         "numba",
         "rotorpy",
+        "crazyflow",
+        "jax",
     }
     assert record["argv"] == sys.argv
     assert {
