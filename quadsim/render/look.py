@@ -7,7 +7,7 @@ before (Perlin 1985).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from math import cos, pi, sin
 from typing import NamedTuple
@@ -32,8 +32,21 @@ WHITE = (1.0, 1.0, 1.0)
 HORIZON = (214, 226, 236)
 ZENITH = (96, 150, 214)
 
-# directions in the world, unit length (n, 3) -> colours (n, 3) uint8
-Sky = Callable[[np.ndarray], np.ndarray]
+
+class Sky(NamedTuple):
+    """The colours of the sky by direction, 0 to 255.
+
+    A share of the cloud's colour covers the colour of the elevation. The cover is fixed in the
+    world, and mapped to the sky by stereographic projection from below, x / (1 + z), y / (1 + z):
+    its middle is the zenith, its edges touch the horizon.
+    """
+
+    # colours by the square root of the sine of the elevation  (256, 3) float32
+    gradient: np.ndarray
+    # shares of the cloud's colour, 0 to 1  (edge, edge) float32; (1, 1): no cloud
+    cover: np.ndarray
+    # colour of the clouds  (3,) float32
+    cloud: np.ndarray
 
 
 class Paint(NamedTuple):
@@ -50,7 +63,6 @@ class Light(NamedTuple):
     colour: Vec3  # 0 to 1
     ambient: float  # shares of the light
     diffuse: float
-    specular: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +86,7 @@ def plain_look() -> Look:
             towards=(0.4, 0.3, 1.0),
             colour=WHITE,
             ambient=0.6,
-            diffuse=0.35,
-            specular=0.05,
+            diffuse=0.4,
         ),
         sky=_gradient(HORIZON, ZENITH),
     )
@@ -159,38 +170,17 @@ def _light(rng: np.random.Generator) -> Light:
         colour=(red, green, blue),
         ambient=ambient,
         diffuse=rng.uniform(0.3, 0.9 - 0.4 * ambient),
-        specular=rng.uniform(0.0, 0.4),
     )
 
 
 def _gradient(horizon: Vec3, zenith: Vec3) -> Sky:
     """Return a sky whose colour changes from the horizon to the zenith."""
-    colours = np.linspace(horizon, zenith, 256).astype(np.uint8)
-
-    def sky(directions: np.ndarray) -> np.ndarray:
-        up = np.sqrt(np.clip(directions[:, 2], 0.0, 1.0))
-        return colours[(up * 255).astype(np.uint8)]
-
-    return sky
+    colours = np.linspace(horizon, zenith, 256).astype(np.float32)
+    return Sky(colours, np.zeros((1, 1), np.float32), np.zeros(3, np.float32))
 
 
 def _clouds(rng: np.random.Generator) -> Sky:
-    """Draw a sky: colours of horizon and zenith, and noise of a third colour.
-
-    The noise is fixed in the world. It is mapped to the sky by stereographic projection from below:
-    x / (1 + z), y / (1 + z).
-    """
+    """Draw a sky: colours of horizon and zenith, and noise of a third colour."""
     horizon, zenith, cloud = rng.integers(0, 256, (3, 3))
-    below = _gradient(horizon, zenith)
     cover = (noise(rng, CLOUDS) ** rng.uniform(0.5, 3.0)).astype(np.float32)
-    cloud = cloud.astype(np.float32)
-
-    def sky(directions: np.ndarray) -> np.ndarray:
-        middle = (CLOUDS - 1) / 2
-        half = np.float32(middle) / (np.float32(1.0) + np.maximum(directions[:, 2], 0.0))
-        row = (middle + half * directions[:, 0]).astype(np.intp)
-        column = (middle + half * directions[:, 1]).astype(np.intp)
-        share = cover[row, column][:, None]
-        return ((1.0 - share) * below(directions) + share * cloud).astype(np.uint8)
-
-    return sky
+    return _gradient(horizon, zenith)._replace(cover=cover, cloud=cloud.astype(np.float32))
