@@ -33,7 +33,10 @@ from quadsim.sensing.navigation import (
     StateSource,
     TrueState,
 )
+from quadsim.sensing.pixel_camera import Eye
+from quadsim.sensing.pixels.tracker import Tracker
 from quadsim.sensing.sensors import WARM_UP, Sensors
+from quadsim.streams import sensor_streams
 from quadsim.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -104,9 +107,10 @@ def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> S
 
     # A learned pilot flies by the map.
     course = None if spec.pilot else CourseEstimate(spec.course)
+    gates = frames(spec.course.gates)
     estimator = Estimator(
         sensing,
-        gates=frames(spec.course.gates),
+        gates=gates,
         start=spec.start or spec.course.start,
         t=-WARM_UP,
         displaced=spec.displacement.gates,
@@ -120,6 +124,7 @@ def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> S
         dt=dt,
         adapt=adapts,
         rotor_std=rotor_std(sensing.rotors, spec.vehicle),
+        tracker=Tracker(sensing.pixels, gates) if sensing.pixels else None,
     )
     if spec.record_sensing:
         state.keep()
@@ -137,10 +142,22 @@ def _sensors(spec: Spec, sensing: Sensing, plant: Plant) -> Sensors:
         velocity_lag=getattr(plant, "velocity_lag", 0.0),
         obstacles=flown.obstacles,
         faults=[f for f in spec.drawn_faults if isinstance(f, SensorFault | BiasJump)],
+        eye=_eye(spec, sensing),
     )
     sensors.warm_up(plant.state, plant.dt)
     sensors.observe(plant.state)
     return sensors
+
+
+def _eye(spec: Spec, sensing: Sensing) -> Eye | None:
+    """Return what draws the pictures of a pixel camera; None without one."""
+    if sensing.pixels is None:
+        return None
+    # Imported here, as it loads the compiler.
+    from quadsim.render.eye import CourseEye
+
+    pixels = sensor_streams(spec.streams.sensors).pixels
+    return CourseEye(sensing.pixels, pixels, spec.flown_course)
 
 
 def rotor_std(config: RotorConfig | None, vehicle: Vehicle) -> float:

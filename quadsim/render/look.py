@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from quadsim.rotation import Vec3
+from quadsim.sensing.pixels.signal import ORANGE
 from quadsim.streams import LookStreams, texture_stream
 
 VARIED = ("textures", "light", "background")  # parts that can be drawn from a seed
@@ -24,7 +25,6 @@ TEXTURES = 24  # number of textures; the first two are not random
 FLAT = 0
 CHEQUERED = 1
 # colours, 0 to 1
-ORANGE = (0.9, 0.43, 0.1)
 GREY = (0.55, 0.58, 0.53)
 DARK = (0.3, 0.33, 0.42)
 WHITE = (1.0, 1.0, 1.0)
