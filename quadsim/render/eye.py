@@ -10,17 +10,15 @@ from PIL import Image
 
 from quadsim.course import Course
 from quadsim.render.faces import Banner
-from quadsim.render.look import Look, drawn_look, plain_look
+from quadsim.render.look import plain_look, venue_look
 from quadsim.render.raster import Film
 from quadsim.render.scene import Scene, Views
 from quadsim.sensing.config import PixelCameraConfig
-from quadsim.streams import LookStreams, picture_streams
+from quadsim.streams import picture_streams
 
 # Rows and columns by which the noise of a picture is larger than the picture: it is shifted at
 # random from picture to picture, as drawing new noise takes as long as drawing the picture.
 SPARE = 61
-# What is drawn from the seed of a flight with `varied`; gates keep their known colour.
-VARIED = ("textures", "light", "background")
 # Banners: largest number of draws for one, least distance to gates [m], ranges of width and
 # height [m]
 TRIES = 100
@@ -43,7 +41,7 @@ class CourseEye:
         streams = picture_streams(seeds)
         self._config = config
         self._scene = Scene(course, config, banners=drawn_banners(config.banners, course, streams.banners))
-        self._look = varied_look(streams.look) if config.varied else plain_look()
+        self._look = venue_look(streams.look) if config.varied else plain_look()
         self._rng = np.random.default_rng(streams.noise)
         shape = (config.height + SPARE, config.width + SPARE, 3)
         noisy = config.read_noise > 0.0 or config.shot_noise > 0.0
@@ -62,12 +60,6 @@ class CourseEye:
         )
         rgb = self._scene.expose(Views(eyes, axes), self._look, film).rgb
         return compressed(rgb, config.jpeg) if config.jpeg else rgb
-
-
-def varied_look(streams: LookStreams) -> Look:
-    """Return a look with random ground, light and sky, and gates as they always are."""
-    look = drawn_look(streams, VARIED)
-    return Look(look.ground, plain_look().gates, look.obstacles, look.light, look.sky)
 
 
 def drawn_banners(count: int, course: Course, seeds: np.random.SeedSequence) -> list[Banner]:

@@ -20,14 +20,19 @@ from quadsim.sensing.camera import Camera
 # largest number of points on an edge, and their distance in the picture [px]
 POINTS = 20
 SPACING = 4.0
+# number of points of short edges, and their least distance [px]
+FEW = 6
+NARROWEST = 1.5
 # share of an edge at either end that has no points, as two edges meet there
 ENDS = 0.06
 # [m] parts of edges with less depth are left out
 NEAREST = 0.3
 # least sine of the angle between a gate's plane and the line of sight to its centre
-SLANT = 0.2
+SLANT = 0.08
 # [m] by which a line of sight must pass a frame
 BESIDE = 0.03
+# [m] by which a line of sight must enter the frame of a point's own gate to be stopped
+WITHIN = 0.01
 # Sides of a rectangle: the row of the axis (0: left, 1: up), and the direction on it
 SIDES = ((0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0))
 # Edges of a gate: four inner ones, then four outer ones, in the order of SIDES
@@ -119,11 +124,11 @@ class Frames:
         return self.world(ends)
 
     def hide(self, points: np.ndarray, own: np.ndarray, eye: np.ndarray) -> np.ndarray:
-        """Return which points the frame of another gate hides from an eye.  (n,) bool
+        """Return which points a frame hides from an eye.  (n,) bool
 
         Args:
             points: [m]  (n, 3).
-            own: gate of each point, whose frame is left out  (n,).
+            own: gate of each point; of its frame, only the nearer plane hides it  (n,).
             eye: [m]  (3,).
         """
         here = self.local(eye[None])  # (G, 1, 3)
@@ -136,8 +141,25 @@ class Frames:
         in_outer = (beyond < self.outer[:, None] + BESIDE).all(axis=-1)
         in_opening = (beyond < self.inner[:, None] - BESIDE).all(axis=-1)
         hidden = between & in_outer & ~in_opening
-        hidden[own, np.arange(len(points))] = False
+        column = np.arange(len(points))
+        hidden[own, column] = self._hide_own(here[own, 0], there[own, column], own)
         return hidden.any(axis=0)
+
+    def _hide_own(self, here: np.ndarray, there: np.ndarray, own: np.ndarray) -> np.ndarray:
+        """Return which points are behind the nearer plane of their own frame.  (n,) bool
+
+        Args:
+            here: the eye, and
+            there: the points in the frames of their gates [m]  (n, 3).
+            own: gate of each point  (n,).
+        """
+        near = np.sign(here[:, 0]) * FRAME_DEPTH / 2
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = (here[:, 0] - near) / (here[:, 0] - there[:, 0])
+        beyond = abs(here[:, 1:] + share[:, None] * (there[:, 1:] - here[:, 1:]))
+        in_frame = (beyond < self.outer[own] - WITHIN).all(axis=-1)
+        in_opening = (beyond < self.inner[own] + WITHIN).all(axis=-1)
+        return (share > 0.0) & (share < 1.0 - 1e-6) & in_frame & ~in_opening
 
 
 def visible_points(
@@ -176,7 +198,9 @@ def visible_points(
     length = np.linalg.norm(run, axis=1)
     low = np.maximum(low, ENDS)
     high = np.minimum(high, 1.0 - ENDS)
-    count = np.clip((high - low) * length / SPACING, 0, POINTS).astype(int)
+    visible = (high - low) * length
+    count = np.maximum(visible / SPACING, np.minimum(visible / NARROWEST, FEW))
+    count = np.clip(count, 0, POINTS).astype(int)
 
     # Equally spaced points in the picture; 1 / depth is linear along a line in the picture.
     k = np.arange(POINTS)

@@ -162,7 +162,9 @@ def corners(found: Lines, points: Points, ends: np.ndarray) -> Found:
             variance = np.maximum(*variances) / across**2
             good &= variance < LARGEST_STD**2
             w = np.where(good, 1.0 / variance, 0.0)
-            total[:, corner] += w[:, None] * np.column_stack([x, y])
+            # Shifts of edges without a line, or without an end, are not numbers.
+            shift = np.where(good[:, None], np.column_stack([x, y]), 0.0)
+            total[:, corner] += w[:, None] * shift
             weight[:, corner] += w
     gate, corner = np.nonzero(weight > 0.0)
     return Found(gate, corner, total[gate, corner] / weight[gate, corner][:, None])

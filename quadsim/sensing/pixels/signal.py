@@ -11,7 +11,7 @@ ORANGE = (0.9, 0.43, 0.1)
 # [px] half the length over which the two sides of a step are compared
 HALF = 2
 # least step of the signal, of numbers up to 255
-STEP = 14.0
+STEP = 7.0
 # share of the largest step from which the first one counts, seen from the expected place
 LIKELY = 0.6
 
