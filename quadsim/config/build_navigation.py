@@ -34,7 +34,6 @@ from quadsim.sensing.navigation import (
     TrueState,
 )
 from quadsim.sensing.pixel_camera import Eye
-from quadsim.sensing.pixels.tracker import Tracker
 from quadsim.sensing.sensors import WARM_UP, Sensors
 from quadsim.streams import sensor_streams
 from quadsim.vehicle import Vehicle
@@ -107,10 +106,9 @@ def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> S
 
     # A learned pilot flies by the map.
     course = None if spec.pilot else CourseEstimate(spec.course)
-    gates = frames(spec.course.gates)
     estimator = Estimator(
         sensing,
-        gates=gates,
+        gates=frames(spec.course.gates),
         start=spec.start or spec.course.start,
         t=-WARM_UP,
         displaced=spec.displacement.gates,
@@ -124,7 +122,6 @@ def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> S
         dt=dt,
         adapt=adapts,
         rotor_std=rotor_std(sensing.rotors, spec.vehicle),
-        tracker=Tracker(sensing.pixels, gates) if sensing.pixels else None,
     )
     if spec.record_sensing:
         state.keep()

@@ -40,7 +40,9 @@ class CourseEye:
         """
         streams = picture_streams(seeds)
         self._config = config
-        self._scene = Scene(course, config, banners=drawn_banners(config.banners, course, streams.banners))
+        self._scene = Scene(
+            course, config, banners=drawn_banners(config.banners, course, streams.banners)
+        )
         self._look = venue_look(streams.look) if config.varied else plain_look()
         self._rng = np.random.default_rng(streams.noise)
         shape = (config.height + SPARE, config.width + SPARE, 3)

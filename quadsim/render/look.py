@@ -145,7 +145,12 @@ def textures() -> list[np.ndarray]:
     chequered = np.repeat(np.where(squares, 255, 215).astype(np.uint8), 3, axis=2)
     coloured = [_texture(rng) for _ in range(TEXTURES - 2)]
     greys = [_texture(rng).mean(axis=2, keepdims=True) for _ in range(GREYS)]
-    return [flat, chequered, *coloured, *(grey.repeat(3, axis=2).astype(np.uint8) for grey in greys)]
+    return [
+        flat,
+        chequered,
+        *coloured,
+        *(grey.repeat(3, axis=2).astype(np.uint8) for grey in greys),
+    ]
 
 
 def noise(rng: np.random.Generator, size: int, octaves: int = 4) -> np.ndarray:

@@ -36,6 +36,13 @@ NEAR = 0.05
 TIE = 1e-6
 # [px] Rows added to those between the projected corners of a face, as the pose changes by row
 MARGIN = 3
+# Columns that share a level of detail
+COLUMNS = 16
+# Numbers of single precision, so that a loop computes in it
+ZERO = np.float32(0.0)
+ONE = np.float32(1.0)
+WHITE = np.float32(255.0)
+STEPS = np.float32(255.0)
 # texels of a texture's edge, and levels of detail of a texture, each half as fine as the one before
 TEXELS = 128
 LEVELS = 8
@@ -86,7 +93,8 @@ def pyramid(texture: np.ndarray) -> np.ndarray:
         texture: (TEXELS, TEXELS, 3) uint8.
 
     Returns:
-        (n, 3) uint8: the texels of the first level row by row, then those of the next.
+        (n,) int32: the texels of the first level row by row, then those of the next, each as red +
+        256 green + 65536 blue.
     """
     level = texture.astype(np.float32)
     levels = []
@@ -94,7 +102,8 @@ def pyramid(texture: np.ndarray) -> np.ndarray:
         levels.append(level.reshape(-1, 3))
         if len(level) > 1:
             level = (level[::2, ::2] + level[1::2, ::2] + level[::2, 1::2] + level[1::2, 1::2]) / 4
-    return np.rint(np.concatenate(levels)).astype(np.uint8)
+    colours = np.rint(np.concatenate(levels)).astype(np.int32)
+    return colours @ np.array([1, 256, 65536], np.int32)
 
 
 @kept
@@ -202,7 +211,7 @@ def draw(  # noqa: PLR0913, PLR0912, PLR0915, C901 (one loop nest, arrays one by
         offsets: offset of each pass within the pixel, to the right and down [px]  (passes, 2).
         rows: rows of each face, by `rows_of_faces`.
         origin to tint: as in Faces.
-        textures: levels of detail of each texture  (textures, n, 3).
+        textures: levels of detail of each texture, by `pyramid`  (textures, n).
         gradient, cover, cloud: as in quadsim.render.look.Sky.
         lens: focal lengths and centre, fx, fy, cx, cy [px].
         gain, read, shot, grain, shift_row, shift_column: as in Film.
@@ -217,7 +226,7 @@ def draw(  # noqa: PLR0913, PLR0912, PLR0915, C901 (one loop nest, arrays one by
     n = len(origin)
     nearest = np.empty(width)
     face = np.empty(width, np.int64)
-    light = np.empty((width, 3), np.float32)
+    light = np.empty((3, width), np.float32)
     # u / depth and v / depth at column 0, and their change by column; factor of a texel's size
     at = np.empty((n, 5))
     middle = np.float32(cover.shape[0] - 1) / np.float32(2.0)
@@ -346,64 +355,89 @@ def draw(  # noqa: PLR0913, PLR0912, PLR0915, C901 (one loop nest, arrays one by
                 at[f, 1] = u1
                 at[f, 2] = v0
                 at[f, 3] = v1
-                edge = np.sqrt(
-                    repeats[f, 0] * repeats[f, 1] / np.sqrt(nx * nx + ny * ny + nz * nz)
-                )
+                edge = np.sqrt(repeats[f, 0] * repeats[f, 1] / np.sqrt(nx * nx + ny * ny + nz * nz))
                 normal = np.sqrt(nx * nx + ny * ny + nz * nz)
                 at[f, 4] = TEXELS * edge * normal / (fx * abs(away))
                 for x in range(first, hole_first):
                     q = q0 + q1 * x
-                    if q > nearest[x] * (1.0 + TIE):
+                    if q * (1.0 - TIE) > nearest[x]:
                         nearest[x] = q
                         face[x] = f
                 for x in range(hole_end, end):
                     q = q0 + q1 * x
-                    if q > nearest[x] * (1.0 + TIE):
+                    if q * (1.0 - TIE) > nearest[x]:
                         nearest[x] = q
                         face[x] = f
 
-            # Colours.
-            for x in range(width):
-                f = face[x]
-                if f == NONE:
-                    gx = dx + x * ex
-                    gy = dy + x * ey
-                    gz = dz + x * ez
-                    long = 1.0 / np.sqrt(gx * gx + gy * gy + gz * gz)
-                    up = min(max(gz * long, 0.0), 1.0)
-                    k = int(np.sqrt(up) * 255.0)
-                    if cover.shape[0] > 1:
-                        half = middle / (1.0 + up)
-                        cloudy = cover[int(middle + half * gx * long), int(middle + half * gy * long)]
+            # Colours, by runs of columns that see the same face.
+            end = 0
+            while end < width:
+                first = end
+                f = face[first]
+                while end < width and face[end] == f:
+                    end += 1
+                if f == NONE and cover.shape[0] > 1:
+                    for x in range(first, end):
+                        gx = np.float32(dx + x * ex)
+                        gy = np.float32(dy + x * ey)
+                        gz = np.float32(dz + x * ez)
+                        long = ONE / np.sqrt(gx * gx + gy * gy + gz * gz)
+                        up = min(max(gz * long, ZERO), ONE)
+                        k = np.int32(np.sqrt(up) * STEPS)
+                        half = middle / (ONE + up) * long
+                        row = np.int32(middle + half * gx)
+                        column = np.int32(middle + half * gy)
+                        cloudy = cover[row, column]
                         for c in range(3):
                             clear = gradient[k, c]
-                            light[x, c] += clear + cloudy * (cloud[c] - clear)
-                    else:
+                            light[c, x] += clear + cloudy * (cloud[c] - clear)
+                elif f == NONE:
+                    for x in range(first, end):
+                        gx = np.float32(dx + x * ex)
+                        gy = np.float32(dy + x * ey)
+                        gz = np.float32(dz + x * ez)
+                        up = min(max(gz / np.sqrt(gx * gx + gy * gy + gz * gz), ZERO), ONE)
+                        k = np.int32(np.sqrt(up) * STEPS)
                         for c in range(3):
-                            light[x, c] += gradient[k, c]
-                    continue
-                k = texture[f]
-                if k == NONE:
+                            light[c, x] += gradient[k, c]
+                elif texture[f] == NONE:
                     for c in range(3):
-                        light[x, c] += np.float32(255.0) * tint[f, c]
-                    continue
-                depth = 1.0 / nearest[x]
-                u = (at[f, 0] + at[f, 1] * x) * depth
-                v = (at[f, 2] + at[f, 3] * x) * depth
-                level = 0
-                size = at[f, 4] * depth * depth
-                texels = TEXELS
-                begin = 0
-                while size > 1.4 and level < LEVELS - 1:
-                    size *= 0.5
-                    level += 1
-                    begin += texels * texels
-                    texels //= 2
-                column = int(np.floor(u * repeats[f, 0] * texels)) & (texels - 1)
-                row = int(np.floor(v * repeats[f, 1] * texels)) & (texels - 1)
-                texel = begin + row * texels + column
-                for c in range(3):
-                    light[x, c] += tint[f, c] * textures[k, texel, c]
+                        plain = WHITE * tint[f, c]
+                        for x in range(first, end):
+                            light[c, x] += plain
+                else:
+                    # The level of detail is that of the middle of some columns.
+                    u0 = at[f, 0] * repeats[f, 0]
+                    u1 = at[f, 1] * repeats[f, 0]
+                    v0 = at[f, 2] * repeats[f, 1]
+                    v1 = at[f, 3] * repeats[f, 1]
+                    red = tint[f, 0]
+                    green = tint[f, 1]
+                    blue = tint[f, 2]
+                    texels = textures[texture[f]]
+                    for some in range(first, end, COLUMNS):
+                        stop = min(some + COLUMNS, end)
+                        depth = 1.0 / nearest[(some + stop) // 2]
+                        size = at[f, 4] * depth * depth
+                        level = 0
+                        edge = TEXELS
+                        begin = 0
+                        while size > 1.4 and level < LEVELS - 1:
+                            size *= 0.5
+                            level += 1
+                            begin += edge * edge
+                            edge //= 2
+                        mask = np.int32(edge - 1)
+                        wide = np.int32(edge)
+                        offset = np.int32(begin)
+                        for x in range(some, stop):
+                            depth = edge / nearest[x]
+                            column = np.int32(np.floor((u0 + u1 * x) * depth)) & mask
+                            row = np.int32(np.floor((v0 + v1 * x) * depth)) & mask
+                            texel = texels[offset + row * wide + column]
+                            light[0, x] += red * np.float32(texel & 255)
+                            light[1, x] += green * np.float32((texel >> 8) & 255)
+                            light[2, x] += blue * np.float32(texel >> 16)
 
             if s == 0:
                 for x in range(width):
@@ -415,7 +449,7 @@ def draw(  # noqa: PLR0913, PLR0912, PLR0915, C901 (one loop nest, arrays one by
         tile_columns = grain.shape[1]
         for x in range(width):
             for c in range(3):
-                number = light[x, c] * share_of_pass * gain
+                number = light[c, x] * share_of_pass * gain
                 if read > 0.0 or shot > 0.0:
                     spread = np.sqrt(read * read + shot * max(number, 0.0))
                     row = (y + shift_row) % tile_rows

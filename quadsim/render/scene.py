@@ -212,7 +212,7 @@ class Scene:
 
 @cache
 def _textures() -> np.ndarray:
-    """Return the levels of detail of all textures.  (textures, n, 3) uint8"""
+    """Return the levels of detail of all textures.  (textures, n) int32"""
     return np.array([pyramid(texture) for texture in textures()])
 
 

@@ -41,7 +41,6 @@ from quadsim.sensing.estimation.vehicle_learner import VehicleLearner
 from quadsim.sensing.kept import Kept
 from quadsim.sensing.known_course import KnownCourse
 from quadsim.sensing.measurements import Corners, Inertial, Measurement, Photo, RotorThrust
-from quadsim.sensing.pixels.tracker import Tracker
 from quadsim.sensing.sensors import Sensors
 
 # [m] change of a gate's estimated position or standard deviation that makes a new course
@@ -221,7 +220,6 @@ class SensedState:
         dt: float,
         adapt: bool,
         rotor_std: float,
-        tracker: Tracker | None = None,
     ):
         """Put sensors and estimators together.
 
@@ -234,9 +232,7 @@ class SensedState:
             dt: control period [s].
             adapt: whether the planner uses the estimated vehicle parameters.
             rotor_std: standard deviation of the thrust from rotor speeds [m/s^2].
-            tracker: finder of gates in pictures; None without a pixel camera.
         """
-        self._tracker = tracker
         self._sensors = sensors
         self._estimator = estimator
         self._body_rates = body_rates
@@ -327,10 +323,7 @@ class SensedState:
         for arrived in self._sensors.arrived(t):
             measurement = arrived
             if isinstance(arrived, Photo):
-                assert self._tracker
-                filtered = self._estimator.before(arrived.t)
-                rates = self._estimator.rates(arrived.t)
-                measurement = self._tracker(arrived, filtered, rates)
+                measurement = self._estimator.corners_of(arrived)
             if self._kept is not None:
                 self._kept.append(measurement)
             match measurement:

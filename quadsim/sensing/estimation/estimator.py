@@ -18,11 +18,12 @@ from typing import assert_never
 import numpy as np
 
 from quadsim.course import Gate, Start
-from quadsim.rotation import Vec3, exp
+from quadsim.rotation import exp
 from quadsim.sensing.estimation.error_state import MOVING, FilterState, Motion
 from quadsim.sensing.estimation.nominal import Nominal
 from quadsim.sensing.estimation.updates import CornerUpdate, Innovation, PoseUpdate
-from quadsim.sensing.measurements import Aiding, Corners, Inertial, Pose
+from quadsim.sensing.measurements import Aiding, Corners, Inertial, Photo, Pose
+from quadsim.sensing.pixels.tracker import Tracker
 from quadsim.sensing.sensing_file import Sensing
 
 # Initial standard deviations at the start pose: position [m], roll and pitch [deg], heading
@@ -77,6 +78,7 @@ class Estimator:
         self._pose = PoseUpdate(sensing.pose) if sensing.pose else None
         camera = sensing.corner_camera
         self._corners = CornerUpdate(camera, gates, unmapped > 0) if camera else None
+        self._tracker = Tracker(sensing.pixels, gates) if sensing.pixels else None
         self._latest = sensing.latest
         self._samples: deque[Inertial] = deque()
         self.state = _set_down(sensing, start, t, drifts, unmapped, displaced)
@@ -114,17 +116,14 @@ class Estimator:
             nominal = nominal.moved(self._samples[-1], t)
         return nominal
 
-    def before(self, t: float) -> FilterState:
-        """Return the filter's state at t [s], which may be earlier than the last measurement."""
-        earlier = [one.state for one in self._applied if one.measurement.t <= t]
-        return self._moved(t, earlier[-1] if earlier else self._oldest)
-
-    def rates(self, t: float) -> Vec3:
-        """Return the body rates at t [s], of the first sample that ends then or later [rad/s]."""
-        sample = next((one for one in self._samples if one.t >= t), None)
-        if sample is None and self._samples:
-            sample = self._samples[-1]
-        return self.state.nominal.rates(sample) if sample else (0.0, 0.0, 0.0)
+    def corners_of(self, photo: Photo) -> Corners:
+        """Return the corners of a picture, found near where the state at its time expects them."""
+        assert self._tracker
+        earlier = [one.state for one in self._applied if one.measurement.t <= photo.t]
+        state = self._moved(photo.t, earlier[-1] if earlier else self._oldest)
+        sample = next((one for one in self._samples if one.t >= photo.t), None)
+        rates = state.nominal.rates(sample) if sample else (0.0, 0.0, 0.0)
+        return self._tracker(photo, state, rates)
 
     def covariance(self, t: float) -> np.ndarray:
         """Return the error covariance at t [s], propagated in one step.  (n, n)"""

@@ -259,7 +259,7 @@ def _inside(
     return low, high
 
 
-def _towards_frame(  # noqa: PLR0913
+def _towards_frame(
     frames: Frames,
     view: View,
     gate: np.ndarray,

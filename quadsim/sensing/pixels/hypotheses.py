@@ -95,7 +95,7 @@ def _pattern(frames: Frames) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate(on), np.concatenate(off)
 
 
-def _scores(  # noqa: PLR0913
+def _scores(
     signal: np.ndarray,
     bars: np.ndarray,
     beside: np.ndarray,

@@ -21,9 +21,7 @@ LARGEST_STD = 1.5
 # bottom
 MEETING = ((0, 2), (0, 3), (1, 2), (1, 3))
 # Pairs of points through which lines are tried, by the share of the points at which they stand
-PAIRS = tuple(
-    (one / 8, other / 8) for one in range(9) for other in range(9) if other - one >= 3
-)
+PAIRS = tuple((one / 8, other / 8) for one in range(9) for other in range(9) if other - one >= 3)
 
 
 class Lines(NamedTuple):

@@ -163,5 +163,3 @@ class Tracker:
         own = np.repeat(np.arange(len(frames.centre)), 4)
         points = frames.corners.reshape(-1, 3)
         return int((inside & near & ~frames.hide(points, own, view.eye)).sum())
-
-
