@@ -60,7 +60,7 @@ class CourseEye:
             grain=self._grain,
             shift=(row, column),
         )
-        rgb = self._scene.expose(Views(eyes, axes), self._look, film).rgb
+        rgb = self._scene.colours(Views(eyes, axes), self._look, film)
         return compressed(rgb, config.jpeg) if config.jpeg else rgb
 
 

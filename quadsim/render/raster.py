@@ -40,6 +40,7 @@ MARGIN = 3
 COLUMNS = 16
 # Numbers of single precision, so that a loop computes in it
 ZERO = np.float32(0.0)
+HALF = np.float32(0.5)
 ONE = np.float32(1.0)
 WHITE = np.float32(255.0)
 STEPS = np.float32(255.0)
@@ -80,7 +81,8 @@ class Film(NamedTuple):
     read: float
     # variance per unit of the number
     shot: float
-    # standard normal numbers  (rows, columns, 3) float32
+    # standard normal numbers, which reach over the picture from `shift` on
+    # (rows, columns, 3) float32
     grain: np.ndarray
     # row and column of `grain` at the picture's first pixel
     shift: tuple[int, int]
@@ -230,7 +232,7 @@ def draw(  # noqa: PLR0913, PLR0912, PLR0915, C901 (one loop nest, arrays one by
     # u / depth and v / depth at column 0, and their change by column; factor of a texel's size
     at = np.empty((n, 5))
     middle = np.float32(cover.shape[0] - 1) / np.float32(2.0)
-    share_of_pass = np.float32(1.0) / np.float32(passes)
+    factor = gain / np.float32(passes)
     lowest = 1.0 / 1e6
     for y in range(height):
         light[:] = 0.0
@@ -445,14 +447,14 @@ def draw(  # noqa: PLR0913, PLR0912, PLR0915, C901 (one loop nest, arrays one by
                     seen[y, x] = face[x]
 
         # The numbers of the picture.
-        tile_rows = grain.shape[0]
-        tile_columns = grain.shape[1]
-        for x in range(width):
-            for c in range(3):
-                number = light[c, x] * share_of_pass * gain
-                if read > 0.0 or shot > 0.0:
-                    spread = np.sqrt(read * read + shot * max(number, 0.0))
-                    row = (y + shift_row) % tile_rows
-                    column = (x + shift_column) % tile_columns
-                    number += spread * grain[row, column, c]
-                rgb[y, x, c] = np.uint8(min(max(number + 0.5, 0.0), 255.0))
+        for c in range(3):
+            if read > ZERO or shot > ZERO:
+                for x in range(width):
+                    number = light[c, x] * factor
+                    spread = np.sqrt(read * read + shot * max(number, ZERO))
+                    number += spread * grain[y + shift_row, x + shift_column, c]
+                    rgb[y, x, c] = np.uint8(min(max(number + HALF, ZERO), WHITE))
+            else:
+                for x in range(width):
+                    number = light[c, x] * factor + HALF
+                    rgb[y, x, c] = np.uint8(min(max(number, ZERO), WHITE))

@@ -59,6 +59,17 @@ class Views(NamedTuple):
     axes: np.ndarray
 
 
+class Drawn(NamedTuple):
+    """What the rasteriser fills."""
+
+    # (height, width, 3) uint8
+    rgb: np.ndarray
+    # [1/m]  (height, width) float32
+    inverse_depth: np.ndarray
+    # index of the face, NONE: sky  (height, width) int16
+    seen: np.ndarray
+
+
 class Painted(NamedTuple):
     """A face with its paint and its number in the segmentation."""
 
@@ -140,12 +151,24 @@ class Scene:
             look: paint, light and sky.
             film: brightness and noise.
         """
+        drawn = self._draw(views, look, film)
+        with np.errstate(divide="ignore"):
+            depth = np.float32(1.0) / drawn.inverse_depth
+        numbers = np.append(self._faces.ids, np.uint8(SKY))
+        return Picture(drawn.rgb, depth, numbers[drawn.seen])
+
+    def colours(self, views: Views, look: Look, film: Film = PLAIN_FILM) -> np.ndarray:
+        """Return the colours of `expose` alone.  (height, width, 3) uint8"""
+        return self._draw(views, look, film).rgb
+
+    def _draw(self, views: Views, look: Look, film: Film) -> Drawn:
+        """Draw a picture."""
         if look is not self._look:
             self._faces = _arrays(self._painted(look), look.light)
             self._look = look
         camera = self._camera
         shape = (camera.height, camera.width)
-        lens = (camera.fx, camera.fy, camera.width / 2, camera.height / 2)
+        lens = (float(camera.fx), float(camera.fy), camera.width / 2, camera.height / 2)
         passes = len(views.eyes)
         offsets = np.resize(OFFSETS, (passes, 2)) if passes > 1 else np.zeros((1, 2))
         eyes = np.ascontiguousarray(views.eyes, float)
@@ -155,9 +178,9 @@ class Scene:
         rows_of_faces(
             eyes, axes, faces.origin, faces.a, faces.b, faces.two_sided, lens, shape, rows
         )
-        rgb = np.empty((*shape, 3), np.uint8)
-        inverse_depth = np.empty(shape, np.float32)
-        seen = np.empty(shape, np.int16)
+        drawn = Drawn(
+            np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.int16)
+        )
         draw(
             eyes,
             axes,
@@ -177,18 +200,14 @@ class Scene:
             look.sky.cover,
             look.sky.cloud,
             lens,
-            float(film.gain),
-            float(film.read),
-            float(film.shot),
+            np.float32(film.gain),
+            np.float32(film.read),
+            np.float32(film.shot),
             film.grain,
             *film.shift,
-            rgb,
-            inverse_depth,
-            seen,
+            *drawn,
         )
-        with np.errstate(divide="ignore"):
-            depth = np.float32(1.0) / inverse_depth
-        return Picture(rgb, depth, np.append(faces.ids, np.uint8(SKY))[seen])
+        return drawn
 
     def _painted(self, look: Look) -> list[Painted]:
         """Return all faces of the scene with their paint."""

@@ -321,9 +321,8 @@ class SensedState:
         self._rotors = None
         self._estimator.innovations.clear()
         for arrived in self._sensors.arrived(t):
-            measurement = arrived
-            if isinstance(arrived, Photo):
-                measurement = self._estimator.corners_of(arrived)
+            is_photo = isinstance(arrived, Photo)
+            measurement = self._estimator.corners_of(arrived) if is_photo else arrived
             if self._kept is not None:
                 self._kept.append(measurement)
             match measurement:

@@ -16,6 +16,7 @@ import numpy as np
 from quadsim.course import Gate
 from quadsim.course.opening import FRAME_DEPTH, half_sizes, outer_half_sizes
 from quadsim.sensing.camera import Camera
+from quadsim.sensing.visibility import BEFORE
 
 # largest number of points on an edge, and their distance in the picture [px]
 POINTS = 20
@@ -159,7 +160,8 @@ class Frames:
         beyond = abs(here[:, 1:] + share[:, None] * (there[:, 1:] - here[:, 1:]))
         in_frame = (beyond < self.outer[own] - WITHIN).all(axis=-1)
         in_opening = (beyond < self.inner[own] + WITHIN).all(axis=-1)
-        return (share > 0.0) & (share < 1.0 - 1e-6) & in_frame & ~in_opening
+        before = (share > 0.0) & (share < BEFORE)
+        return before & in_frame & ~in_opening
 
 
 def visible_points(

@@ -67,7 +67,7 @@ def best_pose(
 
 def _normals() -> np.ndarray:
     """Return evenly spread points of the standard normal distribution.  (POSES, 6)"""
-    points = qmc.Sobol(6, scramble=True, seed=0).random(POSES)
+    points = qmc.Sobol(6, scramble=False).random(POSES)
     return ndtri(np.clip(points, 1e-6, 1.0 - 1e-6))
 
 

@@ -85,7 +85,7 @@ class Tracker:
             P = state.P[np.ix_(block, block)]
             error = best_pose(signal, frames, config, position, body, P)
             position = position + error[:3]
-            body = body @ matrix(exp(error[3:]))
+            body = body @ matrix(exp(error[3:].tolist()))
         view = self._view(position, body)
         points = visible_points(frames, view, config, config.range, border=4.0)
         late = self._late(points, position, body, np.array(nominal.velocity), rates)
