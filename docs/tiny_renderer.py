@@ -1,11 +1,9 @@
-"""A course rendered by PyBullet's TinyRenderer: colour, depth, and the gate in each pixel."""
+"""A course drawn by PyBullet's TinyRenderer, to compare the pictures of quadsim.render with."""
 
 from __future__ import annotations
 
 import tempfile
-from dataclasses import dataclass
 from itertools import cycle
-from math import pi
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,7 +14,8 @@ from quadsim.course import Course, Gate
 from quadsim.course.frames import frames
 from quadsim.course.obstacles import Cylinder, Obstacle
 from quadsim.physics.world import bullet
-from quadsim.render.look import TEXTURES, Look, Paint, textures
+from quadsim.render.look import Look, Paint, textures
+from quadsim.render.scene import GROUND_ID, LAST_GATE, OBSTACLE, SKY, Picture
 from quadsim.rotation import Quaternion, Vec3
 from quadsim.sensing.camera import Camera
 
@@ -25,52 +24,6 @@ NEAR = 0.05
 FAR = 400.0
 GROUND = 600.0  # half the ground's edge [m]
 TILE = 8.0  # edge of one tile of the ground's texture [m]
-# numbers in the segmentation; gates have their numbers from 1
-SKY = 0
-OBSTACLE = 254
-GROUND_ID = 255
-LAST_GATE = OBSTACLE - 1
-
-
-@dataclass(frozen=True, eq=False)
-class Picture:
-    """A picture of the camera."""
-
-    rgb: np.ndarray  # (height, width, 3) uint8
-    depth: np.ndarray  # (height, width) float32, along the optical axis [m]; inf: sky
-    # (height, width) uint8: SKY, the gate's number from 1, OBSTACLE, GROUND_ID
-    segmentation: np.ndarray
-
-
-class _Part(NamedTuple):
-    """Boxes or upright cylinders of one colour. Lengths are in radii of the vehicle."""
-
-    colour: Vec3
-    half: Vec3  # half the extents; a cylinder has the first one as its radius
-    places: tuple[Vec3, ...]  # centres in the body frame
-    yaws: tuple[float, ...]
-    round: bool = False
-
-
-# A cross-shaped quadrotor with front rotors of a different colour.
-PARTS = (
-    _Part((0.1, 0.1, 0.12), (1.1, 0.09, 0.06), ((0, 0, 0), (0, 0, 0)), (pi / 4, -pi / 4)),
-    _Part((0.85, 0.1, 0.1), (0.43, 0.21, 0.18), ((0, 0, 0.07),), (0.0,)),
-    _Part(
-        (0.95, 0.85, 0.2),
-        (0.53, 0.53, 0.03),
-        ((0.78, 0.78, 0.21), (0.78, -0.78, 0.21)),
-        (0.0, 0.0),
-        round=True,
-    ),
-    _Part(
-        (0.2, 0.2, 0.25),
-        (0.53, 0.53, 0.03),
-        ((-0.78, 0.78, 0.21), (-0.78, -0.78, 0.21)),
-        (0.0, 0.0),
-        round=True,
-    ),
-)
 
 
 class _Body(NamedTuple):
@@ -88,14 +41,12 @@ class Scene:
     Args:
         course: gates and obstacles.
         camera: the camera that takes the pictures.
-        radius: radius of a drawn vehicle [m], which `place` moves, and which the segmentation
-            counts as an obstacle. None: no vehicle is drawn.
 
     Raises:
         ValueError: the course has more gates than 8 bits can number.
     """
 
-    def __init__(self, course: Course, camera: Camera, radius: float | None = None):
+    def __init__(self, course: Course, camera: Camera):
         self.course = course
         # each once, however often a lap leads through it
         gates = frames(course.gates)
@@ -107,23 +58,11 @@ class Scene:
         self._ground = self._body(self._add_ground())
         self._gates = [self._body(self._add_gate(gate)) for gate in gates]
         self._obstacles = [self._body(self._add_obstacle(one)) for one in course.obstacles]
-        self._vehicle = [] if radius is None else self._add_vehicle(radius)
         # numbers in the segmentation of the bodies 0, 1, ..., and of -1, the background
         gate_ids = [course.gates.index(gate) + 1 for gate in gates]
-        obstacle_ids = [OBSTACLE] * (len(course.obstacles) + len(self._vehicle))
+        obstacle_ids = [OBSTACLE] * len(course.obstacles)
         self._ids = np.array([GROUND_ID, *gate_ids, *obstacle_ids, SKY], np.uint8)
         self._textures = self._load_textures()
-        self._rays = _rays(camera)
-
-    def place(self, p: Vec3, q: Quaternion) -> None:
-        """Move the drawn vehicle.
-
-        Args:
-            p: position [m].
-            q: attitude, wxyz.
-        """
-        for part in self._vehicle:
-            bullet.resetBasePositionAndOrientation(part, p, (*q[1:], q[0]), **self._at)
 
     def shoot(self, p: Vec3, q: Quaternion, look: Look) -> Picture:
         """Return the picture of a vehicle's camera, without the vehicle itself.
@@ -144,7 +83,7 @@ class Scene:
             lightColor=look.light.colour,
             lightAmbientCoeff=look.light.ambient,
             lightDiffuseCoeff=look.light.diffuse,
-            lightSpecularCoeff=look.light.specular,
+            lightSpecularCoeff=0.0,
             shadow=0,  # TinyRenderer's shadows are too coarse for gates on wide ground
             renderer=bullet.ER_TINY_RENDERER,
             **self._at,
@@ -158,9 +97,7 @@ class Scene:
         depth = np.float32(FAR * NEAR) / (np.float32(FAR) - np.float32(FAR - NEAR) * buffer)
 
         # TinyRenderer draws no sky
-        sky = segmentation == SKY
-        depth[sky] = np.inf
-        rgb[sky] = look.sky(self._rays[sky] @ axes.T.astype(np.float32))
+        depth[segmentation == SKY] = np.inf
         return Picture(rgb, depth, segmentation)
 
     def close(self) -> None:
@@ -223,34 +160,13 @@ class Scene:
             0.0, -1, shape, basePosition=obstacle.centre, baseOrientation=attitude, **self._at
         )
 
-    def _add_vehicle(self, radius: float) -> list[int]:
-        """Add the parts of a quadrotor of this radius [m], and return their numbers."""
-        numbers = []
-        for part in PARTS:
-            shape = bullet.createVisualShapeArray(
-                shapeTypes=[bullet.GEOM_CYLINDER if part.round else bullet.GEOM_BOX]
-                * len(part.places),
-                halfExtents=[[radius * half for half in part.half]] * len(part.places),
-                radii=[radius * part.half[0]] * len(part.places),
-                lengths=[2.0 * radius * part.half[2]] * len(part.places),
-                visualFramePositions=[[radius * x for x in place] for place in part.places],
-                visualFrameOrientations=[
-                    bullet.getQuaternionFromEuler([0.0, 0.0, yaw], **self._at) for yaw in part.yaws
-                ],
-                **self._at,
-            )
-            number = bullet.createMultiBody(0.0, -1, shape, **self._at)
-            bullet.changeVisualShape(number, -1, rgbaColor=(*part.colour, 1.0), **self._at)
-            numbers.append(number)
-        return numbers
-
     def _load_textures(self) -> list[int]:
         """Load each texture once, and return their numbers.
 
         PyBullet reads a texture from a file and never releases it.
         """
         with tempfile.TemporaryDirectory() as folder:
-            paths = [Path(folder) / f"{i}.png" for i in range(TEXTURES)]
+            paths = [Path(folder) / f"{i}.png" for i in range(len(textures()))]
             for path, pixels in zip(paths, textures(), strict=True):
                 Image.fromarray(pixels).save(path)
             return [bullet.loadTexture(str(path), **self._at) for path in paths]
@@ -273,19 +189,6 @@ class Scene:
                 rgbaColor=(*paint.colour, 1.0),
                 **self._at,
             )
-
-
-def _rays(camera: Camera) -> np.ndarray:
-    """Return unit directions through the centres of the pixels, in the camera frame.
-
-    Returns:
-        (height, width, 3) float32.
-    """
-    u = np.arange(camera.width) + 0.5
-    v = np.arange(camera.height) + 0.5
-    x, y = np.meshgrid((u - camera.width / 2) / camera.fx, (v - camera.height / 2) / camera.fy)
-    rays = np.stack([x, y, np.ones_like(x)], axis=-1)
-    return (rays / np.linalg.norm(rays, axis=-1, keepdims=True)).astype(np.float32)
 
 
 def _view(position: np.ndarray, axes: np.ndarray) -> list[float]:
