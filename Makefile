@@ -116,6 +116,8 @@ docs-figures: $(VENV)/.dev
 	$(BIN)/race compare split_s_swift --line-up colored colored colored colored --vehicle kolibri --laps 3 --samples 512 --randomize 1 --starts 32 --variants expect=own,expect=velocity --campaign $(FIGURES)/heats.sqlite --out $(FIGURES)/heats
 	cp $(FIGURES)/heats/*.png docs/heats_expect.png
 	$(BIN)/python docs/pictures_figure.py # docs/pictures.png
+	$(BIN)/python docs/renderers_figure.py # docs/renderers.png
+	$(BIN)/python docs/pixels_figure.py # docs/pixels.png
 	$(BIN)/python docs/sensing_figures.py # docs/sensing_*.png
 	$(BIN)/python docs/dashboard_pictures.py # docs/dashboard_*.png
 

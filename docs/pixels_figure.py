@@ -70,18 +70,12 @@ def main() -> None:
             draw(axes.flat[SHOWN.index(k)], photo, seen)
     figure.savefig(Path(__file__).parent / "pixels.png", dpi=100)
     hits, upright = np.array(found).T
-    print(
-        f"{hits.sum()} of {len(hits)} gates found, not from their side {upright_share(hits, upright)}"
-    )
+    print(f"{hits.sum()} of {len(hits)} gates found", end=", ")
+    print(f"not seen from their side {hits[upright].sum()} of {upright.sum()}")
     print(f"{len(errors)} corners, median {np.median(errors):.2f} px", end=", ")
     print(f"95 % within {np.quantile(errors, 0.95):.2f} px")
     print(f"processor time in the median: drawing {1e3 * np.median(drawing):.1f} ms", end=", ")
     print(f"tracking {1e3 * np.median(tracking):.1f} ms")
-
-
-def upright_share(hits: np.ndarray, upright: np.ndarray) -> str:
-    """Return how many of the gates that are not seen from their side are found."""
-    return f"{hits[upright].sum()} of {upright.sum()}"
 
 
 def moving(pose: Pose, velocity: np.ndarray, rates: np.ndarray) -> list[Moment]:

@@ -124,20 +124,24 @@ class Frames:
                 edge[:, 1, 2 - axis] = half[:, 1 - axis]
         return self.world(ends)
 
-    def hide(self, points: np.ndarray, own: np.ndarray, eye: np.ndarray) -> np.ndarray:
+    def hide(
+        self, points: np.ndarray, own: np.ndarray, eye: np.ndarray, merged: bool = False
+    ) -> np.ndarray:
         """Return which points a frame hides from an eye.  (n,) bool
 
         Args:
             points: [m]  (n, 3).
             own: gate of each point; of its frame, only the nearer plane hides it  (n,).
             eye: [m]  (3,).
+            merged: whether points with another frame behind them count too: an edge before
+                something of its own colour is not seen.
         """
         here = self.local(eye[None])  # (G, 1, 3)
         there = self.local(points)  # (G, n, 3)
         with np.errstate(divide="ignore", invalid="ignore"):
             share = here[..., 0] / (here[..., 0] - there[..., 0])  # (G, n)
             crossing = here[..., 1:] + share[..., None] * (there[..., 1:] - here[..., 1:])
-        between = (share > 0.0) & (share < 1.0)
+        between = (share > 0.0) & (merged | (share < 1.0))
         beyond = abs(crossing)
         in_outer = (beyond < self.outer[:, None] + BESIDE).all(axis=-1)
         in_opening = (beyond < self.inner[:, None] - BESIDE).all(axis=-1)
@@ -190,7 +194,7 @@ def visible_points(
     first, last = local[:, 0], local[:, 1]
     with np.errstate(divide="ignore", invalid="ignore"):
         cut = (NEAREST - first[:, 2]) / (last[:, 2] - first[:, 2])
-    meets = first + cut[:, None] * (last - first)
+        meets = first + cut[:, None] * (last - first)
     a = np.where((first[:, 2] < NEAREST)[:, None], meets, first)
     b = np.where((last[:, 2] < NEAREST)[:, None], meets, last)
     pixel_a, depth_a = camera.to_pixels(a)
@@ -229,7 +233,7 @@ def visible_points(
         normal=normal[rows],
         along=((share - 0.5) * length[:, None])[rows, columns],
     )
-    return taken(points, ~frames.hide(points.position, points.gate, view.eye))
+    return taken(points, ~frames.hide(points.position, points.gate, view.eye, merged=True))
 
 
 def taken(points: Points, mask: np.ndarray) -> Points:

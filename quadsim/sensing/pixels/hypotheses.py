@@ -13,7 +13,7 @@ from scipy.ndimage import uniform_filter
 from scipy.special import ndtri
 from scipy.stats import qmc
 
-from quadsim.sensing.camera import Camera
+from quadsim.sensing.config import CornerCamera
 from quadsim.sensing.pixels.edges import SIDES, Frames
 from quadsim.sensing.pixels.signal import sampled
 
@@ -25,15 +25,14 @@ ROUNDS = 4
 ON_BAR = 5
 # [px] width over which the signal is averaged in each round
 WIDTHS = (9, 5, 3, 3)
-# [m] gates farther away than this are not compared, nor parts of them with less depth
-FARTHEST = 20.0
+# [m] parts of gates with less depth are not compared
 NEAREST = 0.4
 
 
 def best_pose(
     signal: np.ndarray,
     frames: Frames,
-    camera: Camera,
+    camera: CornerCamera,
     position: np.ndarray,
     body: np.ndarray,
     P: np.ndarray,
@@ -99,13 +98,13 @@ def _scores(
     signal: np.ndarray,
     bars: np.ndarray,
     beside: np.ndarray,
-    camera: Camera,
+    camera: CornerCamera,
     position: np.ndarray,
     body: np.ndarray,
     errors: np.ndarray,
 ) -> np.ndarray:
     """Return how well each pose explains the picture.  (n,)"""
-    near = np.linalg.norm(bars - position, axis=1) < FARTHEST
+    near = np.linalg.norm(bars - position, axis=1) < camera.range
     points = np.concatenate([bars[near, None], beside[near]], axis=1)  # (m, 3, 3)
     turned = body @ _turns(errors[:, 3:])  # (n, 3, 3)
     away = points.reshape(-1, 3) - position - errors[:, None, :3]  # (n, 3 m, 3)

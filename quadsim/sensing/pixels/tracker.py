@@ -17,15 +17,15 @@ from quadsim.sensing.pixels.hypotheses import best_pose
 from quadsim.sensing.pixels.lines import corners, lines
 from quadsim.sensing.pixels.signal import ORANGE, Signal, Steps, steps
 
-# [px] least and largest distance from the expected place at which an edge is searched for
+# [px] least and largest distance from the expected place at which an edge is searched for. If it
+# may be farther away, other poses are tried first.
 LEAST = 5.0
 LARGEST = 24.0
-# standard deviations of the expected place within which it is searched for
+# standard deviations of the expected place within which it is searched for, and what is added [px]
 WITHIN = 3.0
-# [px] standard deviation of the expected places from which other poses are tried first
-LOST = 10.0
-# [m] depth at which the uncertainty of the position counts for that
-TYPICAL = 5.0
+STEADY = 2.0
+# [m] distance of gates if none is expected in the picture
+TYPICAL = 10.0
 # [px] reach of the search after that
 FOUND_REACH = 10.0
 
@@ -76,25 +76,21 @@ class Tracker:
         nominal = state.nominal
         position = np.array(nominal.position)
         body = matrix(nominal.attitude)
-        own = np.diag(state.P)
-        turns = own[TURN].sum()
-        moves = own[POSITION].sum()
-        searched = config.fx * np.sqrt(turns + moves / TYPICAL**2) > LOST
+        view = self._view(position, body)
+        points = visible_points(frames, view, config, config.range, border=4.0)
+        reach = self._reach(points, view, state.P)
+        searched = bool(np.median(reach) > LARGEST)
         if searched:
             block = np.r_[POSITION, TURN]
             P = state.P[np.ix_(block, block)]
             error = best_pose(signal, frames, config, position, body, P)
             position = position + error[:3]
             body = body @ matrix(exp(error[3:].tolist()))
-        view = self._view(position, body)
-        points = visible_points(frames, view, config, config.range, border=4.0)
+            view = self._view(position, body)
+            points = visible_points(frames, view, config, config.range, border=4.0)
+            reach = np.full(1, FOUND_REACH)
         late = self._late(points, position, body, np.array(nominal.velocity), rates)
-        if searched:
-            reach = np.full(len(points.pixel), FOUND_REACH)
-        else:
-            depth = np.linalg.norm(points.position - view.eye, axis=1)
-            reach = WITHIN * config.fx * np.sqrt((turns + moves / depth**2) / 3.0)
-            reach = np.clip(reach + 2.0, LEAST, LARGEST)
+        reach = np.broadcast_to(np.clip(reach, LEAST, LARGEST), len(points.pixel))
         found_steps = steps(signal, points.pixel + late, points.normal, reach)
         found, used = lines(points, found_steps, len(frames.centre))
         moved = corners(found, points, self._ends(frames, view))
@@ -110,7 +106,23 @@ class Tracker:
             pixels=pixels[ahead],
             in_view=self._in_view(frames, view),
         )
-        return Tracked(points, found_steps, used, expected[ahead], result, bool(searched))
+        return Tracked(points, found_steps, used, expected[ahead], result, searched)
+
+    def _reach(self, points: Points, view: View, P: np.ndarray) -> np.ndarray:
+        """Return how far from each point its edge may be [px]; if there is none, a typical value.
+
+        Args:
+            points: the points.
+            view: pose of the camera.
+            P: covariance of the filter's error.
+        """
+        variances = np.diag(P)
+        turns = variances[TURN].mean()
+        moves = variances[POSITION].mean()
+        depth = np.linalg.norm(points.position - view.eye, axis=1)
+        if not len(depth):
+            depth = np.array([TYPICAL])
+        return WITHIN * self._config.fx * np.sqrt(turns + moves / depth**2) + STEADY
 
     def _view(self, position: np.ndarray, body: np.ndarray) -> View:
         """Return the pose of the camera."""
