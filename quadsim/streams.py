@@ -17,7 +17,8 @@ Flights of a seed are compared across versions, so the keys are never changed:
                             for vehicle m (8, k, m)
     its sensors             imu (2, 0), rotors (2, 1), pose (2, 2), camera (2, 3), its dropouts
                             (2, 3, 0), its bursts of misses (2, 3, 1); the flight controller's own
-                            imu (2, 4)
+                            imu (2, 4); drawn pictures (2, 5): noise (2, 5, 0), look (2, 5, 1) to
+                            (2, 5, 3), banners (2, 5, 4)
     off-road vehicle        planner (0), gusts (1); vehicle (2), sensors (3), gates (4), faults (5),
                             link (6) are not used
     double integrator       planner (); vehicle (0), gusts (1), sensors (2), gates (3), faults (4),
@@ -65,6 +66,7 @@ class SensorStreams(NamedTuple):
     pose: SeedSequence  # noise, drift, spikes and dropouts of the pose sensor
     camera: SeedSequence  # noise, misses, outliers and false associations of corners
     flight_controller: SeedSequence  # noise of its own inertial measurement unit
+    pixels: SeedSequence  # noise of drawn pictures, and what they show beside the course
 
 
 class LookStreams(NamedTuple):
@@ -76,6 +78,14 @@ class LookStreams(NamedTuple):
     textures: SeedSequence  # paint of ground, obstacles and gates
     light: SeedSequence  # direction, colour and strength of the sun
     background: SeedSequence  # colours and clouds of the sky
+
+
+class PictureStreams(NamedTuple):
+    """The random streams of the pictures of one flight."""
+
+    noise: SeedSequence  # noise of the pixels
+    look: LookStreams  # paint, light and sky
+    banners: SeedSequence  # places and sizes of sheets beside the course
 
 
 def quadrotor_streams(seed: int) -> Streams:
@@ -166,6 +176,7 @@ def sensor_streams(sensors: SeedSequence) -> SensorStreams:
         pose=_child(sensors, 2),
         camera=_child(sensors, 3),
         flight_controller=_child(sensors, 4),
+        pixels=_child(sensors, 5),
     )
 
 
@@ -287,6 +298,19 @@ def look_streams(seed: int, picture: int) -> LookStreams:
         textures=_child(look, 0),
         light=_child(look, 1),
         background=_child(look, 2),
+    )
+
+
+def picture_streams(pixels: SeedSequence) -> PictureStreams:
+    """Return the streams of the pictures of one flight, derived from the stream `pixels`."""
+    return PictureStreams(
+        noise=_child(pixels, 0),
+        look=LookStreams(
+            textures=_child(pixels, 1),
+            light=_child(pixels, 2),
+            background=_child(pixels, 3),
+        ),
+        banners=_child(pixels, 4),
     )
 
 

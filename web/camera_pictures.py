@@ -1,7 +1,7 @@
 """Pictures of a vehicle's camera for the page, rendered as by `race render`.
 
-PyBullet's renderer takes a tenth of a second and holds Python's global lock, which would delay a
-flight. So the renderer runs in a process of its own, with a low priority.
+A picture takes some milliseconds of processor time, and its JPEG holds Python's global lock, which
+would delay a flight. So they are drawn in a process of its own, with a low priority.
 """
 
 from __future__ import annotations
@@ -20,12 +20,10 @@ import numpy as np
 from PIL import Image
 
 from quadsim.course import parse_course
-from quadsim.files.extras import needs_extra
-from quadsim.physics.plant import has_bullet
 from quadsim.render.look import plain_look
 from quadsim.rotation import Quaternion, Vec3
 from quadsim.sensing.camera import Camera, load_camera
-from quadsim.sensing.config import GateCameraConfig
+from quadsim.sensing.config import GateCameraConfig, PixelCameraConfig
 from quadsim.sensing.measurements import Corners
 from web.competitor import POSITION, QUATERNION, Competitor
 
@@ -91,9 +89,6 @@ class CameraPictures:
             return
         moment = moment_of(entry, t)
         if self.last and _is_same(moment, self.last.moment):
-            return
-        if not has_bullet():
-            self.last = CameraPicture(moment, b"", needs_extra("pybullet", "bullet"))
             return
         self._ask(moment)
 
@@ -174,6 +169,8 @@ def camera_of(entry: Competitor) -> Camera:
     """Return the camera of a vehicle; if it has none, the default camera of `race render`."""
     sensing = entry.spec.get("sensing") or {}
     try:
+        if "pixels" in sensing:
+            return msgspec.convert(sensing["pixels"], PixelCameraConfig)
         return msgspec.convert(sensing.get("camera"), GateCameraConfig)
     except msgspec.ValidationError:  # no camera, or a record edited by hand
         return load_camera(DEFAULT_CAMERA)
@@ -249,11 +246,9 @@ class Painter:
         Raises:
             ValueError: the course has too many gates for a picture.
         """
-        from quadsim.render.scene import Scene  # imported here, as it loads PyBullet
+        from quadsim.render.scene import Scene  # imported here, as it loads the compiler
 
         if self._scene is None or self._of != (view.course_text, view.camera):
-            if self._scene:
-                self._scene.close()
             self._scene = Scene(parse_course(view.course_text, view.course_name), view.camera)
             self._of = (view.course_text, view.camera)
         seen = self._scene.shoot(view.position, view.attitude, plain_look())

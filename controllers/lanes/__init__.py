@@ -1,4 +1,4 @@
-"""The compiled lanes: the only folder that imports numba.
+"""The compiled lanes: the only folder that imports numba, apart from the rasteriser.
 
 A rollout takes the plain functions of a model and a cost through these files:
 

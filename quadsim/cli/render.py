@@ -22,7 +22,6 @@ from quadsim.course import course_names, load_course, parse_course
 from quadsim.files.data_files import SUFFIXES
 from quadsim.files.extras import needs_extra
 from quadsim.files.yaml_errors import did_you_mean
-from quadsim.physics.plant import has_bullet
 from quadsim.record.archive import find_run, load_reportable
 from quadsim.record.run import RunError
 from quadsim.record.whole_files import expect_file, try_writing
@@ -159,8 +158,6 @@ class _ProgressLine(Progress):
 
 def _check_extras(mp4: bool) -> None:
     """Raise UsageError unless the required packages are installed."""
-    if not has_bullet():
-        raise UsageError(needs_extra("pybullet", "bullet"))
     if mp4 and find_spec("imageio_ffmpeg") is None:
         raise UsageError(f"--mp4: {needs_extra('imageio-ffmpeg', 'render')}")
 

@@ -81,7 +81,7 @@ def race_cost_on(spec: Spec, course: Course) -> Cost:
         reference = reference_of(spec.reference, spec.vehicle, spec.planner.mppi.dt)
         return reference_cost(course, radius, weights, reference)
     cost = race_cost(course, radius, weights, spec.laps)
-    if spec.sensing and spec.sensing.camera and spec.view_weight:
+    if spec.sensing and spec.sensing.corner_camera and spec.view_weight:
         return with_view(cost, spec.view_weight)
     return cost
 

@@ -33,7 +33,9 @@ from quadsim.sensing.navigation import (
     StateSource,
     TrueState,
 )
+from quadsim.sensing.pixel_camera import Eye
 from quadsim.sensing.sensors import WARM_UP, Sensors
+from quadsim.streams import sensor_streams
 from quadsim.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -137,10 +139,22 @@ def _sensors(spec: Spec, sensing: Sensing, plant: Plant) -> Sensors:
         velocity_lag=getattr(plant, "velocity_lag", 0.0),
         obstacles=flown.obstacles,
         faults=[f for f in spec.drawn_faults if isinstance(f, SensorFault | BiasJump)],
+        eye=_eye(spec, sensing),
     )
     sensors.warm_up(plant.state, plant.dt)
     sensors.observe(plant.state)
     return sensors
+
+
+def _eye(spec: Spec, sensing: Sensing) -> Eye | None:
+    """Return what draws the pictures of a pixel camera; None without one."""
+    if sensing.pixels is None:
+        return None
+    # Imported here, as it loads the compiler.
+    from quadsim.render.eye import CourseEye
+
+    pixels = sensor_streams(spec.streams.sensors).pixels
+    return CourseEye(sensing.pixels, pixels, spec.flown_course)
 
 
 def rotor_std(config: RotorConfig | None, vehicle: Vehicle) -> float:

@@ -115,7 +115,7 @@ def check_period(dt: float, plant_dt: float) -> None:
 
 def check_view(view_weight: float, sensing: Sensing | None) -> None:
     """Check that a flight whose cost has the view term has a camera. Raises SettingError."""
-    if view_weight and not (sensing and sensing.camera):
+    if view_weight and not (sensing and sensing.corner_camera):
         wanted = "expected a sensing with a camera"
         raise SettingError("view_weight", f"{wanted}, got {sensing_name(sensing)}")
 

@@ -255,7 +255,7 @@ def view_weight_of(flight: FlightSettings, base: Planner, sensing: Sensing) -> f
     """
     if flight.view_weight is not None:
         return flight.view_weight
-    return base.view_weight if sensing.camera and flight.displace_gates else 0.0
+    return base.view_weight if sensing.corner_camera and flight.displace_gates else 0.0
 
 
 def default_timeout(course: Course, laps: int) -> float:

@@ -73,22 +73,19 @@ def film(
         camera: camera, whose size, focal lengths and rate are used.
         count: largest number of pictures; None: the whole flight.
     """
-    # imported here, as it loads PyBullet
+    # imported here, as it loads the compiler
     from quadsim.render.scene import Scene
 
     # The film camera has neither tilt nor offset from its pose.
     lens = Camera(camera.width, camera.height, camera.fx, camera.fy, rate=camera.rate)
     scene = Scene(course, lens, LARGER * radius)
     look = plain_look()
-    try:
-        for view in views(telemetry, camera.rate, LARGER * radius)[:count]:
-            scene.place(view.vehicle.p, view.vehicle.q)
-            seen = scene.shoot(view.eye, view.attitude, look)
-            picture = Image.fromarray(seen.rgb)
-            draw_path(picture, seen, lens, view, telemetry, LARGER * radius)
-            yield picture
-    finally:
-        scene.close()
+    for view in views(telemetry, camera.rate, LARGER * radius)[:count]:
+        scene.place(view.vehicle.p, view.vehicle.q)
+        seen = scene.shoot(view.eye, view.attitude, look)
+        picture = Image.fromarray(seen.rgb)
+        draw_path(picture, seen, lens, view, telemetry, LARGER * radius)
+        yield picture
 
 
 def views(telemetry: Mapping[str, np.ndarray], rate: float, radius: float) -> list[View]:

@@ -104,7 +104,7 @@ def make_frames(job: Job) -> list[int]:
 @lru_cache(maxsize=1)
 def _scene(course_name: str, course_text: str, camera: Camera) -> Scene:
     """Return the cached scene of this process, as its set-up takes longer than a picture."""
-    # imported here, as it loads PyBullet
+    # imported here, as it loads the compiler
     from quadsim.render.scene import Scene
 
     return Scene(parse_course(course_text, course_name), camera)

@@ -7,7 +7,7 @@ before (Perlin 1985).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from math import cos, pi, sin
 from typing import NamedTuple
@@ -15,16 +15,17 @@ from typing import NamedTuple
 import numpy as np
 
 from quadsim.rotation import Vec3
+from quadsim.sensing.pixels.signal import ORANGE
 from quadsim.streams import LookStreams, texture_stream
 
 VARIED = ("textures", "light", "background")  # parts that can be drawn from a seed
 SIZE = 128  # pixels of a texture's edge
 CLOUDS = 512  # pixels of the sky texture's edge
-TEXTURES = 24  # number of textures; the first two are not random
+TEXTURES = 24  # number of textures that `_paint` draws from; the first two are not random
+GREYS = 6  # number of grey textures after these, for the ground of a venue
 FLAT = 0
 CHEQUERED = 1
 # colours, 0 to 1
-ORANGE = (0.9, 0.43, 0.1)
 GREY = (0.55, 0.58, 0.53)
 DARK = (0.3, 0.33, 0.42)
 WHITE = (1.0, 1.0, 1.0)
@@ -32,8 +33,21 @@ WHITE = (1.0, 1.0, 1.0)
 HORIZON = (214, 226, 236)
 ZENITH = (96, 150, 214)
 
-# directions in the world, unit length (n, 3) -> colours (n, 3) uint8
-Sky = Callable[[np.ndarray], np.ndarray]
+
+class Sky(NamedTuple):
+    """The colours of the sky by direction, 0 to 255.
+
+    A share of the cloud's colour covers the colour of the elevation. The cover is fixed in the
+    world, and mapped to the sky by stereographic projection from below, x / (1 + z), y / (1 + z):
+    its middle is the zenith, its edges touch the horizon.
+    """
+
+    # colours by the square root of the sine of the elevation  (256, 3) float32
+    gradient: np.ndarray
+    # shares of the cloud's colour, 0 to 1  (edge, edge) float32; (1, 1): no cloud
+    cover: np.ndarray
+    # colour of the clouds  (3,) float32
+    cloud: np.ndarray
 
 
 class Paint(NamedTuple):
@@ -50,7 +64,6 @@ class Light(NamedTuple):
     colour: Vec3  # 0 to 1
     ambient: float  # shares of the light
     diffuse: float
-    specular: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +87,7 @@ def plain_look() -> Look:
             towards=(0.4, 0.3, 1.0),
             colour=WHITE,
             ambient=0.6,
-            diffuse=0.35,
-            specular=0.05,
+            diffuse=0.4,
         ),
         sky=_gradient(HORIZON, ZENITH),
     )
@@ -98,17 +110,47 @@ def drawn_look(streams: LookStreams, vary: Collection[str]) -> Look:
     return look
 
 
+def venue_look(streams: LookStreams) -> Look:
+    """Return the look of a random venue, in which little but the gates has their colour.
+
+    Ground and obstacles have muted colours, the sky is grey to blue with grey clouds, and the light
+    is drawn as in `drawn_look`. Gates are painted as in the plain look.
+    """
+    rng = np.random.default_rng(streams.textures)
+    ground = Paint(TEXTURES + int(rng.integers(GREYS)), _muted(rng))
+    obstacles = Paint(TEXTURES + int(rng.integers(GREYS)), _muted(rng))
+    sky = np.random.default_rng(streams.background)
+    zenith = sky.uniform((40, 80, 120), (140, 170, 230))
+    horizon = zenith + sky.uniform(0.2, 0.8) * (240 - zenith)
+    cover = (noise(sky, CLOUDS) ** sky.uniform(0.5, 3.0)).astype(np.float32)
+    cloud = np.full(3, sky.uniform(120, 250), np.float32)
+    return replace(
+        plain_look(),
+        ground=ground,
+        obstacles=obstacles,
+        light=_light(np.random.default_rng(streams.light)),
+        sky=_gradient(horizon, zenith)._replace(cover=cover, cloud=cloud),
+    )
+
+
 def textures() -> list[np.ndarray]:
     """Return all textures, which do not depend on a seed, as a renderer loads each once.
 
     Returns:
-        TEXTURES arrays (SIZE, SIZE, 3) uint8.
+        TEXTURES arrays of any colour, then GREYS arrays  (SIZE, SIZE, 3) uint8.
     """
     rng = np.random.default_rng(texture_stream())
     flat = np.full((SIZE, SIZE, 3), 255, np.uint8)
     squares = (np.indices((SIZE, SIZE)) // (SIZE // 2)).sum(axis=0)[..., None] % 2
     chequered = np.repeat(np.where(squares, 255, 215).astype(np.uint8), 3, axis=2)
-    return [flat, chequered, *(_texture(rng) for _ in range(TEXTURES - 2))]
+    coloured = [_texture(rng) for _ in range(TEXTURES - 2)]
+    greys = [_texture(rng).mean(axis=2, keepdims=True) for _ in range(GREYS)]
+    return [
+        flat,
+        chequered,
+        *coloured,
+        *(grey.repeat(3, axis=2).astype(np.uint8) for grey in greys),
+    ]
 
 
 def noise(rng: np.random.Generator, size: int, octaves: int = 4) -> np.ndarray:
@@ -144,6 +186,13 @@ def _paint(rng: np.random.Generator) -> Paint:
     return Paint(int(rng.integers(TEXTURES)), (red, green, blue))
 
 
+def _muted(rng: np.random.Generator) -> Vec3:
+    """Draw a colour whose parts differ by a seventh at most, green or blue the strongest."""
+    grey = rng.uniform(0.3, 0.9)
+    red, green, blue = (grey * rng.uniform((0.86, 0.93, 0.9), (0.95, 1.0, 1.0))).tolist()
+    return red, green, blue
+
+
 def _light(rng: np.random.Generator) -> Light:
     """Draw a near-white sun at least 15 degrees above the horizon, with weak to strong contrast."""
     azimuth = rng.uniform(0.0, 2 * pi)
@@ -159,38 +208,17 @@ def _light(rng: np.random.Generator) -> Light:
         colour=(red, green, blue),
         ambient=ambient,
         diffuse=rng.uniform(0.3, 0.9 - 0.4 * ambient),
-        specular=rng.uniform(0.0, 0.4),
     )
 
 
-def _gradient(horizon: Vec3, zenith: Vec3) -> Sky:
+def _gradient(horizon: Sequence[float] | np.ndarray, zenith: Sequence[float] | np.ndarray) -> Sky:
     """Return a sky whose colour changes from the horizon to the zenith."""
-    colours = np.linspace(horizon, zenith, 256).astype(np.uint8)
-
-    def sky(directions: np.ndarray) -> np.ndarray:
-        up = np.sqrt(np.clip(directions[:, 2], 0.0, 1.0))
-        return colours[(up * 255).astype(np.uint8)]
-
-    return sky
+    colours = np.linspace(horizon, zenith, 256).astype(np.float32)
+    return Sky(colours, np.zeros((1, 1), np.float32), np.zeros(3, np.float32))
 
 
 def _clouds(rng: np.random.Generator) -> Sky:
-    """Draw a sky: colours of horizon and zenith, and noise of a third colour.
-
-    The noise is fixed in the world. It is mapped to the sky by stereographic projection from below:
-    x / (1 + z), y / (1 + z).
-    """
+    """Draw a sky: colours of horizon and zenith, and noise of a third colour."""
     horizon, zenith, cloud = rng.integers(0, 256, (3, 3))
-    below = _gradient(horizon, zenith)
     cover = (noise(rng, CLOUDS) ** rng.uniform(0.5, 3.0)).astype(np.float32)
-    cloud = cloud.astype(np.float32)
-
-    def sky(directions: np.ndarray) -> np.ndarray:
-        middle = (CLOUDS - 1) / 2
-        half = np.float32(middle) / (np.float32(1.0) + np.maximum(directions[:, 2], 0.0))
-        row = (middle + half * directions[:, 0]).astype(np.intp)
-        column = (middle + half * directions[:, 1]).astype(np.intp)
-        share = cover[row, column][:, None]
-        return ((1.0 - share) * below(directions) + share * cloud).astype(np.uint8)
-
-    return sky
+    return _gradient(horizon, zenith)._replace(cover=cover, cloud=cloud.astype(np.float32))

@@ -1,119 +1,117 @@
-"""A course rendered by PyBullet's TinyRenderer: colour, depth, and the gate in each pixel."""
+"""A course as a camera sees it: colour, depth, and the gate in each pixel."""
 
 from __future__ import annotations
 
-import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import cycle
-from math import pi
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from PIL import Image
 
-from quadsim.course import Course, Gate
+from quadsim.course import Course
 from quadsim.course.frames import frames
-from quadsim.course.obstacles import Cylinder, Obstacle
-from quadsim.physics.world import bullet
-from quadsim.render.look import TEXTURES, Look, Paint, textures
-from quadsim.rotation import Quaternion, Vec3
+from quadsim.render.faces import (
+    Banner,
+    Face,
+    banner_faces,
+    gate_faces,
+    ground_faces,
+    obstacle_faces,
+    vehicle_faces,
+)
+from quadsim.render.look import FLAT, Light, Look, Paint, textures
+from quadsim.render.raster import NONE, Faces, Film, draw, pyramid, rows_of_faces
+from quadsim.rotation import Quaternion, Vec3, matrix
 from quadsim.sensing.camera import Camera
 
-# near and far clipping planes [m]
-NEAR = 0.05
-FAR = 400.0
-GROUND = 600.0  # half the ground's edge [m]
-TILE = 8.0  # edge of one tile of the ground's texture [m]
-# numbers in the segmentation; gates have their numbers from 1
+# Numbers in the segmentation; gates have their numbers from 1.
 SKY = 0
 OBSTACLE = 254
 GROUND_ID = 255
 LAST_GATE = OBSTACLE - 1
+# Offsets within a pixel of several passes, to the right and down [px]: each row and each column of
+# a grid of four by four has one.
+OFFSETS = np.array([[-0.125, -0.375], [0.375, -0.125], [-0.375, 0.125], [0.125, 0.375]])
+# Colours come out as they are painted, without noise.
+PLAIN_FILM = Film(gain=1.0, read=0.0, shot=0.0, grain=np.zeros((1, 1, 3), np.float32), shift=(0, 0))
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
     """A picture of the camera."""
 
-    rgb: np.ndarray  # (height, width, 3) uint8
-    depth: np.ndarray  # (height, width) float32, along the optical axis [m]; inf: sky
-    # (height, width) uint8: SKY, the gate's number from 1, OBSTACLE, GROUND_ID
+    # (height, width, 3) uint8
+    rgb: np.ndarray
+    # along the optical axis [m]; inf: sky  (height, width) float32
+    depth: np.ndarray
+    # SKY, the gate's number from 1, OBSTACLE, GROUND_ID  (height, width) uint8
     segmentation: np.ndarray
 
 
-class _Part(NamedTuple):
-    """Boxes or upright cylinders of one colour. Lengths are in radii of the vehicle."""
+class Views(NamedTuple):
+    """Poses of the camera by pass and by row of the picture."""
 
-    colour: Vec3
-    half: Vec3  # half the extents; a cylinder has the first one as its radius
-    places: tuple[Vec3, ...]  # centres in the body frame
-    yaws: tuple[float, ...]
-    round: bool = False
-
-
-# A cross-shaped quadrotor with front rotors of a different colour.
-PARTS = (
-    _Part((0.1, 0.1, 0.12), (1.1, 0.09, 0.06), ((0, 0, 0), (0, 0, 0)), (pi / 4, -pi / 4)),
-    _Part((0.85, 0.1, 0.1), (0.43, 0.21, 0.18), ((0, 0, 0.07),), (0.0,)),
-    _Part(
-        (0.95, 0.85, 0.2),
-        (0.53, 0.53, 0.03),
-        ((0.78, 0.78, 0.21), (0.78, -0.78, 0.21)),
-        (0.0, 0.0),
-        round=True,
-    ),
-    _Part(
-        (0.2, 0.2, 0.25),
-        (0.53, 0.53, 0.03),
-        ((-0.78, 0.78, 0.21), (-0.78, -0.78, 0.21)),
-        (0.0, 0.0),
-        round=True,
-    ),
-)
+    # position [m]  (passes, height, 3)
+    eyes: np.ndarray
+    # rotation world from camera  (passes, height, 3, 3)
+    axes: np.ndarray
 
 
-class _Body(NamedTuple):
-    """A body of the scene."""
+class Drawn(NamedTuple):
+    """What the rasteriser fills."""
 
-    number: int  # number in PyBullet
-    links: set[int]  # links with a visual shape
+    # (height, width, 3) uint8
+    rgb: np.ndarray
+    # [1/m]  (height, width) float32
+    inverse_depth: np.ndarray
+    # index of the face, NONE: sky  (height, width) int16
+    seen: np.ndarray
+
+
+class Painted(NamedTuple):
+    """A face with its paint and its number in the segmentation."""
+
+    face: Face
+    paint: Paint
+    number: int
 
 
 class Scene:
-    """The gates, the obstacles and the ground of a course, in its own PyBullet client.
-
-    close() frees the client.
+    """The gates, the obstacles and the ground of a course, with banners and vehicles.
 
     Args:
         course: gates and obstacles.
         camera: the camera that takes the pictures.
-        radius: radius of a drawn vehicle [m], which `place` moves, and which the segmentation
-            counts as an obstacle. None: no vehicle is drawn.
+        radius: radius of a drawn vehicle [m], which the segmentation counts as an obstacle. None:
+            no vehicle is drawn.
+        banners: sheets painted as the gates are, which the segmentation counts as obstacles.
 
     Raises:
         ValueError: the course has more gates than 8 bits can number.
     """
 
-    def __init__(self, course: Course, camera: Camera, radius: float | None = None):
+    def __init__(
+        self,
+        course: Course,
+        camera: Camera,
+        radius: float | None = None,
+        banners: Sequence[Banner] = (),
+    ):
         self.course = course
         # each once, however often a lap leads through it
         gates = frames(course.gates)
         if len(gates) > LAST_GATE:
             raise ValueError(f"{course.name}: expected at most {LAST_GATE} gates, got {len(gates)}")
         self._camera = camera
-        self._client = bullet.connect(bullet.DIRECT)
-        self._at: dict[str, int] = {"physicsClientId": self._client}
-        self._ground = self._body(self._add_ground())
-        self._gates = [self._body(self._add_gate(gate)) for gate in gates]
-        self._obstacles = [self._body(self._add_obstacle(one)) for one in course.obstacles]
-        self._vehicle = [] if radius is None else self._add_vehicle(radius)
-        # numbers in the segmentation of the bodies 0, 1, ..., and of -1, the background
-        gate_ids = [course.gates.index(gate) + 1 for gate in gates]
-        obstacle_ids = [OBSTACLE] * (len(course.obstacles) + len(self._vehicle))
-        self._ids = np.array([GROUND_ID, *gate_ids, *obstacle_ids, SKY], np.uint8)
-        self._textures = self._load_textures()
-        self._rays = _rays(camera)
+        self._gates = gates
+        self._banners = tuple(banners)
+        self._vehicle = () if radius is None else tuple(vehicle_faces(radius))
+        self._places: tuple[tuple[Vec3, Quaternion], ...] = ()
+        # the look of the faces below; None: they have to be made
+        self._look: Look | None = None
+        self._faces = _arrays([], None)
 
     def place(self, p: Vec3, q: Quaternion) -> None:
         """Move the drawn vehicle.
@@ -122,8 +120,12 @@ class Scene:
             p: position [m].
             q: attitude, wxyz.
         """
-        for part in self._vehicle:
-            bullet.resetBasePositionAndOrientation(part, p, (*q[1:], q[0]), **self._at)
+        self.place_all([(p, q)])
+
+    def place_all(self, poses: Sequence[tuple[Vec3, Quaternion]]) -> None:
+        """Draw a vehicle at each of these poses, position [m] and attitude, and nowhere else."""
+        self._places = tuple(poses)
+        self._look = None
 
     def shoot(self, p: Vec3, q: Quaternion, look: Look) -> Picture:
         """Return the picture of a vehicle's camera, without the vehicle itself.
@@ -133,182 +135,138 @@ class Scene:
             q: attitude of the vehicle, wxyz.
             look: paint, light and sky.
         """
-        self._dress(look)
         position, axes = self._camera.pose(p, q)
-        answer = bullet.getCameraImage(
-            self._camera.width,
-            self._camera.height,
-            _view(position, axes),
-            _projection(self._camera),
-            lightDirection=look.light.towards,
-            lightColor=look.light.colour,
-            lightAmbientCoeff=look.light.ambient,
-            lightDiffuseCoeff=look.light.diffuse,
-            lightSpecularCoeff=look.light.specular,
-            shadow=0,  # TinyRenderer's shadows are too coarse for gates on wide ground
-            renderer=bullet.ER_TINY_RENDERER,
-            **self._at,
-        )
-        _, _, colours, depth_buffer, bodies = answer
-        shape = (self._camera.height, self._camera.width)
-        rgb = np.reshape(colours, (*shape, 4))[..., :3].astype(np.uint8)
-        segmentation = self._ids[np.reshape(bodies, shape)]
-        # Convert OpenGL's depth buffer, 0 at NEAR and 1 at FAR, to a distance
-        buffer = np.reshape(depth_buffer, shape)
-        depth = np.float32(FAR * NEAR) / (np.float32(FAR) - np.float32(FAR - NEAR) * buffer)
+        height = self._camera.height
+        views = Views(np.tile(position, (1, height, 1)), np.tile(axes, (1, height, 1, 1)))
+        return self.expose(views, look)
 
-        # TinyRenderer draws no sky
-        sky = segmentation == SKY
-        depth[sky] = np.inf
-        rgb[sky] = look.sky(self._rays[sky] @ axes.T.astype(np.float32))
-        return Picture(rgb, depth, segmentation)
+    def expose(self, views: Views, look: Look, film: Film = PLAIN_FILM) -> Picture:
+        """Return the mean of several passes, as a shutter takes it.
 
-    def close(self) -> None:
-        """Close the PyBullet client; later calls do nothing."""
-        if bullet.isConnected(**self._at):
-            bullet.disconnect(**self._at)
+        Depth and segmentation are those of the first pass. A single pass samples the middle of each
+        pixel; several have OFFSETS in turn.
 
-    def _body(self, number: int) -> _Body:
-        """Return the body of this number."""
-        shapes = bullet.getVisualShapeData(number, **self._at)
-        return _Body(number, {link for _, link, *_ in shapes})
-
-    def _add_ground(self) -> int:
-        """Add a square at height 0 and return its number."""
-        edge = GROUND
-        tiles = 2 * GROUND / TILE
-        square = bullet.createVisualShape(
-            bullet.GEOM_MESH,
-            vertices=[
-                [-edge, -edge, 0.0],
-                [edge, -edge, 0.0],
-                [edge, edge, 0.0],
-                [-edge, edge, 0.0],
-            ],
-            indices=[0, 1, 2, 0, 2, 3],
-            uvs=[[0, 0], [tiles, 0], [tiles, tiles], [0, tiles]],
-            normals=[[0, 0, 1]] * 4,
-            **self._at,
-        )
-        return bullet.createMultiBody(0.0, -1, square, **self._at)
-
-    def _add_gate(self, gate: Gate) -> int:
-        """Add the four bars of a frame and return their number."""
-        frame = bullet.createVisualShapeArray(
-            shapeTypes=[bullet.GEOM_BOX] * 4,
-            halfExtents=[half for _, half in gate.bars],
-            visualFramePositions=[centre for centre, _ in gate.bars],
-            **self._at,
-        )
-        attitude = bullet.getQuaternionFromEuler([gate.roll, gate.pitch, gate.yaw], **self._at)
-        return bullet.createMultiBody(
-            0.0, -1, frame, basePosition=gate.position, baseOrientation=attitude, **self._at
-        )
-
-    def _add_obstacle(self, obstacle: Obstacle) -> int:
-        """Add an obstacle and return its number."""
-        if isinstance(obstacle, Cylinder):
-            yaw = 0.0
-            shape = bullet.createVisualShape(
-                bullet.GEOM_CYLINDER,
-                radius=obstacle.radius,
-                length=obstacle.height,
-                **self._at,
-            )
-        else:
-            yaw = obstacle.yaw
-            shape = bullet.createVisualShape(bullet.GEOM_BOX, halfExtents=obstacle.half, **self._at)
-        attitude = bullet.getQuaternionFromEuler([0.0, 0.0, yaw], **self._at)
-        return bullet.createMultiBody(
-            0.0, -1, shape, basePosition=obstacle.centre, baseOrientation=attitude, **self._at
-        )
-
-    def _add_vehicle(self, radius: float) -> list[int]:
-        """Add the parts of a quadrotor of this radius [m], and return their numbers."""
-        numbers = []
-        for part in PARTS:
-            shape = bullet.createVisualShapeArray(
-                shapeTypes=[bullet.GEOM_CYLINDER if part.round else bullet.GEOM_BOX]
-                * len(part.places),
-                halfExtents=[[radius * half for half in part.half]] * len(part.places),
-                radii=[radius * part.half[0]] * len(part.places),
-                lengths=[2.0 * radius * part.half[2]] * len(part.places),
-                visualFramePositions=[[radius * x for x in place] for place in part.places],
-                visualFrameOrientations=[
-                    bullet.getQuaternionFromEuler([0.0, 0.0, yaw], **self._at) for yaw in part.yaws
-                ],
-                **self._at,
-            )
-            number = bullet.createMultiBody(0.0, -1, shape, **self._at)
-            bullet.changeVisualShape(number, -1, rgbaColor=(*part.colour, 1.0), **self._at)
-            numbers.append(number)
-        return numbers
-
-    def _load_textures(self) -> list[int]:
-        """Load each texture once, and return their numbers.
-
-        PyBullet reads a texture from a file and never releases it.
+        Args:
+            views: poses of the camera.
+            look: paint, light and sky.
+            film: brightness and noise.
         """
-        with tempfile.TemporaryDirectory() as folder:
-            paths = [Path(folder) / f"{i}.png" for i in range(TEXTURES)]
-            for path, pixels in zip(paths, textures(), strict=True):
-                Image.fromarray(pixels).save(path)
-            return [bullet.loadTexture(str(path), **self._at) for path in paths]
+        drawn = self._draw(views, look, film)
+        with np.errstate(divide="ignore"):
+            depth = np.float32(1.0) / drawn.inverse_depth
+        numbers = np.append(self._faces.ids, np.uint8(SKY))
+        return Picture(drawn.rgb, depth, numbers[drawn.seen])
 
-    def _dress(self, look: Look) -> None:
-        """Apply the look's paint to all bodies."""
-        self._paint(self._ground, look.ground)
+    def colours(self, views: Views, look: Look, film: Film = PLAIN_FILM) -> np.ndarray:
+        """Return the colours of `expose` alone.  (height, width, 3) uint8"""
+        return self._draw(views, look, film).rgb
+
+    def _draw(self, views: Views, look: Look, film: Film) -> Drawn:
+        """Draw a picture."""
+        if look is not self._look:
+            self._faces = _arrays(self._painted(look), look.light)
+            self._look = look
+        camera = self._camera
+        shape = (camera.height, camera.width)
+        lens = (float(camera.fx), float(camera.fy), camera.width / 2, camera.height / 2)
+        passes = len(views.eyes)
+        offsets = np.resize(OFFSETS, (passes, 2)) if passes > 1 else np.zeros((1, 2))
+        eyes = np.ascontiguousarray(views.eyes, float)
+        axes = np.ascontiguousarray(views.axes, float)
+        faces = self._faces
+        rows = np.empty((len(faces.ids), 2), np.int64)
+        rows_of_faces(
+            eyes, axes, faces.origin, faces.a, faces.b, faces.two_sided, lens, shape, rows
+        )
+        drawn = Drawn(
+            np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.int16)
+        )
+        draw(
+            eyes,
+            axes,
+            offsets,
+            rows,
+            faces.origin,
+            faces.a,
+            faces.b,
+            faces.kind,
+            faces.hole,
+            faces.two_sided,
+            faces.texture,
+            faces.repeats,
+            faces.tint,
+            _textures(),
+            look.sky.gradient,
+            look.sky.cover,
+            look.sky.cloud,
+            lens,
+            np.float32(film.gain),
+            np.float32(film.read),
+            np.float32(film.shot),
+            film.grain,
+            *film.shift,
+            *drawn,
+        )
+        return drawn
+
+    def _painted(self, look: Look) -> list[Painted]:
+        """Return all faces of the scene with their paint."""
+        found = [Painted(face, look.ground, GROUND_ID) for face in ground_faces()]
         for gate, paint in zip(self._gates, cycle(look.gates), strict=False):
-            self._paint(gate, paint)
-        for obstacle in self._obstacles:
-            self._paint(obstacle, look.obstacles)
-
-    def _paint(self, body: _Body, paint: Paint) -> None:
-        """Apply paint to a body."""
-        for link in body.links:
-            bullet.changeVisualShape(
-                body.number,
-                link,
-                textureUniqueId=self._textures[paint.texture],
-                rgbaColor=(*paint.colour, 1.0),
-                **self._at,
-            )
-
-
-def _rays(camera: Camera) -> np.ndarray:
-    """Return unit directions through the centres of the pixels, in the camera frame.
-
-    Returns:
-        (height, width, 3) float32.
-    """
-    u = np.arange(camera.width) + 0.5
-    v = np.arange(camera.height) + 0.5
-    x, y = np.meshgrid((u - camera.width / 2) / camera.fx, (v - camera.height / 2) / camera.fy)
-    rays = np.stack([x, y, np.ones_like(x)], axis=-1)
-    return (rays / np.linalg.norm(rays, axis=-1, keepdims=True)).astype(np.float32)
+            number = self.course.gates.index(gate) + 1
+            found += [Painted(face, paint, number) for face in gate_faces(gate)]
+        for obstacle in self.course.obstacles:
+            found += [Painted(face, look.obstacles, OBSTACLE) for face in obstacle_faces(obstacle)]
+        for banner, paint in zip(self._banners, cycle(look.gates), strict=False):
+            found += [Painted(face, paint, OBSTACLE) for face in banner_faces(banner)]
+        for p, q in self._places:
+            turn = matrix(q)
+            for colour, face in self._vehicle:
+                moved = face._replace(
+                    origin=p + turn @ face.origin, a=turn @ face.a, b=turn @ face.b
+                )
+                found.append(Painted(moved, Paint(FLAT, colour), OBSTACLE))
+        return found
 
 
-def _view(position: np.ndarray, axes: np.ndarray) -> list[float]:
-    """Return OpenGL's view matrix by columns; its camera frame has y up and the view along -z."""
-    turn = np.diag([1.0, -1.0, -1.0]) @ axes.T
-    view = np.eye(4)
-    view[:3, :3] = turn
-    view[:3, 3] = -turn @ position
-    return view.T.ravel().tolist()
+@cache
+def _textures() -> np.ndarray:
+    """Return the levels of detail of all textures.  (textures, n) int32"""
+    return np.array([pyramid(texture) for texture in textures()])
 
 
-def _projection(camera: Camera) -> list[float]:
-    """Return OpenGL's projection matrix by columns.
+def _arrays(painted: Sequence[Painted], light: Light | None) -> Faces:
+    """Return faces as arrays, with their colours in a light."""
+    n = len(painted)
+    a = np.array([one.face.a for one in painted]).reshape(n, 3)
+    b = np.array([one.face.b for one in painted]).reshape(n, 3)
+    kinds = np.array([one.face.kind for one in painted], np.int64)
+    two_sided = np.array([one.face.two_sided for one in painted], bool)
+    numbers = [one.paint.texture for one in painted]
+    tile = np.array([one.face.tile for one in painted])
+    lengths = np.column_stack([np.linalg.norm(a, axis=1), np.linalg.norm(b, axis=1)])
+    colours = np.array([one.paint.colour for one in painted]).reshape(n, 3)
+    return Faces(
+        origin=np.array([one.face.origin for one in painted], float).reshape(n, 3),
+        a=a,
+        b=b,
+        kind=kinds,
+        hole=np.array([one.face.hole for one in painted], float).reshape(n, 2),
+        two_sided=two_sided,
+        ids=np.array([one.number for one in painted], np.uint8),
+        texture=np.array([NONE if k == FLAT else k for k in numbers], np.int64),
+        repeats=lengths / tile[:, None],
+        tint=(colours * _shades(a, b, two_sided, light)).astype(np.float32),
+    )
 
-    TinyRenderer samples pixel (i, j) at u = j, v = i + 1. The matrix shifts the picture by half a
-    pixel each way, so that a sample lies in the pixel's centre.
-    """
-    matrix = np.zeros((4, 4))
-    matrix[0, 0] = 2.0 * camera.fx / camera.width
-    matrix[0, 2] = 1.0 / camera.width
-    matrix[1, 1] = 2.0 * camera.fy / camera.height
-    matrix[1, 2] = 1.0 / camera.height
-    matrix[2, 2] = -(FAR + NEAR) / (FAR - NEAR)
-    matrix[2, 3] = -2.0 * FAR * NEAR / (FAR - NEAR)
-    matrix[3, 2] = -1.0
-    return matrix.T.ravel().tolist()
+
+def _shades(a: np.ndarray, b: np.ndarray, two_sided: np.ndarray, light: Light | None) -> np.ndarray:
+    """Return the light that faces reflect, by Lambert's law.  (n, 3)"""
+    if light is None:
+        return np.ones((len(a), 3))
+    normals = np.cross(a, b)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    towards = np.array(light.towards) / np.linalg.norm(light.towards)
+    lit = normals @ towards
+    lit = np.where(two_sided, abs(lit), np.maximum(lit, 0.0))
+    return (light.ambient + light.diffuse * lit)[:, None] * np.array(light.colour)

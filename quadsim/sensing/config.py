@@ -168,19 +168,41 @@ class RotorConfig:
 
 
 @dataclass(frozen=True)
-class GateCameraConfig(Camera):
-    """A camera, and the network that finds the corners of gates' openings in its pictures."""
+class CornerCamera(Camera):
+    """A camera in whose pictures the corners of gates' openings are found."""
 
     range: Annotated[
         float,
         setting("distance beyond which no corner is found [m]", unit="m", gt=0, le=1000),
     ] = 20.0
+    latency: Annotated[Latency, setting("time from exposure to corners [s]")] = 0.0
+    noise: Annotated[float, setting("noise of a found corner [px]", unit="px", ge=0, le=1000)] = 1.0
+
+    def local(self, points: np.ndarray) -> np.ndarray:
+        """Return points of the body frame in the camera frame [m].  (n, 3)"""
+        return (points - self.position) @ self.axes
+
+    def seen(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the pixels of points, and whether each is in front and in the picture.
+
+        Args:
+            points: points of the body frame [m]  (n, 3).
+
+        Returns:
+            Pixels (n, 2), and the mask (n,).
+        """
+        pixels, depth = self.to_pixels(self.local(points))
+        return pixels, (depth > NEAREST) & self.in_picture(pixels)
+
+
+@dataclass(frozen=True)
+class GateCameraConfig(CornerCamera):
+    """A camera, and the network that finds the corners of gates' openings in its pictures."""
+
     blind_within: Annotated[
         Metre,
         setting("distance within which no corner is found, as the gate overfills the picture [m]"),
     ] = 0.0
-    latency: Annotated[Latency, setting("time from exposure to corners [s]")] = 0.0
-    noise: Annotated[float, setting("noise of a found corner [px]", unit="px", ge=0, le=1000)] = 1.0
     misses: Annotated[Share, setting("share of the corners in view that are not found")] = 0.0
     miss_burst: Annotated[
         BurstLength | None,
@@ -202,18 +224,45 @@ class GateCameraConfig(Camera):
     dropouts: Annotated[Share, setting("probability per picture that a dropout begins")] = 0.0
     dropout: Annotated[float, setting("duration of a dropout [s]", unit="s", gt=0, le=100)] = 0.5
 
-    def local(self, points: np.ndarray) -> np.ndarray:
-        """Return points of the body frame in the camera frame [m].  (n, 3)"""
-        return (points - self.position) @ self.axes
 
-    def seen(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the pixels of points, and whether each is in front and in the picture.
+@dataclass(frozen=True)
+class PixelCameraConfig(CornerCamera):
+    """A camera whose pictures are drawn, and in which the gates' edges are searched for.
 
-        Args:
-            points: points of the body frame [m]  (n, 3).
+    Its `noise` is the standard deviation of a found corner that the estimator assumes.
+    """
 
-        Returns:
-            Pixels (n, 2), and the mask (n,).
-        """
-        pixels, depth = self.to_pixels(self.local(points))
-        return pixels, (depth > NEAREST) & self.in_picture(pixels)
+    exposure: Annotated[
+        float, setting("time for which each row is exposed [s]", unit="s", ge=0, le=0.05)
+    ] = 0.004
+    readout: Annotated[
+        float,
+        setting(
+            "time from the exposure of the first row to that of the last [s]; 0: all at once",
+            unit="s",
+            ge=0,
+            le=0.05,
+        ),
+    ] = 0.0
+    passes: Annotated[
+        int, setting("passes of the renderer for each picture", unit="1", ge=1, le=16)
+    ] = 4
+    brightness: Annotated[
+        float, setting("factor of the picture's numbers", unit="1", gt=0, le=10)
+    ] = 1.0
+    read_noise: Annotated[
+        float, setting("noise of a black pixel, of numbers up to 255", unit="1", ge=0, le=255)
+    ] = 0.0
+    shot_noise: Annotated[
+        float,
+        setting("variance of a pixel's noise per unit of its number", unit="1", ge=0, le=255),
+    ] = 0.0
+    jpeg: Annotated[
+        int, setting("quality of the picture's JPEG; 0: not compressed", unit="1", ge=0, le=95)
+    ] = 0
+    varied: Annotated[
+        bool, setting("whether ground, light and sky are drawn from the seed of the flight")
+    ] = False
+    banners: Annotated[
+        int, setting("sheets of the gates' colour beside the course", unit="1", ge=0, le=100)
+    ] = 0

@@ -66,6 +66,16 @@ class Corners:
     in_view: int
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Photo:
+    """A picture of a camera."""
+
+    # middle of the exposure of the picture's middle row [s]
+    t: float
+    # (height, width, 3) uint8
+    rgb: np.ndarray
+
+
 # Measurements that bound the drift of the inertial unit.
 Aiding = Pose | Corners
-Measurement = Inertial | RotorThrust | Aiding
+Measurement = Inertial | RotorThrust | Photo | Aiding

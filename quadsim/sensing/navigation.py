@@ -40,7 +40,7 @@ from quadsim.sensing.estimation.prediction import Commands, predict
 from quadsim.sensing.estimation.vehicle_learner import VehicleLearner
 from quadsim.sensing.kept import Kept
 from quadsim.sensing.known_course import KnownCourse
-from quadsim.sensing.measurements import Corners, Inertial, Measurement, RotorThrust
+from quadsim.sensing.measurements import Corners, Inertial, Measurement, Photo, RotorThrust
 from quadsim.sensing.sensors import Sensors
 
 # [m] change of a gate's estimated position or standard deviation that makes a new course
@@ -320,7 +320,9 @@ class SensedState:
         """
         self._rotors = None
         self._estimator.innovations.clear()
-        for measurement in self._sensors.arrived(t):
+        for arrived in self._sensors.arrived(t):
+            is_photo = isinstance(arrived, Photo)
+            measurement = self._estimator.corners_of(arrived) if is_photo else arrived
             if self._kept is not None:
                 self._kept.append(measurement)
             match measurement:

@@ -19,7 +19,14 @@ from quadsim.files.data_files import locate, names, read_text
 from quadsim.files.strict_yaml import parse, setting
 from quadsim.files.values import FieldProblem
 from quadsim.files.yaml_text import dump, remade, written
-from quadsim.sensing.config import GateCameraConfig, ImuConfig, PoseConfig, RotorConfig
+from quadsim.sensing.config import (
+    CornerCamera,
+    GateCameraConfig,
+    ImuConfig,
+    PixelCameraConfig,
+    PoseConfig,
+    RotorConfig,
+)
 
 SENSINGS = Path(__file__).parent
 PERFECT = "perfect"
@@ -35,6 +42,7 @@ class SensingChanges(TypedDict, total=False):
     pose: Mapping[str, Any] | PoseConfig | None
     rotors: Mapping[str, Any] | RotorConfig | None
     camera: Mapping[str, Any] | GateCameraConfig | None
+    pixels: Mapping[str, Any] | PixelCameraConfig | None
 
 
 @dataclass(frozen=True)
@@ -56,11 +64,17 @@ class Sensing:
     pose: PoseConfig | None = None
     rotors: RotorConfig | None = None
     camera: GateCameraConfig | None = None
+    pixels: PixelCameraConfig | None = None
 
     @property
     def exact(self) -> bool:
         """Whether the planner is given the true state."""
         return self.imu is None
+
+    @property
+    def corner_camera(self) -> CornerCamera | None:
+        """The camera in whose pictures corners of gates are found; None without one."""
+        return self.camera or self.pixels
 
     @property
     def latest(self) -> float:
@@ -114,9 +128,10 @@ class SensingFile(Struct, frozen=True, kw_only=True):
     pose: PoseConfig | None = None
     rotors: RotorConfig | None = None
     camera: GateCameraConfig | None = None
+    pixels: PixelCameraConfig | None = None
 
 
-CONFIGS = (ImuConfig, PoseConfig, RotorConfig, GateCameraConfig)
+CONFIGS = (ImuConfig, PoseConfig, RotorConfig, GateCameraConfig, PixelCameraConfig)
 SENSORS = tuple(key for key in SensingFile.__struct_fields__ if key not in ("source", "exact"))
 
 
@@ -186,7 +201,9 @@ def _problems(entry: SensingFile) -> Iterator[FieldProblem]:
     if not entry.exact and entry.imu is None:
         expected = "expected an inertial measurement unit: {rate: 250}, or exact: true"
         yield FieldProblem("imu", f"missing, {expected}")
-    if entry.imu and not (entry.pose or entry.camera):
+    if entry.camera and entry.pixels:
+        yield FieldProblem("pixels", "expected no camera beside it, got one: remove one of the two")
+    if entry.imu and not (entry.pose or entry.camera or entry.pixels):
         problem = "expected a pose or a camera beside it, as without one positions run away"
         yield FieldProblem("imu", problem)
     if entry.pose:

@@ -18,6 +18,7 @@ from quadsim.physics.plant_state import PlantState
 from quadsim.sensing.gate_camera import GateCamera
 from quadsim.sensing.imu import Imu
 from quadsim.sensing.measurements import Inertial, Measurement
+from quadsim.sensing.pixel_camera import Eye, PixelCamera
 from quadsim.sensing.pose import PoseSensor
 from quadsim.sensing.rotor_speeds import RotorSpeeds
 from quadsim.sensing.sensing_file import Sensing
@@ -150,6 +151,7 @@ class Sensors:
         velocity_lag: float = 0.0,
         obstacles: Sequence[Obstacle] = (),
         faults: Sequence[FaultOfSensor] = (),
+        eye: Eye | None = None,
     ):
         """Make the sensors of a flight.
 
@@ -162,6 +164,7 @@ class Sensors:
                 quadsim.physics.plant.Plant.
             obstacles: obstacles on the course.
             faults: faults of these sensors, with their times.
+            eye: what draws the pictures of a pixel camera.
         """
         streams = sensor_streams(seeds)
         sensors: dict[str, Sensor] = {}
@@ -174,6 +177,9 @@ class Sensors:
             sensors["pose"] = PoseSensor(sensing.pose, streams.pose)
         if sensing.camera:
             sensors["camera"] = GateCamera(sensing.camera, streams.camera, gates, obstacles)
+        if sensing.pixels:
+            assert eye
+            sensors["pixels"] = PixelCamera(sensing.pixels, eye)
         for fault in faults:
             if isinstance(fault, SensorFault):
                 key = sensor_key(fault)

@@ -5,7 +5,6 @@ from importlib.util import find_spec
 
 import pytest
 from PIL import Image
-from plant_cases import needs_bullet
 from run_cases import save, two_laps
 
 from quadsim import Spec
@@ -39,7 +38,6 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
-@needs_bullet
 @pytest.mark.parametrize("words", MISTAKES)
 def test_a_mistake_is_one_line(words, here, capsys):
     assert race(words.split()) == 2
@@ -50,7 +48,7 @@ def test_a_mistake_is_one_line(words, here, capsys):
 
 
 @pytest.mark.slow
-@needs_bullet
+@pytest.mark.compiled
 def test_pictures_are_made_once_and_more_of_them_later(here, capsys):
     words = ["render", "figure8", "--camera", "small.yaml", "--vary", "all", "--json"]
     assert race([*words, "--frames", "5"]) == 0
@@ -67,7 +65,7 @@ def test_pictures_are_made_once_and_more_of_them_later(here, capsys):
     assert "pictures: has pictures of other settings (seed)" in capsys.readouterr().err
 
 
-@needs_bullet
+@pytest.mark.compiled
 def test_ctrl_c_leaves_whole_pictures_and_says_how_many(here, capsys, monkeypatch):
     class Broken(Pool):
         calls = 0
@@ -89,7 +87,7 @@ def test_ctrl_c_leaves_whole_pictures_and_says_how_many(here, capsys, monkeypatc
     assert "9 pictures in pictures: 5 made" in capsys.readouterr().out
 
 
-@needs_bullet
+@pytest.mark.compiled
 @pytest.mark.process
 @pytest.mark.skipif(
     not find_spec("imageio_ffmpeg"), reason="imageio-ffmpeg is not installed: extra render"
@@ -102,7 +100,7 @@ def test_a_film_has_as_many_pictures(here):
     assert (frames, seconds) == (3, pytest.approx(0.1))
 
 
-@needs_bullet
+@pytest.mark.compiled
 def test_a_film_of_a_stored_run_is_one_file_of_as_many_pictures_as_asked_for(here, capsys):
     save("runs", two_laps(Spec.of("figure8", laps=2).record()))
     before = set(here.iterdir())
@@ -114,14 +112,7 @@ def test_a_film_of_a_stored_run_is_one_file_of_as_many_pictures_as_asked_for(her
         assert (film.n_frames, film.size) == (3, (64, 36))
 
 
-@needs_bullet
 def test_without_the_extra_for_films_one_line_says_what_installs_it(here, capsys, monkeypatch):
     monkeypatch.setattr(render, "find_spec", lambda name: None)
     assert race(["render", "figure8", "--mp4"]) == 2
     assert "--mp4: imageio-ffmpeg is not installed: " in capsys.readouterr().err
-
-
-def test_without_pybullet_one_line_says_what_installs_it(capsys, monkeypatch):
-    monkeypatch.setattr(render, "has_bullet", lambda: False)
-    assert race(["render", "figure8"]) == 2
-    assert capsys.readouterr().err.startswith("race render: pybullet is not installed: ")

@@ -62,8 +62,8 @@ def column(rows, name):
     return rows[:, NAMES.index(name)]
 
 
-# a new file is tested by itself
-SENSED = [s for s in map(load_sensing, sensing_names()) if not s.exact]
+# a new file is tested by itself; errors of corners found in pictures have no known distribution
+SENSED = [s for s in map(load_sensing, sensing_names()) if not (s.exact or s.pixels)]
 
 
 @pytest.mark.slow

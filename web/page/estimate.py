@@ -6,14 +6,13 @@ places measured by the camera.
 
 from __future__ import annotations
 
-import msgspec
 import numpy as np
 import viser
 from viser.transforms import SO3
 
 from quadsim.course.frames import frames
-from quadsim.sensing.config import GateCameraConfig
 from quadsim.sensing.measurements import Corners
+from web.camera_pictures import camera_of
 from web.competitor import POSITION, QUATERNION, Competitor
 from web.page.drones import SPAN, quadrotor, single_colour
 
@@ -107,7 +106,7 @@ def sensed_corners(entry: Competitor, seen: Corners) -> np.ndarray:
     Returns:
         The lines of the crosses [m]  (2 corners, 2, 3)
     """
-    camera = msgspec.convert(entry.spec["sensing"]["camera"], GateCameraConfig)
+    camera = camera_of(entry)
     i = entry.at(seen.t)
     position = tuple(entry.rows(POSITION, i).tolist())
     quaternion = tuple(entry.rows(QUATERNION, i).tolist())

@@ -22,7 +22,8 @@ from quadsim.rotation import exp
 from quadsim.sensing.estimation.error_state import MOVING, FilterState, Motion
 from quadsim.sensing.estimation.nominal import Nominal
 from quadsim.sensing.estimation.updates import CornerUpdate, Innovation, PoseUpdate
-from quadsim.sensing.measurements import Aiding, Corners, Inertial, Pose
+from quadsim.sensing.measurements import Aiding, Corners, Inertial, Photo, Pose
+from quadsim.sensing.pixels.tracker import Tracker
 from quadsim.sensing.sensing_file import Sensing
 
 # Initial standard deviations at the start pose: position [m], roll and pitch [deg], heading
@@ -75,9 +76,9 @@ class Estimator:
         unmapped = len(gates) if displaced > 0.0 else 0
         self._motion = Motion(sensing.imu, drift, MOVING + drifts + 3 * unmapped)
         self._pose = PoseUpdate(sensing.pose) if sensing.pose else None
-        self._corners = (
-            CornerUpdate(sensing.camera, gates, unmapped > 0) if sensing.camera else None
-        )
+        camera = sensing.corner_camera
+        self._corners = CornerUpdate(camera, gates, unmapped > 0) if camera else None
+        self._tracker = Tracker(sensing.pixels, gates) if sensing.pixels else None
         self._latest = sensing.latest
         self._samples: deque[Inertial] = deque()
         self.state = _set_down(sensing, start, t, drifts, unmapped, displaced)
@@ -115,6 +116,15 @@ class Estimator:
             nominal = nominal.moved(self._samples[-1], t)
         return nominal
 
+    def corners_of(self, photo: Photo) -> Corners:
+        """Return the corners of a picture, found near where the state at its time expects them."""
+        assert self._tracker
+        earlier = [one.state for one in self._applied if one.measurement.t <= photo.t]
+        state = self._moved(photo.t, earlier[-1] if earlier else self._oldest)
+        sample = next((one for one in self._samples if one.t >= photo.t), None)
+        rates = state.nominal.rates(sample) if sample else (0.0, 0.0, 0.0)
+        return self._tracker(photo, state, rates)
+
     def covariance(self, t: float) -> np.ndarray:
         """Return the error covariance at t [s], propagated in one step.  (n, n)"""
         if not self._samples:
@@ -123,7 +133,7 @@ class Estimator:
 
     def _apply(self, measurement: Aiding) -> Innovation:
         """Move the filter to the instant of a measurement and correct it there."""
-        before = self._moved(measurement.t)
+        before = self._moved(measurement.t, self.state)
         match measurement:
             case Pose():
                 assert self._pose
@@ -136,9 +146,8 @@ class Estimator:
         self._applied.append(Applied(measurement, self.state, innovation))
         return innovation
 
-    def _moved(self, t: float) -> FilterState:
-        """Return the filter's state propagated to t [s]; unchanged if t is not later."""
-        state = self.state
+    def _moved(self, t: float, state: FilterState) -> FilterState:
+        """Return a state of the filter propagated to t [s]; unchanged if t is not later."""
         for sample in self._samples:
             if sample.t > state.nominal.t and state.nominal.t < t:
                 state = self._motion(state, sample, min(sample.t, t))
@@ -152,7 +161,7 @@ class Estimator:
 
         # If no measurement has arrived for a while, the filter is propagated without one.
         if self.state.nominal.t < oldest:
-            self.state = self._moved(oldest)
+            self.state = self._moved(oldest, self.state)
             self._oldest = self.state
         while len(self._samples) > 1 and self._samples[0].t <= self._oldest.nominal.t:
             self._samples.popleft()

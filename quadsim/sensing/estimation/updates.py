@@ -17,7 +17,7 @@ import numpy as np
 
 from quadsim.course import Gate
 from quadsim.rotation import between, matrix
-from quadsim.sensing.config import NEAREST, GateCameraConfig, PoseConfig
+from quadsim.sensing.config import NEAREST, CornerCamera, PoseConfig
 from quadsim.sensing.estimation.error_state import DRIFT, POSITION, TURN, VELOCITY, FilterState
 from quadsim.sensing.measurements import Corners, Pose
 
@@ -105,7 +105,7 @@ class CornerUpdate:
     The second part matters until the heading has converged.
     """
 
-    def __init__(self, config: GateCameraConfig, gates: Sequence[Gate], free: bool):
+    def __init__(self, config: CornerCamera, gates: Sequence[Gate], free: bool):
         """Take the camera and the map.
 
         Args:

@@ -1,0 +1,134 @@
+"""What the tracker sees, for flying_on_pictures.md: `.venv/bin/python docs/pixels_figure.py`.
+
+It prints how many gates are found on random poses, how exactly, and how long a picture takes.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from time import process_time
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from quadsim.course import load_course
+from quadsim.course.frames import frames
+from quadsim.render.eye import CourseEye
+from quadsim.render.poses import Pose, drawn_poses
+from quadsim.rotation import turned
+from quadsim.sensing import load_sensing
+from quadsim.sensing.estimation.error_state import FilterState
+from quadsim.sensing.estimation.nominal import Nominal
+from quadsim.sensing.measurements import Photo
+from quadsim.sensing.pixel_camera import Moment, row_poses
+from quadsim.sensing.pixels.tracker import Tracked, Tracker
+from quadsim.sensing.visibility import hidden_corners
+
+COURSE = load_course("split_s_swift")
+GATES = frames(COURSE.gates)
+CAMERA = load_sensing("pixels").pixels
+assert CAMERA
+POSES = 200
+# poses that share a venue, with its look and its banners
+TOGETHER = 20
+# standard deviations of the estimate [m, rad], and of velocity [m/s] and body rates [rad/s]
+POSITION = 0.05
+TURN = 0.01
+SPEED = 4.0
+RATES = 1.5
+# A gate counts with this many corners in view, up to this distance [m]. It is found if two corners
+# are found within so many pixels.
+CORNERS = 3
+DISTANCE = 15.0
+WITHIN = 6.0
+# sine of the angle to its plane from which on a gate is not seen from its side
+ASIDE = 0.2
+SHOWN = (4, 5, 34, 82)
+
+
+def main() -> None:
+    rng = np.random.default_rng(0)
+    tracker = Tracker(CAMERA, GATES)
+    errors: list[float] = []
+    found: list[tuple[bool, bool]] = []
+    drawing = []
+    tracking = []
+    figure, axes = plt.subplots(2, 2, figsize=(12.8, 7.4), layout="constrained")
+    for k, pose in enumerate(drawn_poses(COURSE, CAMERA, POSES, seed=3)):
+        if k % TOGETHER == 0:
+            eye = CourseEye(CAMERA, np.random.SeedSequence(k), COURSE)
+        velocity = rng.normal(0.0, SPEED, 3)
+        rates = rng.normal(0.0, RATES, 3)
+        began = process_time()
+        photo = Photo(0.0, eye(*row_poses(CAMERA, 0.0, moving(pose, velocity, rates))))
+        drawn = process_time()
+        seen = tracker.tracked(photo, estimated(pose, velocity, rng), tuple(rates.tolist()))
+        tracking.append(process_time() - drawn)
+        drawing.append(drawn - began)
+        compare(pose, seen, errors, found)
+        if k in SHOWN:
+            draw(axes.flat[SHOWN.index(k)], photo, seen)
+    figure.savefig(Path(__file__).parent / "pixels.png", dpi=100)
+    hits, upright = np.array(found).T
+    print(f"{hits.sum()} of {len(hits)} gates found", end=", ")
+    print(f"not seen from their side {hits[upright].sum()} of {upright.sum()}")
+    print(f"{len(errors)} corners, median {np.median(errors):.2f} px", end=", ")
+    print(f"95 % within {np.quantile(errors, 0.95):.2f} px")
+    print(f"processor time in the median: drawing {1e3 * np.median(drawing):.1f} ms", end=", ")
+    print(f"tracking {1e3 * np.median(tracking):.1f} ms")
+
+
+def moving(pose: Pose, velocity: np.ndarray, rates: np.ndarray) -> list[Moment]:
+    """Return poses of a vehicle that moves through a pose."""
+    moments = []
+    for t in np.arange(-0.02, 0.0201, 0.0025).tolist():
+        p = (np.array(pose.p) + t * velocity).tolist()
+        moments.append(Moment(t, (*p, *turned(pose.q, (t * rates).tolist()))))
+    return moments
+
+
+def estimated(pose: Pose, velocity: np.ndarray, rng: np.random.Generator) -> FilterState:
+    """Return an estimate of a pose that knows its uncertainty."""
+    x, y, z = (np.array(pose.p) + POSITION * rng.standard_normal(3)).tolist()
+    q = turned(pose.q, (TURN * rng.standard_normal(3)).tolist())
+    vx, vy, vz = velocity.tolist()
+    variances = np.repeat([POSITION**2, 0.01, TURN**2, 0.01, 0.01], 3)
+    nominal = Nominal(0.0, (x, y, z), (vx, vy, vz), q)
+    return FilterState(nominal, np.zeros(0), np.zeros((0, 3)), np.diag(variances))
+
+
+def compare(pose: Pose, seen: Tracked, errors: list[float], found: list[tuple[bool, bool]]) -> None:
+    """Add the errors of the corners of a picture, and which gates were found."""
+    true, depth = CAMERA.gate_corners(GATES, pose.p, pose.q)
+    eye, _ = CAMERA.pose(pose.p, pose.q)
+    in_view = CAMERA.in_picture(true.reshape(-1, 2)).reshape(-1, 4) & (depth > 0.1)
+    in_view &= ~hidden_corners(GATES, eye, COURSE.obstacles)
+    for k, gate in enumerate(GATES):
+        mine = seen.found.gates == k
+        off = np.linalg.norm(seen.found.pixels[mine] - true[k, seen.found.corners[mine]], axis=1)
+        errors += off.tolist()
+        away = np.linalg.norm(np.subtract(gate.position, eye))
+        if in_view[k].sum() >= CORNERS and away < DISTANCE:
+            ahead = abs(gate.to_local(tuple(eye.tolist())).along)
+            found.append(((off < WITHIN).sum() >= 2, ahead > ASIDE * away))
+
+
+def draw(panel, photo: Photo, seen: Tracked) -> None:
+    """Draw a picture with expected edges, found and rejected steps, and found corners."""
+    panel.imshow(photo.rgb)
+    points = seen.points
+    at = points.pixel + seen.steps.shift[:, None] * points.normal
+    rejected = seen.steps.found & ~seen.used
+    panel.plot(*points.pixel.T, ".", color="white", markersize=2, label="expected edge")
+    panel.plot(*at[seen.used].T, ".", color="lime", markersize=3, label="found")
+    panel.plot(*at[rejected].T, ".", color="red", markersize=3, label="rejected")
+    panel.plot(*seen.found.pixels.T, "+", color="cyan", markersize=9, label="corner")
+    panel.set_xlim(0, CAMERA.width)
+    panel.set_ylim(CAMERA.height, 0)
+    panel.set_axis_off()
+    if panel.get_subplotspec().is_first_row() and panel.get_subplotspec().is_first_col():
+        panel.legend(loc="upper left", fontsize=8)
+
+
+if __name__ == "__main__":
+    main()

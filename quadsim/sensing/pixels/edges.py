@@ -1,0 +1,289 @@
+"""The edges of frames that a camera sees against what is behind them, and points on them.
+
+A frame is a box of depth FRAME_DEPTH with an opening. Of each of its four inner and four outer
+sides, the camera sees the end nearer to it as a change of shade, or not at all, and the one against
+the background as a change of colour. The latter is the farther end of a side that faces the camera,
+and the nearer end of a side that is turned away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from quadsim.course import Gate
+from quadsim.course.opening import FRAME_DEPTH, half_sizes, outer_half_sizes
+from quadsim.sensing.camera import Camera
+from quadsim.sensing.visibility import BEFORE
+
+# largest number of points on an edge, and their distance in the picture [px]
+POINTS = 20
+SPACING = 4.0
+# number of points of short edges, and their least distance [px]
+FEW = 6
+NARROWEST = 1.5
+# share of an edge at either end that has no points, as two edges meet there
+ENDS = 0.06
+# [m] parts of edges with less depth are left out
+NEAREST = 0.3
+# least sine of the angle between a gate's plane and the line of sight to its centre
+SLANT = 0.08
+# [m] by which a line of sight must pass a frame
+BESIDE = 0.03
+# [m] by which a line of sight must enter the frame of a point's own gate to be stopped
+WITHIN = 0.01
+# Sides of a rectangle: the row of the axis (0: left, 1: up), and the direction on it
+SIDES = ((0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0))
+# Edges of a gate: four inner ones, then four outer ones, in the order of SIDES
+EDGES = 8
+
+
+class View(NamedTuple):
+    """A pose of the camera."""
+
+    # [m]  (3,)
+    eye: np.ndarray
+    # rotation world from camera  (3, 3)
+    axes: np.ndarray
+
+
+class Points(NamedTuple):
+    """Points on edges, which are visible by the map."""
+
+    # gate and edge of each point  (n,)
+    gate: np.ndarray
+    edge: np.ndarray
+    # in the world [m]  (n, 3)
+    position: np.ndarray
+    # in the picture [px]  (n, 2)
+    pixel: np.ndarray
+    # unit normal of the edge in the picture, from the background to the frame  (n, 2)
+    normal: np.ndarray
+    # from the middle of the edge, along the edge [px]  (n,)
+    along: np.ndarray
+
+
+class Frames:
+    """The frames of a map as arrays."""
+
+    def __init__(self, gates: Sequence[Gate]):
+        """Take the gates of the map, each once."""
+        self.centre = np.array([gate.position for gate in gates])  # (G, 3)
+        self.rotation = np.array([gate.rotation for gate in gates])  # (G, 3, 3)
+        self.inner = np.array([half_sizes(gate.opening) for gate in gates])  # (G, 2)
+        self.outer = np.array([outer_half_sizes(g.opening, g.frame_width) for g in gates])
+        self.corners = np.array([gate.corners() for gate in gates])  # (G, 4, 3)
+
+    def moved(self, offsets: np.ndarray) -> Frames:
+        """Return the frames at other places.
+
+        offsets: displacements from the map [m]  (G, 3).
+        """
+        other = Frames.__new__(Frames)
+        other.__dict__.update(self.__dict__)
+        other.centre = self.centre + offsets
+        other.corners = self.corners + offsets[:, None]
+        return other
+
+    def local(self, points: np.ndarray) -> np.ndarray:
+        """Return points in the frame of each gate [m].
+
+        points: (n, 3), or (G, n, 3) with points of each gate.
+
+        Returns:
+            (G, n, 3)
+        """
+        return (points - self.centre[:, None]) @ self.rotation
+
+    def world(self, points: np.ndarray) -> np.ndarray:
+        """Return points (G, ..., 3) of each gate's frame in the world [m]."""
+        shape = points.shape
+        flat = points.reshape(shape[0], -1, 3)
+        return (flat @ self.rotation.transpose(0, 2, 1) + self.centre[:, None]).reshape(shape)
+
+    def edges(self, eye: np.ndarray) -> np.ndarray:
+        """Return the ends of the edges against the background, seen from an eye [m].
+
+        Returns:
+            (G, EDGES, 2, 3)
+        """
+        local = self.local(eye[None])[:, 0]  # (G, 3)
+        near = np.sign(local[:, 0]) * FRAME_DEPTH / 2
+        ends = np.empty((len(self.centre), EDGES, 2, 3))
+        for ring, half in enumerate((self.inner, self.outer)):
+            for k, (axis, sign) in enumerate(SIDES):
+                out = sign * local[:, 1 + axis] - half[:, axis]
+                # An inner side faces the eye from within, an outer side from beyond.
+                faces = out < 0.0 if ring == 0 else out > 0.0
+                edge = ends[:, 4 * ring + k]
+                edge[:, :, 0] = np.where(faces, -near, near)[:, None]
+                edge[:, :, 1 + axis] = (sign * half[:, axis])[:, None]
+                edge[:, 0, 2 - axis] = -half[:, 1 - axis]
+                edge[:, 1, 2 - axis] = half[:, 1 - axis]
+        return self.world(ends)
+
+    def hide(
+        self, points: np.ndarray, own: np.ndarray, eye: np.ndarray, merged: bool = False
+    ) -> np.ndarray:
+        """Return which points a frame hides from an eye.  (n,) bool
+
+        Args:
+            points: [m]  (n, 3).
+            own: gate of each point; of its frame, only the nearer plane hides it  (n,).
+            eye: [m]  (3,).
+            merged: whether points with another frame behind them count too: an edge before
+                something of its own colour is not seen.
+        """
+        here = self.local(eye[None])  # (G, 1, 3)
+        there = self.local(points)  # (G, n, 3)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = here[..., 0] / (here[..., 0] - there[..., 0])  # (G, n)
+            crossing = here[..., 1:] + share[..., None] * (there[..., 1:] - here[..., 1:])
+        between = (share > 0.0) & (merged | (share < 1.0))
+        beyond = abs(crossing)
+        in_outer = (beyond < self.outer[:, None] + BESIDE).all(axis=-1)
+        in_opening = (beyond < self.inner[:, None] - BESIDE).all(axis=-1)
+        hidden = between & in_outer & ~in_opening
+        column = np.arange(len(points))
+        hidden[own, column] = self._hide_own(here[own, 0], there[own, column], own)
+        return hidden.any(axis=0)
+
+    def _hide_own(self, here: np.ndarray, there: np.ndarray, own: np.ndarray) -> np.ndarray:
+        """Return which points are behind the nearer plane of their own frame.  (n,) bool
+
+        Args:
+            here: the eye, and
+            there: the points in the frames of their gates [m]  (n, 3).
+            own: gate of each point  (n,).
+        """
+        near = np.sign(here[:, 0]) * FRAME_DEPTH / 2
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = (here[:, 0] - near) / (here[:, 0] - there[:, 0])
+        beyond = abs(here[:, 1:] + share[:, None] * (there[:, 1:] - here[:, 1:]))
+        in_frame = (beyond < self.outer[own] - WITHIN).all(axis=-1)
+        in_opening = (beyond < self.inner[own] + WITHIN).all(axis=-1)
+        before = (share > 0.0) & (share < BEFORE)
+        return before & in_frame & ~in_opening
+
+
+def visible_points(
+    frames: Frames, view: View, camera: Camera, longest: float, border: float
+) -> Points:
+    """Return points on the visible parts of all edges that the camera sees.
+
+    Args:
+        frames: the frames.
+        view: pose of the camera.
+        camera: the camera.
+        longest: distance beyond which gates are left out [m].
+        border: least distance of a point from the border of the picture [px].
+    """
+    ends = frames.edges(view.eye)
+    local = (ends.reshape(-1, 3) - view.eye) @ view.axes
+    local = local.reshape(-1, 2, 3)  # (G EDGES, 2, 3)
+    gate = np.repeat(np.arange(len(ends)), EDGES)
+    edge = np.tile(np.arange(EDGES), len(ends))
+    keep = seen_well(frames, view, longest)[gate] & (local[:, :, 2].max(axis=1) > NEAREST)
+    gate = gate[keep]
+    edge = edge[keep]
+    local = local[keep]
+
+    # The part of each edge in front of the camera, and of that the part in the picture.
+    first, last = local[:, 0], local[:, 1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cut = (NEAREST - first[:, 2]) / (last[:, 2] - first[:, 2])
+        meets = first + cut[:, None] * (last - first)
+    a = np.where((first[:, 2] < NEAREST)[:, None], meets, first)
+    b = np.where((last[:, 2] < NEAREST)[:, None], meets, last)
+    pixel_a, depth_a = camera.to_pixels(a)
+    pixel_b, depth_b = camera.to_pixels(b)
+    run = pixel_b - pixel_a
+    low, high = _inside(pixel_a, run, camera, border)
+    length = np.linalg.norm(run, axis=1)
+    low = np.maximum(low, ENDS)
+    high = np.minimum(high, 1.0 - ENDS)
+    visible = (high - low) * length
+    count = np.maximum(visible / SPACING, np.minimum(visible / NARROWEST, FEW))
+    count = np.clip(count, 0, POINTS).astype(int)
+
+    # Equally spaced points in the picture; 1 / depth is linear along a line in the picture.
+    k = np.arange(POINTS)
+    chosen = k < count[:, None]
+    share = low[:, None] + (high - low)[:, None] * (k + 0.5) / np.maximum(count, 1)[:, None]
+    pixel = pixel_a[:, None] + share[..., None] * run[:, None]
+    nearness = 1.0 / depth_a[:, None] + share * (1.0 / depth_b - 1.0 / depth_a)[:, None]
+    ray = np.concatenate(
+        [
+            (pixel - (camera.width / 2, camera.height / 2)) / (camera.fx, camera.fy),
+            np.ones((*share.shape, 1)),
+        ],
+        axis=-1,
+    )
+    position = view.eye + (ray / nearness[..., None]) @ view.axes.T
+    unit = run / np.maximum(length, 1e-9)[:, None]
+    normal = _towards_frame(frames, view, gate, edge, a, b, unit, camera)
+    rows, columns = np.nonzero(chosen)
+    points = Points(
+        gate=gate[rows],
+        edge=edge[rows],
+        position=position[rows, columns],
+        pixel=pixel[rows, columns],
+        normal=normal[rows],
+        along=((share - 0.5) * length[:, None])[rows, columns],
+    )
+    return taken(points, ~frames.hide(points.position, points.gate, view.eye, merged=True))
+
+
+def taken(points: Points, mask: np.ndarray) -> Points:
+    """Return the points of a mask."""
+    return Points(*(column[mask] for column in points))
+
+
+def seen_well(frames: Frames, view: View, longest: float) -> np.ndarray:
+    """Return which gates are near enough and not seen from their side.  (G,) bool"""
+    away = np.linalg.norm(frames.centre - view.eye, axis=1)
+    ahead = abs(frames.local(view.eye[None])[:, 0, 0])
+    return (away < longest) & (ahead > np.maximum(SLANT * away, FRAME_DEPTH))
+
+
+def _inside(
+    start: np.ndarray, run: np.ndarray, camera: Camera, border: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the shares of segments between which they are in the picture.  (n,), (n,)"""
+    low = np.zeros(len(start))
+    high = np.ones(len(start))
+    for axis, size in enumerate((camera.width, camera.height)):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            one = (border - start[:, axis]) / run[:, axis]
+            other = (size - border - start[:, axis]) / run[:, axis]
+        inside = (start[:, axis] >= border) & (start[:, axis] <= size - border)
+        flat = abs(run[:, axis]) < 1e-9
+        low = np.maximum(low, np.where(flat, np.where(inside, 0.0, 2.0), np.minimum(one, other)))
+        high = np.minimum(high, np.where(flat, 1.0, np.maximum(one, other)))
+    return low, high
+
+
+def _towards_frame(
+    frames: Frames,
+    view: View,
+    gate: np.ndarray,
+    edge: np.ndarray,
+    a: np.ndarray,
+    b: np.ndarray,
+    unit: np.ndarray,
+    camera: Camera,
+) -> np.ndarray:
+    """Return the normals of edges in the picture that point to their frames.  (n, 2)"""
+    # A point of the gate's plane beside the middle of the edge, away from the opening for an inner
+    # edge and towards it for an outer one.
+    middle = 0.5 * (a + b)
+    axis = np.array([axis for axis, _ in SIDES])[edge % 4]
+    sign = np.array([sign for _, sign in SIDES])[edge % 4] * np.where(edge < 4, 1.0, -1.0)
+    towards = frames.rotation[gate, :, 1 + axis] * sign[:, None]
+    beside, _ = camera.to_pixels(middle + 0.02 * towards @ view.axes)
+    here, _ = camera.to_pixels(middle)
+    normal = np.column_stack([-unit[:, 1], unit[:, 0]])
+    turned = ((beside - here) * normal).sum(axis=1) < 0.0
+    return np.where(turned[:, None], -normal, normal)

@@ -1,0 +1,130 @@
+"""The pose that explains a picture best, among poses that the filter takes for possible.
+
+Poses are drawn from the filter's normal distribution. A pose is good if pixels have the gates'
+colour where it puts the middle of a frame's bars, and do not have it beside the bars. The best
+poses are the centre of a narrower distribution, and so on: the cross-entropy method (Rubinstein and
+Kroese 2004).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import uniform_filter
+from scipy.special import ndtri
+from scipy.stats import qmc
+
+from quadsim.sensing.config import CornerCamera
+from quadsim.sensing.pixels.edges import SIDES, Frames
+from quadsim.sensing.pixels.signal import sampled
+
+# poses of each round, the best of them that make the next one, and rounds
+POSES = 256
+BEST = 12
+ROUNDS = 4
+# points on a bar
+ON_BAR = 5
+# [px] width over which the signal is averaged in each round
+WIDTHS = (9, 5, 3, 3)
+# [m] parts of gates with less depth are not compared
+NEAREST = 0.4
+
+
+def best_pose(
+    signal: np.ndarray,
+    frames: Frames,
+    camera: CornerCamera,
+    position: np.ndarray,
+    body: np.ndarray,
+    P: np.ndarray,
+) -> np.ndarray:
+    """Return the error of a pose, position [m] and turn in the body frame [rad].  (6,)
+
+    Args:
+        signal: weight of the gates' colour in each pixel  (height, width).
+        frames: the frames of the map.
+        camera: the camera.
+        position: of the vehicle, as it is estimated [m]  (3,).
+        body: its attitude, world from body  (3, 3).
+        P: covariance of position and turn  (6, 6).
+    """
+    normal = _normals()
+    centre = np.zeros(6)
+    factor = np.linalg.cholesky(P + 1e-12 * np.eye(6))
+    bars, beside = _pattern(frames)
+    for round_, width in zip(range(ROUNDS), WIDTHS, strict=True):
+        smooth = uniform_filter(signal, width)
+        errors = centre + normal @ factor.T
+        # The distribution's own centre is among them.
+        errors[0] = centre
+        scores = _scores(smooth, bars, beside, camera, position, body, errors)
+        best = errors[np.argsort(-scores, kind="stable")[:BEST]]
+        centre = best[0] if round_ == ROUNDS - 1 else best.mean(axis=0)
+        spread = np.cov(best.T) + 1e-8 * np.eye(6)
+        factor = np.linalg.cholesky(spread)
+    return centre
+
+
+def _normals() -> np.ndarray:
+    """Return evenly spread points of the standard normal distribution.  (POSES, 6)"""
+    points = qmc.Sobol(6, scramble=False).random(POSES)
+    return ndtri(np.clip(points, 1e-6, 1.0 - 1e-6))
+
+
+def _pattern(frames: Frames) -> tuple[np.ndarray, np.ndarray]:
+    """Return points in the middle of the bars, and points beside them, in the world [m].
+
+    Returns:
+        (n, 3) and (n, 2, 3): for each point one within the opening and one outside the frame.
+    """
+    along = np.linspace(-0.9, 0.9, ON_BAR)
+    middle = 0.5 * (frames.inner + frames.outer)
+    width = frames.outer - frames.inner
+    on = []
+    off = []
+    for axis, sign in SIDES:
+        for share in along:
+            rows = []
+            for distance in (0.0, -1.0, 1.0):
+                point = np.zeros((len(frames.centre), 3))
+                point[:, 1 + axis] = sign * (middle[:, axis] + distance * width[:, axis])
+                point[:, 2 - axis] = share * middle[:, 1 - axis]
+                rows.append(frames.world(point[:, None])[:, 0])
+            on.append(rows[0])
+            off.append(np.stack(rows[1:], axis=1))
+    return np.concatenate(on), np.concatenate(off)
+
+
+def _scores(
+    signal: np.ndarray,
+    bars: np.ndarray,
+    beside: np.ndarray,
+    camera: CornerCamera,
+    position: np.ndarray,
+    body: np.ndarray,
+    errors: np.ndarray,
+) -> np.ndarray:
+    """Return how well each pose explains the picture.  (n,)"""
+    near = np.linalg.norm(bars - position, axis=1) < camera.range
+    points = np.concatenate([bars[near, None], beside[near]], axis=1)  # (m, 3, 3)
+    turned = body @ _turns(errors[:, 3:])  # (n, 3, 3)
+    away = points.reshape(-1, 3) - position - errors[:, None, :3]  # (n, 3 m, 3)
+    local = (away @ turned - np.asarray(camera.position)) @ camera.axes
+    flat = local.reshape(-1, 3)
+    pixels, depth = camera.to_pixels(flat)
+    inside = camera.in_picture(pixels) & (depth > NEAREST)
+    values = np.zeros(len(flat), np.float32)
+    values[inside] = np.maximum(sampled(signal, pixels[inside]), 0.0)
+    values = values.reshape(len(errors), -1, 3)
+    seen = inside.reshape(len(errors), -1, 3)[:, :, 0]
+    contrast = values[..., 0] - 0.5 * (values[..., 1] + values[..., 2])
+    return np.where(seen, contrast, 0.0).sum(axis=1)
+
+
+def _turns(turns: np.ndarray) -> np.ndarray:
+    """Return rotation matrices of turns [rad], by Rodrigues' formula.  (n, 3) -> (n, 3, 3)"""
+    angle = np.linalg.norm(turns, axis=1)[:, None, None]
+    safe = np.maximum(angle, 1e-12)
+    x, y, z = (turns / safe[:, 0]).T
+    zero = np.zeros_like(x)
+    K = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
+    return np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * (K @ K)

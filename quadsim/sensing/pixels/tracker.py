@@ -1,0 +1,177 @@
+"""The tracker: corners of gates in one picture, near where the estimate expects them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from quadsim.course import Gate
+from quadsim.rotation import Vec3, exp, matrix
+from quadsim.sensing.config import PixelCameraConfig
+from quadsim.sensing.estimation.error_state import POSITION, TURN, FilterState
+from quadsim.sensing.measurements import Corners, Photo
+from quadsim.sensing.pixels.edges import EDGES, Frames, Points, View, visible_points
+from quadsim.sensing.pixels.hypotheses import best_pose
+from quadsim.sensing.pixels.lines import corners, lines
+from quadsim.sensing.pixels.signal import ORANGE, Signal, Steps, steps
+
+# [px] least and largest distance from the expected place at which an edge is searched for. If it
+# may be farther away, other poses are tried first.
+LEAST = 5.0
+LARGEST = 24.0
+# standard deviations of the expected place within which it is searched for, and what is added [px]
+WITHIN = 3.0
+STEADY = 2.0
+# [m] distance of gates if none is expected in the picture
+TYPICAL = 10.0
+# [px] reach of the search after that
+FOUND_REACH = 10.0
+
+
+class Tracked(NamedTuple):
+    """What the tracker saw in a picture, for figures and tests."""
+
+    points: Points
+    # what was found at each point, and whether it belongs to a line
+    steps: Steps
+    used: np.ndarray
+    # expected and found corners [px]  (n, 2)
+    expected: np.ndarray
+    found: Corners
+    # whether other poses were tried first
+    searched: bool
+
+
+class Tracker:
+    """Finds gates in pictures."""
+
+    def __init__(self, config: PixelCameraConfig, gates: Sequence[Gate]):
+        """Take the camera and the map.
+
+        Args:
+            config: the camera.
+            gates: gates of the map, each once.
+        """
+        self._config = config
+        self._frames = Frames(gates)
+        self._signal = Signal(ORANGE)
+
+    def __call__(self, photo: Photo, state: FilterState, rates: Vec3) -> Corners:
+        """Return the corners of a picture.
+
+        Args:
+            photo: the picture.
+            state: the filter's state at its time.
+            rates: body rates at its time [rad/s].
+        """
+        return self.tracked(photo, state, rates).found
+
+    def tracked(self, photo: Photo, state: FilterState, rates: Vec3) -> Tracked:
+        """Return the corners of a picture, and how they were found."""
+        config = self._config
+        frames = self._frames.moved(state.gates) if len(state.gates) else self._frames
+        signal = self._signal.of(photo.rgb)
+        nominal = state.nominal
+        position = np.array(nominal.position)
+        body = matrix(nominal.attitude)
+        view = self._view(position, body)
+        points = visible_points(frames, view, config, config.range, border=4.0)
+        reach = self._reach(points, view, state.P)
+        searched = bool(np.median(reach) > LARGEST)
+        if searched:
+            block = np.r_[POSITION, TURN]
+            P = state.P[np.ix_(block, block)]
+            error = best_pose(signal, frames, config, position, body, P)
+            position = position + error[:3]
+            body = body @ matrix(exp(error[3:].tolist()))
+            view = self._view(position, body)
+            points = visible_points(frames, view, config, config.range, border=4.0)
+            reach = np.full(1, FOUND_REACH)
+        late = self._late(points, position, body, np.array(nominal.velocity), rates)
+        reach = np.broadcast_to(np.clip(reach, LEAST, LARGEST), len(points.pixel))
+        found_steps = steps(signal, points.pixel + late, points.normal, reach)
+        found, used = lines(points, found_steps, len(frames.centre))
+        moved = corners(found, points, self._ends(frames, view))
+        expected, depth = config.to_pixels(
+            (frames.corners[moved.gate, moved.corner] - view.eye) @ view.axes
+        )
+        ahead = depth > 0.2
+        pixels = expected + moved.shift
+        result = Corners(
+            photo.t,
+            gates=moved.gate[ahead],
+            corners=moved.corner[ahead],
+            pixels=pixels[ahead],
+            in_view=self._in_view(frames, view),
+        )
+        return Tracked(points, found_steps, used, expected[ahead], result, searched)
+
+    def _reach(self, points: Points, view: View, P: np.ndarray) -> np.ndarray:
+        """Return how far from each point its edge may be [px]; if there is none, a typical value.
+
+        Args:
+            points: the points.
+            view: pose of the camera.
+            P: covariance of the filter's error.
+        """
+        variances = np.diag(P)
+        turns = variances[TURN].mean()
+        moves = variances[POSITION].mean()
+        depth = np.linalg.norm(points.position - view.eye, axis=1)
+        if not len(depth):
+            depth = np.array([TYPICAL])
+        return WITHIN * self._config.fx * np.sqrt(turns + moves / depth**2) + STEADY
+
+    def _view(self, position: np.ndarray, body: np.ndarray) -> View:
+        """Return the pose of the camera."""
+        config = self._config
+        return View(position + body @ np.asarray(config.position), body @ config.axes)
+
+    def _late(
+        self,
+        points: Points,
+        position: np.ndarray,
+        body: np.ndarray,
+        velocity: np.ndarray,
+        rates: Vec3,
+    ) -> np.ndarray:
+        """Return how far each point moves until its row is exposed [px].  (n, 2)"""
+        config = self._config
+        if not config.readout or not len(points.pixel):
+            return np.zeros((len(points.pixel), 2))
+        half = 0.5 * config.readout
+        rx, ry, rz = rates
+        turned = body @ matrix(exp((rx * half, ry * half, rz * half)))
+        later = self._view(position + half * velocity, turned)
+        pixel, _ = config.to_pixels((points.position - later.eye) @ later.axes)
+        # per unit of (v / height - 1 / 2)
+        flow = 2.0 * (pixel - points.pixel)
+        share = points.pixel[:, 1] / config.height - 0.5
+        # The row at which a point is seen is where it is at that row's time.
+        share = share / np.maximum(1.0 - flow[:, 1] / config.height, 0.5)
+        return flow * share[:, None]
+
+    def _ends(self, frames: Frames, view: View) -> np.ndarray:
+        """Return where each edge ends, from its middle along the edge [px].  (G, EDGES, 2)
+
+        Both are on the picture of the edge between its ends; parts behind the camera have no ends.
+        """
+        local = (frames.edges(view.eye).reshape(-1, 3) - view.eye) @ view.axes
+        pixels, depth = self._config.to_pixels(local)
+        pixels = pixels.reshape(-1, EDGES, 2, 2)
+        length = np.linalg.norm(pixels[:, :, 1] - pixels[:, :, 0], axis=-1)
+        ahead = (depth.reshape(-1, EDGES, 2) > 0.3).all(axis=-1)
+        half = np.where(ahead, 0.5 * length, np.nan)
+        return np.stack([-half, half], axis=-1)
+
+    def _in_view(self, frames: Frames, view: View) -> int:
+        """Return how many corners are expected in the picture."""
+        local = (frames.corners.reshape(-1, 3) - view.eye) @ view.axes
+        pixels, depth = self._config.to_pixels(local)
+        inside = self._config.in_picture(pixels) & (depth > 0.1)
+        near = np.linalg.norm(local, axis=1) < self._config.range
+        own = np.repeat(np.arange(len(frames.centre)), 4)
+        points = frames.corners.reshape(-1, 3)
+        return int((inside & near & ~frames.hide(points, own, view.eye)).sum())
