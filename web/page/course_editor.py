@@ -21,7 +21,7 @@ from web.course_edit import Checked, CourseEdit, limit_path
 from web.course_numbers import NUMBERS, Number
 from web.page.course_map import Map
 from web.page.edit_scene import EditScene
-from web.page.html import RED, box, coloured, head_up, heading, small, text
+from web.page.html import RED, box, coloured, heading, small, text
 from web.page.race_panel import RacePanel
 from web.race import Snapshot
 from web.session import Session
@@ -123,8 +123,8 @@ class CourseEditor:
         return Map(course).draw([]) if course.gates else ""
 
     def head(self) -> str:
-        """Return the head-up display while the course is edited."""
-        return head_up(heading("course editor"), self._state())
+        """Return what the head of the page says while the course is edited, as HTML."""
+        return box(heading("course editor"), self._state())
 
     def close(self) -> None:
         """End the search of a limit."""

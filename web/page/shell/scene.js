@@ -1,0 +1,40 @@
+// The frame of the scene: viser's page, whose panel of settings stands left of the scene. The drawer is closed by moving
+// the frame to the left by the width of that panel.
+const frame = document.getElementById("scene");
+const ASKED = ["fixedDpr"]; // what an address may ask of viser
+const CLOSED = "drawer-closed";
+let watching = [];
+
+export const inside = () => frame.contentDocument;
+export const seat = () => inside()?.querySelector("[data-seat]")?.dataset.seat ?? "";
+
+export function begin() {
+  const given = new URLSearchParams(location.search);
+  const asked = new URLSearchParams({ darkMode: "" });
+  for (const name of ASKED) if (given.has(name)) asked.set(name, given.get(name));
+  frame.addEventListener("load", () => {
+    for (const watch of watching) watch(frame.contentWindow);
+    mark();
+  });
+  frame.src = `/scene/?${asked}`;
+  addEventListener("resize", mark);
+}
+
+// Call a function with the window of the frame whenever it has loaded.
+export function whenLoaded(watch) {
+  watching.push(watch);
+}
+
+// Whether the settings can be seen.
+export const isOpen = () => document.body.classList.contains("settings");
+
+export function openSettings(on) {
+  document.body.classList.toggle("settings", on);
+  document.querySelector('[data-act="settings"]').setAttribute("aria-expanded", String(on));
+  mark();
+}
+
+// What cannot be seen gets no focus either.
+function mark() {
+  inside()?.documentElement?.classList.toggle(CLOSED, !isOpen());
+}
