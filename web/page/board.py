@@ -18,7 +18,7 @@ from web.page.seats import Seat, Seats
 from web.page.server import PageServer
 
 PartName = Literal[
-    "head", "now", "tower", "time_line", "map", "laps", "events", "planner", "chatter"
+    "head", "now", "tower", "time_line", "map", "laps", "events", "planner", "chatter", "seeds"
 ]
 
 

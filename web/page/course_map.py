@@ -99,5 +99,5 @@ class Map:
         a = self._pixels(centre - half)
         b = self._pixels(centre + half)
         x, y = b + (b - a) / max(float(np.linalg.norm(b - a)), 1e-6) * 8
-        look = {"fill": "#aab2c0", "font_size": 13, "text_anchor": "middle"}
+        look = {"fill": "#aab2c0", "font_size": 15, "text_anchor": "middle"}
         return GateMark(a, b, svg("text", str(number), x=x, y=y + 3, **look))

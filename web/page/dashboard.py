@@ -41,6 +41,7 @@ from web.page.race_scene import RaceScene, preview
 from web.page.runs_panel import RunsPanel
 from web.page.seats import Seats
 from web.page.sectors import sectors
+from web.page.seeds_table import seeds_of
 from web.page.server import PageServer, forget_removed
 from web.page.time_line import now_of, time_line_of
 from web.page.timing import events, planner
@@ -177,7 +178,7 @@ class Dashboard:
         self.runs = RunsPanel(server, session, self.race)
         # each visitor's own controls stand below the race's
         self._order = self.race.folder.order + 0.5
-        FlightControls(server.link, session, self.race)
+        self._series = FlightControls(server.link, session, self.race).series
         seats = Seats(server)
         self._camera = Camera(server)
         self.board = Board(server, seats, self._camera)
@@ -211,6 +212,7 @@ class Dashboard:
             began = perf_counter()
             watched = bool(self._server.get_clients())
             self._forget_left()
+            self._series.turn(self._session.snapshot)
             self._session.show_trajectories(watched and self._options.trajectories.value)
             if not watched:
                 continue
@@ -251,6 +253,7 @@ class Dashboard:
                 self._update_tables(s, timings, drawn, view)
             if self._controls_due(perf_counter()):
                 self.race.update(state)
+                self.board.put("seeds", seeds_of(self._series))
                 self._update_visitors(s, state)
         if self._past_due((view, [entry.past(s.t) for entry in s.competitors])):
             self._update_past(s, view)

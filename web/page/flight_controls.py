@@ -11,13 +11,16 @@ from msgspec import Meta
 from web.page.link import Link, LinkVisitor, Message
 from web.page.race_panel import RacePanel
 from web.race import PageRace
+from web.series import MOST_SEEDS, Series
 from web.session import Session
 
 Act = Callable[[], None]
 
 
 class Start(Message, tag="start"):
-    """A visitor presses START."""
+    """A visitor presses START, for one seed or for several in a row."""
+
+    seeds: Annotated[int, Meta(ge=1, le=MOST_SEEDS)] = 1
 
 
 class Stop(Message, tag="stop"):
@@ -44,23 +47,31 @@ class Question(Message, tag="question"):
 
 
 class FlightControls:
-    """Begins and ends flights; a visitor has to confirm the end of another visitor's flight."""
+    """Begins and ends flights; a visitor has to confirm the end of another visitor's flight.
+
+    Attributes:
+        series: what START flies, one seed after another.
+    """
 
     def __init__(self, link: Link, session: Session, race: RacePanel):
         self._session = session
         self._race = race
+        self.series = Series(session)
         self._pilot: int | None = None  # number of the visitor who began the flight
         self._numbers = count(1)
         # of each visitor the number of its question, and what it asks for
         self._asked: dict[int, tuple[int, Act]] = {}
-        link.on(Start, lambda visitor, _: self._ask_first(visitor, self._start))
+        link.on(Start, self._start)
         link.on(Stop, self._stop)
         link.on(Restart, lambda visitor, _: self._ask_first(visitor, self._restart))
         link.on(Confirm, self._confirm)
         link.on_leave(self._forget)
 
-    def _start(self) -> None:
-        self._session.start(self._race.choices, self._race.runs)
+    def _start(self, visitor: LinkVisitor, asked: Start) -> None:
+        def act() -> None:
+            self.series.begin(self._race.choices, self._race.runs, asked.seeds)
+
+        self._ask_first(visitor, act)
 
     def _stop(self, visitor: LinkVisitor, _: Stop) -> None:
         """End the present flights, if any."""

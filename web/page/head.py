@@ -155,12 +155,16 @@ def _phase(s: Snapshot, timings: Sequence[LapTiming]) -> Phase:
 def _state(s: Snapshot, timings: Sequence[LapTiming]) -> str:
     """Return the state of the race in words."""
     phase = _phase(s, timings)
-    pace = f"{s.factor:.2f} x real time" if s.playing else f"of {s.end:.2f} s"
+    at = f"t {s.t:.2f} s"
+    pace = f"{s.factor:.2f} x real time"
+    if not s.playing:
+        at = f"t {s.t:.2f} of {s.end:.2f} s"
+        pace = ""
     words: str = phase
     if phase == "waiting":
         words = "on the start, until the throttle is raised"
         pace = ""
-    parts = [part for part in (words, f"t {s.t:.2f} s", pace) if part]
+    parts = [part for part in (words, at, pace) if part]
     first = timings[0].entry
     parts.append(f"{first.course.name}, seed {first.spec['seed']}")
     sensing = first.spec.get("sensing")

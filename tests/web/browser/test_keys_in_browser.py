@@ -89,7 +89,7 @@ def acts_after(page, key):
     page.keyboard.press("c")
     assert pressed(page) == ["free"]  # the box has it
     page.keyboard.press(key)
-    assert not has_focus(page, box)
+    assert waited(page, lambda: not has_focus(page, box), 5)
     page.keyboard.press("c")
     assert waited(page, lambda: pressed(page) == ["chase"], 5)
     fill(page, "Seed", 0)  # Enter has taken the "c", with which START would fly nothing

@@ -167,7 +167,7 @@ def test_each_visitor_has_a_camera_and_fpv_is_the_drones(page, race):
 
 def test_on_a_phone_the_head_stays_above_and_nothing_is_wider_than_the_screen(race, phone):
     race.tell(PageRace.scrub, 0.4)
-    assert waited(phone, lambda: "t 0.40 s" in head(phone))
+    assert waited(phone, lambda: "t 0.40 of" in head(phone))
     for y in (0, 500, 5000):
         phone.evaluate("y => scrollTo(0, y)", y)
         box = phone.locator(".head").bounding_box()

@@ -9,7 +9,10 @@ import { isPlaying } from "./timeline.js";
 
 // While a race is on the scene has all the room; the settings can be opened again.
 function start() {
-  send({ type: "start" });
+  const box = document.querySelector(".seeds .count");
+  const asked = Math.round(Number(box.value)) || 1;
+  box.value = Math.min(Math.max(asked, Number(box.min)), Number(box.max));
+  send({ type: "start", seeds: Number(box.value) });
   scene.openSettings(false);
 }
 

@@ -1,8 +1,10 @@
 // The tabs beside the scene: charts, and the tables and the map that the server writes, see tree.py.
 import { grown, make } from "./dom.js";
 import { show } from "./parts.js";
+import * as seeds from "./seeds.js";
 
 const CHARTS = ["Signals", "Gap", "Spectrum"];
+const SEEDS = "Seeds";
 const TABLES = { Laps: "laps", Events: "events", Planner: "planner" };
 const panes = {};
 
@@ -24,7 +26,7 @@ function fill(element, part) {
 export function begin() {
   const list = document.querySelector(".tabs");
   const place = document.querySelector(".panes");
-  const names = [...CHARTS, ...Object.keys(TABLES)];
+  const names = [...CHARTS, ...Object.keys(TABLES), SEEDS];
   for (const name of names) {
     const tab = make("button", { id: `tab-${name}`, type: "button", textContent: name, onclick: () => choose(name) });
     tab.setAttribute("role", "tab");
@@ -35,10 +37,11 @@ export function begin() {
     pane.setAttribute("aria-label", name);
     if (CHARTS.includes(name)) pane.append(make("div", { className: "race-charts" }));
     if (CHARTS.includes(name)) pane.firstChild.dataset.charts = name;
-    else fill(pane, TABLES[name]);
+    else if (name === SEEDS) seeds.begin(pane);
+    else fill(pane.appendChild(make("div", { className: "tree" })), TABLES[name]);
     place.append(pane);
   }
-  const chatter = make("div", { className: "table" });
+  const chatter = make("div", { className: "tree" });
   panes.Spectrum.append(chatter);
   fill(chatter, "chatter");
   fill(document.querySelector(".map"), "map");

@@ -7,7 +7,7 @@ const HEADS = [
   ["best", "best", "best lap [s]"],
   ["chatter", "chatter", "total variation of the commanded thrust [m/s²/s]: jumps that no motor can follow; less is better"],
 ];
-const NOTE = "purple: best of all · green: a run's own best · chatter [m/s²/s]: less is better";
+const NOTE = "purple: best of all, green: own best; chatter [m/s²/s]: less is better";
 const WIDE = 480; // width from which there is room for the gap [px]
 const LONG = 18; // width of the sample of a line [px]
 
