@@ -76,7 +76,10 @@
 
   // While a box has the focus the keys of the race do not act: Enter, Escape and a choice by mouse leave it.
   function leaveBox(event) {
-    if ((event.key === "Enter" || event.key === "Escape") && event.target.matches("input")) event.target.blur();
+    if ((event.key !== "Enter" && event.key !== "Escape") || !event.target.matches("input")) return;
+    event.target.blur();
+    // Drawn anew with another value, viser's box takes the focus back.
+    setTimeout(() => event.target.blur(), 100);
   }
 
   addEventListener("DOMContentLoaded", () => {
