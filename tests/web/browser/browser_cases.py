@@ -12,7 +12,7 @@ from quadsim.racing.hand import HAND
 from web.choices import PILOT, Choices
 from web.menu import Menu
 
-SLOW = 60_000  # [ms] a first frame drawn in software
+SLOW = 120_000  # [ms] a first frame drawn in software, on a busy machine
 ATTEMPTS = 4  # to choose from a menu
 # viser's page sends at most one change of its controls in 50 ms and keeps the last one: of two that
 # follow each other faster than a person's the first may be lost.

@@ -16,7 +16,10 @@ export function begin() {
     for (const watch of watching) watch(frame.contentWindow);
     mark();
   });
-  frame.src = `/scene/?${asked}`;
+  // The page is drawn before the scene, which is twenty times as large.
+  const load = () => (frame.src = `/scene/?${asked}`);
+  if (document.readyState === "complete") load();
+  else addEventListener("load", load, { once: true });
   addEventListener("resize", mark);
 }
 
