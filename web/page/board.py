@@ -7,6 +7,8 @@ slow or a new page gets the present state at its own pace, and the server keeps 
 from __future__ import annotations
 
 from itertools import count
+from math import inf
+from time import perf_counter
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -22,11 +24,16 @@ PartName = Literal[
 ]
 
 
+WANTED = 2.0  # time after a question for which the part of its tab is kept up to date [s]
+
+
 class Ask(Message, tag="ask"):
     """A request of a page for the parts that have changed since the versions it has."""
 
     have: dict[PartName, Annotated[int, Meta(ge=0, le=10**12)]]
     seat: Seat = ""
+    # the part of the tab that is open
+    tab: PartName | None = None
 
 
 class Part(msgspec.Struct):
@@ -50,6 +57,7 @@ class Board:
         self._seats = seats
         self._camera = camera
         self._versions = count(1)
+        self._asked_at: dict[str, float] = {}  # when the part of a tab was last asked for [s]
         self._parts: dict[str, Part] = {}
         server.link.on(Ask, self._answer)
 
@@ -59,12 +67,13 @@ class Board:
         if shown is None or shown.content != content:
             self._parts[name] = Part(next(self._versions), content)
 
-    def get(self, name: PartName) -> Any:
-        """Return the content of a part; None: nothing has been shown yet."""
-        shown = self._parts.get(name)
-        return shown.content if shown else None
+    def is_wanted(self, name: PartName) -> bool:
+        """Return whether any page has the tab of a part open."""
+        return perf_counter() - self._asked_at.get(name, -inf) < WANTED
 
     def _answer(self, visitor: LinkVisitor, ask: Ask) -> None:
+        if ask.tab is not None:
+            self._asked_at[ask.tab] = perf_counter()
         changed = {
             name: part
             for name, part in tuple(self._parts.items())

@@ -7,7 +7,7 @@ import traceback
 from dataclasses import replace
 from math import inf
 from time import perf_counter
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import viser
 
@@ -72,6 +72,10 @@ def pause_after(spent: float) -> float:
         spent: time that the update took [s].
     """
     return min(max(SCENE, spent / SHARE - spent), PAUSE)
+
+
+PastTable = Literal["laps", "events"]
+PAST_TABLES: tuple[PastTable, ...] = ("laps", "events")
 
 
 class Due:
@@ -166,7 +170,9 @@ class Dashboard:
         self._tables_due = Due(TABLES)
         self._past_due = Due(TABLES)
         self._controls_due = Due(TABLES)
+        self._table_due: dict[PastTable, Due] = {name: Due(TABLES) for name in PAST_TABLES}
         self._slow_due = Due(SLOW)
+        self._chatter_due = Due(SLOW)
         self._presets_due = Due(SLOW)
         self._offered: dict[object, tuple[str, ...]] = {}
         gui = server.gui
@@ -249,17 +255,23 @@ class Dashboard:
                     view.scene.update_limit(timings[0], look.limit, look.by_place)
                 self._camera.follow(timings)
             state = self.desk.state
-            if self._tables_due((view, shown, state)):
+            wanted = self.board.is_wanted("planner")
+            if self._tables_due((view, shown, state, wanted)):
                 self._update_tables(s, timings, drawn, view)
             if self._controls_due(perf_counter()):
                 self.race.update(state)
                 self.board.put("seeds", seeds_of(self._series))
                 self._update_visitors(s, state)
-        if self._past_due((view, [entry.past(s.t) for entry in s.competitors])):
-            self._update_past(s, view)
+        past = [entry.past(s.t) for entry in s.competitors]
+        if self._past_due((view, past)):
+            self.board.put("time_line", time_line_of(s.competitors))
+        for name in PAST_TABLES:
+            if self.board.is_wanted(name) and self._table_due[name]((view, past)):
+                self._update_past(name, s, view)
         self._pictures.update(drawn if view else [])
         if view and self._slow_due((view, shown)):
             self._charts.update(s, timings)
+        if view and self.board.is_wanted("chatter") and self._chatter_due((view, shown)):
             self.board.put("chatter", tree(chatter([e.until(s.t) for e in s.competitors])))
         self._notify(s)
 
@@ -393,12 +405,14 @@ class Dashboard:
         if view:
             self.board.put("tower", tower_of(timings))
             self.board.put("map", tree(view.map.draw(drawn)))
-            self.board.put("planner", tree(planner(timings[0])))
+            if self.board.is_wanted("planner"):
+                self.board.put("planner", tree(planner(timings[0])))
 
-    def _update_past(self, s: Snapshot, view: RaceView | None) -> None:
-        """Show the tables of past events and laps, and the time line."""
-        self.board.put("time_line", time_line_of(s.competitors))
-        self.board.put("events", tree(events(s.competitors, s.t)))
+    def _update_past(self, name: PastTable, s: Snapshot, view: RaceView | None) -> None:
+        """Show the table of past events or laps."""
+        if name == "events":
+            self.board.put("events", tree(events(s.competitors, s.t)))
+            return
         past = [entry.until(s.t) for entry in s.competitors]
         limit = limit_race(s.competitors[0]) if view else None
         table = laps(past, sectors(past, limit)) if view else ""

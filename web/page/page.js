@@ -74,12 +74,15 @@
     if (event.key === "Escape") pressLastButton(dialogs[dialogs.length - 1]);
   }
 
+  let again = 0; // waits to leave a box once more, unless a visitor chooses one meanwhile
+  addEventListener("pointerdown", () => clearTimeout(again), true);
+
   // While a box has the focus the keys of the race do not act: Enter, Escape and a choice by mouse leave it.
   function leaveBox(event) {
     if ((event.key !== "Enter" && event.key !== "Escape") || !event.target.matches("input")) return;
     event.target.blur();
     // Drawn anew with another value, viser's box takes the focus back.
-    setTimeout(() => event.target.blur(), 100);
+    again = setTimeout(() => event.target.blur(), 100);
   }
 
   addEventListener("DOMContentLoaded", () => {

@@ -144,7 +144,7 @@ def test_a_link_that_falls_silent_is_said_and_flown_by_the_failsafe(page, sessio
     (entry,) = session.snapshot.competitors
     assert entry.x["a_cmd"][-1] == pytest.approx(SINKING)
     assert [entry.x[f"w{axis}_cmd"][-1] for axis in "xyz"] == [0.0, 0.0, 0.0]
-    page.evaluate("WebSocket.prototype.send = window.kept")
+    page.evaluate("() => { WebSocket.prototype.send = window.kept }")
     hover = session.cockpit.hover
     page.evaluate("throttle => window.hold([0, 1 - 2 * throttle, 0, 0])", hover)
     assert waited(page, lambda: "FAILSAFE" not in note(page))

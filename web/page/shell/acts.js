@@ -12,7 +12,7 @@ function start() {
   const box = document.querySelector(".seeds .count");
   const asked = Math.round(Number(box.value)) || 1;
   box.value = Math.min(Math.max(asked, Number(box.min)), Number(box.max));
-  send({ type: "start", seeds: Number(box.value) });
+  scene.leaveBox(() => send({ type: "start", seeds: Number(box.value) }));
   scene.openSettings(false);
 }
 

@@ -9,7 +9,8 @@ const shows = {};
 let have = {};
 let asked = 0; // when the last question was sent [ms]; 0: it is answered
 let moves = false;
-export let camera = "";
+// the part that the open tab shows; null: it shows none
+export const tab = { part: null };
 
 // Call a function with each new content of a part.
 export function show(name, shown) {
@@ -18,7 +19,7 @@ export function show(name, shown) {
 
 function ask() {
   if (!document.hidden && Date.now() - asked > PATIENCE) {
-    asked = send({ type: "ask", have, seat: seat() }) ? Date.now() : 0;
+    asked = send({ type: "ask", have, seat: seat(), tab: tab.part }) ? Date.now() : 0;
   }
   setTimeout(ask, moves ? MOVING : REST);
 }
@@ -28,13 +29,12 @@ export function begin() {
   on("open", () => ([have, asked] = [{}, 0]));
   on("parts", (answer) => {
     asked = 0;
-    camera = answer.camera;
     for (const [name, { version, content }] of Object.entries(answer.parts)) {
       have[name] = version;
       if (name === "now") moves = content.playing;
       for (const shown of shows[name] ?? []) shown(content);
     }
-    for (const shown of shows.camera ?? []) shown(camera);
+    for (const shown of shows.camera ?? []) shown(answer.camera);
   });
   ask();
 }

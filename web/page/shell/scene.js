@@ -2,6 +2,7 @@
 // the frame to the left by the width of that panel.
 const frame = document.getElementById("scene");
 const ASKED = ["fixedDpr"]; // what an address may ask of viser
+const TAKEN = 250; // [ms] in which a typed number reaches the server: viser holds changes back for 50 ms
 const CLOSED = "drawer-closed";
 let watching = [];
 
@@ -21,6 +22,14 @@ export function begin() {
   if (document.readyState === "complete") load();
   else addEventListener("load", load, { once: true });
   addEventListener("resize", mark);
+}
+
+// Act once a number that stands in a box of the settings, but was not entered, has reached the server by viser's connection.
+export function leaveBox(act) {
+  const box = inside()?.activeElement;
+  if (!box?.matches("input, textarea")) return act();
+  box.blur();
+  setTimeout(act, TAKEN);
 }
 
 // Call a function with the window of the frame whenever it has loaded.

@@ -1,10 +1,11 @@
 // The tabs beside the scene: charts, and the tables and the map that the server writes, see tree.py.
 import { grown, make } from "./dom.js";
-import { show } from "./parts.js";
+import { show, tab as open } from "./parts.js";
 import * as seeds from "./seeds.js";
 
 const CHARTS = ["Signals", "Gap", "Spectrum"];
 const SEEDS = "Seeds";
+// the part of the server that each shows
 const TABLES = { Laps: "laps", Events: "events", Planner: "planner" };
 const panes = {};
 
@@ -15,6 +16,7 @@ function choose(name) {
     tab.ariaSelected = String(title === name);
     tab.tabIndex = title === name ? 0 : -1;
   }
+  open.part = { ...TABLES, Spectrum: "chatter", Seeds: "seeds" }[name] ?? null;
   dispatchEvent(new Event("resize")); // charts draw themselves
 }
 
