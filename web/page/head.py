@@ -22,7 +22,7 @@ from web.state import PageState
 
 WATCH = "Watch who leads, and the chatter of the thrust: jumps that no motor can follow."
 COMPILING = "Compiling the planner for this machine: once, it takes some 15 s"
-# Real-time factor below which the page says that the machine is too slow
+# Share of the asked speed, or of real time, below which the page says that the machine is too slow
 SLOW = 0.6
 
 Phase = Literal[
@@ -178,7 +178,7 @@ def _state(s: Snapshot, timings: Sequence[LapTiming]) -> str:
 def _warnings(s: Snapshot, timings: Sequence[LapTiming]) -> list[str]:
     """Return what a visitor has to know of the numbers."""
     found = []
-    if s.playing and s.flying and 0.0 < s.factor < SLOW:
+    if s.playing and s.flying and 0.0 < s.factor < SLOW * min(s.speed, 1.0):
         found.append("this machine is too slow for real time")
     for timing in timings:
         remark = not_comparable(timing.entry.spec)

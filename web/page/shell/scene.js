@@ -2,9 +2,11 @@
 // the frame to the left by the width of that panel.
 const frame = document.getElementById("scene");
 const ASKED = ["fixedDpr"]; // what an address may ask of viser
-const TAKEN = 250; // [ms] in which a typed number reaches the server: viser holds changes back for 50 ms
+const BOXES = "input:not([type=checkbox]), textarea";
+const TAKEN = 400; // [ms] in which a typed number reaches the server: viser holds changes back for 50 ms
 const CLOSED = "drawer-closed";
-let watching = [];
+const watching = [];
+let leftAt = -TAKEN; // when a box of the settings was left last [ms]
 
 export const inside = () => frame.contentDocument;
 export const seat = () => inside()?.querySelector("[data-seat]")?.dataset.seat ?? "";
@@ -22,14 +24,18 @@ export function begin() {
   if (document.readyState === "complete") load();
   else addEventListener("load", load, { once: true });
   addEventListener("resize", mark);
+  whenLoaded((window) => {
+    const left = ({ target }) => target.matches?.(BOXES) && (leftAt = performance.now());
+    window.addEventListener("focusout", left, true);
+  });
 }
 
 // Act once a number that stands in a box of the settings, but was not entered, has reached the server by viser's connection.
 export function leaveBox(act) {
-  const box = inside()?.activeElement;
-  if (!box?.matches("input, textarea")) return act();
-  box.blur();
-  setTimeout(act, TAKEN);
+  inside()?.activeElement?.blur();
+  const wait = leftAt + TAKEN - performance.now();
+  if (wait > 0) setTimeout(act, wait);
+  else act();
 }
 
 // Call a function with the window of the frame whenever it has loaded.
