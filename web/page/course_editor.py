@@ -122,9 +122,9 @@ class CourseEditor:
         course = self._edit.draft.drawn()
         return Map(course).draw([]) if course.gates else ""
 
-    def head(self) -> str:
-        """Return what the head of the page says while the course is edited, as HTML."""
-        return box(heading("course editor"), self._state())
+    def said(self) -> str:
+        """Return what the page says of the course that is edited, as HTML."""
+        return box(heading("checks"), self._state())
 
     def close(self) -> None:
         """End the search of a limit."""

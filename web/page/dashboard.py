@@ -30,7 +30,7 @@ from web.page.drones import SPAN
 from web.page.export import add_export
 from web.page.flight_controls import FlightControls
 from web.page.flight_numbers import NumbersInFlight
-from web.page.head import Head, coming_head, head_of
+from web.page.head import Head, Word, coming_head, head_of
 from web.page.html import STYLE
 from web.page.joining import Joining
 from web.page.laps import chatter, laps
@@ -336,7 +336,9 @@ class Dashboard:
                 self._editor.begin(self._server.scene)
         if is_open and self._editor.update_scene():
             self._camera.frame_next(self._editor.framed())
-            self.board.put("head", Head("editing", [], more=tree(self._editor.head())))
+            self.board.put(
+                "head", Head("editing", [Word("Course editor")], more=tree(self._editor.said()))
+            )
             self.board.put("map", tree(self._editor.map()))
 
     def _view_of(self, s: Snapshot, timings: list[LapTiming]) -> RaceView | None:

@@ -47,7 +47,7 @@ class Head(msgspec.Struct):
         numbers: the leader's name, lap, lap time, next gate and speed.
         state: the state of the race in words.
         warnings: what a visitor has to know of the numbers.
-        more: what the course editor says.
+        more: what the course editor says, which stands beside the scene.
     """
 
     phase: Phase

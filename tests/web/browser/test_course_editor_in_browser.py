@@ -11,7 +11,6 @@ from browser_cases import (
     drawer,
     field,
     fill,
-    head,
     opened,
     press,
     scene,
@@ -136,7 +135,7 @@ def test_a_course_made_in_the_browser_is_flown_again_by_the_command_to_the_same_
     fill(page, "Name", "made_here")
     press(page, "Save and choose")
     told(page, "race fly")
-    command = re.search(r"race fly \S+", head(page))[0]
+    command = re.search(r"race fly \S+", page.locator(".editing").inner_text())[0]
     path = str(root / "courses" / "made_here.yaml")
     assert command == f"race fly {path}"
     course = load_course(path)

@@ -2,6 +2,7 @@
 import { grown, make, say } from "./dom.js";
 import { show } from "./parts.js";
 
+const editing = document.querySelector(".editing");
 const part = (name) => document.querySelector(`.head .${name}`);
 
 function words(element, found) {
@@ -25,7 +26,8 @@ export function begin() {
     words(part("numbers"), head.numbers);
     say(part("state"), head.state);
     words(part("warnings"), head.warnings.map((text) => ({ text })));
-    part("more").replaceChildren(...(head.more ? [grown(head.more)] : []));
+    editing.replaceChildren(...(head.more ? [grown(head.more)] : []));
+    editing.hidden = !head.more;
   });
   show("now", (now) => {
     document.querySelector('[data-act="stop"]').disabled = !now.flying;
