@@ -150,9 +150,11 @@ def rows(page):
 
 
 def button(page, name):
-    """A button of the page, or else of the settings."""
+    """A button of the page, or else of the settings, unless the table of runs is over them."""
     own = page.get_by_role("button", name=name, exact=True)
-    return own if own.count() else drawer(page).get_by_role("button", name=name, exact=True)
+    if own.count() or page.locator(".race-sheet:visible").count():
+        return own
+    return drawer(page).get_by_role("button", name=name, exact=True)
 
 
 def press(page, name):

@@ -75,6 +75,7 @@ def test_each_competitor_flies_numbers_of_its_own(page, session):
 def test_a_drag_is_one_change_at_the_time_of_the_plan_that_used_it(page, session):
     start(page, session)
     slider = drawer(page).get_by_role("slider", name="Sigma scale now").locator("xpath=../..")
+    slider.scroll_into_view_if_needed()
     box = slider.bounding_box()
     y = box["y"] + box["height"] / 2
     page.mouse.move(box["x"] + 0.3 * box["width"], y)
