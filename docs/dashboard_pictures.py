@@ -16,7 +16,7 @@ from math import inf
 from pathlib import Path
 
 from PIL import Image
-from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
+from playwright.sync_api import Browser, Frame, Page, ViewportSize, sync_playwright
 
 from quadsim.racing.hand import HAND
 from quadsim.record.archive import list_runs
@@ -33,7 +33,7 @@ HOST = "127.0.0.1"
 DRAWN = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 WIDE = ViewportSize(width=1600, height=900)
 PHONE = ViewportSize(width=390, height=844)
-COLUMNS = 4  # of the phone's sheet
+COLUMNS = 4  # of the sheet of the phone's pictures
 SPACE = 10  # between its pictures [px]
 COLOURS = 256  # of a picture's palette, which makes it a third as large
 PATIENCE = 600.0  # [s] for a flight or a page
@@ -46,7 +46,7 @@ STORED = {"colored": COLORED, "gaussian": GAUSSIAN, "crashed": CARELESS}
 IN_VIEW = 7.5
 SENSED = 0.5
 RAISED = 1500  # [ms] of rising after a person has taken off
-CLOSE_NOTICES = """document.querySelectorAll('button[class*=CloseButton]')
+CLOSE_NOTICES = """document.querySelectorAll('button[class*=CloseButton], .notes button')
     .forEach(note => note.click())"""
 
 
@@ -67,7 +67,8 @@ class Studio:
         page = self._browser.new_context(viewport=size).new_page()
         page.set_default_timeout(1e3 * PATIENCE)
         page.goto(self._url)
-        page.get_by_text("Playback").first.wait_for()
+        page.locator("iframe[src]").wait_for()
+        scene(page).get_by_text("Course editor").first.wait_for()
         return page
 
     def show(self, runs: Sequence[Path], t: float) -> None:
@@ -87,7 +88,7 @@ class Studio:
     def shoot(self, name: str) -> None:
         """Take a picture once all has been drawn."""
         for page in (self.page, self.phone):
-            page.evaluate(CLOSE_NOTICES)
+            close_notices(page)
             page.wait_for_timeout(SETTLED)
         save(picture_of(self.page), name)
         self._phone_shots.append(picture_of(self.phone))
@@ -103,6 +104,26 @@ class Studio:
             row, column = divmod(k, COLUMNS)
             sheet.paste(shot, (column * width, row * height))
         save(sheet, "phone")
+
+
+def scene(page: Page) -> Frame:
+    """Return the frame of the scene and of the settings."""
+    found = page.frame("scene")
+    assert found
+    return found
+
+
+def close_notices(page: Page) -> None:
+    """Close the notices of the page and of its frame."""
+    for part in (page, scene(page)):
+        part.evaluate(CLOSE_NOTICES)
+
+
+def show_settings(page: Page, on: bool) -> None:
+    """Open or close the settings."""
+    button = page.get_by_role("button", name="Settings", exact=True)
+    if (button.get_attribute("aria-expanded") == "true") != on:
+        button.click()
 
 
 def picture_of(page: Page) -> Image.Image:
@@ -149,19 +170,25 @@ def stored(root: Path, choices: Choices) -> Path:
 
 def edit(page: Page) -> None:
     """Edit a copy of the chosen course: another gate is chosen, and a pole stands beside it."""
-    page.get_by_role("tab", name="Course editor").click()
-    page.get_by_role("button", name="Edit a copy").click()
-    page.get_by_role("button", name="Done", exact=True).wait_for()
-    page.get_by_role("button", name="later", exact=True).wait_for()
-    page.get_by_role("button", name="pole", exact=True).click()
+    show_settings(page, True)
+    inside = scene(page)
+    inside.get_by_text("Race", exact=True).click()
+    folder = inside.get_by_role("button", name="Course editor", exact=True)
+    folder.click()
+    inside.get_by_role("button", name="Edit a copy").click()
+    inside.get_by_role("button", name="Done", exact=True).wait_for()
+    inside.get_by_role("button", name="later", exact=True).wait_for()
+    inside.get_by_role("button", name="pole", exact=True).click()
     page.get_by_text("1 obstacle, ").first.wait_for()
+    folder.scroll_into_view_if_needed()
 
 
 def by_hand(studio: Studio, page: Page) -> None:
     """Take off by the keyboard, beside a planner."""
     session = studio.session
     page.wait_for_timeout(SETTLED)
-    page.evaluate(CLOSE_NOTICES)
+    close_notices(page)
+    show_settings(page, False)
     races = session.snapshot.race
     session.tell(PageRace.start, [Choices(sampler=HAND), COLORED])
     wait(lambda: session.snapshot.race > races)
@@ -183,6 +210,7 @@ def take_pictures(studio: Studio, colored: Path, gaussian: Path, crashed: Path) 
     """Take every picture."""
     session = studio.session
     studio.shoot("start")
+    show_settings(studio.page, False)
     fly(session, COLORED, until=2.8)
     studio.shoot("live")
     fly(session, COLORED, GAUSSIAN, until=2.5)
@@ -204,9 +232,17 @@ def take_pictures(studio: Studio, colored: Path, gaussian: Path, crashed: Path) 
     studio.page.locator(".race-chart canvas").first.hover(position={"x": 200, "y": 40})
     studio.shoot("replay")
     studio.save_phone()
+    studio.page.keyboard.press("p")
+    studio.page.wait_for_timeout(SETTLED)
+    save(picture_of(studio.page), "present")
+    studio.page.keyboard.press("p")
+    studio.page.keyboard.press("t")
+    studio.page.wait_for_timeout(SETTLED)
+    save(picture_of(studio.page), "runs")
+    studio.page.keyboard.press("Escape")
     edit(studio.page)
     studio.page.wait_for_timeout(SETTLED)
-    studio.page.evaluate(CLOSE_NOTICES)
+    close_notices(studio.page)
     save(picture_of(studio.page), "editor")
     studio.page.close()
     by_hand(studio, studio.open_page())

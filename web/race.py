@@ -47,6 +47,7 @@ class Snapshot:
     compiling: bool = False  # whether a flight waits for its planner to be compiled
     by_hand: bool = False  # whether a competitor is flown by hand; the race then runs in real time
     waiting: bool = False  # whether the race waits for the start of the manual flight
+    speed: float = 1.0  # race seconds per second that are asked for
 
     @property
     def is_taking_off(self) -> bool:
@@ -335,6 +336,7 @@ class PageRace:
             compiling=any(not f.is_cached and not len(f.entries[0].t) for f in self._flying),
             by_hand=self._hand is not None,
             waiting=self._waiting and bool(self._flying),
+            speed=self._pace.speed,
         )
 
     def _begin(self) -> None:

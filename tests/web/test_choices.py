@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 from web_cases import Gliders, choices, competitor, panels_of, served, until
-from wire import connect
+from wire import connect, press_start
 
 from controllers.presets import PRESETS
 from quadsim.config.reference import followed_problem
@@ -131,7 +131,7 @@ def test_a_page_offers_and_flies_the_solutions_of_its_own_folder_of_runs(tmp_pat
         assert until(lambda: "race_informed" in preset.options)
         client.set(preset, "race_informed")
         assert until(lambda: page.dashboard.desk.state.rows[0].choices.preset == "race_informed")
-        client.click(race.start)
+        press_start(page.port)
         assert until(lambda: flights.built)
     (flight,) = flights.built
     assert flight.flown.reference.time == time

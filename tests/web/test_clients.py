@@ -9,7 +9,7 @@ from contextlib import suppress
 import pytest
 from web_cases import panels_of, until
 from websockets.exceptions import ConnectionClosed
-from wire import connect, open_socket
+from wire import connect, open_socket, press_start
 
 from web.page.dashboard import PAUSE, SCENE, SHARE, pause_after
 from web.page.messages import MAX_BYTES
@@ -49,8 +49,8 @@ def test_all_buffers_of_messages_wake_pages_on_the_loop_alone(page):
 
 @pytest.mark.socket
 def test_one_click_starts_a_flight(page):
-    with connect(page.port) as client:
-        client.click(page.dashboard.race.start)
+    with connect(page.port):
+        press_start(page.port)
         assert until(lambda: page.session.snapshot.flying)
 
 
@@ -99,7 +99,7 @@ def test_moving_gamma_in_flight_is_an_event(page):
 
     page.session.tell(PageRace.set_speed, 0.1)  # the flight lasts while the scene is drawn
     with connect(page.port) as client:
-        client.click(page.dashboard.race.start)
+        press_start(page.port)
         assert until(lambda: page.session.snapshot.t > 0.02)
         (panels,) = panels_of(page)
         slider = panels.in_flight.sliders["gamma_rates"]
@@ -142,7 +142,7 @@ def rows(page):
 @pytest.mark.socket
 def test_the_flight_goes_on_when_the_last_client_vanishes(page):
     with connect(page.port) as client:
-        client.click(page.dashboard.race.start)
+        press_start(page.port)
         assert until(lambda: page.session.snapshot.flying)
         client.socket.socket.shutdown(socket.SHUT_RDWR)  # no goodbye
         assert until(lambda: not page.server.get_clients())
@@ -153,34 +153,38 @@ def test_the_flight_goes_on_when_the_last_client_vanishes(page):
 @pytest.mark.socket
 def test_start_while_flying_begins_another_race(page, shared_gliders):
     races, flights = page.session.snapshot.race, len(shared_gliders.built)
-    with connect(page.port) as client:
+    with connect(page.port):
         for race in (1, 2, 3):
-            client.click(page.dashboard.race.start)
+            press_start(page.port)
             assert until(lambda n=races + race: page.session.snapshot.race == n)
     assert [glider.closed for glider in shared_gliders.built[flights:]] == [True, True, False]
 
 
 @pytest.mark.socket
 def test_a_control_that_is_disabled_cannot_be_used(page):
-    race = page.dashboard.race
-    seen = []
-    race.stop.on_click(seen.append)
+    tick, other = page.dashboard._options.limit, page.dashboard._options.true_size
     with connect(page.port) as client:
-        assert until(lambda: race.stop.disabled)
-        client.click(race.stop)
-        client.click(race.start)
-        assert until(lambda: page.session.snapshot.flying)
-    assert seen == []
+        tick.disabled = True
+        client.set(tick, True)
+        client.set(other, True)  # comes after it
+        assert until(lambda: other.value)
+        assert not tick.value
+        tick.disabled = False
+        client.set(tick, True)
+        assert until(lambda: tick.value)
+        for one in (tick, other):
+            client.set(one, False)
+        assert until(lambda: not tick.value and not other.value)
 
 
 @pytest.mark.socket
 def test_a_message_that_is_too_long_ends_its_own_connection_alone(page):
-    with connect(page.port) as other, open_socket(page.port) as one:
+    with connect(page.port), open_socket(page.port) as one:
         assert until(lambda: len(page.server.get_clients()) == 1)
         with suppress(ConnectionClosed):  # closed while it still sends
             one.send(bytes(MAX_BYTES + 1))
         assert until(lambda: one.close_code is not None)
-        other.click(page.dashboard.race.start)
+        press_start(page.port)
         assert until(lambda: page.session.snapshot.flying)
 
 
@@ -189,7 +193,7 @@ def test_nonsense_messages_leave_the_page_working(page):
     with connect(page.port) as client:
         client.send(type="GuiUpdateMessage", uuid="no such control", updates={"value": 1})
         client.send(type="ShareUrlRequest")
-        client.click(page.dashboard.race.start)
+        press_start(page.port)
         assert until(lambda: page.session.snapshot.flying)
 
 

@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 
 import pytest
 from web_cases import COURSE, Glider, choices, free_port, run_of, until
-from wire import connect, get, link
+from wire import get, link
 
 from quadsim.cli.cli import race
 from quadsim.cli.web import forwarding
@@ -61,11 +61,8 @@ def test_the_address_opens_the_page_one_click_flies_and_ctrl_c_keeps_what_was_fl
         status, headers = get(url.port, path=f"/?{url.query}")
         assert status == 303
         admitted = {"Cookie": headers["Set-Cookie"].partition(";")[0]}
-        with (
-            connect(url.port, additional_headers=admitted) as client,
-            link(url.port, additional_headers=admitted) as linked,
-        ):
-            client.act(*client.controls("START"))
+        with link(url.port, additional_headers=admitted) as linked:
+            linked.send("start")
 
             def is_behind_a_gate():
                 return (

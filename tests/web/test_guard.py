@@ -10,7 +10,7 @@ from websockets.exceptions import InvalidStatus
 from wire import CAMERA, PATIENCE, connect, get
 
 from web.page import guard
-from web.page.guard import OneLineOfNoFiles
+from web.page.guard import SCENE, OneLineOfNoFiles
 from web.page.messages import MOST_WAITING, problem_of
 from web.page.server import new_token, probe, serve
 
@@ -97,12 +97,14 @@ def test_no_cookie_holds_the_nonce_of_a_policy(token_server, open_server):
     port = token_server.get_port()
     _, first = get(port, path=f"/?token={TOKEN}")
     value = first["Set-Cookie"].partition(";")[0].partition("=")[2]
-    _, page = get(port, Cookie=first["Set-Cookie"].partition(";")[0])
-    for headers in (first, page):
-        assert "'nonce-" in headers["Content-Security-Policy"]
+    cookie = {"Cookie": first["Set-Cookie"].partition(";")[0]}
+    _, scene = get(port, path=SCENE, **cookie)
+    _, page = get(port, **cookie)
+    assert "'nonce-" in scene["Content-Security-Policy"]
+    for headers in (first, page, scene):
         assert value not in headers["Content-Security-Policy"]
-    assert "Set-Cookie" not in page
-    assert "Set-Cookie" not in get(open_server.get_port())[1]
+    for headers in (page, scene, get(open_server.get_port())[1]):
+        assert "Set-Cookie" not in headers
 
 
 @pytest.mark.socket
@@ -129,27 +131,66 @@ def test_headers_that_no_browser_sends_are_refused(token_server, lines, status):
 
 @pytest.mark.socket
 def test_every_answer_forbids_frames_and_foreign_scripts(token_server):
+    """The scene alone may be in a frame, of this page; only its document has styles in line."""
     port = token_server.get_port()
-    cookie = f"race{port}={TOKEN}"
+    cookie = {"Cookie": f"race{port}={TOKEN}"}
     for path, headers in (
         ("/", {}),
-        ("/", {"Cookie": cookie}),
-        ("/nothing", {"Cookie": cookie}),
+        (SCENE, {}),
+        ("/static/app.js", {}),
         (f"/?token={TOKEN}", {}),
+        *((path, cookie) for path in ("/", SCENE, "/static/app.js", "/nothing", "/link")),
     ):
-        _, got = get(port, path=path, **headers)
-        assert got["X-Frame-Options"] == "DENY"
-        assert "frame-ancestors 'none'" in got["Content-Security-Policy"]
-        assert "connect-src 'self'" in got["Content-Security-Policy"]
-        assert (
-            "unsafe-inline"
-            not in got["Content-Security-Policy"].partition("script-src")[2].partition(";")[0]
-        )
+        status, got = get(port, path=path, **headers)
+        assert headers or status in (401, 303)
+        policy = dict(part.split(" ", 1) for part in got["Content-Security-Policy"].split("; "))
+        is_scene = status == 200 and path == SCENE
+        around = ("'self'", "SAMEORIGIN") if is_scene else ("'none'", "DENY")
+        assert (policy["frame-ancestors"], got["X-Frame-Options"]) == around
+        assert policy["default-src"] == policy["base-uri"] == policy["form-action"] == "'none'"
+        assert policy["connect-src"].split()[0] == "'self'"
+        assert got["X-Content-Type-Options"] == "nosniff"
+        if is_scene:
+            assert policy["script-src"].startswith("'nonce-")
+            assert "unsafe-inline" not in policy["script-src"]
+        else:
+            assert policy["script-src"] == policy["style-src"] == "'self'"
 
 
 @pytest.mark.socket
-def test_no_two_pages_have_the_same_nonce(open_server):
-    policies = {get(open_server.get_port())[1]["Content-Security-Policy"] for _ in range(2)}
+def test_only_files_of_the_page_are_served(open_server):
+    """Neither the server's code, nor viser's other files, nor anything above the folder."""
+    port = open_server.get_port()
+    assert get(port, path="/static/app.js")[0] == 200
+    for path in (
+        "/static/",
+        "/static/index.html",
+        "/static/../guard.py",
+        "/static/%2e%2e/guard.py",
+        "/app.js",
+        "/guard.py",
+        "/scene",
+        "/scene/index.html",
+        "/assets/",
+        "/etc/passwd",
+    ):
+        assert get(port, path=path)[0] == 404, path
+
+
+@pytest.mark.socket
+def test_a_file_that_a_browser_has_is_not_sent_again(open_server):
+    port = open_server.get_port()
+    status, headers = get(port, path="/static/app.js")
+    assert (status, headers["Cache-Control"]) == (200, "no-cache")
+    assert get(port, path="/static/app.js", If_None_Match=headers["ETag"])[0] == 304
+    # but a document that a token or a nonce stands for is kept nowhere
+    assert get(port, path=SCENE)[1]["Cache-Control"] == "no-store"
+
+
+@pytest.mark.socket
+def test_no_two_scenes_have_the_same_nonce(open_server):
+    port = open_server.get_port()
+    policies = {get(port, path=SCENE)[1]["Content-Security-Policy"] for _ in range(2)}
     assert len(policies) == 2
 
 

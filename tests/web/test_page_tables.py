@@ -14,11 +14,15 @@ from web.commands import ChooseRace, SetNumber, apply
 from web.competitor import named
 from web.lap_timing import lap_timings
 from web.line_up import line_up_of
-from web.page.course_map import Map, timeline
+from web.page.course_map import Map
+from web.page.head import coming_head, head_of
 from web.page.html import label
 from web.page.laps import chatter, coloured_time, laps, splits
-from web.page.line_up_html import announced, table_of
-from web.page.timing import events, hud, planner, tower
+from web.page.line_up_html import table_of
+from web.page.time_line import time_line_of
+from web.page.timing import events, planner
+from web.page.tower import tower_of
+from web.page.tree import Element, tree
 from web.race import Snapshot
 from web.state import PageState
 
@@ -49,13 +53,31 @@ def ended(entry, outcome, *events):
     )
 
 
-def shown_at(entries, t):
-    """The head-up display."""
+def coming(*flights):
+    """The head before a START."""
+    state = PageState.of(*flights)
+    return coming_head(state, line_up_of(state))
+
+
+def head_at(entries, t):
     s = Snapshot(t=t, end=99.0, competitors=tuple(entries))
-    return hud(s, at(entries, t))
+    return head_of(s, at(entries, t), coming(choices()))
 
 
-def test_the_head_up_display_says_how_a_flight_ended_once_it_has(competitors):
+def said(head):
+    """The words of a head, line by line."""
+    sentence = "".join(word.text for word in head.sentence)
+    numbers = " ".join(word.text for word in head.numbers)
+    return "\n".join([sentence, head.differs, numbers, head.state, *head.warnings])
+
+
+def shown_at(entries, t):
+    """What the head and the results of the tower say."""
+    rows = tower_of(at(entries, t)).rows
+    return "\n".join([said(head_at(entries, t)), *(row.result for row in rows)])
+
+
+def test_the_head_says_how_a_flight_ended_once_it_has(competitors):
     one = competitors[0]
     last = one.events[-1]
     hit = replace(last, kind="hit", gate=4, lap=2)
@@ -74,13 +96,11 @@ def test_the_head_up_display_says_how_a_flight_ended_once_it_has(competitors):
 def test_the_row_of_numbers_is_the_leaders_and_names_it(competitors):
     """The second of the competitors is the faster one."""
     slow, fast = named([competitors[1], competitors[0]])
-    (numbers,) = re.findall(r'<div class="numbers".*?</div>', shown_at([slow, fast], 1.0))
     (leader,) = at([fast], 1.0)
-    plain = re.sub("<[^>]+>", " ", numbers)
-    assert "colored" in plain
-    assert "gaussian" not in plain
-    assert f"G{leader.gate}/" in plain
-    assert f"{leader.entry.speed(leader.i):.1f} m/s" in plain
+    numbers = [word.text for word in head_at([slow, fast], 1.0).numbers]
+    assert numbers[0] == "colored"
+    assert f"gate {leader.gate}/{leader.entry.legs.gates}" in numbers
+    assert f"{leader.entry.speed(leader.i):.1f} m/s" in numbers
 
 
 def test_what_differs_is_said_under_the_headline(competitors):
@@ -92,10 +112,10 @@ def test_what_differs_is_said_under_the_headline(competitors):
 def test_runs_of_different_laps_are_compared_over_the_common_ones_in_words():
     long, short = named([competitor("colored", laps=2), competitor("gaussian", laps=1)])
     for t in (0.5, short.last_t + 0.1, 99.0):
-        plain = re.sub("<[^>]+>", "", shown_at([long, short], t))
+        plain = shown_at([long, short], t)
         assert "over the first lap" in plain
         assert "by -" not in plain
-    assert "over the first lap" in tower(at([long, short], 0.5))
+    assert tower_of(at([long, short], 0.5)).over == "over the first lap"
 
 
 def test_not_comparable_is_said_of_the_competitor_that_was_changed_alone(competitors):
@@ -106,22 +126,22 @@ def test_not_comparable_is_said_of_the_competitor_that_was_changed_alone(competi
     assert "colored: interactive" not in page
 
 
-def test_before_the_first_plan_is_ready_the_head_up_display_says_that_it_is_made(competitors):
+def test_before_the_first_plan_is_ready_the_head_says_that_it_is_made(competitors):
     none_yet = {name: column[:0] for name, column in competitors[0].x.items()}
     live = replace(competitors[0], live=True, outcome=None, x=none_yet)
+    next_one = coming(choices())
     compiling = Snapshot(flying=True, compiling=True, competitors=(live,))
-    assert "Compiling the planner" in hud(compiling, [])
-    planning = hud(Snapshot(flying=True, competitors=(live,)), [], "START flies another")
-    assert "Planning the first step of" in planning
-    assert "colored" in planning
-    assert "START flies another" not in planning
-    assert hud(Snapshot(), [], "START flies another").count("START flies another") == 1
+    assert "Compiling the planner" in said(head_of(compiling, [], next_one))
+    planning = head_of(Snapshot(flying=True, competitors=(live,)), [], next_one)
+    assert planning.phase == "planning"
+    assert said(planning).startswith("Planning the first step of colored")
+    assert head_of(Snapshot(), [], next_one) is next_one
 
 
 def test_alone_nobody_leads(competitors):
-    page = shown_at([competitors[0]], 1.0)
+    page = said(head_at([competitors[0]], 1.0))
+    assert page.startswith("colored flies lap 1 of 3")
     assert "leads" not in page
-    assert "lap 1/3" in page
 
 
 def test_a_flight_that_finished_says_how_far_above_the_best_known_limit(competitors):
@@ -139,18 +159,18 @@ def test_the_tower_says_who_did_not_finish_and_counts_misses(competitors):
     missed = ended(
         competitors[1], "timeout", replace(last, kind="miss"), replace(last, kind="wrong_way")
     )
-    rows = tower(at([competitors[0], missed], 99.0))
-    assert rows.count("DNF") == 1
-    assert at([missed], 99.0)[0].misses == 2
-    assert "DNF" not in tower(at(competitors, 99.0))
+    first, second = tower_of(at([competitors[0], missed], 99.0)).rows
+    assert (first.is_out, second.is_out, second.interval) == (False, True, "DNF")
+    assert (first.misses, second.misses) == (0, 2)
+    assert not any(row.is_out for row in tower_of(at(competitors, 99.0)).rows)
 
 
 def test_before_a_start_is_said_who_flies_where_and_what_they_differ_in():
     two = PageState.of(choices("colored"), choices("gaussian"))
     state = apply(two, ChooseRace("world", "in one world"))
-    said = re.sub("<[^>]+>", "", announced(state, line_up_of(state)))
-    assert said.startswith("START flies colored against gaussian")
-    assert f"on {COURSE}, in one world. They differ in sampler; all else is equal" in said
+    words = said(coming_head(state, line_up_of(state)))
+    assert words.startswith("START flies colored against gaussian")
+    assert f"on {COURSE}, in one world. They differ in sampler; all else is equal" in words
 
 
 def test_the_table_of_competitors_marks_the_row_that_a_visitor_edits_and_names_its_numbers():
@@ -169,12 +189,22 @@ def test_the_table_of_competitors_marks_the_row_that_a_visitor_edits_and_names_i
 def test_the_tower_says_the_last_and_the_best_lap_of_each(competitors):
     """The first lap is the best, as it begins nearer to the first gate."""
     timings = at(competitors, float(competitors[1].t[-1]))
-    page = tower(timings)
+    rows = {row.name: row for row in tower_of(timings).rows}
     for one, timing in zip(competitors, timings, strict=True):
         assert (timing.best, timing.last) == (one.laps[0], one.laps[-1])
         assert timing.best < timing.last
-        for shown in (timing.last, timing.best):
-            assert f">{shown:.3f}<" in page
+        row = rows[one.name]
+        assert (row.last.text, row.best.text) == (f"{timing.last:.3f}", f"{timing.best:.3f}")
+    assert [row.best.mark for row in rows.values()] == ["best", "own"]
+
+
+def test_the_interval_is_to_the_one_ahead_and_the_gap_to_the_leader(competitors):
+    entries = named([*competitors, competitor("gaussian", seed=1)])
+    entries[2].x["px"][:] = entries[1].x["px"]
+    first, second, third = tower_of(at(entries, 1.0)).rows
+    assert (first.place, first.interval, first.gap) == (1, "leads", "")
+    assert (second.place, second.interval) == (2, second.gap)
+    assert (third.place, third.interval, third.gap) == (3, "+0.00", second.gap)
 
 
 def test_the_best_time_of_all_a_runs_own_best_and_another_one_look_different():
@@ -185,13 +215,18 @@ def test_the_best_time_of_all_a_runs_own_best_and_another_one_look_different():
     assert coloured_time(1.0, best=1.0, own=1.0) == looks[0]
 
 
-def test_the_time_line_has_a_tick_for_every_event_and_says_the_laps(competitors):
+def test_the_time_line_has_a_mark_for_every_event_and_the_laps(competitors):
     one = competitors[0]
-    hit = replace(one, events=(*one.events, replace(one.events[-1], kind="hit")))
-    ticks = [timeline([e], 1.0, 9.0).count("<line") for e in (one, hit)]
-    assert ticks == [len(one.events) + 1, len(one.events) + 2]  # one more is now
-    laps = [n for n in range(1, 6) if f"lap {n}<" in timeline([one], 1.0, 9.0)]
-    assert laps == [1, 2, 3]
+    last = one.events[-1]
+    hit = replace(one, events=(*one.events, replace(last, kind="hit")))
+    shown = time_line_of([one, hit])
+    plain, crashed = (lane.marks for lane in shown.lanes)
+    assert len(plain) == len(one.events) == len(crashed) - 1
+    assert [mark.kind for mark in plain].count("lap") == len(one.laps) == 3
+    assert (crashed[-1].t, crashed[-1].kind) == (round(last.t, 3), "bad")
+    assert shown.laps == [round(t, 3) for t in one.lap_starts]
+    assert shown.lanes[0].end == round(one.last_t, 3)
+    assert time_line_of([replace(one, live=True, outcome=None)]).lanes[0].end is None
 
 
 def test_names_from_files_cannot_run_scripts(competitors):
@@ -203,14 +238,42 @@ def test_names_from_files_cannot_run_scripts(competitors):
         competitors[1],
     ]
     timings = at(bad, 1.0)
-    pages = [
-        hud(Snapshot(competitors=tuple(bad)), timings),
-        tower(timings),
-        events(tuple(bad), 9.0),
-    ]
-    pages += [laps(bad), planner(timings[0]), chatter(bad), Map(bad[0].course).draw(timings)]
+    pages = [events(tuple(bad), 9.0), laps(bad), planner(timings[0]), chatter(bad)]
+    pages.append(Map(bad[0].course).draw(timings))
     assert all("<script" not in page for page in pages)
     assert any("&lt;script" in page for page in pages)
+    trees = [tree(page) for page in pages]
+    assert not any("script" in tags(node) for node in trees)
+    assert any(evil in texts(node) for node in trees)
+
+
+def nodes(node):
+    """An element and all elements in it."""
+    found = [node]
+    for child in node.children:
+        if isinstance(child, Element):
+            found += nodes(child)
+    return found
+
+
+def tags(node):
+    return {one.tag for one in nodes(node)}
+
+
+def texts(node):
+    return " ".join(
+        child for one in nodes(node) for child in one.children if isinstance(child, str)
+    )
+
+
+def test_a_tree_has_the_elements_of_what_was_written():
+    written = '<div style="color:red">a<svg viewBox="0 0 1 1"><line x1="1"/></svg>b<br>c</div>'
+    (found,) = tree(written).children
+    assert (found.tag, found.attributes) == ("div", {"style": "color:red"})
+    first, drawing, *rest = found.children
+    assert (first, rest[0], rest[2]) == ("a", "b", "c")
+    assert (drawing.tag, drawing.attributes) == ("svg", {"viewbox": "0 0 1 1"})
+    assert drawing.children == [Element("line", {"x1": "1"}, [])]
 
 
 def test_a_replay_shows_the_terms_of_the_last_snapshot_kept(competitors):

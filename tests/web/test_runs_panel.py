@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 from web_cases import COURSE, Glider, choices, competitor, run_of, store, stored, until
-from wire import connect, link
+from wire import connect, link, press_start
 
 import quadsim
 from quadsim.config.changes import changeable_numbers
@@ -82,12 +82,12 @@ def test_stored_runs_fly_beside_the_next_flight_on_their_course(page, root):
     session = page.session
     folder = stored(root, "gaussian")
     page.dashboard.desk.do(ChooseRace("course", "paper_flat"))
-    with link(page.port) as linked, connect(page.port) as client:
+    with link(page.port) as linked, connect(page.port):
         linked.ask("runs", "list_runs")
         linked.send("fly_against", names=[folder.name])
         assert until(lambda: page.dashboard.desk.state.against == (folder.name,))
         assert page.dashboard.desk.state.race.course == COURSE
-        client.click(page.dashboard.race.start)
+        press_start(page.port)
         assert until(lambda: session.snapshot.flying)
         live, stored_one = session.snapshot.competitors
         assert (live.live, stored_one.folder) == (True, folder)

@@ -112,6 +112,14 @@ class LinkClient:
             if message["type"] == kind:
                 return message
 
+    def types_until(self, kind):
+        """The types of all messages before the next one of this type. Raises TimeoutError."""
+        found = []
+        while True:
+            found.append(json.loads(self.socket.recv(PATIENCE))["type"])
+            if found[-1] == kind:
+                return found
+
     def ask(self, answer, kind, **fields):
         self.send(kind, **fields)
         return self.got(answer)
@@ -124,13 +132,19 @@ def link(port, **options):
         yield LinkClient(socket)
 
 
+def press_start(port, **options):
+    """START, of a visitor who leaves then."""
+    with link(port, **options) as linked:
+        linked.send("start")
+
+
 def get(port, path="/", host=None, **headers):
     """Status and headers of a page asked for under any name."""
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5)
     connection.putrequest("GET", path, skip_host=True)
     connection.putheader("Host", host or f"127.0.0.1:{port}")
     for name, value in headers.items():
-        connection.putheader(name, value)
+        connection.putheader(name.replace("_", "-"), value)
     connection.endheaders()
     answer = connection.getresponse()
     answer.read()

@@ -15,26 +15,18 @@ from quadsim.course import Course
 from quadsim.racing.hand import HAND
 from web.competitor import POSITION, QUATERNION, VELOCITY
 from web.lap_timing import LapTiming, order
-from web.page.html import text
 
 FREE, CHASE, TOP, FPV = MODES = ("free", "chase", "top", "FPV")
 FOV = 0.9  # vertical [rad]
 NEAR = 0.01  # nothing nearer is drawn [m]
 CHASE_NEAR = 1.5  # the same for the chasing camera, which comes into the frames of gates [m]
 LEADER = "the leader"
-NOTICE = 3.0  # duration of a notice [s]
 # The drone's camera is wide and tilted up, as on racing drones.
 DRONE_FOV = radians(100.0)
 DRONE_TILT = radians(45.0)
 # Manual flights are slower than planned ones, and closer to level.
 HAND_TILT = radians(20.0)
-# Aspect ratio of a canvas below which the panels are assumed to be a sheet at the bottom, as on a
-# phone
-PHONE = 0.6
-# shares of the canvas's height for the head-up display and the sheet
-HUD = 0.2
-SHEET = 0.5
-MARGIN = 0.04  # margin on each side, as a share of the free part
+MARGIN = 0.05  # free margin on each side, as a share of the canvas
 # The chasing camera: distance behind [m], height above [m], share of the way that it moves a frame,
 # distance from which it jumps instead [m], lowest height [m], speed below which it follows the nose
 # [m/s].
@@ -65,15 +57,6 @@ class Pose(NamedTuple):
 FAR_AWAY = Pose(np.full(3, 1e6), np.zeros(3))
 
 
-class Part(NamedTuple):
-    """A part of the canvas, whose edges are at -1 and 1."""
-
-    left: float
-    right: float
-    bottom: float
-    top: float
-
-
 class Placed(NamedTuple):
     """The canvas and the position of the last placement of a camera."""
 
@@ -88,8 +71,6 @@ class Camera:
         self._server = server
         # camera modes of the visitors, by the visitor's number
         self._modes: defaultdict[int, str] = defaultdict(lambda: FREE)
-        # hidden texts by which page.js marks the button of each visitor's mode
-        self._told: dict[int, viser.GuiHtmlHandle] = {}
         self._placed: dict[int, Placed] = {}
         self._course: Course | None = None
         self._size = 1.0  # size of the drawn drone [m]
@@ -122,28 +103,28 @@ class Camera:
             now = MODES.index(self._modes[number])
             mode = MODES[(now + 1) % len(MODES)]
         self._modes[number] = mode
-        self._tell(client)
         self._place(client)
 
     def mode_of(self, client: viser.ClientHandle) -> str:
         """Return the mode of one visitor's camera."""
         return self._modes[client.client_id]
 
-    def follow_next(self, client: viser.ClientHandle | None, names: Sequence[str]) -> None:
+    def follow_next(self, client: viser.ClientHandle | None, names: Sequence[str]) -> str:
         """Let one visitor's camera follow another competitor, and after the last one the leader.
 
         names: the competitors of the race.
+
+        Returns:
+            Whom the camera follows now; empty: nobody flies.
         """
         if client is None or not names:
-            return
+            return ""
         followed = [*names, LEADER]
         now = self._followed.get(client.client_id, followed[0])
         index = followed.index(now) if now in followed else -1
         chosen = followed[(index + 1) % len(followed)]
         self._followed[client.client_id] = chosen
-        client.add_notification(
-            f"The camera follows {chosen}", "chase and FPV", auto_close_seconds=NOTICE
-        )
+        return chosen
 
     def follow(self, timings: Sequence[LapTiming]) -> None:
         """Move the cameras that follow a drone, each the drone that its visitor has chosen."""
@@ -179,23 +160,13 @@ class Camera:
         return next(by_hand, timings[0])
 
     def _connected(self, client: viser.ClientHandle) -> None:
-        self._told[client.client_id] = client.gui.add_html("")
-        self._tell(client)
         self._place(client)
         client.camera.on_update(lambda _: self._reported(client))
 
     def _disconnected(self, client: viser.ClientHandle) -> None:
         self._modes.pop(client.client_id, None)
         self._followed.pop(client.client_id, None)
-        self._told.pop(client.client_id, None)
         self._placed.pop(client.client_id, None)
-
-    def _tell(self, client: viser.ClientHandle) -> None:
-        """Send the present mode to a visitor's page."""
-        number = client.client_id
-        if number in self._told:
-            mode = text(self._modes[number])
-            self._told[number].content = f'<span class="camera-mode" hidden>{mode}</span>'
 
     def _reported(self, client: viser.ClientHandle) -> None:
         """Frame the course again if the visitor's view still shows the framed course.
@@ -296,22 +267,15 @@ def set_initial_camera(server: viser.ViserServer, course: Course) -> None:
     camera.fov = FOV
 
 
-def free_part(size: Size) -> Part:
-    """Return the part of a canvas not covered by the head-up display and a phone's sheet."""
-    width, height = size
-    is_phone = width < PHONE * height
-    return Part(left=-1.0, right=1.0, bottom=2 * SHEET - 1 if is_phone else -1.0, top=1 - 2 * HUD)
-
-
 def overview(course: Course, size: Size = SQUARE) -> Pose:
-    """Return a pose beside the longer side of a course, with the course in the free part."""
+    """Return a pose beside the longer side of a course, with the whole course in view."""
     width, depth, _ = np.ptp(course.points(frames=False), axis=0)
     back = [0.12, -0.76, 0.64] if width >= depth else [0.76, 0.12, 0.64]
     return _fit(course, np.array(back), size)
 
 
 def top_view(course: Course, size: Size = SQUARE) -> Pose:
-    """Return a pose above a course, with the whole course in the free part.
+    """Return a pose above a course, with the whole course in view.
 
     The view is not exactly vertical, as the up direction of a camera must not be its axis.
     """
@@ -321,14 +285,14 @@ def top_view(course: Course, size: Size = SQUARE) -> Pose:
 class Bounds(NamedTuple):
     """Bounds on the camera along one axis of the picture."""
 
-    low: float  # slope of the lower edge of the free part
-    high: float  # slope of the upper edge of the free part
+    low: float  # slope of the lower edge of the view
+    high: float  # slope of the upper edge of the view
     least: float  # of c + low * cz
     most: float  # of c + high * cz
 
 
 def _fit(course: Course, direction: np.ndarray, size: Size) -> Pose:
-    """Return the nearest pose in a direction with the whole course in the free part.
+    """Return the nearest pose in a direction with the whole course in view.
 
     With coordinates x right, y up and z back, a point is in view where left (cz - z) <= x - cx <=
     right (cz - z) for a camera at c: so x + right z <= cx + right cz and x + left z >= cx + left
@@ -339,12 +303,10 @@ def _fit(course: Course, direction: np.ndarray, size: Size) -> Pose:
     axes = np.array([right, np.cross(back, right), back])
     p = course.points() @ axes.T
     half = np.tan(FOV / 2) * np.array([size[0] / size[1], 1.0])
-    part = free_part(size)
     bounds = []
-    for k, (first, last) in enumerate(((part.left, part.right), (part.bottom, part.top))):
-        margin = MARGIN * (last - first)
-        low = half[k] * (first + margin)
-        high = half[k] * (last - margin)
+    for k in range(2):
+        high = half[k] * (1.0 - 2.0 * MARGIN)
+        low = -high
         least = (p[:, k] + low * p[:, 2]).min()
         most = (p[:, k] + high * p[:, 2]).max()
         bounds.append(Bounds(low, high, least, most))

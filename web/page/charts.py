@@ -8,12 +8,11 @@ the replay.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Annotated, Any, NamedTuple
 
 import msgspec
 import numpy as np
-import viser
 from msgspec import Meta
 
 from quadsim.record.metrics import motor_corner, motor_tau, thrust_psd
@@ -26,7 +25,6 @@ from web.race import PageRace, Snapshot
 from web.session import Session
 from web.standings import Way, gap
 
-TABS = ("Signals", "Spectrum", "Gap")
 PLACES = 300
 FREQUENCIES = np.geomspace(0.4, 50.0, 120)  # [Hz]
 FEWEST = 32  # smallest number of frames for a spectrum
@@ -34,7 +32,6 @@ PSD_FLOOR = 1e-3  # [1e-3 (m/s^2)^2/Hz] below which nothing is drawn
 CHUNK = 3000  # frames of a competitor in one answer
 MOST = 64  # largest number of competitors in a request
 
-Tabs = Mapping[str, viser.GuiTabHandle]  # one for each of TABS
 Count = Annotated[int, Meta(ge=0, le=10**8)]
 Curve = list[float]  # a nan is a gap in the line, sent as null
 
@@ -132,7 +129,7 @@ class ChartsAnswer(Message, tag="charts"):
 class Charts:
     """Answers the requests of pages; `update` renews the curves that are not over time."""
 
-    def __init__(self, server: PageServer, tabs: Tabs, session: Session):
+    def __init__(self, server: PageServer, session: Session):
         self._session = session
         self._curves: list[Curves] = []
         self._number = 0
@@ -140,9 +137,6 @@ class Charts:
         server.link.on(AskCharts, self._answer)
         server.link.on(Seek, self._seek)
         server.link.on(SeekPlace, self._seek_place)
-        for name in TABS:
-            with tabs[name]:
-                server.gui.add_html(f'<div class="race-charts" data-charts="{name}"></div>')
 
     def update(self, s: Snapshot, timings: Sequence[LapTiming]) -> None:
         """Compute the spectra and the gaps of the present moment."""

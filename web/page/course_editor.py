@@ -21,7 +21,7 @@ from web.course_edit import Checked, CourseEdit, limit_path
 from web.course_numbers import NUMBERS, Number
 from web.page.course_map import Map
 from web.page.edit_scene import EditScene
-from web.page.html import RED, box, coloured, head_up, heading, small, text
+from web.page.html import RED, box, coloured, heading, small, text
 from web.page.race_panel import RacePanel
 from web.race import Snapshot
 from web.session import Session
@@ -122,9 +122,9 @@ class CourseEditor:
         course = self._edit.draft.drawn()
         return Map(course).draw([]) if course.gates else ""
 
-    def head(self) -> str:
-        """Return the head-up display while the course is edited."""
-        return head_up(heading("course editor"), self._state())
+    def said(self) -> str:
+        """Return what the page says of the course that is edited, as HTML."""
+        return box(heading("checks"), self._state())
 
     def close(self) -> None:
         """End the search of a limit."""

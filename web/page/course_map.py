@@ -1,89 +1,21 @@
-"""The map of the race, from above, and its time line with laps, gates and hits."""
+"""The map of the race, from above."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from quadsim.course import Course, Gate, Obstacle
 from quadsim.palette import NEXT
-from web.competitor import CRASHES, MISSES, Competitor
 from web.lap_timing import LapTiming, crashed_gates
-from web.page.html import DIM, GREY, MARKER_EDGE, RED, TRACK, svg
+from web.page.html import GREY, MARKER_EDGE, RED, svg
 
 # size of the map [px]
 WIDTH = 330
 HEIGHT = 190
 SHORTEST = 9.0  # least length of a gate on the map [px]
-# length of the time line and height of a competitor's row [px]
-LONG = 320
-EDGE = 3  # margin on both sides of the time line [px]
-ROW = 11
-
-
-def timeline(entries: Sequence[Competitor], t: float, end: float) -> str:
-    """Return a time line with a row for each competitor.
-
-    It has ticks at gates, taller ticks at the ends of laps, red ticks at hits and misses, and a
-    white line at the present time.
-
-    Args:
-        t: present time [s]
-        end: end of the time line [s]
-    """
-    scale = LONG / max(end, 1e-3)  # [px/s]
-    height = ROW * len(entries) + 14
-    parts = []
-    for k, entry in enumerate(entries):
-        parts += _row(entry, ROW * k + 1.0, scale)
-    longest = max(entries, key=lambda entry: len(entry.laps))
-    for number, (start, stop) in enumerate(pairwise(longest.lap_starts), 1):
-        parts.append(
-            svg(
-                "text",
-                f"lap {number}",
-                x=(start + stop) / 2 * scale,
-                y=height - 2.0,
-                fill=DIM,
-                font_size=13,
-                text_anchor="middle",
-            )
-        )
-    now = min(t, end) * scale
-    white = {"stroke": "#fff", "stroke_width": 2}
-    parts.append(svg("line", x1=now, x2=now, y1=0, y2=height - 13, **white))
-    ground = f"linear-gradient({TRACK},{TRACK}) 0 0/100% 1px no-repeat"
-    style = f"width:100%;display:block;margin-top:5px;background:{ground}"
-    look = {"viewBox": f"{-EDGE} 0 {LONG + 2 * EDGE} {height}", "style": style}
-    whole = svg("svg", "".join(parts), **look)
-    # page.js moves the replay to the time that is pressed.
-    seeks = f'<svg class="race-timeline" data-end="{end:.3f}" data-edge="{EDGE / LONG:.5f}" '
-    return whole.replace("<svg ", seeks, 1)
-
-
-def _row(entry: Competitor, y: float, scale: float) -> list[str]:
-    """Return the bar of a competitor's flight time, and its events. scale: [px/s]"""
-    colour = entry.style.colour
-    parts = [svg("rect", x=0, y=y + 3, width=entry.last_t * scale, height=3, fill=colour)]
-    for event in entry.events:
-        bad = event.kind in (*CRASHES, *MISSES)
-        tall = 9.0 if bad or event.gate == entry.legs.gates else 5.0
-        x = event.t * scale
-        parts.append(
-            svg(
-                "line",
-                x1=x,
-                x2=x,
-                y1=y + 4.5 - tall / 2,
-                y2=y + 4.5 + tall / 2,
-                stroke=RED if bad else GREY,
-                stroke_width=2.5 if bad else 1.2,
-            )
-        )
-    return parts
 
 
 class GateMark(NamedTuple):
@@ -167,5 +99,5 @@ class Map:
         a = self._pixels(centre - half)
         b = self._pixels(centre + half)
         x, y = b + (b - a) / max(float(np.linalg.norm(b - a)), 1e-6) * 8
-        look = {"fill": "#aab2c0", "font_size": 13, "text_anchor": "middle"}
+        look = {"fill": "#aab2c0", "font_size": 15, "text_anchor": "middle"}
         return GateMark(a, b, svg("text", str(number), x=x, y=y + 3, **look))

@@ -20,8 +20,9 @@ from web.limit_race import limit_race
 from web.line_up import LineUp, line_up_of
 from web.menu import Menu
 from web.offered_presets import offered_presets
+from web.page.board import Board
 from web.page.camera import Camera
-from web.page.charts import TABS, Charts, Tabs
+from web.page.charts import Charts
 from web.page.competitor_panel import CompetitorPanel
 from web.page.course_editor import CourseEditor
 from web.page.course_map import Map
@@ -29,18 +30,24 @@ from web.page.drones import SPAN
 from web.page.export import add_export
 from web.page.flight_controls import FlightControls
 from web.page.flight_numbers import NumbersInFlight
+from web.page.head import Head, Word, coming_head, head_of
 from web.page.html import STYLE
 from web.page.joining import Joining
 from web.page.laps import chatter, laps
-from web.page.line_up_html import announced
-from web.page.panels import PlaybackPanel, ViewPanel, add_keys
-from web.page.picture_tab import PictureTab
+from web.page.picture_folder import PictureFolder
+from web.page.playback import Playback, Shown
 from web.page.race_panel import RacePanel
 from web.page.race_scene import RaceScene, preview
 from web.page.runs_panel import RunsPanel
+from web.page.seats import Seats
 from web.page.sectors import sectors
+from web.page.seeds_table import seeds_of
 from web.page.server import PageServer, forget_removed
-from web.page.timing import events, hud, planner, tower
+from web.page.time_line import now_of, time_line_of
+from web.page.timing import events, planner
+from web.page.tower import Tower, tower_of
+from web.page.tree import tree
+from web.page.view_panel import ViewPanel
 from web.race import Snapshot
 from web.session import Session
 from web.state import PageState
@@ -52,11 +59,7 @@ SLOW = 1.0  # period of spectra and gaps [s]
 PAUSE = 0.1  # longest time between two updates of the page
 # Largest share of the time for updates of the page, as the planners need all cores
 SHARE = 1 / 8
-HEAD = 340  # width of the head-up display [px]
-
-Colour = Literal["red", "orange", "green", "blue"]
-COLOURS: dict[str, Colour] = {"error": "red", "crash": "orange", "lap": "green", "wait": "blue"}
-NOTICE = 6.0  # duration of a notice [s]
+DRAWER = 300  # width of viser's panel, as in shell.css [px]
 
 
 def pause_after(spent: float) -> float:
@@ -69,6 +72,10 @@ def pause_after(spent: float) -> float:
         spent: time that the update took [s].
     """
     return min(max(SCENE, spent / SHARE - spent), PAUSE)
+
+
+PastTable = Literal["laps", "events"]
+PAST_TABLES: tuple[PastTable, ...] = ("laps", "events")
 
 
 class Due:
@@ -163,7 +170,9 @@ class Dashboard:
         self._tables_due = Due(TABLES)
         self._past_due = Due(TABLES)
         self._controls_due = Due(TABLES)
+        self._table_due: dict[PastTable, Due] = {name: Due(TABLES) for name in PAST_TABLES}
         self._slow_due = Due(SLOW)
+        self._chatter_due = Due(SLOW)
         self._presets_due = Due(SLOW)
         self._offered: dict[object, tuple[str, ...]] = {}
         gui = server.gui
@@ -173,18 +182,22 @@ class Dashboard:
         gui.add_html(STYLE)
         self.race = RacePanel(gui, self.desk, menu, str(session.root))
         self.runs = RunsPanel(server, session, self.race)
-        # each visitor's own controls stand between the race's and the playback's
+        # each visitor's own controls stand below the race's
         self._order = self.race.folder.order + 0.5
-        controls = FlightControls(session, self.race)
-        self._playback = PlaybackPanel(gui, session, controls, self.race.folder.order + 0.3)
+        self._series = FlightControls(server.link, session, self.race).series
+        seats = Seats(server)
         self._camera = Camera(server)
-        self._joining = Joining(server, session.cockpit, self._camera)
-        self._options = ViewPanel(gui, self._camera)
-        add_keys(gui, session, self._camera, controls)
-        add_export(gui, session, self._camera, self.race)
-        self._add_panels(gui)
-        with self._editor_tab:
+        self.board = Board(server, seats, self._camera)
+        Playback(server, session, seats, self._camera)
+        self._joining = Joining(server, session.cockpit, seats, self._camera)
+        self._charts = Charts(server, session)
+        self._options = ViewPanel(gui)
+        with gui.add_folder("Course editor", expand_by_default=False):
             self._editor = CourseEditor(gui, session, self.race)
+        self._pictures = PictureFolder(gui)
+        add_export(gui, session, self._camera, self.race)
+        gui.main_panel.dock_left()
+        gui.main_panel.set_width(DRAWER)
         server.link.open()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="page", daemon=True)
@@ -198,33 +211,6 @@ class Dashboard:
         self.runs.close()
         self._pictures.close()
 
-    def _add_panels(self, gui: viser.GuiApi) -> None:
-        """Add the panels beside the controls: timing above, charts below, the head-up display."""
-        gui.main_panel.dock_left()
-        gui.main_panel.set_width(270)
-        top = gui.add_panel()
-        below = gui.add_panel()
-        head = gui.add_panel()
-        chart_tabs: Tabs = {name: below.add_tab(name) for name in TABS}
-        self._charts = Charts(self._server, chart_tabs, self._session)
-        self._editor_tab = below.add_tab("Course editor")
-        tabs = {name: top.add_tab(name) for name in ("Timing", "Laps", "Events", "Planner")}
-        self._pictures = PictureTab(gui, top.add_tab("Camera"))
-        tabs["HUD"] = head.add_tab("HUD")
-        tabs["Chatter"] = chart_tabs["Spectrum"]
-        self._tables: dict[str, viser.GuiHtmlHandle] = {}
-        for name, tab in tabs.items():
-            with tab:
-                # below the charts of a tab
-                self._tables[name] = gui.add_html("", order=1e6)
-        top.dock_right()
-        top.set_width(430)
-        below.dock_below(top)
-        head.float(x=8, y=8, width=HEAD)
-        # On a phone the panels are parts of the sheet, each with its own fold.
-        head.expand()
-        top.expand()
-
     def _run(self) -> None:
         """Show one snapshot after another while there are visitors."""
         pause = SCENE
@@ -232,6 +218,7 @@ class Dashboard:
             began = perf_counter()
             watched = bool(self._server.get_clients())
             self._forget_left()
+            self._series.turn(self._session.snapshot)
             self._session.show_trajectories(watched and self._options.trajectories.value)
             if not watched:
                 continue
@@ -255,6 +242,7 @@ class Dashboard:
         )
         competitors = tuple(entry.state for entry in s.competitors)
         self._joining.update(s, timings)
+        self.board.put("now", now_of(s))
         with self._server.atomic():
             self._update_editor(s)
             editing = self._is_editing
@@ -267,18 +255,24 @@ class Dashboard:
                     view.scene.update_limit(timings[0], look.limit, look.by_place)
                 self._camera.follow(timings)
             state = self.desk.state
-            if self._tables_due((view, shown, state)):
+            wanted = self.board.is_wanted("planner")
+            if self._tables_due((view, shown, state, wanted)):
                 self._update_tables(s, timings, drawn, view)
             if self._controls_due(perf_counter()):
-                self._playback.update(s)
-                self.race.update(s, state)
+                self.race.update(state)
+                self.board.put("seeds", seeds_of(self._series))
                 self._update_visitors(s, state)
-        if self._past_due((view, [entry.past(s.t) for entry in s.competitors])):
-            self._update_past(s, view)
+        past = [entry.past(s.t) for entry in s.competitors]
+        if self._past_due((view, past)):
+            self.board.put("time_line", time_line_of(s.competitors))
+        for name in PAST_TABLES:
+            if self.board.is_wanted(name) and self._table_due[name]((view, past)):
+                self._update_past(name, s, view)
         self._pictures.update(drawn if view else [])
         if view and self._slow_due((view, shown)):
             self._charts.update(s, timings)
-            self._tables["Chatter"].content = chatter([e.until(s.t) for e in s.competitors])
+        if view and self.board.is_wanted("chatter") and self._chatter_due((view, shown)):
+            self.board.put("chatter", tree(chatter([e.until(s.t) for e in s.competitors])))
         self._notify(s)
 
     def _update_visitors(self, s: Snapshot, state: PageState) -> None:
@@ -342,8 +336,10 @@ class Dashboard:
                 self._editor.begin(self._server.scene)
         if is_open and self._editor.update_scene():
             self._camera.frame_next(self._editor.framed())
-            self._tables["HUD"].content = self._editor.head()
-            self._tables["Timing"].content = self._editor.map()
+            self.board.put(
+                "head", Head("editing", [Word("Course editor")], more=tree(self._editor.said()))
+            )
+            self.board.put("map", tree(self._editor.map()))
 
     def _view_of(self, s: Snapshot, timings: list[LapTiming]) -> RaceView | None:
         """Return the view of the race.
@@ -382,7 +378,8 @@ class Dashboard:
         self._clear()
         self._previewed = course
         self._camera.show(course, preview(self._server.scene, course))
-        self._tables["Timing"].content = Map(course).draw([])
+        self.board.put("map", tree(Map(course).draw([])))
+        self.board.put("tower", Tower([]))
 
     def _clear(self) -> None:
         """Remove the scene of the last race."""
@@ -403,18 +400,25 @@ class Dashboard:
         """
         if not self._is_editing:
             state = self.desk.state
-            coming = announced(state, self._line_up_now(state))
-            self._tables["HUD"].content = hud(s, timings, coming)
+            coming = coming_head(state, self._line_up_now(state))
+            self.board.put("head", head_of(s, timings, coming))
+        if not timings:
+            self.board.put("tower", Tower([]))
         if view:
-            self._tables["Timing"].content = tower(timings) + view.map.draw(drawn)
-            self._tables["Planner"].content = planner(timings[0])
+            self.board.put("tower", tower_of(timings))
+            self.board.put("map", tree(view.map.draw(drawn)))
+            if self.board.is_wanted("planner"):
+                self.board.put("planner", tree(planner(timings[0])))
 
-    def _update_past(self, s: Snapshot, view: RaceView | None) -> None:
-        """Show the tables of past events and laps."""
-        self._tables["Events"].content = events(s.competitors, s.t)
+    def _update_past(self, name: PastTable, s: Snapshot, view: RaceView | None) -> None:
+        """Show the table of past events or laps."""
+        if name == "events":
+            self.board.put("events", tree(events(s.competitors, s.t)))
+            return
         past = [entry.until(s.t) for entry in s.competitors]
         limit = limit_race(s.competitors[0]) if view else None
-        self._tables["Laps"].content = laps(past, sectors(past, limit)) if view else ""
+        table = laps(past, sectors(past, limit)) if view else ""
+        self.board.put("laps", tree(table))
 
     def _notify(self, s: Snapshot) -> None:
         """Show new notices."""
@@ -422,10 +426,4 @@ class Dashboard:
             if notice.number <= self._notice:
                 continue
             self._notice = notice.number
-            for client in self._server.get_clients().values():
-                client.add_notification(
-                    notice.title,
-                    notice.text,
-                    auto_close_seconds=NOTICE,
-                    color=COLOURS[notice.kind],
-                )
+            self._server.link.send_all(Shown(notice.kind, notice.title, notice.text))

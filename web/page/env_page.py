@@ -37,7 +37,7 @@ class EnvPage:
     """
 
     def __init__(self, course: Course, vehicles: int, dt: float):
-        self._server = serve(HOST, 0, None, "environment")
+        self._server = serve(HOST, 0, None, "environment", has_shell=False)
         scene = self._server.scene
         self._server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
         add_lights(scene)

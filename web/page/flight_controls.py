@@ -1,71 +1,109 @@
-"""FlightControls: START, STOP and restart, which several visitors share."""
+"""FlightControls: START, STOP and restart over the link, which several visitors share."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import count
+from typing import Annotated
 
-import viser
+from msgspec import Meta
 
+from web.page.link import Link, LinkVisitor, Message
 from web.page.race_panel import RacePanel
 from web.race import PageRace
+from web.series import MOST_SEEDS, Series
 from web.session import Session
 
-Event = viser.GuiEvent | viser.CommandEvent
+Act = Callable[[], None]
+
+
+class Start(Message, tag="start"):
+    """A visitor presses START, for one seed or for several in a row."""
+
+    seeds: Annotated[int, Meta(ge=1, le=MOST_SEEDS)] = 1
+
+
+class Stop(Message, tag="stop"):
+    """A visitor presses STOP."""
+
+
+class Restart(Message, tag="restart"):
+    """A visitor asks for the same race again."""
+
+
+class Confirm(Message, tag="confirm"):
+    """A visitor's answer `yes` to the question of this number."""
+
+    number: Annotated[int, Meta(ge=0, le=10**9)]
+
+
+class Question(Message, tag="question"):
+    """A question for one visitor, with the words of both answers."""
+
+    number: int
+    title: str
+    yes: str
+    no: str
 
 
 class FlightControls:
-    """Begins and ends flights; a visitor has to confirm the end of another visitor's flight."""
+    """Begins and ends flights; a visitor has to confirm the end of another visitor's flight.
 
-    def __init__(self, session: Session, race: RacePanel):
+    Attributes:
+        series: what START flies, one seed after another.
+    """
+
+    def __init__(self, link: Link, session: Session, race: RacePanel):
         self._session = session
         self._race = race
+        self.series = Series(session)
         self._pilot: int | None = None  # number of the visitor who began the flight
-        race.start.on_click(self.start)
-        race.stop.on_click(self.stop)
+        self._numbers = count(1)
+        # of each visitor the number of its question, and what it asks for
+        self._asked: dict[int, tuple[int, Act]] = {}
+        link.on(Start, self._start)
+        link.on(Stop, self._stop)
+        link.on(Restart, lambda visitor, _: self._ask_first(visitor, self._restart))
+        link.on(Confirm, self._confirm)
+        link.on_leave(self._forget)
 
-    def start(self, event: Event) -> None:
-        """Fly or replay the present choices."""
-        self._ask_first(event, self._start)
+    def _start(self, visitor: LinkVisitor, asked: Start) -> None:
+        def act() -> None:
+            self.series.begin(self._race.choices, self._race.runs, asked.seeds)
 
-    def stop(self, event: Event) -> None:
+        self._ask_first(visitor, act)
+
+    def _stop(self, visitor: LinkVisitor, _: Stop) -> None:
         """End the present flights, if any."""
         if self._session.snapshot.flying:
-            self._ask_first(event, lambda: self._session.tell(PageRace.end_flights))
+            self._ask_first(visitor, lambda: self._session.tell(PageRace.end_flights))
 
-    def restart(self, event: Event) -> None:
-        """Restart the same race."""
-        self._ask_first(event, lambda: self._session.tell(PageRace.restart))
+    def _restart(self) -> None:
+        self._session.tell(PageRace.restart)
 
-    def _start(self) -> None:
-        self._session.start(self._race.choices, self._race.runs)
-
-    def _ask_first(self, event: Event, act: Callable[[], None]) -> None:
+    def _ask_first(self, visitor: LinkVisitor, act: Act) -> None:
         """Act, after a confirmation if this would end another visitor's flight."""
 
         def act_as_pilot() -> None:
-            self._pilot = event.client_id
+            self._pilot = visitor.number
             act()
 
-        is_own = self._pilot in (None, event.client_id)
-        if not self._session.snapshot.flying or is_own or event.client is None:
+        is_own = self._pilot in (None, visitor.number)
+        if not self._session.snapshot.flying or is_own:
             act_as_pilot()
-        else:
-            ask(
-                event.client, "Another visitor's flight is on", "End it", "Let it fly", act_as_pilot
-            )
+            return
+        number = next(self._numbers)
+        self._asked[visitor.number] = (number, act_as_pilot)
+        title = "Another visitor's flight is on"
+        visitor.send(Question(number, title, yes="End it", no="Let it fly"))
 
+    def _forget(self, visitor: LinkVisitor) -> None:
+        """Forget a visitor who has left: nobody is asked about its flight any more."""
+        self._asked.pop(visitor.number, None)
+        if self._pilot == visitor.number:
+            self._pilot = None
 
-def ask(client: viser.ClientHandle, title: str, yes: str, no: str, act: Callable[[], None]) -> None:
-    """Open a window on one visitor's page; act if the answer is yes."""
-    with client.gui.add_modal(title) as modal:
-        accept = client.gui.add_button(yes, color="red")
-        refuse = client.gui.add_button(no, color="gray")
-
-    @refuse.on_click
-    def _(_: viser.GuiEvent) -> None:
-        modal.close()
-
-    @accept.on_click
-    def _(_: viser.GuiEvent) -> None:
-        modal.close()
-        act()
+    def _confirm(self, visitor: LinkVisitor, answer: Confirm) -> None:
+        number, act = self._asked.pop(visitor.number, (None, None))
+        if act is not None and number == answer.number:
+            act()

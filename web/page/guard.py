@@ -2,8 +2,9 @@
 
 Host and Origin of each request are checked, so that pages of other sites cannot reach the server
 through a browser. Beyond this machine a token is required, which is given once in the address and
-then kept in a cookie. The page has a Content-Security-Policy: it runs only its own scripts, marked
-by a nonce, and connects only to its own server. web.page.messages checks visitors' messages.
+then kept in a cookie. Every answer has a Content-Security-Policy: the page runs only scripts of its
+own server, and the frame of the scene only those marked by a nonce; both connect only to this
+server. web.page.messages checks visitors' messages.
 """
 
 from __future__ import annotations
@@ -29,18 +30,19 @@ from websockets.http11 import Request, Response
 
 from web.page.link import Link
 from web.page.messages import MAX_BYTES, Control, PageConnection, is_link
+from web.page.shell_files import POLICY, own_response
 
 ALL_INTERFACES = ("0.0.0.0", "::")
-POLICY = (
-    "default-src 'none'; script-src 'self' 'nonce-{nonce}' 'wasm-unsafe-eval'; worker-src blob:; "
+# Where viser's page is, in a frame of the page
+SCENE = "/scene/"
+SCENE_POLICY = (
+    "default-src 'none'; script-src 'nonce-{nonce}' 'wasm-unsafe-eval'; worker-src blob:; "
     "connect-src 'self' data:; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; "
-    "font-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    "font-src 'self' data:; base-uri 'none'; form-action 'none'; frame-ancestors {around}"
 )
 HEADERS = {
-    "X-Frame-Options": "DENY",
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",  # an address may hold the token
-    "Cache-Control": "no-store",
 }
 PAGE_CHANGES = {  # of viser's page: its loader and the script that this writes have the nonce
     "<script data-p=": '<script nonce="NONCE" data-p=',
@@ -49,11 +51,8 @@ PAGE_CHANGES = {  # of viser's page: its loader and the script that this writes 
     ),
     'e.type="module";': 'e.type="module";e.nonce=pass;',
 }
-# in this order
-PAGE_SCRIPTS = tuple(
-    Path(__file__).with_name(name)
-    for name in ("link.js", "sticks.js", "page.js", "boxes.js", "runs.js", "charts.js")
-)
+# of ours in viser's page, in this order
+SCENE_SCRIPTS = tuple(Path(__file__).with_name(name) for name in ("page.js", "boxes.js"))
 LOG = logging.getLogger("race web")
 # Within which a visitor sends a whole request [s]
 OPEN_TIMEOUT = 5.0
@@ -71,13 +70,15 @@ class Guard:
     Args:
         host, port: address that the server listens on.
         token: token required of every visitor; None: no token is required.
+        has_shell: whether the page's own document holds viser's in a frame; else viser's alone is
+            the page.
 
     Attributes:
         server: viser's server, after its start.
         link: receiver of the messages of the page's own scripts.
     """
 
-    def __init__(self, host: str, port: int, token: str | None):
+    def __init__(self, host: str, port: int, token: str | None, has_shell: bool = True):
         self.server: viser.ViserServer | None = None
         self.link = Link()
         names = (host, "127.0.0.1", "localhost", "::1")
@@ -85,6 +86,7 @@ class Guard:
         # A server that listens on all interfaces does not have a fixed name.
         self._any_host = host in ALL_INTERFACES
         self._token = token
+        self._has_shell = has_shell
         self._cookie = f"race{port}"
 
     @contextmanager
@@ -121,16 +123,28 @@ class Guard:
         self, viser_answers: ProcessRequest, connection: ServerConnection, request: Request
     ) -> Response | None:
         """Answer a request; None lets a websocket connect."""
-        nonce = secrets.token_urlsafe(18)
         response = self.refusal(connection, request)
         if response is None and request.headers.get("Upgrade") == "websocket":
             return viser_answers(connection, request)
-        if response is None and urlsplit(request.path).path in ("/", "/index.html"):
-            response = page_response(nonce)
-        response = response or viser_answers(connection, request)
-        if response is None:
-            return None
-        response.headers["Content-Security-Policy"] = POLICY.format(nonce=nonce)
+        path = urlsplit(request.path).path
+        scene = SCENE if self._has_shell else "/"
+        policy = POLICY
+        frames = "DENY"
+        caching = "no-store"
+        if response is None and path == scene:
+            nonce = secrets.token_urlsafe(18)
+            around = "'self'" if self._has_shell else "'none'"
+            policy = SCENE_POLICY.format(nonce=nonce, around=around)
+            frames = "SAMEORIGIN" if self._has_shell else "DENY"
+            response = scene_response(nonce)
+        elif response is None and self._has_shell:
+            response = own_response(path, request)
+            if response is not None:
+                caching = "no-cache"  # is asked for again, with its ETag
+        response = response or connection.respond(HTTPStatus.NOT_FOUND, "there is no such page\n")
+        response.headers["Content-Security-Policy"] = policy
+        response.headers["X-Frame-Options"] = frames
+        response.headers["Cache-Control"] = caching
         for name, value in HEADERS.items():
             response.headers[name] = value
         return response
@@ -196,7 +210,7 @@ def cookie_of(request: Request, name: str) -> str:
     return ""
 
 
-def page_response(nonce: str) -> Response:
+def scene_response(nonce: str) -> Response:
     """Return viser's page with our scripts; every script in it has the nonce."""
     body = _viser_page().replace("NONCE", nonce).encode()
     size = str(len(body))
@@ -213,7 +227,7 @@ def _viser_page() -> str:
     """
     file = Path(viser.__file__).parent / "client/build/index.html"
     page = file.read_text(encoding="utf-8")
-    scripts = [script.read_text(encoding="utf-8") for script in PAGE_SCRIPTS]
+    scripts = [script.read_text(encoding="utf-8") for script in SCENE_SCRIPTS]
     elements = "".join(f'<script nonce="NONCE">{script}</script>' for script in scripts)
     ours = {"</head>": f"{elements}</head>"}
     for old, new in (PAGE_CHANGES | ours).items():

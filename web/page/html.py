@@ -18,9 +18,8 @@ TEXT = "12px"  # the smallest size of a text
 MONOSPACE = "ui-monospace,Menlo,Consolas,monospace"
 MONO = {"font_family": MONOSPACE, "font_variant_numeric": "tabular-nums"}
 
-SHEETS = ("page.css", "runs.css", "charts.css")
-RULES = [Path(__file__).with_name(name).read_text(encoding="utf-8") for name in SHEETS]
-STYLE = f"<style>{''.join(RULES)}</style>"
+# of viser's own panels, which stand in the frame of the scene
+STYLE = f"<style>{Path(__file__).with_name('page.css').read_text(encoding='utf-8')}</style>"
 
 
 def text(value: object) -> str:
@@ -51,11 +50,6 @@ def svg(tag: str, content: str = "", **attributes: object) -> str:
         shown = f"{value:.1f}" if isinstance(value, float) else value
         written.append(f'{name.replace("_", "-")}="{shown}"')
     return f"<{tag} {' '.join(written)}>{content}</{tag}>"
-
-
-def head_up(*parts: str) -> str:
-    """Return the head-up display; on a phone page.js shows a copy of it above."""
-    return f'<div class="hud">{box(*parts)}</div>'
 
 
 def table(head: list[str], rows: Sequence[list[str] | str], left: int = 1) -> str:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import secrets
 from math import asin, atan2, degrees
 from time import perf_counter
 from typing import Annotated, Literal
 
 import numpy as np
-import viser
 from msgspec import Meta
 from viser.transforms import SO3
 
@@ -18,10 +16,10 @@ from web.competitor import QUATERNION
 from web.lap_timing import LapTiming
 from web.page.camera import FPV, Camera
 from web.page.link import LinkVisitor, Message
+from web.page.seats import Seat, Seats
 from web.page.server import PageServer
 from web.race import Snapshot
 
-SEAT = 16  # bytes of a seat's name
 REMINDER = 1.0  # time after which an unchanged state is sent again, for new pages [s]
 
 Deflection = Annotated[float, Meta(ge=-1.0, le=1.0)]
@@ -30,7 +28,7 @@ Deflection = Annotated[float, Meta(ge=-1.0, le=1.0)]
 class Take(Message, tag="take"):
     """A visitor requests the sticks."""
 
-    seat: Annotated[str, Meta(max_length=4 * SEAT)]  # of the same visitor at viser's server
+    seat: Seat  # of the same visitor at viser's server
 
 
 class LetGo(Message, tag="let_go"):
@@ -82,15 +80,13 @@ NOBODY = Instruments(phase="none")
 class Joining:
     """Receives the sticks of one visitor at a time, and sends instruments to all visitors."""
 
-    def __init__(self, server: PageServer, cockpit: Cockpit, camera: Camera):
+    def __init__(self, server: PageServer, cockpit: Cockpit, seats: Seats, camera: Camera):
         self._link = server.link
         self._cockpit = cockpit
         self._camera = camera
-        self._seats: dict[str, viser.ClientHandle] = {}
+        self._seats = seats
         self._sent = NOBODY
         self._sent_at = 0.0
-        server.on_client_connect(self._seat)
-        server.on_client_disconnect(self._leave_seat)
         self._link.on(Take, self._take)
         self._link.on(LetGo, lambda visitor, _: cockpit.let_go(visitor.number))
         self._link.on(StickMessage, self._move)
@@ -105,21 +101,10 @@ class Joining:
             self._sent = shown
             self._sent_at = now
 
-    def _seat(self, client: viser.ClientHandle) -> None:
-        """Give a page a secret name that relates its two connections."""
-        name = secrets.token_urlsafe(SEAT)
-        self._seats[name] = client
-        client.gui.add_html(f'<div hidden data-seat="{name}"></div>', order=1e6)
-
-    def _leave_seat(self, client: viser.ClientHandle) -> None:
-        left = [name for name, one in self._seats.items() if one.client_id == client.client_id]
-        for name in left:
-            del self._seats[name]
-
     def _take(self, visitor: LinkVisitor, message: Take) -> None:
         yours = self._cockpit.take(visitor.number)
         visitor.send(Taken(visitor.number, yours))
-        client = self._seats.get(message.seat)
+        client = self._seats.client_of(message.seat)
         if yours and client:
             self._camera.choose(client, FPV)
 

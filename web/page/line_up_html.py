@@ -1,4 +1,4 @@
-"""The next START as HTML: a table of its competitors, and a description."""
+"""The competitors of the next START as an HTML table."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ from quadsim.palette import styles_on_dark
 from web.line_up import LineUp
 from web.page.html import RED, box, coloured, div, element, small, swatch, text
 from web.state import PageState
-
-WATCH = "Watch who leads, and the chatter of the thrust: jumps that no motor can follow."
 
 
 def names_of(state: PageState, line_up: LineUp) -> list[str]:
@@ -38,14 +36,3 @@ def table_of(state: PageState, line_up: LineUp, edited: int) -> str:
     else:
         remark = small(text(line_up.compared)) if line_up.compared else ""
     return box(element("div", "".join(rows)), remark)
-
-
-def announced(state: PageState, line_up: LineUp) -> str:
-    """Return a description of the next START and of what to look for, as HTML."""
-    names = names_of(state, line_up)
-    course = text(state.race.course)
-    if len(names) == 1:
-        return div(f"START flies {names[0]} on {course}", text_align="center")
-    what = div(f"START flies {' against '.join(names)}", font_size="16px")
-    where = small(f"on {course}, {text(state.world)}. {text(line_up.compared)}")
-    return div(what + where + small(WATCH), text_align="center")

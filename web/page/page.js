@@ -1,20 +1,10 @@
 // Stands in viser's page before its own script. It says when the connection is lost, names the controls that viser
-// leaves without a name, says which camera is on, lets keys act where they should, and shows the head-up display on a
-// phone.
+// leaves without a name, and lets keys act where they should.
 (() => {
-  document.title = "race";
-  const lost =
-    "Disconnected: the page shows the last that arrived. It connects again by itself.";
-  const status = document.createElement("div");
-  status.setAttribute("role", "status");
-  status.style.cssText =
-    "position:fixed;left:50%;bottom:16px;transform:translateX(-50%);z-index:10000;padding:8px 16px;border-radius:6px;" +
-    "background:#b3261e;color:#fff;font:600 15px sans-serif;display:none";
-
+  // Tell the page around the frame; without one, the title says it.
   function connected(on) {
-    status.style.display = on ? "none" : "block";
-    status.textContent = on ? "" : lost;
     document.title = on ? "race" : "race (disconnected)";
+    if (parent !== window) parent.dispatchEvent(new parent.CustomEvent("scene-connection", { detail: on }));
   }
 
   // The connection lives in viser's worker, which reports its state. viser asks it every second to connect, and each time
@@ -72,38 +62,6 @@
     });
   }
 
-  // On a phone viser's sheet, which holds the head-up display, can be folded away: this copy stays.
-  const head = document.createElement("div");
-  head.className = "hud-copy";
-
-  function copyHead() {
-    const hud = document.querySelector(".hud");
-    const shown = hud && getComputedStyle(head).display !== "none";
-    if (shown && head.innerHTML !== hud.innerHTML) head.replaceChildren(...hud.cloneNode(true).childNodes);
-  }
-
-  // The buttons of the camera are everybody's. The mode is each visitor's own: the server tells it in a hidden text.
-  function markCamera() {
-    const mode = document.querySelector(".camera-mode")?.textContent;
-    for (const label of document.querySelectorAll("label[for]")) {
-      if (label.textContent !== "Camera") continue;
-      for (const button of label.closest("[class*=Flex-root]").querySelectorAll("button")) {
-        button.setAttribute("aria-pressed", button.textContent === mode);
-      }
-    }
-  }
-
-  // A press on the time line, or a drag along it, moves the replay; a flight that is on has to be paused first.
-  function seek(event) {
-    const line = event.target.closest?.(".race-timeline");
-    if (!line || !(event.buttons & 1)) return;
-    const { left, width } = line.getBoundingClientRect();
-    const edge = Number(line.dataset.edge);
-    const share = ((event.clientX - left) / width) * (1 + 2 * edge) - edge;
-    const end = Number(line.dataset.end);
-    window.race.send({ type: "seek", t: Math.min(Math.max(share, 0), 1) * end });
-  }
-
   // Keys in a window act there alone. Escape, and a click beside it, press its last button, which closes it without effect.
   function pressLastButton(dialog) {
     [...dialog.querySelectorAll("button")].at(-1)?.click();
@@ -116,27 +74,20 @@
     if (event.key === "Escape") pressLastButton(dialogs[dialogs.length - 1]);
   }
 
+  let again = 0; // waits to leave a box once more, unless a visitor chooses one meanwhile
+  addEventListener("pointerdown", () => clearTimeout(again), true);
+
   // While a box has the focus the keys of the race do not act: Enter, Escape and a choice by mouse leave it.
   function leaveBox(event) {
-    if ((event.key === "Enter" || event.key === "Escape") && event.target.matches("input")) event.target.blur();
+    if ((event.key !== "Enter" && event.key !== "Escape") || !event.target.matches("input")) return;
+    event.target.blur();
+    // Drawn anew with another value, viser's box takes the focus back.
+    again = setTimeout(() => event.target.blur(), 100);
   }
 
   addEventListener("DOMContentLoaded", () => {
-    document.body.append(status, head);
-    // Before viser, whose window would move with the pointer
-    for (const kind of ["pointerdown", "pointermove"]) {
-      document.body.addEventListener(kind, (event) => {
-        if (event.target.closest?.(".race-timeline")) event.stopPropagation();
-        seek(event);
-      }, true);
-    }
     document.body.addEventListener("keydown", actInWindow);
     document.body.addEventListener("keydown", leaveBox);
-    // The space bar presses the button that has the focus; elsewhere it is the key for pause.
-    document.body.addEventListener("keydown", (event) => {
-      const pressed = event.target.closest("button, [role=button], [role=tab], [role=option]");
-      if (pressed && event.key === " ") event.stopPropagation();
-    });
     // Clicked with the mouse, a button keeps no focus: the space bar would press it again instead of pausing.
     document.body.addEventListener("click", (event) => {
       if (event.detail > 0) document.activeElement.closest("button, [role=button], [type=checkbox]")?.blur();
@@ -149,8 +100,6 @@
       due ||= setTimeout(() => {
         due = 0;
         nameControls();
-        markCamera();
-        copyHead();
       }, 200);
     }
     new MutationObserver(changed).observe(document.body, { childList: true, subtree: true });

@@ -23,7 +23,6 @@ from web.line_up_link import line_up_text, set_up_of
 from web.menu import Menu
 from web.page.html import box, div, small, text
 from web.page.set_values import SetValues
-from web.race import Snapshot
 from web.state import TOGETHER, PageState, World
 from web.stored_runs import runs_at
 from web.take_over import TakenOver, taken_over
@@ -104,9 +103,6 @@ class RacePanel:
             )
             self._against = gui.add_html("")
             self.alone = gui.add_button("Fly without stored runs", color="gray")
-            self.start = gui.add_button("START", icon=viser.Icon.FLAG, color="orange")
-            stop = viser.Icon.PLAYER_STOP
-            self.stop = gui.add_button("STOP", icon=stop, color="red", disabled=True)
         for name, control in self._controls.items():
             control.on_update(partial(self._chosen, name))
         self.alone.on_click(self._fly_alone)
@@ -128,10 +124,8 @@ class RacePanel:
         """The vehicle of the first competitor."""
         return self._desk.state.rows[0].choices.vehicle
 
-    def update(self, s: Snapshot, state: PageState) -> None:
-        """Enable and label the controls for the present state of the race and of the page."""
-        if self.stop.disabled == s.flying:
-            self.stop.disabled = not s.flying
+    def update(self, state: PageState) -> None:
+        """Enable and label the controls for the present state of the page."""
         own = self._own_laps()
         # viser sends options even if they have not changed.
         if self.laps.options[0] != own:

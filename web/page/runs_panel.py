@@ -159,8 +159,6 @@ class RunsPanel:
         self._requests: queue.Queue[tuple[LinkVisitor, Request] | None] = queue.Queue(WAITING)
         for form in get_args(Request):
             self._link.on(form, self._queue)
-        open_table = '<button class="race-open" data-open="runs">Runs and campaigns (T)</button>'
-        server.gui.add_html(open_table)
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="runs", daemon=True)
         self._thread.start()
@@ -288,7 +286,7 @@ def show_link(client: viser.ClientHandle, link: str) -> None:
     """
     with client.gui.add_modal("Link to what is shown") as modal:
         shown = div(element("code", text(link), word_break="break-all"), margin="4px 0 8px")
-        copy = f'<button class="race-open" data-copy-link="{text(link)}">Copy the address</button>'
+        copy = f'<button data-copy-link="{text(link)}">Copy the address</button>'
         note = "It opens this for everybody who looks at the page then."
         client.gui.add_html(box(shown, copy, small(note)))
         client.gui.add_button("Close").on_click(lambda _: modal.close())

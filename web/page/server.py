@@ -42,13 +42,17 @@ class PageServer(viser.ViserServer):
         self.link = guard.link
 
 
-def serve(host: str, port: int, token: str | None, label: str) -> PageServer:
+def serve(
+    host: str, port: int, token: str | None, label: str, has_shell: bool = True
+) -> PageServer:
     """Return a running server.
 
     Args:
         host, port: address to listen on; port 0: any free port.
         token: token required of every visitor; None: no token is required.
         label: name of the server on the page.
+        has_shell: whether the page's own document holds viser's in a frame; else viser's alone is
+            the page.
 
     Raises:
         ValueError: the server cannot listen there; the message is one line.
@@ -58,7 +62,7 @@ def serve(host: str, port: int, token: str | None, label: str) -> PageServer:
     warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")
     # viser prints banners through rich; stdout is for results
     rich.reconfigure(stderr=True, quiet=True)
-    guard = Guard(host, port, token)
+    guard = Guard(host, port, token, has_shell)
     with guard.guarding():
         server = PageServer(guard, host, port, label)
     if server.get_port() != port:

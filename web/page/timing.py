@@ -1,127 +1,39 @@
-"""The race at one instant, as HTML: head-up display, timing tower, events, planner."""
+"""Events and the planner of the race at one instant, as HTML."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import degrees, isfinite
+from math import degrees
 from typing import NamedTuple
 
 from quadsim.heat.result import Pass, overtakes
-from quadsim.palette import BEST, FASTER, NEXT
+from quadsim.palette import NEXT
 from quadsim.racing.events import Event
 from quadsim.racing.hand import HAND
-from quadsim.record.run import not_comparable
 from web.competitor import CRASHES, Competitor, heat_of
-from web.differences import compared
 from web.drawn_samples import drawn_samples, late_plans
-from web.lap_timing import LapTiming, order
-from web.page.comparison import comparison, headline, result
-from web.page.course_map import timeline
+from web.lap_timing import LapTiming
 from web.page.html import (
-    DIM,
     MONO,
     RED,
     TEXT,
-    TRACK,
     bar,
     box,
     coloured,
     div,
     element,
-    head_up,
     heading,
     label,
     rounded,
-    small,
     table,
     text,
 )
-from web.page.laps import best_sectors, coloured_time
-from web.race import Snapshot
-from web.standings import standings_at
 
 EVENTS = 60  # number of the newest events in the list
-SLOWER = "#8b93a1"  # colour of a sector that is not the best
 GOOD_SHARE = 0.1  # share of effective samples at which the meter is full
 FEW_SAMPLES = 5  # number of effective samples below which the meter is red
 LOWERS_COST = NEXT
 RAISES_COST = "#6f86d6"
-CENTRED = {"text_align": "center"}
-
-
-def hud(s: Snapshot, timings: list[LapTiming], coming: str = "") -> str:
-    """Return the head-up display.
-
-    It shows the leader, the lead and the chatter of each thrust; lap, lap time, next gate and speed
-    of the leader; and below the state of the race, the results and the time line.
-
-    coming: description of the next START, as HTML.
-    """
-    if s.compiling:
-        compiling = "Compiling the planner for this machine: once, it takes some 15 s"
-        return head_up(div(compiling, **CENTRED, color=DIM))
-    if s.is_taking_off:
-        names = " and ".join(label(entry) for entry in s.competitors if entry.live)
-        planning = f"Planning the first step of {names}: with many samples it takes seconds"
-        return head_up(div(planning, **CENTRED, font_size="16px"))
-    if not timings:
-        return head_up(coming or div("Choose a race and press START", **CENTRED, color=DIM))
-    leader = order(timings)[0]
-    if len(timings) > 1:
-        standings = standings_at([one.entry for one in timings], s.t)
-        differ = compared([one.entry.spec for one in timings])
-        leads = div(headline(standings), **CENTRED, font_size="18px") + small(text(differ))
-    else:
-        leads = _result(leader)
-    above = "".join(_above(one, len(timings) > 1) for one in timings if one.over)
-    line = timeline(s.competitors, s.t, s.end)
-    return head_up(
-        leads,
-        _numbers(leader, len(timings) > 1),
-        comparison(timings),
-        above,
-        _state(s, timings),
-        line,
-    )
-
-
-def _numbers(s: LapTiming, has_name: bool) -> str:
-    """Return lap, lap time, next gate and speed of a competitor, with its name if has_name."""
-    entry = s.entry
-    cells = [label(entry)] if has_name else []
-    cells += [
-        f"LAP {s.lap}/{entry.laps_to_fly}",
-        f"{rounded(s.lap_time, 2):.2f} s",
-        f"G{s.gate}/{entry.legs.gates}" if s.gate else "FINISH",
-        f"{entry.speed(s.i):.1f} m/s",
-    ]
-    spans = "".join(f"<span>{cell}</span>" for cell in cells)
-    row = div(
-        spans,
-        display="flex",
-        justify_content="space-between",
-        flex_wrap="wrap",
-        gap="0 14px",
-        font_size="15px" if has_name else "19px",
-        font_weight=650,
-        **MONO,
-    )
-    return row.replace("<div ", '<div class="numbers" ', 1)
-
-
-def _result(s: LapTiming) -> str:
-    """Return the result of a flight as HTML, which stays until the next race begins."""
-    if not s.over:
-        return ""
-    ended = result(s)
-    return div(coloured(ended.content, ended.colour), **CENTRED, font_size="17px", **MONO)
-
-
-def _above(s: LapTiming, has_name: bool) -> str:
-    """Return the excess of a flight's time over the best known limit, as HTML."""
-    above = above_limit(s.entry)
-    name = label(s.entry) + " " if has_name else ""
-    return div(name + above, **CENTRED, font_size=TEXT) if above else ""
 
 
 def above_limit(entry: Competitor) -> str:
@@ -133,115 +45,6 @@ def above_limit(entry: Competitor) -> str:
         return ""
     share = rounded(100.0 * entry.limit.above(sum(entry.laps)), 1)
     return f"{share:.1f} % above the best known limit of {entry.limit.time:.3f} s"
-
-
-# Real-time factor below which the page says that the machine is too slow
-SLOW = 0.6
-
-
-def _state(s: Snapshot, timings: Sequence[LapTiming]) -> str:
-    """Return the state of the race as text: flying, paused, ended or replay."""
-    first = timings[0]
-    all_over = all(one.over for one in timings)
-    if s.playing:
-        doing = "flying" if s.flying else "replay"
-        pace = f"{s.factor:.2f} x real time"
-        if s.waiting:
-            doing = "on the start, until the throttle is raised"
-            pace = ""
-        if s.flying and 0.0 < s.factor < SLOW:
-            pace += ": this machine is too slow for it"
-    else:
-        doing = "ended" if all_over and not s.flying else "paused"
-        pace = f"of {s.end:.2f} s"
-    parts = [part for part in (doing, f"t {s.t:.2f} s", pace) if part]
-    sensing = first.entry.spec.get("sensing")
-    if sensing:
-        parts.append(f"sensing {text(sensing['name'])}")
-    if first.entry.spec.get("clock") == "wall":
-        parts.append("wall clock")
-    for timing in timings:
-        remark = not_comparable(timing.entry.spec)
-        if remark:
-            parts.append(coloured(f"{text(timing.entry.name)}: {remark}", RED))
-    return div(" · ".join(parts), color=DIM, font_size=TEXT, **CENTRED, margin_top="2px")
-
-
-def tower(timings: list[LapTiming]) -> str:
-    """Return a row for each run, the leader first.
-
-    Below each are the sectors of its lap and a bar with its share of the race.
-    """
-    head = ["", "run", "lap", "gap", "last", "best", "hits", "miss", "chatter"]
-    gates = max(s.entry.legs.gates for s in timings)
-    best = best_sectors([row for s in timings for row in s.sectors], gates)
-    best_lap = min((s.best for s in timings if s.best), default=0.0)
-    rows: list[list[str] | str] = []
-    for s in order(timings):
-        rows.append(_row(s, best_lap))
-        rows.append(_sectors(s, best) + bar(s.progress, s.entry.style.colour))
-    best_of_all = coloured("purple", BEST)
-    own_best = coloured("green", FASTER)
-    note = (
-        f"gap [s] to the leader at the same place{_over(timings)}; {best_of_all} best of all, "
-        f"{own_best} a run's own best; chatter: total variation of the commanded thrust [m/s²/s]"
-    )
-    return box(table(head, rows, left=2), small(note))
-
-
-def _over(timings: Sequence[LapTiming]) -> str:
-    """Return the compared part of the race, if it is not the whole race of everyone."""
-    over = standings_at([one.entry for one in timings], timings[0].t).over
-    return f", {over}" if over else ""
-
-
-def _row(s: LapTiming, best: float) -> list[str]:
-    """Return a run's row of the timing tower.
-
-    best: the best lap of all [s].
-    """
-    own = s.best or 0.0
-    return [
-        str(s.standing.rank),
-        label(s.entry),
-        f"{s.lap}/{s.entry.laps_to_fly}",
-        _gap(s),
-        coloured_time(s.last, best, own) if s.last else "-",
-        coloured_time(s.best, best, own) if s.best else "-",
-        coloured(str(s.hits), RED) if s.hits else "0",
-        coloured(str(s.misses), RED) if s.misses else "0",
-        f"{s.chatter:.1f}",
-    ]
-
-
-def _gap(s: LapTiming) -> str:
-    """Return a run's gap to the leader."""
-    if s.standing.is_out:
-        return coloured("DNF", RED)
-    if s.standing.rank == 1:
-        return "leader"
-    gap = s.standing.gap
-    return f"{rounded(gap, 2):+.2f}" if isfinite(gap) else "-"
-
-
-def _sectors(s: LapTiming, best: list[float]) -> str:
-    """Return a cell for each gate of this lap, coloured by its time relative to the best."""
-    own = best_sectors(s.sectors, len(best))
-    row = s.sectors[s.lap - 1] if len(s.sectors) >= s.lap else []
-    cells = ""
-    for gate in range(len(best)):
-        title = f"G{gate + 1}"
-        colour = TRACK  # not reached yet
-        if gate < len(row):
-            title += f": {row[gate]:.2f} s"
-            colour = SLOWER
-            if row[gate] == own[gate]:
-                colour = FASTER
-            if row[gate] == best[gate]:
-                colour = BEST
-        cell = div("", flex=1, height="8px", background=colour, border_radius="2px")
-        cells += cell.replace("<div ", f'<div title="{title}" ', 1)
-    return div(cells, display="flex", gap="2px", margin_bottom="3px")
 
 
 class Happening(NamedTuple):

@@ -1,4 +1,7 @@
-"""A page in a real browser: its controls by their labels, as a person finds them."""
+"""A page in a real browser: its controls by their labels, as a person finds them.
+
+The page's own controls and viser's, which are in the frame of the scene, are found alike.
+"""
 
 import re
 from contextlib import contextmanager
@@ -9,7 +12,7 @@ from quadsim.racing.hand import HAND
 from web.choices import PILOT, Choices
 from web.menu import Menu
 
-SLOW = 60_000  # [ms] a first frame drawn in software
+SLOW = 120_000  # [ms] a first frame drawn in software, on a busy machine
 ATTEMPTS = 4  # to choose from a menu
 # viser's page sends at most one change of its controls in 50 ms and keeps the last one: of two that
 # follow each other faster than a person's the first may be lost.
@@ -58,13 +61,27 @@ def opened(browser, address, viewport=None):
         page.add_init_script(f"({FEWER_PICTURES})()")
         listen(page)
         page.goto(address)
-        page.get_by_text("Playback").first.wait_for()
+        scene(page).get_by_text("Course editor").first.wait_for()
         yield page
 
 
+def scene(page):
+    """The frame of the scene and of the settings."""
+    page.locator("iframe[src]").wait_for()
+    return page.frame("scene")
+
+
+def drawer(page):
+    """The same frame, with the settings in sight."""
+    toggle = page.locator("[data-act=settings]")
+    if toggle.get_attribute("aria-expanded") != "true":
+        toggle.click()
+    return scene(page)
+
+
 def row(page, label):
-    """A control with its label."""
-    label = page.locator("label").filter(has_text=re.compile(f"^{re.escape(label)}$"))
+    """A control of the settings with its label."""
+    label = drawer(page).locator("label").filter(has_text=re.compile(f"^{re.escape(label)}$"))
     return label.locator("xpath=ancestor::div[contains(@class,'Flex-root')][1]")
 
 
@@ -79,7 +96,7 @@ def choose(page, label, option):
 
     if field(page, label).first.input_value() == option:
         return
-    wanted = page.get_by_role("option", name=option, exact=True)
+    wanted = scene(page).get_by_role("option", name=option, exact=True)
     for _ in range(ATTEMPTS - 1):
         field(page, label).click()
         try:
@@ -129,21 +146,26 @@ def alone(page):
 
 def rows(page):
     """The rows of the table of competitors."""
-    return page.locator("[data-row]")
+    return drawer(page).locator("[data-row]")
 
 
 def button(page, name):
-    return page.get_by_role("button", name=name, exact=True)
+    """A button of the page, or else of the settings, unless the table of runs is over them."""
+    own = page.get_by_role("button", name=name, exact=True)
+    if own.count() or page.locator(".race-sheet:visible").count():
+        return own
+    return drawer(page).get_by_role("button", name=name, exact=True)
 
 
 def press(page, name):
+    assert waited(page, lambda: button(page, name).count() > 0), name
     button(page, name).click()
     page.wait_for_timeout(HELD_BACK)
 
 
-def seen(page, words):
-    """Wait until they can be read."""
-    page.locator(":is(td, span, p, b):visible", has_text=words).first.wait_for()
+def head(page):
+    """What the head of the page says."""
+    return page.locator(".head .said").inner_text()
 
 
 def waited(page, claim, seconds=90):
@@ -178,8 +200,8 @@ def listen(page):
     page.on("pageerror", lambda error: heard("error", str(error)))
 
 
-def drone(page, k=0):
-    """Return where the page draws a drone [m]."""
+def drone(frame, k=0):
+    """Return where a frame of viser's draws a drone [m]."""
     script = """name => { const n = window.__viserMutable?.nodeRefFromName[name];
                 return n ? [n.position.x, n.position.y, n.position.z] : null }"""
-    return page.evaluate(script, f"/competitor/{k}")
+    return frame.evaluate(script, f"/competitor/{k}")

@@ -3,7 +3,15 @@
 import re
 
 import pytest
-from browser_cases import choose, field, fill, press, waited
+from browser_cases import (
+    choose,
+    drawer,
+    field,
+    fill,
+    press,
+    scene,
+    waited,
+)
 from web_cases import COURSE
 
 from quadsim.course import load_course
@@ -22,7 +30,7 @@ def gates_drawn(page):
         let bars = 0;
         gates?.traverse(node => { bars = node.instancesCount ?? bars });
         return bars / 4 }"""
-    return page.evaluate(script)
+    return scene(page).evaluate(script)
 
 
 def unfold(page, group, label):
@@ -30,12 +38,12 @@ def unfold(page, group, label):
 
     A group that opens moves the groups below it, so a click may miss. A group may be open already.
     """
-    page.get_by_text(group, exact=True).wait_for()
+    drawer(page).get_by_text(group, exact=True).wait_for()
     number = field(page, label).first
     for patience in (0.3, *[2.0] * 10):
         if waited(page, number.is_visible, patience):
             return
-        page.get_by_text(group, exact=True).click()
+        drawer(page).get_by_text(group, exact=True).click()
     raise TimeoutError(f"{label} in {group}")
 
 
@@ -51,7 +59,7 @@ def test_the_course_is_shown_before_a_start(page):
 
 
 def test_every_number_of_the_planner_can_be_changed_and_reset(page, session, gliders):
-    page.get_by_text("All numbers", exact=True).click()
+    drawer(page).get_by_text("All numbers", exact=True).click()
     numbers = {
         "Sampling": "Law",
         "MPPI": "Horizon [steps]",
@@ -61,7 +69,7 @@ def test_every_number_of_the_planner_can_be_changed_and_reset(page, session, gli
     for group, number in numbers.items():
         unfold(page, group, number)
     settings = planner_settings("race", "swift", "colored")
-    labels = page.locator("label").all_inner_texts()
+    labels = drawer(page).locator("label").all_inner_texts()
     for name, found in settings.items():
         shown = found.setting.field.replace("_", " ")
         wanted = re.compile(rf"{shown}( rates| thrust| scale)?( \[.*\])?", re.IGNORECASE)
@@ -76,4 +84,4 @@ def test_every_number_of_the_planner_can_be_changed_and_reset(page, session, gli
     press(page, "Reset to preset")
     horizon = field(page, "Horizon [steps]").first
     assert waited(page, lambda: horizon.input_value() == "150")
-    page.get_by_text("All numbers", exact=True).click()
+    drawer(page).get_by_text("All numbers", exact=True).click()

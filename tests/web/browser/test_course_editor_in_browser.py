@@ -4,7 +4,18 @@ import re
 import shlex
 
 import pytest
-from browser_cases import button, choose, dashboard, field, fill, opened, press, waited
+from browser_cases import (
+    button,
+    choose,
+    dashboard,
+    drawer,
+    field,
+    fill,
+    opened,
+    press,
+    scene,
+    waited,
+)
 from wire import connect
 
 from quadsim.cli.cli import race
@@ -33,31 +44,49 @@ NODES = """() => Object.entries(window.__viserMutable.nodeRefFromName)
     .filter(([, node]) => node).map(([name]) => name)"""
 
 
+def unfold_editor(page):
+    folder = drawer(page).get_by_role("button", name="Course editor", exact=True)
+    if folder.get_attribute("aria-expanded") != "true":
+        folder.click()
+
+
 def open_editor(page, way="New course"):
-    page.get_by_role("tab", name="Course editor").click()
+    unfold_editor(page)
     press(page, way)
     button(page, "Done").wait_for()
 
 
 def handle_of(page):
     """The name of the handle that is drawn last; one that was removed may be drawn for a moment."""
-    names = [name for name in page.evaluate(NODES) if re.fullmatch(r"/edit/handle/\d+", name)]
+    names = [
+        name for name in scene(page).evaluate(NODES) if re.fullmatch(r"/edit/handle/\d+", name)
+    ]
     return max(names, key=lambda name: int(name.rpartition("/")[2]), default=None)
+
+
+def pixel(page, point):
+    """Return the pixel of the window at which a point of a handle is drawn; None: not yet."""
+    spot = scene(page).evaluate(PIXEL, point)
+    frame = page.locator("iframe").bounding_box()
+    return spot and [spot[0] + frame["x"], spot[1] + frame["y"]]
 
 
 def resting(page, point):
     """Return the pixel of a point once the camera rests."""
     for _ in range(50):
-        spot = page.evaluate(PIXEL, point)
+        spot = pixel(page, point)
         page.wait_for_timeout(300)
-        if spot and page.evaluate(PIXEL, point) == spot:
+        if spot and pixel(page, point) == spot:
             return spot
     raise TimeoutError(point)
 
 
 def told(page, words):
     """Wait until the page says it."""
-    page.get_by_text(words).first.wait_for()
+    assert waited(
+        page,
+        lambda: page.get_by_text(words).count() > 0 or drawer(page).get_by_text(words).count() > 0,
+    ), words
 
 
 def shown(page, label):
@@ -106,7 +135,7 @@ def test_a_course_made_in_the_browser_is_flown_again_by_the_command_to_the_same_
     fill(page, "Name", "made_here")
     press(page, "Save and choose")
     told(page, "race fly")
-    command = re.search(r"race fly \S+", page.locator(".hud").first.inner_text())[0]
+    command = re.search(r"race fly \S+", page.locator(".editing").inner_text())[0]
     path = str(root / "courses" / "made_here.yaml")
     assert command == f"race fly {path}"
     course = load_course(path)
@@ -144,7 +173,7 @@ def test_the_editor_waits_for_a_flight_and_is_closed_by_a_start(page, session):
     choose(page, "Laps", "100")
     press(page, "START")
     assert waited(page, lambda: session.snapshot.flying)
-    page.get_by_role("tab", name="Course editor").click()
+    unfold_editor(page)
     press(page, "New course")
     told(page, "a flight is on")
     press(page, "STOP")
@@ -165,16 +194,14 @@ def test_a_gate_is_dragged_by_its_handle_and_every_visitor_sees_it(page, session
     open_editor(page)
     press(page, "gate")
     assert waited(page, lambda: field(page, "Item").first.input_value() == "gate 1")
-    assert waited(
-        page, lambda: handle_of(page) and page.evaluate(PIXEL, [handle_of(page), 0, 0, 0])
-    )
+    assert waited(page, lambda: handle_of(page) and pixel(page, [handle_of(page), 0, 0, 0]))
     before = [shown(page, f"{axis} [m]") for axis in "xyz"]
     with connect(session.server.get_port()) as other:
         x, change = other.controls("x [m]", "Change")
         name = handle_of(page)
         # the tip of the arrow along the passage
         start = resting(page, [name, 1.8, 0, 0])
-        end = page.evaluate(PIXEL, [name, 3.8, 0, 0])
+        end = pixel(page, [name, 3.8, 0, 0])
         page.mouse.move(*start)
         page.mouse.down()
         for share in (0.3, 0.6, 1.0):

@@ -5,7 +5,16 @@ test_flights_in_browser.
 """
 
 import pytest
-from browser_cases import alone, choose, field, fill, press, rows, waited
+from browser_cases import (
+    alone,
+    choose,
+    drawer,
+    field,
+    fill,
+    press,
+    rows,
+    waited,
+)
 
 from controllers.presets import PRESETS
 
@@ -65,7 +74,8 @@ def test_each_competitor_flies_numbers_of_its_own(page, session):
 
 def test_a_drag_is_one_change_at_the_time_of_the_plan_that_used_it(page, session):
     start(page, session)
-    slider = page.get_by_role("slider", name="Sigma scale now").locator("xpath=../..")
+    slider = drawer(page).get_by_role("slider", name="Sigma scale now").locator("xpath=../..")
+    slider.scroll_into_view_if_needed()
     box = slider.bounding_box()
     y = box["y"] + box["height"] / 2
     page.mouse.move(box["x"] + 0.3 * box["width"], y)
@@ -92,13 +102,13 @@ def groups(page):
     script = """titles => [...document.querySelectorAll("div")]
         .filter(e => titles.includes(e.childNodes[0]?.nodeType === 3 && e.firstChild.textContent))
         .map(e => e.firstChild.textContent)"""
-    return page.evaluate(script, GROUPS)
+    return drawer(page).evaluate(script, GROUPS)
 
 
 def test_presets_chosen_quickly_leave_one_set_of_groups_with_the_last_ones_numbers(
     page, session, capfd
 ):
-    page.get_by_text("All numbers", exact=True).click()
+    drawer(page).get_by_text("All numbers", exact=True).click()
     for preset in ("paper", "race", "paper", "race", "paper"):
         choose(page, "Preset", preset)
     choose(page, "Sampler", "gaussian")
@@ -106,7 +116,7 @@ def test_presets_chosen_quickly_leave_one_set_of_groups_with_the_last_ones_numbe
     assert waited(page, lambda: groups(page) == GROUPS), groups(page)
     page.wait_for_timeout(300)
     assert groups(page) == GROUPS
-    page.get_by_text("Cost", exact=True).click()
+    drawer(page).get_by_text("Cost", exact=True).click()
     speed = PRESETS["paper"]["colored"].cost.desired_speed
     assert waited(
         page, lambda: float(field(page, "Desired speed [m/s]").first.input_value()) == speed
@@ -115,6 +125,6 @@ def test_presets_chosen_quickly_leave_one_set_of_groups_with_the_last_ones_numbe
     assert session.snapshot.competitors[0].spec["preset"] == "paper"
     assert planners(session)[0]["cost"]["desired_speed"] == speed
     assert "Traceback" not in "".join(capfd.readouterr())
-    page.get_by_text("All numbers", exact=True).click()
+    drawer(page).get_by_text("All numbers", exact=True).click()
     choose(page, "Preset", "race")
     choose(page, "Vehicle", "swift")

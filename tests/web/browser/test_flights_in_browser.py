@@ -9,13 +9,14 @@ from browser_cases import (
     add_rival,
     choose,
     dashboard,
+    drawer,
     drone,
     enter,
-    field,
-    fill,
+    head,
     opened,
     press,
     rows,
+    scene,
     waited,
 )
 
@@ -59,7 +60,7 @@ def piloted(page, session):
     """A pilot that flies on a gate camera, paused in the third second."""
     choose(page, "Sampler", f"{PILOT}split_s_swift")
     choose(page, "Sensing", "gates")
-    assert waited(page, lambda: "START flies pilot" in page.locator(".hud").inner_text())
+    assert waited(page, lambda: "START flies pilot" in head(page))
     start(page, session)
     assert waited(page, lambda: session.snapshot.t > 2.0)
     press(page, "pause")
@@ -86,7 +87,7 @@ def estimate(page, part):
     """Position and visibility of a part of the estimate in the scene; None: there is none."""
     script = """name => { const n = window.__viserMutable?.nodeRefFromName["/estimate/0/" + name];
                 return n ? {at: n.position.toArray(), visible: n.visible} : null }"""
-    return page.evaluate(script, part)
+    return scene(page).evaluate(script, part)
 
 
 def stands_at(page, part, place):
@@ -105,7 +106,7 @@ def test_the_pilot_and_the_sensors_that_are_chosen_are_flown_and_shown(page, pil
     assert piloted.spec["sampler"] == "pilot"
     assert piloted.spec["pilot"]["name"] == "split_s_swift"
     assert piloted.spec["sensing"]["name"] == "gates"
-    assert waited(page, lambda: "sensing gates" in page.locator(".hud").inner_text())
+    assert waited(page, lambda: "sensing gates" in head(page))
     page.get_by_role("tab", name="Planner").click()
     page.get_by_text("learned pilot split_s_swift").wait_for()
 
@@ -121,12 +122,10 @@ def test_the_estimate_is_drawn_where_it_is_and_the_corners_of_the_last_picture(p
     assert waited(page, lambda: estimate(page, "corners")["visible"] == recent)
 
 
-def typed(page, t):
-    """Return whether the time field holds t; type it again if the page has set another time."""
-    if float(field(page, "Time [s]").last.input_value()) != t:
-        fill(page, "Time [s]", t)
-        page.wait_for_timeout(500)
-    return float(field(page, "Time [s]").last.input_value()) == t
+def type_time(page, t):
+    box = page.get_by_label("Time [s]")
+    box.fill(str(t))
+    box.press("Enter")
 
 
 def test_a_scrubbed_replay_shows_drone_and_estimate_where_the_telemetry_says(
@@ -136,20 +135,19 @@ def test_a_scrubbed_replay_shows_drone_and_estimate_where_the_telemetry_says(
         i = int(np.argmin(abs(replayed["t"] - t)))
         there = np.array([replayed[f"p{axis}"][i] for axis in "xyz"])
         ghost = drawn(piloted.course, replayed, i)
-        assert waited(page, lambda at=t: typed(page, at))
-        assert waited(
-            page, lambda p=there: drone(page) is not None and np.allclose(drone(page), p, atol=1e-3)
-        )
+        type_time(page, t)
+        assert waited(page, lambda at=t: session.snapshot.t == at)
+        assert waited(page, lambda p=there: np.allclose(drone(scene(page)) or np.inf, p, atol=1e-3))
         assert waited(page, lambda p=ghost: stands_at(page, "ghost", p))
-    disabled = page.locator("[role=slider][aria-disabled=true]")
+    disabled = drawer(page).locator("[role=slider][aria-disabled=true]")
     assert waited(page, lambda: disabled.count() >= len(SLIDERS))
 
 
 @pytest.mark.page
 def test_the_exported_page_plays_without_a_network(browser, page, replayed, tmp_path):
-    page.get_by_text("Export", exact=True).click()
+    drawer(page).get_by_text("Export", exact=True).click()
     with page.expect_download() as download:
-        page.get_by_role("button", name="page", exact=True).click()
+        press(page, "page")
     path = tmp_path / "race.html"
     download.value.save_as(path)
     context = browser.new_context(offline=True)
@@ -181,12 +179,11 @@ def test_a_race_in_one_world_is_flown_and_shown(page, session):
     assert names == ["colored", "gaussian"]
     # each expects the other one somewhere
     assert [len(entry.expected) for entry in session.snapshot.competitors] == [1, 1]
-    head = page.locator(".hud")
     compared = "(colored|gaussian) (leads|is level with) (colored|gaussian)"
-    assert waited(page, lambda: re.search(compared, head.inner_text()))
-    page.get_by_text("in one world the numbers of START stay").first.wait_for()
+    assert waited(page, lambda: re.search(compared, head(page)))
+    drawer(page).get_by_text("in one world the numbers of START stay").first.wait_for()
     enter(page, "Samples now", 512)
-    refused = page.get_by_role("alert").filter(has_text="Samples now cannot be changed now")
+    refused = drawer(page).get_by_role("alert").filter(has_text="Samples now cannot be changed now")
     refused.wait_for()
     press(page, "STOP")
     assert waited(page, lambda: not session.snapshot.flying)

@@ -135,14 +135,16 @@ def test_a_scripted_gamepad_flies_a_lap_that_is_kept(page, session, root, waitin
 def test_a_link_that_falls_silent_is_said_and_flown_by_the_failsafe(page, session, waiting):
     start(page, session)
     page.evaluate("""() => {
-        window.kept = race.send;
-        race.send = (message) => message.type === "sticks" || window.kept(message);
+        window.kept = WebSocket.prototype.send;
+        WebSocket.prototype.send = function (data) {
+            if (!String(data).includes('"sticks"')) window.kept.call(this, data);
+        };
     }""")
     assert waited(page, lambda: "FAILSAFE" in note(page))
     (entry,) = session.snapshot.competitors
     assert entry.x["a_cmd"][-1] == pytest.approx(SINKING)
     assert [entry.x[f"w{axis}_cmd"][-1] for axis in "xyz"] == [0.0, 0.0, 0.0]
-    page.evaluate("race.send = window.kept")
+    page.evaluate("() => { WebSocket.prototype.send = window.kept }")
     hover = session.cockpit.hover
     page.evaluate("throttle => window.hold([0, 1 - 2 * throttle, 0, 0])", hover)
     assert waited(page, lambda: "FAILSAFE" not in note(page))

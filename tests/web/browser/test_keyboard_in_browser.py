@@ -2,7 +2,12 @@
 without physics."""
 
 import pytest
-from browser_cases import press, waited
+from browser_cases import (
+    drawer,
+    press,
+    scene,
+    waited,
+)
 
 from web.race import PageRace
 
@@ -26,11 +31,13 @@ FOCUSED = """() => document.activeElement.innerText
 
 
 def focused(page):
-    return page.evaluate(FOCUSED)
+    """The name of what has the focus, in the page or in the frame of the scene."""
+    inside = page.evaluate("document.activeElement.tagName") == "IFRAME"
+    return (scene(page) if inside else page).evaluate(FOCUSED)
 
 
 def tab_to(page, name):
-    for _ in range(120):
+    for _ in range(160):
         if focused(page).strip() == name:
             return True
         page.keyboard.press("Tab")
@@ -39,10 +46,12 @@ def tab_to(page, name):
 
 def test_every_control_that_can_be_seen_has_a_name(page):
     assert page.title() == "race"
-    page.get_by_text("Export", exact=True).click()
-    assert waited(page, lambda: page.evaluate(UNNAMED) == []), page.evaluate(UNNAMED)
-    assert page.get_by_label("Samples", exact=True).count() >= 1
-    page.get_by_text("Export", exact=True).click()
+    inside = drawer(page)
+    inside.get_by_text("Export", exact=True).click()
+    for part in (page, inside):
+        assert waited(page, lambda part=part: part.evaluate(UNNAMED) == []), part.evaluate(UNNAMED)
+    assert inside.get_by_label("Samples", exact=True).count() >= 1
+    inside.get_by_text("Export", exact=True).click()
 
 
 def test_after_a_click_on_start_the_space_bar_pauses(page, session):
@@ -66,10 +75,11 @@ def test_what_tab_comes_to_is_seen_and_acts_by_space_or_enter_alone(page, sessio
     assert waited(page, lambda: session.snapshot.race == race + 1 and session.snapshot.t > 0.1)
     assert session.snapshot.playing  # and not paused by the same key
     session.tell(PageRace.end_flights)
-    folder = page.get_by_role("button", name="Export", exact=True)
+    folder = drawer(page).get_by_role("button", name="Export", exact=True)
     opened = folder.get_attribute("aria-expanded")
+    page.locator("[data-act=settings]").focus()
     assert tab_to(page, "Export")
-    assert page.evaluate(OUTLINE) == "solid"
+    assert scene(page).evaluate(OUTLINE) == "solid"
     page.keyboard.press("Enter")
     assert waited(page, lambda: folder.get_attribute("aria-expanded") != opened)
     page.keyboard.press("Enter")

@@ -1,7 +1,15 @@
 """Claims about keys, the focus and the sizes of texts, over flights without physics."""
 
 import pytest
-from browser_cases import choose, field, fill, press, waited
+from browser_cases import (
+    choose,
+    drawer,
+    field,
+    fill,
+    press,
+    scene,
+    waited,
+)
 from web_cases import choices, stored
 
 from web.race import PageRace
@@ -30,9 +38,14 @@ SMALL = """() => {
 @pytest.fixture(autouse=True)
 def at_rest(page):
     """Nothing has the focus, and the camera is free."""
-    page.evaluate("document.activeElement.blur()")
+    blur(page)
     press(page, "free")
     assert waited(page, lambda: pressed(page) == ["free"], 5)
+
+
+def blur(page):
+    for part in (page, scene(page)):
+        part.evaluate("document.activeElement.blur()")
 
 
 def has_focus(page, element):
@@ -41,7 +54,7 @@ def has_focus(page, element):
 
 def pressed(page):
     """The camera that is marked."""
-    marked = page.locator("button[aria-pressed=true]:visible")
+    marked = page.locator("[data-camera][aria-pressed=true]:visible")
     return marked.all_inner_texts()
 
 
@@ -58,13 +71,13 @@ def test_escape_and_a_click_beside_it_close_the_help_and_keys_do_not_act_beneath
     help_window.wait_for()
     assert pressed(page) == ["free"]
     assert session.snapshot.race == race
-    page.mouse.click(600, 700)
+    page.mouse.click(20, 700)
     help_window.wait_for(state="detached")
 
 
 def test_keys_act_again_after_a_number_was_typed(page, session):
     for key in ("Enter", "Escape"):
-        page.evaluate("document.activeElement.blur()")
+        blur(page)
         press(page, "free")
         assert waited(page, lambda: pressed(page) == ["free"], 5)
         acts_after(page, key)
@@ -76,7 +89,7 @@ def acts_after(page, key):
     page.keyboard.press("c")
     assert pressed(page) == ["free"]  # the box has it
     page.keyboard.press(key)
-    assert not has_focus(page, box)
+    assert waited(page, lambda: not has_focus(page, box), 5)
     page.keyboard.press("c")
     assert waited(page, lambda: pressed(page) == ["chase"], 5)
     fill(page, "Seed", 0)  # Enter has taken the "c", with which START would fly nothing
@@ -86,7 +99,7 @@ def test_keys_act_after_a_choice_and_a_tick_by_mouse(page, session):
     choose(page, "Trails", "speed")
     page.keyboard.press("c")
     assert waited(page, lambda: pressed(page) == ["chase"], 5)
-    tick = page.get_by_label("True size")
+    tick = drawer(page).get_by_label("True size")
     tick.click()
     tick.click()
     page.keyboard.press("c")
@@ -99,7 +112,9 @@ def test_no_text_is_smaller_than_12_pixels(page, session, root):
     session.tell(PageRace.start, [choices("colored", laps=2)], [run])
     assert waited(page, lambda: session.snapshot.t > 0.2)
     session.tell(PageRace.play, False)
-    for tab in ("Laps", "Events", "Camera", "Timing"):
+    inside = drawer(page)
+    assert waited(page, lambda: inside.evaluate(SMALL) == [], 3), inside.evaluate(SMALL)
+    for tab in ("Laps", "Events", "Planner", "Signals"):
         page.get_by_role("tab", name=tab, exact=True).click()
         assert waited(page, lambda: page.evaluate(SMALL) == [], 3), page.evaluate(SMALL)
 
@@ -109,13 +124,14 @@ def test_a_camera_picture_is_shown_when_it_is_asked_for(page, session, root):
     session.tell(PageRace.start, [], [stored(root, "colored", laps=2)])
     session.tell(PageRace.play, False)
     session.tell(PageRace.scrub, 0.2)
-    page.get_by_role("tab", name="Camera", exact=True).click()
-    picture = page.get_by_alt_text("What the camera of colored at 0.20 s sees")
+    inside = drawer(page)
+    inside.get_by_text("Camera pictures", exact=True).click()
+    picture = inside.get_by_alt_text("What the camera of colored at 0.20 s sees")
     assert picture.count() == 0
-    page.get_by_label("Camera pictures").check()
+    inside.get_by_label("Show them").check()
     picture.wait_for()
     assert picture.evaluate("e => e.naturalWidth") == 320
-    page.get_by_label("Camera pictures").uncheck()
+    inside.get_by_label("Show them").uncheck()
     picture.wait_for(state="detached")
-    page.get_by_role("tab", name="Timing", exact=True).click()
+    inside.get_by_text("Camera pictures", exact=True).click()
     assert page.complaints == []

@@ -1,7 +1,11 @@
 """Claims that a page comes back after the server was away."""
 
 import pytest
-from browser_cases import opened, waited
+from browser_cases import (
+    opened,
+    scene,
+    waited,
+)
 from web_cases import free_port
 
 from web.page.server import serve
@@ -17,7 +21,7 @@ MANY_FAILURES = """() => Promise.all([...Array(40)].map(() => new Promise(done =
 
 def served(port, words):
     server = serve("127.0.0.1", port, None, "race")
-    server.gui.add_html(f"<p>Playback</p><p>{words}</p>")
+    server.gui.add_html(f"<p>Course editor</p><p>{words}</p>")
     return server
 
 
@@ -32,7 +36,7 @@ def test_after_a_long_outage_the_page_connects_again(browser):
         assert lost.count() == 1
         server = served(port, "the second server")
         try:
-            there = page.get_by_text("the second server")
+            there = scene(page).get_by_text("the second server")
             assert waited(page, lambda: there.count() == 1 and lost.count() == 0, 15)
         finally:
             server.stop()

@@ -8,6 +8,8 @@ from contextlib import contextmanager
 import pytest
 from browser_cases import waited
 
+from web.page.guard import SCENE
+
 pytestmark = pytest.mark.browser
 
 
@@ -50,8 +52,13 @@ def is_blocked(browser, session, foreign):
         page = browser.new_page(viewport={"width": 400, "height": 300})
         blocked = []
         page.on("console", lambda message: blocked.append(message.text))
-        page.goto(f"{session.address}&{foreign.format(port)}")
+        # The page passes nothing of it on to the frame; opened alone, the frame is blocked.
+        scene = session.address.replace("/?", f"{SCENE}?")
+        page.goto(f"{scene}&{foreign.format(port)}")
         assert waited(page, lambda: any(str(port) in text for text in blocked))
+        page.goto(f"{session.address}&{foreign.format(port)}")
+        page.locator("iframe[src]").wait_for()
+        assert str(port) not in page.locator("iframe").get_attribute("src")
         assert calls == []
         page.close()
 
@@ -104,6 +111,7 @@ def test_no_frame_holds_the_page(browser, session):
         const frame = document.createElement('iframe');
         frame.src = address;
         document.body.append(frame) }"""
-    page.evaluate(script, session.address)
-    assert waited(page, lambda: page.frames[-1].url.startswith("chrome-error"))
+    for address in (session.address, session.address.replace("/?", f"{SCENE}?")):
+        page.evaluate(script, address)
+        assert waited(page, lambda: page.frames[-1].url.startswith("chrome-error"))
     page.close()

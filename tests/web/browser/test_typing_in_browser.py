@@ -2,7 +2,13 @@
 physics."""
 
 import pytest
-from browser_cases import field, press, rows, waited
+from browser_cases import (
+    drawer,
+    field,
+    press,
+    rows,
+    waited,
+)
 
 from controllers.presets import PRESETS
 from web.race import PageRace
@@ -71,7 +77,7 @@ WRONG = [
 
 
 def test_what_is_out_of_range_is_said_and_nothing_of_it_is_taken(page, session):
-    notices = page.get_by_role("alert")
+    notices = drawer(page).get_by_role("alert")
 
     def is_said(words):
         return any(all(word in said for word in words) for said in notices.all_inner_texts())

@@ -6,7 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from browser_cases import SLOW, press, waited
+from browser_cases import (
+    SLOW,
+    drawer,
+    head,
+    press,
+    scene,
+    waited,
+)
 from matplotlib.image import imread
 from web_cases import Glider, choices, store, stored
 from wire import connect
@@ -76,7 +83,7 @@ def race(session, runs, page):
     session.tell(PageRace.start, [], runs)
     session.tell(PageRace.play, False)
     session.tell(PageRace.scrub, 99.0)
-    assert waited(page, lambda: scene(page, "/impacts") is True)
+    assert waited(page, lambda: is_drawn(page, "/impacts") is True)
     return session
 
 
@@ -85,23 +92,24 @@ def phone(page):
     """The page on a screen of a phone's size."""
     size = page.viewport_size
     page.set_viewport_size({"width": 390, "height": 844})
-    page.locator(".hud-copy").wait_for()
     yield page
     page.set_viewport_size(size)
-    page.locator(".hud-copy").wait_for(state="hidden")
 
 
-def scene(page, name):
+def is_drawn(page, name):
     """Return whether a node of the scene is drawn, or None if there is no such node."""
-    return page.evaluate(
+    return scene(page).evaluate(
         "name => window.__viserMutable?.nodeRefFromName[name]?.visible ?? null", name
     )
 
 
 def pixels(page):
-    """Of the view, between the panels.  (n, 3)"""
+    """Of the view, without its edges.  (n, 3)"""
+    box = page.locator(".viewport").bounding_box()
+    left, top = int(box["x"]) + 10, int(box["y"]) + 10
+    right, bottom = left + int(box["width"]) - 20, top + int(box["height"]) - 20
     image = imread(io.BytesIO(page.screenshot(timeout=SLOW)))
-    return 255 * image[220:620, 300:750, :3].reshape(-1, 3)
+    return 255 * image[top:bottom, left:right, :3].reshape(-1, 3)
 
 
 def near(found, colour, most=14):
@@ -111,6 +119,7 @@ def near(found, colour, most=14):
 def test_paths_have_the_colours_of_the_legend(page, race):
     """(230, 159, 0) came out as (226, 209, 73), in a view where lines are many pixels wide."""
     orange = (*STYLES["colored"].rgb[:2], 32)  # as near as the renderer can come: some blue is left
+    page.locator("[data-act=settings][aria-expanded=true]").click()
     press(page, "chase")
     assert waited(page, lambda: near(pixels(page), orange) > 100, 2)
     assert near(pixels(page), PALE, 6) < 20
@@ -119,17 +128,23 @@ def test_paths_have_the_colours_of_the_legend(page, race):
 
 def test_all_text_can_be_read(page, race):
     page.mouse.move(600, 400)  # beside all controls, which have hints
-    for tab in ("Laps", "Events", "Planner", "Spectrum", "Timing"):
+    assert texts_that_can_be_read(drawer(page)) > 40
+    for tab in ("Laps", "Events", "Planner", "Spectrum", "Signals"):
         page.get_by_role("tab", name=tab).click()
-        found = []
+        assert texts_that_can_be_read(page) > 40
 
-        def is_readable(found=found):
-            found[:] = page.evaluate(CONTRAST, 4.5)
-            return found[1] == []
 
-        # A hint that fades in or out has little contrast for a moment.
-        assert waited(page, is_readable), found
-        assert found[0] > 40
+def texts_that_can_be_read(part):
+    """Return the number of texts of the page or of its frame, once all have enough contrast."""
+    found = []
+
+    def is_readable():
+        found[:] = part.evaluate(CONTRAST, 4.5)
+        return found[1] == []
+
+    # A hint that fades in or out has little contrast for a moment.
+    assert waited(part, is_readable, 20), found
+    return found[0]
 
 
 def test_each_visitor_has_a_camera_and_fpv_is_the_drones(page, race):
@@ -150,20 +165,35 @@ def test_each_visitor_has_a_camera_and_fpv_is_the_drones(page, race):
     press(page, "free")
 
 
-def head(phone):
-    """Return where the head-up display is, and its text."""
-    box = phone.locator(".hud-copy").bounding_box()
-    return (box["x"], box["y"], box["width"]), phone.locator(".hud-copy").inner_text()
+def test_on_a_phone_the_head_stays_above_and_nothing_is_wider_than_the_screen(race, phone):
+    race.tell(PageRace.scrub, 0.4)
+    assert waited(phone, lambda: "t 0.40 of" in head(phone))
+    for y in (0, 500, 5000):
+        phone.evaluate("y => scrollTo(0, y)", y)
+        box = phone.locator(".head").bounding_box()
+        assert (box["x"], box["y"], box["width"]) == (0, 0, 390)
+        assert phone.evaluate("document.documentElement.scrollWidth") == 390
+    tower = phone.locator(".tower").bounding_box()
+    assert tower["y"] + tower["height"] < 5000
+    phone.evaluate("scrollTo(0, 0)")
 
 
-def test_on_a_phone_the_head_up_display_stays_above_whether_the_sheet_is_open_or_folded(
-    race, phone
-):
-    sheet, bar = phone.get_by_text("Playback").first, phone.get_by_text("race", exact=True).first
-    assert sheet.bounding_box()["y"] > phone.locator(".hud-copy").bounding_box()["height"]
-    for folded, t in ((False, 0.2), (True, 0.3), (False, 0.4)):
-        assert waited(phone, lambda hidden=folded: sheet.is_hidden() == hidden)
-        race.tell(PageRace.scrub, t)
-        assert waited(phone, lambda at=t: f"t {at:.2f} s" in head(phone)[1])
-        assert head(phone)[0] == (0, 0, 390)
-        bar.click()
+def test_nothing_covers_the_scene_in_a_small_window_or_at_a_large_zoom(page, race):
+    """Also at 200 % of a window of 1280 x 800, which is one of 640 x 400."""
+    size = page.viewport_size
+    script = """() => {
+        const view = document.querySelector(".viewport"), box = view.getBoundingClientRect();
+        const found = [];
+        for (const x of [0.05, 0.5, 0.95]) for (const y of [0.05, 0.5, 0.95]) {
+            const e = document.elementFromPoint(box.x + x * box.width, box.y + y * box.height);
+            if (e && !view.contains(e)) found.push(e.className);
+        }
+        return [box.width, box.height, found]; }"""
+    for width, height, least in ((640, 400, 200), (1024, 768, 400), (2560, 1440, 900)):
+        page.set_viewport_size({"width": width, "height": height})
+        page.locator(".viewport").scroll_into_view_if_needed()
+        wide, high, over = page.evaluate(script)
+        assert over == []
+        assert wide >= 0.55 * width
+        assert high >= least
+    page.set_viewport_size(size)

@@ -2,7 +2,7 @@
 
 import pytest
 from browser_cases import button, press, waited
-from wire import connect
+from wire import link
 
 from web.race import PageRace
 
@@ -16,8 +16,8 @@ def start(page, session):
 
 
 def test_who_would_end_the_flight_of_another_visitor_is_asked_first(page, session):
-    with connect(session.server.get_port()) as other:
-        other.act(*other.controls("START"))
+    with link(session.server.get_port()) as other:
+        other.send("start")
         assert waited(page, lambda: session.snapshot.flying and session.snapshot.t > 0.1)
         session.tell(PageRace.play, False)
         race = session.snapshot.race
@@ -30,4 +30,5 @@ def test_who_would_end_the_flight_of_another_visitor_is_asked_first(page, sessio
         button(page, "End it").click()
         assert waited(page, lambda: not session.snapshot.flying)
         # the visitor whose flight it is is not asked
-        assert "GuiModalMessage" not in [message["type"] for message in other.waiting()]
+        other.send("list_runs")
+        assert "question" not in other.types_until("runs")

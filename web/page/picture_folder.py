@@ -1,4 +1,4 @@
-"""The tab with pictures of the first drone's camera."""
+"""The folder with pictures of the first drone's camera."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ ARM = 6.0  # half length of a corner's cross, in pixels of the camera
 CORNER = "#00e5ff"
 
 
-class PictureTab:
+class PictureFolder:
     """Shows pictures on request, as each takes a tenth of a second of a core."""
 
-    def __init__(self, gui: viser.GuiApi, tab: viser.GuiTabHandle):
+    def __init__(self, gui: viser.GuiApi):
         self._pictures = CameraPictures()
         self._shown: CameraPicture | None = None
-        with tab:
+        with gui.add_folder("Camera pictures", expand_by_default=False):
             hint = "what the first drone's camera sees at the time that is shown; the pictures are "
             hint += "drawn in a process of their own"
-            self.on = gui.add_checkbox("Camera pictures", False, hint=hint)
+            self.on = gui.add_checkbox("Show them", False, hint=hint)
             self._html = gui.add_html("")
 
     def update(self, timings: Sequence[LapTiming]) -> None:

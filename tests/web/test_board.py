@@ -1,0 +1,98 @@
+"""Claims about the parts of the page that a visitor fetches, its camera, and its questions."""
+
+import re
+
+import pytest
+from web_cases import until
+from wire import connect, link
+
+from web.page.messages import MAX_TEXT
+from web.race import PageRace
+
+pytestmark = pytest.mark.socket
+
+
+def ask(linked, have=None, seat=""):
+    """The answer to a page that has parts of these versions."""
+    return linked.ask("parts", "ask", have=have or {}, seat=seat)
+
+
+def seat_of(client):
+    """The seat that a viser client is given."""
+    found = []
+
+    def is_there():
+        shown = [str(message.get("props", {}).get("content")) for message in client.waiting()]
+        found.extend(re.findall(r'data-seat="([^"]+)"', " ".join(shown)))
+        return found
+
+    assert until(is_there)
+    return found[0]
+
+
+def test_a_page_gets_what_has_changed_since_it_asked_and_nothing_twice(page):
+    with connect(page.port), link(page.port) as linked:
+        wanted = {"head", "now", "tower", "time_line", "map"}
+        assert until(lambda: wanted <= set(ask(linked)["parts"]))
+        shown = ask(linked)["parts"]
+        have = {name: part["version"] for name, part in shown.items()}
+        assert ask(linked, have)["parts"] == {}
+        assert shown["head"]["content"]["phase"] == "rest"
+        linked.send("start")
+        assert until(lambda: page.session.snapshot.t > 0.1)
+        linked.send("play", on=False)
+        assert until(lambda: "head" in ask(linked, have)["parts"])
+        assert until(lambda: ask(linked)["parts"]["head"]["content"]["phase"] == "paused")
+        assert ask(linked)["parts"]["now"]["content"]["flying"]
+
+
+def test_a_camera_is_moved_by_who_knows_its_seat_alone(page):
+    with connect(page.port) as client, link(page.port) as linked:
+        seat = seat_of(client)
+        linked.send("camera", seat=seat[:-1] + "_", mode="top")
+        assert ask(linked, seat=seat)["camera"] == "free"
+        linked.send("camera", seat=seat, mode="top")
+        assert ask(linked, seat=seat)["camera"] == "top"
+        assert ask(linked)["camera"] == ""
+
+
+def test_a_question_is_answered_by_whom_it_was_put_to(page):
+    session = page.session
+    with link(page.port) as pilot, link(page.port) as other, link(page.port) as third:
+        pilot.send("start")
+        assert until(lambda: session.snapshot.flying)
+        session.tell(PageRace.play, False)
+        asked = other.ask("question", "stop")
+        for one, number in ((third, asked["number"]), (other, asked["number"] + 1)):
+            one.send("confirm", number=number)
+        other.ask("runs", "list_runs")  # is answered after what was sent before it
+        assert session.snapshot.flying
+        again = other.ask("question", "stop")
+        other.send("confirm", number=again["number"])
+        assert until(lambda: not session.snapshot.flying)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"type": "start", "seeds": 0},
+        {"type": "start", "seeds": 10**6},
+        {"type": "start", "seeds": "2; 3"},
+        {"type": "set_speed", "speed": 1e9},
+        {"type": "step", "steps": 100},
+        {"type": "camera", "seat": "x", "mode": "/etc"},
+        {"type": "camera", "seat": "x" * MAX_TEXT, "mode": "top"},
+        {"type": "ask", "have": {"secrets": 1}},
+        {"type": "ask", "have": {"head": -1}},
+        {"type": "confirm", "number": None},
+    ],
+)
+def test_a_message_out_of_its_bounds_is_dropped_in_one_line(page, wrong, caplog):
+    race = page.session.snapshot.race
+    fields = {name: value for name, value in wrong.items() if name != "type"}
+    with link(page.port) as linked:
+        linked.send(wrong["type"], **fields)
+        assert ask(linked)["camera"] == ""
+    assert len(caplog.records) == 1
+    assert len(caplog.text.splitlines()) == 1
+    assert page.session.snapshot.race == race

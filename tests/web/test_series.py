@@ -1,0 +1,70 @@
+"""Claims about the same line-up over several seeds, over flights without physics."""
+
+from web_cases import Gliders, choices, until
+
+from quadsim.record.statistics import mean_interval
+from web.page.seeds_table import seeds_of
+from web.race import PageRace
+from web.series import Flown, Series, SeriesRow
+from web.session import Session
+
+
+def series_of(tmp_path, gliders):
+    session = Session(str(tmp_path), gliders)
+    session.tell(PageRace.set_speed, 20.0)
+    return session, Series(session)
+
+
+def flown(session, series):
+    """Return whether the series ends, asked as a page asks."""
+
+    def is_over():
+        series.turn(session.snapshot)
+        return not series.is_on
+
+    return until(is_over)
+
+
+def test_every_seed_is_flown_once_and_kept(tmp_path):
+    gliders = Gliders()
+    session, series = series_of(tmp_path, gliders)
+    series.begin([choices("colored", seed=3), choices("gaussian", seed=3)], [], 3)
+    assert flown(session, series)
+    assert [one.choices.seed for one in gliders.built] == [3, 3, 4, 4, 5, 5]
+    assert [row.name for row in series.rows] == ["colored", "gaussian"]
+    colored, gaussian = (row.times for row in series.rows)
+    assert len(colored) == len(gaussian) == series.done == 3
+    (pair,) = series.pairs
+    paired = [b - a for a, b in zip(colored, gaussian, strict=True)]
+    assert pair.difference == mean_interval(paired)
+    assert seeds_of(series).said == "3 of 3 seeds flown"
+    session.close()
+
+
+def test_one_seed_is_no_series_and_stop_ends_one(tmp_path):
+    session, series = series_of(tmp_path, Gliders())
+    series.begin([choices("colored")], [], 1)
+    assert not series.is_on
+    assert seeds_of(series).said == ""
+    session.tell(PageRace.set_speed, 0.1)
+    series.begin([choices("colored", laps=9)], [], 5)
+    assert until(lambda: series.turn(session.snapshot) or session.snapshot.t > 0.0)
+    race = session.snapshot.race
+    session.tell(PageRace.end_flights)
+    assert flown(session, series)
+    assert (session.snapshot.race, series.done) == (race, 0)
+    session.close()
+
+
+def test_a_flight_that_did_not_finish_has_no_time_and_pairs_with_none(tmp_path):
+    session, series = series_of(tmp_path, Gliders())
+    series.count = 3
+    first = SeriesRow("a", "red", [Flown(5.0, 1.0), Flown(None, 2.0), Flown(5.2, 3.0)])
+    second = SeriesRow("b", "blue", [Flown(5.5, 1.0), Flown(5.6, 2.0), Flown(5.9, 3.0)])
+    series.rows = [first, second]
+    shown = seeds_of(series)
+    assert [row.finished for row in shown.rows] == ["2/3", "3/3"]
+    assert shown.rows[0].times == ["5.000", "-", "5.200"]
+    # two differences of 0.5 and 0.7: mean 0.6, half 12.706 x 0.1414 / sqrt(2)
+    assert shown.pairs[0].difference == "+0.600 \u00b1 1.271"
+    session.close()

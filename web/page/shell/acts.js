@@ -1,0 +1,96 @@
+// What buttons and keys do. Keys act in the page and in the frame of the scene, but not in a box that is typed into.
+import { make } from "./dom.js";
+import { send } from "./link.js";
+import * as notes from "./notes.js";
+import { show } from "./parts.js";
+import * as runs from "./runs.js";
+import * as scene from "./scene.js";
+import { isPlaying } from "./timeline.js";
+
+// While a race is on the scene has all the room; the settings can be opened again.
+function start() {
+  const box = document.querySelector(".seeds .count");
+  const asked = Math.round(Number(box.value)) || 1;
+  box.value = Math.min(Math.max(asked, Number(box.min)), Number(box.max));
+  scene.leaveBox(() => send({ type: "start", seeds: Number(box.value) }));
+  scene.openSettings(false);
+}
+
+const ACTS = {
+  start,
+  stop: () => send({ type: "stop" }),
+  restart: () => send({ type: "restart" }),
+  play: () => send({ type: "play", on: !isPlaying() }),
+  back: () => send({ type: "step", steps: -1 }),
+  on: () => send({ type: "step", steps: 1 }),
+  next: () => send({ type: "next_event" }),
+  follow: () => send({ type: "follow_next", seat: scene.seat() }),
+  settings: () => scene.openSettings(!scene.isOpen()),
+  runs: () => runs.open(),
+  present,
+  help,
+};
+
+// key, what it does, and how
+const KEYS = [
+  [" ", "pause, continue", () => send({ type: "play" })],
+  ["n", "one step", ACTS.on],
+  ["b", "one step back", ACTS.back],
+  ["s", "start", start],
+  ["x", "stop", ACTS.stop],
+  ["r", "restart", ACTS.restart],
+  ["e", "next event", ACTS.next],
+  ["c", "camera: free, chase, top, FPV", () => send({ type: "camera", seat: scene.seat() })],
+  ["f", "follow the next competitor, or the leader", ACTS.follow],
+  ["t", "table of runs, and campaigns", ACTS.runs],
+  ["d", "settings: open, close", ACTS.settings],
+  ["p", "present: large letters, no settings", present],
+  ["h", "help: these keys", help],
+];
+const HELP =
+  "Sliders act at the next plan. A flight whose numbers were changed in flight is marked interactive and cannot be compared with others.";
+
+function present() {
+  const on = document.body.classList.toggle("present");
+  document.querySelector('[data-act="present"]').ariaPressed = String(on);
+  if (on) scene.openSettings(false);
+  dispatchEvent(new Event("resize"));
+}
+
+function help() {
+  const name = (key) => (key === " " ? "space" : key.toUpperCase());
+  const rows = KEYS.map(([key, what]) => make("tr", {}, make("td", {}, make("kbd", { textContent: name(key) })), make("td", { textContent: what })));
+  notes.openWindow("Keys", [make("table", {}, ...rows), make("p", { className: "note", textContent: HELP })], [["Close", null]]);
+}
+
+const TYPING = "input:not([type=checkbox]):not([type=radio]), textarea, select, [contenteditable=true]";
+const PRESSED = "button, summary, [role=button], [role=tab], [role=option], [type=checkbox]";
+
+function key(event) {
+  if (event.ctrlKey || event.altKey || event.metaKey || event.repeat || event.defaultPrevented) return;
+  const { target } = event;
+  if (target.closest?.(TYPING)) return;
+  // The space bar presses the button that has the focus.
+  if (event.key === " " && target.closest?.(PRESSED)) return;
+  const inWindow = notes.isOpen() || target.ownerDocument?.querySelector(".mantine-Modal-content");
+  if (inWindow) return;
+  const found = KEYS.find(([name]) => name === event.key.toLowerCase());
+  if (!found) return;
+  event.preventDefault();
+  found[2]();
+}
+
+export function begin() {
+  document.body.addEventListener("click", (event) => {
+    const pressed = event.target.closest("[data-act], [data-camera]");
+    if (pressed?.dataset.act) ACTS[pressed.dataset.act]();
+    if (pressed?.dataset.camera) send({ type: "camera", seat: scene.seat(), mode: pressed.dataset.camera });
+    // Clicked with the mouse, a button keeps no focus: the space bar would press it again instead of pausing.
+    if (event.detail > 0) event.target.closest("button, summary")?.blur();
+  });
+  addEventListener("keydown", key);
+  scene.whenLoaded((frame) => frame.addEventListener("keydown", key));
+  show("camera", (mode) => {
+    for (const button of document.querySelectorAll("[data-camera]")) button.ariaPressed = String(button.dataset.camera === mode);
+  });
+}

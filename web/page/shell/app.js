@@ -1,0 +1,19 @@
+// The page around the scene. Each module shows a part of what the server says, and sends what a visitor asks for.
+import * as acts from "./acts.js";
+import * as charts from "./charts.js";
+import * as cockpit from "./cockpit.js";
+import * as head from "./head.js";
+import * as link from "./link.js";
+import * as notes from "./notes.js";
+import * as parts from "./parts.js";
+import * as runs from "./runs.js";
+import * as scene from "./scene.js";
+import * as tabs from "./tabs.js";
+import * as timeline from "./timeline.js";
+import * as tower from "./tower.js";
+
+const NARROW = "(max-width: 56rem)"; // in which the parts stand one below the other
+
+for (const part of [notes, head, tower, timeline, tabs, charts, runs, cockpit, acts, parts, scene]) part.begin();
+scene.openSettings(!matchMedia(NARROW).matches);
+link.connect();

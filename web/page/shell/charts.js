@@ -1,0 +1,418 @@
+// Charts in which one can work, see charts.py: signals over time, gaps over place, spectra. They are drawn on a canvas in
+// each element with data-charts. The pointer shows the values there; pressing and dragging moves the replay; the wheel
+// zooms; a double click shows everything, or follows the race again.
+import { make } from "./dom.js";
+import { on, send } from "./link.js";
+
+const ASK = 100; // [ms] between two questions while the race moves
+const REST = 500; // [ms] between two while it stands still
+const PATIENCE = 5000; // [ms] after which an answer is no longer waited for
+const SPAN = 6; // [s] that are shown at first
+const SHOWN = 5; // signals that are shown at first
+const AHEAD = 1 / 3; // share of the window after the present time
+const HEIGHT = 7.5; // of a chart of many [rem]
+const TALL = 13; // of another one [rem]
+const MARGIN = { left: 52, right: 10, top: 6, bottom: 22 }; // [px]
+const HINT = "press or drag: move the time; Ctrl + wheel: zoom; double click: all";
+const GRID = "#2c3038";
+const TEXT = "#b4bcc8";
+
+let race = { race: 0, lines: [], frames: [], laps: [], t: 0, end: 0, curves: 0 };
+let signals = [];
+let curves = [];
+const off = new Set(); // titles of the signals that are not shown
+const hidden = new Set(); // names of the competitors that are not shown
+let time = { from: 0, span: SPAN, follows: true }; // the window of all charts over time
+const zooms = {}; // the window of a chart over place or frequency, by its title
+let pointer = null; // { key, x }: the place of the pointer, on all charts over the same axis
+let pressed = false;
+let waiting = 0; // since when an answer is waited for [ms]; 0: none is
+
+function ask() {
+  const open = document.querySelector("[data-charts]") && !document.hidden;
+  if (open && Date.now() - waiting > PATIENCE) {
+    const frames = race.frames.map((columns) => columns.t.length);
+    const sent = send({ type: "ask_charts", race: race.race, frames, curves: race.curves });
+    waiting = sent ? Date.now() : 0;
+  }
+  setTimeout(ask, race.is_playing ? ASK : REST);
+}
+
+function received(answer) {
+  waiting = 0;
+  const isNew = answer.signals !== null;
+  if (isNew) {
+    if (!signals.length) answer.signals.slice(SHOWN).forEach(([title]) => off.add(title));
+    signals = answer.signals;
+    time = { from: 0, span: SPAN, follows: true };
+    hidden.clear();
+  }
+  const frames = isNew ? answer.frames.map(() => ({ t: [] })) : race.frames;
+  answer.frames.forEach(({ start, columns }, k) => {
+    // What has come in another order is asked for anew.
+    if (start !== frames[k].t.length) return;
+    for (const [name, values] of Object.entries(columns)) {
+      frames[k][name] ??= [];
+      for (const value of values) frames[k][name].push(value);
+    }
+  });
+  if (answer.charts) curves = answer.charts;
+  race = { ...answer, frames };
+  follow();
+  draw();
+}
+
+// Keep the present time in the window, but not under a hand.
+function follow() {
+  if (pressed || !time.follows) return;
+  const at = race.t - time.from;
+  const shown = time.span * (1 - AHEAD);
+  const moves = race.is_playing ? at !== shown : at < 0 || at > time.span;
+  if (moves) time.from = Math.max(race.t - shown, 0);
+}
+
+// The charts of an element, as they are now: each has a title, lines and a window.
+function chartsOf(tab) {
+  if (tab !== "Signals") return curves.filter((curve) => curve.tab === tab).map(overPlace);
+  return signals.filter(([title]) => !off.has(title)).map(overTime);
+}
+
+function overTime([title, column, command]) {
+  const lines = [];
+  race.lines.forEach((line, k) => {
+    const { t, ...columns } = race.frames[k];
+    if (command) lines.push({ ...line, what: "commanded", dash: [1, 2], width: 1, x: t, y: columns[command] ?? [] });
+    lines.push({ ...line, what: command ? "delivered" : "", width: 2, x: t, y: columns[column] ?? [] });
+  });
+  const window = [time.from, time.from + time.span];
+  return { key: "t", title, lines, window, mark: race.t, unit: "t [s]", bounds: race.laps, seek: race.can_seek && ((t) => ({ type: "seek", t })) };
+}
+
+function overPlace(curve) {
+  const lines = race.lines.map((line, k) => ({ ...line, what: "", width: 2, x: curve.x, y: curve.y[k] ?? [] }));
+  const window = zooms[curve.title] ?? [curve.x[0], curve.x.at(-1)];
+  const begins = curve.seeks_from;
+  const seek = begins !== null && race.can_seek && ((place) => ({ type: "seek_place", place: place + begins }));
+  return { key: curve.x_title, title: curve.title, lines, window, mark: curve.mark, unit: curve.x_title, isLog: curve.is_log, seek };
+}
+
+// A scale from values to pixels and back.
+function scale(low, high, from, to, isLog) {
+  const value = isLog ? Math.log10 : (v) => v;
+  const back = isLog ? (v) => 10 ** v : (v) => v;
+  const [a, b] = [value(low), value(high)];
+  const perUnit = (to - from) / (b - a || 1);
+  return { at: (v) => from + (value(v) - a) * perUnit, of: (px) => back(a + (px - from) / perUnit), low, high, isLog };
+}
+
+function ticks({ low, high, isLog }, most) {
+  if (isLog) {
+    const all = [];
+    for (let p = Math.ceil(Math.log10(low)); p <= Math.log10(high); p++) all.push(10 ** p);
+    return all;
+  }
+  const rough = (high - low) / most;
+  const power = 10 ** Math.floor(Math.log10(rough || 1));
+  const step = [1, 2, 5, 10].map((k) => k * power).find((s) => s >= rough) ?? power;
+  const found = [];
+  for (let v = Math.ceil(low / step) * step; v <= high + 1e-9; v += step) found.push(Math.round(v / step) * step);
+  return found;
+}
+
+// Index of the first value that is not less.
+function search(values, wanted) {
+  let [low, high] = [0, values.length];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (values[middle] < wanted) low = middle + 1;
+    else high = middle;
+  }
+  return low;
+}
+
+function rowsIn(line, [from, to]) {
+  return [Math.max(search(line.x, from) - 1, 0), Math.min(search(line.x, to) + 1, Math.min(line.x.length, line.y.length))];
+}
+
+function extent(chart) {
+  let [low, high] = [Infinity, -Infinity];
+  for (const line of chart.lines) {
+    if (hidden.has(line.name)) continue;
+    const [first, last] = rowsIn(line, chart.window);
+    for (let i = first; i < last; i++) {
+      const y = line.y[i];
+      if (y === null) continue;
+      if (y < low) low = y;
+      if (y > high) high = y;
+    }
+  }
+  if (low > high) return chart.isLog ? [0.01, 1] : [0, 1];
+  if (chart.isLog) return [low / 1.5, high * 1.5];
+  const pad = 0.06 * (high - low) || 0.5;
+  return [low - pad, high + pad];
+}
+
+function paint(canvas, chart) {
+  const width = canvas.clientWidth;
+  const height = canvas.clientHeight;
+  if (!width) return;
+  const dpr = window.devicePixelRatio || 1;
+  if (canvas.width !== Math.round(width * dpr)) canvas.width = Math.round(width * dpr);
+  if (canvas.height !== Math.round(height * dpr)) canvas.height = Math.round(height * dpr);
+  const g = canvas.getContext("2d");
+  g.setTransform(dpr, 0, 0, dpr, 0, 0);
+  g.clearRect(0, 0, width, height);
+  const [right, bottom] = [width - MARGIN.right, height - MARGIN.bottom];
+  const x = scale(...chart.window, MARGIN.left, right, chart.isLog);
+  const y = scale(...extent(chart), bottom, MARGIN.top, chart.isLog);
+  canvas.scaleX = x;
+  const letters = Math.max(12, 0.8 * parseFloat(getComputedStyle(document.documentElement).fontSize));
+  g.font = `${letters}px system-ui, sans-serif`;
+  g.fillStyle = TEXT;
+  g.strokeStyle = GRID;
+  g.lineWidth = 1;
+  g.textAlign = "right";
+  g.textBaseline = "middle";
+  for (const v of ticks(y, height / 40)) {
+    rule(g, MARGIN.left, y.at(v), right, y.at(v));
+    g.fillText(text(v), MARGIN.left - 5, y.at(v));
+  }
+  g.textAlign = "center";
+  g.textBaseline = "top";
+  for (const v of ticks(x, width / 70)) {
+    rule(g, x.at(v), MARGIN.top, x.at(v), bottom);
+    g.fillText(text(v), x.at(v), bottom + 4);
+  }
+  g.save();
+  g.beginPath();
+  g.rect(MARGIN.left, MARGIN.top, right - MARGIN.left, bottom - MARGIN.top);
+  g.clip();
+  g.strokeStyle = "#565f6e";
+  for (const lap of chart.bounds ?? []) rule(g, x.at(lap), MARGIN.top, x.at(lap), bottom);
+  for (const line of chart.lines) if (!hidden.has(line.name)) stroke(g, line, chart.window, x, y);
+  g.setLineDash([3, 3]);
+  g.strokeStyle = "#fff";
+  rule(g, x.at(chart.mark), MARGIN.top, x.at(chart.mark), bottom);
+  g.setLineDash([]);
+  if (pointer?.key === chart.key) {
+    g.strokeStyle = "#e69f00";
+    rule(g, x.at(pointer.x), MARGIN.top, x.at(pointer.x), bottom);
+  }
+  g.restore();
+}
+
+function rule(g, x1, y1, x2, y2) {
+  g.beginPath();
+  g.moveTo(x1, y1);
+  g.lineTo(x2, y2);
+  g.stroke();
+}
+
+// At most some points a pixel: the least and the greatest of each group of frames.
+function stroke(g, line, window, x, y) {
+  const [first, last] = rowsIn(line, window);
+  const group = Math.max(1, Math.floor((last - first) / 1500));
+  g.strokeStyle = line.colour;
+  g.lineWidth = line.width;
+  g.setLineDash(line.dash);
+  g.globalAlpha = line.what === "commanded" ? 0.9 : 1;
+  g.beginPath();
+  let isGap = true;
+  for (let i = first; i < last; i += group) {
+    let [low, high] = [i, i];
+    for (let k = i; k < Math.min(i + group, last); k++) {
+      if (line.y[k] < line.y[low]) low = k;
+      if (line.y[k] > line.y[high]) high = k;
+    }
+    for (const k of group > 1 ? [Math.min(low, high), Math.max(low, high)] : [i]) {
+      if (line.y[k] === null) {
+        isGap = true;
+        continue;
+      }
+      const [px, py] = [x.at(line.x[k]), y.at(line.y[k])];
+      if (isGap) g.moveTo(px, py);
+      else g.lineTo(px, py);
+      isGap = false;
+    }
+  }
+  g.stroke();
+  g.setLineDash([]);
+  g.globalAlpha = 1;
+}
+
+function text(value) {
+  return String(Number(value.toPrecision(6)));
+}
+
+// The value of a line at a place, from the nearest of its points; empty: it has none there.
+function valueAt(line, x) {
+  const i = search(line.x, x);
+  const near = i > 0 && (i >= line.x.length || x - line.x[i - 1] < line.x[i] - x) ? i - 1 : i;
+  const beyond = x < line.x[0] - 0.02 || x > line.x.at(-1) + 0.02;
+  // The last point of a line stands for the places up to the next one.
+  const value = line.y[near] ?? line.y[near - 1];
+  return beyond || value === null || value === undefined ? "" : value.toFixed(Math.abs(value) < 10 ? 3 : 1);
+}
+
+function legend(chart) {
+  const at = pointer?.key === chart.key ? pointer.x : chart.mark;
+  const shown = chart.lines.filter((line) => !hidden.has(line.name));
+  const items = shown.filter((line) => line.what !== "commanded").map((line) => {
+    const swatch = make("i", { className: "swatch" });
+    swatch.style.borderTop = `${line.width + 1}px ${line.dash.length ? "dashed" : "solid"} ${line.colour}`;
+    const value = (one) => make("b", { textContent: valueAt(one, at) || "–" });
+    const command = shown.find((one) => one.what === "commanded" && one.name === line.name);
+    return make("span", {}, swatch, `${line.name} `, value(line), ...(command ? [" commanded ", value(command)] : []));
+  });
+  return [make("span", { className: "at", textContent: `${chart.unit.replace(/ \[.*/, "")} ${at.toFixed(2)}` }), ...items];
+}
+
+// The choice of signals and competitors, and of the window.
+function tools() {
+  const checks = signals.map(([title]) => check(title.replace(/ \[.*/, ""), !off.has(title), (on) => toggle(off, title, !on)));
+  const names = race.lines.length > 1 ? race.lines.map(({ name }) => check(name, !hidden.has(name), (on) => toggle(hidden, name, !on))) : [];
+  const windows = [["6 s", SPAN], ["lap", lapSpan()], ["all", null]].map(([label, span]) =>
+    make("button", { textContent: label, ariaLabel: `Show ${label}`, onclick: () => show(span) }),
+  );
+  const closer = [["–", 1.5], ["+", 1 / 1.5]].map(([label, factor]) =>
+    make("button", { textContent: label, ariaLabel: factor < 1 ? "Zoom in" : "Zoom out", onclick: () => zoom(overTime(signals[0]), race.t, factor) }),
+  );
+  const choice = make("details", {}, make("summary", { textContent: "signals" }), ...checks);
+  return [...windows, ...closer, ...names, choice];
+}
+
+function lapSpan() {
+  const [a, b] = race.laps.length > 1 ? race.laps.slice(-2) : [0, SPAN];
+  return Math.max(b - a, 1);
+}
+
+function show(span) {
+  if (span === null) time = { from: 0, span: Math.max(race.end, 1), follows: false };
+  else time = { from: Math.max(race.t - span * (1 - AHEAD), 0), span, follows: true };
+  draw();
+}
+
+function check(label, checked, change) {
+  const box = make("input", { type: "checkbox", checked });
+  box.onchange = () => change(box.checked);
+  return make("label", {}, box, label);
+}
+
+function toggle(set, name, on) {
+  if (on) set.add(name);
+  else set.delete(name);
+  draw();
+}
+
+let due = 0;
+function draw() {
+  due ||= requestAnimationFrame(() => {
+    due = 0;
+    document.querySelectorAll("[data-charts]").forEach((place) => place.clientWidth && drawIn(place));
+  });
+}
+
+function drawIn(place) {
+  const tab = place.dataset.charts;
+  const charts = chartsOf(tab);
+  build(place, tab, charts);
+  [...place.querySelectorAll(".race-chart")].forEach((box, k) => {
+    box.chart = charts[k];
+    box.querySelector(".legend").replaceChildren(...legend(charts[k]));
+    paint(box.querySelector("canvas"), charts[k]);
+  });
+}
+
+// Elements for these charts, made anew where others are wanted.
+function build(place, tab, charts) {
+  const wanted = JSON.stringify([tab, race.race, charts.map(({ title }) => title), race.lines.map(({ name }) => name), [...hidden]]);
+  if (place.built === wanted && place.childElementCount) return;
+  place.built = wanted;
+  const opened = place.querySelector("details")?.open;
+  const boxes = charts.map((chart) => {
+    const canvas = make("canvas");
+    canvas.style.height = `${tab === "Signals" ? HEIGHT : TALL}rem`;
+    canvas.setAttribute("role", "img");
+    canvas.setAttribute("aria-label", chart.title);
+    canvas.title = HINT;
+    listen(canvas);
+    return make("div", { className: "race-chart" }, make("h4", { textContent: chart.title }), make("div", { className: "legend" }), canvas);
+  });
+  const above = tab === "Signals" && race.lines.length ? [make("div", { className: "tools" }, ...tools())] : [];
+  place.replaceChildren(...above, ...boxes);
+  if (opened) place.querySelector("details").open = true;
+}
+
+function listen(canvas) {
+  const chart = () => canvas.parentElement.chart;
+  const at = (event) => canvas.scaleX.of(event.clientX - canvas.getBoundingClientRect().left);
+  canvas.addEventListener("pointermove", (event) => {
+    pointer = { key: chart().key, x: at(event) };
+    if (pressed) seek(chart(), pointer.x);
+    draw();
+  });
+  canvas.addEventListener("pointerleave", () => {
+    pointer = null;
+    draw();
+  });
+  canvas.addEventListener("pointerdown", (event) => {
+    if (event.button !== 0 || !chart().seek) return;
+    pressed = true;
+    canvas.setPointerCapture(event.pointerId);
+    seek(chart(), at(event));
+  });
+  for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, () => (pressed = false));
+  canvas.addEventListener(
+    "wheel",
+    (event) => {
+      // Pinching, and the wheel with Ctrl or Shift, zoom; the wheel alone scrolls the panel.
+      if (!event.ctrlKey && !event.shiftKey) return;
+      event.preventDefault();
+      zoom(chart(), at(event), 1.25 ** Math.sign(event.deltaY || event.deltaX));
+    },
+    { passive: false },
+  );
+  canvas.addEventListener("dblclick", () => {
+    if (chart().key === "t") show(time.follows ? null : SPAN);
+    else delete zooms[chart().title];
+    draw();
+  });
+}
+
+function zoom(chart, x, factor) {
+  const [low, high] = chart.window;
+  if (chart.key === "t") {
+    const span = Math.min(Math.max((high - low) * factor, 0.1), Math.max(race.end, SPAN));
+    time = { from: Math.max(x - ((x - low) * span) / (high - low), 0), span, follows: time.follows };
+  } else {
+    const [way, back] = chart.isLog ? [Math.log, Math.exp] : [(v) => v, (v) => v];
+    const [a, b, c] = [way(low), way(high), way(x)];
+    zooms[chart.title] = [back(c - (c - a) * factor), back(c + (b - c) * factor)];
+  }
+  draw();
+}
+
+// The time of the pointer, at most some times a second; the last one counts.
+let seeking = 0;
+let wanted = null;
+function seek(chart, x) {
+  wanted = chart.seek && chart.seek(Math.max(x, 0));
+  if (!seeking && wanted) {
+    send(wanted);
+    wanted = null;
+    seeking = setTimeout(() => {
+      seeking = 0;
+      if (wanted) send(wanted);
+      wanted = null;
+    }, 60);
+  }
+}
+
+export function begin() {
+  on("open", () => (waiting = 0));
+  on("charts", received);
+  // Another tab, or another size
+  addEventListener("resize", draw);
+  new ResizeObserver(draw).observe(document.querySelector(".panes"));
+  ask();
+}

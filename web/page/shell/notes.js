@@ -1,0 +1,62 @@
+// Notices for some seconds, questions, the window of the keys, and the line that says that the connection is lost.
+import { make } from "./dom.js";
+import { on, send } from "./link.js";
+
+const SECONDS = { error: 10, crash: 6, lap: 6, wait: 6, info: 3 };
+const MOST = 4; // notices at once
+const place = document.querySelector(".notes");
+
+export function note(kind, title, text = "") {
+  const close = make("button", { type: "button", textContent: "×", ariaLabel: "Close" });
+  const found = make("div", { className: `note ${kind}` }, make("b", { textContent: title }), make("span", { textContent: text }), close);
+  found.setAttribute("role", kind === "error" ? "alert" : "status");
+  close.onclick = () => found.remove();
+  place.append(found);
+  while (place.childElementCount > MOST) place.firstChild.remove();
+  setTimeout(() => found.remove(), 1000 * SECONDS[kind]);
+}
+
+// A window over the page; Escape and a click beside it close it.
+export function openWindow(title, content, answers) {
+  const found = make("dialog", { className: "window" });
+  const buttons = answers.map(([text, act, className = ""]) =>
+    make("button", {
+      type: "button", textContent: text, className,
+      onclick: () => {
+        found.close();
+        act?.();
+      },
+    }),
+  );
+  found.setAttribute("aria-label", title);
+  found.append(make("h2", { textContent: title }), ...content, make("div", { className: "answers" }, ...buttons));
+  found.addEventListener("close", () => found.remove());
+  found.addEventListener("click", (event) => event.target === found && found.close());
+  document.body.append(found);
+  found.showModal();
+}
+
+export const isOpen = () => !!document.querySelector("dialog[open]");
+
+const lost = new Set();
+const LOST = "Disconnected: the page shows the last that arrived. It connects again by itself.";
+export function connection(which, on) {
+  if (on) lost.delete(which);
+  else lost.add(which);
+  const line = document.querySelector(".lost");
+  line.hidden = !lost.size;
+  line.textContent = lost.size ? LOST : "";
+  document.title = lost.size ? "race (disconnected)" : "race";
+}
+
+export function begin() {
+  on("shown", ({ kind, title, text }) => note(kind, title, text));
+  on("question", ({ number, title, yes, no }) => {
+    const confirm = () => send({ type: "confirm", number });
+    openWindow(title, [], [[yes, confirm, "stop"], [no, null]]);
+  });
+  on("open", () => connection("link", true));
+  on("close", () => connection("link", false));
+  // The scene's own connection, from page.js in its frame
+  addEventListener("scene-connection", ({ detail }) => connection("scene", detail));
+}

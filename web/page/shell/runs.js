@@ -1,0 +1,301 @@
+// The table of stored runs and the reports of campaigns, over the page. runs_panel.py sends what it shows; all of it is
+// set as text, never as HTML. An address with ?run=NAME&run=NAME2&t=3.2&camera=chase shows these runs, one with
+// ?line_up=TEXT sets up the next START.
+import { make } from "./dom.js";
+import { on, send } from "./link.js";
+import { seat, whenLoaded } from "./scene.js";
+
+const CAMERAS = ["free", "chase", "top", "FPV"];
+const MOST = 300; // rows that are shown; the filter finds the others
+const TOGETHER = 8; // runs side by side, at most
+const number = (digits) => (value) => value.toFixed(digits);
+// key of a row, its head, whether it is a number, and how a value is shown
+const COLUMNS = [
+  ["when", "flown"],
+  ["course", "course"],
+  ["flown_by", "flown by"],
+  ["vehicle", "vehicle"],
+  ["preset", "preset"],
+  ["numbers", "changed numbers"],
+  ["sensing", "sensing"],
+  ["seed", "seed", String],
+  ["laps", "laps"],
+  ["changes", "changes", String],
+  ["outcome", "outcome"],
+  ["time", "time [s]", number(3)],
+  ["above", "above limit [%]", number(1)],
+];
+
+let rows = [];
+let sort = { key: "when", down: true };
+const chosen = new Set(); // names of rows
+let opened = null; // name of the row whose texts are shown
+const wordings = {}; // by name
+
+const filter = make("input", { type: "search", placeholder: "filter: words that a row has", ariaLabel: "Filter the runs" });
+const count = make("span", { className: "count" });
+const compare = make("button", { textContent: "Replay", onclick: () => replay([...chosen]) });
+const against = make("button", { textContent: "Fly against", onclick: () => leave({ type: "fly_against", names: [...chosen] }) });
+const remark = make("div", { className: "remark", role: "status" });
+const table = make("table");
+const reports = make("div", { className: "reports" });
+const sheet = make("section", { className: "race-sheet", hidden: true, ariaLabel: "Runs and campaigns" });
+sheet.setAttribute("role", "dialog");
+const tabs = ["Runs", "Campaigns"].map((name) => make("button", { textContent: name, onclick: () => showTab(name) }));
+const close = make("button", { textContent: "Close", onclick: () => open(false) });
+const runs = make("div", { className: "runs" }, make("div", { className: "tools" }, filter, count, compare, against), make("div", { className: "scroll" }, table));
+sheet.append(make("div", { className: "tools" }, ...tabs, remark, close), runs, reports);
+
+// Rows are drawn once a visitor pauses: drawing 300 of them at every key held the typing up.
+let typing = 0;
+filter.oninput = () => {
+  clearTimeout(typing);
+  typing = setTimeout(draw, 150);
+};
+
+export function open(on = sheet.hidden) {
+  sheet.hidden = !on;
+  remark.textContent = "";
+  if (on) filter.focus();
+}
+
+function showTab(name) {
+  for (const tab of tabs) tab.ariaPressed = String(tab.textContent === name);
+  runs.hidden = name !== "Runs";
+  reports.hidden = name !== "Campaigns";
+  if (name === "Campaigns") send({ type: "list_reports" });
+}
+
+// Whether a row has each of the words, in what is shown or in its further settings.
+function fits(row, words) {
+  const text = [...COLUMNS.map(([key]) => row[key]), row.name, row.problem, row.more].join(" ").toLowerCase();
+  return words.every((word) => text.includes(word));
+}
+
+// Rows without a value come last, whatever the direction.
+function order(a, b) {
+  const [x, y] = [a[sort.key], b[sort.key]];
+  const [no, none] = [x === null || x === "", y === null || y === ""];
+  if (no || none) return no - none;
+  const ahead = typeof x === "number" ? x - y : x.localeCompare(y, "en", { numeric: true });
+  return sort.down ? -ahead : ahead;
+}
+
+function draw() {
+  const words = filter.value.toLowerCase().split(/\s+/);
+  const found = rows.filter((row) => fits(row, words)).sort(order);
+  const shown = found.slice(0, MOST);
+  count.textContent = `${found.length} of ${rows.length}` + (found.length > MOST ? `, the first ${MOST} are shown` : "");
+  compare.textContent = chosen.size > 1 ? `Compare ${chosen.size}` : "Replay";
+  compare.disabled = against.disabled = chosen.size === 0;
+  const focus = document.activeElement?.dataset?.key;
+  const none = make("td", { colSpan: COLUMNS.length + 2, textContent: rows.length ? "No run has all of these words." : "No run is stored yet." });
+  const body = shown.length ? shown.flatMap(drawn) : [make("tr", {}, none)];
+  table.replaceChildren(head(), make("tbody", {}, ...body));
+  if (focus) table.querySelector(`[data-key="${CSS.escape(focus)}"]`)?.focus();
+}
+
+function head() {
+  const cells = COLUMNS.map(([key, title, shown]) => {
+    const mark = sort.key !== key ? "" : sort.down ? " ▾" : " ▴";
+    const button = make("button", { textContent: title + mark, onclick: () => sortBy(key, Boolean(shown)) });
+    button.dataset.key = `sort ${key}`;
+    const cell = make("th", { className: shown ? "number" : "" }, button);
+    if (mark) cell.ariaSort = sort.down ? "descending" : "ascending";
+    return cell;
+  });
+  return make("thead", {}, make("tr", {}, make("th"), ...cells, make("th")));
+}
+
+function sortBy(key) {
+  sort = { key, down: sort.key === key ? !sort.down : key === "when" };
+  draw();
+}
+
+// The row of a run, and below it its texts where they are asked for.
+function drawn(row) {
+  if (row.problem) {
+    const what = make("td", { colSpan: COLUMNS.length, className: "problem", textContent: `${row.name}: ${row.problem}` });
+    return [make("tr", {}, make("td"), make("td", { textContent: row.when }), what)];
+  }
+  const pick = make("input", { type: "checkbox", checked: chosen.has(row.name), ariaLabel: `Choose ${row.name}` });
+  pick.dataset.key = `pick ${row.name}`;
+  pick.onchange = () => choose(row.name, pick.checked);
+  const cells = COLUMNS.map(([key, , shown]) => {
+    const value = row[key];
+    const text = value === null ? "" : shown ? shown(value) : value;
+    const bad = (key === "changes" && value > 0) || (key === "outcome" && row.time === null && row.vehicles === 1);
+    const long = key === "flown_by" || key === "numbers" || key === "outcome";
+    const title = long ? text : "";
+    return make("td", { textContent: text, title, className: (shown ? "number" : "") + (bad ? " bad" : "") + (long ? " long" : "") });
+  });
+  const acts = make(
+    "td",
+    { className: "acts" },
+    act("replay", row, () => replay([row.name])),
+    act("take over", row, () => leave({ type: "take_over", name: row.name })),
+    act("fly again", row, () => leave({ type: "fly_again", name: row.name })),
+    act("copy ...", row, () => word(row.name)),
+  );
+  const line = make("tr", { title: row.name, className: opened === row.name ? "open" : "" }, make("td", {}, pick), ...cells, acts);
+  return opened === row.name ? [line, make("tr", {}, texts(row))] : [line];
+}
+
+function act(what, row, onclick) {
+  const button = make("button", { textContent: what, onclick });
+  button.dataset.key = `${what} ${row.name}`;
+  return button;
+}
+
+function texts(row) {
+  const cell = make("td", { colSpan: COLUMNS.length + 2, className: "texts" });
+  const wording = wordings[row.name];
+  if (!wording) return Object.assign(cell, { textContent: "..." });
+  const address = new URL("?" + new URLSearchParams({ run: row.name }), location.origin + "/").href;
+  const lines = [["command", wording.command], ["Python", wording.python], ["link", address]];
+  for (const [name, text] of lines) {
+    const copied = make("button", { textContent: "copy", ariaLabel: `Copy the ${name}`, onclick: () => copy(text, copied) });
+    cell.append(make("div", {}, copied, make("b", { textContent: name }), make("code", { textContent: text })));
+  }
+  if (wording.remark) cell.append(make("div", { className: "bad", textContent: `may not give the same bits: ${wording.remark}` }));
+  return cell;
+}
+
+function choose(name, on) {
+  if (on) chosen.add(name);
+  else chosen.delete(name);
+  if (chosen.size > TOGETHER) chosen.delete(chosen.values().next().value);
+  draw();
+}
+
+function word(name) {
+  opened = opened === name ? null : name;
+  if (opened && !wordings[name]) send({ type: "word_run", name });
+  draw();
+}
+
+function replay(names) {
+  leave({ type: "replay_runs", names });
+}
+
+// Send what is then seen behind the sheet; a remark opens it again.
+function leave(message) {
+  open(false);
+  send(message);
+}
+
+// Copy a text, also where the page is not served from this machine and has no clipboard.
+async function copy(text, button) {
+  try {
+    await navigator.clipboard.writeText(text);
+  } catch {
+    const box = make("textarea", { value: text });
+    document.body.append(box);
+    box.select();
+    document.execCommand("copy");
+    box.remove();
+  }
+  const before = button.textContent;
+  button.textContent = "copied";
+  setTimeout(() => (button.textContent = before), 1500);
+}
+
+// The tables and the text of a report. Only what `race compare` writes is read: ##, |, * and pictures.
+function markdown(text) {
+  const parts = [];
+  for (const block of text.split(/\n\s*\n/)) {
+    const lines = block.trim().split("\n");
+    if (lines[0].startsWith("|")) parts.push(tableOf(lines));
+    else if (lines[0].startsWith("#")) parts.push(make("h3", { textContent: lines[0].replace(/^#+\s*/, "") }));
+    else if (!lines[0].startsWith("![")) {
+      parts.push(...lines.map((line) => make("p", { textContent: line.replace(/^\* /, "• ") })));
+    }
+  }
+  return parts;
+}
+
+function tableOf(lines) {
+  const cells = (line) => line.replace(/^\||\|$/g, "").split("|").map((cell) => cell.trim().replaceAll("**", ""));
+  const body = lines.filter((line) => !/^[|:\-\s]+$/.test(line)).map(cells);
+  const row = (tag) => (texts) => make("tr", {}, ...texts.map((textContent) => make(tag, { textContent })));
+  return make("table", {}, make("thead", {}, row("th")(body[0])), make("tbody", {}, ...body.slice(1).map(row("td"))));
+}
+
+function received(message) {
+  rows = message.rows;
+  const names = new Set(rows.map((row) => row.name));
+  for (const name of chosen) if (!names.has(name)) chosen.delete(name);
+  draw();
+}
+
+// Show the runs, the time and the camera that the address names.
+function follow(asked) {
+  if (asked.get("line_up")) send({ type: "set_up", line_up: asked.get("line_up") });
+  const names = asked.getAll("run").slice(0, TOGETHER);
+  if (!names.length) return;
+  const t = Number(asked.get("t") ?? NaN);
+  send({ type: "replay_runs", names, ...(t >= 0 ? { t } : {}) });
+  if (asked.get("camera")) chooseCamera(asked.get("camera"), 100);
+}
+
+// The camera is the visitor's own: it is chosen once the scene has a seat.
+function chooseCamera(mode, attempts) {
+  const at = seat();
+  if (at && CAMERAS.includes(mode)) send({ type: "camera", seat: at, mode });
+  else if (attempts) setTimeout(() => chooseCamera(mode, attempts - 1), 200);
+}
+
+// The keys of the race do not act beneath a table that is over it, wherever the focus is: after a click with the mouse it is
+// on the page. In the capture phase the table comes before all that listens for keys.
+function key(event) {
+  if (sheet.hidden) return;
+  const inside = sheet.contains(event.target);
+  const closes = event.key === "Escape" || (event.key === "t" && !event.target.matches?.("input"));
+  if (closes || !inside) event.stopImmediatePropagation();
+  if (closes) open(false);
+}
+
+export function begin() {
+  document.body.append(sheet);
+  showTab("Runs");
+  addEventListener("keydown", key, true);
+  sheet.addEventListener("keydown", (event) => event.stopPropagation());
+  whenLoaded((frame) => {
+    frame.addEventListener("keydown", key, true);
+    // The window of an address to copy, which the server writes in the frame
+    frame.document.addEventListener("click", ({ target }) => {
+      const link = target.closest("[data-copy-link]");
+      if (link) copy(new URL(link.dataset.copyLink, location.origin + "/").href, link);
+    });
+  });
+  let isFirst = true;
+  on("runs", received);
+  on("open", () => {
+    send({ type: "list_runs" });
+    if (isFirst) follow(new URLSearchParams(location.search));
+    isFirst = false;
+  });
+  on("run_wording", (message) => {
+    wordings[message.name] = message;
+    draw();
+  });
+  on("remark", ({ text }) => {
+    if (sheet.hidden) open(true);
+    if (opened && !wordings[opened]) opened = null; // its texts do not come
+    draw();
+    remark.textContent = text;
+  });
+  on("reports", ({ rows }) => {
+    const none = make("p", { textContent: "No campaign beside the folder of runs: race compare makes one." });
+    const list = rows.map((row) => {
+      const name = row.title || "all that was flown";
+      const show = make("button", { textContent: name, onclick: () => send({ type: "show_report", name: row.name }) });
+      return make("div", {}, make("span", { textContent: `${row.when}  ${row.campaign}` }), show);
+    });
+    reports.replaceChildren(make("div", { className: "list" }, ...(list.length ? list : [none])), make("div", { className: "report" }));
+  });
+  on("report", (message) => {
+    const figure = message.figure ? [make("img", { src: message.figure, alt: `The figure of ${message.name}` })] : [];
+    reports.querySelector(".report").replaceChildren(...figure, ...markdown(message.markdown));
+  });
+}

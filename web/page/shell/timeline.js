@@ -1,0 +1,122 @@
+// The time line under the scene: laps, gates and incidents of each competitor, and the playback, see time_line.py.
+import { make, say } from "./dom.js";
+import { on, send } from "./link.js";
+import { show } from "./parts.js";
+
+const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4]; // race seconds per second
+const PAUSE = 60; // [ms] between two times that are sent while the pointer moves
+const STEP = 0.1; // [s] of an arrow key
+const line = document.querySelector(".time .line");
+const part = (name) => document.querySelector(`.time ${name}`);
+let now = { t: 0, end: 0, can_seek: false };
+let pressed = false;
+
+export const isPlaying = () => now.playing;
+
+// Positions are shares of a length that grows while a flight is on: CSS reckons them.
+function at(element, t) {
+  element.style.setProperty("--t", t);
+  return element;
+}
+
+function lane({ name, colour, end, marks }) {
+  const flown = at(make("i", { className: end === null ? "flown live" : "flown" }), end ?? 0);
+  flown.style.background = colour;
+  const found = marks.map(([t, kind, title]) => at(make("i", { className: `mark ${kind}`, title: `${name}: ${title}` }), t));
+  return make("div", { className: "lane", title: name }, flown, ...found);
+}
+
+function draw({ lanes, laps }) {
+  const numbers = laps.slice(0, -1).map((t, k) => {
+    const label = at(make("span", { textContent: laps.length > 12 ? String(k + 1) : `lap ${k + 1}` }), t);
+    label.style.setProperty("--to", laps[k + 1]);
+    return label;
+  });
+  const cursor = make("i", { className: "cursor" });
+  line.replaceChildren(...lanes.map(lane), make("div", { className: "laps" }, ...numbers), cursor);
+}
+
+function set(found) {
+  now = found;
+  const end = Math.max(now.end, 0.001);
+  line.style.setProperty("--end", end);
+  line.style.setProperty("--now", Math.min(now.t, end));
+  line.classList.toggle("fixed", !now.can_seek);
+  line.ariaValueMax = now.end.toFixed(2);
+  line.ariaValueNow = now.t.toFixed(2);
+  line.ariaValueText = `${now.t.toFixed(2)} of ${now.end.toFixed(2)} s`;
+  const play = part(".play");
+  say(play, now.playing ? "pause" : "play");
+  play.disabled = !now.race;
+  for (const act of ["back", "on"]) part(`[data-act="${act}"]`).disabled = !now.race;
+  part('[data-act="next"]').disabled = !now.has_next;
+  const box = part(".t");
+  if (document.activeElement !== box) box.value = now.t.toFixed(2);
+  box.disabled = !now.can_seek;
+  say(part(".end"), `of ${now.end.toFixed(2)} s`);
+  const speed = part(".speed");
+  speed.disabled = now.by_hand && now.flying;
+  offer(speed, now.speed);
+}
+
+// A speed that was asked for otherwise is in the list as well.
+function offer(speed, wanted) {
+  if (![...speed.options].some((option) => Number(option.value) === wanted)) speed.append(new Option(`${wanted} x`, wanted));
+  if (document.activeElement !== speed) speed.value = String(wanted);
+}
+
+let waiting = 0;
+let last = null;
+function seek(t) {
+  last = Math.min(Math.max(t, 0), now.end);
+  if (waiting) return;
+  send({ type: "seek", t: last });
+  last = null;
+  waiting = setTimeout(() => {
+    waiting = 0;
+    if (last !== null) seek(last);
+  }, PAUSE);
+}
+
+function seekTo(event) {
+  const { left, width } = line.getBoundingClientRect();
+  seek(((event.clientX - left) / width) * now.end);
+}
+
+function typed(box) {
+  const t = Number(box.value);
+  if (box.value.trim() && Number.isFinite(t) && t >= 0) seek(t);
+  box.blur();
+}
+
+export function begin() {
+  part(".speed").append(...SPEEDS.map((speed) => new Option(`${speed} x`, speed)));
+  part(".speed").onchange = ({ target }) => {
+    send({ type: "set_speed", speed: Number(target.value) });
+    target.blur();
+  };
+  draw({ lanes: [], laps: [] });
+  show("time_line", draw);
+  show("now", set);
+  on("close", () => (pressed = false));
+  line.addEventListener("pointerdown", (event) => {
+    if (event.button !== 0 || !now.can_seek) return;
+    pressed = true;
+    line.setPointerCapture(event.pointerId);
+    seekTo(event);
+  });
+  line.addEventListener("pointermove", (event) => pressed && seekTo(event));
+  for (const end of ["pointerup", "pointercancel"]) line.addEventListener(end, () => (pressed = false));
+  line.addEventListener("keydown", (event) => {
+    const steps = { ArrowLeft: now.t - STEP, ArrowRight: now.t + STEP, Home: 0, End: now.end };
+    if (!(event.key in steps) || !now.can_seek) return;
+    event.preventDefault();
+    seek(steps[event.key]);
+  });
+  const box = part(".t");
+  box.onfocus = () => box.select();
+  box.onkeydown = (event) => {
+    if (event.key === "Enter") typed(box);
+    if (event.key === "Escape") box.blur();
+  };
+}

@@ -1,0 +1,100 @@
+"""The time line under the scene: laps, gates and incidents of each competitor, and the playback."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Literal
+
+import msgspec
+
+from web.competitor import CRASHES, MISSES, Competitor
+from web.page.charts import can_seek
+from web.race import Snapshot
+
+MarkKind = Literal["gate", "lap", "bad"]
+
+
+class TimeMark(msgspec.Struct, array_like=True):
+    """An event on the time line, in words."""
+
+    t: float  # [s]
+    kind: MarkKind
+    title: str
+
+
+class Lane(msgspec.Struct):
+    """A competitor on the time line. end: of its flight [s]; None: it still flies."""
+
+    name: str
+    colour: str
+    end: float | None
+    marks: list[TimeMark]
+
+
+class TimeLine(msgspec.Struct):
+    """The time line. laps: starts of the laps of who has flown most, and end of the last [s]."""
+
+    lanes: list[Lane]
+    laps: list[float]
+
+
+class Now(msgspec.Struct):
+    """The playback at this moment."""
+
+    race: int
+    t: float  # [s]
+    end: float  # [s]
+    playing: bool
+    flying: bool
+    can_seek: bool
+    by_hand: bool
+    has_next: bool  # whether there is a next event to go to
+    speed: float  # race seconds per second that are asked for
+
+
+def time_line_of(entries: Sequence[Competitor]) -> TimeLine:
+    """Return the time line of competitors."""
+    if not entries:
+        return TimeLine([], [])
+    longest = max(entries, key=lambda entry: len(entry.laps))
+    laps = [round(t, 3) for t in longest.lap_starts]
+    return TimeLine([_lane(entry) for entry in entries], laps)
+
+
+def _lane(entry: Competitor) -> Lane:
+    flies = entry.live and entry.outcome is None
+    return Lane(
+        name=entry.name,
+        colour=entry.style.colour,
+        end=None if flies else round(entry.last_t, 3),
+        marks=[
+            TimeMark(round(event.t, 3), _kind(event.kind, event.gate, entry), _words(event))
+            for event in entry.events
+        ],
+    )
+
+
+def _kind(kind: str, gate: int, entry: Competitor) -> MarkKind:
+    if kind in (*CRASHES, *MISSES):
+        return "bad"
+    return "lap" if gate == entry.legs.gates else "gate"
+
+
+def _words(event) -> str:
+    place = f" {event.place}" if event.place else ""
+    return f"{event.kind.replace('_', ' ')}{place}, lap {event.lap}, {event.t:.2f} s"
+
+
+def now_of(s: Snapshot) -> Now:
+    """Return the playback of a race."""
+    return Now(
+        race=s.race,
+        t=round(s.t, 3),
+        end=round(s.end, 3),
+        playing=s.playing,
+        flying=s.flying,
+        can_seek=can_seek(s) and bool(s.race),
+        by_hand=s.by_hand,
+        has_next=s.next_event is not None,
+        speed=s.speed,
+    )

@@ -1,0 +1,156 @@
+"""Series: the same line-up flown with one seed after another, and what it came to so far."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+from pathlib import Path
+from typing import NamedTuple
+
+from quadsim.record.metrics import total_variation
+from quadsim.record.statistics import Mean, mean_interval
+from web.choices import Choices, HeatChoices
+from web.competitor import Competitor
+from web.race import AnyChoices, Snapshot
+from web.session import Session
+
+MOST_SEEDS = 50
+
+
+class Flown(NamedTuple):
+    """One flight of a series. time: of the race [s]; None: not finished."""
+
+    time: float | None
+    chatter: float  # total variation of the commanded thrust [m/s^2/s]
+
+
+@dataclass
+class SeriesRow:
+    """The flights of one competitor, one for each seed flown so far."""
+
+    name: str
+    colour: str
+    flights: list[Flown] = field(default_factory=list)
+
+    @property
+    def times(self) -> list[float]:
+        """The times of the flights that finished [s]."""
+        return [flight.time for flight in self.flights if flight.time is not None]
+
+    @property
+    def time(self) -> Mean:
+        """The mean of these times with its interval [s]."""
+        return mean_interval(self.times)
+
+    @property
+    def chatter(self) -> Mean:
+        """The mean chatter of all flights with its interval [m/s^2/s]."""
+        return mean_interval([flight.chatter for flight in self.flights])
+
+
+class Pair(NamedTuple):
+    """Two competitors and the time of the second less that of the first, seed by seed [s]."""
+
+    first: SeriesRow
+    second: SeriesRow
+    difference: Mean
+
+
+class Series:
+    """Flies a line-up with `count` seeds in a row; STOP, and any other START, end it.
+
+    Attributes:
+        count: number of seeds; 1: START flies once, and no series is kept.
+        rows: the competitors.
+    """
+
+    def __init__(self, session: Session):
+        self._session = session
+        self.count = 1
+        self.rows: list[SeriesRow] = []
+        self._choices: list[AnyChoices] = []
+        self._runs: Sequence[Path] = ()
+        self._race = 0  # number of the race that is flown; 0: its start is awaited
+        self._before = 0  # number of the race before it
+        self._is_on = False
+
+    @property
+    def done(self) -> int:
+        """Number of seeds that all have flown."""
+        return min((len(row.flights) for row in self.rows), default=0)
+
+    @property
+    def is_on(self) -> bool:
+        """Whether another seed is flown, or will be."""
+        return self._is_on
+
+    @property
+    def pairs(self) -> list[Pair]:
+        """The paired differences of each two competitors over the seeds that both finished."""
+        found = []
+        for first, second in combinations(self.rows, 2):
+            both = zip(first.flights, second.flights, strict=False)
+            differences = [
+                b.time - a.time for a, b in both if a.time is not None and b.time is not None
+            ]
+            found.append(Pair(first, second, mean_interval(differences)))
+        return found
+
+    def begin(self, choices: Sequence[AnyChoices], runs: Sequence[Path], count: int) -> None:
+        """Start a line-up; with a count beyond 1 its next seeds follow by themselves."""
+        self.count = count
+        self.rows = []
+        self._choices = list(choices)
+        self._runs = runs
+        self._is_on = count > 1
+        self._start(0)
+
+    def turn(self, s: Snapshot) -> None:
+        """Keep what a race came to once it has ended, and start the next one."""
+        if not self._is_on:
+            return
+        if not self._race:
+            if s.race > self._before:
+                self._race = s.race
+            return
+        if s.race != self._race:
+            self._is_on = False
+            return
+        if s.flying:
+            return
+        live = [entry for entry in s.competitors if entry.live]
+        if not live or any(entry.outcome in (None, "interrupted") for entry in live):
+            self._is_on = False
+            return
+        self._keep(live)
+        if self.done < self.count:
+            self._start(self.done)
+        else:
+            self._is_on = False
+
+    def _start(self, step: int) -> None:
+        """Start the race of one seed."""
+        self._before = self._session.snapshot.race
+        self._race = 0
+        self._session.start([_with_seed(one, step) for one in self._choices], self._runs)
+
+    def _keep(self, live: Sequence[Competitor]) -> None:
+        """Keep the flights of a race that has ended."""
+        if not self.rows:
+            self.rows = [SeriesRow(entry.name, entry.style.colour) for entry in live]
+        for row, entry in zip(self.rows, live, strict=True):
+            time = sum(entry.laps) if entry.outcome == "finished" else None
+            row.flights.append(Flown(time, total_variation(entry.t, entry.x["a_cmd"])))
+
+
+def _with_seed(choices: AnyChoices, step: int) -> AnyChoices:
+    """Return the choices with a later seed; the first one is checked by the flight itself."""
+    if not step:
+        return choices
+    if isinstance(choices, HeatChoices):
+        flights = tuple(replace(one, seed=int(one.seed) + step) for one in choices.flights)
+        return replace(choices, flights=flights)
+    if isinstance(choices, Choices):
+        return replace(choices, seed=int(choices.seed) + step)
+    return choices
