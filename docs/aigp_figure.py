@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import closing
 from math import radians
 from pathlib import Path
 
@@ -22,10 +21,10 @@ def main() -> None:
     course = load_course("aigp_physical")
     gate = course.gates[0]
     x, y, z = (np.array(gate.position) - BEFORE * np.array(gate.axes[0])).tolist()
-    with closing(Eye(course, load_camera("aigp"))) as eye:
-        pictures = [
-            eye.picture((x, y, z), from_euler(gate.yaw, radians(pitch), 0.0)) for pitch in PITCHES
-        ]
+    eye = Eye(course, load_camera("aigp"))
+    pictures = [
+        eye.picture((x, y, z), from_euler(gate.yaw, radians(pitch), 0.0)) for pitch in PITCHES
+    ]
     Image.fromarray(np.hstack(pictures)).save(Path(__file__).parent / "aigp.png", optimize=True)
 
 

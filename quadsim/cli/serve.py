@@ -18,11 +18,9 @@ from quadsim.config.build import build
 from quadsim.config.competition import load_competition
 from quadsim.config.spec import Spec
 from quadsim.console import UsageError, complain, emit, emit_json, uninterrupted, width
-from quadsim.files.extras import needs_extra
 from quadsim.files.values import SettingError
 from quadsim.mavlink.server import SILENCE, MavlinkClient, Round, Served, Server
 from quadsim.physics.faults import BiasJump, SensorFault
-from quadsim.physics.plant import has_bullet
 from quadsim.racing.events import NO_PROGRESS_BY_HAND
 from quadsim.racing.referee import Referee
 from quadsim.record.archive import RunFolder, remove_unfinished
@@ -77,8 +75,6 @@ def serve(
     race serve aigp_physical --vehicle archer --round second --laps 1 --lock-step --camera none
     """
     eyes = None if camera == NO_CAMERA else load_camera(camera)
-    if eyes and not has_bullet():
-        raise UsageError(f"{needs_extra('pybullet', 'bullet')}, or --camera none without pictures")
     served = Served(client, port, camera_port, eyes, round_, lock_step, baro_wash)
     given = dict(settings or {})
     spec, sensing = _asked(course, given, served)

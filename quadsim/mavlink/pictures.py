@@ -11,6 +11,7 @@ from PIL import Image
 
 from quadsim.course import Course
 from quadsim.render.look import plain_look
+from quadsim.render.scene import Scene
 from quadsim.rotation import Quaternion, Vec3
 from quadsim.sensing.camera import Camera
 
@@ -22,7 +23,7 @@ QUALITY = 80
 
 
 class Eye:
-    """Takes the pictures of one flight; `close` frees the renderer.
+    """Takes the pictures of one flight.
 
     Args:
         course: the course as it stands.
@@ -30,9 +31,6 @@ class Eye:
     """
 
     def __init__(self, course: Course, camera: Camera):
-        # imported here, as it loads PyBullet
-        from quadsim.render.scene import Scene
-
         self._scene = Scene(course, camera)
         self._look = plain_look()
 
@@ -47,10 +45,6 @@ class Eye:
             Colours (height, width, 3) uint8.
         """
         return self._scene.shoot(p, q, self._look).rgb
-
-    def close(self) -> None:
-        """Free the renderer."""
-        self._scene.close()
 
 
 def jpeg(colours: np.ndarray) -> bytes:

@@ -191,10 +191,8 @@ class Server:
         self._senses: Senses | None = None
 
     def close(self) -> None:
-        """Free the sockets and the renderer."""
+        """Free the sockets."""
         self.wire.close()
-        if self._eye:
-            self._eye.close()
 
     # Waiting for a client.
 

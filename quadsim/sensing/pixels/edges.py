@@ -148,7 +148,7 @@ class Frames:
         hidden = between & in_outer & ~in_opening
         column = np.arange(len(points))
         hidden[own, column] = self._hide_own(here[own, 0], there[own, column], own)
-        return hidden.any(axis=0)
+        return np.asarray(hidden.any(axis=0))
 
     def _hide_own(self, here: np.ndarray, there: np.ndarray, own: np.ndarray) -> np.ndarray:
         """Return which points are behind the nearer plane of their own frame.  (n,) bool
