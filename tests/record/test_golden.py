@@ -61,14 +61,15 @@ def test_the_same_vehicle_takes_off_from_the_same_place_by_a_smaller_planner(run
 @needs_bullet
 @pytest.mark.regression
 def test_it_is_flown_again(run):
-    """Another CPU may round in another way, so that laps differ a little there."""
+    """Another CPU may round in another way, so that laps differ a little there. Since the run was
+    stored, the temperature is solved in each iteration, which moves the start by 2.5 cm."""
     again = quadsim.fly(run.spec)
     assert again.outcome == "finished"
     np.testing.assert_allclose(again.laps, run.laps, atol=0.1)
     start = slice(0, 20)
     for column in ("px", "py", "pz"):
         ours, stored = again.telemetry[column][start], run.telemetry[column][start]
-        np.testing.assert_allclose(ours, stored, atol=0.01)
+        np.testing.assert_allclose(ours, stored, atol=0.04)
 
 
 STRANGE = {
