@@ -13,6 +13,7 @@ from quadsim.render.look import VARIED, drawn_look, plain_look
 from quadsim.render.poses import drawn_poses
 from quadsim.render.scene import Scene
 from quadsim.sensing.camera import load_camera
+from quadsim.streams import look_streams
 
 COURSE, CAMERA = load_course("split_s_swift"), load_camera("aigp")
 SHOWN = ((None, 0), (2, 5), (4, 11))  # seed of the look (None: plain), number of the pose
@@ -23,7 +24,7 @@ def main() -> None:
     scene, poses = Scene(COURSE, CAMERA), drawn_poses(COURSE, CAMERA, 12, seed=0)
     figure, axes = plt.subplots(3, len(SHOWN), figsize=(9.6, 5.5), layout="constrained")
     for (seed, i), (colour, depth, segmentation) in zip(SHOWN, axes.T, strict=True):
-        look = plain_look() if seed is None else drawn_look(np.random.default_rng(seed), VARIED)
+        look = plain_look() if seed is None else drawn_look(look_streams(seed, 0), VARIED)
         seen = scene.shoot(poses[i].p, poses[i].q, look)
         colour.imshow(seen.rgb)
         for gate in label(COURSE, CAMERA, poses[i], seen.segmentation)["gates"]:
