@@ -46,7 +46,7 @@ class Head(msgspec.Struct):
         differs: what differs between the competitors.
         numbers: the leader's name, lap, lap time, next gate and speed.
         state: the state of the race in words.
-        warnings: what a visitor has to know of the numbers.
+        warnings: what a visitor has to know of the numbers; before a race, what to look for.
         more: what the course editor says, which stands beside the scene.
     """
 
@@ -95,7 +95,7 @@ def coming_head(state: PageState, line_up: LineUp) -> Head:
         return Head("rest", [Word("START flies "), *names, Word(f" {where}")])
     sentence = [Word("START flies "), *_joined(names, " against ")]
     differs = f"{where}, {state.world}. {line_up.compared}"
-    return Head("rest", sentence, differs, state=WATCH)
+    return Head("rest", sentence, differs, warnings=[WATCH])
 
 
 def _joined(words: Sequence[Word], between: str) -> list[Word]:

@@ -1,4 +1,4 @@
-"""Joining: manual flight by a visitor, with sticks from sticks.js and instruments sent back."""
+"""Joining: manual flight by a visitor, with sticks from cockpit.js and instruments sent back."""
 
 from __future__ import annotations
 
