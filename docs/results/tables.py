@@ -127,9 +127,14 @@ def _line(cells: Sequence[str]) -> str:
 
 
 def _provenance(flown: Iterable[Flown]) -> list[str]:
-    """Return one line for each commit, day and machine."""
-    told = {f"Flown at commit `{one.commit}` on {one.date}; {one.machine}." for one in flown}
-    return sorted(told)
+    """Return one line for each day and machine, with the commits that flew then."""
+    commits: dict[tuple[str, str], dict[str, None]] = {}
+    for one in flown:
+        commits.setdefault((one.date, one.machine), {}).update(dict.fromkeys(one.commit.split()))
+    return [
+        f"Flown on {date} at commit {' and '.join(f'`{commit}`' for commit in known)}; {machine}."
+        for (date, machine), known in commits.items()
+    ]
 
 
 def written(page: str) -> str:

@@ -141,14 +141,14 @@ class Frames:
         with np.errstate(divide="ignore", invalid="ignore"):
             share = here[..., 0] / (here[..., 0] - there[..., 0])  # (G, n)
             crossing = here[..., 1:] + share[..., None] * (there[..., 1:] - here[..., 1:])
-        between = (share > 0.0) & (merged | (share < 1.0))
+        between = (share > 0.0) if merged else (share > 0.0) & (share < 1.0)
         beyond = abs(crossing)
         in_outer = (beyond < self.outer[:, None] + BESIDE).all(axis=-1)
         in_opening = (beyond < self.inner[:, None] - BESIDE).all(axis=-1)
         hidden = between & in_outer & ~in_opening
         column = np.arange(len(points))
         hidden[own, column] = self._hide_own(here[own, 0], there[own, column], own)
-        return np.asarray(hidden.any(axis=0))
+        return np.any(hidden, axis=0)
 
     def _hide_own(self, here: np.ndarray, there: np.ndarray, own: np.ndarray) -> np.ndarray:
         """Return which points are behind the nearer plane of their own frame.  (n,) bool
