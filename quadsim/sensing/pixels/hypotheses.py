@@ -9,9 +9,6 @@ Kroese 2004).
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import uniform_filter
-from scipy.special import ndtri
-from scipy.stats import qmc
 
 from quadsim.sensing.config import CornerCamera
 from quadsim.sensing.pixels.edges import SIDES, Frames
@@ -47,6 +44,9 @@ def best_pose(
         body: its attitude, world from body  (3, 3).
         P: covariance of position and turn  (6, 6).
     """
+    # imported here, as it takes a while
+    from scipy.ndimage import uniform_filter
+
     normal = _normals()
     centre = np.zeros(6)
     factor = np.linalg.cholesky(P + 1e-12 * np.eye(6))
@@ -66,6 +66,10 @@ def best_pose(
 
 def _normals() -> np.ndarray:
     """Return evenly spread points of the standard normal distribution.  (POSES, 6)"""
+    # imported here, as they take a while
+    from scipy.special import ndtri
+    from scipy.stats import qmc
+
     points = qmc.Sobol(6, scramble=False).random(POSES)
     return ndtri(np.clip(points, 1e-6, 1.0 - 1e-6))
 
