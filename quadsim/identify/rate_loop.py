@@ -203,10 +203,14 @@ def _residuals(axis: _Axis, x: np.ndarray, rotor_lag: float) -> np.ndarray:
 
 
 def _delayed(values: np.ndarray, rows: float) -> np.ndarray:
-    """Return the mean over each step of a held signal that is later by some steps."""
+    """Return the mean over each step of a held signal that is later by some steps.
+
+    A derivative may ask for a time below zero; the signal's ends are held.
+    """
     whole = floor(rows)
     share = rows - whole
     index = np.arange(len(values))
-    newer = values[np.clip(index - whole, 0, None)]
-    older = values[np.clip(index - whole - 1, 0, None)]
+    last = len(values) - 1
+    newer = values[np.clip(index - whole, 0, last)]
+    older = values[np.clip(index - whole - 1, 0, last)]
     return (1.0 - share) * newer + share * older
