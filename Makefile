@@ -62,7 +62,7 @@ regression: $(VENV)/.dev
 
 # Lines of the product that make test runs; what runs in compiled loops and child processes is not counted.
 coverage: $(VENV)/.dev
-	$(PYTEST) --ignore tests/web/browser --cov=quadsim --cov=controllers --cov=web --cov-report=term:skip-covered
+	$(PYTEST) --ignore tests/web/browser --cov=quadsim --cov-report=term:skip-covered
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .

@@ -2,14 +2,15 @@
 
 The public names of this package are
 
-    MPPI, MPPIConfig, PlanStats            the planner, see controllers.mppi
-    Cost, Term, crash                      costs as tuples of terms, see controllers.costs
+    MPPI, MPPIConfig, PlanStats            the planner, see quadsim.controllers.mppi
+    Cost, Term, crash                      costs as tuples of terms, see quadsim.controllers.costs
     Gaussian, Colored, LogNormal, Smooth, SmoothStar
-                                           samplers, see controllers.samplers
+                                           samplers, see quadsim.controllers.samplers
     PlainSampler                           the interface of a user's own sampler
-    Planner, PRESETS, preset               numbers of the planner by name, see controllers.presets
+    Planner, PRESETS, preset               numbers of the planner by name, see
+                                           quadsim.controllers.presets
 
-They are loaded on first use, so that `import controllers` takes milliseconds.
+They are loaded on first use, so that `from quadsim import controllers` takes milliseconds.
 Everything else is internal and may change.
 """
 
@@ -19,38 +20,38 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from controllers.config import MPPIConfig as MPPIConfig
-    from controllers.costs import Cost as Cost
-    from controllers.costs import Term as Term
-    from controllers.costs import crash as crash
-    from controllers.mppi import MPPI as MPPI
-    from controllers.plan import PlanStats as PlanStats
-    from controllers.presets import PRESETS as PRESETS
-    from controllers.presets import Planner as Planner
-    from controllers.presets import preset as preset
-    from controllers.samplers import Colored as Colored
-    from controllers.samplers import Gaussian as Gaussian
-    from controllers.samplers import LogNormal as LogNormal
-    from controllers.samplers import PlainSampler as PlainSampler
-    from controllers.samplers import Smooth as Smooth
-    from controllers.samplers import SmoothStar as SmoothStar
+    from quadsim.controllers.config import MPPIConfig as MPPIConfig
+    from quadsim.controllers.costs import Cost as Cost
+    from quadsim.controllers.costs import Term as Term
+    from quadsim.controllers.costs import crash as crash
+    from quadsim.controllers.mppi import MPPI as MPPI
+    from quadsim.controllers.plan import PlanStats as PlanStats
+    from quadsim.controllers.presets import PRESETS as PRESETS
+    from quadsim.controllers.presets import Planner as Planner
+    from quadsim.controllers.presets import preset as preset
+    from quadsim.controllers.samplers import Colored as Colored
+    from quadsim.controllers.samplers import Gaussian as Gaussian
+    from quadsim.controllers.samplers import LogNormal as LogNormal
+    from quadsim.controllers.samplers import PlainSampler as PlainSampler
+    from quadsim.controllers.samplers import Smooth as Smooth
+    from quadsim.controllers.samplers import SmoothStar as SmoothStar
 
 _HOMES = {
-    "MPPI": "controllers.mppi",
-    "MPPIConfig": "controllers.config",
-    "PlanStats": "controllers.plan",
-    "Cost": "controllers.costs",
-    "Term": "controllers.costs",
-    "crash": "controllers.costs",
-    "Gaussian": "controllers.samplers",
-    "Colored": "controllers.samplers",
-    "LogNormal": "controllers.samplers",
-    "Smooth": "controllers.samplers",
-    "SmoothStar": "controllers.samplers",
-    "PlainSampler": "controllers.samplers",
-    "Planner": "controllers.presets",
-    "PRESETS": "controllers.presets",
-    "preset": "controllers.presets",
+    "MPPI": "quadsim.controllers.mppi",
+    "MPPIConfig": "quadsim.controllers.config",
+    "PlanStats": "quadsim.controllers.plan",
+    "Cost": "quadsim.controllers.costs",
+    "Term": "quadsim.controllers.costs",
+    "crash": "quadsim.controllers.costs",
+    "Gaussian": "quadsim.controllers.samplers",
+    "Colored": "quadsim.controllers.samplers",
+    "LogNormal": "quadsim.controllers.samplers",
+    "Smooth": "quadsim.controllers.samplers",
+    "SmoothStar": "quadsim.controllers.samplers",
+    "PlainSampler": "quadsim.controllers.samplers",
+    "Planner": "quadsim.controllers.presets",
+    "PRESETS": "quadsim.controllers.presets",
+    "preset": "quadsim.controllers.presets",
 }
 __all__ = sorted(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from controllers.lanes.layout import LANES
+from quadsim.controllers.lanes.layout import LANES
 
 ROOM = 0.8  # share of the deadline below which the samples may grow again
 SHRINK = 0.8  # factor on the samples after a late plan

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.plan import PlanStats
+from quadsim.controllers.plan import PlanStats
 from quadsim.course import Course
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import Control, State

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 import numpy as np
 
-from controllers.deadline import next_samples
-from controllers.plan import PlannerSnapshot, PlanStats
-from controllers.presets import Planner
+from quadsim.controllers.deadline import next_samples
+from quadsim.controllers.plan import PlannerSnapshot, PlanStats
+from quadsim.controllers.presets import Planner
 from quadsim.dynamics.estimate import Estimate
 
 if TYPE_CHECKING:
-    from controllers.mppi import MPPI
+    from quadsim.controllers.mppi import MPPI
 
 
 class Change(Protocol):
@@ -106,7 +106,9 @@ class PlannerInFlight(Generic[AnyChange]):
 
     def snapshot(self) -> PlannerSnapshot | None:
         """Return the snapshot of the last plan that is stored with the run; None before it."""
-        from controllers.sampled_trajectories import take_snapshot  # here: it loads the compiler
+        from quadsim.controllers.sampled_trajectories import (
+            take_snapshot,  # here: it loads the compiler
+        )
 
         return take_snapshot(self.planner)
 

@@ -18,16 +18,17 @@ There are extensions, most of them optional in MPPIConfig:
 * A fraction of the samples perturbs a sequence other than the plan (rest_fraction).
 * The control limits are tightened (tighten), and the plan may exceed them while the command does
   not (overshoot).
-* Perturbations and cost are weighted along the horizon (controllers.schedule).
+* Perturbations and cost are weighted along the horizon (quadsim.controllers.schedule).
 * The first control of the plan may be left unperturbed (freeze_first).
 * Only a fraction of the update in equation (5) may be applied (step_size).
 * The first plan has more iterations (first_iterations).
 * The temperature of each iteration is solved for an effective sample size (target_ess).
-* The plan is filtered (smooth), and a sampler may have momentum (controllers.samplers.smooth).
+* The plan is filtered (smooth), and a sampler may have momentum
+(quadsim.controllers.samplers.smooth).
 
 A model, a course and other vehicles that are estimated in flight come with the state, in an
 Estimate (quadsim.dynamics.estimate). The memory layout of the samples, and the reason why they are
-drawn in chunks, are described in controllers.lanes.layout.
+drawn in chunks, are described in quadsim.controllers.lanes.layout.
 
 Source: B. Vlahov, J. Gibson, D. D. Fan, P. Spieler, A. Agha-mohammadi and E. A. Theodorou, "Low
 Frequency Sampling in Model Predictive Path Integral Control", IEEE Robotics and Automation Letters
@@ -42,17 +43,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.config import MPPIConfig
-from controllers.costs import Cost, EstimatedTerm, Weight, is_weight, number_name
-from controllers.lanes import layout
-from controllers.lanes.compiled import is_cached
-from controllers.lanes.lanes import Rollout, trace_anew
-from controllers.lanes.reduce import weighted_mean
-from controllers.plan import PlanStats
-from controllers.samplers import PlainSampler, Sampling, build_lanes
-from controllers.samplers.lane_sampler import stream_key
-from controllers.schedule import Schedule
-from controllers.update import (
+from quadsim.controllers.config import MPPIConfig
+from quadsim.controllers.costs import Cost, EstimatedTerm, Weight, is_weight, number_name
+from quadsim.controllers.lanes import layout
+from quadsim.controllers.lanes.compiled import is_cached
+from quadsim.controllers.lanes.lanes import Rollout, trace_anew
+from quadsim.controllers.lanes.reduce import weighted_mean
+from quadsim.controllers.plan import PlanStats
+from quadsim.controllers.samplers import PlainSampler, Sampling, build_lanes
+from quadsim.controllers.samplers.lane_sampler import stream_key
+from quadsim.controllers.schedule import Schedule
+from quadsim.controllers.update import (
     savitzky_golay,
     softmax_weights,
     solve_temperature,
@@ -69,7 +70,7 @@ from quadsim.files.yaml_errors import shown_value
 class Iteration:
     """The inputs and costs of one iteration, enough to draw its samples again.
 
-    See controllers.sampled_trajectories.
+    See quadsim.controllers.sampled_trajectories.
     """
 
     x: np.ndarray  # state from which the rollouts start  (n_x,)
@@ -103,7 +104,7 @@ class MPPI:
     Args:
         system: the model to plan with.
         cost: the stage cost; the rollout loop is compiled at the first call.
-        sampler: one of controllers.samplers, or any object with `sample`, see PlainSampler.
+        sampler: one of quadsim.controllers.samplers, or any object with `sample`, see PlainSampler.
         config: the sampling budget and the update; its dt must be the system's.
         seed: seed of the random perturbations. They depend on it and on the index of the call
             alone, never on threads.
@@ -297,7 +298,7 @@ class MPPI:
             chunk: indices of the samples.
 
         Returns:
-            Perturbations  (series, n_u, halves * T, LANES), see controllers.lanes.layout.
+            Perturbations  (series, n_u, halves * T, LANES), see quadsim.controllers.lanes.layout.
         """
         # A display requests the samples of the last iteration, which are still in memory.
         drawn = self._drawn

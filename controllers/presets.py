@@ -10,10 +10,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-from controllers.config import MPPIConfig
-from controllers.costs.race import RaceWeights
-from controllers.costs.reference import ReferenceWeights
-from controllers.samplers import Colored, Gaussian, LogNormal, Sampling, Smooth, SmoothStar
+from quadsim.controllers.config import MPPIConfig
+from quadsim.controllers.costs.race import RaceWeights
+from quadsim.controllers.costs.reference import ReferenceWeights
+from quadsim.controllers.samplers import Colored, Gaussian, LogNormal, Sampling, Smooth, SmoothStar
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.yaml_errors import did_you_mean
 
@@ -25,7 +25,7 @@ class Planner:
     """All inputs of MPPI besides the course and the model.
 
     Examples:
-        >>> from controllers import preset
+        >>> from quadsim.controllers import preset
         >>> planner = preset("race", "gaussian")
         >>> planner.vehicle, planner.mppi.samples
         ('swift', 1024)
@@ -228,7 +228,7 @@ def preset(name: str, sampler: str) -> Planner:
         FileError: there is no such preset, or it has no numbers for this sampler.
 
     Examples:
-        >>> from controllers import preset
+        >>> from quadsim.controllers import preset
         >>> preset("race", "colored").mppi.horizon
         150
     """

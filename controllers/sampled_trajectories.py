@@ -7,11 +7,11 @@ from math import isfinite
 
 import numpy as np
 
-from controllers.costs import Cost, evaluate
-from controllers.lanes.lanes import Rollout, Trajectories
-from controllers.lanes.layout import LANES, chunks, sample
-from controllers.mppi import MPPI, Iteration
-from controllers.plan import PlannerSnapshot
+from quadsim.controllers.costs import Cost, evaluate
+from quadsim.controllers.lanes.lanes import Rollout, Trajectories
+from quadsim.controllers.lanes.layout import LANES, chunks, sample
+from quadsim.controllers.mppi import MPPI, Iteration
+from quadsim.controllers.plan import PlannerSnapshot
 
 MOST = LANES - 1  # samples; the updated plan takes the last lane of the block
 

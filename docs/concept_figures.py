@@ -15,13 +15,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import quadsim
-from controllers.costs.race_targets import GateTarget
-from controllers.mppi import MPPI
-from controllers.sampled_trajectories import controls, sampled_trajectories
-from controllers.update import weights
 from quadsim import Colored, Gaussian, MPPIConfig, Spec
 from quadsim.config.build import build, launch
 from quadsim.config.build_navigation import navigation_of
+from quadsim.controllers.costs.race_targets import GateTarget
+from quadsim.controllers.mppi import MPPI
+from quadsim.controllers.sampled_trajectories import controls, sampled_trajectories
+from quadsim.controllers.update import weights
 from quadsim.dynamics.estimate import Estimate
 from quadsim.figures.course import gate_bar
 from quadsim.figures.style import STYLE

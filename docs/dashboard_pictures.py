@@ -20,12 +20,12 @@ from playwright.sync_api import Browser, Frame, Page, ViewportSize, sync_playwri
 
 from quadsim.racing.hand import HAND
 from quadsim.record.archive import list_runs
-from web.choices import PILOT, Choices
-from web.menu import Menu
-from web.page.dashboard import Dashboard
-from web.page.server import address, serve
-from web.race import PageRace
-from web.session import Session
+from quadsim.web.choices import PILOT, Choices
+from quadsim.web.menu import Menu
+from quadsim.web.page.dashboard import Dashboard
+from quadsim.web.page.server import address, serve
+from quadsim.web.race import PageRace
+from quadsim.web.session import Session
 
 OUT = Path(__file__).parent
 HOST = "127.0.0.1"

@@ -14,14 +14,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from controllers.config import MPPIConfig
-    from controllers.costs import Cost, Term
-    from controllers.learned.observation import gate_rows, observe
-    from controllers.learned.pilot import load_pilot
-    from controllers.learned.policy import PolicyController, save_pilot
-    from controllers.mppi import MPPI
-    from controllers.plan import PlanStats
-    from controllers.samplers import Colored, Gaussian, LogNormal, Smooth, SmoothStar
     from quadsim.api import (
         compare,
         compare_heats,
@@ -40,6 +32,14 @@ if TYPE_CHECKING:
     from quadsim.config.competition import load_competition
     from quadsim.config.settings import SettingError
     from quadsim.config.spec import Spec
+    from quadsim.controllers.config import MPPIConfig
+    from quadsim.controllers.costs import Cost, Term
+    from quadsim.controllers.learned.observation import gate_rows, observe
+    from quadsim.controllers.learned.pilot import load_pilot
+    from quadsim.controllers.learned.policy import PolicyController, save_pilot
+    from quadsim.controllers.mppi import MPPI
+    from quadsim.controllers.plan import PlanStats
+    from quadsim.controllers.samplers import Colored, Gaussian, LogNormal, Smooth, SmoothStar
     from quadsim.course import Course, Gate, Start, load_course
     from quadsim.course.foreign import convert_course
     from quadsim.dynamics import System
@@ -62,14 +62,14 @@ if TYPE_CHECKING:
     from quadsim.vehicle import Vehicle, load_vehicle
 
 _HOMES = {
-    "controllers.config": ("MPPIConfig",),
-    "controllers.costs": ("Cost", "Term"),
-    "controllers.learned.observation": ("gate_rows", "observe"),
-    "controllers.learned.pilot": ("load_pilot",),
-    "controllers.learned.policy": ("PolicyController", "save_pilot"),
-    "controllers.mppi": ("MPPI",),
-    "controllers.plan": ("PlanStats",),
-    "controllers.samplers": ("Colored", "Gaussian", "LogNormal", "Smooth", "SmoothStar"),
+    "quadsim.controllers.config": ("MPPIConfig",),
+    "quadsim.controllers.costs": ("Cost", "Term"),
+    "quadsim.controllers.learned.observation": ("gate_rows", "observe"),
+    "quadsim.controllers.learned.pilot": ("load_pilot",),
+    "quadsim.controllers.learned.policy": ("PolicyController", "save_pilot"),
+    "quadsim.controllers.mppi": ("MPPI",),
+    "quadsim.controllers.plan": ("PlanStats",),
+    "quadsim.controllers.samplers": ("Colored", "Gaussian", "LogNormal", "Smooth", "SmoothStar"),
     "quadsim.api": (
         *("compare", "compare_heats", "fit", "fly", "frames", "load_heat"),
         *("load_run", "plot", "race", "read_logs", "runs", "save_run", "sweep"),

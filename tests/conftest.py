@@ -28,7 +28,7 @@ def pytest_runtest_setup() -> None:
     A command that ran in the test before may have set another number.
     """
     if "PYTEST_XDIST_WORKER" in os.environ:
-        from controllers.lanes.threads import use_threads
+        from quadsim.controllers.lanes.threads import use_threads
 
         use_threads(1)
 
@@ -51,7 +51,7 @@ def key():
 def on_threads():
     """Return on_threads(n, f), which calls f on n threads. The number before is restored."""
     # This import loads the planner: only tests that ask for threads pay for it.
-    from controllers.lanes.threads import threads, use_threads
+    from quadsim.controllers.lanes.threads import threads, use_threads
 
     before = threads()
 

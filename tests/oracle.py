@@ -7,10 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from controllers.costs import Cost, evaluate
-from controllers.lanes.layout import LANES
-from controllers.lanes.planner_loops import MARKS, steps_between
-from controllers.schedule import Schedule
+from quadsim.controllers.costs import Cost, evaluate
+from quadsim.controllers.lanes.layout import LANES
+from quadsim.controllers.lanes.planner_loops import MARKS, steps_between
+from quadsim.controllers.schedule import Schedule
 from quadsim.dynamics import System
 
 SAME = Schedule()  # every step alike

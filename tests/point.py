@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.config import MPPIConfig
-from controllers.costs import Cost, Term, evaluate
-from controllers.lanes.layout import from_lanes
-from controllers.mppi import MPPI
-from controllers.samplers import SAMPLERS
+from quadsim.controllers.config import MPPIConfig
+from quadsim.controllers.costs import Cost, Term, evaluate
+from quadsim.controllers.lanes.layout import from_lanes
+from quadsim.controllers.mppi import MPPI
+from quadsim.controllers.samplers import SAMPLERS
 from quadsim.dynamics import System
 
 T = 40  # as in tests.small, so that one transform of colored sampling is compiled

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.costs import evaluate
-from controllers.costs.frames import SAFETY_MARGIN
-from controllers.costs.race import TERMS, RaceWeights
+from quadsim.controllers.costs import evaluate
+from quadsim.controllers.costs.frames import SAFETY_MARGIN
+from quadsim.controllers.costs.race import TERMS, RaceWeights
 from quadsim.course import FRAME_DEPTH, Course, Gate, Start
 from quadsim.dynamics.quadrotor import State
 

@@ -4,7 +4,7 @@ from math import pi, sin
 
 import numpy as np
 
-from controllers.plan import PlannerSnapshot
+from quadsim.controllers.plan import PlannerSnapshot
 from quadsim.racing.events import Event, Frame
 from quadsim.record.archive import RunFolder
 from quadsim.record.run import RecordedRun

@@ -128,7 +128,7 @@ PILOT = {"pilot": "split_s_swift", "laps": 1, "timeout": 0.05}
 
 
 def test_the_number_of_threads_is_used(on_threads):
-    from controllers.lanes.threads import threads
+    from quadsim.controllers.lanes.threads import threads
 
     def fly():
         quadsim.fly("split_s_swift", **PILOT, threads=1)
@@ -138,7 +138,7 @@ def test_the_number_of_threads_is_used(on_threads):
 
 
 def test_the_number_of_threads_is_used_in_races_of_several(on_threads):
-    from controllers.lanes.threads import threads
+    from quadsim.controllers.lanes.threads import threads
 
     def race():
         quadsim.race({"one": PILOT, "other": PILOT}, threads=1)

@@ -13,10 +13,6 @@ import numpy as np
 import pytest
 
 import quadsim
-from controllers.costs import Term
-from controllers.lanes.planner_loops import module_source
-from controllers.plan import PlanStats
-from controllers.samplers import build_lanes
 from quadsim.campaign.variants import make_variants, parse_variants
 from quadsim.cli.cli import race
 from quadsim.cli.flags import settings_as_flags
@@ -25,6 +21,10 @@ from quadsim.config.build_cost import cost_on
 from quadsim.config.build_plant import start_of, system_of
 from quadsim.config.parts import made
 from quadsim.console import UsageError
+from quadsim.controllers.costs import Term
+from quadsim.controllers.lanes.planner_loops import module_source
+from quadsim.controllers.plan import PlanStats
+from quadsim.controllers.samplers import build_lanes
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import State, quadrotor
 from quadsim.physics.plant import NamedPlant, PlantState
@@ -460,14 +460,14 @@ BROKEN_COSTS = {
     "terms alone": (lambda cost: cost.terms, "to return a Cost, got (Term("),
     "reached and crash after the terms": (
         lambda cost: replace(cost, terms=(*cost.terms, cost.reached, cost.crash)),
-        "terms: expected a tuple of Term objects, got controllers.costs.race.reached",
+        "terms: expected a tuple of Term objects, got quadsim.controllers.costs.race.reached",
     ),
     "a function": (
         lambda cost: replace(cost, terms=(*cost.terms, calm)),
         "got test_own_parts.calm",
     ),
     "a list": (lambda cost: replace(cost, terms=list(cost.terms)), "terms: expected a tuple"),
-    "no terms": (lambda cost: replace(cost, terms=()), "a term of controllers.costs.crash"),
+    "no terms": (lambda cost: replace(cost, terms=()), "a term of quadsim.controllers.costs.crash"),
     "terms twice": (lambda cost: replace(cost, terms=cost.terms * 2), "got two named 'progress'"),
     "reached": (lambda cost: replace(cost, reached=3), "reached: expected a function or None"),
     "targets": (lambda cost: replace(cost, targets=cost.targets[:, :3]), "targets: expected an"),

@@ -2,7 +2,7 @@
 
 import grimp
 
-PACKAGES = ("quadsim", "controllers", "web")
+PACKAGES = ("quadsim",)
 
 
 def test_no_modules_import_each_other():

@@ -25,7 +25,7 @@ from quadsim.rotation import Quaternion, Vec3
 from quadsim.sensing.camera import Camera, load_camera
 from quadsim.sensing.config import GateCameraConfig, PixelCameraConfig
 from quadsim.sensing.measurements import Corners
-from web.competitor import POSITION, QUATERNION, Competitor
+from quadsim.web.competitor import POSITION, QUATERNION, Competitor
 
 if TYPE_CHECKING:
     from quadsim.render.scene import Scene

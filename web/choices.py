@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Self
 
-from controllers.presets import Planner, preset
 from quadsim.config.presets import PresetSource
 from quadsim.config.resolve import with_numbers
 from quadsim.config.settings import SETTINGS, Clock, FlightSettings, SettingValue, values_of
 from quadsim.config.spec import Spec
+from quadsim.controllers.presets import Planner, preset
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.firmware import FlightControllerName
 from quadsim.heat.rules import RulesName
@@ -19,9 +19,9 @@ from quadsim.heat.spec import Entrant, HeatSpec
 from quadsim.racing.hand import HAND
 from quadsim.sensing import PERFECT
 from quadsim.vehicle import load_vehicle
-from web.by_hand import flown_by_hand
-from web.differences import numbered
-from web.numbers import SLIDERS, Change, with_change
+from quadsim.web.by_hand import flown_by_hand
+from quadsim.web.differences import numbered
+from quadsim.web.numbers import SLIDERS, Change, with_change
 
 # HAND may take the place of a sampler for a manual flight
 PILOT = "pilot "  # prefix of a learned pilot's name, which takes the place of a sampler
@@ -51,7 +51,7 @@ class CompetitorChoices:
     sampler: str = "colored"  # or PILOT with the name of a learned pilot, or HAND
     flight_controller: FlightControllerName = "ideal"
     sensing: str = PERFECT
-    # numbers of web.numbers.SLIDERS that differ from preset and settings
+    # numbers of quadsim.web.numbers.SLIDERS that differ from preset and settings
     numbers: Mapping[str, float] = field(default_factory=dict)
     # any other settings of quadsim.fly
     settings: Mapping[str, Any] = field(default_factory=dict)

@@ -14,17 +14,17 @@ from typing import Annotated, Any, Literal, get_args
 import msgspec
 from msgspec import Meta
 
-from controllers.presets import PRESETS
 from quadsim.config.settings import Clock
+from quadsim.controllers.presets import PRESETS
 from quadsim.files.yaml_errors import cut
 from quadsim.firmware import FlightControllerName
 from quadsim.heat.rules import RULES, RulesName
 from quadsim.heat.settings import Expect, HeatSettings
 from quadsim.heat.spec import MOST
-from web.choices import CompetitorChoices, RaceChoices
-from web.menu import Menu
-from web.setting_texts import checked_number, checked_setting
-from web.state import GHOSTS, PageState, RemovedRow, Row, Visitor, World
+from quadsim.web.choices import CompetitorChoices, RaceChoices
+from quadsim.web.menu import Menu
+from quadsim.web.setting_texts import checked_number, checked_setting
+from quadsim.web.state import GHOSTS, PageState, RemovedRow, Row, Visitor, World
 
 MOST_REMOVED = 8  # number of removed rows that can be put back
 MOST_AGAINST = 8  # number of stored runs beside a flight
@@ -75,7 +75,7 @@ class SetNumber(Command, frozen=True):
     """Set the number of a slider of a competitor."""
 
     row: int
-    name: str  # of web.numbers.SLIDERS
+    name: str  # of quadsim.web.numbers.SLIDERS
     value: float
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from controllers.plan import PlannerSnapshot
+from quadsim.controllers.plan import PlannerSnapshot
 from quadsim.course import Course
 from quadsim.palette import Style, style, styles_on_dark
 from quadsim.racing.along import Legs
@@ -19,10 +19,10 @@ from quadsim.racing.events import Event
 from quadsim.record.limits import StoredSolution
 from quadsim.record.planner_snapshot import PlannerSnapshots
 from quadsim.record.run import INTERACTIVE, flown_by, has_planner
-from web.differences import distinct_names
+from quadsim.web.differences import distinct_names
 
 if TYPE_CHECKING:
-    from controllers.sampled_trajectories import SampledTrajectories
+    from quadsim.controllers.sampled_trajectories import SampledTrajectories
     from quadsim.sensing.measurements import Corners
 
 # columns of the telemetry
@@ -76,7 +76,8 @@ class Competitor:
     snapshots: PlannerSnapshots | None = None  # of the planner, once the flight has ended
     sampled_trajectories: SampledTrajectories | None = None  # while it flies
     folder: Path | None = None
-    start_numbers: Mapping[str, float] = field(default_factory=dict)  # of web.numbers.SLIDERS
+    # of quadsim.web.numbers.SLIDERS
+    start_numbers: Mapping[str, float] = field(default_factory=dict)
     # numbers that the next plan will use
     pending_numbers: Mapping[str, float] = field(default_factory=dict)
     own_style: Style | None = None  # distinct colour and line; None: the sampler's style

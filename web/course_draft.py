@@ -29,7 +29,7 @@ from quadsim.course.course_file import (
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.yaml_text import dump
 from quadsim.rotation import Quaternion, euler_angles, from_euler, product
-from web.course_numbers import (
+from quadsim.web.course_numbers import (
     ATTITUDE,
     POSITION,
     Number,

@@ -17,10 +17,10 @@ from quadsim.files.strict_yaml import FileError
 from quadsim.racing.fits import misfit
 from quadsim.record.limits import LimitError, LimitProblem, StoredSolution, limits_folder
 from quadsim.vehicle import load_vehicle
-from web.course_draft import Draft, Item
-from web.course_folder import CourseFolder
-from web.edit_history import History
-from web.limit_search import LimitSearch
+from quadsim.web.course_draft import Draft, Item
+from quadsim.web.course_folder import CourseFolder
+from quadsim.web.edit_history import History
+from quadsim.web.limit_search import LimitSearch
 
 # Keys of a course file that name an item
 KEYS = re.compile(r"\b(gate|obstacle)s\[(\d+)\]|\b(start)\b")

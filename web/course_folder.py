@@ -9,7 +9,7 @@ import msgspec
 from quadsim.course import course_names
 from quadsim.course.course_file import Name
 from quadsim.record.whole_files import write_whole
-from web.course_draft import Draft
+from quadsim.web.course_draft import Draft
 
 # Name of the folder among the runs
 COURSES = "courses"

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import threading
 
-from web.choices import Choices
-from web.commands import AnyCommand, OfferCourse, apply
-from web.menu import Menu
-from web.state import PageState
+from quadsim.web.choices import Choices
+from quadsim.web.commands import AnyCommand, OfferCourse, apply
+from quadsim.web.menu import Menu
+from quadsim.web.state import PageState
 
 
 class Desk:

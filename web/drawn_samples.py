@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from web.competitor import Competitor
+from quadsim.web.competitor import Competitor
 
 
 class DrawnSamples(NamedTuple):

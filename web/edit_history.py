@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from web.course_draft import Draft
+from quadsim.web.course_draft import Draft
 
 # Largest number of steps of undo
 LONGEST = 200

@@ -9,9 +9,9 @@ import numpy as np
 
 from quadsim.racing.events import Event, sector_times
 from quadsim.record.metrics import total_variation
-from web.competitor import CRASHES, MISSES, Competitor
-from web.race import Snapshot
-from web.standings import Standing, Way, standings_at
+from quadsim.web.competitor import CRASHES, MISSES, Competitor
+from quadsim.web.race import Snapshot
+from quadsim.web.standings import Standing, Way, standings_at
 
 LAP_MARGIN = 0.02  # time around a lap, so that its frames cover both ends [s]
 

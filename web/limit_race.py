@@ -12,7 +12,7 @@ from quadsim.dynamics.quadrotor import STATE, VELOCITY
 from quadsim.racing.events import Event
 from quadsim.record.limits import StoredSolution
 from quadsim.vehicle import Vehicle
-from web.competitor import Competitor
+from quadsim.web.competitor import Competitor
 
 NAME = "limit"
 RATE = 100.0  # frames a second

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from quadsim.sensing import PERFECT
-from web.choices import CompetitorChoices, HeatChoices, names_of, specs_of
-from web.differences import compared, distinct_names
-from web.numbers import SLIDERS, numbers_of
-from web.setting_texts import HAVE_SLIDERS, shown_value
-from web.state import PageState
+from quadsim.web.choices import CompetitorChoices, HeatChoices, names_of, specs_of
+from quadsim.web.differences import compared, distinct_names
+from quadsim.web.numbers import SLIDERS, numbers_of
+from quadsim.web.setting_texts import HAVE_SLIDERS, shown_value
+from quadsim.web.state import PageState
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from binascii import Error
 
 import msgspec
 
-from web.commands import SetUp
-from web.state import PageState
+from quadsim.web.commands import SetUp
+from quadsim.web.state import PageState
 
 MOST_BYTES = 2000  # length of a line-up in an address, at most
 

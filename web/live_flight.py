@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 
-from controllers.in_flight import PlannerInFlight
-from controllers.presets import Planner
 from quadsim.config.build import build, launched
 from quadsim.config.changes import changeable_numbers
+from quadsim.controllers.in_flight import PlannerInFlight
+from quadsim.controllers.presets import Planner
 from quadsim.racing.along import Legs
 from quadsim.racing.clock import PlanningClock
 from quadsim.racing.events import Event, Frame, flown_laps, lap_penalties
@@ -21,13 +21,13 @@ from quadsim.record.archive import RunFolder, remove_unfinished
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import INTERACTIVE, Recorder, columns_of
 from quadsim.record.schema import NumberChange
-from web.again import AgainChoices
-from web.choices import Choices
-from web.competitor import Competitor
-from web.numbers import Change, numbers_of, with_change
+from quadsim.web.again import AgainChoices
+from quadsim.web.choices import Choices
+from quadsim.web.competitor import Competitor
+from quadsim.web.numbers import Change, numbers_of, with_change
 
 if TYPE_CHECKING:
-    from controllers.sampled_trajectories import SampledTrajectories
+    from quadsim.controllers.sampled_trajectories import SampledTrajectories
     from quadsim.sensing.measurements import Corners
 
 
@@ -240,7 +240,7 @@ class LiveFlight:
     def sampled_trajectories(self) -> SampledTrajectories | None:
         """Return the sampled trajectories of the last plan, None for a learned pilot."""
         # imported here, as it loads the compiler
-        from controllers.sampled_trajectories import sampled_trajectories
+        from quadsim.controllers.sampled_trajectories import sampled_trajectories
 
         return sampled_trajectories(self._planner.planner) if self._planner else None
 

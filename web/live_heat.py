@@ -16,11 +16,11 @@ from quadsim.record.archive import remove_unfinished
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import columns_of
 from quadsim.results.heat import Heat
-from web.again import HeatAgainChoices
-from web.choices import HeatChoices
-from web.competitor import Competitor
-from web.live_flight import Flown, laps_so_far
-from web.numbers import SLIDERS, Change, numbers_of
+from quadsim.web.again import HeatAgainChoices
+from quadsim.web.choices import HeatChoices
+from quadsim.web.competitor import Competitor
+from quadsim.web.live_flight import Flown, laps_so_far
+from quadsim.web.numbers import SLIDERS, Change, numbers_of
 
 # Times ahead at which predicted paths are drawn [s]
 AHEAD = np.linspace(0.0, 1.0, 11)

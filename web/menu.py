@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from controllers.learned.pilot import pilot_names
-from controllers.presets import PRESETS
-from controllers.samplers import SAMPLERS
+from quadsim.controllers.learned.pilot import pilot_names
+from quadsim.controllers.presets import PRESETS
+from quadsim.controllers.samplers import SAMPLERS
 from quadsim.course import course_names
 from quadsim.racing.hand import HAND
 from quadsim.sensing import PERFECT, sensing_names
 from quadsim.vehicle import vehicle_names
-from web.choices import PILOT
+from quadsim.web.choices import PILOT
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Menu:
     courses: tuple[str, ...]
     vehicles: tuple[str, ...]
     presets: Mapping[str, str]  # name -> vehicle of the preset
-    samplers: tuple[str, ...]  # samplers, HAND and learned pilots, see web.choices.PILOT
+    samplers: tuple[str, ...]  # samplers, HAND and learned pilots, see quadsim.web.choices.PILOT
     sensings: tuple[str, ...] = (PERFECT,)
 
     @classmethod

@@ -8,7 +8,7 @@ from itertools import count
 from typing import Literal
 
 from quadsim.racing.events import Event, Frame
-from web.competitor import Competitor
+from quadsim.web.competitor import Competitor
 
 Kind = Literal["error", "crash", "lap", "wait"]
 KEPT = 20  # number of the last notices

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from controllers.presets import Planner, per_channel
-from controllers.samplers import Colored
+from quadsim.controllers.presets import Planner, per_channel
+from quadsim.controllers.samplers import Colored
 from quadsim.dynamics.quadrotor import Control
 
 

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from quadsim.config.settings import SETTINGS
-from web.competitor import Competitor
-from web.numbers import SLIDERS
+from quadsim.web.competitor import Competitor
+from quadsim.web.numbers import SLIDERS
 
 
 class NumberOfSeveral(NamedTuple):

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from functools import lru_cache
 
-from controllers.costs.reference import ReferenceWeights
-from controllers.presets import PRESETS
 from quadsim.config.reference import followed_problem
 from quadsim.config.settings import FlightSettings
+from quadsim.controllers.costs.reference import ReferenceWeights
+from quadsim.controllers.presets import PRESETS
 from quadsim.course import Course
 from quadsim.record.limits import LimitProblem, limits_folder
 from quadsim.vehicle import load_vehicle

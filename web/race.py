@@ -12,17 +12,17 @@ from time import perf_counter
 from typing import Protocol
 
 from quadsim.racing.hand import Hand
-from web.again import AgainChoices, HeatAgainChoices
-from web.choices import Choices, HeatChoices, expect_one_hand, names_of
-from web.cockpit import Cockpit
-from web.competitor import Competitor, named
-from web.live_flight import Flown, LiveFlight
-from web.live_heat import LiveHeat
-from web.memory import give_back
-from web.notices import Notice, Notices
-from web.numbers import Change
-from web.pace import Pace
-from web.stored_runs import stored_competitor
+from quadsim.web.again import AgainChoices, HeatAgainChoices
+from quadsim.web.choices import Choices, HeatChoices, expect_one_hand, names_of
+from quadsim.web.cockpit import Cockpit
+from quadsim.web.competitor import Competitor, named
+from quadsim.web.live_flight import Flown, LiveFlight
+from quadsim.web.live_heat import LiveHeat
+from quadsim.web.memory import give_back
+from quadsim.web.notices import Notice, Notices
+from quadsim.web.numbers import Change
+from quadsim.web.pace import Pace
+from quadsim.web.stored_runs import stored_competitor
 
 AnyChoices = Choices | HeatChoices | AgainChoices | HeatAgainChoices
 TakeOff = Callable[[AnyChoices], "Flyer"]

@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 from quadsim.record.metrics import total_variation
 from quadsim.record.statistics import Mean, mean_interval
-from web.choices import Choices, HeatChoices
-from web.competitor import Competitor
-from web.race import AnyChoices, Snapshot
-from web.session import Session
+from quadsim.web.choices import Choices, HeatChoices
+from quadsim.web.competitor import Competitor
+from quadsim.web.race import AnyChoices, Snapshot
+from quadsim.web.session import Session
 
 MOST_SEEDS = 50
 

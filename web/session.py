@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Concatenate, ParamSpec
 
 from quadsim.record.run import RunError
-from web.cockpit import Cockpit
-from web.race import REST, AnyChoices, PageRace, Snapshot, TakeOff, take_off
+from quadsim.web.cockpit import Cockpit
+from quadsim.web.race import REST, AnyChoices, PageRace, Snapshot, TakeOff, take_off
 
 Arguments = ParamSpec("Arguments")
 

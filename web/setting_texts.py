@@ -9,8 +9,8 @@ from msgspec import inspect
 from quadsim.config.settings import SETTINGS, Kind, bare
 from quadsim.files.values import checked, is_optional
 from quadsim.files.yaml_errors import cut
-from web.choices import CompetitorChoices, planner_settings
-from web.numbers import SLIDERS
+from quadsim.web.choices import CompetitorChoices, planner_settings
+from quadsim.web.numbers import SLIDERS
 
 # Settings with a slider for the whole number; sliders of sigma and gamma control a part of one
 HAVE_SLIDERS = {

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from web.competitor import Competitor
+from quadsim.web.competitor import Competitor
 
 # Outcomes that leave the order of a race as it was: the flight was good until it ended.
 NOT_OUT = (None, "finished", "interrupted")

@@ -1,6 +1,7 @@
 """PageState: what the page has besides the race that is flown: the next START, and its visitors.
 
-It is a frozen value. Commands of web.commands make another one of it, and nothing else does.
+It is a frozen value. Commands of quadsim.web.commands make another one of it, and nothing else
+does.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ from typing import Literal
 
 from quadsim.heat.rules import RulesName
 from quadsim.heat.settings import Expect, HeatSettings
-from web.choices import Choices, CompetitorChoices, HeatChoices, RaceChoices
-from web.menu import Menu
+from quadsim.web.choices import Choices, CompetitorChoices, HeatChoices, RaceChoices
+from quadsim.web.menu import Menu
 
 World = Literal["as ghosts", "in one world"]
 GHOSTS: World = "as ghosts"

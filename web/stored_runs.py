@@ -7,7 +7,7 @@ from pathlib import Path
 
 import msgspec
 
-from controllers.presets import PRESETS
+from quadsim.controllers.presets import PRESETS
 from quadsim.course import Course, parse_course
 from quadsim.heat.archive import is_heat, runs_of_heat
 from quadsim.racing.along import Legs
@@ -15,8 +15,8 @@ from quadsim.record.archive import load_reportable
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import RecordedRun, RunError, flown_by
 from quadsim.record.schema import ReplayedPlanner, ReplayedSampling, ReplayedSpec
-from web.competitor import Competitor
-from web.numbers import slider_values
+from quadsim.web.competitor import Competitor
+from quadsim.web.numbers import slider_values
 
 
 def runs_at(path: Path) -> list[Path]:

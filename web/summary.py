@@ -10,9 +10,9 @@ import numpy as np
 from quadsim.record.metrics import total_variation
 from quadsim.record.preset_changes import preset_changes
 from quadsim.record.run import not_comparable
-from web.competitor import Competitor
-from web.differences import compared
-from web.standings import Standing, standings_at
+from quadsim.web.competitor import Competitor
+from quadsim.web.differences import compared
+from quadsim.web.standings import Standing, standings_at
 
 FEWEST = 20  # smallest number of frames for the chatter
 

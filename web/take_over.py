@@ -10,7 +10,7 @@ from quadsim.config.settings import FlightSettings
 from quadsim.record.run import flown_by
 from quadsim.sensing import PERFECT
 from quadsim.tables.wording import settings_of
-from web.choices import PILOT, CompetitorChoices, RaceChoices
+from quadsim.web.choices import PILOT, CompetitorChoices, RaceChoices
 
 
 @dataclass(frozen=True)

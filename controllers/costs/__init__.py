@@ -5,7 +5,7 @@ beside it for its parts; `reference` follows a path, and `keep_clear` keeps a di
 vehicles.
 """
 
-from controllers.costs.cost import (
+from quadsim.controllers.costs.cost import (
     NO_PARAMS,
     Cost,
     EstimatedTerm,

@@ -66,7 +66,7 @@ def crash(x, x_next, u, target, p):
 
     Examples:
         >>> from quadsim import Term
-        >>> from controllers import crash
+        >>> from quadsim.controllers import crash
         >>> Term(crash, weight=1000.0)
         Term(crash, weight=1000.0)
     """
@@ -346,7 +346,8 @@ class Cost:
             if term.function is crash:
                 return k
         raise ValueError(
-            f"cost {self.name}: expected a term of controllers.costs.crash, as it has obstacles"
+            f"cost {self.name}: expected a term of quadsim.controllers.costs.crash, "
+            "as it has obstacles"
         )
 
     @cached_property

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy import maximum, minimum, where
 
-from controllers.costs import Obstacles
+from quadsim.controllers.costs import Obstacles
 from quadsim.course import Course, Cylinder, Gate, Obstacle, in_frame
 from quadsim.course.frames import frames
 from quadsim.course.opening import (

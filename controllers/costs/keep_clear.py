@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy import maximum, where
 
-from controllers.costs import EstimatedTerm, Weight
+from quadsim.controllers.costs import EstimatedTerm, Weight
 
 if TYPE_CHECKING:
     from quadsim.dynamics.estimate import Estimate
@@ -52,7 +52,7 @@ class KeepClear(EstimatedTerm):
     """The term that keeps clear of one other vehicle, by the path that an estimate has of it.
 
     Examples:
-        >>> from controllers.costs.keep_clear import Clearance, KeepClear
+        >>> from quadsim.controllers.costs.keep_clear import Clearance, KeepClear
         >>> clearance = Clearance(weight=200.0, keep=0.6, above=0.8, below=0.4)
         >>> term = KeepClear(vehicle=3, name="clear_of_1", clearance=clearance, horizon=150)
         >>> term.scaled(weight_share=0.5)["weight"]

@@ -35,9 +35,9 @@ from typing import Annotated, Any, NamedTuple
 from msgspec import Meta
 from numpy import maximum, minimum, sqrt, where
 
-from controllers.costs import Cost, Term, crash
-from controllers.costs.frames import course_obstacles, obstacle_rows
-from controllers.costs.race_targets import (
+from quadsim.controllers.costs import Cost, Term, crash
+from quadsim.controllers.costs.frames import course_obstacles, obstacle_rows
+from quadsim.controllers.costs.race_targets import (
     RUN_OUT,
     GateTarget,
     Margin,
@@ -47,7 +47,7 @@ from controllers.costs.race_targets import (
     row_ahead,
     targets,
 )
-from controllers.costs.room import leaves_room, room_to_fly
+from quadsim.controllers.costs.room import leaves_room, room_to_fly
 from quadsim.course import Course, in_frame
 from quadsim.course.opening import InGate
 from quadsim.files.strict_yaml import setting
@@ -65,7 +65,7 @@ class RaceWeights:
     Examples:
         >>> from dataclasses import replace
         >>> import quadsim
-        >>> from controllers.costs.race import RaceWeights
+        >>> from quadsim.controllers.costs.race import RaceWeights
         >>> spec = quadsim.Spec.of("figure8")
         >>> isinstance(spec.planner.cost, RaceWeights)
         True
@@ -126,7 +126,7 @@ class RaceParams(NamedTuple):
     waypoint_radius: float  # [m]
     opening: float  # share of the opening to whose nearest point progress is measured
 
-    # The fields of controllers.costs.room.Room
+    # The fields of quadsim.controllers.costs.room.Room
     floor: float
     x_low: float
     x_high: float

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.costs.frames import SAFETY_MARGIN, inner_margin
-from controllers.costs.room import Room
-from controllers.costs.ways_round import Stop, sees, stops_between
+from quadsim.controllers.costs.frames import SAFETY_MARGIN, inner_margin
+from quadsim.controllers.costs.room import Room
+from quadsim.controllers.costs.ways_round import Stop, sees, stops_between
 from quadsim.course import Course, EstimatedGate, Gate, in_frame
 from quadsim.course.opening import (
     HalfSizes,
@@ -41,8 +41,8 @@ class GateTarget(NamedTuple):
     """A target row describes a place that a sample flies to.
 
     The place is the exit of a gate, a point beside an obstacle, or a point behind the finish. The
-    drawing in controllers.costs.race shows the sizes. Positions and directions are in the world
-    frame.
+    drawing in quadsim.controllers.costs.race shows the sizes. Positions and directions are in the
+    world frame.
     """
 
     # Position of the exit: the middle of the opening, where the vehicle is clear of the frame

@@ -17,7 +17,7 @@ from dataclasses import replace
 
 from numpy import sqrt
 
-from controllers.costs import Cost, Term
+from quadsim.controllers.costs import Cost, Term
 from quadsim.rotation import to_body
 
 

@@ -21,10 +21,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from controllers.costs import Cost, Term, crash
-from controllers.costs.frames import course_obstacles
-from controllers.costs.race import Weight
-from controllers.costs.room import leaves_room, room_to_fly
+from quadsim.controllers.costs import Cost, Term, crash
+from quadsim.controllers.costs.frames import course_obstacles
+from quadsim.controllers.costs.race import Weight
+from quadsim.controllers.costs.room import leaves_room, room_to_fly
 from quadsim.course import Course
 from quadsim.files.strict_yaml import setting
 from quadsim.files.values import check_fields
@@ -154,7 +154,7 @@ class ReferenceParams(NamedTuple):
 
     at_gates: float  # a_g
 
-    # The fields of controllers.costs.room.Room
+    # The fields of quadsim.controllers.costs.room.Room
     floor: float
     x_low: float
     x_high: float

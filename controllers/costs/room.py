@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from controllers.costs.frames import SAFETY_MARGIN
+from quadsim.controllers.costs.frames import SAFETY_MARGIN
 from quadsim.course import Course
 
 FLOOR_MARGIN = 0.1  # [m]

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.costs.frames import ObstacleRow, obstacle_rows, touches_round
-from controllers.costs.room import Room
+from quadsim.controllers.costs.frames import ObstacleRow, obstacle_rows, touches_round
+from quadsim.controllers.costs.room import Room
 from quadsim.course import Box, Course, Cylinder, Obstacle
 from quadsim.course.opening import HalfSizes
 from quadsim.course.swept import clip, lerp

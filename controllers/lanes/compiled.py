@@ -15,8 +15,8 @@ from typing import Any
 
 from numba.core.errors import NumbaError
 
-from controllers.lanes.code_cache import CodeCache
-from controllers.lanes.trace import TraceError
+from quadsim.controllers.lanes.code_cache import CodeCache
+from quadsim.controllers.lanes.trace import TraceError
 from quadsim.files.cache import cache_folder
 
 COLOUR = re.compile("\x1b\\[[0-9;]*m")  # of numba's errors in a terminal

@@ -38,12 +38,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controllers.costs import Cost, StepFunction
-from controllers.lanes.compiled import load_module
-from controllers.lanes.parts import fill, header, line_test, next_targets, read, store
-from controllers.lanes.planner_loops import trace_model
-from controllers.lanes.text import Writer
-from controllers.lanes.trace import Graph, Symbol, Value, trace, trace_number
+from quadsim.controllers.costs import Cost, StepFunction
+from quadsim.controllers.lanes.compiled import load_module
+from quadsim.controllers.lanes.parts import fill, header, line_test, next_targets, read, store
+from quadsim.controllers.lanes.planner_loops import trace_model
+from quadsim.controllers.lanes.text import Writer
+from quadsim.controllers.lanes.trace import Graph, Symbol, Value, trace, trace_number
 from quadsim.dynamics import System
 from quadsim.dynamics.named_tuples import flat, flat_names
 
@@ -74,7 +74,7 @@ class Learning(NamedTuple):
 
 
 RESTART = """
-from controllers.lanes.episode_loops import add_noise, drawn, hold, judge, move
+from quadsim.controllers.lanes.episode_loops import add_noise, drawn, hold, judge, move
 
 @njit(fastmath=FAST, error_model="numpy")
 def restart(l, b, environment, episodes, beginnings):

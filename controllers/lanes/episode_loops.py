@@ -1,7 +1,7 @@
 """Compiled functions of the learning environments that depend on no model and no cost.
 
-The loops of controllers.lanes.environment call them for one block of environments, whose numbers
-lie side by side in arrays (numbers, LANES).
+The loops of quadsim.controllers.lanes.environment call them for one block of environments, whose
+numbers lie side by side in arrays (numbers, LANES).
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from controllers.lanes import FAST
-from controllers.lanes.compiled import kept
-from controllers.lanes.layout import LANES
-from controllers.lanes.normals import normal_rows
-from controllers.lanes.sharing import share
+from quadsim.controllers.lanes import FAST
+from quadsim.controllers.lanes.compiled import kept
+from quadsim.controllers.lanes.layout import LANES
+from quadsim.controllers.lanes.normals import normal_rows
+from quadsim.controllers.lanes.sharing import share
 
 F = np.float32
 I4 = np.int32
@@ -78,7 +78,7 @@ def add_noise(obs, noise, lane, key, call):
         obs: observations  (n, L).
         noise: standard deviations  (n,).
         lane: number of the block's first environment.
-        key, call: see controllers.lanes.normals.normal_rows.
+        key, call: see quadsim.controllers.lanes.normals.normal_rows.
     """
     drawn_noise = np.empty((obs.shape[0], L), F)
     normal_rows(drawn_noise, noise, lane, 0, key, call)

@@ -38,8 +38,8 @@ from llvmlite import ir
 from numba import extending, njit, types
 from numba.core.compiler import CompileResult
 
-from controllers.lanes.atomics import add, exchange, load, pause, store, ticks
-from controllers.lanes.compiled import kept
+from quadsim.controllers.lanes.atomics import add, exchange, load, pause, store, ticks
+from quadsim.controllers.lanes.compiled import kept
 
 ADDRESS = ir.IntType(64)
 

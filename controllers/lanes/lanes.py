@@ -1,8 +1,8 @@
 """The rollout of Algorithm 1 as a generated, vectorised loop over lanes of samples.
 
-A block of LANES samples (see controllers.lanes.layout) advances together. Every number of the state
-and of the targets has its own array, so that LLVM vectorises the step and the cost, which are
-inlined from their plain functions.
+A block of LANES samples (see quadsim.controllers.lanes.layout) advances together. Every number of
+the state and of the targets has its own array, so that LLVM vectorises the step and the cost, which
+are inlined from their plain functions.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.costs import Cost, Weight, number_name
-from controllers.lanes.compiled import is_cached, load_module
-from controllers.lanes.layout import LANES
-from controllers.lanes.planner_loops import module_source, steps_between
-from controllers.lanes.sharing import on_threads
-from controllers.schedule import Schedule
+from quadsim.controllers.costs import Cost, Weight, number_name
+from quadsim.controllers.lanes.compiled import is_cached, load_module
+from quadsim.controllers.lanes.layout import LANES
+from quadsim.controllers.lanes.planner_loops import module_source, steps_between
+from quadsim.controllers.lanes.sharing import on_threads
+from quadsim.controllers.schedule import Schedule
 from quadsim.dynamics import System
 
 
@@ -178,8 +178,7 @@ class Rollout:
 
 
 _modules: dict[tuple, ModuleType] = {}
-OWN_PACKAGES = ("controllers", "quadsim")
-OWN_FOLDERS = tuple(f"{Path(__file__).parents[2] / name}{os.sep}" for name in OWN_PACKAGES)
+OWN_FOLDER = f"{Path(__file__).parents[2]}{os.sep}"
 
 
 def compiled_module(system: System, cost: Cost, dtype: type) -> ModuleType:
@@ -220,9 +219,9 @@ def _is_of_project(function: object) -> bool:
     """Return whether a function is of this project, which has none that takes a changing number."""
     if isinstance(function, FunctionType):
         # Not its module, which `functools.wraps` copies from another function
-        return function.__code__.co_filename.startswith(OWN_FOLDERS)
+        return function.__code__.co_filename.startswith(OWN_FOLDER)
     module = getattr(function, "__module__", None) or ""
-    return function is None or module.partition(".")[0] in OWN_PACKAGES
+    return function is None or module.partition(".")[0] == "quadsim"
 
 
 def _shape(system: System, cost: Cost, dtype: type) -> tuple:

@@ -13,9 +13,9 @@ import numpy as np
 from llvmlite import ir
 from numba import extending, njit, types
 
-from controllers.lanes import FAST
-from controllers.lanes.compiled import kept
-from controllers.lanes.sharing import on_threads, share
+from quadsim.controllers.lanes import FAST
+from quadsim.controllers.lanes.compiled import kept
+from quadsim.controllers.lanes.sharing import on_threads, share
 
 F = np.float32
 I4 = np.int32

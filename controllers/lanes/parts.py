@@ -8,19 +8,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controllers.costs import Numbers
-from controllers.lanes import FAST
-from controllers.lanes.layout import LANES
-from controllers.lanes.text import Writer
-from controllers.lanes.trace import Graph, trace
+from quadsim.controllers.costs import Numbers
+from quadsim.controllers.lanes import FAST
+from quadsim.controllers.lanes.layout import LANES
+from quadsim.controllers.lanes.text import Writer
+from quadsim.controllers.lanes.trace import Graph, trace
 from quadsim.dynamics.named_tuples import flat, flat_names
 
 HEADER = """
 import math
 import numpy as np
 from numba import njit
-from controllers.lanes.compiled import kept
-from controllers.lanes.sharing import share
+from quadsim.controllers.lanes.compiled import kept
+from quadsim.controllers.lanes.sharing import share
 
 F = np.{dtype}
 FAST = set({fast})

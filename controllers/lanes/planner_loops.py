@@ -41,11 +41,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controllers.costs import Cost, Term, crash
-from controllers.lanes.layout import LANES
-from controllers.lanes.parts import NEXT_TARGETS, fill, header, line_test, next_targets, read, store
-from controllers.lanes.text import Writer
-from controllers.lanes.trace import (
+from quadsim.controllers.costs import Cost, Term, crash
+from quadsim.controllers.lanes.layout import LANES
+from quadsim.controllers.lanes.parts import (
+    NEXT_TARGETS,
+    fill,
+    header,
+    line_test,
+    next_targets,
+    read,
+    store,
+)
+from quadsim.controllers.lanes.text import Writer
+from quadsim.controllers.lanes.trace import (
     Graph,
     Symbol,
     TraceError,

@@ -1,7 +1,7 @@
 """Compiled functions of races of several vehicles that depend on no model and no reward.
 
-The loops of controllers.lanes.races call them for a group of blocks, one for each racer, in which
-LANES races lie side by side.
+The loops of quadsim.controllers.lanes.races call them for a group of blocks, one for each racer, in
+which LANES races lie side by side.
 """
 
 from __future__ import annotations
@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from controllers.lanes import FAST
-from controllers.lanes.compiled import kept
-from controllers.lanes.layout import LANES
-from controllers.lanes.sharing import share
+from quadsim.controllers.lanes import FAST
+from quadsim.controllers.lanes.compiled import kept
+from quadsim.controllers.lanes.layout import LANES
+from quadsim.controllers.lanes.sharing import share
 
 F = np.float32
 I4 = np.int32
@@ -90,7 +90,7 @@ def observations_to_rows(desk, first, last, obs, others, rows):
     """Copy observations of vehicles and of opponents to rows.
 
     Args:
-        desk, first, last: see controllers.lanes.sharing; the blocks are groups of races.
+        desk, first, last: see quadsim.controllers.lanes.sharing; the blocks are groups of races.
         obs: observations of each vehicle by itself  (blocks, n, LANES).
         others: observations of its opponents  (blocks, m, LANES).
         rows: to fill  (races, racers, n + m).

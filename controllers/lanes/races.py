@@ -1,8 +1,8 @@
 """Generate the loops of races of several vehicles, which run after a step of the environments.
 
-The environments' own loops (controllers.lanes.environment) step each vehicle as if it were alone.
-The loops here add the interactions between vehicles: collisions, ranks, and observations of the
-opponents.
+The environments' own loops (quadsim.controllers.lanes.environment) step each vehicle as if it were
+alone. The loops here add the interactions between vehicles: collisions, ranks, and observations of
+the opponents.
 
 The loops run over lanes. Racer a of race r is lane r % LANES of block r // LANES * racers + a. So
 the vehicles of a race share a lane of consecutive blocks (a group), and a loop over lanes compares
@@ -19,10 +19,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controllers.lanes.compiled import load_module
-from controllers.lanes.parts import Point, fill, header, read, store
-from controllers.lanes.text import Writer
-from controllers.lanes.trace import Graph, trace, trace_number
+from quadsim.controllers.lanes.compiled import load_module
+from quadsim.controllers.lanes.parts import Point, fill, header, read, store
+from quadsim.controllers.lanes.text import Writer
+from quadsim.controllers.lanes.trace import Graph, trace, trace_number
 from quadsim.dynamics import System
 from quadsim.dynamics.named_tuples import flat
 
@@ -46,7 +46,7 @@ class Racing(NamedTuple):
 
 
 MEET = """
-from controllers.lanes.race_loops import ABSENT, apart, nearer_first, order
+from quadsim.controllers.lanes.race_loops import ABSENT, apart, nearer_first, order
 
 @njit(fastmath=FAST, error_model="numpy")
 def least_apart(a_before, b_before, a_after, b_after, least):
@@ -129,7 +129,7 @@ def meet(desk, first, last, episodes, outcome, field, rules):
 """
 
 LOOK = """
-from controllers.lanes.normals import normal_rows
+from quadsim.controllers.lanes.normals import normal_rows
 
 @njit(fastmath=FAST, error_model="numpy")
 def observe(state, near, j, seen):

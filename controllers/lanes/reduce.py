@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from controllers.lanes import FAST
-from controllers.lanes.compiled import kept
-from controllers.lanes.layout import in_blocks
-from controllers.lanes.sharing import on_threads, share
+from quadsim.controllers.lanes import FAST
+from quadsim.controllers.lanes.compiled import kept
+from quadsim.controllers.lanes.layout import in_blocks
+from quadsim.controllers.lanes.sharing import on_threads, share
 
 CHUNK = 25  # number of steps of the horizon that a thread sums at a time: 6 kB of partial sums
 

@@ -33,8 +33,8 @@ from numba import extending, types
 from numba.core import cgutils
 from numba.core.callconv import RETCODE_OK
 
-from controllers.lanes.helpers import RUN_PARTS, helpers
-from controllers.lanes.threads import threads
+from quadsim.controllers.lanes.helpers import RUN_PARTS, helpers
+from quadsim.controllers.lanes.threads import threads
 
 ADDRESS = ir.IntType(64)
 FLAG = ir.IntType(8)
@@ -50,7 +50,7 @@ def share(typing_context, desk, blocks):
     returns nothing, and raises nothing unless memory runs out.
 
     Args:
-        desk: address of the desk, see controllers.lanes.helpers.
+        desk: address of the desk, see quadsim.controllers.lanes.helpers.
         blocks: number of blocks.
     """
 

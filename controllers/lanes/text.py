@@ -15,7 +15,7 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from controllers.lanes.trace import Symbol, Value
+from quadsim.controllers.lanes.trace import Symbol, Value
 
 # Names that the lines use; the header of a generated module defines them.
 HELPERS = frozenset({"select", "lower", "higher", "abs", "math", "np", "F", "L"})

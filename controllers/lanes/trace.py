@@ -2,8 +2,8 @@
 
 Steps, cost terms, rewards and observations are plain Python functions over named scalars (see
 `quadsim.dynamics`). Called with a `Symbol` for each scalar, such a function builds an expression
-graph: every operator and every NumPy function that it applies adds a node. `controllers.lanes.text`
-writes the graph as the body of a compiled loop.
+graph: every operator and every NumPy function that it applies adds a node.
+`quadsim.controllers.lanes.text` writes the graph as the body of a compiled loop.
 
     graph = Graph()
     x = graph.record(State, "x")             # State(px=x_px, py=x_py, ...)

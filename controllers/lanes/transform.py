@@ -20,19 +20,19 @@ from types import ModuleType
 
 import numpy as np
 
-from controllers.lanes import FAST
-from controllers.lanes.compiled import load_module
-from controllers.lanes.passes import passes
-from controllers.lanes.sharing import on_threads
+from quadsim.controllers.lanes import FAST
+from quadsim.controllers.lanes.compiled import load_module
+from quadsim.controllers.lanes.passes import passes
+from quadsim.controllers.lanes.sharing import on_threads
 
 W = 32  # lanes
 
 MODULE = """
 import numpy as np
 from numba import njit
-from controllers.lanes.compiled import kept
-from controllers.lanes.normals import normal_rows
-from controllers.lanes.sharing import share
+from quadsim.controllers.lanes.compiled import kept
+from quadsim.controllers.lanes.normals import normal_rows
+from quadsim.controllers.lanes.sharing import share
 
 F = np.float32
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from controllers.learned.observation import LENGTH, SPEED, Vector
+from quadsim.controllers.learned.observation import LENGTH, SPEED, Vector
 from quadsim.dynamics.named_tuples import flat_names
 from quadsim.rotation import along, body_axes
 

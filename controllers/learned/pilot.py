@@ -26,8 +26,15 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from msgspec import Meta, Struct, structs
 
-from controllers.learned.observation import SIZE, UNITS, command, gate_rows, normalised, observe
-from controllers.plan import PlanStats
+from quadsim.controllers.learned.observation import (
+    SIZE,
+    UNITS,
+    command,
+    gate_rows,
+    normalised,
+    observe,
+)
+from quadsim.controllers.plan import PlanStats
 from quadsim.course import Course
 from quadsim.dynamics.control_periods import ControlPeriods
 from quadsim.dynamics.estimate import Estimate
@@ -276,7 +283,7 @@ def load_pilot(path: str | Path) -> Pilot:
         FileError: there is no such pilot, or its file is damaged.
 
     Examples:
-        >>> from controllers.learned.pilot import load_pilot
+        >>> from quadsim.controllers.learned.pilot import load_pilot
         >>> pilot = load_pilot("split_s_swift")
         >>> print(pilot)
         <Pilot split_s_swift: 38-64-64-4 relu clip, ... vehicle swift, trained on split_s_swift>

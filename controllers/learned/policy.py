@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, get_args
 
 import numpy as np
 
-from controllers.learned.observation import SIZE
-from controllers.learned.pilot import (
+from quadsim.controllers.learned.observation import SIZE
+from quadsim.controllers.learned.pilot import (
     ACTIONS,
     LARGEST_WEIGHT,
     MOST_LAYERS,

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from controllers.samplers.colored import Colored
-from controllers.samplers.gaussian import Gaussian
-from controllers.samplers.lane_sampler import LaneSampler, Sampling
-from controllers.samplers.log_normal import LogNormal
-from controllers.samplers.plain import PlainSampler, lanes_of
-from controllers.samplers.smooth import Smooth, SmoothStar
+from quadsim.controllers.samplers.colored import Colored
+from quadsim.controllers.samplers.gaussian import Gaussian
+from quadsim.controllers.samplers.lane_sampler import LaneSampler, Sampling
+from quadsim.controllers.samplers.log_normal import LogNormal
+from quadsim.controllers.samplers.plain import PlainSampler, lanes_of
+from quadsim.controllers.samplers.smooth import Smooth, SmoothStar
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import shown_value
 

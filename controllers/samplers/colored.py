@@ -25,9 +25,9 @@ from typing import Annotated, Literal, get_args
 
 import numpy as np
 
-from controllers.lanes.layout import LANES
-from controllers.lanes.passes import fast_length, frequencies, narrowest_band
-from controllers.samplers.lane_sampler import Cutoff, Gamma, LaneSampler, Sigma
+from quadsim.controllers.lanes.layout import LANES
+from quadsim.controllers.lanes.passes import fast_length, frequencies, narrowest_band
+from quadsim.controllers.samplers.lane_sampler import Cutoff, Gamma, LaneSampler, Sigma
 from quadsim.files.strict_yaml import setting
 from quadsim.files.values import SettingError, check_fields
 
@@ -161,7 +161,7 @@ class ColoredNoise:
 
     def __init__(self, sampler: Colored, samples: int, horizon: int, key: np.ndarray, dt: float):
         # Imported here, as they load the compiler
-        from controllers.lanes.transform import fill_transformed, transform_loop
+        from quadsim.controllers.lanes.transform import fill_transformed, transform_loop
 
         n = transform_length(horizon, sampler.law)
         self._length = n

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import numpy as np
 
-from controllers.lanes.layout import LANES, blocks
-from controllers.samplers.lane_sampler import LaneSampler, Sigma
+from quadsim.controllers.lanes.layout import LANES, blocks
+from quadsim.controllers.samplers.lane_sampler import LaneSampler, Sigma
 from quadsim.files.strict_yaml import setting
 from quadsim.files.values import check_fields
 
@@ -30,7 +30,7 @@ class Gaussian:
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
         """Return the source of perturbations, see Sampling."""
         # Imported here, as it loads the compiler
-        from controllers.lanes.normals import fill_normals, normal_blocks
+        from quadsim.controllers.lanes.normals import fill_normals, normal_blocks
 
         noise = np.empty((blocks(samples), len(self.sigma), horizon, LANES), np.float32)
         scale = np.repeat(np.array(self.sigma, np.float32), horizon)  # (n_u * T,)

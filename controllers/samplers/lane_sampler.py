@@ -1,6 +1,6 @@
 """The configuration of a sampler, and its source of perturbations z of v = u + z.
 
-The memory layout, and chunks of samples, are described in controllers.lanes.layout.
+The memory layout, and chunks of samples, are described in quadsim.controllers.lanes.layout.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Shift = Literal["corrected", "published"]
 
 
 class Momentum:
-    """D dt, the change of the plan in the last iteration; see controllers.samplers.smooth.
+    """D dt, the change of the plan in the last iteration; see quadsim.controllers.samplers.smooth.
 
     Args:
         horizon: T, number of control periods.

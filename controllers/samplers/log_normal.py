@@ -14,8 +14,8 @@ from typing import Annotated
 
 import numpy as np
 
-from controllers.lanes.layout import LANES, blocks
-from controllers.samplers.lane_sampler import LaneSampler, Sigma
+from quadsim.controllers.lanes.layout import LANES, blocks
+from quadsim.controllers.samplers.lane_sampler import LaneSampler, Sigma
 from quadsim.files.strict_yaml import setting
 from quadsim.files.values import check_fields
 
@@ -43,7 +43,7 @@ class LogNormal:
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
         """Return the source of perturbations, see Sampling."""
         # Imported here, as it loads the compiler
-        from controllers.lanes.normals import fill_normals, normal_blocks
+        from quadsim.controllers.lanes.normals import fill_normals, normal_blocks
 
         shape = (len(self.sigma), horizon, LANES)
         normals = np.empty((blocks(samples), 2, *shape), np.float32)  # sigma xi, sigma eta

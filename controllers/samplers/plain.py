@@ -15,8 +15,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from controllers.lanes.layout import LANES, blocks, in_lanes
-from controllers.samplers.lane_sampler import LaneSampler
+from quadsim.controllers.lanes.layout import LANES, blocks, in_lanes
+from quadsim.controllers.samplers.lane_sampler import LaneSampler
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import shown_value
 

@@ -18,8 +18,8 @@ from typing import Annotated
 
 import numpy as np
 
-from controllers.samplers.gaussian import Gaussian
-from controllers.samplers.lane_sampler import LaneSampler, Momentum, Shift, Sigma
+from quadsim.controllers.samplers.gaussian import Gaussian
+from quadsim.controllers.samplers.lane_sampler import LaneSampler, Momentum, Shift, Sigma
 from quadsim.files.strict_yaml import setting
 from quadsim.files.values import check_fields
 

@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controllers.config import MPPIConfig
-from controllers.lanes.threads import use_threads
-from controllers.mppi import MPPI
-from controllers.presets import preset
-from controllers.samplers import SAMPLERS, Colored, Gaussian, Sampling
 from quadsim.config.build import planner_of
 from quadsim.config.spec import Spec
+from quadsim.controllers.config import MPPIConfig
+from quadsim.controllers.lanes.threads import use_threads
+from quadsim.controllers.mppi import MPPI
+from quadsim.controllers.presets import preset
+from quadsim.controllers.samplers import SAMPLERS, Colored, Gaussian, Sampling
 from quadsim.paper import offroad, table2
 from quadsim.physics.plant_state import start_state
 

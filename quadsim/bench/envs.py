@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from controllers.lanes.environment import SAME_STEP
-from controllers.lanes.threads import use_threads
 from quadsim.console import UsageError
+from quadsim.controllers.lanes.environment import SAME_STEP
+from quadsim.controllers.lanes.threads import use_threads
 from quadsim.course import load_course
 from quadsim.files.extras import needs_extra
 from quadsim.learn.lanes import LaneEnvironments

@@ -16,14 +16,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy import sqrt
 
-from controllers.costs import Cost, Term
-from controllers.lanes.lanes import Rollout
-from controllers.lanes.layout import LANES
-from controllers.lanes.threads import threads
-from controllers.mppi import MPPI
-from controllers.presets import preset
 from quadsim.bench.cases import median_ms, paper_case, starting
 from quadsim.console import UsageError
+from quadsim.controllers.costs import Cost, Term
+from quadsim.controllers.lanes.lanes import Rollout
+from quadsim.controllers.lanes.layout import LANES
+from quadsim.controllers.lanes.threads import threads
+from quadsim.controllers.mppi import MPPI
+from quadsim.controllers.presets import preset
 from quadsim.files.extras import needs_extra
 
 AGREEMENT = 1e-3  # relative tolerance of float32 costs over 150 steps

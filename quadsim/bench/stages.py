@@ -11,11 +11,11 @@ from unittest.mock import patch
 
 import numpy as np
 
-from controllers import mppi as algorithm
-from controllers.lanes.layout import chunks
-from controllers.lanes.normals import fill_normals
-from controllers.mppi import MPPI
 from quadsim.bench.cases import Case, Start, median_ms, starting, times_ms
+from quadsim.controllers import mppi as algorithm
+from quadsim.controllers.lanes.layout import chunks
+from quadsim.controllers.lanes.normals import fill_normals
+from quadsim.controllers.mppi import MPPI
 
 
 class PartTime(NamedTuple):

@@ -123,7 +123,7 @@ def fly_attempt(spec: Spec) -> Flown:
 def use_one_thread_in_a_worker() -> None:
     """Let a worker process fly on one thread: the other workers have the other cores."""
     if mp.parent_process() or "distributed.worker" in sys.modules:
-        from controllers.lanes.threads import use_threads  # here: it loads the compiler
+        from quadsim.controllers.lanes.threads import use_threads  # here: it loads the compiler
 
         use_threads(1)
 

@@ -9,10 +9,10 @@ from typing import Literal, get_args, get_type_hints
 
 import yaml
 
-from controllers.config import MPPIConfig
-from controllers.costs.race import RaceWeights, Weight
-from controllers.costs.reference import ReferenceWeights
-from controllers.presets import PRESETS, Planner
+from quadsim.controllers.config import MPPIConfig
+from quadsim.controllers.costs.race import RaceWeights, Weight
+from quadsim.controllers.costs.reference import ReferenceWeights
+from quadsim.controllers.presets import PRESETS, Planner
 
 Group = Literal["sigma", "gamma", "temperature", "cost", "margin", "horizon"]
 GROUPS: tuple[Group, ...] = get_args(Group)

@@ -328,7 +328,7 @@ def finished(futures: Iterable[Future]) -> set[Future]:
 
 def _prepare_worker() -> None:
     """Leave Ctrl-C to the parent, and end with it, after its SIGKILL too."""
-    from controllers.lanes.threads import use_threads
+    from quadsim.controllers.lanes.threads import use_threads
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)

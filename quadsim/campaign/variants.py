@@ -17,7 +17,6 @@ from dataclasses import dataclass, replace
 from types import FunctionType
 from typing import Any
 
-from controllers.samplers import SAMPLERS
 from quadsim.campaign.attempt import planner_key
 from quadsim.config.identity import IdentityError, identity_of
 from quadsim.config.setting_texts import (
@@ -30,6 +29,7 @@ from quadsim.config.setting_texts import (
 )
 from quadsim.config.settings import SettingError
 from quadsim.config.spec import Spec
+from quadsim.controllers.samplers import SAMPLERS
 from quadsim.files.yaml_errors import shown_value
 
 

@@ -11,8 +11,6 @@ import numpy as np
 from msgspec import Meta
 from rich.progress import track
 
-from controllers.lanes.planner_loops import module_source
-from controllers.lanes.threads import use_threads
 from quadsim.bench.cases import QUADROTOR, SWEPT, cases, measure, paper_case
 from quadsim.bench.envs import measure_envs, measure_plants, measure_races
 from quadsim.bench.gates import measure_gates
@@ -36,6 +34,8 @@ from quadsim.config.build_cost import cost_on
 from quadsim.config.build_plant import system_of
 from quadsim.config.spec import Spec
 from quadsim.console import emit, emit_json, progress_console
+from quadsim.controllers.lanes.planner_loops import module_source
+from quadsim.controllers.lanes.threads import use_threads
 from quadsim.record.provenance import cpu_name
 
 

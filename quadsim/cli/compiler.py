@@ -32,7 +32,7 @@ def _compiler_problem() -> str:
 
             if numba.config.DISABLE_JIT:  # pyright: ignore[reportPrivateImportUsage, reportAttributeAccessIssue]
                 return "the planner has to be compiled"
-            from controllers.lanes.threads import use_threads
+            from quadsim.controllers.lanes.threads import use_threads
 
             use_threads(None)
         except (ValueError, ImportError, RuntimeError) as error:

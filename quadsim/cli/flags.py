@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypedDict
 from cyclopts import Group, Parameter
 from msgspec import Meta, inspect
 
-from controllers.presets import PRESETS
-from controllers.samplers import SAMPLERS
 from quadsim.config.competition import competition_names
 from quadsim.config.library_code import error_text
 from quadsim.config.settings import (
@@ -28,6 +26,8 @@ from quadsim.config.settings import (
     values_of,
 )
 from quadsim.console import UsageError
+from quadsim.controllers.presets import PRESETS
+from quadsim.controllers.samplers import SAMPLERS
 from quadsim.course import course_names
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.heat.settings import HeatSettings

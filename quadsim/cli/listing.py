@@ -14,11 +14,11 @@ from msgspec import Meta
 from rich.markup import escape
 from rich.table import Table
 
-from controllers.presets import PRESETS
 from quadsim.cli.flags import Help, Json, names
 from quadsim.config.competition import competition_names, load_competition
 from quadsim.config.presets import parse_planner
 from quadsim.console import UsageError, complain, emit, emit_json, plain_table, width
+from quadsim.controllers.presets import PRESETS
 from quadsim.course import COURSES, Course, course_names, load_course, parse_course
 from quadsim.course.checks import looks_like_radians
 from quadsim.course.course import in_degrees, summary

@@ -47,12 +47,12 @@ def web(
         complain(f"race web: {error}: flights of this page cannot be stored")
     paths = [folder for run in runs for folder in run_folders(run, runs_dir)]
     # imported here, as they load numba and viser, which --help does not need
-    from web.choices import Choices
-    from web.menu import Menu
-    from web.page.dashboard import Dashboard
-    from web.page.server import address, new_token, serve
-    from web.race import PageRace
-    from web.session import Session
+    from quadsim.web.choices import Choices
+    from quadsim.web.menu import Menu
+    from quadsim.web.page.dashboard import Dashboard
+    from quadsim.web.page.server import address, new_token, serve
+    from quadsim.web.race import PageRace
+    from quadsim.web.session import Session
 
     token = new_token(host)
     try:

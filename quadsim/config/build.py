@@ -10,11 +10,6 @@ from typing import TYPE_CHECKING, Any, cast
 
 from numpy.random import SeedSequence
 
-from controllers.excitation import Excitation
-from controllers.in_flight import PlannerInFlight
-from controllers.learned.pilot import PilotController
-from controllers.plan import PlannerSnapshot
-from controllers.presets import Planner
 from quadsim.config.build_cost import check_cost, cost_on
 from quadsim.config.build_navigation import navigation_of
 from quadsim.config.build_plant import plant_of, system_of
@@ -22,6 +17,11 @@ from quadsim.config.changes import planner_after
 from quadsim.config.parts import made
 from quadsim.config.settings import SETTINGS, SettingError
 from quadsim.config.spec import Spec
+from quadsim.controllers.excitation import Excitation
+from quadsim.controllers.in_flight import PlannerInFlight
+from quadsim.controllers.learned.pilot import PilotController
+from quadsim.controllers.plan import PlannerSnapshot
+from quadsim.controllers.presets import Planner
 from quadsim.files.values import checked
 from quadsim.physics.faults import CommandLoss
 from quadsim.physics.plant import (
@@ -46,7 +46,7 @@ from quadsim.sensing.navigation import (
 )
 
 if TYPE_CHECKING:
-    from controllers.mppi import MPPI
+    from quadsim.controllers.mppi import MPPI
 
 
 def with_threads(spec: Spec) -> Spec:
@@ -55,7 +55,7 @@ def with_threads(spec: Spec) -> Spec:
     Raises:
         SettingError: the number is less than 1, or more than this machine has.
     """
-    from controllers.lanes.threads import use_threads  # here: it loads the compiler
+    from quadsim.controllers.lanes.threads import use_threads  # here: it loads the compiler
 
     return spec.on_threads(use_threads(spec.threads))
 
@@ -68,7 +68,7 @@ def use_threads_of(given: object) -> None:
     """
     if given is None:
         return
-    from controllers.lanes.threads import use_threads  # here: it loads the compiler
+    from quadsim.controllers.lanes.threads import use_threads  # here: it loads the compiler
 
     use_threads(cast(int, checked("threads", given, SETTINGS["threads"].kind)))
 
@@ -112,7 +112,7 @@ def controller_of(spec: Spec) -> Controller:
     controller = own if isinstance(own, Controller) else PlainController(own, rest)
     checked_control(controller, controller.rest, len(rest), "rest")
     if spec.deadline_ms is not None:
-        from controllers.mppi import MPPI  # here: it loads the compiler
+        from quadsim.controllers.mppi import MPPI  # here: it loads the compiler
 
         if not isinstance(controller, MPPI):
             wanted = f"expected none for {type(own).__name__}, as only MPPI keeps it by its samples"
@@ -160,7 +160,7 @@ def planner_of(spec: Spec, stream: SeedSequence | None = None) -> MPPI:
     Raises:
         SettingError: the user's term or cost cannot be compiled.
     """
-    from controllers.mppi import MPPI  # here: it loads the compiler
+    from quadsim.controllers.mppi import MPPI  # here: it loads the compiler
 
     if stream is None:
         stream = spec.streams.planner
@@ -204,7 +204,7 @@ def launch(spec: Spec, parts: FlightParts, navigation: Navigation | None = None)
 
 def launched(spec: Spec, parts: FlightParts, navigation: Navigation | None = None) -> Launched:
     """Return what `simulate` needs for a flight; see `launch` for the arguments."""
-    from controllers.mppi import MPPI  # here: it loads the compiler
+    from quadsim.controllers.mppi import MPPI  # here: it loads the compiler
 
     plant, controller, referee = parts
     navigation = navigation or navigation_of(spec, parts)

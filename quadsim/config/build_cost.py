@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controllers.costs import Cost
-from controllers.costs.race import race_cost
-from controllers.costs.race_view import with_view
-from controllers.costs.reference import ReferenceWeights, reference_cost
 from quadsim.config.build_plant import start_of, system_of
 from quadsim.config.parts import called
 from quadsim.config.reference import reference_of
 from quadsim.config.settings import SettingError
 from quadsim.config.spec import Spec
+from quadsim.controllers.costs import Cost
+from quadsim.controllers.costs.race import race_cost
+from quadsim.controllers.costs.race_view import with_view
+from quadsim.controllers.costs.reference import ReferenceWeights, reference_cost
 from quadsim.course import Course
 from quadsim.files.yaml_errors import shown_value
 
@@ -88,8 +88,8 @@ def race_cost_on(spec: Spec, course: Course) -> Cost:
 
 def check_cost(spec: Spec, cost: Cost) -> None:
     """Check that a cost with the user's own parts can be compiled. Raises SettingError."""
-    from controllers.lanes.planner_loops import module_source
-    from controllers.lanes.trace import TraceError
+    from quadsim.controllers.lanes.planner_loops import module_source
+    from quadsim.controllers.lanes.trace import TraceError
 
     try:
         module_source(system_of(spec), cost, np.float32)

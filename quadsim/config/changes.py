@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from controllers.presets import Planner
 from quadsim.config.parts import is_registered, plain
+from quadsim.controllers.presets import Planner
 from quadsim.files.exact_json import exactly
 from quadsim.record.schema import ChangedPlanner, NumberChange
 

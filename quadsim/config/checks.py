@@ -7,13 +7,13 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import get_args
 
-from controllers.costs import Cost
-from controllers.learned.pilot import Pilot
-from controllers.presets import Planner
-from controllers.presets import contradictions as contradictions_of_planner
-from controllers.samplers import Sampling
 from quadsim.config.parts import check_part, is_registered
 from quadsim.config.settings import CONTROL_UNITS, LINK, PlantName, SettingError
+from quadsim.controllers.costs import Cost
+from quadsim.controllers.learned.pilot import Pilot
+from quadsim.controllers.presets import Planner
+from quadsim.controllers.presets import contradictions as contradictions_of_planner
+from quadsim.controllers.samplers import Sampling
 from quadsim.dynamics.quadrotor import Control
 from quadsim.files.yaml_errors import shown_value
 from quadsim.firmware.process import MAIN_LOOP

@@ -20,8 +20,8 @@ from typing import Annotated, Any, get_type_hints
 
 from msgspec import defstruct
 
-from controllers.config import MPPIConfig
 from quadsim.config.settings import FlightSettings, SettingError
+from quadsim.controllers.config import MPPIConfig
 from quadsim.files.data_files import locate, names, read_text
 from quadsim.files.strict_yaml import parse, setting
 from quadsim.files.yaml_errors import shown_value

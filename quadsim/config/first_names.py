@@ -9,8 +9,10 @@ from __future__ import annotations
 
 # The first name of each module that has moved. A move adds a line and never changes one.
 FIRST_NAMES = {
-    "controllers.costs.cost": "controllers.costs",
     "quadsim.config": "quadsim.spec",
+    "quadsim.controllers": "controllers",
+    "quadsim.controllers.costs.cost": "controllers.costs",
+    "quadsim.web": "web",
     "quadsim.config.build_cost": "quadsim.spec.build",
     "quadsim.config.build_navigation": "quadsim.spec.build",
     "quadsim.config.build_plant": "quadsim.spec.build",

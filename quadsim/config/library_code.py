@@ -1,7 +1,7 @@
 """Whether code is the user's own, or of Python, an installed package or this project.
 
-The file that holds the code decides, not its name: a user's own `web.py` is not this project's
-`web`, and a function that `functools.wraps` has given a library's name is still the user's.
+The file that holds the code decides, not its name: a user's own `queue.py` is not Python's
+`queue`, and a function that `functools.wraps` has given a library's name is still the user's.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-OWN_PACKAGES = ("quadsim", "controllers", "web")
+OWN_FOLDERS = ("", "controllers", "web")  # links, in a checkout
 # Modules without a file, in which compiled packages keep their common types
 COMPILERS = ("_cython", "pybind11")
 # Flag of a class that was made while Python ran, and not compiled from C as a static type
@@ -27,8 +27,8 @@ HEAP_TYPE = 1 << 9
 def _library_folders() -> tuple[Path, ...]:
     """Return the folders of Python's own modules, of installed packages and of this project."""
     names = ("stdlib", "platstdlib", "purelib", "platlib")
-    own = Path(__file__).parents[2]
-    folders = [sysconfig.get_path(name) for name in names] + [own / name for name in OWN_PACKAGES]
+    own = Path(__file__).parents[1]
+    folders = [sysconfig.get_path(name) for name in names] + [own / name for name in OWN_FOLDERS]
     return tuple(Path(folder).resolve() for folder in folders)
 
 

@@ -18,18 +18,18 @@ from typing import Any, cast
 
 import numpy as np
 
-from controllers.costs import Term, Weight, is_weight
-from controllers.samplers import SAMPLERS, PlainSampler, Sampling
 from quadsim.config.first_names import first_name
 from quadsim.config.identity import IdentityError, identity_of
 from quadsim.config.library_code import error_text
 from quadsim.config.settings import SettingError
+from quadsim.controllers.costs import Term, Weight, is_weight
+from quadsim.controllers.samplers import SAMPLERS, PlainSampler, Sampling
 from quadsim.files.yaml_errors import did_you_mean, shown_value
 from quadsim.firmware.process import FirmwareError
 
 Json = Any  # a value that JSON can hold
 Sampler = Sampling | PlainSampler
-WANTED_TERMS = "expected terms=[(function, weight), ...] or controllers.costs.Term objects"
+WANTED_TERMS = "expected terms=[(function, weight), ...] or quadsim.controllers.costs.Term objects"
 WANTED_SAMPLER = "expected a sampler: an object with sample(rng, samples, horizon, controls)"
 DEEPEST = 12  # levels of objects within each other that a run stores
 LARGE = 1000  # a run stores only the shape of an array of more numbers than this

@@ -18,9 +18,9 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 import yaml
 from msgspec import defstruct
 
-from controllers.presets import PRESETS, Planner, contradictions, preset
-from controllers.samplers import SAMPLERS
 from quadsim.config.settings import CONTROL_UNITS
+from quadsim.controllers.presets import PRESETS, Planner, contradictions, preset
+from quadsim.controllers.samplers import SAMPLERS
 from quadsim.dynamics.quadrotor import Control
 from quadsim.files.data_files import SUFFIXES, read_text
 from quadsim.files.strict_yaml import Document, parse, unit

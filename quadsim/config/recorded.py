@@ -11,12 +11,6 @@ from typing import Any, cast
 
 import msgspec
 
-from controllers.costs.race import RaceWeights
-from controllers.costs.reference import ReferenceWeights
-from controllers.excitation import EXCITE
-from controllers.learned.pilot import Pilot, load_pilot
-from controllers.presets import Planner
-from controllers.samplers import SAMPLERS, Sampling
 from quadsim.config.changes import planner_after
 from quadsim.config.checks import PLANTS, check_numbers
 from quadsim.config.parts import (
@@ -29,6 +23,12 @@ from quadsim.config.parts import (
 from quadsim.config.reference import followed_problem, followed_reference
 from quadsim.config.settings import LINK, SETTINGS, FlightNumbers, HostSettings
 from quadsim.config.spec import ALWAYS, Spec
+from quadsim.controllers.costs.race import RaceWeights
+from quadsim.controllers.costs.reference import ReferenceWeights
+from quadsim.controllers.excitation import EXCITE
+from quadsim.controllers.learned.pilot import Pilot, load_pilot
+from quadsim.controllers.presets import Planner
+from quadsim.controllers.samplers import SAMPLERS, Sampling
 from quadsim.course import Course, parse_course
 from quadsim.course.checks import problems
 from quadsim.files.exact_json import exactly

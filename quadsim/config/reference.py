@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from controllers.costs.reference import Reference, ReferenceWeights
+from quadsim.controllers.costs.reference import Reference, ReferenceWeights
 from quadsim.course import Course, load_course
 from quadsim.files.strict_yaml import FileError
 from quadsim.record.limits import LimitProblem, StoredSolution, limits_folder

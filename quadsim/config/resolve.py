@@ -7,8 +7,6 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from controllers.presets import Planner
-from controllers.samplers import SAMPLERS, Colored
 from quadsim.config.checks import check_numbers, check_type
 from quadsim.config.parts import is_registered, own_sampler, sampler_name
 from quadsim.config.presets import PresetSource
@@ -20,6 +18,8 @@ from quadsim.config.settings import (
     SettingError,
     is_optional,
 )
+from quadsim.controllers.presets import Planner
+from quadsim.controllers.samplers import SAMPLERS, Colored
 from quadsim.course import Course
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.values import checked

@@ -21,12 +21,12 @@ from typing import Any, NamedTuple
 
 from msgspec import inspect
 
-from controllers.learned.pilot import pilot_names
-from controllers.presets import PRESETS
-from controllers.samplers import SAMPLERS
 from quadsim.config.build import referee_of
 from quadsim.config.settings import SETTINGS, Kind, SettingError, bare
 from quadsim.config.spec import Spec
+from quadsim.controllers.learned.pilot import pilot_names
+from quadsim.controllers.presets import PRESETS
+from quadsim.controllers.samplers import SAMPLERS
 from quadsim.course import Course
 from quadsim.files.data_files import SUFFIXES
 from quadsim.files.yaml_errors import did_you_mean

@@ -14,11 +14,11 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from msgspec import Meta, inspect
 
-from controllers.config import MPPIConfig
-from controllers.costs.race import RaceWeights, Weight
-from controllers.costs.reference import ReferenceWeights
-from controllers.presets import Planner
-from controllers.samplers import SAMPLERS
+from quadsim.controllers.config import MPPIConfig
+from quadsim.controllers.costs.race import RaceWeights, Weight
+from quadsim.controllers.costs.reference import ReferenceWeights
+from quadsim.controllers.presets import Planner
+from quadsim.controllers.samplers import SAMPLERS
 from quadsim.dynamics.named_tuples import units_of
 from quadsim.dynamics.quadrotor import Control, ModelParams
 from quadsim.files.strict_yaml import setting, unit

@@ -10,11 +10,6 @@ from typing import TYPE_CHECKING, Any, Unpack, cast
 
 import msgspec
 
-from controllers.costs import Cost, Term
-from controllers.costs.reference import ReferenceWeights
-from controllers.excitation import EXCITE
-from controllers.learned.pilot import Pilot, load_pilot
-from controllers.presets import Planner
 from quadsim.config.checks import (
     check_beside_pilot,
     check_beside_reference,
@@ -72,6 +67,11 @@ from quadsim.config.settings import (
     TimeLimit,
     Weight,
 )
+from quadsim.controllers.costs import Cost, Term
+from quadsim.controllers.costs.reference import ReferenceWeights
+from quadsim.controllers.excitation import EXCITE
+from quadsim.controllers.learned.pilot import Pilot, load_pilot
+from quadsim.controllers.presets import Planner
 from quadsim.course import Course, Start, load_course
 from quadsim.course.course import is_described
 from quadsim.dynamics.quadrotor import ModelParams

@@ -8,7 +8,7 @@ from quadsim.course.course import Course, parse_course
 from quadsim.course.lsy_tracks import NAME, lsy_track
 from quadsim.files.data_files import locate, names, read_text
 
-COURSES = Path(__file__).parents[2] / "courses"
+COURSES = Path(__file__).parents[1] / "courses"
 
 
 def course_names() -> tuple[str, ...]:

@@ -6,7 +6,7 @@ on float64 arrays (the oracle of the tests) and in CasADi, which the optimiser u
 into the compiled lanes that MPPI runs. So a step uses only what all of them know: arithmetic,
 comparisons joined by `&` and `|`, `abs`, and NumPy's where, minimum, maximum, sqrt, exp, log, sin,
 cos, tan, tanh, arctan2; it may call functions of the same kind. A system that CasADi does not need
-may use more of NumPy's functions, see controllers.lanes.trace.
+may use more of NumPy's functions, see quadsim.controllers.lanes.trace.
 """
 
 from __future__ import annotations

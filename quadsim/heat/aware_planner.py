@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.costs.keep_clear import KeepClear
-from controllers.in_flight import PlannerInFlight
-from controllers.plan import PlanStats
+from quadsim.controllers.costs.keep_clear import KeepClear
+from quadsim.controllers.in_flight import PlannerInFlight
+from quadsim.controllers.plan import PlanStats
 from quadsim.course import Course
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.expected_path import ExpectedPath, OtherVehicle

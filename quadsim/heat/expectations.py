@@ -15,7 +15,7 @@ from quadsim.rotation import between, to_world
 from quadsim.vehicle import GRAVITY
 
 if TYPE_CHECKING:
-    from controllers.mppi import MPPI
+    from quadsim.controllers.mppi import MPPI
 
 # The path that a vehicle has planned for itself; None before its first plan
 OwnPath = Callable[[], ExpectedPath | None]

@@ -8,12 +8,12 @@ from dataclasses import replace
 from functools import partial
 from typing import assert_never, cast
 
-from controllers.costs.keep_clear import Clearance, KeepClear
-from controllers.in_flight import PlannerInFlight
-from controllers.samplers import Sampling
 from quadsim.config.build import Launched, build, flight_frames, launched, planner_of
 from quadsim.config.parts import fault_in_flight
 from quadsim.config.spec import Spec
+from quadsim.controllers.costs.keep_clear import Clearance, KeepClear
+from quadsim.controllers.in_flight import PlannerInFlight
+from quadsim.controllers.samplers import Sampling
 from quadsim.dynamics.expected_path import OtherVehicle
 from quadsim.heat.aware_planner import AwarePlanner, Perception, Tactics
 from quadsim.heat.expectations import (

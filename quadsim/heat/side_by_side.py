@@ -42,7 +42,7 @@ class SideBySide:
     def __call__(self, plannings: Sequence[Planning]) -> None:
         """Make the plans, and return when all of them are made."""
         # Imported here, as it loads the compiler
-        from controllers.lanes.threads import threads
+        from quadsim.controllers.lanes.threads import threads
 
         # Make them in turn where nothing can be shared, or a loop may have to be compiled.
         available = threads()
@@ -66,7 +66,7 @@ class SideBySide:
 
 def _plan(planning: Planning, share: int) -> None:
     """Make one plan on this number of threads."""
-    from controllers.lanes.threads import use_threads
+    from quadsim.controllers.lanes.threads import use_threads
 
     use_threads(share)
     planning.run()

@@ -12,11 +12,11 @@ import numpy as np
 from gymnasium import Env
 from gymnasium.error import ResetNeeded
 
-from controllers.costs.race import progress
-from controllers.learned.observation import command, gate_rows, normalised, observe
 from quadsim.config.build import build
 from quadsim.config.settings import SettingError
 from quadsim.config.spec import Spec
+from quadsim.controllers.costs.race import progress
+from quadsim.controllers.learned.observation import command, gate_rows, normalised, observe
 from quadsim.dynamics.quadrotor import POSE, Control
 from quadsim.learn.render import RENDER_MODES, Renderer, ViewerFactory
 from quadsim.learn.reward import reward as reward_of

@@ -1,6 +1,7 @@
 """Many environments in the compiled lanes: their state, and the calls that step and restart them.
 
-Arrays lie as in controllers.lanes.layout: environment i is lane i % LANES of block i // LANES.
+Arrays lie as in quadsim.controllers.lanes.layout: environment i is lane i % LANES of block i //
+LANES.
 """
 
 from __future__ import annotations
@@ -9,13 +10,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controllers.costs.race import clearance, progress
-from controllers.lanes.environment import DISABLED, Learning, environment_module
-from controllers.lanes.episode_loops import to_lanes, to_rows
-from controllers.lanes.layout import LANES, blocks
-from controllers.lanes.sharing import on_threads
-from controllers.learned.observation import GATE_NUMBERS, SIZE, NextGates, observation
 from quadsim.config.settings import SettingError
+from quadsim.controllers.costs.race import clearance, progress
+from quadsim.controllers.lanes.environment import DISABLED, Learning, environment_module
+from quadsim.controllers.lanes.episode_loops import to_lanes, to_rows
+from quadsim.controllers.lanes.layout import LANES, blocks
+from quadsim.controllers.lanes.sharing import on_threads
+from quadsim.controllers.learned.observation import GATE_NUMBERS, SIZE, NextGates, observation
 from quadsim.learn.reward import RewardParams, RewardWeights, reward
 from quadsim.learn.task import LearningTask, Tables, tables
 from quadsim.streams import observation_noise_key

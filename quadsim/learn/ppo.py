@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 
-from controllers.lanes.layout import LANES
+from quadsim.controllers.lanes.layout import LANES
 from quadsim.learn.ppo_config import PPOConfig
 from quadsim.learn.reward import RewardParams, RewardWeights
 from quadsim.learn.stable_baselines import RacingVecEnv

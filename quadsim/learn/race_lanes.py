@@ -1,8 +1,8 @@
 """Many races of several vehicles in the compiled lanes.
 
-The loops of LaneEnvironments step each vehicle as if it were alone; controllers.lanes.races adds
-collisions, ranks and the racers' observations of each other. Racer a of race r is lane r % LANES of
-block r // LANES * racers + a.
+The loops of LaneEnvironments step each vehicle as if it were alone; quadsim.controllers.lanes.races
+adds collisions, ranks and the racers' observations of each other. Racer a of race r is lane r %
+LANES of block r // LANES * racers + a.
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controllers.lanes.environment import WAIT
-from controllers.lanes.layout import LANES, blocks
-from controllers.lanes.race_loops import actions_to_lanes, observations_to_rows
-from controllers.lanes.races import NEVER, Racing, races_module
-from controllers.lanes.sharing import on_threads
-from controllers.learned.observation import SIZE
-from controllers.learned.opponents import OPPONENT_SIZE, Away, seen_opponent
+from quadsim.controllers.lanes.environment import WAIT
+from quadsim.controllers.lanes.layout import LANES, blocks
+from quadsim.controllers.lanes.race_loops import actions_to_lanes, observations_to_rows
+from quadsim.controllers.lanes.races import NEVER, Racing, races_module
+from quadsim.controllers.lanes.sharing import on_threads
+from quadsim.controllers.learned.observation import SIZE
+from quadsim.controllers.learned.opponents import OPPONENT_SIZE, Away, seen_opponent
 from quadsim.learn.lanes import LaneEnvironments, check_courses
 from quadsim.learn.race_task import (
     RaceRewardParams,
@@ -79,7 +79,8 @@ class RaceLanes(LaneEnvironments):
 
     Attributes:
         others: observations of the opponents, nearest first
-            (blocks, (racers - 1) * OPPONENT_SIZE, LANES); see controllers.learned.opponents.
+            (blocks, (racers - 1) * OPPONENT_SIZE, LANES); see
+            quadsim.controllers.learned.opponents.
         out: whether the racer was out before the last step  (blocks, LANES).
         collided: whether the racer has collided with another one in this step  (blocks, LANES).
         rank: the racer's rank in the race, from 1  (blocks, LANES).

@@ -8,10 +8,10 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from msgspec import Meta, inspect
 
-from controllers.lanes.layout import LANES
-from controllers.lanes.threads import use_threads
-from controllers.learned.observation import SIZE
-from controllers.learned.opponents import OPPONENT_SIZE
+from quadsim.controllers.lanes.layout import LANES
+from quadsim.controllers.lanes.threads import use_threads
+from quadsim.controllers.learned.observation import SIZE
+from quadsim.controllers.learned.opponents import OPPONENT_SIZE
 from quadsim.dynamics.quadrotor import POSE
 from quadsim.files.values import checked_object
 from quadsim.learn.race_lanes import RaceLanes

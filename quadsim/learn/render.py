@@ -68,7 +68,8 @@ class Renderer:
     ):
         if not (mode is None or (isinstance(mode, str) and mode in RENDER_MODES)):
             wanted = f"expected None or 'rgb_array', got {shown_value(mode)}"
-            ways = "gymnasium.make opens a window; viewer=web.page.env_page.EnvPage shows a page"
+            page = "viewer=quadsim.web.page.env_page.EnvPage shows a page"
+            ways = f"gymnasium.make opens a window; {page}"
             raise SettingError("render_mode", f"{wanted}: {ways}" if mode == "human" else wanted)
         if not (viewer is None or callable(viewer)):
             wanted = "expected a class or a function that makes a viewer"

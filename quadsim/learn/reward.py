@@ -4,9 +4,9 @@
         - body_rates |w|^2 - action_change |a - a_last|^2 - time
 
 d is the progress: the decrease of the remaining way through the gates [m], measured as in the
-racing cost (controllers.costs.race), so that the sum over a flight does not depend on its path. The
-terms follow Song et al. 2021, "Autonomous Drone Racing with Deep Reinforcement Learning", and
-Kaufmann et al. 2023.
+racing cost (quadsim.controllers.costs.race), so that the sum over a flight does not depend on its
+path. The terms follow Song et al. 2021, "Autonomous Drone Racing with Deep Reinforcement Learning",
+and Kaufmann et al. 2023.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.spaces import Box
 from msgspec import Meta, inspect
 
-from controllers.learned.observation import SIZE
+from quadsim.controllers.learned.observation import SIZE
 from quadsim.files.values import SettingError, checked_object
 from quadsim.files.yaml_errors import shown_value
 
@@ -21,7 +21,7 @@ SEED = inspect.type_info(Annotated[int, Meta(ge=0, le=2**63 - 1)])
 
 
 def observation_space() -> Box:
-    """Return the space of observations; see controllers.learned.observation.UNITS.  (SIZE,)"""
+    """Return the space of observations  (SIZE,); see `UNITS` of the observation."""
     return Box(-FAR, FAR, (SIZE,), np.float32)
 
 

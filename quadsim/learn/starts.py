@@ -13,10 +13,10 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from controllers.costs import Cost
-from controllers.costs.race import RaceParams
-from controllers.costs.race_targets import GateTarget
-from controllers.learned.observation import normalised
+from quadsim.controllers.costs import Cost
+from quadsim.controllers.costs.race import RaceParams
+from quadsim.controllers.costs.race_targets import GateTarget
+from quadsim.controllers.learned.observation import normalised
 from quadsim.course import Course, Start
 from quadsim.dynamics.named_tuples import columns
 from quadsim.dynamics.quadrotor import ModelParams, State, quadrotor

@@ -13,11 +13,11 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 import numpy as np
 from msgspec import inspect
 
-from controllers.costs import Cost
-from controllers.costs.race import RaceWeights, race_cost
-from controllers.learned.observation import gate_rows
 from quadsim.config.resolve import default_timeout
 from quadsim.config.settings import LapCount
+from quadsim.controllers.costs import Cost
+from quadsim.controllers.costs.race import RaceWeights, race_cost
+from quadsim.controllers.learned.observation import gate_rows
 from quadsim.course import Course, load_course
 from quadsim.course.swept import SweptGates
 from quadsim.dynamics import System

@@ -17,10 +17,10 @@ import msgspec
 import numpy as np
 from msgspec import structs
 
-from controllers.learned.pilot import About, Pilot, load_pilot, pilot_bytes
-from controllers.learned.policy import vehicle_digest
 from quadsim.config.build import flight_frames
 from quadsim.config.spec import Spec
+from quadsim.controllers.learned.pilot import About, Pilot, load_pilot, pilot_bytes
+from quadsim.controllers.learned.policy import vehicle_digest
 from quadsim.dynamics.quadrotor import Control, ModelParams
 from quadsim.learn.checkpoint import Checkpoint, Evaluation, checkpoint_bytes, read_checkpoint
 from quadsim.learn.ppo_config import PPOConfig

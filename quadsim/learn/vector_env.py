@@ -11,10 +11,10 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from msgspec import Meta, inspect
 
-from controllers.lanes.environment import DISABLED, NEXT_STEP, SAME_STEP
-from controllers.lanes.layout import LANES
-from controllers.lanes.threads import use_threads
-from controllers.learned.observation import SIZE
+from quadsim.controllers.lanes.environment import DISABLED, NEXT_STEP, SAME_STEP
+from quadsim.controllers.lanes.layout import LANES
+from quadsim.controllers.lanes.threads import use_threads
+from quadsim.controllers.learned.observation import SIZE
 from quadsim.dynamics.quadrotor import POSE
 from quadsim.files.values import SettingError, checked_object
 from quadsim.files.yaml_errors import shown_value
@@ -52,7 +52,7 @@ class RacingVectorEnv(VectorEnv):
         threads: CPU threads of this process; None leaves them as they are.
         render_mode: None or "rgb_array".
         viewer: function that makes a viewer for every step from the course, the number of vehicles
-            and the duration of a step [s], such as web.page.env_page.EnvPage.
+            and the duration of a step [s], such as quadsim.web.page.env_page.EnvPage.
         settings: course, vehicle, laps, reward, dt, start, randomize, time_limit and noise; see
             quadsim.learn.task.task.
 

@@ -137,7 +137,7 @@ class MavlinkClient:
 
     def control(self, estimate: Any, /) -> tuple[np.ndarray, Any]:
         """Return the present command; the estimate is not used."""
-        from controllers.plan import PlanStats
+        from quadsim.controllers.plan import PlanStats
 
         return self.command, PlanStats(cost=0.0, ess=0.0, temperature=0.0)
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy import maximum, sqrt
 
-from controllers.costs import Cost, Term
+from quadsim.controllers.costs import Cost, Term
 from quadsim.paper.corridor import Corridor
 
 RUN_OUT = 100.0  # [m] a last leg behind the goal, so that plans do not end there

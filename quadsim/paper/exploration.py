@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from controllers.samplers import Colored, Gaussian, Sampling
+from quadsim.controllers.samplers import Colored, Gaussian, Sampling
 from quadsim.figures.style import STYLE, line, write_figure
 from quadsim.palette import dotted, style
 from quadsim.paper.car import NOMINAL, State, car

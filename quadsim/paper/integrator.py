@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.costs import Cost, Term
+from quadsim.controllers.costs import Cost, Term
 from quadsim.dynamics import System
 
 UNLIMITED = 1e30  # finite, as the compiled lanes require

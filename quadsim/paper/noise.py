@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from controllers.lanes.layout import from_lanes
-from controllers.samplers import Colored, Gaussian, Sampling
-from controllers.samplers.lane_sampler import stream_key
+from quadsim.controllers.lanes.layout import from_lanes
+from quadsim.controllers.samplers import Colored, Gaussian, Sampling
+from quadsim.controllers.samplers.lane_sampler import stream_key
 from quadsim.figures.style import STYLE, write_figure
 from quadsim.palette import style
 from quadsim.paper.result import Result, write_csv

@@ -18,9 +18,9 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from controllers.config import MPPIConfig
-from controllers.mppi import MPPI
-from controllers.samplers import Colored, Gaussian, Sampling
+from quadsim.controllers.config import MPPIConfig
+from quadsim.controllers.mppi import MPPI
+from quadsim.controllers.samplers import Colored, Gaussian, Sampling
 from quadsim.dynamics.estimate import Estimate
 from quadsim.figures.style import STYLE, line, write_figure
 from quadsim.palette import HIT, INK, LIMIT, style

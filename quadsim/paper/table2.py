@@ -14,11 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from rich.table import Table
 
-from controllers.config import MPPIConfig
-from controllers.costs import evaluate
-from controllers.mppi import MPPI
-from controllers.samplers import Colored, Gaussian, LogNormal, Sampling, Smooth, SmoothStar
 from quadsim.console import plain_table
+from quadsim.controllers.config import MPPIConfig
+from quadsim.controllers.costs import evaluate
+from quadsim.controllers.mppi import MPPI
+from quadsim.controllers.samplers import Colored, Gaussian, LogNormal, Sampling, Smooth, SmoothStar
 from quadsim.paper.integrator import Control, Goal, State, double_integrator, quadratic_cost
 from quadsim.paper.result import Result, write_csv
 from quadsim.paper.runs import kept_runs

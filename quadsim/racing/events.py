@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from itertools import pairwise
 
-from controllers.plan import PlannerSnapshot
+from quadsim.controllers.plan import PlannerSnapshot
 from quadsim.sensing.kept import Kept
 
 # [s] A flight is over after this time without getting nearer to the next gate than before.

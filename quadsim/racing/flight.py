@@ -21,7 +21,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from controllers.plan import PlannerSnapshot, PlanStats
+from quadsim.controllers.plan import PlannerSnapshot, PlanStats
 from quadsim.dynamics.estimate import Estimate
 from quadsim.physics.plant import Plant, PlantState
 from quadsim.racing.clock import Clock

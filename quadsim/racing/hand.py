@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controllers.plan import PlanStats
+from quadsim.controllers.plan import PlanStats
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import Control
 from quadsim.vehicle import GRAVITY, Vehicle

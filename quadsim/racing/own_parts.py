@@ -10,7 +10,7 @@ from numbers import Real
 
 import numpy as np
 
-from controllers.plan import PlanStats
+from quadsim.controllers.plan import PlanStats
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import shown_value
 from quadsim.racing.events import Event

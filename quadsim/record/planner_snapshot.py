@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controllers.plan import PlannerSnapshot
+from quadsim.controllers.plan import PlannerSnapshot
 
 # Names of arrays in telemetry.npz; TERM stands before the name of a cost term
 FRAMES = "pictured"

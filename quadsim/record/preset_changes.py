@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from typing import Any
 
-from controllers.presets import PRESETS
+from quadsim.controllers.presets import PRESETS
 
 # Numbers that are shown, at most
 MOST = 4

@@ -17,9 +17,9 @@ from typing import Any, Literal, TypedDict, get_args
 
 import numpy as np
 
-from controllers.excitation import EXCITE
-from controllers.plan import PlannerSnapshot
 from quadsim.console import plain
+from quadsim.controllers.excitation import EXCITE
+from quadsim.controllers.plan import PlannerSnapshot
 from quadsim.dynamics.quadrotor import CONTROL_UNITS, STATE_UNITS
 from quadsim.physics.link import LinkConfig
 from quadsim.physics.plant_state import MOTOR_UNITS

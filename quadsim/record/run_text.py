@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from controllers.excitation import EXCITE
+from quadsim.controllers.excitation import EXCITE
 from quadsim.racing.hand import HAND
 from quadsim.record.estimate_metrics import lost_estimate
 from quadsim.record.given_state import given_state

@@ -19,7 +19,7 @@ from typing import Annotated, Any
 
 from msgspec import Meta, Struct, field
 
-from controllers.config import MPPIConfig
+from quadsim.controllers.config import MPPIConfig
 from quadsim.course import Start
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.physics.link import WIRE, LinkConfig

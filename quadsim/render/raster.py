@@ -22,8 +22,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from controllers.lanes import FAST
-from controllers.lanes.compiled import kept
+from quadsim.controllers.lanes import FAST
+from quadsim.controllers.lanes.compiled import kept
 
 # Kinds of faces
 RECTANGLE = 0

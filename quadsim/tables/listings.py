@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, overload
 
-from controllers.presets import PRESETS
 from quadsim.config.competition import Competition, competition_names, load_competition
+from quadsim.controllers.presets import PRESETS
 from quadsim.course import Course, course_names, load_course
 from quadsim.sensing import Sensing, load_sensing, sensing_names
 from quadsim.sensing.sensing_file import SENSORS

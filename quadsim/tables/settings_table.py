@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 
 from msgspec import inspect
 
-from controllers.presets import PRESETS, Planner
 from quadsim.config.settings import (
     SETTINGS,
     FlightSettings,
@@ -23,6 +22,7 @@ from quadsim.config.settings import (
     unit_of,
     values_of,
 )
+from quadsim.controllers.presets import PRESETS, Planner
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.values import Kind, bare
 from quadsim.files.yaml_errors import limits

@@ -13,10 +13,10 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from controllers.learned.pilot import pilot_names
 from quadsim.config.recorded import spec_of_record
 from quadsim.config.settings import FlightNumbers, FlightSettings, values_of
 from quadsim.config.spec import Spec
+from quadsim.controllers.learned.pilot import pilot_names
 from quadsim.record.run import hostless
 
 # The settings of a flight that a Spec holds under the same names. They are worded if they differ

@@ -29,10 +29,10 @@ from typing import TYPE_CHECKING, Any, Literal, TypedDict
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from controllers.costs import Cost, Term
-    from controllers.learned.pilot import Pilot
-    from controllers.presets import Planner
-    from controllers.samplers import PlainSampler, Sampling
+    from quadsim.controllers.costs import Cost, Term
+    from quadsim.controllers.learned.pilot import Pilot
+    from quadsim.controllers.presets import Planner
+    from quadsim.controllers.samplers import PlainSampler, Sampling
     from quadsim.config.competition import Competition
     from quadsim.config.spec import Spec
     from quadsim.course import Course

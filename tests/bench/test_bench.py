@@ -15,12 +15,6 @@ from numpy import minimum
 from oracle import fly_rows
 from rich.console import Console
 
-from controllers import mppi as algorithm
-from controllers.lanes import layout
-from controllers.lanes.layout import from_lanes
-from controllers.mppi import MPPI
-from controllers.presets import preset
-from controllers.samplers import SAMPLERS
 from quadsim.bench import cases as bench_cases
 from quadsim.bench import peers, stages
 from quadsim.bench.cases import (
@@ -52,6 +46,12 @@ from quadsim.bench.tables import (
 )
 from quadsim.cli import bench
 from quadsim.cli.cli import race
+from quadsim.controllers import mppi as algorithm
+from quadsim.controllers.lanes import layout
+from quadsim.controllers.lanes.layout import from_lanes
+from quadsim.controllers.mppi import MPPI
+from quadsim.controllers.presets import preset
+from quadsim.controllers.samplers import SAMPLERS
 from quadsim.learn.races import Races
 from quadsim.learn.vector_env import RacingVectorEnv
 from quadsim.physics.plant import PLANTS

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 import quadsim
-from controllers.learned.pilot import PILOTS
 from quadsim.campaign.attempt import attempt_key
 from quadsim.campaign.store import Store
 from quadsim.config.settings import SettingError
 from quadsim.config.spec import Spec
+from quadsim.controllers.learned.pilot import PILOTS
 from quadsim.record.limits import SOLUTIONS
 from tests.campaign_cases import COURSE, SETTINGS
 

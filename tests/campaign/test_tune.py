@@ -15,8 +15,6 @@ import pytest
 
 pytest.importorskip("optuna", reason="extra 'tune'")
 
-from controllers.costs.race import RaceWeights
-from controllers.presets import PRESETS
 from quadsim.campaign import search as search_module
 from quadsim.campaign.attempt import fly_attempt
 from quadsim.campaign.parameters import (
@@ -34,6 +32,8 @@ from quadsim.campaign.tune import Goal, objective, pareto, tune
 from quadsim.cli.cli import race
 from quadsim.config.presets import parse_planner
 from quadsim.config.spec import Spec
+from quadsim.controllers.costs.race import RaceWeights
+from quadsim.controllers.presets import PRESETS
 from quadsim.racing.events import Event
 from quadsim.record.run import RunError
 from tests.campaign_cases import COURSE, FLIGHT, row, variant

@@ -14,11 +14,11 @@ import numba
 import numpy as np
 import pytest
 
-from controllers.costs.race import RaceWeights
 from quadsim.config import library_code
 from quadsim.config.first_names import FIRST_NAMES, first_name
 from quadsim.config.identity import IdentityError, identity_of
 from quadsim.config.parts import qualified_name
+from quadsim.controllers.costs.race import RaceWeights
 
 
 class Held:

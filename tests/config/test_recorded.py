@@ -10,11 +10,11 @@ import pytest
 from run_cases import two_laps
 
 import quadsim
-from controllers.learned.pilot import PILOTS
 from quadsim.config.changes import changeable_numbers
 from quadsim.config.recorded import RecordError, recorded_spec, spec_of_record
 from quadsim.config.settings import FlightNumbers, SettingError
 from quadsim.config.spec import Spec
+from quadsim.controllers.learned.pilot import PILOTS
 from quadsim.course import load_course
 from quadsim.dynamics.quadrotor import CONTROL_UNITS
 from quadsim.files.strict_yaml import FileError
@@ -22,10 +22,10 @@ from quadsim.record.limits import SOLUTIONS
 from quadsim.record.run import canonical, hostless, why_not_repeatable
 from quadsim.record.schema import NumberChange
 from quadsim.vehicle import load_vehicle
+from quadsim.web.choices import Choices
+from quadsim.web.live_flight import LiveFlight
+from quadsim.web.numbers import Change
 from tests.small import SHORT
-from web.choices import Choices
-from web.live_flight import LiveFlight
-from web.numbers import Change
 
 # Long enough for a change in flight
 BRIEF = {**SHORT, "first_iterations": 10, "timeout": 0.15}

@@ -5,9 +5,9 @@ import re
 import pytest
 
 import quadsim
-from controllers import PRESETS
 from quadsim.cli.cli import race
 from quadsim.config.settings import SETTINGS
+from quadsim.controllers import PRESETS
 from quadsim.course.course_file import CourseFile
 from quadsim.sensing.camera import Camera
 from quadsim.sensing.sensing_file import SensingFile

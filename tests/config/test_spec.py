@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import quadsim
-from controllers.costs import Term
-from controllers.presets import PRESETS
-from controllers.samplers import SAMPLERS, Colored, Gaussian
 from quadsim.config.build import build, with_threads
 from quadsim.config.presets import parse_planner
 from quadsim.config.settings import SETTINGS, SettingError
 from quadsim.config.spec import Spec
+from quadsim.controllers.costs import Term
+from quadsim.controllers.presets import PRESETS
+from quadsim.controllers.samplers import SAMPLERS, Colored, Gaussian
 from quadsim.course import course_names, load_course
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.strict_yaml import FileError

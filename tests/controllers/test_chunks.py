@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from point import START, White, make, naive_cost
 
-from controllers.lanes import layout
-from controllers.sampled_trajectories import controls
-from controllers.samplers import SAMPLERS
+from quadsim.controllers.lanes import layout
+from quadsim.controllers.sampled_trajectories import controls
+from quadsim.controllers.samplers import SAMPLERS
 
 
 @pytest.mark.compiled

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from numba import njit
 
-from controllers.lanes import code_cache
-from controllers.lanes.code_cache import CodeCache
-from controllers.lanes.compiled import interruptible, is_cached, kept, load_module
-from controllers.lanes.trace import TraceError
+from quadsim.controllers.lanes import code_cache
+from quadsim.controllers.lanes.code_cache import CodeCache
+from quadsim.controllers.lanes.compiled import interruptible, is_cached, kept, load_module
+from quadsim.controllers.lanes.trace import TraceError
 from quadsim.files.cache import cache_folder
 
 TEXT = """
 from numba import njit
-from controllers.lanes.compiled import kept
+from quadsim.controllers.lanes.compiled import kept
 @kept
 @njit
 def twice(x):
@@ -91,7 +91,7 @@ def test_a_file_without_an_end_is_damaged(home, caplog, monkeypatch):
     (path,) = files(home)
     path.unlink()
     path.symlink_to("/dev/zero")
-    monkeypatch.setattr("controllers.lanes.code_cache.LARGEST", 10_000)
+    monkeypatch.setattr("quadsim.controllers.lanes.code_cache.LARGEST", 10_000)
     assert not loaded(fresh())
     damaged_, kept_ = caplog.messages
     assert damaged_.startswith(f"{path}: damaged")
@@ -203,7 +203,7 @@ UNFIT = """
 import math
 import numpy as np
 from numba import njit
-from controllers.lanes.compiled import kept
+from quadsim.controllers.lanes.compiled import kept
 
 @kept
 @njit

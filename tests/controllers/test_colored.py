@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import cholesky, solve_triangular, toeplitz
 
-from controllers.samplers.colored import LAWS, Colored, spectrum, transform_length
+from quadsim.controllers.samplers.colored import LAWS, Colored, spectrum, transform_length
 from quadsim.files.values import SettingError
 
 GAMMA = (0.0, 0.5, 1.0, 2.0, 4.0)

@@ -18,15 +18,15 @@ from numpy import maximum, minimum
 from oracle import fly_rows, to_lanes
 from point import POINT
 
-from controllers.config import MPPIConfig
-from controllers.costs import Cost, Term, crash, evaluate
-from controllers.lanes.lanes import Rollout, compiled_module
-from controllers.lanes.layout import LANES
-from controllers.lanes.planner_loops import module_source
-from controllers.lanes.trace import TraceError
-from controllers.mppi import MPPI
-from controllers.sampled_trajectories import terms_of
-from controllers.samplers import Gaussian
+from quadsim.controllers.config import MPPIConfig
+from quadsim.controllers.costs import Cost, Term, crash, evaluate
+from quadsim.controllers.lanes.lanes import Rollout, compiled_module
+from quadsim.controllers.lanes.layout import LANES
+from quadsim.controllers.lanes.planner_loops import module_source
+from quadsim.controllers.lanes.trace import TraceError
+from quadsim.controllers.mppi import MPPI
+from quadsim.controllers.sampled_trajectories import terms_of
+from quadsim.controllers.samplers import Gaussian
 from quadsim.dynamics.estimate import Estimate
 from quadsim.paper.integrator import (
     Control,
@@ -392,7 +392,7 @@ def test_a_weight_is_the_first_factor_and_what_the_source_computes_apart_stays_w
 
 
 def on_this_thread(loop, blocks, *arguments):
-    """Run a loop here and now, see controllers.lanes.sharing."""
+    """Run a loop here and now, see quadsim.controllers.lanes.sharing."""
     loop(0, 0, blocks, *arguments)
 
 
@@ -403,13 +403,13 @@ def plain_python(monkeypatch):
     def interpreted(system, cost, dtype):
         with monkeypatch.context() as patch:
             patch.setattr(numba, "njit", lambda *_, **options: lambda function: function)
-            patch.setattr("controllers.lanes.compiled.kept", lambda function: function)
+            patch.setattr("quadsim.controllers.lanes.compiled.kept", lambda function: function)
             names = {}
             exec(module_source(system, cost, dtype), names)
         return SimpleNamespace(**names)
 
-    monkeypatch.setattr("controllers.lanes.lanes.compiled_module", interpreted)
-    monkeypatch.setattr("controllers.lanes.lanes.on_threads", on_this_thread)
+    monkeypatch.setattr("quadsim.controllers.lanes.lanes.compiled_module", interpreted)
+    monkeypatch.setattr("quadsim.controllers.lanes.lanes.on_threads", on_this_thread)
 
 
 LOOPS = ("rollout",)

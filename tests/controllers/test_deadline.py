@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from controllers.in_flight import PlannerInFlight
-from controllers.lanes.layout import LANES
+from quadsim.controllers.in_flight import PlannerInFlight
+from quadsim.controllers.lanes.layout import LANES
 from quadsim.dynamics.estimate import Estimate
 
 MOST = 32 * LANES

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from point import START, make
 
-from controllers.update import TEMPERATURE_RANGE, solve_temperature, weights
+from quadsim.controllers.update import TEMPERATURE_RANGE, solve_temperature, weights
 
 
 def test_effective_sample_size_counts_equal_samples():

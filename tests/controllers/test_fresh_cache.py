@@ -13,10 +13,10 @@ pytestmark = pytest.mark.regression
 PLANS = """
 import sys
 import numpy as np
-from controllers.costs.race import RaceWeights, race_cost
-from controllers.config import MPPIConfig
-from controllers.mppi import MPPI
-from controllers.samplers import Colored
+from quadsim.controllers.costs.race import RaceWeights, race_cost
+from quadsim.controllers.config import MPPIConfig
+from quadsim.controllers.mppi import MPPI
+from quadsim.controllers.samplers import Colored
 from quadsim.course import load_course
 from quadsim.physics.plant import start_state
 from quadsim.dynamics.quadrotor import ModelParams, quadrotor

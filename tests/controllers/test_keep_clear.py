@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from controllers.costs.keep_clear import NOWHERE, Clearance, KeepClear, keep_clear
+from quadsim.controllers.costs.keep_clear import NOWHERE, Clearance, KeepClear, keep_clear
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.expected_path import ExpectedPath, OtherVehicle
 

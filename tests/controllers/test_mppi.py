@@ -21,11 +21,11 @@ from point import (
 )
 from scipy.signal import savgol_coeffs
 
-from controllers.costs import Term
-from controllers.lanes.lanes import compiled_module
-from controllers.mppi import MPPI
-from controllers.samplers import SAMPLERS, Gaussian
-from controllers.update import SAVITZKY_GOLAY, savitzky_golay, weights
+from quadsim.controllers.costs import Term
+from quadsim.controllers.lanes.lanes import compiled_module
+from quadsim.controllers.mppi import MPPI
+from quadsim.controllers.samplers import SAMPLERS, Gaussian
+from quadsim.controllers.update import SAVITZKY_GOLAY, savitzky_golay, weights
 from quadsim.dynamics.estimate import Estimate
 
 EVERY = [*SAMPLERS, White((0.8, 0.5))]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from controllers.lanes.normals import box_muller, fill_normals, philox
+from quadsim.controllers.lanes.normals import box_muller, fill_normals, philox
 
 pytestmark = pytest.mark.compiled
 LANES = 64

@@ -9,17 +9,17 @@ from oracle import decision_distance, fly_rows
 from race_cases import ALL, DT, RADIUS, ROW, course, gate, state
 from test_rollout_oracle import SYSTEM, assert_agree, controls, fly_lanes, launch, out_of_reach
 
-from controllers.costs.frames import (
+from quadsim.controllers.costs.frames import (
     SAFETY_MARGIN,
     ObstacleRow,
     course_obstacles,
     touches,
     touches_round,
 )
-from controllers.costs.race import RaceWeights, race_cost
-from controllers.lanes.lanes import Rollout
-from controllers.lanes.layout import LANES
-from controllers.sampled_trajectories import terms_of
+from quadsim.controllers.costs.race import RaceWeights, race_cost
+from quadsim.controllers.lanes.lanes import Rollout
+from quadsim.controllers.lanes.layout import LANES
+from quadsim.controllers.sampled_trajectories import terms_of
 from quadsim.course import Box, Cylinder
 from quadsim.course.swept import SweptGate
 from quadsim.course.swept_obstacles import SweptObstacle

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from race_cases import ALL, EXIT, GAP, ONLY, RADIUS, ROW, course, fly, gate, state, term
 
-from controllers.costs import evaluate
-from controllers.costs.race import TERMS, race_cost
+from quadsim.controllers.costs import evaluate
+from quadsim.controllers.costs.race import TERMS, race_cost
 
 
 @pytest.mark.parametrize("name", TERMS)

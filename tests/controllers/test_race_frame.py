@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from race_cases import ALL, DT, EXIT, GAP, RADIUS, ROW, WIDTH, at, course, fly, gate, through
 
-from controllers.costs.frames import SAFETY_MARGIN
-from controllers.costs.race import RUN_OUT, race_cost
+from quadsim.controllers.costs.frames import SAFETY_MARGIN
+from quadsim.controllers.costs.race import RUN_OUT, race_cost
 from quadsim.course import course_names, load_course
 from quadsim.racing.referee import Referee
 from quadsim.vehicle import load_vehicle, vehicle_names

@@ -26,8 +26,8 @@ from race_cases import (
     through,
 )
 
-from controllers.costs.race import RUN_OUT, TERMS, RaceWeights, clear_of_frame, race_cost
-from controllers.costs.race_targets import GateTarget
+from quadsim.controllers.costs.race import RUN_OUT, TERMS, RaceWeights, clear_of_frame, race_cost
+from quadsim.controllers.costs.race_targets import GateTarget
 from quadsim.course import course_names, load_course
 from quadsim.dynamics.named_tuples import column, columns
 

@@ -4,13 +4,13 @@ points back."""
 import numpy as np
 import pytest
 
-from controllers.costs import evaluate
-from controllers.costs.race import RaceWeights, race_cost
-from controllers.costs.race_view import with_view
-from controllers.lanes.planner_loops import module_source
 from quadsim.config.build_cost import cost_on
 from quadsim.config.settings import SettingError
 from quadsim.config.spec import Spec
+from quadsim.controllers.costs import evaluate
+from quadsim.controllers.costs.race import RaceWeights, race_cost
+from quadsim.controllers.costs.race_view import with_view
+from quadsim.controllers.lanes.planner_loops import module_source
 from quadsim.course import load_course
 from quadsim.dynamics.quadrotor import Control, ModelParams, State, quadrotor
 from quadsim.rotation import exp, matrix, product

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from controllers.config import MPPIConfig
-from controllers.costs.race import RaceWeights
-from controllers.costs.reference import ReferenceWeights
-from controllers.samplers import SAMPLERS, Colored, Gaussian
+from quadsim.controllers.config import MPPIConfig
+from quadsim.controllers.costs.race import RaceWeights
+from quadsim.controllers.costs.reference import ReferenceWeights
+from quadsim.controllers.samplers import SAMPLERS, Colored, Gaussian
 from quadsim.files.values import SettingError
 
 NAN = float("nan")

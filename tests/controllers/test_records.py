@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from race_cases import ALL, RADIUS, course, gate
 
-from controllers.costs.frames import ObstacleRow, course_obstacles, frame_row, obstacle_row
-from controllers.costs.race import race_cost
-from controllers.costs.race_targets import GateTarget
+from quadsim.controllers.costs.frames import ObstacleRow, course_obstacles, frame_row, obstacle_row
+from quadsim.controllers.costs.race import race_cost
+from quadsim.controllers.costs.race_targets import GateTarget
 from quadsim.course import Box, Cylinder
 from quadsim.course.swept import SweptGate
 from quadsim.dynamics.named_tuples import as_rows, column, columns

@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controllers.costs import evaluate
-from controllers.costs.reference import (
+from quadsim.config.build import build, launched
+from quadsim.config.reference import reference_of, stored_reference
+from quadsim.config.spec import Spec
+from quadsim.controllers.costs import evaluate
+from quadsim.controllers.costs.reference import (
     GATE_TIME,
     TERMS,
     Reference,
     ReferenceWeights,
     reference_cost,
 )
-from quadsim.config.build import build, launched
-from quadsim.config.reference import reference_of, stored_reference
-from quadsim.config.spec import Spec
 from quadsim.course import load_course
 from quadsim.dynamics.quadrotor import State
 from quadsim.files.strict_yaml import FileError

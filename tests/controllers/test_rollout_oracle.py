@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from oracle import SAME, decision_distance, fly_rows, to_lanes
 
-from controllers.costs import evaluate
-from controllers.costs.race import RaceWeights, race_cost
-from controllers.lanes.lanes import Rollout
-from controllers.lanes.layout import LANES
-from controllers.lanes.planner_loops import module_source
-from controllers.schedule import Schedule
+from quadsim.controllers.costs import evaluate
+from quadsim.controllers.costs.race import RaceWeights, race_cost
+from quadsim.controllers.lanes.lanes import Rollout
+from quadsim.controllers.lanes.layout import LANES
+from quadsim.controllers.lanes.planner_loops import module_source
+from quadsim.controllers.schedule import Schedule
 from quadsim.course import Course, Cylinder, Gate, Start
 from quadsim.dynamics.quadrotor import ModelParams, State, quadrotor
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from controllers.costs.race import TERMS
-from controllers.sampled_trajectories import controls, sampled_trajectories, take_snapshot
 from quadsim.config.build import build, launch
 from quadsim.config.spec import Spec
+from quadsim.controllers.costs.race import TERMS
+from quadsim.controllers.sampled_trajectories import controls, sampled_trajectories, take_snapshot
 from quadsim.racing.flight import SNAPSHOT_EVERY, FlightParts, simulate
 from tests.small import SMALL
 

@@ -15,9 +15,9 @@ import pytest
 from point import White, make_sampler
 from scipy.stats import qmc
 
-from controllers.lanes.layout import CHUNK, LANES, from_lanes
-from controllers.samplers import SAMPLERS, Gaussian, build_lanes
-from controllers.samplers.lane_sampler import stream_key
+from quadsim.controllers.lanes.layout import CHUNK, LANES, from_lanes
+from quadsim.controllers.samplers import SAMPLERS, Gaussian, build_lanes
+from quadsim.controllers.samplers.lane_sampler import stream_key
 
 
 def choices(name):

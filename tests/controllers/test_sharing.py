@@ -7,19 +7,19 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from controllers.lanes import helpers
-from controllers.lanes.compiled import load_module
-from controllers.lanes.helpers import run_parts
-from controllers.lanes.sharing import on_threads
-from controllers.lanes.threads import most_threads, threads, use_threads
+from quadsim.controllers.lanes import helpers
+from quadsim.controllers.lanes.compiled import load_module
+from quadsim.controllers.lanes.helpers import run_parts
+from quadsim.controllers.lanes.sharing import on_threads
+from quadsim.controllers.lanes.threads import most_threads, threads, use_threads
 
 pytestmark = pytest.mark.compiled
 
 TEXT = """
 import numpy as np
 from numba import njit
-from controllers.lanes.compiled import kept
-from controllers.lanes.sharing import share
+from quadsim.controllers.lanes.compiled import kept
+from quadsim.controllers.lanes.sharing import share
 
 @kept
 @njit(nogil=True)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from point import POINT, REST, START, T, drawn, make, naive_cost, perturbed
 
-from controllers.lanes.layout import from_lanes
-from controllers.presets import PRESETS
-from controllers.samplers import SAMPLERS, LogNormal
-from controllers.samplers.lane_sampler import Momentum, Shift
-from controllers.update import weights
+from quadsim.controllers.lanes.layout import from_lanes
+from quadsim.controllers.presets import PRESETS
+from quadsim.controllers.samplers import SAMPLERS, LogNormal
+from quadsim.controllers.samplers.lane_sampler import Momentum, Shift
+from quadsim.controllers.update import weights
 
 FREE = {"system": POINT.__class__(**vars(POINT) | {"low": (-1e9,) * 2, "high": (1e9,) * 2})}
 

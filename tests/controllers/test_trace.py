@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from numpy import arctan2, cos, exp, log, maximum, minimum, sin, sqrt, tan, tanh, where
 
-from controllers.lanes.text import Writer
-from controllers.lanes.trace import KNOWN, Graph, TraceError, trace, trace_number
+from quadsim.controllers.lanes.text import Writer
+from quadsim.controllers.lanes.trace import KNOWN, Graph, TraceError, trace, trace_number
 from quadsim.dynamics.named_tuples import flat
 
 HERE = "test_trace.py"
@@ -142,9 +142,9 @@ FUNCTIONS = {
 
 @pytest.mark.compiled
 def test_compiled_functions_are_numpys_within_the_rounding_of_float32():
-    from controllers.lanes.compiled import load_module
-    from controllers.lanes.layout import LANES
-    from controllers.lanes.parts import header
+    from quadsim.controllers.lanes.compiled import load_module
+    from quadsim.controllers.lanes.layout import LANES
+    from quadsim.controllers.lanes.parts import header
 
     graph = Graph()
     writer = Writer()

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from controllers.lanes.layout import LANES
-from controllers.lanes.normals import fill_normals
-from controllers.lanes.passes import frequencies, narrowest_band, passes
-from controllers.lanes.transform import fill_transformed
+from quadsim.controllers.lanes.layout import LANES
+from quadsim.controllers.lanes.normals import fill_normals
+from quadsim.controllers.lanes.passes import frequencies, narrowest_band, passes
+from quadsim.controllers.lanes.transform import fill_transformed
 
 # Radices 2 to 7, and 31 in a loop; those of other tests, as each is compiled
 N = [62, 63, 80]

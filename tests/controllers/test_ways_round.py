@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from race_cases import ALL, RADIUS, ROW, course, fly, gate, straight
 
-from controllers.costs.frames import obstacle_rows
-from controllers.costs.race import race_cost
-from controllers.costs.race_targets import GateTarget
-from controllers.costs.room import Room
-from controllers.costs.ways_round import sees, shortest, way_round
+from quadsim.controllers.costs.frames import obstacle_rows
+from quadsim.controllers.costs.race import race_cost
+from quadsim.controllers.costs.race_targets import GateTarget
+from quadsim.controllers.costs.room import Room
+from quadsim.controllers.costs.ways_round import sees, shortest, way_round
 from quadsim.course import Box, Cylinder
 from quadsim.dynamics.named_tuples import columns
 

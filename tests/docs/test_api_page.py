@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-import controllers
 import quadsim
+from quadsim import controllers
 from tests.docs.pages import ROOT
 
 # "::: quadsim.api.fly"

@@ -17,8 +17,8 @@ from tests.docs.pages import ROOT
 RIGHT = """# Title
 
 See `quadsim/config/spec.py`, `tests/docs/`, `trace.py`, `tests/lap_times/*.yaml`, [it](#title),
-`quadsim.fly`, `quadsim.fly("figure8", laps=1)`, `controllers.costs.race_targets.GateTarget`,
-`quadsim.__version__`, `Spec.but`, `race
+`quadsim.fly`, `quadsim.fly("figure8", laps=1)`,
+`quadsim.controllers.costs.race_targets.GateTarget`, `quadsim.__version__`, `Spec.but`, `race
 fly`, `make docs-version VERSION=0.1`, `--target-ess 20`, `pytest tests/docs -k name`,
 `@pytest.mark.compiled`, `pip install --editable '.[limit]'`,
 `python -m quadsim.tables.write_tables` and `test_the_pages_name_only_what_there_is`.

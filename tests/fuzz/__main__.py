@@ -62,10 +62,10 @@ KINDS = {
 # Modules that are loaded before the processes of the cases are forked.
 LOADED = (
     "quadsim.cli.fly",
-    "controllers.lanes.lanes",
+    "quadsim.controllers.lanes.lanes",
     "pybullet",
     "matplotlib.figure",
-    "web.page.export",
+    "quadsim.web.page.export",
     "optuna",
 )
 

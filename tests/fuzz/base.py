@@ -20,7 +20,7 @@ from tests.fuzz.harness import Case, forked
 
 SMALL = """
 from numba import njit
-from controllers.lanes.compiled import kept
+from quadsim.controllers.lanes.compiled import kept
 @kept
 @njit
 def twice(x):
@@ -96,7 +96,7 @@ class Base:
 
 def small() -> int:
     """Compile a function and call it. Return 0 if it computes what it should."""
-    from controllers.lanes.compiled import load_module
+    from quadsim.controllers.lanes.compiled import load_module
 
     return 0 if load_module("fuzz_small", SMALL).twice(21) == 42 else 1
 

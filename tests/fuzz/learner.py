@@ -8,9 +8,9 @@ from types import ModuleType
 
 import numpy as np
 
-from controllers.learned.observation import SIZE
 from quadsim.cli import train as command
 from quadsim.cli.cli import race
+from quadsim.controllers.learned.observation import SIZE
 from quadsim.learn.ppo_config import PPOConfig
 from quadsim.learn.starts import hover_action
 from quadsim.learn.task import LearningTask

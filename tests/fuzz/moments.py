@@ -24,7 +24,7 @@ from importlib import import_module
 from math import inf
 from pathlib import Path
 
-from controllers.learned.pilot import load_pilot
+from quadsim.controllers.learned.pilot import load_pilot
 from quadsim.record.limits import load
 from tests.fuzz.flags import commands
 from tests.fuzz.left import PAGE, State, half, left_behind

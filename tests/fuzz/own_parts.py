@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 import quadsim
-from controllers.costs import Cost
-from controllers.plan import PlanStats
 from quadsim.config.build_plant import start_of
+from quadsim.controllers.costs import Cost
+from quadsim.controllers.plan import PlanStats
 from quadsim.dynamics.quadrotor import quadrotor
 from quadsim.physics.plant import PlantState
 from quadsim.racing.events import Event

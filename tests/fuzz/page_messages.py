@@ -14,9 +14,9 @@ from typing import Any
 
 import msgspec
 
+from quadsim.web.page.server import serve
 from tests.fuzz.harness import Case
 from tests.web.wire import CAMERA, connect
-from web.page.server import serve
 
 TYPES = ("ViewerCameraMessage", "GuiUpdateMessage", "CommandTriggerMessage")
 TYPES = (*TYPES, "GetRenderResponseMessage", "ShareUrlRequest", "FileTransferStartUpload", "x", "")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from controllers.learned.pilot import PILOTS
+from quadsim.controllers.learned.pilot import PILOTS
 from quadsim.record.archive import list_runs, read_run
 from quadsim.record.run import RunError
 from tests.fuzz.arrays import damage_place, damaged_npz

@@ -45,10 +45,10 @@ COMMANDS: dict[str, tuple[str, ...]] = {
 BEGUN = ("train", *TRAINING, "--steps", "16384")
 SLOWER = 0.05
 LIBRARIES = (
-    "controllers.lanes.lanes",
+    "quadsim.controllers.lanes.lanes",
     "pybullet",
     "matplotlib.figure",
-    "web.page.export",
+    "quadsim.web.page.export",
     "optuna",
     "quadsim.limit.search",
     "quadsim.learn.training",

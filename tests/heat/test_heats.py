@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import quadsim
-from controllers.lanes.threads import most_threads
-from controllers.plan import PlanStats
 from quadsim.cli.cli import race
+from quadsim.controllers.lanes.threads import most_threads
+from quadsim.controllers.plan import PlanStats
 from quadsim.heat.archive import list_heats, read_heat
 from quadsim.heat.launch import heat_frames
 from quadsim.heat.line_up import line_up

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import quadsim
-from controllers.lanes.threads import most_threads, threads
-from controllers.plan import PlanStats
+from quadsim.controllers.lanes.threads import most_threads, threads
+from quadsim.controllers.plan import PlanStats
 from quadsim.dynamics.estimate import Estimate
 from quadsim.heat.launch import heat_frames
 from quadsim.heat.side_by_side import SideBySide

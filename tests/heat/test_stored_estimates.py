@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controllers.in_flight import PlannerInFlight
-from controllers.mppi import MPPI
 from quadsim.config.build import planner_of
+from quadsim.controllers.in_flight import PlannerInFlight
+from quadsim.controllers.mppi import MPPI
 from quadsim.heat.launch import heat_frames, keep_clear_terms, with_terms
 from quadsim.heat.line_up import line_up
 from quadsim.heat.spec import HeatSpec

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import quadsim
-from controllers.costs.keep_clear import Clearance, KeepClear
+from quadsim.controllers.costs.keep_clear import Clearance, KeepClear
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import State
 from quadsim.heat.aware_planner import CLOSE, AwarePlanner, Perception, Tactics

@@ -9,7 +9,7 @@ pytest.importorskip("stable_baselines3", reason="the extra train is not installe
 import gymnasium
 from stable_baselines3.common.env_checker import check_env
 
-from controllers.learned.pilot import load_pilot
+from quadsim.controllers.learned.pilot import load_pilot
 from quadsim.learn.ppo import EndlessRaces, Learner
 from quadsim.learn.ppo_config import PPOConfig
 from quadsim.learn.stable_baselines import RacingVecEnv

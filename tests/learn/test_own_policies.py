@@ -10,8 +10,8 @@ import pytest
 from msgspec import structs
 
 import quadsim
-from controllers.learned.observation import SIZE
-from controllers.learned.pilot import load_pilot, pilot_bytes
+from quadsim.controllers.learned.observation import SIZE
+from quadsim.controllers.learned.pilot import load_pilot, pilot_bytes
 
 RNG = np.random.default_rng(0)
 SEEN = RNG.normal(size=SIZE).astype(np.float32)

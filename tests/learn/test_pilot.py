@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import quadsim
-from controllers.learned.observation import SIZE
-from controllers.learned.pilot import About, forward, load_pilot, pilot_bytes, pilot_names
 from quadsim.campaign.variants import parse_variants
 from quadsim.cli.cli import race
+from quadsim.controllers.learned.observation import SIZE
+from quadsim.controllers.learned.pilot import About, forward, load_pilot, pilot_bytes, pilot_names
 from quadsim.files.strict_yaml import FileError
 from quadsim.learn.starts import hover_action
 from quadsim.learn.task import task

@@ -16,11 +16,11 @@ pytest.importorskip("pettingzoo", reason="the extra rl is not installed")
 from gymnasium.error import ResetNeeded
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
-from controllers.lanes.environment import DISABLED
-from controllers.lanes.threads import most_threads
-from controllers.learned.observation import LENGTH, SIZE, SPEED
-from controllers.learned.opponents import OPPONENT_SIZE, OPPONENT_UNITS
-from controllers.learned.pilot import load_pilot
+from quadsim.controllers.lanes.environment import DISABLED
+from quadsim.controllers.lanes.threads import most_threads
+from quadsim.controllers.learned.observation import LENGTH, SIZE, SPEED
+from quadsim.controllers.learned.opponents import OPPONENT_SIZE, OPPONENT_UNITS
+from quadsim.controllers.learned.pilot import load_pilot
 from quadsim.course import load_course
 from quadsim.heat.grid import start_grid
 from quadsim.learn import RacingParallelEnv

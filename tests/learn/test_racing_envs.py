@@ -9,8 +9,8 @@ from gymnasium.error import ResetNeeded  # noqa: E402
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 from gymnasium.vector import AutoresetMode  # noqa: E402
 
-from controllers.lanes.threads import most_threads  # noqa: E402
-from controllers.learned.observation import SIZE, UNITS, command, gate_rows, observe  # noqa: E402
+from quadsim.controllers.lanes.threads import most_threads  # noqa: E402
+from quadsim.controllers.learned.observation import SIZE, UNITS, command, gate_rows, observe  # noqa: E402
 from quadsim.dynamics.quadrotor import Control, Params, State, step  # noqa: E402
 from quadsim.learn import BULLET, RACING  # noqa: E402
 from quadsim.learn.lanes import (  # noqa: E402
@@ -90,7 +90,7 @@ def test_a_viewer_sees_every_step(env_id):
 @pytest.mark.socket
 @pytest.mark.compiled
 def test_the_page_shows_the_vehicle_on_this_machine(caplog):
-    from web.page.env_page import EnvPage
+    from quadsim.web.page.env_page import EnvPage
 
     env = gymnasium.make(RACING, viewer=EnvPage)
     env.reset(seed=1)

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from msgspec import structs
 
-from controllers.learned.pilot import load_pilot, pilot_bytes
 from quadsim.cli import train as command
 from quadsim.cli.cli import race
 from quadsim.cli.train import progress_text
+from quadsim.controllers.learned.pilot import load_pilot, pilot_bytes
 from quadsim.files.strict_yaml import FileError
 from quadsim.learn import training as training_module
 from quadsim.learn.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint

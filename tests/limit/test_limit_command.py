@@ -36,9 +36,9 @@ from quadsim.record.limits import (
 from quadsim.record.run import RunError
 from quadsim.vehicle import load_vehicle, with_thrust_to_weight
 from quadsim.vehicle.vehicle import VEHICLES
+from quadsim.web.stored_runs import stored_competitor
 from tests.run_cases import save, two_laps
 from tests.small import SMALL, flags
-from web.stored_runs import stored_competitor
 
 # The optimiser takes a second or more for each search.
 optimised = pytest.mark.compiled

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from oracle import fly_rows, to_lanes
 
-from controllers.lanes.lanes import Rollout
-from controllers.lanes.layout import LANES
+from quadsim.controllers.lanes.lanes import Rollout
+from quadsim.controllers.lanes.layout import LANES
 from quadsim.paper.car import DRIVEN, NOMINAL, OffroadVehicle, State, car, disturbed
 from quadsim.paper.corridor import ZIGZAG
 from quadsim.paper.corridor_cost import corridor_cost

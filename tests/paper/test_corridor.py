@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from controllers.costs import evaluate
+from quadsim.controllers.costs import evaluate
 from quadsim.paper.car import Control, State
 from quadsim.paper.corridor import STUCK, ZIGZAG, Corridor, DriveReferee
 from quadsim.paper.corridor_cost import RUN_OUT, CorridorWeights, corridor_cost

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from oracle import fly_rows, to_lanes
 
-from controllers.costs import evaluate
-from controllers.lanes.lanes import Rollout
-from controllers.lanes.layout import LANES
+from quadsim.controllers.costs import evaluate
+from quadsim.controllers.lanes.lanes import Rollout
+from quadsim.controllers.lanes.layout import LANES
 from quadsim.paper.integrator import (
     UNLIMITED,
     Control,

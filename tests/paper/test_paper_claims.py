@@ -10,9 +10,9 @@ from functools import cache
 
 import pytest
 
-from controllers.samplers import Colored, Gaussian
 from quadsim.config.build import flight_frames
 from quadsim.config.spec import Spec
+from quadsim.controllers.samplers import Colored, Gaussian
 from quadsim.paper import noise, offroad, table2
 from quadsim.paper.car import State
 from quadsim.paper.double_integrator import psd

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from plant_cases import ModelPlant
 
-from controllers.plan import PlanStats
+from quadsim.controllers.plan import PlanStats
 from quadsim.dynamics import System
 from quadsim.dynamics.control_periods import ControlPeriods
 from quadsim.racing.clock import Clock, WallClock

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import quadsim
-from controllers.excitation import ENDS, MANOEUVRES
+from quadsim.controllers.excitation import ENDS, MANOEUVRES
 from quadsim.logs.read import read_logs
 from quadsim.vehicle import GRAVITY
 

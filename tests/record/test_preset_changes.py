@@ -2,8 +2,8 @@
 
 import json
 
-from controllers.presets import PRESETS
 from quadsim.config.spec import Spec
+from quadsim.controllers.presets import PRESETS
 from quadsim.record.preset_changes import preset_changes
 from quadsim.record.run import flown_with
 

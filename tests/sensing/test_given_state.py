@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import quadsim
-from controllers.plan import PlanStats
 from quadsim.cli.cli import race
 from quadsim.config.recorded import spec_of_record
+from quadsim.controllers.plan import PlanStats
 from quadsim.record.given_state import conditions, given_state
 from quadsim.record.run import canonical
 

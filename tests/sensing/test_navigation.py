@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import quadsim
-from controllers.costs.race_targets import GATE_STDS, GateTarget
 from quadsim.config.build import build, flight_frames
 from quadsim.config.build_navigation import navigation_of
 from quadsim.config.spec import Spec
+from quadsim.controllers.costs.race_targets import GATE_STDS, GateTarget
 from quadsim.course import EstimatedGate, load_course
 from quadsim.course.frames import frames
 from quadsim.dynamics.estimate import Estimate

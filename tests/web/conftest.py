@@ -10,9 +10,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from web_cases import COURSE, MENU, Gliders, served, until
 
-from web.choices import Choices
-from web.commands import ChooseRace, FlyAgainst, RemoveRow, ResetRow
-from web.race import PageRace
+from quadsim.web.choices import Choices
+from quadsim.web.commands import ChooseRace, FlyAgainst, RemoveRow, ResetRow
+from quadsim.web.race import PageRace
 
 
 @pytest.fixture

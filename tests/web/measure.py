@@ -31,12 +31,12 @@ sys.path.insert(0, str(Path(__file__).parent))
 from wire import CAMERA, PROTOCOL
 
 from quadsim.bench.cases import QUADROTOR, median_ms, paper_case, starting
-from web.choices import Choices, HeatChoices
-from web.menu import Menu
-from web.page.dashboard import Dashboard
-from web.page.server import serve
-from web.race import PageRace
-from web.session import Session
+from quadsim.web.choices import Choices, HeatChoices
+from quadsim.web.menu import Menu
+from quadsim.web.page.dashboard import Dashboard
+from quadsim.web.page.server import serve
+from quadsim.web.race import PageRace
+from quadsim.web.session import Session
 
 CLIENTS = 3
 PAGE_CORE, CLIENT_CORE = 0, 1

@@ -6,8 +6,8 @@ import pytest
 from web_cases import until
 from wire import connect, link
 
-from web.page.messages import MAX_TEXT
-from web.race import PageRace
+from quadsim.web.page.messages import MAX_TEXT
+from quadsim.web.race import PageRace
 
 pytestmark = pytest.mark.socket
 

@@ -12,8 +12,8 @@ from web_cases import competitor, until
 from quadsim.config.spec import Spec
 from quadsim.sensing.config import GateCameraConfig
 from quadsim.sensing.measurements import Corners
-from web.camera_pictures import CameraPictures, camera_of, moment_of, pose_at, smaller
-from web.page.picture_folder import picture_html
+from quadsim.web.camera_pictures import CameraPictures, camera_of, moment_of, pose_at, smaller
+from quadsim.web.page.picture_folder import picture_html
 
 T = 0.203  # between two frames [s]
 
@@ -95,7 +95,7 @@ def test_corners_of_another_moment_are_not_drawn(entry):
 @pytest.mark.process
 def test_whoever_asks_does_not_wait(entry, pictures, monkeypatch):
     """A picture that was asked for is there in one of the calls after that."""
-    monkeypatch.setattr("web.camera_pictures.PERIOD", 0.0)
+    monkeypatch.setattr("quadsim.web.camera_pictures.PERIOD", 0.0)
     for t in (0.1, 0.2):
         before = pictures.last
         pictures.show(entry, t)

@@ -9,14 +9,14 @@ import pytest
 from web_cases import choices, competitor, stored, until
 from wire import link
 
-from web.competitor import POSITION, VELOCITY, named
-from web.lap_timing import lap_timings
-from web.limit_race import limit_race
-from web.page import charts
-from web.page.charts import AskCharts, answer
-from web.page.sectors import sector_ends, sectors, times_of
-from web.race import PageRace, Snapshot
-from web.standings import Way, gap
+from quadsim.web.competitor import POSITION, VELOCITY, named
+from quadsim.web.lap_timing import lap_timings
+from quadsim.web.limit_race import limit_race
+from quadsim.web.page import charts
+from quadsim.web.page.charts import AskCharts, answer
+from quadsim.web.page.sectors import sector_ends, sectors, times_of
+from quadsim.web.race import PageRace, Snapshot
+from quadsim.web.standings import Way, gap
 
 NOTHING = AskCharts(race=0, frames=[], curves=0)
 

@@ -9,19 +9,19 @@ import pytest
 from web_cases import Gliders, choices, competitor, panels_of, served, until
 from wire import connect, press_start
 
-from controllers.presets import PRESETS
 from quadsim.config.reference import followed_problem
+from quadsim.controllers.presets import PRESETS
 from quadsim.course import load_course
 from quadsim.record.limits import dump, limits_folder, load
 from quadsim.vehicle import load_vehicle
+from quadsim.web.choices import PILOT, Choices, HeatChoices
+from quadsim.web.live_flight import LiveFlight
+from quadsim.web.menu import Menu
+from quadsim.web.notices import Notices
+from quadsim.web.numbers import SLIDERS, Change
+from quadsim.web.offered_presets import offered_presets
+from quadsim.web.page.html import rounded
 from tests.small import SMALL
-from web.choices import PILOT, Choices, HeatChoices
-from web.live_flight import LiveFlight
-from web.menu import Menu
-from web.notices import Notices
-from web.numbers import SLIDERS, Change
-from web.offered_presets import offered_presets
-from web.page.html import rounded
 
 QUICK = SMALL | {"samples": 512}  # more than the fewest that a deadline leaves
 

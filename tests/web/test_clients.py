@@ -11,10 +11,10 @@ from web_cases import panels_of, until
 from websockets.exceptions import ConnectionClosed
 from wire import connect, open_socket, press_start
 
-from web.page.dashboard import PAUSE, SCENE, SHARE, pause_after
-from web.page.messages import MAX_BYTES
-from web.page.server import LoopEvent
-from web.race import PageRace
+from quadsim.web.page.dashboard import PAUSE, SCENE, SHARE, pause_after
+from quadsim.web.page.messages import MAX_BYTES
+from quadsim.web.page.server import LoopEvent
+from quadsim.web.race import PageRace
 
 WRONG = (math.nan, math.inf, 1e9, -5.0, "much", None, True, [1.0], {"a": 1})
 

@@ -23,9 +23,9 @@ PROGRAM = f"""
 import sys
 from functools import partial
 sys.path.insert(0, {str(Path(__file__).parent)!r})
-import web.session
+import quadsim.web.session
 from web_cases import Glider
-web.session.Session = partial(web.session.Session, take_off=Glider)
+quadsim.web.session.Session = partial(quadsim.web.session.Session, take_off=Glider)
 from quadsim.cli.cli import main
 main()
 """

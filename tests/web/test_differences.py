@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 from web_cases import choices, competitor
 
-from controllers.presets import PRESETS
+from quadsim.controllers.presets import PRESETS
 from quadsim.record.preset_changes import number_text
-from web.competitor import named
-from web.differences import brief, compared, differences, distinct_names
+from quadsim.web.competitor import named
+from quadsim.web.differences import brief, compared, differences, distinct_names
 
 USUAL = PRESETS["race"]["colored"]
 T = f"{USUAL.mppi.temperature:g}"

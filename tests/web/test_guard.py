@@ -9,10 +9,10 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from wire import CAMERA, PATIENCE, connect, get
 
-from web.page import guard
-from web.page.guard import SCENE, OneLineOfNoFiles
-from web.page.messages import MOST_WAITING, problem_of
-from web.page.server import new_token, probe, serve
+from quadsim.web.page import guard
+from quadsim.web.page.guard import SCENE, OneLineOfNoFiles
+from quadsim.web.page.messages import MOST_WAITING, problem_of
+from quadsim.web.page.server import new_token, probe, serve
 
 TOKEN = "a-token-of-this-test"
 

@@ -11,13 +11,13 @@ from quadsim.racing.hand import SILENCE, SINKING, Hand, HandRates, Sticks
 from quadsim.record.archive import list_runs
 from quadsim.record.run import has_planner
 from quadsim.vehicle import load_vehicle
+from quadsim.web.choices import Choices, HeatChoices
+from quadsim.web.cockpit import ABANDONED, Cockpit
+from quadsim.web.live_flight import LiveFlight
+from quadsim.web.pace import Pace
+from quadsim.web.race import PageRace
+from quadsim.web.stored_runs import stored_competitor
 from tests.small import SMALL
-from web.choices import Choices, HeatChoices
-from web.cockpit import ABANDONED, Cockpit
-from web.live_flight import LiveFlight
-from web.pace import Pace
-from web.race import PageRace
-from web.stored_runs import stored_competitor
 
 RATES = HandRates.of(load_vehicle("swift"))
 HOVER = Sticks(throttle=RATES.hover)
@@ -100,8 +100,8 @@ class HandRace(PageRace):
 @pytest.fixture
 def by_hand(tmp_path, monkeypatch):
     clock = Clock()
-    monkeypatch.setattr("web.race.Pace", lambda: Pace(clock))
-    monkeypatch.setattr("web.by_hand.Hand", partial(Hand, clock=clock))
+    monkeypatch.setattr("quadsim.web.race.Pace", lambda: Pace(clock))
+    monkeypatch.setattr("quadsim.web.by_hand.Hand", partial(Hand, clock=clock))
     race = HandRace(tmp_path, clock)
     yield race
     race.end_flights()

@@ -7,11 +7,11 @@ import pytest
 import quadsim
 from quadsim.heat.archive import read_heat
 from quadsim.heat.result import heat_digest
+from quadsim.web.choices import Choices, HeatChoices
+from quadsim.web.live_heat import LiveHeat
+from quadsim.web.numbers import Change
+from quadsim.web.race import PageRace
 from tests.small import SHORT
-from web.choices import Choices, HeatChoices
-from web.live_heat import LiveHeat
-from web.numbers import Change
-from web.race import PageRace
 
 ENTRANTS = ("colored", "gaussian")
 SETTINGS = {name: value for name, value in SHORT.items() if name != "laps"}

@@ -10,9 +10,9 @@ import pytest
 from web_cases import COURSE, MENU, Gliders, choices, served, until
 from wire import connect
 
-from web.choices import Choices
-from web.memory import give_back
-from web.race import PageRace
+from quadsim.web.choices import Choices
+from quadsim.web.memory import give_back
+from quadsim.web.race import PageRace
 
 GHOST = [choices("colored"), choices("gaussian")]
 FASTER = 20.0  # than the wall clock, for waits of seconds
@@ -58,7 +58,7 @@ def test_an_open_page_is_told_to_remove_the_ghost_of_the_last_race(page):
 def test_the_server_keeps_the_scenes_of_the_last_races_alone(page, frees, monkeypatch):
     """And it would keep those of all, without what frees them."""
     if not frees:
-        monkeypatch.setattr("web.page.dashboard.forget_removed", lambda _: None)
+        monkeypatch.setattr("quadsim.web.page.dashboard.forget_removed", lambda _: None)
     with connect(page.port):
         race(page, GHOST[:1])
         before = gates_kept(page)
@@ -71,7 +71,7 @@ def test_the_server_keeps_the_scenes_of_the_last_races_alone(page, frees, monkey
 @pytest.fixture
 def hurried(tmp_path, monkeypatch):
     """A page whose own clock runs faster than the wall clock."""
-    monkeypatch.setattr("web.page.dashboard.perf_counter", lambda: FASTER * perf_counter())
+    monkeypatch.setattr("quadsim.web.page.dashboard.perf_counter", lambda: FASTER * perf_counter())
     with served(tmp_path, Gliders(), MENU, Choices(course=COURSE, laps=2)) as page:
         yield page
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 import pytest
 from web_cases import Glider, choices, competitor
 
-from controllers.presets import PRESETS
-from web.competitor import named
-from web.drawn_samples import drawn_samples, late_plans
-from web.lap_timing import lap_timings
-from web.numbers_in_flight import can_change, has_number, numbers_of_several, remark
-from web.page.timing import planner
-from web.race import Snapshot
+from quadsim.controllers.presets import PRESETS
+from quadsim.web.competitor import named
+from quadsim.web.drawn_samples import drawn_samples, late_plans
+from quadsim.web.lap_timing import lap_timings
+from quadsim.web.numbers_in_flight import can_change, has_number, numbers_of_several, remark
+from quadsim.web.page.timing import planner
+from quadsim.web.race import Snapshot
 
 USUAL = PRESETS["race"]["gaussian"].mppi
 MOST = PRESETS["race"]["colored"].mppi.samples

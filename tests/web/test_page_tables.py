@@ -10,21 +10,21 @@ from web_cases import COURSE, choices, competitor
 from quadsim.palette import STYLES
 from quadsim.racing.events import sector_times
 from quadsim.record.limits import limit_of
-from web.commands import ChooseRace, SetNumber, apply
-from web.competitor import named
-from web.lap_timing import lap_timings
-from web.line_up import line_up_of
-from web.page.course_map import Map
-from web.page.head import coming_head, head_of
-from web.page.html import label
-from web.page.laps import chatter, coloured_time, laps, splits
-from web.page.line_up_html import table_of
-from web.page.time_line import time_line_of
-from web.page.timing import events, planner
-from web.page.tower import tower_of
-from web.page.tree import Element, tree
-from web.race import Snapshot
-from web.state import PageState
+from quadsim.web.commands import ChooseRace, SetNumber, apply
+from quadsim.web.competitor import named
+from quadsim.web.lap_timing import lap_timings
+from quadsim.web.line_up import line_up_of
+from quadsim.web.page.course_map import Map
+from quadsim.web.page.head import coming_head, head_of
+from quadsim.web.page.html import label
+from quadsim.web.page.laps import chatter, coloured_time, laps, splits
+from quadsim.web.page.line_up_html import table_of
+from quadsim.web.page.time_line import time_line_of
+from quadsim.web.page.timing import events, planner
+from quadsim.web.page.tower import tower_of
+from quadsim.web.page.tree import Element, tree
+from quadsim.web.race import Snapshot
+from quadsim.web.state import PageState
 
 
 @pytest.fixture(scope="module")
@@ -352,6 +352,6 @@ def test_samplers_differ_in_colour_and_in_line():
 
 
 def test_every_sampler_has_its_style():
-    from controllers.samplers import SAMPLERS
+    from quadsim.controllers.samplers import SAMPLERS
 
     assert set(SAMPLERS) <= set(STYLES)

@@ -11,10 +11,10 @@ from web_cases import Glider, choices, run_of, store, stored
 
 import quadsim
 from quadsim.record.limits import limit_of
+from quadsim.web import run_table
+from quadsim.web.campaign_reports import CampaignReports, Report
+from quadsim.web.run_table import RunTable
 from tests.small import SHORT
-from web import run_table
-from web.campaign_reports import CampaignReports, Report
-from web.run_table import RunTable
 
 
 def old(folder):

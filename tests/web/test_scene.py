@@ -8,10 +8,10 @@ from web_cases import Clock, competitor
 
 from quadsim.course import course_names, load_course
 from quadsim.palette import NEXT, STYLES, Style
-from web.lap_timing import lap_timings
-from web.pace import Pace
-from web.page.camera import ASIDE, FOV, fpv, overview, top_view, towards
-from web.page.drones import (
+from quadsim.web.lap_timing import lap_timings
+from quadsim.web.pace import Pace
+from quadsim.web.page.camera import ASIDE, FOV, fpv, overview, top_view, towards
+from quadsim.web.page.drones import (
     INTO,
     OUT,
     SPAN,
@@ -24,8 +24,8 @@ from web.page.drones import (
     segments,
     single_colour,
 )
-from web.page.race_scene import arrows, bars_of, visible_scale
-from web.race import Snapshot
+from quadsim.web.page.race_scene import arrows, bars_of, visible_scale
+from quadsim.web.race import Snapshot
 
 
 @pytest.mark.parametrize("name", course_names())

@@ -3,10 +3,10 @@
 from web_cases import Gliders, choices, until
 
 from quadsim.record.statistics import mean_interval
-from web.page.seeds_table import seeds_of
-from web.race import PageRace
-from web.series import Flown, Series, SeriesRow
-from web.session import Session
+from quadsim.web.page.seeds_table import seeds_of
+from quadsim.web.race import PageRace
+from quadsim.web.series import Flown, Series, SeriesRow
+from quadsim.web.session import Session
 
 
 def series_of(tmp_path, gliders):

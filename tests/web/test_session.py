@@ -12,12 +12,12 @@ from web_cases import COURSE, PERIOD, Clock, Glider, Gliders, choices, stored, u
 from quadsim.files.values import checked
 from quadsim.record.archive import list_runs, read_run
 from quadsim.record.limits import limit_of
-from web.choices import Choices, planner_settings, preset_of
-from web.numbers import SLIDERS, Change, with_change
-from web.pace import Pace
-from web.race import PageRace
-from web.session import Session
-from web.stored_runs import stored_competitor
+from quadsim.web.choices import Choices, planner_settings, preset_of
+from quadsim.web.numbers import SLIDERS, Change, with_change
+from quadsim.web.pace import Pace
+from quadsim.web.race import PageRace
+from quadsim.web.session import Session
+from quadsim.web.stored_runs import stored_competitor
 
 
 @pytest.fixture
@@ -163,7 +163,7 @@ def test_pausing_stops_the_flight_and_a_step_flies_one_period(session):
 
 def test_a_flight_neither_outruns_the_clock_nor_falls_behind_it(gliders, tmp_path, monkeypatch):
     clock = Clock()
-    monkeypatch.setattr("web.race.Pace", lambda: Pace(clock))
+    monkeypatch.setattr("quadsim.web.race.Pace", lambda: Pace(clock))
     race = PageRace(str(tmp_path), gliders)
     race.set_speed(0.5)
     race.start([choices()])

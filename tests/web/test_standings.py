@@ -8,10 +8,10 @@ from web_cases import SPEED, Glider, choices, competitor, run_of
 
 from quadsim.heat.result import placings
 from quadsim.record.metrics import chatter
-from web.competitor import named
-from web.lap_timing import at_place_of_first, lap_timings
-from web.race import Snapshot
-from web.standings import Way, gap, standings_at, time_at
+from quadsim.web.competitor import named
+from quadsim.web.lap_timing import at_place_of_first, lap_timings
+from quadsim.web.race import Snapshot
+from quadsim.web.standings import Way, gap, standings_at, time_at
 
 
 @pytest.fixture(scope="module")

@@ -6,9 +6,9 @@ import msgspec
 import pytest
 from web_cases import COURSE, choices
 
-from controllers.presets import PRESETS
-from web.choices import Choices, CompetitorChoices, HeatChoices, RaceChoices
-from web.commands import (
+from quadsim.controllers.presets import PRESETS
+from quadsim.web.choices import Choices, CompetitorChoices, HeatChoices, RaceChoices
+from quadsim.web.commands import (
     MOST_REMOVED,
     AddRow,
     AnyCommand,
@@ -28,11 +28,11 @@ from web.commands import (
     TakeOver,
     apply,
 )
-from web.desk import Desk
-from web.line_up import line_up_of
-from web.line_up_link import line_up_text, set_up_of
-from web.menu import Menu
-from web.state import PageState
+from quadsim.web.desk import Desk
+from quadsim.web.line_up import line_up_of
+from quadsim.web.line_up_link import line_up_text, set_up_of
+from quadsim.web.menu import Menu
+from quadsim.web.state import PageState
 
 A, B = 1, 2  # visitors
 TWO = PageState.of(choices("colored"), choices("gaussian"))

@@ -10,17 +10,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.plan import PlannerSnapshot
+from quadsim.controllers.plan import PlannerSnapshot
 from quadsim.racing.events import Event, Frame
 from quadsim.record.archive import RunFolder
 from quadsim.record.run import RecordedRun
-from web.choices import Choices
-from web.live_flight import LiveFlight
-from web.menu import Menu
-from web.page.dashboard import Dashboard
-from web.page.server import PageServer, serve
-from web.session import Session
-from web.stored_runs import run_competitor
+from quadsim.web.choices import Choices
+from quadsim.web.live_flight import LiveFlight
+from quadsim.web.menu import Menu
+from quadsim.web.page.dashboard import Dashboard
+from quadsim.web.page.server import PageServer, serve
+from quadsim.web.session import Session
+from quadsim.web.stored_runs import run_competitor
 
 PERIOD = 0.01  # of every preset [s]
 COURSE = "figure8"

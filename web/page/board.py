@@ -14,10 +14,10 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
-from web.page.camera import Camera
-from web.page.link import LinkVisitor, Message
-from web.page.seats import Seat, Seats
-from web.page.server import PageServer
+from quadsim.web.page.camera import Camera
+from quadsim.web.page.link import LinkVisitor, Message
+from quadsim.web.page.seats import Seat, Seats
+from quadsim.web.page.server import PageServer
 
 PartName = Literal[
     "head", "now", "tower", "time_line", "map", "laps", "events", "planner", "chatter", "seeds"

@@ -13,8 +13,8 @@ from viser.transforms import SO3
 
 from quadsim.course import Course
 from quadsim.racing.hand import HAND
-from web.competitor import POSITION, QUATERNION, VELOCITY
-from web.lap_timing import LapTiming, order
+from quadsim.web.competitor import POSITION, QUATERNION, VELOCITY
+from quadsim.web.lap_timing import LapTiming, order
 
 FREE, CHASE, TOP, FPV = MODES = ("free", "chase", "top", "FPV")
 FOV = 0.9  # vertical [rad]

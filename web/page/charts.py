@@ -16,14 +16,14 @@ import numpy as np
 from msgspec import Meta
 
 from quadsim.record.metrics import motor_corner, motor_tau, thrust_psd
-from web.competitor import Competitor
-from web.lap_timing import LapTiming, best_lap, lap_of
-from web.limit_race import limit_race
-from web.page.link import LinkVisitor, Message
-from web.page.server import PageServer
-from web.race import PageRace, Snapshot
-from web.session import Session
-from web.standings import Way, gap
+from quadsim.web.competitor import Competitor
+from quadsim.web.lap_timing import LapTiming, best_lap, lap_of
+from quadsim.web.limit_race import limit_race
+from quadsim.web.page.link import LinkVisitor, Message
+from quadsim.web.page.server import PageServer
+from quadsim.web.race import PageRace, Snapshot
+from quadsim.web.session import Session
+from quadsim.web.standings import Way, gap
 
 PLACES = 300
 FREQUENCIES = np.geomspace(0.4, 50.0, 120)  # [Hz]

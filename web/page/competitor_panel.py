@@ -10,8 +10,8 @@ import viser
 from quadsim.firmware import FlightControllerName
 from quadsim.heat.spec import MOST
 from quadsim.racing.hand import HAND
-from web.by_hand import flight_controller_of
-from web.commands import (
+from quadsim.web.by_hand import flight_controller_of
+from quadsim.web.commands import (
     AddRow,
     AnyCommand,
     ChooseNames,
@@ -20,13 +20,13 @@ from web.commands import (
     RemoveRow,
     ResetRow,
 )
-from web.desk import Desk
-from web.line_up import LineUp
-from web.menu import Menu
-from web.page.html import box, small, text
-from web.page.line_up_html import names_of, table_of
-from web.page.row_numbers import RowNumbers
-from web.state import PageState
+from quadsim.web.desk import Desk
+from quadsim.web.line_up import LineUp
+from quadsim.web.menu import Menu
+from quadsim.web.page.html import box, small, text
+from quadsim.web.page.line_up_html import names_of, table_of
+from quadsim.web.page.row_numbers import RowNumbers
+from quadsim.web.state import PageState
 
 ADD = "add"
 REMOVE = "remove"

@@ -16,15 +16,15 @@ import viser
 from quadsim.course import Course
 from quadsim.files.strict_yaml import FileError
 from quadsim.record.run import RunError
-from web.course_draft import Draft, Item, Pose
-from web.course_edit import Checked, CourseEdit, limit_path
-from web.course_numbers import NUMBERS, Number
-from web.page.course_map import Map
-from web.page.edit_scene import EditScene
-from web.page.html import RED, box, coloured, heading, small, text
-from web.page.race_panel import RacePanel
-from web.race import Snapshot
-from web.session import Session
+from quadsim.web.course_draft import Draft, Item, Pose
+from quadsim.web.course_edit import Checked, CourseEdit, limit_path
+from quadsim.web.course_numbers import NUMBERS, Number
+from quadsim.web.page.course_map import Map
+from quadsim.web.page.edit_scene import EditScene
+from quadsim.web.page.html import RED, box, coloured, heading, small, text
+from quadsim.web.page.race_panel import RacePanel
+from quadsim.web.race import Snapshot
+from quadsim.web.session import Session
 
 NOTICE = 8.0  # duration of a problem's notice [s]
 CHECKS = 0.15  # time between two checks, as one takes some 30 ms [s]

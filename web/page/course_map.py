@@ -9,8 +9,8 @@ import numpy as np
 
 from quadsim.course import Course, Gate, Obstacle
 from quadsim.palette import NEXT
-from web.lap_timing import LapTiming, crashed_gates
-from web.page.html import GREY, MARKER_EDGE, RED, svg
+from quadsim.web.lap_timing import LapTiming, crashed_gates
+from quadsim.web.page.html import GREY, MARKER_EDGE, RED, svg
 
 # size of the map [px]
 WIDTH = 330

@@ -12,45 +12,45 @@ from typing import Literal, NamedTuple
 import viser
 
 from quadsim.course import Course
-from web.choices import Choices
-from web.commands import Arrive, Leave
-from web.desk import Desk
-from web.lap_timing import LapTiming, at_place_of_first, lap_timings
-from web.limit_race import limit_race
-from web.line_up import LineUp, line_up_of
-from web.menu import Menu
-from web.offered_presets import offered_presets
-from web.page.board import Board
-from web.page.camera import Camera
-from web.page.charts import Charts
-from web.page.competitor_panel import CompetitorPanel
-from web.page.course_editor import CourseEditor
-from web.page.course_map import Map
-from web.page.drones import SPAN
-from web.page.export import add_export
-from web.page.flight_controls import FlightControls
-from web.page.flight_numbers import NumbersInFlight
-from web.page.head import Head, Word, coming_head, head_of
-from web.page.html import STYLE
-from web.page.joining import Joining
-from web.page.laps import chatter, laps
-from web.page.picture_folder import PictureFolder
-from web.page.playback import Playback, Shown
-from web.page.race_panel import RacePanel
-from web.page.race_scene import RaceScene, preview
-from web.page.runs_panel import RunsPanel
-from web.page.seats import Seats
-from web.page.sectors import sectors
-from web.page.seeds_table import seeds_of
-from web.page.server import PageServer, forget_removed
-from web.page.time_line import now_of, time_line_of
-from web.page.timing import events, planner
-from web.page.tower import Tower, tower_of
-from web.page.tree import tree
-from web.page.view_panel import ViewPanel
-from web.race import Snapshot
-from web.session import Session
-from web.state import PageState
+from quadsim.web.choices import Choices
+from quadsim.web.commands import Arrive, Leave
+from quadsim.web.desk import Desk
+from quadsim.web.lap_timing import LapTiming, at_place_of_first, lap_timings
+from quadsim.web.limit_race import limit_race
+from quadsim.web.line_up import LineUp, line_up_of
+from quadsim.web.menu import Menu
+from quadsim.web.offered_presets import offered_presets
+from quadsim.web.page.board import Board
+from quadsim.web.page.camera import Camera
+from quadsim.web.page.charts import Charts
+from quadsim.web.page.competitor_panel import CompetitorPanel
+from quadsim.web.page.course_editor import CourseEditor
+from quadsim.web.page.course_map import Map
+from quadsim.web.page.drones import SPAN
+from quadsim.web.page.export import add_export
+from quadsim.web.page.flight_controls import FlightControls
+from quadsim.web.page.flight_numbers import NumbersInFlight
+from quadsim.web.page.head import Head, Word, coming_head, head_of
+from quadsim.web.page.html import STYLE
+from quadsim.web.page.joining import Joining
+from quadsim.web.page.laps import chatter, laps
+from quadsim.web.page.picture_folder import PictureFolder
+from quadsim.web.page.playback import Playback, Shown
+from quadsim.web.page.race_panel import RacePanel
+from quadsim.web.page.race_scene import RaceScene, preview
+from quadsim.web.page.runs_panel import RunsPanel
+from quadsim.web.page.seats import Seats
+from quadsim.web.page.sectors import sectors
+from quadsim.web.page.seeds_table import seeds_of
+from quadsim.web.page.server import PageServer, forget_removed
+from quadsim.web.page.time_line import now_of, time_line_of
+from quadsim.web.page.timing import events, planner
+from quadsim.web.page.tower import Tower, tower_of
+from quadsim.web.page.tree import tree
+from quadsim.web.page.view_panel import ViewPanel
+from quadsim.web.race import Snapshot
+from quadsim.web.session import Session
+from quadsim.web.state import PageState
 
 # periods [s]
 SCENE = 1 / 25  # shortest time between two updates of the page

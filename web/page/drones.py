@@ -19,7 +19,7 @@ from trimesh.creation import box, cylinder
 from trimesh.transformations import rotation_matrix, translation_matrix
 from trimesh.util import concatenate
 
-from web.competitor import POSITION, QUATERNION, Competitor
+from quadsim.web.competitor import POSITION, QUATERNION, Competitor
 
 TRAIL = 160  # segments of a trail
 TRAIL_SPAN = 4.0  # duration of a trail [s]

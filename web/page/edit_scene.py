@@ -9,9 +9,9 @@ import numpy as np
 import viser
 
 from quadsim.course import Course, Cylinder
-from web.course_draft import Draft, Item, Pose
-from web.page.drones import add_lights, single_colour
-from web.page.race_scene import CourseView, add_ground
+from quadsim.web.course_draft import Draft, Item, Pose
+from quadsim.web.page.drones import add_lights, single_colour
+from quadsim.web.page.race_scene import CourseView, add_ground
 
 # colours
 STARTS = (86, 180, 233)

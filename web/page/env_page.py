@@ -2,7 +2,7 @@
 
 The page shows them in real time, for an environment that is made with it:
 
-    from web.page.env_page import EnvPage
+    from quadsim.web.page.env_page import EnvPage
     env = gymnasium.make("quadsim/Racing-v0", render_mode="web", viewer=EnvPage)
 """
 
@@ -16,10 +16,10 @@ import numpy as np
 from quadsim.course import Course
 from quadsim.dynamics.quadrotor import ATTITUDE, POSITION
 from quadsim.palette import style
-from web.page.camera import set_initial_camera
-from web.page.drones import ROTOR_COLOUR, SPAN, add_lights, add_quadrotor
-from web.page.race_scene import CourseView, visible_scale
-from web.page.server import address, serve
+from quadsim.web.page.camera import set_initial_camera
+from quadsim.web.page.drones import ROTOR_COLOUR, SPAN, add_lights, add_quadrotor
+from quadsim.web.page.race_scene import CourseView, visible_scale
+from quadsim.web.page.server import address, serve
 
 HOST = "127.0.0.1"
 MOST = 32  # largest number of drawn vehicles

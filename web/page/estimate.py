@@ -12,9 +12,9 @@ from viser.transforms import SO3
 
 from quadsim.course.frames import frames
 from quadsim.sensing.measurements import Corners
-from web.camera_pictures import camera_of
-from web.competitor import POSITION, QUATERNION, Competitor
-from web.page.drones import SPAN, quadrotor, single_colour
+from quadsim.web.camera_pictures import camera_of
+from quadsim.web.competitor import POSITION, QUATERNION, Competitor
+from quadsim.web.page.drones import SPAN, quadrotor, single_colour
 
 # columns of the telemetry
 EST_POSITION = tuple(f"est_{name}" for name in POSITION)

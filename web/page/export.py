@@ -26,19 +26,19 @@ from quadsim.heat.archive import (
 )
 from quadsim.record.exchange import telemetry_csv
 from quadsim.record.run import RunError
-from web.competitor import Competitor, named
-from web.lap_timing import lap_timings
-from web.page.camera import Camera, set_initial_camera
-from web.page.html import DIM, box, div, element, swatch, text
-from web.page.laps import chatter, laps
-from web.page.race_panel import RacePanel
-from web.page.race_scene import RaceScene
-from web.page.runs_panel import link_to, show_link
-from web.page.server import serve
-from web.race import Snapshot
-from web.session import Session
-from web.stored_runs import stored_competitor
-from web.summary import CompetitorLine, Summary, summary_at
+from quadsim.web.competitor import Competitor, named
+from quadsim.web.lap_timing import lap_timings
+from quadsim.web.page.camera import Camera, set_initial_camera
+from quadsim.web.page.html import DIM, box, div, element, swatch, text
+from quadsim.web.page.laps import chatter, laps
+from quadsim.web.page.race_panel import RacePanel
+from quadsim.web.page.race_scene import RaceScene
+from quadsim.web.page.runs_panel import link_to, show_link
+from quadsim.web.page.server import serve
+from quadsim.web.race import Snapshot
+from quadsim.web.session import Session
+from quadsim.web.stored_runs import stored_competitor
+from quadsim.web.summary import CompetitorLine, Summary, summary_at
 
 GROUND = "#141517"  # background of a picture, the dark background of the page
 LINE = 22  # height of a line of text in a picture [px]

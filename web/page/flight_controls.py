@@ -8,11 +8,11 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from web.page.link import Link, LinkVisitor, Message
-from web.page.race_panel import RacePanel
-from web.race import PageRace
-from web.series import MOST_SEEDS, Series
-from web.session import Session
+from quadsim.web.page.link import Link, LinkVisitor, Message
+from quadsim.web.page.race_panel import RacePanel
+from quadsim.web.race import PageRace
+from quadsim.web.series import MOST_SEEDS, Series
+from quadsim.web.session import Session
 
 Act = Callable[[], None]
 

@@ -10,14 +10,14 @@ from typing import NamedTuple
 
 import viser
 
-from web.choices import CompetitorChoices
-from web.competitor import Competitor
-from web.numbers import SLIDERS, Change
-from web.numbers_in_flight import can_change, numbers_of_several, remark
-from web.page.html import box, small, text
-from web.page.row_numbers import add_sliders, show_numbers
-from web.race import PageRace, Snapshot
-from web.session import Session
+from quadsim.web.choices import CompetitorChoices
+from quadsim.web.competitor import Competitor
+from quadsim.web.numbers import SLIDERS, Change
+from quadsim.web.numbers_in_flight import can_change, numbers_of_several, remark
+from quadsim.web.page.html import box, small, text
+from quadsim.web.page.row_numbers import add_sliders, show_numbers
+from quadsim.web.race import PageRace, Snapshot
+from quadsim.web.session import Session
 
 EVERYONE: str = "everyone"
 SETTLED = 0.5  # rest time of a slider before its number is requested, so a drag is one change [s]

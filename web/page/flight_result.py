@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from quadsim.palette import FASTER
-from web.lap_timing import LapTiming
-from web.page.html import RED
+from quadsim.web.lap_timing import LapTiming
+from quadsim.web.page.html import RED
 
 
 class Result(NamedTuple):

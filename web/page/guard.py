@@ -4,7 +4,7 @@ Host and Origin of each request are checked, so that pages of other sites cannot
 through a browser. Beyond this machine a token is required, which is given once in the address and
 then kept in a cookie. Every answer has a Content-Security-Policy: the page runs only scripts of its
 own server, and the frame of the scene only those marked by a nonce; both connect only to this
-server. web.page.messages checks visitors' messages.
+server. quadsim.web.page.messages checks visitors' messages.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from web.page.link import Link
-from web.page.messages import MAX_BYTES, Control, PageConnection, is_link
-from web.page.shell_files import POLICY, own_response
+from quadsim.web.page.link import Link
+from quadsim.web.page.messages import MAX_BYTES, Control, PageConnection, is_link
+from quadsim.web.page.shell_files import POLICY, own_response
 
 ALL_INTERFACES = ("0.0.0.0", "::")
 # Where viser's page is, in a frame of the page

@@ -9,16 +9,16 @@ import msgspec
 
 from quadsim.palette import styles_on_dark
 from quadsim.record.run import not_comparable
-from web.differences import compared
-from web.lap_timing import LapTiming, order
-from web.line_up import LineUp
-from web.page.flight_result import Result, result
-from web.page.html import rounded
-from web.page.timing import above_limit
-from web.page.tree import Element
-from web.race import Snapshot
-from web.standings import standings_at
-from web.state import PageState
+from quadsim.web.differences import compared
+from quadsim.web.lap_timing import LapTiming, order
+from quadsim.web.line_up import LineUp
+from quadsim.web.page.flight_result import Result, result
+from quadsim.web.page.html import rounded
+from quadsim.web.page.timing import above_limit
+from quadsim.web.page.tree import Element
+from quadsim.web.race import Snapshot
+from quadsim.web.standings import standings_at
+from quadsim.web.state import PageState
 
 WATCH = "Watch who leads, and the chatter of the thrust: jumps that no motor can follow."
 COMPILING = "Compiling the planner for this machine: once, it takes some 15 s"

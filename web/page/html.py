@@ -7,7 +7,7 @@ from html import escape
 from pathlib import Path
 
 from quadsim.palette import Style
-from web.competitor import Competitor
+from quadsim.web.competitor import Competitor
 
 DIM = "#9aa3b2"  # secondary text
 MARKER_EDGE = "#111"  # outlines of dots

@@ -11,14 +11,14 @@ from msgspec import Meta
 from viser.transforms import SO3
 
 from quadsim.racing.hand import HAND, Sticks
-from web.cockpit import Cockpit
-from web.competitor import QUATERNION
-from web.lap_timing import LapTiming
-from web.page.camera import FPV, Camera
-from web.page.link import LinkVisitor, Message
-from web.page.seats import Seat, Seats
-from web.page.server import PageServer
-from web.race import Snapshot
+from quadsim.web.cockpit import Cockpit
+from quadsim.web.competitor import QUATERNION
+from quadsim.web.lap_timing import LapTiming
+from quadsim.web.page.camera import FPV, Camera
+from quadsim.web.page.link import LinkVisitor, Message
+from quadsim.web.page.seats import Seat, Seats
+from quadsim.web.page.server import PageServer
+from quadsim.web.race import Snapshot
 
 REMINDER = 1.0  # time after which an unchanged state is sent again, for new pages [s]
 

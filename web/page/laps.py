@@ -14,8 +14,8 @@ from quadsim.racing.events import sector_times
 from quadsim.record.metrics import high_frequency_fraction, motor_corner, motor_tau, total_variation
 from quadsim.record.run import not_comparable
 from quadsim.record.statistics import mean_interval
-from web.competitor import Competitor
-from web.page.html import (
+from quadsim.web.competitor import Competitor
+from quadsim.web.page.html import (
     DIM,
     MARKER_EDGE,
     RED,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import viser
 
-from web.competitor import Competitor
-from web.page.drones import Drone
+from quadsim.web.competitor import Competitor
+from quadsim.web.page.drones import Drone
 
 NODES = ("/competitor/limit", "/trail/limit", "/path/limit")
 
@@ -14,7 +14,7 @@ class LimitGhost:
     """The ghost of one race, which is in the scene only while it is shown.
 
     Args:
-        entry: see web.limit_race; None: no limit is known, and nothing is shown.
+        entry: see quadsim.web.limit_race; None: no limit is known, and nothing is shown.
         scale, width: factors on the size of drones and lines.
     """
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from quadsim.palette import styles_on_dark
-from web.line_up import LineUp
-from web.page.html import RED, box, coloured, div, element, small, swatch, text
-from web.state import PageState
+from quadsim.web.line_up import LineUp
+from quadsim.web.page.html import RED, box, coloured, div, element, small, swatch, text
+from quadsim.web.state import PageState
 
 
 def names_of(state: PageState, line_up: LineUp) -> list[str]:

@@ -23,7 +23,7 @@ from websockets.protocol import State
 from websockets.typing import Data
 
 from quadsim.files.yaml_errors import cut
-from web.page.link import LINK_PATH
+from quadsim.web.page.link import LINK_PATH
 
 MAX_BYTES = 16 * 1024 * 1024  # largest message; a rendered picture is the largest of a page
 MAX_TEXT = 200  # largest number of characters of a control's value
@@ -208,7 +208,7 @@ def _is_between(value: Any, low: float | None, high: float | None) -> bool:
 
 
 def is_link(connection: ServerConnection) -> bool:
-    """Return whether a connection belongs to the page's own scripts, see web.page.link."""
+    """Return whether a connection belongs to the page's own scripts, see quadsim.web.page.link."""
     request = connection.request
     return request is not None and urlsplit(request.path).path == LINK_PATH
 

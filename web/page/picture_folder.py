@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import viser
 
-from web.camera_pictures import CameraPicture, CameraPictures
-from web.lap_timing import LapTiming
-from web.page.html import box, element, small, svg, text
+from quadsim.web.camera_pictures import CameraPicture, CameraPictures
+from quadsim.web.lap_timing import LapTiming
+from quadsim.web.page.html import box, element, small, svg, text
 
 ARM = 6.0  # half length of a corner's cross, in pixels of the camera
 CORNER = "#00e5ff"

@@ -6,12 +6,12 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from web.page.camera import Camera
-from web.page.link import LinkVisitor, Message
-from web.page.seats import Seat, Seats
-from web.page.server import PageServer
-from web.race import PageRace
-from web.session import Session
+from quadsim.web.page.camera import Camera
+from quadsim.web.page.link import LinkVisitor, Message
+from quadsim.web.page.seats import Seat, Seats
+from quadsim.web.page.server import PageServer
+from quadsim.web.race import PageRace
+from quadsim.web.session import Session
 
 
 class Play(Message, tag="play"):

@@ -16,16 +16,23 @@ from quadsim.course import Course, load_course
 from quadsim.files.strict_yaml import FileError
 from quadsim.heat.rules import RULES
 from quadsim.heat.settings import Expect
-from web.choices import Choices, HeatChoices
-from web.commands import AnyCommand, ChooseRace, FlyAgainst, OfferCourse, RaceSetting, TakeOver
-from web.desk import Desk
-from web.line_up_link import line_up_text, set_up_of
-from web.menu import Menu
-from web.page.html import box, div, small, text
-from web.page.set_values import SetValues
-from web.state import TOGETHER, PageState, World
-from web.stored_runs import runs_at
-from web.take_over import TakenOver, taken_over
+from quadsim.web.choices import Choices, HeatChoices
+from quadsim.web.commands import (
+    AnyCommand,
+    ChooseRace,
+    FlyAgainst,
+    OfferCourse,
+    RaceSetting,
+    TakeOver,
+)
+from quadsim.web.desk import Desk
+from quadsim.web.line_up_link import line_up_text, set_up_of
+from quadsim.web.menu import Menu
+from quadsim.web.page.html import box, div, small, text
+from quadsim.web.page.set_values import SetValues
+from quadsim.web.state import TOGETHER, PageState, World
+from quadsim.web.stored_runs import runs_at
+from quadsim.web.take_over import TakenOver, taken_over
 
 LAPS = (1, 2, 3, 5, 10, 20, 50, 100)
 NOTICE = 6.0  # duration of a notice [s]
@@ -170,7 +177,7 @@ class RacePanel:
         self._desk.do(FlyAgainst(tuple(runs)))
 
     def set_up(self, line_up: str) -> None:
-        """Set up the race of an address. Raises ValueError. line_up: see web.line_up_link."""
+        """Set up the race of an address, see quadsim.web.line_up_link. Raises ValueError."""
         self._desk.do(set_up_of(line_up))
 
     @property

@@ -14,10 +14,10 @@ from viser.transforms import SO3
 from quadsim.course import Course, Cylinder, Gate, Obstacle
 from quadsim.course.opening import outer_half_sizes
 from quadsim.palette import NEXT, Style
-from web.competitor import CRASHES, Competitor, heat_of
-from web.lap_timing import LapTiming, crashed_gates
-from web.limit_race import limit_race
-from web.page.drones import (
+from quadsim.web.competitor import CRASHES, Competitor, heat_of
+from quadsim.web.lap_timing import LapTiming, crashed_gates
+from quadsim.web.limit_race import limit_race
+from quadsim.web.page.drones import (
     SPAN,
     Drone,
     ExpectedPathsView,
@@ -26,12 +26,12 @@ from web.page.drones import (
     array_colour,
     single_colour,
 )
-from web.page.estimate import EstimateView
-from web.page.html import RED
-from web.page.limit_ghost import LimitGhost
+from quadsim.web.page.estimate import EstimateView
+from quadsim.web.page.html import RED
+from quadsim.web.page.limit_ghost import LimitGhost
 
 if TYPE_CHECKING:
-    from controllers.sampled_trajectories import SampledTrajectories
+    from quadsim.controllers.sampled_trajectories import SampledTrajectories
 
 # colours
 PLAIN = array_colour((206, 210, 216))

@@ -11,11 +11,11 @@ import viser
 from msgspec import inspect
 
 from quadsim.config.settings import Kind, SettingValue, bare
-from web.choices import CompetitorChoices, planner_settings
-from web.commands import SetNumber, SetSetting
-from web.numbers import SLIDERS, numbers_of
-from web.page.set_values import SetValues
-from web.setting_texts import HAVE_SLIDERS, shown_value
+from quadsim.web.choices import CompetitorChoices, planner_settings
+from quadsim.web.commands import SetNumber, SetSetting
+from quadsim.web.numbers import SLIDERS, numbers_of
+from quadsim.web.page.set_values import SetValues
+from quadsim.web.setting_texts import HAVE_SLIDERS, shown_value
 
 TITLES = {"sampling": "Sampling", "mppi": "MPPI", "cost": "Cost", "model": "Model of the vehicle"}
 DIGITS = 6  # of the decimals that a box takes
@@ -127,7 +127,7 @@ class RowNumbers:
 def add_sliders(
     gui: viser.GuiApi, first: CompetitorChoices, ending: str
 ) -> dict[str, viser.GuiSliderHandle]:
-    """Add a slider for each number of web.numbers.SLIDERS.
+    """Add a slider for each number of quadsim.web.numbers.SLIDERS.
 
     Args:
         first: the competitor of the initial numbers.

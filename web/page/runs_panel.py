@@ -23,18 +23,18 @@ from quadsim.record.archive import load_reportable
 from quadsim.record.run import RunError, why_not_repeatable
 from quadsim.results.stored_runs import UNREADABLE, read_row
 from quadsim.tables.wording import Wording, heat_wording, wording
-from web.again import AgainChoices, HeatAgainChoices
-from web.campaign_reports import CampaignReports, ReportRow
-from web.competitor import Competitor
-from web.line_up_link import MOST_BYTES
-from web.page.html import box, div, element, small, text
-from web.page.link import LinkVisitor, Message
-from web.page.race_panel import RacePanel
-from web.page.server import PageServer
-from web.race import PageRace
-from web.run_table import RunRow, RunTable
-from web.session import Session
-from web.stored_runs import runs_at
+from quadsim.web.again import AgainChoices, HeatAgainChoices
+from quadsim.web.campaign_reports import CampaignReports, ReportRow
+from quadsim.web.competitor import Competitor
+from quadsim.web.line_up_link import MOST_BYTES
+from quadsim.web.page.html import box, div, element, small, text
+from quadsim.web.page.link import LinkVisitor, Message
+from quadsim.web.page.race_panel import RacePanel
+from quadsim.web.page.server import PageServer
+from quadsim.web.race import PageRace
+from quadsim.web.run_table import RunRow, RunTable
+from quadsim.web.session import Session
+from quadsim.web.stored_runs import runs_at
 
 PERIOD = 1.0  # time between two updates from the folder of runs [s]
 MOST = 1000  # number of the latest rows for a page

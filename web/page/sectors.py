@@ -9,9 +9,9 @@ import numpy as np
 
 from quadsim.racing.along import Legs
 from quadsim.racing.events import sector_times
-from web.competitor import Competitor
-from web.page.html import DIM, element, heading, label, small, table
-from web.page.laps import best_sectors, coloured_time
+from quadsim.web.competitor import Competitor
+from quadsim.web.page.html import DIM, element, heading, label, small, table
+from quadsim.web.page.laps import best_sectors, coloured_time
 
 SECTORS = 3
 

@@ -7,7 +7,7 @@ from math import isfinite
 import msgspec
 
 from quadsim.record.statistics import Mean
-from web.series import Series
+from quadsim.web.series import Series
 
 
 class SeedsRow(msgspec.Struct):

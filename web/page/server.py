@@ -12,7 +12,7 @@ from typing import Any
 import rich
 import viser
 
-from web.page.guard import ALL_INTERFACES, Guard, host_and_port
+from quadsim.web.page.guard import ALL_INTERFACES, Guard, host_and_port
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 # addresses reserved for documentation: a socket to one shows the interface in use

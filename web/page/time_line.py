@@ -7,9 +7,9 @@ from typing import Literal
 
 import msgspec
 
-from web.competitor import CRASHES, MISSES, Competitor
-from web.page.charts import can_seek
-from web.race import Snapshot
+from quadsim.web.competitor import CRASHES, MISSES, Competitor
+from quadsim.web.page.charts import can_seek
+from quadsim.web.race import Snapshot
 
 MarkKind = Literal["gate", "lap", "bad"]
 

@@ -10,10 +10,10 @@ from quadsim.heat.result import Pass, overtakes
 from quadsim.palette import NEXT
 from quadsim.racing.events import Event
 from quadsim.racing.hand import HAND
-from web.competitor import CRASHES, Competitor, heat_of
-from web.drawn_samples import drawn_samples, late_plans
-from web.lap_timing import LapTiming
-from web.page.html import (
+from quadsim.web.competitor import CRASHES, Competitor, heat_of
+from quadsim.web.drawn_samples import drawn_samples, late_plans
+from quadsim.web.lap_timing import LapTiming
+from quadsim.web.page.html import (
     MONO,
     RED,
     TEXT,

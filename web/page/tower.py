@@ -8,11 +8,11 @@ from typing import Literal
 
 import msgspec
 
-from web.lap_timing import LapTiming, order
-from web.page.flight_result import result
-from web.page.html import rounded
-from web.page.laps import best_sectors
-from web.standings import standings_at
+from quadsim.web.lap_timing import LapTiming, order
+from quadsim.web.page.flight_result import result
+from quadsim.web.page.html import rounded
+from quadsim.web.page.laps import best_sectors
+from quadsim.web.standings import standings_at
 
 FEWEST = 20  # smallest number of frames for the chatter
 

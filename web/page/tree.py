@@ -47,10 +47,10 @@ class _Builder(HTMLParser):
 
 
 def tree(html: str) -> Element:
-    """Return the elements of a text of web.page.html, within one more element.
+    """Return the elements of a text of quadsim.web.page.html, within one more element.
 
     Examples:
-        >>> from web.page.tree import tree
+        >>> from quadsim.web.page.tree import tree
         >>> tree("<b>1 &lt; 2</b>").children
         [Element(tag='b', attributes={}, children=['1 < 2'])]
     """

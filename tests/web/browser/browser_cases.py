@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from web_cases import served
 
 from quadsim.racing.hand import HAND
-from web.choices import PILOT, Choices
-from web.menu import Menu
+from quadsim.web.choices import PILOT, Choices
+from quadsim.web.menu import Menu
 
 SLOW = 120_000  # [ms] a first frame drawn in software, on a busy machine
 ATTEMPTS = 4  # to choose from a menu

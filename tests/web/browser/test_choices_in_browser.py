@@ -15,8 +15,8 @@ from browser_cases import (
 from web_cases import COURSE
 
 from quadsim.course import load_course
-from web.choices import planner_settings
-from web.race import PageRace
+from quadsim.web.choices import planner_settings
+from quadsim.web.race import PageRace
 
 pytestmark = [pytest.mark.browser, pytest.mark.page]
 

@@ -16,8 +16,8 @@ from browser_cases import (
     waited,
 )
 
-from controllers.presets import PRESETS
-from web.race import PageRace
+from quadsim.controllers.presets import PRESETS
+from quadsim.web.race import PageRace
 
 pytestmark = [pytest.mark.browser, pytest.mark.page]
 

@@ -21,11 +21,11 @@ from browser_cases import (
 )
 
 from quadsim.record.archive import list_runs, read_run
+from quadsim.web.choices import PILOT
+from quadsim.web.numbers import SLIDERS
+from quadsim.web.page.race_scene import visible_scale
+from quadsim.web.race import PageRace, take_off
 from tests.small import SMALL
-from web.choices import PILOT
-from web.numbers import SLIDERS
-from web.page.race_scene import visible_scale
-from web.race import PageRace, take_off
 
 pytestmark = pytest.mark.browser
 

@@ -7,8 +7,8 @@ from hand_cases import WIDE, sticks
 from quadsim.firmware.package import find_built
 from quadsim.racing.hand import HAND, SINKING
 from quadsim.record.archive import list_runs, read_run
-from web.by_hand import flight_controller_of
-from web.race import PageRace, take_off
+from quadsim.web.by_hand import flight_controller_of
+from quadsim.web.race import PageRace, take_off
 
 pytestmark = pytest.mark.browser
 

@@ -12,7 +12,7 @@ from browser_cases import (
 )
 from web_cases import choices, stored
 
-from web.race import PageRace
+from quadsim.web.race import PageRace
 
 pytestmark = [pytest.mark.browser, pytest.mark.page]
 

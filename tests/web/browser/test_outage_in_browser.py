@@ -8,7 +8,7 @@ from browser_cases import (
 )
 from web_cases import free_port
 
-from web.page.server import serve
+from quadsim.web.page.server import serve
 
 pytestmark = pytest.mark.browser
 

@@ -4,7 +4,7 @@ import pytest
 from browser_cases import DRAWN, dashboard, opened, press, waited
 from web_cases import Glider, Gliders, choices, run_of, store
 
-from web.race import PageRace
+from quadsim.web.race import PageRace
 
 pytestmark = [pytest.mark.browser, pytest.mark.page]
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import pytest
 from browser_cases import waited
 
-from web.page.guard import SCENE
+from quadsim.web.page.guard import SCENE
 
 pytestmark = pytest.mark.browser
 

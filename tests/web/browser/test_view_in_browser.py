@@ -21,7 +21,7 @@ from wire import connect
 from quadsim.palette import STYLES
 from quadsim.racing.events import Event
 from quadsim.record.run import RecordedRun
-from web.race import PageRace
+from quadsim.web.race import PageRace
 
 pytestmark = [pytest.mark.browser, pytest.mark.page]
 

@@ -4,7 +4,7 @@ import pytest
 from browser_cases import button, press, waited
 from wire import link
 
-from web.race import PageRace
+from quadsim.web.race import PageRace
 
 pytestmark = [pytest.mark.browser, pytest.mark.page]
 
