@@ -29,12 +29,12 @@ from typing import TYPE_CHECKING, Any, Literal, TypedDict
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from quadsim.config.competition import Competition
+    from quadsim.config.spec import Spec
     from quadsim.controllers.costs import Cost, Term
     from quadsim.controllers.learned.pilot import Pilot
     from quadsim.controllers.presets import Planner
     from quadsim.controllers.samplers import PlainSampler, Sampling
-    from quadsim.config.competition import Competition
-    from quadsim.config.spec import Spec
     from quadsim.course import Course
     from quadsim.dynamics.quadrotor import ModelParams
     from quadsim.firmware.text import Text

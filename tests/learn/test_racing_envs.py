@@ -107,7 +107,7 @@ def test_the_page_shows_the_vehicle_on_this_machine(caplog):
 
 
 def test_the_mode_human_is_that_of_gymnasium():
-    with pytest.raises(ValueError, match=r"gymnasium\.make opens a window; viewer=web"):
+    with pytest.raises(ValueError, match=r"gymnasium\.make opens a window; viewer=quadsim.web"):
         RacingVectorEnv(1, render_mode="human")
 
 
