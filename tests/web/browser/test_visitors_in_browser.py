@@ -1,7 +1,7 @@
 """Claims about a page that several visitors share, and about its playback."""
 
 import pytest
-from browser_cases import HELD_BACK, button, press, waited
+from browser_cases import button, press, waited
 from wire import link
 
 from quadsim.web.race import PageRace
