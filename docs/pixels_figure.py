@@ -1,4 +1,4 @@
-"""What the tracker sees, for flying_on_pictures.md: `.venv/bin/python docs/pixels_figure.py`.
+"""Draw the tracker's edges for flying_on_pictures.md: `.venv/bin/python docs/pixels_figure.py`.
 
 It prints how many gates are found on random poses, how exactly, and how long a picture takes.
 """
@@ -36,8 +36,8 @@ POSITION = 0.05
 TURN = 0.01
 SPEED = 4.0
 RATES = 1.5
-# A gate counts with this many corners in view, up to this distance [m]. It is found if two corners
-# are found within so many pixels.
+# A gate counts if at least CORNERS of its corners are in view and it is nearer than DISTANCE [m]. It
+# is found if two of its corners are found with an error below WITHIN [px].
 CORNERS = 3
 DISTANCE = 15.0
 WITHIN = 6.0

@@ -37,7 +37,7 @@ class Column:
 
 
 def _fixed(name: str, digits: int, scale: float = 1.0, sign: str = "") -> Callable[[Row], str]:
-    """Return the function that writes a number with so many decimals; empty where it is unknown."""
+    """Return a function that writes a number with `digits` decimals, and "" if it is unknown."""
 
     def text(row: Row) -> str:
         return f"{scale * float(row[name]):{sign}.{digits}f}" if row[name] else ""
@@ -46,7 +46,7 @@ def _fixed(name: str, digits: int, scale: float = 1.0, sign: str = "") -> Callab
 
 
 def _interval(name: str, digits: int, sign: str = "") -> Callable[[Row], str]:
-    """Return the function that writes a mean and its 95 % interval."""
+    """Return a function that writes a mean and its 95 % interval."""
 
     def text(row: Row) -> str:
         if not row[name]:
@@ -58,7 +58,7 @@ def _interval(name: str, digits: int, sign: str = "") -> Callable[[Row], str]:
 
 
 def _percent(name: str) -> Callable[[Row], str]:
-    """Return the function that writes the 95 % interval of a share."""
+    """Return a function that writes the 95 % interval of a share."""
 
     def text(row: Row) -> str:
         low, high = (100.0 * float(row[f"{name}_{end}"]) for end in ("low", "high"))

@@ -23,7 +23,7 @@ COMPONENT = 1
 
 
 class Parsed(NamedTuple):
-    """What is in a datagram."""
+    """The messages of a datagram, and the number of its other parts."""
 
     messages: list[Message]
     # packets that are whole, of messages that the simulator does not know

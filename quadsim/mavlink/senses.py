@@ -1,4 +1,4 @@
-"""What the simulator tells of the vehicle's motion: the truth, or what sensors have measured."""
+"""Select the motion that is sent to the client: the true one, or the sensors' measurements."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a client asks of the vehicle, and the control that follows from it.
+"""Convert a client's setpoints to the control of the vehicle.
 
 Body rates and thrust are flown as they come. An attitude is reached by body rates in proportion to
 the turn that is missing, a velocity by an acceleration in proportion to the velocity that is

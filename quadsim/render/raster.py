@@ -73,7 +73,7 @@ class Faces(NamedTuple):
 
 
 class Film(NamedTuple):
-    """What turns light into the numbers of a picture."""
+    """Gain and noise of a camera's sensor, which convert light to the numbers of a picture."""
 
     # factor of all colours
     gain: float

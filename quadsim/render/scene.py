@@ -60,7 +60,7 @@ class Views(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """What the rasteriser fills."""
+    """The arrays that the rasteriser fills."""
 
     # (height, width, 3) uint8
     rgb: np.ndarray

@@ -28,7 +28,7 @@ ROUNDING = 1e-9
 
 
 class Eye(Protocol):
-    """What draws the pictures of a flight."""
+    """A function that draws the pictures of a flight."""
 
     def __call__(self, eyes: np.ndarray, axes: np.ndarray) -> np.ndarray:
         """Return a picture.

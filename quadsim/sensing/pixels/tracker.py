@@ -31,7 +31,7 @@ FOUND_REACH = 10.0
 
 
 class Tracked(NamedTuple):
-    """What the tracker saw in a picture, for figures and tests."""
+    """Points, lines and corners that were found in a picture, for figures and tests."""
 
     points: Points
     # what was found at each point, and whether it belongs to a line
