@@ -36,8 +36,8 @@ POSITION = 0.05
 TURN = 0.01
 SPEED = 4.0
 RATES = 1.5
-# A gate counts if at least CORNERS of its corners are in view and it is nearer than DISTANCE [m]. It
-# is found if two of its corners are found with an error below WITHIN [px].
+# A gate counts if at least CORNERS of its corners are in view and it is nearer than DISTANCE [m].
+# It is found if two of its corners are found with an error below WITHIN [px].
 CORNERS = 3
 DISTANCE = 15.0
 WITHIN = 6.0

@@ -78,6 +78,9 @@ def _line(error: CycloptsError, app: App) -> str:
             token = error.token if isinstance(error, exceptions.CoercionError) else None
             setting = SETTINGS.get(name.removeprefix("--").replace("-", "_"))
             kind = setting.kind if setting else inspect.type_info(error.argument.hint)
-            given = repr(token.value) if token else "too few values"
-            return f"{name}: expected {expected(kind)}, got {given}"
+            if token is not None:
+                return f"{name}: expected {expected(kind)}, got {token.value!r}"
+            is_missing = isinstance(error, exceptions.MissingArgumentError) and not error.keyword
+            got = "no such flag" if is_missing else "too few values"
+            return f"{name}: expected {expected(kind)}, got {got} (see race {command} --help)"
     return str(error).splitlines()[-1]

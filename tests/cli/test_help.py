@@ -103,3 +103,10 @@ def test_quick_commands_load_nothing_slow():
         slow = SLOW if argv[0] == "compare" else {*SLOW, "scipy"}
         assert not slow & loaded, argv
         assert "quadsim.cli.cli" in loaded
+
+
+def test_a_required_flag_that_is_left_out_is_told_from_one_with_too_few_values(capsys):
+    _, _, err = outcome("fit flight.csv", capsys)
+    assert err == "race fit: --name: expected text, got no such flag (see race fit --help)\n"
+    _, _, err = outcome("fly figure8 --horizon", capsys)
+    assert "--horizon: expected a whole number [steps], got too few values" in err
