@@ -1,0 +1,107 @@
+"""What the site shows beside the pages of docs/: notebooks, recorded races that play, and rendered equations.
+
+MkDocs calls the functions `on_...` while it builds the site (`hooks` in mkdocs.yml).
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+import re
+import zipfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from latex2mathml.converter import convert
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
+
+from quadsim.heat.archive import run_folders
+from quadsim.web.competitor import named
+from quadsim.web.page.export import offline_page
+from quadsim.web.stored_runs import stored_competitor
+
+NOTEBOOKS = Path("examples/notebooks")
+GALLERY = Path("docs/gallery")
+# What pymdownx.arithmatex makes of $$...$$ and $...$
+EQUATION = re.compile(
+    r'<(?P<tag>div|span) class="arithmatex">\\(?P<kind>[\[(])(?P<latex>.*?)\\[\])]</(?P=tag)>',
+    re.DOTALL,
+)
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the notebooks as pages, and the races of the gallery as pages that play."""
+    for path in sorted(NOTEBOOKS.glob("*.ipynb")):
+        for name, content in _notebook(path).items():
+            files.append(File.generated(config, f"notebooks/{name}", content=content))
+    for path in sorted(GALLERY.glob("*.zip")):
+        files.append(File.generated(config, f"gallery/{path.stem}.html", content=_race(path)))
+    return files
+
+
+def on_page_content(page_html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Write equations as MathML, which browsers show without a script."""
+    return EQUATION.sub(_mathml, page_html)
+
+
+def _mathml(found: re.Match[str]) -> str:
+    latex = html.unescape(found["latex"]).strip()
+    if found["kind"] == "(":
+        return convert(latex)
+    return f'<div class="equation">{convert(latex, display="block")}</div>'
+
+
+def _race(path: Path) -> str:
+    """Return a page that plays the runs of a zip file."""
+    with TemporaryDirectory() as folder, zipfile.ZipFile(path) as archive:
+        archive.extractall(folder)
+        runs = [run for name in sorted(Path(folder).iterdir()) for run in run_folders(str(name), folder)]
+        return offline_page(named([stored_competitor(run) for run in runs]))
+
+
+def _notebook(path: Path) -> dict[str, str | bytes]:
+    """Return a notebook's page, its pictures and the notebook itself, by their names in the site."""
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    made: dict[str, str | bytes] = {path.name: path.read_bytes()}
+    blocks = [_download(path.name)]
+    for number, cell in enumerate(cells):
+        source = "".join(cell["source"])
+        if cell["cell_type"] == "markdown":
+            blocks.append(source)
+            continue
+        blocks.append(_fenced(source, "python"))
+        for place, output in enumerate(cell["outputs"]):
+            picture = _picture(output)
+            if picture is None:
+                blocks.append(_fenced("".join(_text(output)), "text"))
+            else:
+                name = f"{path.stem}_{number}_{place}.png"
+                made[name] = picture
+                blocks.append(f"![Output of the cell above]({name})")
+    # The first block of a page is its heading
+    heading, *rest = blocks[1].split("\n\n", 1)
+    made[f"{path.stem}.md"] = "\n\n".join([heading, blocks[0], *rest, *blocks[2:]]) + "\n"
+    return made
+
+
+def _download(name: str) -> str:
+    return f"[Download this notebook]({name}): `examples/notebooks/{name}` of a checkout."
+
+
+def _fenced(text: str, language: str) -> str:
+    return f"```{language}\n{text.rstrip()}\n```"
+
+
+def _picture(output: Mapping[str, Any]) -> bytes | None:
+    data = output.get("data", {}).get("image/png")
+    return None if data is None else base64.b64decode(data)
+
+
+def _text(output: Mapping[str, Any]) -> Iterator[str]:
+    yield from output.get("text", ())
+    yield from output.get("data", {}).get("text/plain", ())
