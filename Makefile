@@ -117,7 +117,7 @@ docs-figures: $(VENV)/.dev
 	cp $(FIGURES)/heats/*.png docs/heats_expect.png
 	$(BIN)/python docs/pictures_figure.py # docs/pictures.png
 	$(BIN)/python docs/aigp_figure.py # docs/aigp.png
-	$(BIN)/python docs/gallery_figures.py # docs/gallery/
+	$(BIN)/python docs/gallery_figures.py # docs/gallery/*.webp
 	$(BIN)/python docs/renderers_figure.py # docs/renderers.png
 	$(BIN)/python docs/pixels_figure.py # docs/pixels.png
 	$(BIN)/python docs/sensing_figures.py # docs/sensing_*.png

@@ -44,7 +44,15 @@ def main() -> None:
                 _run(*command, "--runs-dir", str(runs))
             stored = sorted(path.name for path in runs.iterdir() if path.is_dir())
             (GALLERY / f"{name}.zip").unlink(missing_ok=True)
-            _run("export", *stored, "--zip", "--out", f"{GALLERY / name}.zip", "--runs-dir", str(runs))
+            _run(
+                "export",
+                *stored,
+                "--zip",
+                "--out",
+                f"{GALLERY / name}.zip",
+                "--runs-dir",
+                str(runs),
+            )
             page = Path(folder) / f"{name}.html"
             _run("export", *stored, "--html", "--out", str(page), "--runs-dir", str(runs))
             _picture(browser, page).save(GALLERY / f"{name}.webp", quality=80)

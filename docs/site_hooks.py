@@ -1,4 +1,4 @@
-"""What the site shows beside the pages of docs/: notebooks, recorded races that play, and rendered equations.
+"""What the site shows beside the pages of docs/: notebooks, recorded races, rendered equations.
 
 MkDocs calls the functions `on_...` while it builds the site (`hooks` in mkdocs.yml).
 """
@@ -60,12 +60,14 @@ def _race(path: Path) -> str:
     """Return a page that plays the runs of a zip file."""
     with TemporaryDirectory() as folder, zipfile.ZipFile(path) as archive:
         archive.extractall(folder)
-        runs = [run for name in sorted(Path(folder).iterdir()) for run in run_folders(str(name), folder)]
+        runs = [
+            run for name in sorted(Path(folder).iterdir()) for run in run_folders(str(name), folder)
+        ]
         return offline_page(named([stored_competitor(run) for run in runs]))
 
 
 def _notebook(path: Path) -> dict[str, str | bytes]:
-    """Return a notebook's page, its pictures and the notebook itself, by their names in the site."""
+    """Return a notebook's page, its pictures and the notebook itself, by their names."""
     cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
     made: dict[str, str | bytes] = {path.name: path.read_bytes()}
     blocks = [_download(path.name)]

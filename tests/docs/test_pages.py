@@ -327,7 +327,7 @@ def test_the_figures_of_the_pages_are_made_by_make_docs_figures():
     commands = re.findall(r"\$\(BIN\)/([^#\n]+)", recipe)
     assert [command for command in commands if not is_taken(command)] == []
     assert [flag for command in commands for flag in unknown_flags(command)] == []
-    made = re.findall(r"docs/([\w*]+\.(?:png|webp))", recipe)
+    made = re.findall(r"docs/(?:gallery/)?([\w*]+\.(?:png|webp))", recipe)
     shown = {Path(name).name for page in PAGES for name in FIGURE.findall(page.read_text())}
     assert len(shown) > 10
     assert [name for name in shown if not any(fnmatch(name, one) for one in made)] == []
