@@ -43,7 +43,7 @@ class Run(RecordedRun):
         wall: wall-clock numbers: plan_ms with p50 and p95 [ms], and real_time_factor.
         snapshots: the planner's best samples every few control steps; None without any.
         measurements: with `record_sensing=True`, what the sensors measured and what the estimator
-            made of it: name -> array, see docs/sensing.md; else None.
+            made of it: name -> array, see docs/sensing_files.md; else None.
         fault: the error that ended the flight of a campaign, on one line; "" where none did.
 
     Examples:

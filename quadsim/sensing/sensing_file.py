@@ -86,8 +86,8 @@ class Sensing:
         """Return a copy with changed sensors or numbers, checked as in a file.
 
         Args:
-            changes: keys of a sensing file, see docs/sensing.md, and `name`. A sensor takes the
-                keys that change, a whole new configuration, or None, which removes it.
+            changes: keys of a sensing file, see docs/sensing_files.md, and `name`. A sensor takes
+                the keys that change, a whole new configuration, or None, which removes it.
 
         Raises:
             SettingError: a number cannot be used, or sensors do not fit together (a ValueError).
