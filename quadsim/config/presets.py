@@ -57,7 +57,7 @@ def _named(name: str, sampler: str, firmware: bool) -> Planner:
     """Return a named preset. Before a firmware, whose filters and gains lag, its plan is smoothed.
 
     An ideal rate loop follows a plan that changes in each period; a firmware does not, and pays for
-    trying with thrust. See docs/betaflight.md for the flights that show it.
+    trying with thrust. See docs/betaflight_results.md for the flights that show it.
     """
     found = preset(name, sampler)
     return replace(found, mppi=replace(found.mppi, smooth=True)) if firmware else found
