@@ -19,6 +19,7 @@ alone; only the record of their errors uses the true state.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from time import perf_counter
 from typing import NamedTuple, Protocol
@@ -36,8 +37,8 @@ from quadsim.sensing.estimate_record import estimate_row
 from quadsim.sensing.estimation.body_rates import BodyRates
 from quadsim.sensing.estimation.error_state import FilterState
 from quadsim.sensing.estimation.estimator import Estimator
-from quadsim.sensing.estimation.prediction import Commands, predict
-from quadsim.sensing.estimation.vehicle_learner import VehicleLearner
+from quadsim.sensing.estimation.prediction import Commands, Piece, mean_command, predict
+from quadsim.sensing.estimation.vehicle_learner import Acted, VehicleLearner
 from quadsim.sensing.kept import Kept
 from quadsim.sensing.known_course import KnownCourse
 from quadsim.sensing.measurements import Corners, Inertial, Measurement, Photo, RotorThrust
@@ -88,12 +89,12 @@ class StateSource(Protocol):
         """Note the plant's state after a physics step."""
         ...
 
-    def now(self, t: float, acted: tuple[float, ...], periods: int) -> Present:
+    def now(self, t: float, acted: Sequence[Piece], periods: int) -> Present:
         """Return the present state, model and course.
 
         Args:
             t: time now [s].
-            acted: command that has acted since the last call  (n_u,).
+            acted: commands that have acted since the last call; none at the first.
             periods: control periods since the last call.
         """
         ...
@@ -175,7 +176,7 @@ class TrueState:
         """Note the plant's state after a physics step."""
         self._state = state
 
-    def now(self, t: float, acted: tuple[float, ...], periods: int) -> Present:
+    def now(self, t: float, acted: Sequence[Piece], periods: int) -> Present:
         """Return the true state, and the model estimated from true states."""
         before = self._before
         self._before = self._state
@@ -187,7 +188,7 @@ class TrueState:
         if before is not None and periods:
             duration = self._whole_periods(t - before.t) * self._dt
             self.learner.learn_from_states(
-                State(*before.x), State(*self._state.x), Control(*acted), duration
+                State(*before.x), State(*self._state.x), Acted.of(acted), duration
             )
         return Present(self._state.x, self.learner.model, course)
 
@@ -259,7 +260,7 @@ class SensedState:
         """Let the sensors sample the plant's state after a physics step."""
         self._sensors.observe(state)
 
-    def now(self, t: float, acted: tuple[float, ...], periods: int) -> Present:
+    def now(self, t: float, acted: Sequence[Piece], periods: int) -> Present:
         """Return the estimated state, model and course at t [s]."""
         began = perf_counter()
 
@@ -267,7 +268,8 @@ class SensedState:
         # vehicle parameters, which need these.
         self._take_measurements(t)
         nominal = self._nominal
-        self._follow_vehicle(t, Control(*acted), periods)
+        if periods:
+            self._follow_vehicle(t, Control(*mean_command(acted)), periods)
         if self._rotors:
             self.learner.learn_from_rotors(self._rotors.thrust, self._rotor_std)
         x = State.of(
@@ -344,7 +346,7 @@ class SensedState:
 
         Args:
             t: time now [s].
-            u: command that has acted since the last call.
+            u: mean command since the last call.
             periods: control periods since the last call.
         """
         # The bias-corrected samples of the unit since the last call.
@@ -459,9 +461,9 @@ class Navigation:
 
     def estimate(self, t: float) -> Estimate:
         """Return the Estimate for a control that is requested at t [s]."""
-        # The present state, given the command that has acted since the last call.
+        # The present state, given the commands that have acted since the last call.
         periods = self._periods.advance(t)
-        acted = self._commands.acting(t - periods * self._dt)
+        acted = tuple(self._commands.pieces(t - periods * self._dt, t))
         now = self._source.now(t, acted, periods)
 
         # The state in which the control will act, and the gates passed by then. A control that has

@@ -50,11 +50,10 @@ def test_a_frame_is_known_for_all_its_passages():
 
 def test_the_true_state_comes_with_the_course_as_it_is_known():
     near = PlantState(0.0, start_state(Start(FLOWN.gates[0].position, 0.0), 0.07), ())
-    hover = (0.0, 0.0, 0.0, 9.81)
-    alone = TrueState(near, dt=0.02).now(0.0, hover, 0)
+    alone = TrueState(near, dt=0.02).now(0.0, (), 0)
     assert alone.course is None
     source = TrueState(near, 0.02, course=KnownCourse(MAPPED, FLOWN, 0.7))
-    found = source.now(0.0, hover, 0).course
+    found = source.now(0.0, (), 0).course
     assert found.gates[0] == FLOWN.gates[0] != MAPPED.gates[0]
     assert np.isfinite(found.points()).all()
 

@@ -25,8 +25,14 @@ from quadsim.record.run import RecordedRun
 from quadsim.record.run_format import read_npz, write_npz
 from quadsim.sensing import load_sensing, parse_sensing, sensing_names
 from quadsim.sensing.estimation.estimator import Estimator
-from quadsim.sensing.estimation.prediction import Commands, GateCounter, predict
-from quadsim.sensing.estimation.vehicle_learner import VehicleLearner
+from quadsim.sensing.estimation.prediction import (
+    Commands,
+    GateCounter,
+    Piece,
+    mean_command,
+    predict,
+)
+from quadsim.sensing.estimation.vehicle_learner import Acted, VehicleLearner
 from quadsim.sensing.navigation import CourseEstimate, TrueState
 from quadsim.sensing.sensing_file import SENSORS
 from quadsim.vehicle import load_vehicle
@@ -48,6 +54,7 @@ def test_commands_act_one_after_the_other_and_late():
     assert [u[0] for _, u in pieces] == [0.0, 0.0, 1.0, 2.0, 3.0]
     assert [d for d, _ in pieces] == pytest.approx([0.005, 0.01, 0.01, 0.01, 0.005])
     assert list(commands.pieces(0.05, 0.05)) == []
+    assert mean_command(pieces)[0] == pytest.approx((0.01 * (1 + 2) + 0.005 * 3) / 0.04)
 
 
 def test_the_predicted_state_is_where_the_vehicle_then_is():
@@ -78,11 +85,11 @@ def test_the_model_is_learnt_from_the_time_that_has_passed():
     known, periods = TrueState(plant.state, 0.01, learner), 0
     for k in range(40):
         u = Control(1.0 * np.sin(0.3 * k), 1.0 * np.cos(0.2 * k), 0.0, 25.0)
-        known.now(plant.state.t, u, periods)
+        known.now(plant.state.t, (Piece(0.0125, u),), periods)
         before = State(*plant.state.x)
         for _ in range(5):
             known.watch(plant.step(u))
-        mistaken.learn_from_states(before, State(*plant.state.x), u, 0.01)
+        mistaken.learn_from_states(before, State(*plant.state.x), Acted((u,), (1.0,)), 0.01)
         periods = 1
     assert learner.model.thrust_gain == pytest.approx(1.0, abs=0.01)
     assert mistaken.model.thrust_gain > 1.05

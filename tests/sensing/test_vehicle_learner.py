@@ -22,7 +22,7 @@ from quadsim.rotation import to_body, turned
 from quadsim.sensing.config import ImuConfig
 from quadsim.sensing.estimation.body_rates import BodyRates
 from quadsim.sensing.estimation.nominal import Nominal
-from quadsim.sensing.estimation.vehicle_learner import FORCE_STD, VehicleLearner
+from quadsim.sensing.estimation.vehicle_learner import FORCE_STD, Acted, VehicleLearner
 from quadsim.vehicle import GRAVITY, load_vehicle
 from quadsim.vehicle.tolerances import VehicleTolerances
 from tests.small import SMALL
@@ -36,6 +36,11 @@ HOVER = Control(0.0, 0.0, 0.0, GRAVITY)
 SEEDS = 12
 # Chi-square with that many degrees of freedom, over them: 99.8 % lie between.
 LEAST, MOST = 0.18, 2.74
+
+
+def alone(u):
+    """Return a command that acted for the whole period."""
+    return Acted((u,), (1.0,))
 
 
 def simulated(seed, gust=REAL.gust, steps=200):
@@ -72,7 +77,7 @@ def errors(gust):
         states, k, d = simulated(seed, gust)
         learner = VehicleLearner.for_exact_states(NOMINAL, DT)
         for before, after in pairwise(states):
-            learner.learn_from_states(State(*before), State(*after), HOVER, DT)
+            learner.learn_from_states(State(*before), State(*after), alone(HOVER), DT)
         now, std = learner.numbers, learner.std
         off = np.array([now.thrust_gain - k, now.drag - d])
         found.append([*off / (std.thrust_gain, std.drag), off[0]])
@@ -111,8 +116,31 @@ def _highest(share, u):
             before = State(*plant.state.x)
             for _ in range(4):
                 plant.step(u)
-            learner.learn_from_states(before, State(*plant.state.x), u, DT)
+            learner.learn_from_states(before, State(*plant.state.x), alone(u), DT)
     return learner.model.thrust_max
+
+
+@pytest.mark.slow
+def test_commands_that_change_within_a_period_hide_no_thrust():
+    """On the wall clock a period begins under the command before, which white noise makes another
+    one. Told the new command alone, the learner takes a thrust in between for the highest."""
+    rng = np.random.default_rng(0)
+    learner, mistaken = (VehicleLearner.for_exact_states(NOMINAL, DT) for _ in range(2))
+    course = replace(load_course("figure8"), bounds=((-99, 99), (-99, 99), (-99, 99)))
+    new = HOVER
+    with closing(PLANTS[default_plant()](course, SWIFT)) as plant:
+        for _ in range(300):
+            old, new = new, Control(*rng.normal(0.0, 3.0, 3), rng.uniform(20.0, 60.0))
+            before = State(*plant.state.x)
+            for u in (old, old, new, new):
+                plant.step(u)
+            after = State(*plant.state.x)
+            learner.learn_from_states(before, after, Acted((old, new), (0.5, 0.5)), DT)
+            mistaken.learn_from_states(before, after, alone(new), DT)
+    assert learner.model.thrust_max == pytest.approx(NOMINAL.thrust_max, rel=0.01)
+    assert learner.model.tilt_first
+    assert mistaken.model.thrust_max < 0.98 * NOMINAL.thrust_max
+    assert not mistaken.model.tilt_first
 
 
 def learnt_at_full_thrust(plant, vehicle, seconds, tilt=3.0):
@@ -131,7 +159,7 @@ def learnt_at_full_thrust(plant, vehicle, seconds, tilt=3.0):
             for _ in range(4):
                 plant.step(u)
             if i > 0:
-                learner.learn_from_states(before, State(*plant.state.x), u, DT)
+                learner.learn_from_states(before, State(*plant.state.x), alone(u), DT)
     return learner.model
 
 

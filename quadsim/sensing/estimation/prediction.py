@@ -84,6 +84,15 @@ class Commands:
             t0 = end
 
 
+def mean_command(pieces: Sequence[Piece]) -> Command:
+    """Return the command of an interval, averaged over time; the interval is not empty."""
+    if len(pieces) == 1:
+        return pieces[0].u
+    duration = sum(piece.duration for piece in pieces)
+    weighted = [[piece.duration * value for value in piece.u] for piece in pieces]
+    return tuple(sum(values) / duration for values in zip(*weighted, strict=True))
+
+
 def predict(
     x: State, commands: Commands, t0: float, t1: float, model: ModelParams, longest: float
 ) -> State:

@@ -31,6 +31,7 @@ because the effect of a wrong mass rotates with the vehicle.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from enum import IntEnum
 from math import sqrt
@@ -43,6 +44,7 @@ from quadsim.dynamics.quadrotor import Control, ModelParams, State, thrust_axis,
 from quadsim.rotation import Vec3, matrix
 from quadsim.sensing.config import ImuConfig
 from quadsim.sensing.estimation.nominal import Nominal
+from quadsim.sensing.estimation.prediction import Piece
 from quadsim.vehicle import GRAVITY
 from quadsim.vehicle.tolerances import VehicleTolerances
 
@@ -124,6 +126,32 @@ class VehicleNumbers(NamedTuple):
         """Return the rows (7,) of the filter's state by name."""
         thrust, thrust_max, thrust_gain, drag, *gust = rows.tolist()
         return cls(thrust, thrust_max, thrust_gain, drag, tuple(gust))
+
+
+class Acted(NamedTuple):
+    """The commands that acted over an interval: one, or on the wall clock two or more."""
+
+    commands: tuple[Control, ...]
+    # share of the interval, which add up to 1
+    shares: tuple[float, ...]
+
+    @classmethod
+    def of(cls, pieces: Sequence[Piece]) -> Acted:
+        """Return the commands of an interval, which is not empty."""
+        duration = sum(piece.duration for piece in pieces)
+        commands = tuple(Control(*piece.u) for piece in pieces)
+        return cls(commands, tuple(piece.duration / duration for piece in pieces))
+
+    @property
+    def least_thrust(self) -> float:
+        """The least commanded thrust [m/s^2]."""
+        return min(u.thrust for u in self.commands)
+
+    @property
+    def mean_tilt_rates(self) -> np.ndarray:
+        """The commanded roll and pitch rate, averaged over time [rad/s]  (2,)."""
+        rates = np.array([u.body_rates[:2] for u in self.commands])
+        return np.array(self.shares) @ rates
 
 
 class VehicleLearner:
@@ -235,22 +263,22 @@ class VehicleLearner:
         """
         return VehicleNumbers.of(np.sqrt(np.diag(self._P)))
 
-    def learn_from_states(self, before: State, after: State, u: Control, duration: float) -> None:
+    def learn_from_states(self, before: State, after: State, acted: Acted, duration: float) -> None:
         """Learn from two consecutive exact states.
 
         Args:
             before, after: states at the beginning and at the end of the period.
-            u: the command that acted between them.
+            acted: the commands that acted between them.
             duration: time between them [s].
         """
         self._theta[Row.THRUST] = after.thrust
         self._correct_by_acceleration(before, after, duration)
         if self._nominal.yaw_first:
-            self._update_by_strongest_rotor(before, after, u)
+            self._update_by_strongest_rotor(before, after, acted)
             return
-        self._update_thrust_max(before, after, u)
+        self._update_thrust_max(before, after, acted)
         if abs(duration - self._dt) < ON_TIME * self._dt:
-            self._update_delivered(before, after, u)
+            self._update_delivered(before, after, acted)
 
     def learn_from_force(
         self, a_cmd: float, reserve: float, force: Vec3 | None, nominal: Nominal
@@ -304,25 +332,25 @@ class VehicleLearner:
         self._theta[OF_ACCELERATION] = theta + K @ (y - H @ theta)
         self._P[OF_ACCELERATION, OF_ACCELERATION] = P - K @ H @ P
 
-    def _update_thrust_max(self, before: State, after: State, u: Control) -> None:
+    def _update_thrust_max(self, before: State, after: State, acted: Acted) -> None:
         """Learn the highest thrust if the thrust has settled below its command.
 
         Thrust and reserve for roll and pitch then add up to the highest thrust.
         """
         change = after.thrust - before.thrust
         settled = before.thrust + change / self._rotor_response
-        if abs(change) >= SETTLED or u.thrust <= settled + SHORTFALL:
+        if abs(change) >= SETTLED or acted.least_thrust <= settled + SHORTFALL:
             return
-        reserve = self._mean_reserve(before, after, u)
+        reserve = self._mean_reserve(before, after, acted)
         thrust_max = self._theta[Row.THRUST_MAX]
         if reserve < MAX_RESERVE * thrust_max:
             self._theta[Row.THRUST_MAX] += STEP * (settled + reserve - thrust_max)
 
-    def _update_by_strongest_rotor(self, before: State, after: State, u: Control) -> None:
+    def _update_by_strongest_rotor(self, before: State, after: State, acted: Acted) -> None:
         """Learn the highest thrust from the strongest rotor, if the mixer gives up thrust."""
         change = after.thrust - before.thrust
         settled = before.thrust + change / self._rotor_response
-        if u.thrust <= settled + SHORTFALL:
+        if acted.least_thrust <= settled + SHORTFALL:
             return
         first, last = np.array([before.angular_acceleration, after.angular_acceleration])
         bx, by, bz = abs(first + (last - first) / self._rotor_response).tolist()
@@ -333,29 +361,36 @@ class VehicleLearner:
         if strongest > LEAST_STRONGEST * thrust_max:
             self._theta[Row.THRUST_MAX] += STRONGEST_STEP * (strongest - thrust_max)
 
-    def _update_delivered(self, before: State, after: State, u: Control) -> None:
+    def _update_delivered(self, before: State, after: State, acted: Acted) -> None:
         """Learn the delivered share if thrust and reserve request more than the highest thrust.
 
         The share is the ratio of the angular acceleration to its command.
         """
         assert self._delivered is not None
-        reserve = self._mean_reserve(before, after, u)
+        reserve = self._mean_reserve(before, after, acted)
         thrust_max = self._theta[Row.THRUST_MAX]
-        if reserve <= LEAST_RESERVE * thrust_max or u.thrust <= thrust_max - reserve / 2:
+        is_limited = acted.least_thrust > thrust_max - reserve / 2
+        if reserve <= LEAST_RESERVE * thrust_max or not is_limited:
             return
         rates = np.add(before.body_rates, after.body_rates)[:2] / 2
-        asked = self._rate_gains * (np.array(u.body_rates[:2]) - rates)
+        asked = self._rate_gains * (acted.mean_tilt_rates - rates)
         first, last = np.array([before.angular_acceleration[:2], after.angular_acceleration[:2]])
         settled = first + (last - first) / self._rate_responses
         self._delivered += STEP * (float(settled @ asked / (asked @ asked)) - self._delivered)
 
-    def _mean_reserve(self, before: State, after: State, u: Control) -> float:
-        """Return the reserve for roll and pitch, averaged over both ends of the period [m/s^2]."""
-        commanded = np.array(u.body_rates[:2])
-        at_begin = abs(commanded - before.body_rates[:2])
-        at_end = abs(commanded - after.body_rates[:2])
-        errors = (at_begin + at_end) / 2
-        return tilt_reserve(*self._nominal.tilt_cost, *(self._rate_gains * errors))
+    def _mean_reserve(self, before: State, after: State, acted: Acted) -> float:
+        """Return the reserve for roll and pitch, averaged over the period [m/s^2].
+
+        The reserve under one command is that of the mean error of both ends.
+        """
+        reserve = 0.0
+        for u, share in zip(acted.commands, acted.shares, strict=True):
+            commanded = np.array(u.body_rates[:2])
+            at_begin = abs(commanded - before.body_rates[:2])
+            at_end = abs(commanded - after.body_rates[:2])
+            asked = self._rate_gains * (at_begin + at_end) / 2
+            reserve += share * tilt_reserve(*self._nominal.tilt_cost, *asked)
+        return reserve
 
     def _predict(self, a_cmd: float, reserve: float) -> None:
         """Move the delivered thrust towards its command, and the gust towards zero.
