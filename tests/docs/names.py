@@ -93,6 +93,8 @@ def missing_links(page: Path) -> list[str]:
             continue
         if target.parent.name == "gallery" and target.suffix == ".html":
             target = target.with_suffix(".zip")  # docs/site_hooks.py makes the page of it
+        if target.parent == ROOT / "docs" / "notebooks":  # made by docs/site_hooks.py, too
+            target = ROOT / "examples" / "notebooks" / f"{target.stem}.ipynb"
         if not target.exists() or (heading and heading not in _headings(target)):
             missing.append(link)
     return missing
