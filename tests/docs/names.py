@@ -38,7 +38,7 @@ CODE = ("py", "c", "js", "css", "toml", "md", "ipynb")
 
 # Names that are no file or code of the repository, each with its reason
 LEFT_ALONE = {
-    "quadsim/sensing/altimeter.py",  # the file that the example of CONTRIBUTING.md adds
+    "quadsim/sensing/altimeter.py",  # the file that the example of docs/own_sensor.md adds
     "quadsim/Racing-v0",  # environments of Gymnasium
     "quadsim/RacingBullet-v0",
     "quadsim.Command",  # messages of a recording
