@@ -1,4 +1,4 @@
-"""Claims that the tables of results on the pages are those of the CSV files."""
+"""Claims that the numbers of results on the pages are those of the CSV files."""
 
 from dataclasses import replace
 
@@ -9,6 +9,7 @@ from docs.results.experiments import csv_file, experiments, read
 
 PAGES = sorted(tables.DOCS.glob("**/*.md"))
 FLOWN = [name for name in experiments() if csv_file(name).exists()]
+ROOT = tables.DOCS.parent
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -21,6 +22,25 @@ def test_the_tables_of_a_page_are_those_of_the_files(page):
 def test_a_file_has_the_rows_of_its_experiments_command(name):
     assert read(name).command == experiments()[name].command
     assert all(int(row["finished"]) >= 0 for row in read(name).rows)
+
+
+@pytest.mark.parametrize("name", ["swift", "song", "alphapilot"])
+def test_readme_has_the_laps_and_thrust_variations_of_the_files(name):
+    gaussian, colored = read(name).rows
+    cells = [gaussian["course"]]
+    for row in (gaussian, colored):
+        cells += [f"{float(row['lap_mean']):.2f}", f"{float(row['thrust_tv']):.0f}"]
+    readme = (ROOT / "README.md").read_text(encoding="utf-8").replace("*", "")
+    assert f"| {' | '.join(cells)} |" in readme
+
+
+def test_the_paper_has_the_laps_of_the_files():
+    gaussian, colored = read("swift").rows
+    mean, low, high = (float(colored[f"lap_difference{end}"]) for end in ("", "_low", "_high"))
+    text = " ".join((tables.DOCS / "joss" / "paper.md").read_text(encoding="utf-8").split())
+    assert f"{float(colored['lap_mean']):.2f} s with colored" in text
+    assert f"{float(gaussian['lap_mean']):.2f} s with Gaussian" in text
+    assert f"{mean:.3f} s (95 % interval {low:.3f} to {high:.3f})" in text
 
 
 def test_every_file_belongs_to_an_experiment():
