@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 from quadsim.config.presets import PresetSource
 from quadsim.config.resolve import with_numbers
@@ -21,10 +21,11 @@ from quadsim.sensing import PERFECT
 from quadsim.vehicle import load_vehicle
 from quadsim.web.by_hand import flown_by_hand
 from quadsim.web.differences import numbered
+from quadsim.web.fields import Shown
+from quadsim.web.menu import PILOT as PILOT
 from quadsim.web.numbers import SLIDERS, Change, with_change
 
 # HAND may take the place of a sampler for a manual flight
-PILOT = "pilot "  # prefix of a learned pilot's name, which takes the place of a sampler
 OF_THE_PLANNER = {name for name, setting in SETTINGS.items() if setting.group != "flight"}
 
 
@@ -32,12 +33,27 @@ OF_THE_PLANNER = {name for name, setting in SETTINGS.items() if setting.group !=
 class RaceChoices:
     """The choices that are common to all competitors of a race."""
 
-    course: str = "split_s_swift"
-    seed: int | str = 0  # a text is checked when the flight begins
-    laps: int = 0  # 0: the course's
-    clock: Clock = "simulated"
-    # the deadline of a plan [ms], as a text of the page; "none": no deadline
-    deadline_ms: float | str = "none"
+    course: Annotated[
+        str, Shown("the gates, and the order in which they are flown", menu="courses")
+    ] = "split_s_swift"
+    seed: Annotated[
+        int | str,
+        Shown("of the planner's noise and of all else that is random; the same for all"),
+    ] = 0
+    # 0: the course's
+    laps: Annotated[int, Shown("from a standing start; empty: as many as the course has")] = 0
+    clock: Annotated[
+        Clock,
+        Shown(
+            "simulated: planning takes no time; wall: while a plan is made the flight continues on"
+            " the last one"
+        ),
+    ] = "simulated"
+    # "none": no deadline
+    deadline_ms: Annotated[
+        float | str,
+        Shown("longest time of a plan, kept by fewer samples; none, or a number", "Deadline", "ms"),
+    ] = "none"
     # folder of runs with the solutions of `race limit`
     runs_dir: str = FlightSettings.runs_dir
 
@@ -46,11 +62,27 @@ class RaceChoices:
 class CompetitorChoices:
     """The choices of one competitor: a row of the table of competitors."""
 
-    vehicle: str = "swift"
-    preset: str = "race"
-    sampler: str = "colored"  # or PILOT with the name of a learned pilot, or HAND
-    flight_controller: FlightControllerName = "ideal"
-    sensing: str = PERFECT
+    # or PILOT with the name of a learned pilot, or HAND
+    sampler: Annotated[
+        str,
+        Shown(
+            "how the planner samples; or hand, a person, or a learned pilot in its place",
+            menu="samplers",
+        ),
+    ] = "colored"
+    preset: Annotated[str, Shown("source of the planner's numbers", menu="presets")] = "race"
+    vehicle: Annotated[str, Shown("the quadrotor that is flown", menu="vehicles")] = "swift"
+    sensing: Annotated[
+        str,
+        Shown(
+            "sensors by which the vehicle knows its state; perfect: the true state",
+            menu="sensings",
+        ),
+    ] = PERFECT
+    flight_controller: Annotated[
+        FlightControllerName,
+        Shown("ideal: a first-order rate loop; betaflight: the firmware, where it is built"),
+    ] = "ideal"
     # numbers of quadsim.web.numbers.SLIDERS that differ from preset and settings
     numbers: Mapping[str, float] = field(default_factory=dict)
     # any other settings of quadsim.fly

@@ -6,49 +6,39 @@ it was typed, whatever other visitors do meanwhile.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any
 
 import msgspec
 from msgspec import Meta
 
-from quadsim.config.settings import Clock
+from quadsim.config.settings import SETTINGS
 from quadsim.controllers.presets import PRESETS
+from quadsim.files.values import checked
 from quadsim.files.yaml_errors import cut
-from quadsim.firmware import FlightControllerName
-from quadsim.heat.rules import RULES, RulesName
+from quadsim.heat.rules import RulesName
 from quadsim.heat.settings import Expect, HeatSettings
 from quadsim.heat.spec import MOST
 from quadsim.web.choices import CompetitorChoices, RaceChoices
+from quadsim.web.fields import shown_fields
 from quadsim.web.menu import Menu
 from quadsim.web.setting_texts import checked_number, checked_setting
-from quadsim.web.state import GHOSTS, PageState, RemovedRow, Row, Visitor, World
+from quadsim.web.state import GHOSTS, PageState, RemovedRow, Row, World
+from quadsim.web.view import View
 
 MOST_REMOVED = 8  # number of removed rows that can be put back
 MOST_AGAINST = 8  # number of stored runs beside a flight
-RACE_OPTIONS = {
-    "clock": get_args(Clock),
-    "world": get_args(World),
-    "expect": get_args(Expect),
-    "rules": tuple(RULES),
-}
-OF_RACE_CHOICES = ("course", "seed", "laps", "clock", "deadline_ms")
-COMPETITOR_NAMES = ("sampler", "preset", "vehicle", "sensing", "flight_controller")
+OF_RACE_CHOICES = shown_fields(RaceChoices)
+OF_RACE = {**OF_RACE_CHOICES, **shown_fields(PageState)}
+OF_COMPETITOR = shown_fields(CompetitorChoices)
 
 Name = Annotated[str, Meta(max_length=300)]
-RaceSetting = Literal["course", "seed", "laps", "clock", "deadline_ms", "world", "expect", "rules"]
 
 
 class Command(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
     """A command; its class names it."""
-
-
-class Arrive(Command, frozen=True):
-    """A visitor has opened the page."""
-
-    visitor: int
 
 
 class Leave(Command, frozen=True):
@@ -60,8 +50,8 @@ class Leave(Command, frozen=True):
 class ChooseRace(Command, frozen=True):
     """Choose a setting of the whole race by its name."""
 
-    name: RaceSetting
-    value: Name | int
+    name: Name  # of OF_RACE
+    value: Name | int | float
 
 
 class ChooseNames(Command, frozen=True):
@@ -124,6 +114,20 @@ class EditRow(Command, frozen=True):
     row: int
 
 
+class Watch(Command, frozen=True):
+    """Show a visitor the numbers in flight of a competitor; empty: of the first one."""
+
+    visitor: int
+    of: Name
+
+
+class SetView(Command, frozen=True):
+    """Set a choice of the display, which all visitors share."""
+
+    name: Name  # of a field of View
+    value: bool | Name
+
+
 class OfferCourse(Command, frozen=True):
     """Add a course to the menu. It is the server's own command: no visitor sends it."""
 
@@ -147,8 +151,7 @@ class FlyAgainst(Command, frozen=True):
 
 
 AnyCommand = (
-    Arrive
-    | Leave
+    Leave
     | ChooseRace
     | ChooseNames
     | SetNumber
@@ -161,6 +164,8 @@ AnyCommand = (
     | EditRow
     | FlyAgainst
     | SetUp
+    | Watch
+    | SetView
 )
 
 
@@ -171,8 +176,10 @@ def apply(state: PageState, command: AnyCommand | OfferCourse) -> PageState:
         ValueError: the command cannot be carried out; the message is one line.
     """
     match command:
-        case Arrive() | Leave() | EditRow():
+        case Leave() | EditRow() | Watch():
             return _with_visitors(state, command)
+        case SetView(name, value):
+            return _with_view(state, name, value)
         case ChooseRace(name, value):
             return _with_race(state, name, value)
         case FlyAgainst(runs):
@@ -193,30 +200,49 @@ def apply(state: PageState, command: AnyCommand | OfferCourse) -> PageState:
     return _with_row(state, command)
 
 
-def _with_visitors(state: PageState, command: Arrive | Leave | EditRow) -> PageState:
-    """Return the state with a visitor who came, left or edits another row. Raises ValueError."""
+def _with_visitors(state: PageState, command: Leave | EditRow | Watch) -> PageState:
+    """Return the state with a visitor who left or looks at something else. Raises ValueError."""
     match command:
-        case Arrive(visitor):
-            return state.with_visitor(visitor, Visitor(state.rows[0].number))
         case EditRow(visitor, row):
-            return state.with_visitor(visitor, Visitor(state.row(row).number))
+            edits = replace(state.visitor(visitor), row=state.row(row).number)
+            return state.with_visitor(visitor, edits)
+        case Watch(visitor, of):
+            return state.with_visitor(visitor, replace(state.visitor(visitor), of=of))
     others = {k: one for k, one in state.visitors.items() if k != command.visitor}
     return replace(state, visitors=MappingProxyType(others))
 
 
-def _with_race(state: PageState, name: str, value: str | int) -> PageState:
+def _with_race(state: PageState, name: str, value: str | float) -> PageState:
     """Return the state with a setting of the race. Raises ValueError."""
-    if name in RACE_OPTIONS and value not in RACE_OPTIONS[name]:
-        raise ValueError(f"{name}: expected one of {', '.join(RACE_OPTIONS[name])}, got {value!r}")
-    if name == "laps" and not (isinstance(value, int) and value >= 0):
-        raise ValueError(f"laps: expected a whole number, 0 for the course's own, got {value!r}")
-    if name == "course" and state.menu:
-        expect_offered("course", str(value), state.menu.courses)
-    if name in OF_RACE_CHOICES:
-        changes: dict[str, Any] = {name: value}
-        race: RaceChoices = replace(state.race, **changes)
-        return replace(state, race=race)
-    return replace(state, **{name: value})
+    if name not in OF_RACE:
+        raise ValueError(f"{cut(name)}: expected one of {', '.join(OF_RACE)}")
+    OF_RACE[name].expect_offered(value, state.menu)
+    if name not in OF_RACE_CHOICES:
+        return replace(state, **{name: value})
+    changes: dict[str, Any] = {name: _of_setting(name, value)}
+    race: RaceChoices = replace(state.race, **changes)
+    return replace(state, race=race)
+
+
+def _of_setting(name: str, value: Any) -> Any:
+    """Return a choice of the race as its setting has it, as far as it is one. Raises ValueError."""
+    if name == "laps" and value in ("", "0", 0):
+        return 0
+    if name == "deadline_ms" and value in ("", "none"):
+        return "none"
+    if name not in SETTINGS or OF_RACE[name].options(None):
+        return value
+    return checked(name, value, SETTINGS[name].kind)
+
+
+def _with_view(state: PageState, name: str, value: bool | str) -> PageState:
+    """Return the state with a choice of the display. Raises ValueError."""
+    fields = shown_fields(View)
+    if name not in fields:
+        raise ValueError(f"{cut(name)}: expected one of {', '.join(fields)}")
+    fields[name].expect_offered(value, state.menu)
+    changes: dict[str, Any] = {name: value}
+    return replace(state, view=replace(state.view, **changes))
 
 
 def _added(state: PageState, visitor: int | None, choices: CompetitorChoices) -> PageState:
@@ -225,7 +251,9 @@ def _added(state: PageState, visitor: int | None, choices: CompetitorChoices) ->
         raise ValueError(f"competitors: expected {MOST} at most")
     row = Row(state.next_number, choices)
     more = replace(state, rows=(*state.rows, row), next_number=row.number + 1)
-    return more if visitor is None else more.with_visitor(visitor, Visitor(row.number))
+    if visitor is None:
+        return more
+    return more.with_visitor(visitor, replace(more.visitor(visitor), row=row.number))
 
 
 def _removed(state: PageState, number: int) -> PageState:
@@ -234,9 +262,9 @@ def _removed(state: PageState, number: int) -> PageState:
     if len(state.rows) == 1:
         raise ValueError("competitors: expected one at least")
     rows = (*state.rows[:index], *state.rows[index + 1 :])
-    instead = Visitor(rows[max(index - 1, 0)].number)
+    instead = rows[max(index - 1, 0)].number
     visitors = {
-        who: instead if visitor.row == number else visitor
+        who: replace(visitor, row=instead) if visitor.row == number else visitor
         for who, visitor in state.visitors.items()
     }
     removed = (*state.removed, RemovedRow(state.rows[index], index))[-MOST_REMOVED:]
@@ -291,8 +319,7 @@ def _offering(state: PageState, course: str) -> PageState:
 
 def _set_up(state: PageState, asked: SetUp) -> PageState:
     """Return the state with another race; the rows before can be put back. Raises ValueError."""
-    if state.menu:
-        expect_offered("course", asked.race.course, state.menu.courses)
+    OF_RACE["course"].expect_offered(asked.race.course, state.menu)
     rows = []
     for number, choices in enumerate(asked.competitors, state.next_number):
         _expect_on_menu(choices, state.menu)
@@ -319,29 +346,15 @@ def _set_up(state: PageState, asked: SetUp) -> PageState:
 
 def _expect_on_menu(choices: CompetitorChoices, menu: Menu | None) -> None:
     """Raise ValueError if a name of a competitor is not on the menu."""
-    if menu is None:
-        return
-    expect_offered("sampler", choices.sampler, menu.samplers)
-    expect_offered("preset", choices.preset, tuple(menu.presets))
-    expect_offered("vehicle", choices.vehicle, menu.vehicles)
-    expect_offered("sensing", choices.sensing, menu.sensings)
-
-
-def expect_offered(what: str, name: str, offered: Sequence[str]) -> None:
-    """Raise ValueError if a name is not offered."""
-    if name not in offered:
-        raise ValueError(f"{what}: expected one of {', '.join(offered)}, got {cut(repr(name))}")
+    for name, field in OF_COMPETITOR.items():
+        field.expect_offered(getattr(choices, name), menu)
 
 
 def _names(names: Mapping[str, str]) -> dict[str, Any]:
     """Return the names to choose; a preset brings its vehicle. Raises ValueError."""
-    unknown = set(names) - set(COMPETITOR_NAMES)
+    unknown = set(names) - set(OF_COMPETITOR)
     if unknown:
-        wanted = ", ".join(COMPETITOR_NAMES)
-        raise ValueError(f"{min(unknown)}: expected one of {wanted}")
-    behind = names.get("flight_controller")
-    if behind is not None and behind not in get_args(FlightControllerName):
-        raise ValueError(f"flight_controller: expected ideal or betaflight, got {behind!r}")
+        raise ValueError(f"{min(unknown)}: expected one of {', '.join(OF_COMPETITOR)}")
     chosen = dict(names)
     if "preset" in names and "vehicle" not in names and names["preset"] in PRESETS:
         chosen["vehicle"] = PRESETS[names["preset"]]["colored"].vehicle

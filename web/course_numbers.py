@@ -1,60 +1,124 @@
-"""The numbers of a course's parts that can be typed on the page, with their ranges and units."""
+"""The numbers of a course's parts that can be typed on the page, from the keys of a course file.
+
+A key of quadsim.course.course_file that holds a number, or several, is offered with the unit, range
+and help of its annotation.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from itertools import product
+from typing import Any, NamedTuple
 
+from msgspec import inspect
+from msgspec.structs import replace
+
+from quadsim.config.settings import description, unit_of
 from quadsim.course.course_file import (
     BoxEntry,
+    CourseFile,
     CylinderEntry,
     GateEntry,
     ObstacleEntry,
-    Point,
     Span,
     StartEntry,
 )
+from quadsim.files.values import bare
 
 Bounds = tuple[Span, Span, Span]
+Entry = GateEntry | StartEntry | BoxEntry | CylinderEntry
 # A part of a course file with all its numbers
-Part = GateEntry | StartEntry | BoxEntry | CylinderEntry | Bounds
+Part = Entry | Bounds
+
+AXES = ("x", "y", "z")
+PLACES = ("position", "centre", "base")  # keys of a place, whose numbers are named by their axes
+# names of the numbers of a key that has several of them
+PARTS = {
+    **dict.fromkeys(PLACES, AXES),
+    "opening": ("Opening width", "Opening height"),
+    "size": tuple(f"Size along {axis}" for axis in AXES),
+    "bounds": tuple(f"{axis} {end}" for axis, end in product(AXES, ("least", "most"))),
+}
+STEPS = {"m": 0.1, "deg": 5.0}  # of a box's arrows
 
 
-class Number(NamedTuple):
-    """A number that can be typed."""
+@dataclass(frozen=True)
+class Number:
+    """A number that can be typed. The same number of another part of a course equals it."""
 
     label: str
+    unit: str
     low: float
     high: float
-    step: float
+    help: str = field(default="", compare=False)
+
+    @property
+    def step(self) -> float:
+        """The step of an arrow key."""
+        return STEPS[self.unit]
 
 
 Values = Mapping[Number, float]
 
 
-def _place(label: str) -> Number:
-    return Number(f"{label} [m]", -1e4, 1e4, 0.1)
+class Key(NamedTuple):
+    """A key of a part with its numbers."""
+
+    name: str
+    numbers: tuple[Number, ...]
+    is_tuple: bool
 
 
-def _angle(label: str) -> Number:
-    return Number(f"{label} [deg]", -360.0, 360.0, 5.0)
+@cache
+def keys_of(cls: type) -> tuple[Key, ...]:
+    """Return the keys of a part of a course that hold numbers, in the order of the file."""
+    fields = inspect.type_info(cls).fields  # pyright: ignore[reportAttributeAccessIssue]
+    return tuple(_key(one.name, one.type) for one in fields)
 
 
-def _size(label: str) -> Number:
-    # 0 can be typed, and the checks report it as an error
-    return Number(f"{label} [m]", 0.0, 100.0, 0.1)
+def _key(name: str, kind: inspect.Type) -> Key:
+    """Return a key with its numbers."""
+    items = _items(kind)
+    label = name.removesuffix("_deg").replace("_", " ").capitalize()
+    labels = PARTS.get(name, (label,))
+    text = description(kind)
+    numbers = [_number(label, item, text) for label, item in zip(labels, items, strict=True)]
+    return Key(name, tuple(numbers), is_tuple=name in PARTS)
 
 
-POSITION = (_place("x"), _place("y"), _place("z"))
-YAW = _angle("Yaw")
-ATTITUDE = (YAW, _angle("Pitch"), _angle("Roll"))
-OPENING = (_size("Opening width"), _size("Opening height"))
-FRAME = _size("Frame width")
-BOX = (_size("Size along x"), _size("Size along y"), _size("Size along z"))
-RADIUS = _size("Radius")
-HEIGHT = _size("Height")
-SPANS = tuple(_place(f"{axis} {end}") for axis in "xyz" for end in ("least", "most"))
-NUMBERS = (*POSITION, *ATTITUDE, *OPENING, FRAME, *BOX, RADIUS, HEIGHT, *SPANS)
+def _items(kind: inspect.Type) -> list[inspect.Type]:
+    """Return the kinds of the numbers of a key, from left to right."""
+    inner = bare(kind)
+    if isinstance(inner, inspect.TupleType):
+        return [item for part in inner.item_types for item in _items(part)]
+    return [kind]
+
+
+def _number(label: str, kind: inspect.Type, text: str) -> Number:
+    """Return a number of this kind."""
+    found: Any = bare(kind)
+    # 0 can be typed where it is out of range, and the checks report it as an error.
+    low = found.ge if found.ge is not None else found.gt
+    return Number(label, unit_of(kind), float(low), float(found.le), text)
+
+
+def _bounds_key() -> Key:
+    fields = inspect.type_info(CourseFile).fields  # pyright: ignore[reportAttributeAccessIssue]
+    (bounds,) = [one for one in fields if one.name == "bounds"]
+    return _key("bounds", bounds.type)
+
+
+_GATE = {key.name: key.numbers for key in keys_of(GateEntry)}
+_POLE = {key.name: key.numbers for key in keys_of(CylinderEntry)}
+POSITION = _GATE["position"]
+(YAW,) = _GATE["yaw_deg"]
+ATTITUDE = (YAW, *_GATE["pitch_deg"], *_GATE["roll_deg"])
+OPENING = _GATE["opening"]
+(FRAME,) = _GATE["frame_width"]
+(HEIGHT,) = _POLE["height"]
+SPANS = _bounds_key().numbers
 
 
 def numbers_of(part: Part) -> dict[Number, float]:
@@ -63,21 +127,15 @@ def numbers_of(part: Part) -> dict[Number, float]:
     Raises:
         ValueError: a gate lacks its own opening or frame.
     """
-    match part:
-        case GateEntry(opening=None) | GateEntry(frame_width=None):
+    if isinstance(part, tuple):
+        return dict(zip(SPANS, [end for span in part for end in span], strict=True))
+    found: dict[Number, float] = {}
+    for key in keys_of(type(part)):
+        value = getattr(part, key.name)
+        if value is None:
             raise ValueError("expected a gate with an opening and a frame of its own")
-        case GateEntry(opening=opening, frame_width=frame) if opening and frame is not None:
-            angles = (part.yaw_deg, part.pitch_deg, part.roll_deg)
-            names = (*POSITION, *ATTITUDE, *OPENING, FRAME)
-            return _named(names, (*part.position, *angles, *opening, frame))
-        case StartEntry():
-            return _named((*POSITION, YAW), (*part.position, part.yaw_deg))
-        case BoxEntry():
-            return _named((*POSITION, YAW, *BOX), (*part.centre, part.yaw_deg, *part.size))
-        case CylinderEntry():
-            return _named((*POSITION, RADIUS, HEIGHT), (*part.base, part.radius, part.height))
-    x, y, z = part  # pyright: ignore[reportGeneralTypeIssues]
-    return _named(SPANS, (*x, *y, *z))
+        found |= zip(key.numbers, value if key.is_tuple else (value,), strict=True)
+    return found
 
 
 def with_numbers(part: Part, changed: Values) -> Part:
@@ -91,29 +149,15 @@ def with_numbers(part: Part, changed: Values) -> Part:
         if number not in numbers:
             raise KeyError(number.label)
         numbers[number] = float(value)
-    match part:
-        case GateEntry():
-            yaw, pitch, roll = (numbers[angle] for angle in ATTITUDE)
-            width, height = (numbers[size] for size in OPENING)
-            return GateEntry(
-                position=_position(numbers),
-                yaw_deg=yaw,
-                pitch_deg=pitch,
-                roll_deg=roll,
-                opening=(width, height),
-                frame_width=numbers[FRAME],
-            )
-        case StartEntry():
-            return StartEntry(position=_position(numbers), yaw_deg=numbers[YAW])
-        case BoxEntry():
-            x, y, z = (numbers[size] for size in BOX)
-            return BoxEntry(centre=_position(numbers), size=(x, y, z), yaw_deg=numbers[YAW])
-        case CylinderEntry():
-            return CylinderEntry(
-                base=_position(numbers), radius=numbers[RADIUS], height=numbers[HEIGHT]
-            )
-    x_least, x_most, y_least, y_most, z_least, z_most = (numbers[end] for end in SPANS)
-    return (x_least, x_most), (y_least, y_most), (z_least, z_most)
+    if isinstance(part, tuple):
+        ends = iter(numbers.values())
+        x, y, z = zip(ends, ends, strict=True)
+        return x, y, z
+    values: dict[str, Any] = {}
+    for key in keys_of(type(part)):
+        found = tuple(numbers[number] for number in key.numbers)
+        values[key.name] = found if key.is_tuple else found[0]
+    return replace(part, **values)
 
 
 def as_obstacle(part: BoxEntry | CylinderEntry) -> ObstacleEntry:
@@ -121,12 +165,3 @@ def as_obstacle(part: BoxEntry | CylinderEntry) -> ObstacleEntry:
     if isinstance(part, BoxEntry):
         return ObstacleEntry(box=part)
     return ObstacleEntry(cylinder=part)
-
-
-def _named(numbers: Sequence[Number], values: Sequence[float]) -> dict[Number, float]:
-    return dict(zip(numbers, values, strict=True))
-
-
-def _position(numbers: Values) -> Point:
-    x, y, z = (numbers[axis] for axis in POSITION)
-    return x, y, z

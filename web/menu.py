@@ -12,7 +12,8 @@ from quadsim.course import course_names
 from quadsim.racing.hand import HAND
 from quadsim.sensing import PERFECT, sensing_names
 from quadsim.vehicle import vehicle_names
-from quadsim.web.choices import PILOT
+
+PILOT = "pilot "  # prefix of a learned pilot's name, which takes the place of a sampler
 
 
 @dataclass(frozen=True)
@@ -22,7 +23,7 @@ class Menu:
     courses: tuple[str, ...]
     vehicles: tuple[str, ...]
     presets: Mapping[str, str]  # name -> vehicle of the preset
-    samplers: tuple[str, ...]  # samplers, HAND and learned pilots, see quadsim.web.choices.PILOT
+    samplers: tuple[str, ...]  # samplers, HAND and learned pilots, see PILOT
     sensings: tuple[str, ...] = (PERFECT,)
 
     @classmethod

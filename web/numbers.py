@@ -6,13 +6,21 @@ of the preset, `gamma` has one slider for the body rates and one for the thrust.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from quadsim.controllers.presets import Planner, per_channel
 from quadsim.controllers.samplers import Colored
 from quadsim.dynamics.quadrotor import Control
+from quadsim.record.schema import ReplayedPlanner
+
+# A planner, or what the record of a run says of one
+AnyPlanner = Planner | ReplayedPlanner
+# value of a planner beside its preset; None: the preset is unknown
+Read = Callable[[AnyPlanner, AnyPlanner | None], float]
+# planner with another value, beside its preset
+Write = Callable[[Planner, Planner, float], Planner]
 
 
 class Change(NamedTuple):
@@ -24,7 +32,7 @@ class Change(NamedTuple):
 
 @dataclass(frozen=True)
 class Slider:
-    """The range of a slider, and the effect of its number."""
+    """The range of a slider, and what its number is of a planner."""
 
     setting: str  # name of the annotated setting
     label: str
@@ -32,6 +40,67 @@ class Slider:
     high: float
     step: float
     hint: str
+    read: Read
+    write: Write
+
+
+def _sigma_scale(planner: AnyPlanner, preset: AnyPlanner | None) -> float:
+    own = _of_sampling(planner, "sigma")
+    usual = _of_sampling(preset, "sigma") if preset else ()
+    return round(own[0] / usual[0], 4) if own and usual else 1.0
+
+
+def _with_sigma_scale(planner: Planner, preset: Planner, value: float) -> Planner:
+    return _with_sampling(planner, sigma=tuple(value * sigma for sigma in preset.sampling.sigma))
+
+
+def _gamma_rates(planner: AnyPlanner, _: AnyPlanner | None) -> float:
+    gamma = _of_sampling(planner, "gamma")
+    return gamma[0] if gamma else 0.0
+
+
+def _gamma_thrust(planner: AnyPlanner, _: AnyPlanner | None) -> float:
+    gamma = _of_sampling(planner, "gamma")
+    return gamma[-1] if gamma else 0.0
+
+
+def _with_gamma_rates(planner: Planner, _: Planner, value: float) -> Planner:
+    if not isinstance(planner.sampling, Colored):
+        return planner
+    thrust = Control(*planner.sampling.gamma).thrust
+    return _with_sampling(planner, gamma=per_channel(value, thrust))
+
+
+def _with_gamma_thrust(planner: Planner, _: Planner, value: float) -> Planner:
+    if not isinstance(planner.sampling, Colored):
+        return planner
+    rates = Control(*planner.sampling.gamma).wx
+    return _with_sampling(planner, gamma=per_channel(rates, value))
+
+
+def _temperature(planner: AnyPlanner, _: AnyPlanner | None) -> float:
+    return planner.mppi.temperature
+
+
+def _with_temperature(planner: Planner, _: Planner, value: float) -> Planner:
+    return _with_mppi(planner, temperature=value)
+
+
+def _target_ess(planner: AnyPlanner, _: AnyPlanner | None) -> float:
+    return planner.mppi.target_ess or 0.0
+
+
+def _with_target_ess(planner: Planner, _: Planner, value: float) -> Planner:
+    # a target below one sample means a fixed temperature
+    return _with_mppi(planner, target_ess=value if value >= 1 else None)
+
+
+def _samples(planner: AnyPlanner, _: AnyPlanner | None) -> float:
+    return planner.mppi.samples
+
+
+def _with_samples(planner: Planner, _: Planner, value: float) -> Planner:
+    return _with_mppi(planner, samples=int(value))
 
 
 SLIDERS = {
@@ -42,6 +111,8 @@ SLIDERS = {
         high=4.0,
         step=0.05,
         hint="factor on the preset's standard deviations: how far the samples are from the plan",
+        read=_sigma_scale,
+        write=_with_sigma_scale,
     ),
     "gamma_rates": Slider(
         setting="gamma",
@@ -51,6 +122,8 @@ SLIDERS = {
         step=0.05,
         hint="colour of the body rates' noise, 1/f^gamma: 0 is white and makes commands chatter, a "
         "larger gamma makes them smoother",
+        read=_gamma_rates,
+        write=_with_gamma_rates,
     ),
     "gamma_thrust": Slider(
         setting="gamma",
@@ -60,6 +133,8 @@ SLIDERS = {
         step=0.05,
         hint="colour of the thrust's noise, 1/f^gamma: 0 is white and makes the thrust chatter, a "
         "larger gamma makes it smoother",
+        read=_gamma_thrust,
+        write=_with_gamma_thrust,
     ),
     "temperature": Slider(
         setting="temperature",
@@ -69,6 +144,8 @@ SLIDERS = {
         step=0.01,
         hint="lambda: at a low one the plan follows the cheapest samples, at a high one it is the "
         "mean of many; with a target ESS it is solved for",
+        read=_temperature,
+        write=_with_temperature,
     ),
     # 0: the temperature is fixed
     "target_ess": Slider(
@@ -79,6 +156,8 @@ SLIDERS = {
         step=1.0,
         hint="how many of 1024 samples the temperature gives weight (effective sample size); it "
         "grows with the square root of the samples; 0: the temperature stays as it is",
+        read=_target_ess,
+        write=_with_target_ess,
     ),
     "samples": Slider(
         setting="samples",
@@ -88,80 +167,40 @@ SLIDERS = {
         step=256,
         hint="control sequences that are tried in each iteration: with more, plans are better and "
         "take longer",
+        read=_samples,
+        write=_with_samples,
     ),
 }
 
 
-def slider_values(
-    sigma: Sequence[float],
-    preset_sigma: Sequence[float],
-    gamma: Sequence[float],
-    temperature: float,
-    target_ess: float | None,
-    samples: int,
-) -> dict[str, float]:
-    """Return the values of the sliders for a planner with these numbers.
-
-    Args:
-        sigma, preset_sigma: standard deviations of the controls, and the ones at scale 1; empty:
-            unknown.
-        gamma: color exponents, of the body rates first and of the thrust last; empty: no gamma.
-    """
-    known = len(sigma) > 0 and len(preset_sigma) > 0
-    return {
-        "sigma": round(sigma[0] / preset_sigma[0], 4) if known else 1.0,
-        "gamma_rates": gamma[0] if gamma else 0.0,
-        "gamma_thrust": gamma[-1] if gamma else 0.0,
-        "temperature": temperature,
-        "target_ess": target_ess or 0.0,
-        "samples": samples,
-    }
-
-
-def numbers_of(planner: Planner, preset: Planner) -> dict[str, float]:
-    """Return the values of the sliders for a planner derived from a preset."""
-    return slider_values(
-        sigma=planner.sampling.sigma,
-        preset_sigma=preset.sampling.sigma,
-        gamma=planner.sampling.gamma if isinstance(planner.sampling, Colored) else (),
-        temperature=planner.mppi.temperature,
-        target_ess=planner.mppi.target_ess,
-        samples=planner.mppi.samples,
-    )
+def numbers_of(planner: AnyPlanner, preset: AnyPlanner | None) -> dict[str, float]:
+    """Return the values of the sliders for a planner derived from a preset; None: unknown."""
+    return {name: slider.read(planner, preset) for name, slider in SLIDERS.items()}
 
 
 def with_change(planner: Planner, preset: Planner, change: Change) -> Planner:
     """Return the planner with a changed number; unchanged if its sampler lacks the number."""
-    value = change.value
-    if value is None:
-        value = numbers_of(preset, preset)[change.name]
-    match change.name:
-        case "sigma":
-            scaled = tuple(value * sigma for sigma in preset.sampling.sigma)
-            return _with_sampling(planner, sigma=scaled)
-        case "gamma_rates" | "gamma_thrust":
-            if not isinstance(planner.sampling, Colored):
-                return planner
-            gamma = Control(*planner.sampling.gamma)
-            rates = value if change.name == "gamma_rates" else gamma.wx
-            thrust = value if change.name == "gamma_thrust" else gamma.thrust
-            return _with_sampling(planner, gamma=per_channel(rates, thrust))
-        case "target_ess":
-            # a target below one sample means a fixed temperature
-            mppi = replace(planner.mppi, target_ess=value if value >= 1 else None)
-        case "samples":
-            mppi = replace(planner.mppi, samples=int(value))
-        case "temperature":
-            mppi = replace(planner.mppi, temperature=value)
-        case _:
-            raise ValueError(f"{change.name}: expected one of {', '.join(SLIDERS)}")
-    ess = mppi.ess_of(mppi.samples)
-    if mppi.target_ess and ess:
-        # At most half of the samples can have weight.
-        mppi = replace(mppi, target_ess=mppi.target_ess * min(1.0, mppi.samples / 2 / ess))
-    return replace(planner, mppi=mppi)
+    if change.name not in SLIDERS:
+        raise ValueError(f"{change.name}: expected one of {', '.join(SLIDERS)}")
+    slider = SLIDERS[change.name]
+    value = slider.read(preset, preset) if change.value is None else change.value
+    return slider.write(planner, preset, value)
+
+
+def _of_sampling(planner: AnyPlanner, name: str) -> Sequence[float]:
+    """Return numbers of the controls of a sampler; empty: it has none, or they are unknown."""
+    return tuple(getattr(planner.sampling, name, ()))
 
 
 def _with_sampling(planner: Planner, **numbers: tuple[float, ...]) -> Planner:
     sampling: Any = planner.sampling
     return replace(planner, sampling=replace(sampling, **numbers))
+
+
+def _with_mppi(planner: Planner, **numbers: Any) -> Planner:
+    """Return the planner with changed numbers; at most half of the samples can have weight."""
+    mppi = replace(planner.mppi, **numbers)
+    ess = mppi.ess_of(mppi.samples)
+    if mppi.target_ess and ess:
+        mppi = replace(mppi, target_ess=mppi.target_ess * min(1.0, mppi.samples / 2 / ess))
+    return replace(planner, mppi=mppi)

@@ -9,12 +9,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Literal
+from typing import Annotated, Literal
 
 from quadsim.heat.rules import RulesName
 from quadsim.heat.settings import Expect, HeatSettings
 from quadsim.web.choices import Choices, CompetitorChoices, HeatChoices, RaceChoices
+from quadsim.web.fields import Shown
 from quadsim.web.menu import Menu
+from quadsim.web.view import View
 
 World = Literal["as ghosts", "in one world"]
 GHOSTS: World = "as ghosts"
@@ -42,6 +44,7 @@ class Visitor:
     """What is one visitor's own."""
 
     row: int  # number of the row that the visitor edits
+    of: str = ""  # competitor whose numbers in flight are shown; empty: the first one
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,7 @@ class PageState:
         rows: the competitors, at least one.
         world: whether several competitors fly as ghosts or in one world.
         expect, rules: of a race in one world.
+        view: what all visitors see of the race.
         against: names of stored runs that are shown beside the next flight.
         visitors: the visitors by their numbers.
         removed: the rows that were removed, the last one last.
@@ -62,9 +66,24 @@ class PageState:
 
     race: RaceChoices
     rows: tuple[Row, ...]
-    world: World = GHOSTS
-    expect: Expect = HeatSettings.expect
-    rules: RulesName = HeatSettings.rules
+    world: Annotated[
+        World,
+        Shown(
+            "ghosts: each alone in its world, side by side; in one world they see each other, keep"
+            " clear and can touch",
+            "Fly",
+        ),
+    ] = GHOSTS
+    expect: Annotated[
+        Expect,
+        Shown(
+            "what a planner expects of the others: plans that they tell, plans of its own for them,"
+            " constant velocity, or nothing",
+            "Others",
+        ),
+    ] = HeatSettings.expect
+    rules: Annotated[RulesName, Shown("what a contact of two drones costs")] = HeatSettings.rules
+    view: View = field(default_factory=View)
     against: tuple[str, ...] = ()
     visitors: Mapping[int, Visitor] = field(default_factory=lambda: MappingProxyType({}))
     removed: tuple[RemovedRow, ...] = ()
@@ -112,6 +131,10 @@ class PageState:
             return self.rows[0]
         found = [row for row in self.rows if row.number == chosen.row]
         return found[0] if found else self.rows[0]
+
+    def visitor(self, number: int) -> Visitor:
+        """Return a visitor's own part."""
+        return self.visitors.get(number, Visitor(self.rows[0].number))
 
     def with_visitor(self, number: int, visitor: Visitor) -> PageState:
         """Return the state with a visitor's own part."""

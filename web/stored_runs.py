@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import msgspec
@@ -14,9 +13,9 @@ from quadsim.racing.along import Legs
 from quadsim.record.archive import load_reportable
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import RecordedRun, RunError, flown_by
-from quadsim.record.schema import ReplayedPlanner, ReplayedSampling, ReplayedSpec
+from quadsim.record.schema import ReplayedPlanner, ReplayedSpec
 from quadsim.web.competitor import Competitor
-from quadsim.web.numbers import slider_values
+from quadsim.web.numbers import numbers_of
 
 
 def runs_at(path: Path) -> list[Path]:
@@ -72,20 +71,6 @@ def _root_of(path: Path) -> Path:
 def stored_numbers(spec: dict) -> dict[str, float]:
     """Return the values of the sliders for a run's planner at its start."""
     planner = msgspec.convert(spec["planner"], ReplayedPlanner)
-    sampling = planner.sampling
-    if not isinstance(sampling, ReplayedSampling):
-        sampling = ReplayedSampling()
-    return slider_values(
-        sigma=sampling.sigma,
-        preset_sigma=_preset_sigma(spec["preset"], spec["sampler"]),
-        gamma=sampling.gamma,
-        temperature=planner.mppi.temperature,
-        target_ess=planner.mppi.target_ess,
-        samples=planner.mppi.samples,
-    )
-
-
-def _preset_sigma(preset: str, sampler: str) -> Sequence[float]:
-    """Return the preset's standard deviations; none if the preset was a file."""
-    planners = PRESETS.get(preset, {})
-    return planners[sampler].sampling.sigma if sampler in planners else ()
+    # Of a preset from a file nothing is known.
+    preset = PRESETS.get(spec["preset"], {}).get(spec["sampler"])
+    return numbers_of(planner, preset)

@@ -1,7 +1,5 @@
 """Claims about the parts of the page that a visitor fetches, its camera, and its questions."""
 
-import re
-
 import pytest
 from web_cases import until
 from wire import connect, link
@@ -17,21 +15,8 @@ def ask(linked, have=None, seat=""):
     return linked.ask("parts", "ask", have=have or {}, seat=seat)
 
 
-def seat_of(client):
-    """The seat that a viser client is given."""
-    found = []
-
-    def is_there():
-        shown = [str(message.get("props", {}).get("content")) for message in client.waiting()]
-        found.extend(re.findall(r'data-seat="([^"]+)"', " ".join(shown)))
-        return found
-
-    assert until(is_there)
-    return found[0]
-
-
 def test_a_page_gets_what_has_changed_since_it_asked_and_nothing_twice(page):
-    with connect(page.port), link(page.port) as linked:
+    with link(page.port) as linked:
         wanted = {"head", "now", "tower", "time_line", "map"}
         assert until(lambda: wanted <= set(ask(linked)["parts"]))
         shown = ask(linked)["parts"]
@@ -47,8 +32,9 @@ def test_a_page_gets_what_has_changed_since_it_asked_and_nothing_twice(page):
 
 
 def test_a_camera_is_moved_by_who_knows_its_seat_alone(page):
-    with connect(page.port) as client, link(page.port) as linked:
-        seat = seat_of(client)
+    seat = "a_seat_of_this_test"
+    with connect(page.port, seat=seat), link(page.port) as linked:
+        assert until(lambda: ask(linked, seat=seat)["camera"])
         linked.send("camera", seat=seat[:-1] + "_", mode="top")
         assert ask(linked, seat=seat)["camera"] == "free"
         linked.send("camera", seat=seat, mode="top")

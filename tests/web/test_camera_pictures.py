@@ -13,7 +13,7 @@ from quadsim.config.spec import Spec
 from quadsim.sensing.config import GateCameraConfig
 from quadsim.sensing.measurements import Corners
 from quadsim.web.camera_pictures import CameraPictures, camera_of, moment_of, pose_at, smaller
-from quadsim.web.page.picture_folder import picture_html
+from quadsim.web.page.pictures import picture_html
 
 T = 0.203  # between two frames [s]
 

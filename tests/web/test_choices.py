@@ -6,8 +6,8 @@ from itertools import pairwise
 from types import SimpleNamespace
 
 import pytest
-from web_cases import Gliders, choices, competitor, panels_of, served, until
-from wire import connect, press_start
+from web_cases import Gliders, choices, competitor, served, until
+from wire import link, press_start
 
 from quadsim.config.reference import followed_problem
 from quadsim.controllers.presets import PRESETS
@@ -118,19 +118,18 @@ def test_a_page_offers_and_flies_the_solutions_of_its_own_folder_of_runs(tmp_pat
     flights = Gliders()
     with (
         served(told, flights, menu, Choices(hall, vehicle="crazyflie")) as page,
-        connect(page.port) as client,
+        link(page.port) as linked,
     ):
-        race = page.dashboard.race
-        (panels,) = panels_of(page)
-        preset = panels.competitors.preset
-        assert until(lambda: preset.options == ("race",))
-        client.set(race.course, "figure8")
-        assert until(lambda: race.course.value == "figure8")
+
+        def presets():
+            return linked.form("competitors")[0]["preset"]["choices"]
+
+        assert until(lambda: presets() == ["race"])
+        assert linked.set("race", "course", "figure8") == ""
         time = solve(hall, told)
-        client.set(race.course, hall)
-        assert until(lambda: "race_informed" in preset.options)
-        client.set(preset, "race_informed")
-        assert until(lambda: page.dashboard.desk.state.rows[0].choices.preset == "race_informed")
+        assert linked.set("race", "course", hall) == ""
+        assert until(lambda: "race_informed" in presets())
+        assert linked.set("competitors", "preset", "race_informed") == ""
         press_start(page.port)
         assert until(lambda: flights.built)
     (flight,) = flights.built

@@ -2,21 +2,20 @@
 leave."""
 
 import asyncio
-import math
 import socket
 from contextlib import suppress
 
 import pytest
-from web_cases import panels_of, until
+from web_cases import until
 from websockets.exceptions import ConnectionClosed
-from wire import connect, open_socket, press_start
+from wire import connect, link, open_socket, press_start
 
 from quadsim.web.page.dashboard import PAUSE, SCENE, SHARE, pause_after
 from quadsim.web.page.messages import MAX_BYTES
-from quadsim.web.page.server import LoopEvent
+from quadsim.web.page.viser_private import LoopEvent
 from quadsim.web.race import PageRace
 
-WRONG = (math.nan, math.inf, 1e9, -5.0, "much", None, True, [1.0], {"a": 1})
+WRONG = (1e9, -5.0, "much", "nan", "inf", "", True)
 
 
 def test_an_event_that_another_thread_sets_wakes_nobody_until_the_loop_sets_it():
@@ -55,41 +54,41 @@ def test_one_click_starts_a_flight(page):
 
 
 @pytest.mark.socket
-def test_a_value_out_of_range_or_of_another_type_changes_nothing(page):
-    with connect(page.port) as client:
-        (panels,) = panels_of(page)
-        sliders = panels.competitors.numbers.sliders
+def test_a_value_out_of_range_or_of_another_type_changes_nothing_and_is_said(page):
+    with link(page.port) as linked:
         for value in WRONG:
-            client.set(sliders["temperature"], value)
-        client.set(sliders["sigma"], 1.5)  # a valid value is still accepted, and comes after them
-        assert until(lambda: page.dashboard.desk.state.rows[0].choices.numbers), page.dashboard
-        assert page.dashboard.desk.state.rows[0].choices.numbers == {"sigma": 1.5}
-
-
-@pytest.mark.socket
-def test_only_values_can_be_set(page):
-    names = ("removed", "update_cb", "gui_api", "uuid", "nonsense")
-    with connect(page.port) as client:
-        (panels,) = panels_of(page)
-        slider = panels.competitors.numbers.sliders["sigma"]
-        before = [getattr(slider._impl, name, None) for name in names]
-        for name in names:
-            client.set(slider, "x", name=name)
-        client.set(slider, 1.5)
-        assert until(lambda: slider.value == 1.5)
-        assert [getattr(slider._impl, name, None) for name in names] == before
+            said = linked.set("competitors", "temperature", value)
+            assert said.startswith("Temperature: expected a number from 0.01 to 10, got"), value
+        assert linked.set("competitors", "sigma", 1.5) == ""
+        assert rows(page)[0].choices.numbers == {"sigma": 1.5}
+        # and what has no form of a message is dropped
+        for value in (None, [1.0], {"a": 1}, "x" * 1000):
+            linked.send("set_field", form="competitors", field="sigma", value=value)
+        assert linked.set("competitors", "nonsense", 1.0) != ""
+        assert linked.set("nonsense", "sigma", 1.0, of=0) == "expected a form of this page"
+        assert rows(page)[0].choices.numbers == {"sigma": 1.5}
 
 
 @pytest.mark.socket
 def test_a_course_that_is_not_on_the_menu_is_not_chosen(page):
-    course = page.dashboard.race.course
-    seen = []
-    course.on_update(lambda event: seen.append(course.value) if event.client else None)
-    with connect(page.port) as client:
-        client.set(course, "/etc/passwd")
-        client.set(course, "paper_flat")
-        assert until(lambda: seen)
-    assert seen == ["paper_flat"]
+    with link(page.port) as linked:
+        before = page.dashboard.desk.state.race.course
+        assert "expected one of figure8, paper_flat" in linked.set("race", "course", "/etc/passwd")
+        assert page.dashboard.desk.state.race.course == before
+        assert linked.set("race", "course", "paper_flat") == ""
+        assert page.dashboard.desk.state.race.course == "paper_flat"
+
+
+@pytest.mark.socket
+def test_what_is_typed_counts_before_a_start_that_follows_it(page, shared_gliders):
+    """The link keeps the order of messages: nobody has to wait."""
+    with link(page.port) as linked:
+        _, of = linked.form("competitors")
+        value = {"form": "competitors", "field": "temperature", "value": "0.25", "of": of}
+        linked.send("set_field", **value)
+        linked.send("start")
+        assert until(lambda: page.session.snapshot.flying)
+    assert shared_gliders.built[-1].choices.numbers == {"temperature": 0.25}
 
 
 @pytest.mark.socket
@@ -98,13 +97,10 @@ def test_moving_gamma_in_flight_is_an_event(page):
         return page.session.snapshot.competitors[0]
 
     page.session.tell(PageRace.set_speed, 0.1)  # the flight lasts while the scene is drawn
-    with connect(page.port) as client:
-        press_start(page.port)
+    with link(page.port) as linked:
+        linked.send("start")
         assert until(lambda: page.session.snapshot.t > 0.02)
-        (panels,) = panels_of(page)
-        slider = panels.in_flight.sliders["gamma_rates"]
-        assert until(lambda: not slider.disabled and panels.in_flight.folder.visible)
-        client.set(slider, 1.25)
+        assert linked.set("in_flight", "gamma_rates", 1.25) == ""
         assert until(lambda: entry().changes)
     (change,) = entry().changes
     assert (change["name"], change["to"]) == ("gamma_rates", 1.25)
@@ -113,26 +109,27 @@ def test_moving_gamma_in_flight_is_an_event(page):
 @pytest.mark.socket
 def test_a_number_that_is_typed_lands_on_the_row_of_its_visitor_and_both_see_it(page):
     """A edits the first row; B adds another one and edits that."""
-    with connect(page.port) as one, connect(page.port) as two:
-        a, b = panels_of(page, 2)
-        two.set(b.competitors.choose, "add")
-        assert until(lambda: "2" in a.competitors.choose.options)
-        slider = a.competitors.numbers.sliders["temperature"]
-        one.set(slider, 0.3)
-        assert until(
-            lambda: [row.choices.numbers for row in rows(page)] == [{"temperature": 0.3}, {}]
-        )
-        assert b.competitors.numbers.sliders["temperature"].value == 1.0
+
+    def temperature(linked):
+        return linked.form("competitors")[0]["temperature"]["value"]
+
+    with link(page.port) as one, link(page.port) as two:
+        assert two.press("competitors", "add") == ""
+        assert one.set("competitors", "temperature", "0.3") == ""
+        assert [row.choices.numbers for row in rows(page)] == [{"temperature": 0.3}, {}]
+        assert temperature(two) == 1.0
         # B looks at the first row, and sees what A has typed.
-        two.set(b.competitors.choose, "1")
-        assert until(lambda: b.competitors.numbers.sliders["temperature"].value == 0.3)
-        two.set(b.competitors.numbers.sliders["temperature"], 0.5)
-        assert until(lambda: slider.value == 0.5)
-        two.set(b.competitors.choose, "2")
-        two.set(b.competitors.choose, "remove")
-        assert until(lambda: len(rows(page)) == 1)
-        two.click(b.competitors.reset)
-        assert until(lambda: rows(page)[0].choices.numbers == {})
+        first, second = (row.number for row in rows(page))
+        two.send("edit_row", row=first)
+        assert temperature(two) == 0.3
+        assert two.set("competitors", "temperature", 0.5) == ""
+        assert temperature(one) == 0.5
+        two.send("edit_row", row=second)
+        assert two.press("competitors", "remove") == ""
+        # what was typed into a row that is gone lands nowhere
+        assert "now removed" in two.set("competitors", "temperature", 0.7, of=second)
+        assert two.press("competitors", "reset") == ""
+        assert rows(page)[0].choices.numbers == {}
 
 
 def rows(page):
@@ -161,20 +158,14 @@ def test_start_while_flying_begins_another_race(page, shared_gliders):
 
 
 @pytest.mark.socket
-def test_a_control_that_is_disabled_cannot_be_used(page):
-    tick, other = page.dashboard._options.limit, page.dashboard._options.true_size
-    with connect(page.port) as client:
-        tick.disabled = True
-        client.set(tick, True)
-        client.set(other, True)  # comes after it
-        assert until(lambda: other.value)
-        assert not tick.value
-        tick.disabled = False
-        client.set(tick, True)
-        assert until(lambda: tick.value)
-        for one in (tick, other):
-            client.set(one, False)
-        assert until(lambda: not tick.value and not other.value)
+def test_a_field_that_is_disabled_cannot_be_used(page):
+    """Gaussian sampling has no gamma."""
+    with link(page.port) as linked:
+        assert linked.set("competitors", "sampler", "gaussian") == ""
+        said = linked.set("competitors", "gamma_rates", 2.0)
+        assert said == "Gamma rates cannot be changed now; it stays 0"
+        assert linked.set("competitors", "sampler", "colored") == ""
+        assert linked.set("competitors", "gamma_rates", 2.0) == ""
 
 
 @pytest.mark.socket

@@ -10,11 +10,13 @@ from websockets.exceptions import InvalidStatus
 from wire import CAMERA, PATIENCE, connect, get
 
 from quadsim.web.page import guard
-from quadsim.web.page.guard import SCENE, OneLineOfNoFiles
+from quadsim.web.page.guard import OneLineOfNoFiles
 from quadsim.web.page.messages import MOST_WAITING, problem_of
+from quadsim.web.page.seats import SCENE as SCENES
 from quadsim.web.page.server import new_token, probe, serve
 
 TOKEN = "a-token-of-this-test"
+SCENE = f"{SCENES}a_seat_of_this_test"
 
 
 @pytest.fixture(scope="module")
@@ -170,6 +172,11 @@ def test_only_files_of_the_page_are_served(open_server):
         "/app.js",
         "/guard.py",
         "/scene",
+        "/scene/",
+        "/scene/short",
+        "/scene/../../etc/passwd-of-this",
+        "/download/",
+        "/download/x",
         "/scene/index.html",
         "/assets/",
         "/etc/passwd",
@@ -276,13 +283,34 @@ UPLOAD = {
 }
 
 
-@pytest.mark.parametrize("message", [SHARE, UPLOAD])
-def test_tunnel_and_uploads_are_switched_off(message):
-    assert problem_of(msgspec.msgpack.encode(message), lambda uuid: None)
+@pytest.mark.socket
+def test_a_file_is_fetched_once_by_who_knows_its_address_and_has_the_token(token_server):
+    port = token_server.get_port()
+    cookie = {"Cookie": f"race{port}={TOKEN}"}
+    address = token_server.downloads.offer("a ' \r\n.csv", b"1,2")
+    assert get(port, path=address)[0] == 401
+    status, headers = get(port, path=address, **cookie)
+    assert (status, headers["Content-Disposition"]) == (
+        200,
+        "attachment; filename*=UTF-8''a%20%27%20%0D%0A.csv",
+    )
+    assert headers["Content-Type"] == "application/octet-stream"
+    assert get(port, path=address, **cookie)[0] == 404
+    many = [token_server.downloads.offer("x", b"") for _ in range(6)]
+    found = [get(port, path=one, **cookie)[0] for one in many]
+    assert found == [404, 404, 200, 200, 200, 200]
+
+
+CONTROL = {"type": "GuiUpdateMessage", "uuid": "x", "updates": {"value": 1}}
+
+
+@pytest.mark.parametrize("message", [SHARE, UPLOAD, CONTROL])
+def test_tunnel_uploads_and_controls_are_switched_off(message):
+    assert problem_of(msgspec.msgpack.encode(message))
 
 
 def test_a_camera_is_acceptable():
-    assert not problem_of(msgspec.msgpack.encode(CAMERA), lambda uuid: None)
+    assert not problem_of(msgspec.msgpack.encode(CAMERA))
 
 
 HANDLE = {
@@ -296,7 +324,7 @@ HANDLE = {
 
 def test_the_pose_of_a_handle_is_one_that_a_part_of_a_course_can_have():
     def problem(**changed):
-        return problem_of(msgspec.msgpack.encode(HANDLE | changed), lambda uuid: None)
+        return problem_of(msgspec.msgpack.encode(HANDLE | changed))
 
     assert not problem()
     assert problem(position=[1.0, 2.0, 1e5])
@@ -321,7 +349,7 @@ def test_the_pose_of_a_handle_is_one_that_a_part_of_a_course_can_have():
 )
 def test_a_message_that_is_deep_not_finite_or_has_more_fields_is_one_line(data):
     """viser ended the connection of a message with a field too many."""
-    problem = problem_of(data, lambda uuid: None)
+    problem = problem_of(data)
     assert problem
     assert problem.isprintable()
     assert len(problem) < 100

@@ -18,7 +18,7 @@ from quadsim.web.page.course_map import Map
 from quadsim.web.page.head import coming_head, head_of
 from quadsim.web.page.html import label
 from quadsim.web.page.laps import chatter, coloured_time, laps, splits
-from quadsim.web.page.line_up_html import table_of
+from quadsim.web.page.line_up_table import table_of
 from quadsim.web.page.time_line import time_line_of
 from quadsim.web.page.timing import events, planner
 from quadsim.web.page.tower import tower_of
@@ -173,17 +173,16 @@ def test_before_a_start_is_said_who_flies_where_and_what_they_differ_in():
     assert f"on {COURSE}, in one world. They differ in sampler; all else is equal" in words
 
 
-def test_the_table_of_competitors_marks_the_row_that_a_visitor_edits_and_names_its_numbers():
+def test_the_table_of_competitors_names_their_numbers_and_why_they_cannot_be_flown():
     two = PageState.of(choices("colored"), choices("gaussian"))
-    first, second = (row.number for row in two.rows)
+    _, second = (row.number for row in two.rows)
     state = apply(two, SetNumber(second, "samples", 512))
-    table = table_of(state, line_up_of(state), edited=second)
-    one, other = table.split("data-row=")[1:]
-    assert "background" in other
-    assert "background" not in one.split("</div>")[0]
-    assert "<b>samples 512</b>" in other
-    wrong = apply(state, ChooseRace("seed", "many"))
-    assert "seed: expected a whole number" in table_of(wrong, line_up_of(wrong), edited=first)
+    table = table_of(state, line_up_of(state))
+    assert [row.changes for row in table.rows] == ["", "samples 512"]
+    assert table.rows[1].colour == STYLES["gaussian"].colour
+    assert "They differ in sampler" in table.compared
+    wrong = apply(state, ChooseRace("course", "no_such"))
+    assert "no_such" in table_of(wrong, line_up_of(wrong)).problem
 
 
 def test_the_tower_says_the_last_and_the_best_lap_of_each(competitors):

@@ -172,22 +172,10 @@ class Page(NamedTuple):
         return self.server.get_port()
 
 
-def panels_of(page, count=1):
-    """The controls of the visitors of a page, in the order of their arrival."""
-    dashboard = page.dashboard
-
-    def are_there():
-        clients = set(page.server.get_clients())
-        return len(clients) == count and set(dashboard.visitors) == clients
-
-    assert until(are_there)
-    return [dashboard.visitors[number] for number in sorted(dashboard.visitors)]
-
-
 @contextmanager
-def served(root, take_off: Callable, menu: Menu, first: Choices):
+def served(root, take_off: Callable, menu: Menu, first: Choices, port: int = 0):
     """Serve a page over the runs in a folder, and close it."""
-    server = serve("127.0.0.1", 0, None, "race")
+    server = serve("127.0.0.1", port, None, "race")
     session = Session(str(root), take_off)
     dashboard = Dashboard(server, session, menu, first)
     try:

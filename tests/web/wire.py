@@ -2,6 +2,7 @@
 
 import http.client
 import json
+import time
 from contextlib import contextmanager
 
 import msgspec
@@ -35,13 +36,6 @@ class Client:
     def send(self, **message):
         self.socket.send(msgspec.msgpack.encode(message))
 
-    def set(self, handle, value, name="value"):
-        """Set the value of a control, or another attribute."""
-        self.send(type="GuiUpdateMessage", uuid=handle._impl.uuid, updates={name: value})
-
-    def click(self, handle):
-        self.set(handle, True)
-
     def received(self, seconds=PATIENCE):
         """The messages of the next frame from the server. Raises TimeoutError."""
         frame = self.socket.recv(seconds)
@@ -58,32 +52,15 @@ class Client:
             except TimeoutError:
                 return found
 
-    def values(self, uuid):
-        """The values of a control in all messages that have come."""
-        updates = [m for m in self.waiting() if m["type"] == "GuiUpdateMessage"]
-        return [
-            m["updates"]["value"] for m in updates if m["uuid"] == uuid and "value" in m["updates"]
-        ]
 
-    def controls(self, *labels):
-        """uuids of the first controls with these labels, from what the server sends a new page."""
-        found = {}
-        while len(found) < len(labels):
-            for message in self.received():
-                label = message.get("props", {}).get("label")
-                if label in labels:
-                    found.setdefault(label, message["uuid"])
-        return [found[label] for label in labels]
-
-    def act(self, uuid, value=True):
-        """Set the value of a control; press it, if it is a button."""
-        self.send(type="GuiUpdateMessage", uuid=uuid, updates={"value": value})
-
-
-def open_socket(port, host="127.0.0.1", **options):
+def open_socket(port, host="127.0.0.1", seat="", **options):
     """A websocket by viser's protocol. Raises what websockets raises for one that is refused."""
     return connected(
-        f"ws://{host}:{port}", subprotocols=[PROTOCOL], max_size=None, max_queue=None, **options
+        f"ws://{host}:{port}/scene/{seat}",
+        subprotocols=[PROTOCOL],
+        max_size=None,
+        max_queue=None,
+        **options,
     )
 
 
@@ -107,10 +84,12 @@ class LinkClient:
 
     def got(self, kind):
         """The next message of a type. Raises TimeoutError."""
-        while True:
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
             message = json.loads(self.socket.recv(PATIENCE))
             if message["type"] == kind:
                 return message
+        raise TimeoutError(kind)
 
     def types_until(self, kind):
         """The types of all messages before the next one of this type. Raises TimeoutError."""
@@ -123,6 +102,24 @@ class LinkClient:
     def ask(self, answer, kind, **fields):
         self.send(kind, **fields)
         return self.got(answer)
+
+    def form(self, name):
+        """The fields of a form by their names, and the row that they are of."""
+        parts = self.ask("parts", "ask", have={}, shows=[name])["parts"]
+        content = parts[name]["content"]
+        return {field["name"]: field for field in content["fields"]}, content["of"]
+
+    def set(self, form, field, value, of=None):
+        """Set a field, of the row that is edited; return why it is not taken, "" if it is."""
+        of = self.form(form)[1] if of is None else of
+        return self.ask("answered", "set_field", form=form, field=field, value=value, of=of)[
+            "problem"
+        ]
+
+    def press(self, form, field):
+        """Press a button of a form; return why nothing came of it, "" if it acts."""
+        of = self.form(form)[1]
+        return self.ask("answered", "press", form=form, field=field, of=of)["problem"]
 
 
 @contextmanager

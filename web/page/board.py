@@ -1,11 +1,14 @@
 """Board: the parts of the page around the scene, which pages fetch as they change.
 
 A page asks with the versions of the parts that it has, and gets those that have changed since. So a
-slow or a new page gets the present state at its own pace, and the server keeps nothing for it.
+slow or a new page gets the present state at its own pace. The parts of ALWAYS go to every page; the
+others are kept up to date, and sent, while a page shows them. A part may be made for each visitor.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import count
 from math import inf
 from time import perf_counter
@@ -15,16 +18,21 @@ import msgspec
 from msgspec import Meta
 
 from quadsim.web.page.camera import Camera
-from quadsim.web.page.link import LinkVisitor, Message
+from quadsim.web.page.link import Link, LinkVisitor, Message
 from quadsim.web.page.seats import Seat, Seats
-from quadsim.web.page.server import PageServer
 
 PartName = Literal[
-    "head", "now", "tower", "time_line", "map", "laps", "events", "planner", "chatter", "seeds"
-]
+    "head", "now", "tower", "time_line", "map", "groups",
+    "laps", "events", "planner", "chatter", "seeds",
+    "race", "competitors", "numbers", "in_flight", "view", "editor", "export",
+    "line_up", "picture",
+]  # fmt: skip
+ALWAYS = frozenset(("head", "now", "tower", "time_line", "map", "groups"))
+WANTED = 2.0  # time after a question for which a part that is shown is kept up to date [s]
+MOST_SHOWN = 32  # number of parts that a page shows at once
 
-
-WANTED = 2.0  # time after a question for which the part of its tab is kept up to date [s]
+Key = Callable[[int], object]
+Content = Callable[[int], Any]
 
 
 class Ask(Message, tag="ask"):
@@ -32,8 +40,8 @@ class Ask(Message, tag="ask"):
 
     have: dict[PartName, Annotated[int, Meta(ge=0, le=10**12)]]
     seat: Seat = ""
-    # the part of the tab that is open
-    tab: PartName | None = None
+    # the parts that it shows beside those of ALWAYS
+    shows: Annotated[tuple[PartName, ...], Meta(max_length=MOST_SHOWN)] = ()
 
 
 class Part(msgspec.Struct):
@@ -50,16 +58,28 @@ class Parts(Message, tag="parts"):
     camera: str
 
 
-class Board:
-    """The present parts of the page. One thread puts them up, any thread answers."""
+@dataclass
+class Own:
+    """A part that was made for one visitor, and what it was made from."""
 
-    def __init__(self, server: PageServer, seats: Seats, camera: Camera):
+    key: object
+    part: Part
+
+
+class Board:
+    """The present parts of the page. One thread puts them up, the server's event loop answers."""
+
+    def __init__(self, link: Link, seats: Seats, camera: Camera):
+        self.link = link
         self._seats = seats
         self._camera = camera
         self._versions = count(1)
-        self._asked_at: dict[str, float] = {}  # when the part of a tab was last asked for [s]
+        self._asked_at: dict[str, float] = {}  # when a part was last asked for [s]
         self._parts: dict[str, Part] = {}
-        server.link.on(Ask, self._answer)
+        self._offered: dict[str, tuple[Key, Content]] = {}
+        self._own: dict[tuple[int, str], Own] = {}
+        link.on(Ask, self._answer)
+        link.on_leave(self._forget)
 
     def put(self, name: PartName, content: Any) -> None:
         """Show a part; nothing is sent again if it has not changed."""
@@ -67,17 +87,48 @@ class Board:
         if shown is None or shown.content != content:
             self._parts[name] = Part(next(self._versions), content)
 
+    def offer(self, name: PartName, key: Key, content: Content) -> None:
+        """Make a part for each visitor that shows it.
+
+        Args:
+            name: of the part.
+            key: function of the visitor's number; its result says whether the part is as it was.
+            content: function of the visitor's number.
+        """
+        self._offered[name] = (key, content)
+
     def is_wanted(self, name: PartName) -> bool:
-        """Return whether any page has the tab of a part open."""
+        """Return whether any page shows a part."""
         return perf_counter() - self._asked_at.get(name, -inf) < WANTED
 
     def _answer(self, visitor: LinkVisitor, ask: Ask) -> None:
-        if ask.tab is not None:
-            self._asked_at[ask.tab] = perf_counter()
-        changed = {
-            name: part
-            for name, part in tuple(self._parts.items())
-            if part.version != ask.have.get(name)  # type: ignore[call-overload]
-        }
+        now = perf_counter()
+        for name in ask.shows:
+            self._asked_at[name] = now
+        self._seats.relate(visitor, ask.seat)
+        changed = {}
+        for name in (*ALWAYS, *ask.shows):
+            part = self._part_for(visitor.number, name)
+            if part is not None and part.version != ask.have.get(name):  # type: ignore[call-overload]
+                changed[name] = part
         client = self._seats.client_of(ask.seat)
         visitor.send(Parts(changed, self._camera.mode_of(client) if client else ""))
+
+    def _part_for(self, visitor: int, name: str) -> Part | None:
+        """Return a part as a visitor sees it; None: there is none yet."""
+        if name not in self._offered:
+            return self._parts.get(name)
+        key_of, content_of = self._offered[name]
+        key = key_of(visitor)
+        own = self._own.get((visitor, name))
+        if own is None or own.key != key:
+            content = content_of(visitor)
+            is_same = own is not None and own.part.content == content
+            part = own.part if own and is_same else Part(next(self._versions), content)
+            own = Own(key, part)
+            self._own[visitor, name] = own
+        return own.part
+
+    def _forget(self, visitor: LinkVisitor) -> None:
+        for name in self._offered:
+            self._own.pop((visitor.number, name), None)

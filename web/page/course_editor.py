@@ -1,8 +1,7 @@
-"""CourseEditor: the controls and the scene with which visitors edit a course together.
+"""CourseEditor: the form and the scene with which visitors edit a course together.
 
-The callbacks of controls and handles are coroutines, which viser runs one after another on its
-event loop, and they change only the edit. The page's own thread displays the edit; no other thread
-sets or builds controls.
+What visitors ask for, and the handles in the scene, act on the server's event loop, and change only
+the edit. The page's own thread displays the edit in the scene.
 """
 
 from __future__ import annotations
@@ -18,18 +17,19 @@ from quadsim.files.strict_yaml import FileError
 from quadsim.record.run import RunError
 from quadsim.web.course_draft import Draft, Item, Pose
 from quadsim.web.course_edit import Checked, CourseEdit, limit_path
-from quadsim.web.course_numbers import NUMBERS, Number
+from quadsim.web.course_numbers import Number
+from quadsim.web.next_start import NextStart
 from quadsim.web.page.course_map import Map
 from quadsim.web.page.edit_scene import EditScene
+from quadsim.web.page.forms import Field, Fields, Form, PressField, SetField, button, note
 from quadsim.web.page.html import RED, box, coloured, heading, small, text
-from quadsim.web.page.race_panel import RacePanel
+from quadsim.web.page.link import LinkVisitor
 from quadsim.web.race import Snapshot
 from quadsim.web.session import Session
 
-NOTICE = 8.0  # duration of a problem's notice [s]
 CHECKS = 0.15  # time between two checks, as one takes some 30 ms [s]
 SHOWN = 6  # number of errors that are shown
-DIGITS = 6  # largest number of typed decimals
+MOST_LAPS = 1000
 UNNAMED = "my_course"
 ABOUT = (
     "Make a course: gates and obstacles are moved by handles or numbers, checked at once, saved "
@@ -37,43 +37,36 @@ ABOUT = (
 )
 ADD = {"gate": Draft.add_gate, "box": Draft.add_box, "pole": Draft.add_pole}
 SHIFTS = {"earlier": -1, "later": 1}
-SOLVE = "Solve the limit"
+NUMBER = "number "  # begins the name of the field of a number
 
 
-class CourseEditor:
+class CourseEditor(Form):
     """The editor of a page. It cannot open during a flight; a flight or a replay closes it.
 
     Args:
-        gui: place of the controls.
-        race: panel that offers a saved course.
+        start: what START flies, which is offered a saved course.
     """
 
-    def __init__(self, gui: viser.GuiApi, session: Session, race: RacePanel):
+    name = "editor"
+    title = "Course editor"
+
+    def __init__(self, session: Session, start: NextStart):
         self._session = session
-        self._race = race
+        self._start = start
         self._edit = CourseEdit(session.root)
         self._scene: EditScene | None = None
         # Number of the last race
         self._last_race = 0
         self._drags = 0
-        # The name that a new draft gets, until it is shown
-        self._new_name: str | None = None
-        # The known values of the boxes; a different value belongs to a message under way
-        self._known: dict[Number, float] = {}
+        self._course_name = UNNAMED  # of the file
         self._checked = Checked((), frozenset(), "")
         self._checked_of: object = None
         self._checked_at = -inf
-        # The displayed state of the controls and of the scene
-        self._controls_shown: object = None
+        # The displayed state of the scene
         self._scene_shown: object = None
         self._offered: object = None
         for file in self._edit.folder.files():
-            race.offer_course(file)
-        self._add_ways_in(gui)
-        self._add_items(gui)
-        self._add_numbers(gui)
-        self._add_course(gui)
-        self._show_controls()
+            start.offer_course(file)
 
     def framed(self) -> Course:
         """Return the course for the camera; an empty course gets room for gates."""
@@ -87,21 +80,15 @@ class CourseEditor:
         self._scene = EditScene(scene, self._dragged, self._clicked)
         self._scene_shown = None
 
-    def update_controls(self, s: Snapshot) -> bool:
-        """Show the controls of the draft; return whether the editor is open."""
+    def update(self, s: Snapshot) -> bool:
+        """Check the draft; return whether the editor is open."""
         if s.flying or s.race != self._last_race:
             self._last_race = s.race
             self._edit.is_open = False
         self._offer_saved()
         if self._edit.is_open:
             self._check()
-        edit = self._edit
-        progress = edit.search.progress if edit.search else None
-        shown = (edit.history, edit.is_open, self._checked, progress, edit.saved_as)
-        if shown != self._controls_shown:
-            self._controls_shown = shown
-            self._show_controls()
-        return edit.is_open
+        return self._edit.is_open
 
     def update_scene(self) -> bool:
         """Show the draft in the scene; return whether it has changed."""
@@ -124,129 +111,159 @@ class CourseEditor:
 
     def said(self) -> str:
         """Return what the page says of the course that is edited, as HTML."""
-        return box(heading("checks"), self._state())
+        return box(heading("checks"), self._state(), *self._errors())
 
     def close(self) -> None:
         """End the search of a limit."""
         self._edit.cancel_search()
 
-    # The controls, which are built once; their visibility depends on the item.
+    # The form.
 
-    def _add_ways_in(self, gui: viser.GuiApi) -> None:
-        self._about = gui.add_html(box(small(ABOUT)))
-        hint = "of the course that is chosen for the next START"
-        self._copy = gui.add_button("Edit a copy", hint=hint)
-        self._new = gui.add_button("New course", color="gray")
-        self._resume = gui.add_button("Go on editing", color="gray")
-        self._status = gui.add_html("")
-        self._copy.on_click(self._edit_copy)
-        self._new.on_click(self._edit_new)
-        self._resume.on_click(self._go_on)
+    def key(self, visitor: int) -> object:
+        """Return the draft, what was found of it, and whether the editor is open."""
+        edit = self._edit
+        progress = edit.search.progress if edit.search else None
+        is_searching = bool(edit.search and edit.search.is_on)
+        shown = (edit.history, edit.is_open, self._checked, edit.saved_as, self._course_name)
+        return shown, progress, is_searching, self._start.first_vehicle
 
-    def _add_items(self, gui: viser.GuiApi) -> None:
-        hint = "the part of the course that the handle and the numbers are of"
-        items = tuple(map(str, self._edit.draft.items))
-        self._item = gui.add_dropdown("Item", items, initial_value=items[0], hint=hint)
-        hint = "behind the chosen gate; obstacles to its left"
-        self._adding = gui.add_button_group("Add", tuple(ADD), hint=hint)
-        hint = "order in which the gate is flown"
-        self._order = gui.add_button_group("Order", tuple(SHIFTS), hint=hint)
-        self._change = gui.add_button_group("Change", ("undo", "redo", "delete"))
-        self._item.on_update(self._choose)
-        self._adding.on_click(self._add)
-        self._order.on_click(self._shift)
-        self._change.on_click(self._go_back)
+    def fields(self, visitor: int) -> Fields:
+        """Return the ways in, or the item that is edited, its numbers, and the course."""
+        if not self._edit.is_open:
+            return Fields(self._ways_in())
+        return Fields([*self._item_fields(), *self._course_fields()])
 
-    def _add_numbers(self, gui: viser.GuiApi) -> None:
-        self._boxes: dict[Number, viser.GuiNumberHandle[float]] = {}
-        for number in NUMBERS:
-            box = gui.add_number(
-                number.label, 0.0, min=number.low, max=number.high, step=number.step
-            )
-            box.precision = DIGITS
-            box.on_update(partial(self._typed, number))
-            self._boxes[number] = box
-            self._known[number] = 0.0
+    def _ways_in(self) -> list[Field]:
+        """Return the buttons that open the editor."""
+        fields = [
+            note("about", ABOUT),
+            button("copy", "Edit a copy", "of the course that is chosen for the next START"),
+            button("new", "New course"),
+        ]
+        if self._edit.history.before:
+            fields.append(button("resume", "Go on editing"))
+        return fields
 
-    def _add_course(self, gui: viser.GuiApi) -> None:
-        self._loop = gui.add_checkbox("Loop", False, hint="the first gate comes after the last")
-        self._laps = gui.add_number("Laps of a race", 1, min=1, max=1000, step=1)
-        hint = "of the file among the runs, in the folder courses"
-        self._name = gui.add_text("Name", UNNAMED, hint=hint)
-        self._save = gui.add_button("Save and choose", icon=viser.Icon.DEVICE_FLOPPY)
-        hint = "the least time in which the chosen vehicle can fly this course; takes minutes"
-        self._solve = gui.add_button(SOLVE, color="gray", hint=hint)
-        self._cancel = gui.add_button("Cancel the search", color="red")
-        self._limit = gui.add_html("")
-        self._done = gui.add_button("Done", color="gray")
-        self._loop.on_update(self._loop_set)
-        self._laps.on_update(self._laps_typed)
-        self._save.on_click(self._save_draft)
-        self._solve.on_click(self._begin_search)
-        self._cancel.on_click(self._cancel_search)
-        self._done.on_click(self._leave)
-
-    # Actions of visitors.
-
-    async def _edit_copy(self, event: viser.GuiEvent) -> None:
-        chosen = self._race.chosen_course()
-        if chosen is None:
-            self._complain(event, "its file cannot be read: choose another course")
-        elif self._may_open(event):
-            self._begin(event, chosen)
-
-    async def _edit_new(self, event: viser.GuiEvent) -> None:
-        if self._may_open(event):
-            self._begin(event, None)
-
-    async def _go_on(self, event: viser.GuiEvent) -> None:
-        self._edit.is_open = self._may_open(event)
-
-    async def _leave(self, _: viser.GuiEvent) -> None:
-        self._edit.is_open = False
-
-    async def _choose(self, event: viser.GuiEvent) -> None:
-        if event.client_id is not None:
-            draft = self._edit.draft
-            named = {str(item): item for item in draft.items}
-            self._edit.change(draft.choose(named.get(self._item.value, draft.item)))
-
-    async def _add(self, event: viser.GuiEvent) -> None:
-        try:
-            self._edit.change(ADD[self._adding.value](self._edit.draft))
-        except ValueError as error:
-            self._complain(event, str(error))
-
-    async def _shift(self, _: viser.GuiEvent) -> None:
-        self._edit.change(self._edit.draft.shift(SHIFTS[self._order.value]))
-
-    async def _go_back(self, _: viser.GuiEvent) -> None:
-        match self._change.value:
-            case "undo":
-                self._edit.undo()
-            case "redo":
-                self._edit.redo()
-            case "delete":
-                self._edit.change(self._edit.draft.delete())
-
-    async def _typed(self, number: Number, event: viser.GuiEvent) -> None:
-        if event.client_id is None:
-            return
-        value = float(self._boxes[number].value)
-        self._known[number] = value
+    def _item_fields(self) -> list[Field]:
+        """Return the chosen item, its numbers, and the buttons that add, move and delete items."""
         draft = self._edit.draft
-        # Another visitor may have chosen an item without this number meanwhile.
-        if number in draft.numbers():
+        item = Field(
+            name="item",
+            kind="choice",
+            label="Item",
+            value=str(draft.item),
+            help="the part of the course that the handle and the numbers are of",
+            choices=[str(one) for one in draft.items],
+        )
+        added = "behind the chosen gate; obstacles to its left"
+        buttons = [button(name, help=added) for name in ADD]
+        if draft.item.kind == "gate":
+            buttons += [button(name, help="in the order of flight") for name in SHIFTS]
+        buttons += [button(name) for name in ("undo", "redo", "delete")]
+        numbers = [_number_field(number, value) for number, value in draft.numbers().items()]
+        return [item, *buttons, *numbers]
+
+    def _course_fields(self) -> list[Field]:
+        """Return what is of the whole course, its checks, and the search of its limit."""
+        entries = self._edit.draft.entries
+        is_searching = bool(self._edit.search and self._edit.search.is_on)
+        search = button("cancel", "Cancel the search")
+        if not is_searching:
+            least = "the least time in which the chosen vehicle can fly this course; takes minutes"
+            search = button("solve", "Solve the limit", least)
+        file = "of the file among the runs, in the folder courses"
+        lines = [note(f"limit {k}", line) for k, line in enumerate(self._limit_lines())]
+        loop = "the first gate comes after the last"
+        return [
+            Field("loop", "check", "Loop", entries.loop, help=loop),
+            Field("laps", "number", "Laps of a race", entries.laps, low=1, high=MOST_LAPS, step=1),
+            Field("file", "text", "Name", self._course_name, help=file),
+            button("save", "Save and choose", tone="main"),
+            search,
+            *lines,
+            button("done", "Done"),
+        ]
+
+    def set(self, visitor: int, asked: SetField) -> None:
+        """Choose an item, or change a number or what is of the whole course. Raises ValueError."""
+        draft = self._edit.draft
+        value = asked.value
+        match asked.field:
+            case "item":
+                named = {str(item): item for item in draft.items}
+                self._edit.change(draft.choose(named.get(str(value), draft.item)))
+            case "loop":
+                self._edit.change(draft.with_course(loop=bool(value)))
+            case "laps":
+                if not float(value).is_integer():
+                    raise ValueError(f"Laps of a race: expected a whole number, got {value:g}")
+                self._edit.change(draft.with_course(laps=int(value)), "laps")
+            case "file":
+                self._course_name = str(value)
+            case _:
+                self._set_number(asked.field.removeprefix(NUMBER), float(value))
+
+    def _set_number(self, label: str, value: float) -> None:
+        """Set a number of the chosen item, unless another visitor has chosen one without it."""
+        draft = self._edit.draft
+        found = [number for number in draft.numbers() if number.label == label]
+        for number in found:
             self._edit.change(draft.with_numbers({number: value}), (draft.item, number))
 
-    async def _loop_set(self, event: viser.GuiEvent) -> None:
-        if event.client_id is not None:
-            self._edit.change(self._edit.draft.with_course(loop=self._loop.value))
+    def press(self, visitor: LinkVisitor, asked: PressField) -> None:
+        """Open or close the editor, add, move and delete, save, search. Raises ValueError."""
+        edit = self._edit
+        pressed = asked.field
+        if pressed in ADD:
+            edit.change(ADD[pressed](edit.draft))
+        elif pressed in SHIFTS:
+            edit.change(edit.draft.shift(SHIFTS[pressed]))
+        else:
+            self._act(pressed)
 
-    async def _laps_typed(self, event: viser.GuiEvent) -> None:
-        if event.client_id is not None:
-            laps = int(self._laps.value)
-            self._edit.change(self._edit.draft.with_course(laps=laps), "laps")
+    def _act(self, pressed: str) -> None:
+        """Do what a button says. Raises ValueError."""
+        edit = self._edit
+        acts = {
+            "copy": self._begin_copy,
+            "new": partial(self._begin, None),
+            "resume": self._go_on,
+            "undo": edit.undo,
+            "redo": edit.redo,
+            "delete": self._delete,
+            "save": self._save,
+            "solve": self._solve,
+            "cancel": edit.cancel_search,
+            "done": self._leave,
+        }
+        acts[pressed]()
+
+    def _begin_copy(self) -> None:
+        chosen = self._start.course()
+        if chosen is None:
+            raise ValueError("its file cannot be read: choose another course")
+        self._begin(chosen)
+
+    def _go_on(self) -> None:
+        self._expect_landed()
+        self._edit.is_open = True
+
+    def _delete(self) -> None:
+        self._edit.change(self._edit.draft.delete())
+
+    def _save(self) -> None:
+        try:
+            self._edit.save(self._course_name)
+        except RunError as error:
+            raise ValueError(str(error)) from None
+
+    def _solve(self) -> None:
+        self._edit.begin_search(self._course_name, self._start.first_vehicle)
+
+    def _leave(self) -> None:
+        self._edit.is_open = False
+
+    # Actions in the scene.
 
     async def _dragged(self, pose: Pose | None) -> None:
         """Move the chosen item to the pose of its handle; None: the handle was released."""
@@ -259,42 +276,19 @@ class CourseEditor:
     async def _clicked(self, item: Item) -> None:
         self._edit.change(self._edit.draft.choose(item))
 
-    async def _save_draft(self, event: viser.GuiEvent) -> None:
-        try:
-            self._edit.save(self._name.value)
-        except (ValueError, RunError) as error:
-            self._complain(event, str(error))
-
-    async def _begin_search(self, event: viser.GuiEvent) -> None:
-        try:
-            self._edit.begin_search(self._name.value, self._race.first_vehicle)
-        except ValueError as error:
-            self._complain(event, str(error))
-
-    async def _cancel_search(self, _: viser.GuiEvent) -> None:
-        self._edit.cancel_search()
-
-    def _begin(self, event: viser.GuiEvent, course: Course | None) -> None:
-        """Begin to edit a copy of a course, or an empty one."""
+    def _begin(self, course: Course | None) -> None:
+        """Begin to edit a copy of a course, or an empty one. Raises ValueError."""
+        self._expect_landed()
         try:
             self._edit.begin(course)
         except FileError as error:
-            self._complain(event, str(error))
-        self._new_name = f"my_{course.name}"[:64] if course else UNNAMED
+            raise ValueError(str(error)) from None
+        self._course_name = f"my_{course.name}"[:64] if course else UNNAMED
 
-    def _may_open(self, event: viser.GuiEvent) -> bool:
-        """Return whether no flight is on; otherwise notify the visitor."""
+    def _expect_landed(self) -> None:
+        """Raise ValueError while a flight is on."""
         if self._session.snapshot.flying:
-            self._complain(event, "a flight is on: edit when it has ended, or STOP it")
-            return False
-        return True
-
-    def _complain(self, event: viser.GuiEvent, problem: str) -> None:
-        """Notify one visitor of a problem."""
-        if event.client:
-            event.client.add_notification(
-                "Cannot do that", problem, auto_close_seconds=NOTICE, color="red"
-            )
+            raise ValueError("a flight is on: edit when it has ended, or STOP it")
 
     # Display.
 
@@ -303,7 +297,7 @@ class CourseEditor:
         saved = self._edit.saved_as
         if saved and (saved, self._edit.draft.entries) != self._offered:
             self._offered = (saved, self._edit.draft.entries)
-            self._race.offer_course(saved, chosen=True)
+            self._start.offer_course(saved, chosen=True)
 
     def _check(self) -> None:
         """Check the draft again if the draft, its name or the vehicle has changed."""
@@ -311,71 +305,21 @@ class CourseEditor:
         found = search.progress.best if search else None
         checked_of = (
             self._edit.draft.entries,
-            self._name.value,
-            self._race.first_vehicle,
+            self._course_name,
+            self._start.first_vehicle,
             found,
         )
         now = perf_counter()
         if checked_of != self._checked_of and now - self._checked_at > CHECKS:
             self._checked_at = now
             self._checked_of = checked_of
-            self._checked = self._edit.check(self._name.value, self._race.first_vehicle)
-
-    def _show_controls(self) -> None:
-        """Show the applicable controls with the values of the draft."""
-        edit = self._edit
-        is_open = edit.is_open
-        for control in (self._about, self._copy, self._new):
-            control.visible = not is_open
-        self._resume.visible = not is_open and bool(edit.history.before)
-        ours = (
-            self._item,
-            self._adding,
-            self._change,
-            self._loop,
-            self._laps,
-            self._name,
-            self._save,
-            self._status,
-            self._limit,
-            self._done,
-        )
-        for control in ours:
-            control.visible = is_open
-        draft = edit.draft
-        self._order.visible = is_open and draft.item.kind == "gate"
-        is_searching = bool(edit.search and edit.search.is_on)
-        self._solve.visible = is_open and not is_searching
-        self._cancel.visible = is_open and is_searching
-        numbers = draft.numbers()
-        for number, handle in self._boxes.items():
-            handle.visible = is_open and number in numbers
-            if handle.visible:
-                self._show_number(number, numbers[number])
-        if not is_open:
-            return
-        if self._new_name is not None:
-            self._name.value = self._new_name
-            self._new_name = None
-        names = tuple(map(str, draft.items))
-        if self._item.options != names:
-            self._item.options = names
-        self._item.value = str(draft.item)
-        self._loop.value = draft.entries.loop
-        self._laps.value = draft.entries.laps
-        self._status.content = box_of(self._state(), *self._errors())
-        self._limit.content = box_of(*self._limit_lines())
-
-    def _show_number(self, number: Number, value: float) -> None:
-        """Set a box, unless a visitor's message with a different value is under way."""
-        handle = self._boxes[number]
-        if handle.value == self._known[number] and handle.value != value:
-            self._known[number] = value
-            handle.value = value
+            self._checked = self._edit.check(self._course_name, self._start.first_vehicle)
 
     def _state(self) -> str:
         """Return a summary of the course, and its file."""
         checked = self._checked
+        if not self._edit.draft.entries.gates:
+            return "no gate yet" + small("add gates in the order of flight")
         if checked.errors:
             count = len(checked.errors)
             lines = "error" if count == 1 else "errors"
@@ -387,7 +331,7 @@ class CourseEditor:
 
     def _errors(self) -> list[str]:
         """Return the first errors in the wording of `race check`."""
-        errors = self._checked.errors
+        errors = self._checked.errors if self._edit.draft.entries.gates else ()
         lines = [small(text(error)) for error in errors[:SHOWN]]
         if len(errors) > SHOWN:
             lines.append(small(f"and {len(errors) - SHOWN} more"))
@@ -396,17 +340,27 @@ class CourseEditor:
     def _limit_lines(self) -> list[str]:
         """Return the known limit, and the progress of the search."""
         limit = self._checked.limit
-        vehicle = text(self._race.first_vehicle)
         lines = []
         if limit:
             laps = ", ".join(f"{lap:.3f}" for lap in limit.lap_times)
-            lines.append(f"best known limit of {vehicle}: <b>{limit.time:.3f} s</b>")
-            lines.append(small(f"laps {laps} s; its path is orange"))
+            vehicle = self._start.first_vehicle
+            lines.append(f"best known limit of {vehicle}: {limit.time:.3f} s, its path is orange")
+            lines.append(f"laps {laps} s")
         if self._edit.search:
-            lines.append(small(text(self._edit.search.progress.text)))
+            lines.append(self._edit.search.progress.text)
         return lines
 
 
-def box_of(*lines: str) -> str:
-    """Return lines of HTML in a box; "" for no lines."""
-    return box(*lines) if lines else ""
+def _number_field(number: Number, value: float) -> Field:
+    """Return the box of a number of an item."""
+    return Field(
+        name=NUMBER + number.label,
+        kind="number",
+        label=number.label,
+        value=value,
+        unit=number.unit,
+        help=number.help,
+        low=number.low,
+        high=number.high,
+        step=number.step,
+    )

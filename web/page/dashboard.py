@@ -7,47 +7,50 @@ import traceback
 from dataclasses import replace
 from math import inf
 from time import perf_counter
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import viser
 
 from quadsim.course import Course
 from quadsim.web.choices import Choices
-from quadsim.web.commands import Arrive, Leave
+from quadsim.web.commands import Leave
 from quadsim.web.desk import Desk
 from quadsim.web.lap_timing import LapTiming, at_place_of_first, lap_timings
 from quadsim.web.limit_race import limit_race
 from quadsim.web.line_up import LineUp, line_up_of
 from quadsim.web.menu import Menu
+from quadsim.web.next_start import NextStart
 from quadsim.web.offered_presets import offered_presets
 from quadsim.web.page.board import Board
 from quadsim.web.page.camera import Camera
 from quadsim.web.page.charts import Charts
-from quadsim.web.page.competitor_panel import CompetitorPanel
+from quadsim.web.page.competitor_forms import ChooseRow, CompetitorForm, NumbersForm
 from quadsim.web.page.course_editor import CourseEditor
 from quadsim.web.page.course_map import Map
 from quadsim.web.page.drones import SPAN
-from quadsim.web.page.export import add_export
+from quadsim.web.page.export_form import ExportForm
 from quadsim.web.page.flight_controls import FlightControls
-from quadsim.web.page.flight_numbers import NumbersInFlight
+from quadsim.web.page.flight_numbers import FlightNumbersForm
+from quadsim.web.page.forms import Forms
 from quadsim.web.page.head import Head, Word, coming_head, head_of
-from quadsim.web.page.html import STYLE
 from quadsim.web.page.joining import Joining
 from quadsim.web.page.laps import chatter, laps
-from quadsim.web.page.picture_folder import PictureFolder
+from quadsim.web.page.line_up_table import table_of
+from quadsim.web.page.link import LinkVisitor
+from quadsim.web.page.pictures import Pictures
 from quadsim.web.page.playback import Playback, Shown
-from quadsim.web.page.race_panel import RacePanel
+from quadsim.web.page.race_form import RaceForm
 from quadsim.web.page.race_scene import RaceScene, preview
 from quadsim.web.page.runs_panel import RunsPanel
-from quadsim.web.page.seats import Seats
 from quadsim.web.page.sectors import sectors
 from quadsim.web.page.seeds_table import seeds_of
-from quadsim.web.page.server import PageServer, forget_removed
+from quadsim.web.page.server import PageServer
 from quadsim.web.page.time_line import now_of, time_line_of
 from quadsim.web.page.timing import events, planner
 from quadsim.web.page.tower import Tower, tower_of
 from quadsim.web.page.tree import tree
-from quadsim.web.page.view_panel import ViewPanel
+from quadsim.web.page.view_form import ViewForm
+from quadsim.web.page.viser_private import forget_removed
 from quadsim.web.race import Snapshot
 from quadsim.web.session import Session
 from quadsim.web.state import PageState
@@ -57,9 +60,9 @@ SCENE = 1 / 25  # shortest time between two updates of the page
 TABLES = 1 / 8
 SLOW = 1.0  # period of spectra and gaps [s]
 PAUSE = 0.1  # longest time between two updates of the page
+LIGHT = 1 / 5  # time between two updates of the scene that sends less
 # Largest share of the time for updates of the page, as the planners need all cores
 SHARE = 1 / 8
-DRAWER = 300  # width of viser's panel, as in shell.css [px]
 
 
 def pause_after(spent: float) -> float:
@@ -100,15 +103,6 @@ class Due:
         return True
 
 
-class Look(NamedTuple):
-    """The choices of the display."""
-
-    by_place: bool
-    by_speed: bool
-    trajectories: bool
-    limit: bool
-
-
 class RaceView:
     """The scene and map of one race."""
 
@@ -116,27 +110,6 @@ class RaceView:
         self.race = s.race
         self.scene = RaceScene(server.scene, s.competitors, true_size)
         self.map = Map(s.competitors[0].course)
-
-
-class VisitorPanels:
-    """The controls that each visitor has alone.
-
-    Args:
-        client: the visitor.
-        order: place of the controls among the others.
-    """
-
-    def __init__(
-        self,
-        client: viser.ClientHandle,
-        desk: Desk,
-        session: Session,
-        menu: Menu,
-        order: float,
-    ):
-        first = desk.state.rows[0].choices
-        self.in_flight = NumbersInFlight(client.gui, session, first, order)
-        self.competitors = CompetitorPanel(client, desk, menu, order + 0.1)
 
 
 class Dashboard:
@@ -148,13 +121,13 @@ class Dashboard:
 
     Attributes:
         desk: the owner of the state of the page.
-        visitors: the controls of each visitor, by its number.
+        start: what the next START flies.
+        board: the parts of the page.
     """
 
     def __init__(self, server: PageServer, session: Session, menu: Menu, *first: Choices):
         flights = [replace(one, runs_dir=str(session.root)) for one in first]
         self.desk = Desk(*flights, menu=menu)
-        self.visitors: dict[int, VisitorPanels] = {}
         self._menu = menu
         self._line_up = line_up_of(self.desk.state)
         self._line_up_of = self._asked(self.desk.state)
@@ -167,37 +140,40 @@ class Dashboard:
         self._is_editing = False  # whether the edited course is shown
         self._notice = 0  # number of the last shown notice
         self._scene_due = Due(0.0)
+        self._light_due = Due(LIGHT)
         self._tables_due = Due(TABLES)
         self._past_due = Due(TABLES)
         self._controls_due = Due(TABLES)
         self._table_due: dict[PastTable, Due] = {name: Due(TABLES) for name in PAST_TABLES}
         self._slow_due = Due(SLOW)
         self._chatter_due = Due(SLOW)
-        self._presets_due = Due(SLOW)
-        self._offered: dict[object, tuple[str, ...]] = {}
-        gui = server.gui
-        gui.configure_theme(
-            dark_mode=True, show_logo=False, show_share_button=False, brand_color=(230, 159, 0)
-        )
-        gui.add_html(STYLE)
-        self.race = RacePanel(gui, self.desk, menu, str(session.root))
-        self.runs = RunsPanel(server, session, self.race)
-        # each visitor's own controls stand below the race's
-        self._order = self.race.folder.order + 0.5
-        self._series = FlightControls(server.link, session, self.race).series
-        seats = Seats(server)
+        self._presets_due = Due(0.0)
+        self._second_due = Due(SLOW)
+        server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
+        self.start = NextStart(self.desk, str(session.root))
+        self.runs = RunsPanel(server, session, self.start)
+        self._series = FlightControls(server.link, session, self.start).series
         self._camera = Camera(server)
-        self.board = Board(server, seats, self._camera)
-        Playback(server, session, seats, self._camera)
-        self._joining = Joining(server, session.cockpit, seats, self._camera)
+        self.board = Board(server.link, server.seats, self._camera)
+        Playback(server, session, server.seats, self._camera)
+        self._joining = Joining(server, session.cockpit, server.seats, self._camera)
         self._charts = Charts(server, session)
-        self._options = ViewPanel(gui)
-        with gui.add_folder("Course editor", expand_by_default=False):
-            self._editor = CourseEditor(gui, session, self.race)
-        self._pictures = PictureFolder(gui)
-        add_export(gui, session, self._camera, self.race)
-        gui.main_panel.dock_left()
-        gui.main_panel.set_width(DRAWER)
+        self._pictures = Pictures(self.board)
+        self._editor = CourseEditor(session, self.start)
+        self._competitors = CompetitorForm(self.desk)
+        self._export = ExportForm(session, self.start, server.seats, self._camera, server.downloads)
+        forms = (
+            RaceForm(self.start),
+            self._competitors,
+            NumbersForm(self.desk),
+            FlightNumbersForm(self.desk, session),
+            ViewForm(self.desk),
+            self._editor,
+            self._export,
+        )
+        Forms(self.board, forms)
+        server.link.on(ChooseRow, self._competitors.edit)
+        server.link.on_leave(self._forget)
         server.link.open()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="page", daemon=True)
@@ -210,16 +186,21 @@ class Dashboard:
         self._editor.close()
         self.runs.close()
         self._pictures.close()
+        self._export.close()
+
+    def _forget(self, visitor: LinkVisitor) -> None:
+        """Forget a visitor who has left."""
+        self.desk.do(Leave(visitor.number))
 
     def _run(self) -> None:
         """Show one snapshot after another while there are visitors."""
         pause = SCENE
         while not self._closing.wait(pause):
             began = perf_counter()
-            watched = bool(self._server.get_clients())
-            self._forget_left()
+            watched = bool(self._server.get_clients() or self._server.link.has_visitors)
             self._series.turn(self._session.snapshot)
-            self._session.show_trajectories(watched and self._options.trajectories.value)
+            view = self.desk.state.view
+            self._session.show_trajectories(watched and view.shows_trajectories)
             if not watched:
                 continue
             try:
@@ -233,13 +214,9 @@ class Dashboard:
     def _update(self, s: Snapshot) -> None:
         """Show changes; a race that has ended or is paused sends nothing."""
         timings = lap_timings(s)
-        drawn = at_place_of_first(timings) if timings and self._options.by_place else timings
-        look = Look(
-            by_place=self._options.by_place,
-            by_speed=self._options.by_speed(len(timings)),
-            trajectories=self._options.trajectories.value,
-            limit=self._options.limit.value,
-        )
+        state = self.desk.state
+        look = state.view
+        drawn = at_place_of_first(timings) if timings and look.by_place else timings
         competitors = tuple(entry.state for entry in s.competitors)
         self._joining.update(s, timings)
         self.board.put("now", now_of(s))
@@ -250,67 +227,51 @@ class Dashboard:
             shown = (s.race, s.t, s.end, doing, look, competitors)
             view = None if editing else self._view_of(s, timings)
             if view:
-                if self._scene_due((view, shown)):
-                    view.scene.update(drawn, look.by_speed, look.trajectories)
+                scene_due = self._light_due if look.light else self._scene_due
+                if scene_due((view, shown)):
+                    by_speed = look.by_speed(len(timings))
+                    view.scene.update(drawn, by_speed, look.shows_trajectories)
                     view.scene.update_limit(timings[0], look.limit, look.by_place)
                 self._camera.follow(timings)
-            state = self.desk.state
             wanted = self.board.is_wanted("planner")
             if self._tables_due((view, shown, state, wanted)):
                 self._update_tables(s, timings, drawn, view)
             if self._controls_due(perf_counter()):
-                self.race.update(state)
                 self.board.put("seeds", seeds_of(self._series))
-                self._update_visitors(s, state)
+                if self.board.is_wanted("competitors"):
+                    self._update_line_up(state)
         past = [entry.past(s.t) for entry in s.competitors]
         if self._past_due((view, past)):
             self.board.put("time_line", time_line_of(s.competitors))
         for name in PAST_TABLES:
             if self.board.is_wanted(name) and self._table_due[name]((view, past)):
                 self._update_past(name, s, view)
-        self._pictures.update(drawn if view else [])
+        shows_pictures = look.shows_pictures and self.board.is_wanted("picture")
+        self._pictures.update(drawn if view else [], shows_pictures)
         if view and self._slow_due((view, shown)):
             self._charts.update(s, timings)
         if view and self.board.is_wanted("chatter") and self._chatter_due((view, shown)):
             self.board.put("chatter", tree(chatter([e.until(s.t) for e in s.competitors])))
         self._notify(s)
 
-    def _update_visitors(self, s: Snapshot, state: PageState) -> None:
-        """Show the controls of each visitor."""
-        if self._presets_due(perf_counter()):
-            self._offered.clear()
-        for number, client in self._server.get_clients().items():
-            if number not in self.visitors:
-                self.desk.do(Arrive(number))
-                self.visitors[number] = VisitorPanels(
-                    client, self.desk, self._session, self._menu, self._order
-                )
-            panels = self.visitors[number]
-            presets = self._presets(state, state.edited(number).choices.vehicle)
-            panels.competitors.update(state, self._line_up_now(state), presets)
-            panels.in_flight.update(s)
-
-    def _forget_left(self) -> None:
-        """Forget the visitors who have left."""
-        for number in set(self.visitors) - set(self._server.get_clients()):
-            del self.visitors[number]
-            self.desk.do(Leave(number))
-
-    def _presets(self, state: PageState, vehicle: str) -> tuple[str, ...]:
-        """Return the presets with which a vehicle can fly the chosen race, and the chosen ones."""
-        course = self.race.chosen_course()
-        if course is None:
-            return tuple(self._menu.presets)
-        chosen = {row.choices.preset for row in state.rows}
-        laps = state.race.laps or course.laps
-        runs_dir = state.race.runs_dir
-        asked = (frozenset(chosen), course.text, vehicle, laps)
+    def _update_line_up(self, state: PageState) -> None:
+        """Show what START flies, and find out which presets can fly it."""
+        self.board.put("line_up", table_of(state, self._line_up_now(state)))
         # A solution may be stored at any time, so that the answer holds for a second.
-        if asked not in self._offered:
-            self._offered[asked] = offered_presets(
-                self._menu.presets, chosen, course, vehicle, laps, runs_dir
-            )
-        return self._offered[asked]
+        course = self.start.course()
+        chosen = frozenset(row.choices.preset for row in state.rows)
+        vehicles = frozenset(row.choices.vehicle for row in state.rows)
+        laps = state.race.laps or (course.laps if course else 0)
+        asked = (chosen, vehicles, course, laps)
+        if course is None:
+            self._competitors.presets = {}
+        elif self._presets_due(asked) or self._second_due(perf_counter()):
+            self._competitors.presets = {
+                vehicle: offered_presets(
+                    self._menu.presets, chosen, course, vehicle, laps, state.race.runs_dir
+                )
+                for vehicle in vehicles
+            }
 
     def _asked(self, state: PageState) -> object:
         """Return the part of the state that decides what START flies."""
@@ -326,7 +287,7 @@ class Dashboard:
 
     def _update_editor(self, s: Snapshot) -> None:
         """Show the edited course instead of a race, while the editor is open."""
-        is_open = self._editor.update_controls(s)
+        is_open = self._editor.update(s)
         if is_open != self._is_editing:
             self._is_editing = is_open
             self._clear()
@@ -358,13 +319,13 @@ class Dashboard:
         if not timings or len(timings) != len(s.competitors):
             return None
         self._clear()
-        self._view = RaceView(self._server, s, self._options.true_size.value)
+        self._view = RaceView(self._server, s, self.desk.state.view.true_size)
         self._camera.show(s.competitors[0].course, self._view.scene.drone_size)
         return self._view
 
     def _chosen_course(self, s: Snapshot) -> Course | None:
         """Return the course that was chosen after the race, None if none was."""
-        course = self.race.chosen_course()
+        course = self.start.course()
         if s.flying or s.race != self._race:
             # Choices for the next race do not hide this one.
             self._race = s.race

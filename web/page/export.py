@@ -1,4 +1,4 @@
-"""A race as files: a page that plays offline, a CSV table, a zip, a PNG; and the panel for them."""
+"""A race as files: a page that plays offline, a CSV table, a zip, a PNG."""
 
 from __future__ import annotations
 
@@ -17,27 +17,16 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from quadsim.files.links import is_within
-from quadsim.heat.archive import (
-    export_name,
-    is_heat,
-    named_runs,
-    runs_of_heat,
-    with_whole_races,
-)
-from quadsim.record.exchange import telemetry_csv
+from quadsim.heat.archive import export_name, is_heat, runs_of_heat, with_whole_races
 from quadsim.record.run import RunError
-from quadsim.web.competitor import Competitor, named
+from quadsim.web.competitor import Competitor
 from quadsim.web.lap_timing import lap_timings
-from quadsim.web.page.camera import Camera, set_initial_camera
+from quadsim.web.page.camera import set_initial_camera
 from quadsim.web.page.html import DIM, box, div, element, swatch, text
 from quadsim.web.page.laps import chatter, laps
-from quadsim.web.page.race_panel import RacePanel
 from quadsim.web.page.race_scene import RaceScene
-from quadsim.web.page.runs_panel import link_to, show_link
 from quadsim.web.page.server import serve
 from quadsim.web.race import Snapshot
-from quadsim.web.session import Session
-from quadsim.web.stored_runs import stored_competitor
 from quadsim.web.summary import CompetitorLine, Summary, summary_at
 
 GROUND = "#141517"  # background of a picture, the dark background of the page
@@ -46,8 +35,6 @@ DPI = 100
 MOST_NAME = 120  # length of the name of a picture, at most [characters]
 RATE = 25  # frames per second of the offline page
 SAMPLES = 8  # number of stored sampled trajectories of a run
-RENDER_TIMEOUT = 30.0  # time limit for a browser with software rendering [s]
-NOTICE = 6.0  # duration of a notice [s]
 
 
 class PictureLine(NamedTuple):
@@ -56,70 +43,6 @@ class PictureLine(NamedTuple):
     text: str
     colour: str
     size: float  # [pt]
-
-
-class Download(NamedTuple):
-    """A file for a visitor."""
-
-    name: str
-    data: bytes
-
-
-def add_export(gui: viser.GuiApi, session: Session, camera: Camera, race: RacePanel) -> None:
-    """Add buttons to download the content of the page, or to link to it."""
-    with gui.add_folder("Export", expand_by_default=False):
-        hint = (
-            "page: animated, plays offline; PNG: the view; link: an address that shows this;"
-            " set-up: an address that sets up the next START like this"
-        )
-        formats = ("page", "CSV", "zip", "PNG", "link", "set-up")
-        what = gui.add_button_group("", formats, hint=hint)
-
-    @what.on_click
-    def _(event: viser.GuiEvent) -> None:
-        client = event.client
-        if client is None:
-            return
-        s = session.snapshot
-        try:
-            if what.value == "link":
-                show_link(client, link_to(s.competitors, s.t, camera.mode_of(client), session.root))
-                return
-            if what.value == "set-up":
-                show_link(client, race.line_up_link)
-                return
-            file = _download(client, what.value, s)
-        except (RunError, ValueError, RuntimeError, TimeoutError, OSError) as error:
-            client.add_notification(
-                "Cannot export", str(error), auto_close_seconds=NOTICE, color="red"
-            )
-        else:
-            client.send_file_download(file.name, file.data, save_immediately=True)
-
-
-def _download(client: viser.ClientHandle, what: str, s: Snapshot) -> Download:
-    """Return the requested file."""
-    if what == "PNG":
-        summary = summary_at(s.competitors, s.t)
-        return Download(f"{picture_name(s)}.png", picture(_rendered(client), summary))
-    folders = [entry.folder for entry in s.competitors if entry.folder]
-    if not folders:
-        raise ValueError("nothing is stored yet: a flight is kept when it ends")
-    name = export_name(with_whole_races(folders)[0])
-    if what == "page":
-        entries = named([stored_competitor(folder) for folder in folders])
-        return Download(f"{name}.html", offline_page(entries).encode())
-    if what == "CSV":
-        return Download(f"{name}.csv", telemetry_csv(named_runs(folders)))
-    return Download(f"{name}.zip", zipped(folders))
-
-
-def _rendered(client: viser.ClientHandle) -> np.ndarray:
-    """Return the scene in a visitor's view, without a background.  (height, width, 4) uint8"""
-    camera = client.camera
-    return client.get_render(
-        camera.image_height, camera.image_width, transport_format="png", timeout=RENDER_TIMEOUT
-    )
 
 
 def picture_name(s: Snapshot) -> str:

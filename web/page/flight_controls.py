@@ -8,8 +8,8 @@ from typing import Annotated
 
 from msgspec import Meta
 
+from quadsim.web.next_start import NextStart
 from quadsim.web.page.link import Link, LinkVisitor, Message
-from quadsim.web.page.race_panel import RacePanel
 from quadsim.web.race import PageRace
 from quadsim.web.series import MOST_SEEDS, Series
 from quadsim.web.session import Session
@@ -53,9 +53,9 @@ class FlightControls:
         series: what START flies, one seed after another.
     """
 
-    def __init__(self, link: Link, session: Session, race: RacePanel):
+    def __init__(self, link: Link, session: Session, start: NextStart):
         self._session = session
-        self._race = race
+        self._next = start
         self.series = Series(session)
         self._pilot: int | None = None  # number of the visitor who began the flight
         self._numbers = count(1)
@@ -69,7 +69,7 @@ class FlightControls:
 
     def _start(self, visitor: LinkVisitor, asked: Start) -> None:
         def act() -> None:
-            self.series.begin(self._race.choices, self._race.runs, asked.seeds)
+            self.series.begin(self._next.choices, self._next.runs, asked.seeds)
 
         self._ask_first(visitor, act)
 

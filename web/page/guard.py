@@ -11,30 +11,25 @@ from __future__ import annotations
 
 import logging
 import secrets
-import threading
-from collections.abc import Awaitable, Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from errno import EMFILE, ENFILE
-from functools import cache, partial
+from functools import partial
 from http import HTTPStatus
 from math import inf
-from pathlib import Path
-from typing import Any
 from urllib.parse import parse_qs, parse_qsl, urlencode, urlsplit
 
-import viser
-import websockets.asyncio.server as websockets_server
 from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
+from quadsim.web.page.downloads import Downloads
 from quadsim.web.page.link import Link
-from quadsim.web.page.messages import MAX_BYTES, Control, PageConnection, is_link
+from quadsim.web.page.messages import MAX_BYTES, PageConnection, is_link
+from quadsim.web.page.seats import SEAT, seat_in
 from quadsim.web.page.shell_files import POLICY, own_response
+from quadsim.web.page.viser_private import ProcessRequest, Serves, scene_page, serving
 
 ALL_INTERFACES = ("0.0.0.0", "::")
-# Where viser's page is, in a frame of the page
-SCENE = "/scene/"
 SCENE_POLICY = (
     "default-src 'none'; script-src 'nonce-{nonce}' 'wasm-unsafe-eval'; worker-src blob:; "
     "connect-src 'self' data:; img-src 'self' data: blob:; style-src 'self' 'unsafe-inline'; "
@@ -44,24 +39,11 @@ HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",  # an address may hold the token
 }
-PAGE_CHANGES = {  # of viser's page: its loader and the script that this writes have the nonce
-    "<script data-p=": '<script nonce="NONCE" data-p=',
-    "const d=document.currentScript.dataset;": (
-        "const {dataset:d,nonce:pass}=document.currentScript;"
-    ),
-    'e.type="module";': 'e.type="module";e.nonce=pass;',
-}
-# of ours in viser's page, in this order
-SCENE_SCRIPTS = tuple(Path(__file__).with_name(name) for name in ("page.js", "boxes.js"))
 LOG = logging.getLogger("race web")
 # Within which a visitor sends a whole request [s]
 OPEN_TIMEOUT = 5.0
 # Between two lines that say that files cannot be opened [s]
 QUIET = 60.0
-
-Serves = Callable[[ServerConnection], Awaitable[None]]
-ProcessRequest = Callable[[ServerConnection, Request], Response | None]
-_patching = threading.Lock()
 
 
 class Guard:
@@ -74,13 +56,13 @@ class Guard:
             the page.
 
     Attributes:
-        server: viser's server, after its start.
         link: receiver of the messages of the page's own scripts.
+        downloads: the files that wait for visitors.
     """
 
     def __init__(self, host: str, port: int, token: str | None, has_shell: bool = True):
-        self.server: viser.ViserServer | None = None
         self.link = Link()
+        self.downloads = Downloads()
         names = (host, "127.0.0.1", "localhost", "::1")
         self._hosts = {host_and_port(name, port) for name in names}
         # A server that listens on all interfaces does not have a fixed name.
@@ -89,35 +71,28 @@ class Guard:
         self._has_shell = has_shell
         self._cookie = f"race{port}"
 
-    @contextmanager
-    def guarding(self) -> Iterator[None]:
-        """Guard the viser server that starts in this context: viser has no argument for that."""
-        original = websockets_server.serve
+    def guarding(self) -> AbstractContextManager[None]:
+        """Guard the viser server that starts in this context."""
+        return serving(
+            self._serves,
+            lambda viser_answers: partial(self._process, viser_answers),
+            create_connection=PageConnection,
+            max_size=MAX_BYTES,
+            open_timeout=OPEN_TIMEOUT,
+            logger=LOG,
+        )
 
-        def serve(
-            viser_serves: Serves, *arguments: Any, process_request: ProcessRequest, **keywords: Any
-        ) -> Any:
-            async def serves(connection: ServerConnection) -> None:
-                if is_link(connection):
-                    await self.link.serve(connection)
-                else:
-                    await viser_serves(connection)
+    def _serves(self, viser_serves: Serves) -> Serves:
+        """Return the function that serves a websocket: one of the link, or of the scene."""
 
-            keywords |= {
-                "process_request": partial(self._process, process_request),
-                "create_connection": partial(PageConnection, self._find_control),
-                "max_size": MAX_BYTES,
-                "open_timeout": OPEN_TIMEOUT,
-                "logger": LOG,
-            }
-            return original(serves, *arguments, **keywords)
+        async def serves(connection: ServerConnection) -> None:
+            if is_link(connection):
+                await self.link.serve(connection)
+                return
+            SEAT.set(seat_in(path_of(connection.request)) or "")
+            await viser_serves(connection)
 
-        with _patching:
-            websockets_server.serve = serve  # type: ignore[misc,assignment]
-            try:
-                yield
-            finally:
-                websockets_server.serve = original  # type: ignore[misc]
+        return serves
 
     def _process(
         self, viser_answers: ProcessRequest, connection: ServerConnection, request: Request
@@ -126,21 +101,23 @@ class Guard:
         response = self.refusal(connection, request)
         if response is None and request.headers.get("Upgrade") == "websocket":
             return viser_answers(connection, request)
-        path = urlsplit(request.path).path
-        scene = SCENE if self._has_shell else "/"
+        path = path_of(request)
+        is_scene = seat_in(path) is not None if self._has_shell else path == "/"
         policy = POLICY
         frames = "DENY"
         caching = "no-store"
-        if response is None and path == scene:
+        if response is None and is_scene:
             nonce = secrets.token_urlsafe(18)
             around = "'self'" if self._has_shell else "'none'"
             policy = SCENE_POLICY.format(nonce=nonce, around=around)
             frames = "SAMEORIGIN" if self._has_shell else "DENY"
-            response = scene_response(nonce)
+            response = scene_response(nonce, scene_alone=self._has_shell)
         elif response is None and self._has_shell:
-            response = own_response(path, request)
-            if response is not None:
-                caching = "no-cache"  # is asked for again, with its ETag
+            response = self.downloads.response(path)
+            if response is None:
+                response = own_response(path, request)
+                if response is not None:
+                    caching = "no-cache"  # is asked for again, with its ETag
         response = response or connection.respond(HTTPStatus.NOT_FOUND, "there is no such page\n")
         response.headers["Content-Security-Policy"] = policy
         response.headers["X-Frame-Options"] = frames
@@ -183,18 +160,6 @@ class Guard:
         """Compare with the token in constant time."""
         return text.isascii() and secrets.compare_digest(text, self._token or "")
 
-    def _find_control(self, uuid: str) -> Control | None:
-        """Return a control of the page or of one visitor's own windows."""
-        if self.server is None:
-            return None
-        clients = self.server.get_clients().values()
-        for gui in (self.server.gui, *(client.gui for client in clients)):
-            # viser has no public way from a uuid to a control.
-            control: Any = gui._gui_input_handle_from_uuid.get(uuid)
-            if control is not None:
-                return control
-        return None
-
 
 def host_and_port(host: str, port: int) -> str:
     """Return host and port in the format of an address."""
@@ -210,32 +175,17 @@ def cookie_of(request: Request, name: str) -> str:
     return ""
 
 
-def scene_response(nonce: str) -> Response:
-    """Return viser's page with our scripts; every script in it has the nonce."""
-    body = _viser_page().replace("NONCE", nonce).encode()
+def path_of(request: Request | None) -> str:
+    """Return the path of a request, without what it asks for."""
+    return urlsplit(request.path).path if request else ""
+
+
+def scene_response(nonce: str, scene_alone: bool) -> Response:
+    """Return viser's page, in which every script has the nonce."""
+    body = scene_page(scene_alone).replace("NONCE", nonce).encode()
     size = str(len(body))
     headers = Headers({"Content-Type": "text/html; charset=utf-8", "Content-Length": size})
     return Response(HTTPStatus.OK, "OK", headers, body)
-
-
-@cache
-def _viser_page() -> str:
-    """Return viser's page with PAGE_CHANGES and our scripts.
-
-    Raises:
-        RuntimeError: the version of viser is not the pinned one.
-    """
-    file = Path(viser.__file__).parent / "client/build/index.html"
-    page = file.read_text(encoding="utf-8")
-    scripts = [script.read_text(encoding="utf-8") for script in SCENE_SCRIPTS]
-    elements = "".join(f'<script nonce="NONCE">{script}</script>' for script in scripts)
-    ours = {"</head>": f"{elements}</head>"}
-    for old, new in (PAGE_CHANGES | ours).items():
-        if page.count(old) != 1:
-            where = f"PAGE_CHANGES in {__file__}"
-            raise RuntimeError(f"viser {viser.__version__}: its page has no {old!r}; see {where}")
-        page = page.replace(old, new)
-    return page
 
 
 def shorten_record(record: logging.LogRecord) -> bool:

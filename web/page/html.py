@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
-from pathlib import Path
 
 from quadsim.palette import Style
 from quadsim.web.competitor import Competitor
@@ -17,9 +16,6 @@ GREY = "#e2e6ec"  # values that are neither good nor bad
 TEXT = "12px"  # the smallest size of a text
 MONOSPACE = "ui-monospace,Menlo,Consolas,monospace"
 MONO = {"font_family": MONOSPACE, "font_variant_numeric": "tabular-nums"}
-
-# of viser's own panels, which stand in the frame of the scene
-STYLE = f"<style>{Path(__file__).with_name('page.css').read_text(encoding='utf-8')}</style>"
 
 
 def text(value: object) -> str:

@@ -1,8 +1,8 @@
 """Link: messages between the page's own scripts and the server, beside viser's.
 
-viser transmits only the values of its own controls. All other messages of the page's scripts, such
-as a click in a table or the sticks of a gamepad, are sent as JSON over a separate websocket, at
-LINK_PATH of the same server. A message is an object whose `type` names its form:
+Whatever the page's scripts ask for, such as a number of a form or the sticks of a gamepad, is sent
+as JSON over a separate websocket, at LINK_PATH of the same server. A message is an object whose
+`type` names its form:
 
     {"type": "seek", "t": 1.25}
 
@@ -113,6 +113,11 @@ class Link:
         """Send a message to every open page. Any thread may call it."""
         for visitor in tuple(self._visitors.values()):
             visitor.send(message)
+
+    @property
+    def has_visitors(self) -> bool:
+        """Whether any page is open."""
+        return bool(self._visitors)
 
     async def serve(self, connection: ServerConnection) -> None:
         """Handle the messages of one page until it is closed."""

@@ -1,23 +1,19 @@
-"""Messages that visitors may send: camera, values of controls, keys, pictures, handles, clicks.
+"""Messages that visitors may send to the scene: camera, pictures, handles, clicks.
 
-viser would set any attribute of a control to any value. Here a message is accepted only if it has
-the form of a message of the page, and a control's value only if it is valid for that control. The
-pose of a handle has to be within FARTHEST, with a unit quaternion; viser forwards it only to
-existing handles.
+The scene has no controls, so that viser's messages about them are dropped. The pose of a handle has
+to be within FARTHEST, with a unit quaternion; viser forwards it only to existing handles.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
 from itertools import chain
 from math import hypot, isfinite
 from typing import Annotated, Any
 from urllib.parse import urlsplit
 
 import msgspec
-import viser
 from websockets.asyncio.server import ServerConnection
 from websockets.protocol import State
 from websockets.typing import Data
@@ -26,7 +22,7 @@ from quadsim.files.yaml_errors import cut
 from quadsim.web.page.link import LINK_PATH
 
 MAX_BYTES = 16 * 1024 * 1024  # largest message; a rendered picture is the largest of a page
-MAX_TEXT = 200  # largest number of characters of a control's value
+MAX_TEXT = 200  # largest number of characters of a text of a message
 FARTHEST = 1e4  # largest coordinate of a handle, as in a course file [m]
 UNIT = 1e-3  # largest error of the norm of a handle's quaternion
 
@@ -48,29 +44,6 @@ class CameraMessage(
     image_width: float
     look_at: Vector
     up_direction: Vector
-
-
-class Update(msgspec.Struct, forbid_unknown_fields=True):
-    """The attributes of a control that may be set: only its value."""
-
-    value: bool | int | float | Text
-
-
-class ValueMessage(
-    msgspec.Struct, tag="GuiUpdateMessage", tag_field="type", forbid_unknown_fields=True
-):
-    """A value of a control."""
-
-    uuid: Text
-    updates: Update
-
-
-class KeyMessage(
-    msgspec.Struct, tag="CommandTriggerMessage", tag_field="type", forbid_unknown_fields=True
-):
-    """A key that was pressed."""
-
-    uuid: Text
 
 
 class PictureMessage(
@@ -136,8 +109,6 @@ class ClickMessage(
 
 _DECODER = msgspec.msgpack.Decoder(
     CameraMessage
-    | ValueMessage
-    | KeyMessage
     | PictureMessage
     | HandleMessage
     | DragStartMessage
@@ -145,12 +116,8 @@ _DECODER = msgspec.msgpack.Decoder(
     | ClickMessage
 )
 
-Control = viser.GuiInputHandle[Any] | viser.GuiButtonHandle | viser.GuiButtonGroupHandle
-# returns the control with a uuid
-FindControl = Callable[[str], Control | None]
 
-
-def problem_of(data: Data, find_control: FindControl) -> str:
+def problem_of(data: Data) -> str:
     """Return one line with the reason why a message is rejected, "" if it is accepted."""
     if isinstance(data, str):
         return "expected a binary message, got a text"
@@ -163,27 +130,7 @@ def problem_of(data: Data, find_control: FindControl) -> str:
         return "expected a camera of finite numbers"
     if isinstance(message, HandleMessage) and not _is_pose(message):
         return f"expected a handle within {FARTHEST:g} m and a unit quaternion"
-    if isinstance(message, ValueMessage):
-        control = find_control(message.uuid)
-        if control is None or not accepts(control, message.updates.value):
-            return f"no control has the value {message.updates.value!r}"
     return ""
-
-
-def accepts(control: Control, value: bool | int | float | str) -> bool:
-    """Return whether a value is valid for a control."""
-    if control.disabled or not control.visible:
-        return False
-    match control:
-        case viser.GuiButtonHandle() | viser.GuiCheckboxHandle():
-            return isinstance(value, bool)
-        case viser.GuiDropdownHandle() | viser.GuiButtonGroupHandle():
-            return value in control.options
-        case viser.GuiSliderHandle() | viser.GuiNumberHandle():
-            return _is_number(value) and _is_between(value, control.min, control.max)
-        case viser.GuiTextHandle():
-            return isinstance(value, str)
-    return False
 
 
 def _is_finite(camera: CameraMessage) -> bool:
@@ -197,14 +144,6 @@ def _is_pose(handle: HandleMessage) -> bool:
     """Return whether the pose of a handle is valid for a part of a course."""
     is_near = all(abs(coordinate) <= FARTHEST for coordinate in handle.position)
     return is_near and abs(hypot(*handle.wxyz) - 1.0) <= UNIT
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
-
-
-def _is_between(value: Any, low: float | None, high: float | None) -> bool:
-    return (low is None or value >= low) and (high is None or value <= high)
 
 
 def is_link(connection: ServerConnection) -> bool:
@@ -222,16 +161,9 @@ class PageConnection(ServerConnection):
     """A connection that receives only accepted messages, and logs the first rejected one.
 
     The messages of a link are not checked here, as the link checks them.
-
-    Args:
-        find_control: function from a uuid to the control.
-        arguments, keywords: arguments of websockets' own class.
     """
 
-    def __init__(self, find_control: FindControl, *arguments: Any, **keywords: Any):
-        super().__init__(*arguments, **keywords)
-        self._find_control = find_control
-        self._has_logged = False
+    _has_logged = False
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Begin; the oldest of too many connections without a whole request is dropped.
@@ -253,7 +185,7 @@ class PageConnection(ServerConnection):
             data = await super().recv(decode)
             if is_link(self):
                 return data
-            problem = problem_of(data, self._find_control)
+            problem = problem_of(data)
             if not problem:
                 return data
             if not self._has_logged:

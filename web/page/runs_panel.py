@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Annotated, get_args
 from urllib.parse import urlencode
 
-import viser
 from msgspec import Meta
 
 from quadsim.heat.archive import is_heat
@@ -27,9 +26,8 @@ from quadsim.web.again import AgainChoices, HeatAgainChoices
 from quadsim.web.campaign_reports import CampaignReports, ReportRow
 from quadsim.web.competitor import Competitor
 from quadsim.web.line_up_link import MOST_BYTES
-from quadsim.web.page.html import box, div, element, small, text
+from quadsim.web.next_start import NextStart
 from quadsim.web.page.link import LinkVisitor, Message
-from quadsim.web.page.race_panel import RacePanel
 from quadsim.web.page.server import PageServer
 from quadsim.web.race import PageRace
 from quadsim.web.run_table import RunRow, RunTable
@@ -148,10 +146,10 @@ Request = (
 class RunsPanel:
     """Answers the pages' requests about stored runs and campaigns, until `close`."""
 
-    def __init__(self, server: PageServer, session: Session, race: RacePanel):
+    def __init__(self, server: PageServer, session: Session, start: NextStart):
         self._link = server.link
         self._session = session
-        self._race = race
+        self._start = start
         self._table = RunTable(session.root)
         self._reports = CampaignReports(session.root)
         self._wordings: dict[str, RunWording] = {}
@@ -203,7 +201,7 @@ class RunsPanel:
                 case TakeOverRun(name):
                     self._take_over(visitor, name)
                 case SetUpRace(line_up):
-                    self._race.set_up(line_up)
+                    self._start.set_up(line_up)
                 case FlyAgain(name):
                     self._fly_again(name)
                 case WordRun(name):
@@ -240,12 +238,12 @@ class RunsPanel:
         courses = {read_row(run).course for run in runs}
         if len(courses) > 1:
             raise ValueError(f"against: expected runs of one course, got {', '.join(courses)}")
-        self._race.fly_against([folder.name for folder in folders], *courses)
+        self._start.fly_against([folder.name for folder in folders], *courses)
 
     def _take_over(self, visitor: LinkVisitor, name: str) -> None:
         """Add a competitor for each run of a row. Raises ValueError, RunError."""
         for run in runs_at(self._path(name)):
-            found = self._race.take_over(load_reportable(run).spec)
+            found = self._start.take_over(load_reportable(run).spec)
             if found.differs:
                 differs = ", ".join(found.differs)
                 remark = f"taken over; the race keeps its own settings: the run had {differs}"
@@ -277,19 +275,6 @@ class RunsPanel:
                 remark = why_not_repeatable(run)
             self._wordings[name] = RunWording(name, texts.command, texts.python, remark)
         return self._wordings[name]
-
-
-def show_link(client: viser.ClientHandle, link: str) -> None:
-    """Open a window with an address to copy on one visitor's page.
-
-    link: the part after the address of the page, see `link_to`.
-    """
-    with client.gui.add_modal("Link to what is shown") as modal:
-        shown = div(element("code", text(link), word_break="break-all"), margin="4px 0 8px")
-        copy = f'<button data-copy-link="{text(link)}">Copy the address</button>'
-        note = "It opens this for everybody who looks at the page then."
-        client.gui.add_html(box(shown, copy, small(note)))
-        client.gui.add_button("Close").on_click(lambda _: modal.close())
 
 
 def link_to(entries: Sequence[Competitor], t: float, camera: str, root: str) -> str:

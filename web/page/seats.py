@@ -1,23 +1,41 @@
-"""Seats: secret names that relate the two connections of a visitor, viser's and the link."""
+"""Seats: secret names that relate the two connections of a visitor, viser's and the link.
+
+A page draws the name of its seat, opens the scene at the address /scene/NAME, and says the name
+over the link.
+"""
 
 from __future__ import annotations
 
-import secrets
+import re
+from contextvars import ContextVar
 from typing import Annotated
 
 import viser
 from msgspec import Meta
 
-SEAT = 16  # bytes of a seat's name
+from quadsim.web.page.link import LinkVisitor
 
-Seat = Annotated[str, Meta(max_length=4 * SEAT)]
+SCENE = "/scene/"  # where viser's page is, in a frame of the page
+NAME = re.compile(r"[A-Za-z0-9_-]{16,64}")
+
+Seat = Annotated[str, Meta(max_length=64)]
+
+# of the connection that is being served; empty: it has none
+SEAT: ContextVar[str] = ContextVar("seat", default="")
+
+
+def seat_in(path: str) -> str | None:
+    """Return the name of the seat in the path of a scene; None: the path is of no scene."""
+    name = path.removeprefix(SCENE)
+    return name if name != path and NAME.fullmatch(name) else None
 
 
 class Seats:
-    """Gives each of viser's visitors a seat, which the page's own scripts send over the link."""
+    """Knows who sits where: which visitor of viser's, and which one of the link."""
 
     def __init__(self, server: viser.ViserServer):
         self._clients: dict[str, viser.ClientHandle] = {}
+        self._seats: dict[int, str] = {}
         server.on_client_connect(self._sit)
         server.on_client_disconnect(self._leave)
 
@@ -25,10 +43,21 @@ class Seats:
         """Return viser's visitor at a seat; None: there is none, or not yet."""
         return self._clients.get(seat)
 
-    def _sit(self, client: viser.ClientHandle) -> None:
-        name = secrets.token_urlsafe(SEAT)
-        self._clients[name] = client
-        client.gui.add_html(f'<div hidden data-seat="{name}"></div>', order=1e6)
+    def relate(self, visitor: LinkVisitor, seat: str) -> None:
+        """Remember the seat of a visitor of the link."""
+        self._seats[visitor.number] = seat
+
+    def forget(self, visitor: LinkVisitor) -> None:
+        """Forget a visitor of the link."""
+        self._seats.pop(visitor.number, None)
+
+    def client_beside(self, visitor: LinkVisitor) -> viser.ClientHandle | None:
+        """Return viser's visitor who is this one of the link; None: there is none yet."""
+        return self.client_of(self._seats.get(visitor.number, ""))
+
+    async def _sit(self, client: viser.ClientHandle) -> None:
+        # viser runs a coroutine where its connection is served, a plain function elsewhere.
+        self._clients[SEAT.get()] = client
 
     def _leave(self, client: viser.ClientHandle) -> None:
         left = [name for name, one in self._clients.items() if one.client_id == client.client_id]

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import asyncio
 import errno
 import secrets
 import socket
 import warnings
-from typing import Any
 
 import rich
 import viser
 
 from quadsim.web.page.guard import ALL_INTERFACES, Guard, host_and_port
+from quadsim.web.page.seats import Seats
+from quadsim.web.page.viser_private import wake_on_the_loop
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 # addresses reserved for documentation: a socket to one shows the interface in use
@@ -35,11 +35,16 @@ class PageServer(viser.ViserServer):
 
     Attributes:
         link: receiver of the messages of the page's own scripts.
+        downloads: the files that wait for visitors.
+        seats: who sits where.
     """
 
     def __init__(self, guard: Guard, host: str, port: int, label: str):
         super().__init__(host=host, port=port, label=label, verbose=False)
         self.link = guard.link
+        self.downloads = guard.downloads
+        self.seats = Seats(self)
+        self.link.on_leave(self.seats.forget)
 
 
 def serve(
@@ -68,7 +73,6 @@ def serve(
     if server.get_port() != port:
         server.stop()
         raise ValueError(f"port: {port} on {host} was taken in this moment; choose another")
-    guard.server = server
     wake_on_the_loop(server)
     return server
 
@@ -114,45 +118,3 @@ def address(host: str, port: int) -> str:
         except OSError:  # no network
             host = socket.gethostname()
     return f"http://{host_and_port(host, port)}/"
-
-
-class LoopEvent(asyncio.Event):
-    """An event that can be set only on its own event loop.
-
-    viser sets the event of a buffer of messages twice: at once on the sending thread, and again on
-    the loop. The first call is not safe for an asyncio.Event: it raises "deque mutated during
-    iteration" if the loop adds a waiter meanwhile. It can be dropped, as the second call follows.
-    """
-
-    def set(self) -> None:
-        """Set the event; no effect outside the loop's thread."""
-        try:
-            asyncio.get_running_loop()
-        except RuntimeError:  # another thread
-            return
-        super().set()
-
-
-def wake_on_the_loop(server: viser.ViserServer) -> None:
-    """Make viser wake waiting pages only on the event loop; call it before the first page."""
-    websocket_server = server._websock_server
-
-    def on_connect(connection: Any) -> None:
-        connection.get_message_buffer().message_event = LoopEvent()
-
-    websocket_server.get_message_buffer().message_event = LoopEvent()
-    websocket_server.on_client_connect(on_connect)
-
-
-def forget_removed(server: viser.ViserServer) -> None:
-    """Let the server forget removed nodes when every open page has received the removal.
-
-    viser itself does so only when a new page connects; until then the messages that remove a race's
-    charts accumulate from race to race. The call is not forced, so that removals are kept until all
-    open pages have received them; otherwise a page would show the last race's drones for ever.
-
-    The method is private in viser 1.1.1, the pinned version. If a later version lacks the method,
-    look for its replacement in the code for new connections, or drop this call if
-    tests/web/test_memory.py passes without it.
-    """
-    server._run_garbage_collector()

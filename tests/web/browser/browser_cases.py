@@ -1,7 +1,4 @@
-"""A page in a real browser: its controls by their labels, as a person finds them.
-
-The page's own controls and viser's, which are in the frame of the scene, are found alike.
-"""
+"""A page in a real browser: its controls by their labels, as a person finds them."""
 
 import re
 from contextlib import contextmanager
@@ -13,10 +10,6 @@ from quadsim.web.choices import PILOT, Choices
 from quadsim.web.menu import Menu
 
 SLOW = 120_000  # [ms] a first frame drawn in software, on a busy machine
-ATTEMPTS = 4  # to choose from a menu
-# viser's page sends at most one change of its controls in 50 ms and keeps the last one: of two that
-# follow each other faster than a person's the first may be lost.
-HELD_BACK = 100  # [ms]
 WIDE = {"width": 1200, "height": 800}
 # The 3D scene is drawn in software, so it gets fewer pixels than the screen has ...
 DRAWN = "?fixedDpr=0.2"
@@ -61,75 +54,75 @@ def opened(browser, address, viewport=None):
         page.add_init_script(f"({FEWER_PICTURES})()")
         listen(page)
         page.goto(address)
-        scene(page).get_by_text("Course editor").first.wait_for()
+        drawer(page).get_by_label("Seed", exact=True).wait_for()
         yield page
 
 
 def scene(page):
-    """The frame of the scene and of the settings."""
-    page.locator("iframe[src]").wait_for()
+    """The frame of the scene."""
+    assert waited(page, lambda: "/scene/" in page.frame("scene").url)
     return page.frame("scene")
 
 
 def drawer(page):
-    """The same frame, with the settings in sight."""
+    """The settings, in sight."""
     toggle = page.locator("[data-act=settings]")
     if toggle.get_attribute("aria-expanded") != "true":
         toggle.click()
-    return scene(page)
+    return page.locator(".drawer")
 
 
-def row(page, label):
-    """A control of the settings with its label."""
-    label = drawer(page).locator("label").filter(has_text=re.compile(f"^{re.escape(label)}$"))
-    return label.locator("xpath=ancestor::div[contains(@class,'Flex-root')][1]")
+def group(page, title):
+    """An open group of the settings."""
+    found = (
+        drawer(page)
+        .locator("details")
+        .filter(has=page.locator("> summary", has_text=re.compile(f"^{re.escape(title)}$")))
+    )
+    if found.last.get_attribute("open") is None:
+        found.last.locator("> summary").click()
+    return found.last
 
 
 def field(page, label):
-    """The inputs of a control."""
-    return row(page, label).locator("input:not([type=hidden])")
+    """The box, choice or tick of a field; a label may lack its unit."""
+    wanted = re.compile(rf"^{re.escape(label)}( \[.*\])?$")
+    found = drawer(page).locator(".field").filter(has=page.locator("label", has_text=wanted))
+    return found.locator("select, input:not([type=range])")
 
 
 def choose(page, label, option):
-    """Choose an option; open the menu again where the page has moved it under the pointer."""
-    from playwright.sync_api import TimeoutError  # here, as playwright may be missing
-
-    if field(page, label).first.input_value() == option:
-        return
-    wanted = scene(page).get_by_role("option", name=option, exact=True)
-    for _ in range(ATTEMPTS - 1):
-        field(page, label).click()
-        try:
-            wanted.click(timeout=SLOW / 10)
-        except TimeoutError:
-            page.keyboard.press("Escape")
-        else:
-            return
-    field(page, label).click()
-    wanted.click()
+    """Choose an option of a field."""
+    field(page, label).select_option(option)
 
 
 def fill(page, label, value):
-    """Type a value once the control can be changed: a slider in flight can soon after START."""
-    field(page, label).last.wait_for()
-    slider = row(page, label).locator("[role=slider]")
-    if slider.count():
-        assert waited(page, lambda: slider.first.get_attribute("aria-disabled") != "true")
-    enter(page, label, value)
-
-
-def enter(page, label, value):
-    """Type a value, whether or not the control can be changed."""
-    box = field(page, label).last
+    """Type a value once the field can be changed: a number in flight can soon after START."""
+    assert waited(page, lambda: field(page, label).is_enabled())
+    box = field(page, label)
     box.fill(str(value))
     box.press("Enter")
-    page.wait_for_timeout(HELD_BACK)
+
+
+def error_of(page, label):
+    """What stands beside a field."""
+    wanted = re.compile(rf"^{re.escape(label)}( \[.*\])?$")
+    found = drawer(page).locator(".field").filter(has=page.locator("label", has_text=wanted))
+    return found.locator(".error").inner_text()
 
 
 def add_rival(page, sampler):
     """Add a competitor, a copy of the one that is edited, with another sampler."""
-    press(page, "add")
+    add(page)
     choose(page, "Sampler", sampler)
+
+
+def add(page):
+    """Add a competitor and wait until it is the one that is edited."""
+    count = rows(page).count()
+    press(page, "add")
+    assert waited(page, lambda: rows(page).count() == count + 1)
+    assert waited(page, lambda: rows(page).last.get_attribute("aria-pressed") == "true")
 
 
 def alone(page):
@@ -150,17 +143,17 @@ def rows(page):
 
 
 def button(page, name):
-    """A button of the page, or else of the settings, unless the table of runs is over them."""
-    own = page.get_by_role("button", name=name, exact=True)
-    if own.count() or page.locator(".race-sheet:visible").count():
-        return own
-    return drawer(page).get_by_role("button", name=name, exact=True)
+    """A button of the page, or else of its settings."""
+    named = re.compile(f"^{re.escape(name)}$")
+    found = page.locator("button:not([data-row]):visible").filter(has_text=named)
+    if found.count() or page.locator(".race-sheet:visible").count():
+        return found
+    return drawer(page).locator("button:not([data-row]):visible").filter(has_text=named)
 
 
 def press(page, name):
     assert waited(page, lambda: button(page, name).count() > 0), name
     button(page, name).click()
-    page.wait_for_timeout(HELD_BACK)
 
 
 def head(page):

@@ -6,11 +6,13 @@ test_flights_in_browser.
 
 import pytest
 from browser_cases import (
+    add,
     alone,
     choose,
     drawer,
     field,
     fill,
+    group,
     press,
     rows,
     waited,
@@ -26,7 +28,7 @@ SAMPLERS = ("colored", "gaussian")
 
 
 def shown(page, label):
-    return float(field(page, label).last.input_value())
+    return float(field(page, label).input_value())
 
 
 def changes(session):
@@ -54,8 +56,7 @@ def preset(page):
 def test_each_competitor_flies_numbers_of_its_own(page, session):
     """Two of one sampler differ in name, colour and line, and in one number."""
     fill(page, "Samples", 512)
-    press(page, "add")
-    assert waited(page, lambda: rows(page).count() == 2)
+    add(page)
     fill(page, "Samples", 2048)
     fill(page, "Sigma scale", 1.5)
     assert waited(page, lambda: "sigma scale 1.5 · samples 2048" in rows(page).last.inner_text())
@@ -76,14 +77,17 @@ def test_each_competitor_flies_numbers_of_its_own(page, session):
 def test_a_drag_is_one_change_at_the_time_of_the_plan_that_used_it(page, session):
     session.tell(PageRace.set_speed, 0.2)  # the flight lasts while a busy machine finds the slider
     start(page, session)
-    slider = drawer(page).get_by_role("slider", name="Sigma scale now").locator("xpath=../..")
+    group(page, "Numbers in flight")
+    slider = drawer(page).get_by_role("slider", name="Sigma scale now")
+    assert waited(page, slider.is_enabled)
     slider.scroll_into_view_if_needed()
     box = slider.bounding_box()
     y = box["y"] + box["height"] / 2
     page.mouse.move(box["x"] + 0.3 * box["width"], y)
     page.mouse.down()
-    # Quickly, as a slider that rests for half a second acts
-    page.mouse.move(box["x"] + 0.65 * box["width"], y, steps=4)
+    page.mouse.move(box["x"] + 0.65 * box["width"], y, steps=8)
+    page.wait_for_timeout(800)  # a slider that is held does not act
+    assert not changes(session)[0]
     page.mouse.up()
     assert waited(page, lambda: changes(session)[0])
     last = shown(page, "Sigma scale now")
@@ -100,16 +104,13 @@ GROUPS = ["Sampling", "MPPI", "Cost", "Model of the vehicle"]
 
 def groups(page):
     """The titles of the groups of numbers, in order."""
-    script = """titles => [...document.querySelectorAll("div")]
-        .filter(e => titles.includes(e.childNodes[0]?.nodeType === 3 && e.firstChild.textContent))
-        .map(e => e.firstChild.textContent)"""
-    return drawer(page).evaluate(script, GROUPS)
+    return drawer(page).locator(".fold > summary").all_text_contents()
 
 
 def test_presets_chosen_quickly_leave_one_set_of_groups_with_the_last_ones_numbers(
     page, session, capfd
 ):
-    drawer(page).get_by_text("All numbers", exact=True).click()
+    group(page, "All numbers")
     for preset in ("paper", "race", "paper", "race", "paper"):
         choose(page, "Preset", preset)
     choose(page, "Sampler", "gaussian")
@@ -117,15 +118,12 @@ def test_presets_chosen_quickly_leave_one_set_of_groups_with_the_last_ones_numbe
     assert waited(page, lambda: groups(page) == GROUPS), groups(page)
     page.wait_for_timeout(300)
     assert groups(page) == GROUPS
-    drawer(page).get_by_text("Cost", exact=True).click()
+    group(page, "Cost")
     speed = PRESETS["paper"]["colored"].cost.desired_speed
-    assert waited(
-        page, lambda: float(field(page, "Desired speed [m/s]").first.input_value()) == speed
-    )
+    assert waited(page, lambda: float(field(page, "Desired speed [m/s]").input_value()) == speed)
     start(page, session)
     assert session.snapshot.competitors[0].spec["preset"] == "paper"
     assert planners(session)[0]["cost"]["desired_speed"] == speed
     assert "Traceback" not in "".join(capfd.readouterr())
-    drawer(page).get_by_text("All numbers", exact=True).click()
     choose(page, "Preset", "race")
     choose(page, "Vehicle", "swift")

@@ -3,9 +3,9 @@
 import pytest
 from browser_cases import (
     choose,
-    drawer,
     field,
     fill,
+    group,
     press,
     scene,
     waited,
@@ -84,7 +84,7 @@ def test_keys_act_again_after_a_number_was_typed(page, session):
 
 
 def acts_after(page, key):
-    box = field(page, "Seed").first
+    box = field(page, "Seed")
     box.click()
     page.keyboard.press("c")
     assert pressed(page) == ["free"]  # the box has it
@@ -96,10 +96,12 @@ def acts_after(page, key):
 
 
 def test_keys_act_after_a_choice_and_a_tick_by_mouse(page, session):
+    group(page, "View")
     choose(page, "Trails", "speed")
+    field(page, "Trails").evaluate("e => e.blur()")  # as a choice by mouse does
     page.keyboard.press("c")
     assert waited(page, lambda: pressed(page) == ["chase"], 5)
-    tick = drawer(page).get_by_label("True size")
+    tick = field(page, "True size")
     tick.click()
     tick.click()
     page.keyboard.press("c")
@@ -112,8 +114,8 @@ def test_no_text_is_smaller_than_12_pixels(page, session, root):
     session.tell(PageRace.start, [choices("colored", laps=2)], [run])
     assert waited(page, lambda: session.snapshot.t > 0.2)
     session.tell(PageRace.play, False)
-    inside = drawer(page)
-    assert waited(page, lambda: inside.evaluate(SMALL) == [], 3), inside.evaluate(SMALL)
+    for title in ("Numbers in flight", "All numbers", "View"):
+        group(page, title)
     for tab in ("Laps", "Events", "Planner", "Signals"):
         page.get_by_role("tab", name=tab, exact=True).click()
         assert waited(page, lambda: page.evaluate(SMALL) == [], 3), page.evaluate(SMALL)
@@ -124,14 +126,12 @@ def test_a_camera_picture_is_shown_when_it_is_asked_for(page, session, root):
     session.tell(PageRace.start, [], [stored(root, "colored", laps=2)])
     session.tell(PageRace.play, False)
     session.tell(PageRace.scrub, 0.2)
-    inside = drawer(page)
-    inside.get_by_text("Camera pictures", exact=True).click()
-    picture = inside.get_by_alt_text("What the camera of colored at 0.20 s sees")
+    group(page, "View")
+    picture = page.get_by_alt_text("What the camera of colored at 0.20 s sees")
     assert picture.count() == 0
-    inside.get_by_label("Show them").check()
+    field(page, "Camera pictures").check()
     picture.wait_for()
     assert picture.evaluate("e => e.naturalWidth") == 320
-    inside.get_by_label("Show them").uncheck()
+    field(page, "Camera pictures").uncheck()
     picture.wait_for(state="detached")
-    inside.get_by_text("Camera pictures", exact=True).click()
     assert page.complaints == []

@@ -1,14 +1,17 @@
 """Claims that a page comes back after the server was away."""
 
+from contextlib import ExitStack, contextmanager
+
 import pytest
 from browser_cases import (
+    DRAWN,
     opened,
     scene,
     waited,
 )
-from web_cases import free_port
+from web_cases import COURSE, MENU, Gliders, free_port, served
 
-from quadsim.web.page.server import serve
+from quadsim.web.choices import Choices
 
 pytestmark = pytest.mark.browser
 
@@ -19,24 +22,26 @@ MANY_FAILURES = """() => Promise.all([...Array(40)].map(() => new Promise(done =
     socket.onclose = done; })))"""
 
 
-def served(port, words):
-    server = serve("127.0.0.1", port, None, "race")
-    server.gui.add_html(f"<p>Course editor</p><p>{words}</p>")
-    return server
-
-
-def test_after_a_long_outage_the_page_connects_again(browser):
+def test_after_a_long_outage_the_page_and_its_scene_connect_again(browser, tmp_path):
     port = free_port()
-    server = served(port, "the first server")
-    with opened(browser, f"http://127.0.0.1:{port}/?fixedDpr=0.2") as page:
-        server.stop()
+    with opened_page(browser, port, tmp_path) as page:
+        seat = scene(page).url
         lost = page.get_by_role("status").filter(has_text="Disconnected")
         lost.first.wait_for()
+        assert "disconnected" in page.title()
         page.evaluate(MANY_FAILURES)
         assert lost.count() == 1
-        server = served(port, "the second server")
-        try:
-            there = scene(page).get_by_text("the second server")
-            assert waited(page, lambda: there.count() == 1 and lost.count() == 0, 15)
-        finally:
-            server.stop()
+        with served(tmp_path, Gliders(), MENU, Choices(course=COURSE), port) as again:
+            assert waited(page, lambda: lost.count() == 0, 15)
+            assert waited(page, lambda: len(again.server.get_clients()) == 1, 15)
+            assert scene(page).url != seat
+            assert page.title() == "race"
+
+
+@contextmanager
+def opened_page(browser, port, root):
+    """The page of a server that has ended."""
+    with ExitStack() as stack:
+        with served(root, Gliders(), MENU, Choices(course=COURSE), port):
+            page = stack.enter_context(opened(browser, f"http://127.0.0.1:{port}/{DRAWN}"))
+        yield page

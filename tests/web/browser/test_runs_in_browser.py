@@ -114,5 +114,5 @@ def test_a_press_in_a_chart_moves_the_time_and_the_pointer_shows_values(page, se
     charts = page.locator('[data-charts="Signals"] .race-chart')
     count = charts.count()
     page.get_by_text("signals", exact=True).click()
-    page.locator("details label", has_text="thrust").click()
+    page.locator(".panes details label", has_text="thrust").click()
     assert waited(page, lambda: charts.count() == count - 1)

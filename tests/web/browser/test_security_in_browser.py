@@ -8,9 +8,11 @@ from contextlib import contextmanager
 import pytest
 from browser_cases import waited
 
-from quadsim.web.page.guard import SCENE
+from quadsim.web.page.seats import SCENE as SCENES
 
 pytestmark = pytest.mark.browser
+
+SCENE = f"{SCENES}a_seat_of_this_test"
 
 
 @pytest.fixture(autouse=True)
@@ -57,8 +59,8 @@ def is_blocked(browser, session, foreign):
         page.goto(f"{scene}&{foreign.format(port)}")
         assert waited(page, lambda: any(str(port) in text for text in blocked))
         page.goto(f"{session.address}&{foreign.format(port)}")
-        page.locator("iframe[src]").wait_for()
-        assert str(port) not in page.locator("iframe").get_attribute("src")
+        assert waited(page, lambda: SCENES in page.frame("scene").url)
+        assert str(port) not in page.frame("scene").url
         assert calls == []
         page.close()
 

@@ -1,5 +1,6 @@
 // What buttons and keys do. Keys act in the page and in the frame of the scene, but not in a box that is typed into.
 import { make } from "./dom.js";
+import * as drawer from "./drawer.js";
 import { send } from "./link.js";
 import * as notes from "./notes.js";
 import { show } from "./parts.js";
@@ -12,8 +13,9 @@ function start() {
   const box = document.querySelector(".seeds .count");
   const asked = Math.round(Number(box.value)) || 1;
   box.value = Math.min(Math.max(asked, Number(box.min)), Number(box.max));
-  scene.leaveBox(() => send({ type: "start", seeds: Number(box.value) }));
-  scene.openSettings(false);
+  document.activeElement.blur(); // a number that stands in a box counts first
+  send({ type: "start", seeds: Number(box.value) });
+  drawer.open(false);
 }
 
 const ACTS = {
@@ -25,7 +27,7 @@ const ACTS = {
   on: () => send({ type: "step", steps: 1 }),
   next: () => send({ type: "next_event" }),
   follow: () => send({ type: "follow_next", seat: scene.seat() }),
-  settings: () => scene.openSettings(!scene.isOpen()),
+  settings: () => drawer.open(!drawer.isOpen()),
   runs: () => runs.open(),
   present,
   help,
@@ -53,7 +55,7 @@ const HELP =
 function present() {
   const on = document.body.classList.toggle("present");
   document.querySelector('[data-act="present"]').ariaPressed = String(on);
-  if (on) scene.openSettings(false);
+  if (on) drawer.open(false);
   dispatchEvent(new Event("resize"));
 }
 
@@ -72,8 +74,7 @@ function key(event) {
   if (target.closest?.(TYPING)) return;
   // The space bar presses the button that has the focus.
   if (event.key === " " && target.closest?.(PRESSED)) return;
-  const inWindow = notes.isOpen() || target.ownerDocument?.querySelector(".mantine-Modal-content");
-  if (inWindow) return;
+  if (notes.isOpen()) return;
   const found = KEYS.find(([name]) => name === event.key.toLowerCase());
   if (!found) return;
   event.preventDefault();

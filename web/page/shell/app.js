@@ -2,6 +2,8 @@
 import * as acts from "./acts.js";
 import * as charts from "./charts.js";
 import * as cockpit from "./cockpit.js";
+import * as drawer from "./drawer.js";
+import * as forms from "./forms.js";
 import * as head from "./head.js";
 import * as link from "./link.js";
 import * as notes from "./notes.js";
@@ -14,6 +16,6 @@ import * as tower from "./tower.js";
 
 const NARROW = "(max-width: 56rem)"; // in which the parts stand one below the other
 
-for (const part of [notes, head, tower, timeline, tabs, charts, runs, cockpit, acts, parts, scene]) part.begin();
-scene.openSettings(!matchMedia(NARROW).matches);
+for (const part of [notes, head, tower, timeline, tabs, charts, forms, runs, cockpit, acts, parts, scene]) part.begin();
+drawer.open(!matchMedia(NARROW).matches);
 link.connect();

@@ -5,7 +5,7 @@ const TAGS = new Set("div span b i p br code img table tbody thead tr th td svg 
 const NAMES = { viewbox: "viewBox", preserveaspectratio: "preserveAspectRatio" };
 const ATTRIBUTES = new Set(
   ("class title alt colspan viewbox preserveaspectratio x y x1 x2 y1 y2 cx cy r width height d points fill stroke " +
-    "stroke-width stroke-dasharray stroke-linecap opacity text-anchor font-size font-weight data-copy-link").split(" "),
+    "stroke-width stroke-dasharray stroke-linecap opacity text-anchor font-size font-weight").split(" "),
 );
 // Sizes and families of letters are those of the page.
 const STYLES = new Set(
@@ -22,6 +22,39 @@ export function make(tag, properties = {}, ...children) {
 // Text into an element, only where it differs: a drawn text is not touched.
 export function say(element, text) {
   if (element.textContent !== text) element.textContent = text;
+}
+
+// Copy a text, and say so on the button that was pressed for it.
+export async function copy(text, button) {
+  try {
+    await navigator.clipboard.writeText(text);
+  } catch {
+    const box = make("textarea", { value: text });
+    document.body.append(box);
+    box.select();
+    document.execCommand("copy");
+    box.remove();
+  }
+  const before = button.textContent;
+  button.textContent = "copied";
+  setTimeout(() => (button.textContent = before), 1500);
+}
+
+// A line in the dashes of a competitor, as the background of an element of this width.
+const LONG = 18; // [px]
+export function dashed(element, colour, dash) {
+  const key = `${colour} ${dash}`;
+  if (element.shown === key) return;
+  element.shown = key;
+  let x = 0;
+  const stops = [];
+  const lengths = dash.length ? dash : [LONG];
+  for (let k = 0; x < LONG; k++) {
+    const end = Math.min(x + lengths[k % lengths.length], LONG);
+    stops.push(`${k % 2 ? "transparent" : colour} ${x}px ${end}px`);
+    x = end;
+  }
+  element.style.background = `linear-gradient(90deg, ${stops.join(", ")}) 0 50% / ${LONG}px 3px no-repeat`;
 }
 
 // The elements of a tree.

@@ -1,5 +1,5 @@
 // Notices for some seconds, questions, the window of the keys, and the line that says that the connection is lost.
-import { make } from "./dom.js";
+import { copy, make } from "./dom.js";
 import { on, send } from "./link.js";
 
 const SECONDS = { error: 10, crash: 6, lap: 6, wait: 6, info: 3 };
@@ -57,6 +57,11 @@ export function begin() {
   });
   on("open", () => connection("link", true));
   on("close", () => connection("link", false));
-  // The scene's own connection, from page.js in its frame
-  addEventListener("scene-connection", ({ detail }) => connection("scene", detail));
+  on("address", ({ title, address }) => {
+    const whole = new URL(address, location.origin).href;
+    const copied = make("button", { type: "button", textContent: "Copy the address", onclick: () => copy(whole, copied) });
+    const what = make("p", { className: "note", textContent: "It opens this for everybody who looks at the page then." });
+    openWindow(title, [make("p", {}, make("code", { textContent: whole })), copied, what], [["Close", null]]);
+  });
+  on("download", ({ name, address }) => make("a", { href: address, download: name }).click());
 }

@@ -1,32 +1,44 @@
 // The parts of the page, which are asked for as they change, see board.py.
 import { on, send } from "./link.js";
-import { seat } from "./scene.js";
+import { connection } from "./notes.js";
+import { load, seat } from "./scene.js";
 
 const MOVING = 100; // [ms] between two questions while the race moves
 const REST = 200; // [ms] between two while it stands still
 const PATIENCE = 5000; // [ms] after which an answer is no longer waited for
+const ALONE = 8000; // [ms] without the scene's own connection until the page says so, and opens it again
 const shows = {};
 let have = {};
 let asked = 0; // when the last question was sent [ms]; 0: it is answered
 let moves = false;
-// the part that the open tab shows; null: it shows none
-export const tab = { part: null };
+let seen = 0; // when the scene was last connected, or opened again [ms]
+const also = []; // functions that return the names of parts that are shown beside those that every page shows
 
-// Call a function with each new content of a part.
-export function show(name, shown) {
+// Call a function with each new content of a part; `again`: in place of those before.
+export function show(name, shown, again = false) {
+  if (again) shows[name] = [];
   (shows[name] ??= []).push(shown);
+}
+
+// Fetch these parts, too, while they are shown.
+export function alsoShows(names) {
+  also.push(names);
 }
 
 function ask() {
   if (!document.hidden && Date.now() - asked > PATIENCE) {
-    asked = send({ type: "ask", have, seat: seat(), tab: tab.part }) ? Date.now() : 0;
+    const shown = also.flatMap((names) => names());
+    asked = send({ type: "ask", have, seat: seat(), shows: shown }) ? Date.now() : 0;
   }
   setTimeout(ask, moves ? MOVING : REST);
 }
 
 export function begin() {
   // Another server counts from one again.
-  on("open", () => ([have, asked] = [{}, 0]));
+  on("open", () => {
+    [have, asked, seen] = [{}, 0, Date.now()];
+    connection("scene", true);
+  });
   on("parts", (answer) => {
     asked = 0;
     for (const [name, { version, content }] of Object.entries(answer.parts)) {
@@ -35,6 +47,12 @@ export function begin() {
       for (const shown of shows[name] ?? []) shown(content);
     }
     for (const shown of shows.camera ?? []) shown(answer.camera);
+    const isAlone = !answer.camera && Date.now() - seen > ALONE;
+    if (answer.camera || isAlone) {
+      connection("scene", !isAlone);
+      seen = Date.now();
+    }
+    if (isAlone) load(); // at another seat
   });
   ask();
 }

@@ -1,8 +1,9 @@
 // The table of stored runs and the reports of campaigns, over the page. runs_panel.py sends what it shows; all of it is
 // set as text, never as HTML. An address with ?run=NAME&run=NAME2&t=3.2&camera=chase shows these runs, one with
 // ?line_up=TEXT sets up the next START.
-import { make } from "./dom.js";
+import { copy, make } from "./dom.js";
 import { on, send } from "./link.js";
+import { show } from "./parts.js";
 import { seat, whenLoaded } from "./scene.js";
 
 const CAMERAS = ["free", "chase", "top", "FPV"];
@@ -185,21 +186,6 @@ function leave(message) {
 }
 
 // Copy a text, also where the page is not served from this machine and has no clipboard.
-async function copy(text, button) {
-  try {
-    await navigator.clipboard.writeText(text);
-  } catch {
-    const box = make("textarea", { value: text });
-    document.body.append(box);
-    box.select();
-    document.execCommand("copy");
-    box.remove();
-  }
-  const before = button.textContent;
-  button.textContent = "copied";
-  setTimeout(() => (button.textContent = before), 1500);
-}
-
 // The tables and the text of a report. Only what `race compare` writes is read: ##, |, * and pictures.
 function markdown(text) {
   const parts = [];
@@ -235,14 +221,17 @@ function follow(asked) {
   if (!names.length) return;
   const t = Number(asked.get("t") ?? NaN);
   send({ type: "replay_runs", names, ...(t >= 0 ? { t } : {}) });
-  if (asked.get("camera")) chooseCamera(asked.get("camera"), 100);
+  if (asked.get("camera")) chooseCamera(asked.get("camera"));
 }
 
-// The camera is the visitor's own: it is chosen once the scene has a seat.
-function chooseCamera(mode, attempts) {
-  const at = seat();
-  if (at && CAMERAS.includes(mode)) send({ type: "camera", seat: at, mode });
-  else if (attempts) setTimeout(() => chooseCamera(mode, attempts - 1), 200);
+// The camera is the visitor's own: it is chosen once the scene has one.
+function chooseCamera(mode) {
+  let isAsked = !CAMERAS.includes(mode);
+  show("camera", (now) => {
+    if (!now || isAsked) return;
+    isAsked = true;
+    send({ type: "camera", seat: seat(), mode });
+  });
 }
 
 // The keys of the race do not act beneath a table that is over it, wherever the focus is: after a click with the mouse it is
@@ -262,11 +251,6 @@ export function begin() {
   sheet.addEventListener("keydown", (event) => event.stopPropagation());
   whenLoaded((frame) => {
     frame.addEventListener("keydown", key, true);
-    // The window of an address to copy, which the server writes in the frame
-    frame.document.addEventListener("click", ({ target }) => {
-      const link = target.closest("[data-copy-link]");
-      if (link) copy(new URL(link.dataset.copyLink, location.origin + "/").href, link);
-    });
   });
   let isFirst = true;
   on("runs", received);

@@ -1,6 +1,6 @@
 // The tabs beside the scene: charts, and the tables and the map that the server writes, see tree.py.
 import { grown, make } from "./dom.js";
-import { show, tab as open } from "./parts.js";
+import { alsoShows, show } from "./parts.js";
 import * as seeds from "./seeds.js";
 
 const CHARTS = ["Signals", "Gap", "Spectrum"];
@@ -8,6 +8,7 @@ const SEEDS = "Seeds";
 // the part of the server that each shows
 const TABLES = { Laps: "laps", Events: "events", Planner: "planner" };
 const panes = {};
+let open; // the part of the open tab; undefined: it has none
 
 function choose(name) {
   for (const [title, pane] of Object.entries(panes)) {
@@ -16,7 +17,7 @@ function choose(name) {
     tab.ariaSelected = String(title === name);
     tab.tabIndex = title === name ? 0 : -1;
   }
-  open.part = { ...TABLES, Spectrum: "chatter", Seeds: "seeds" }[name] ?? null;
+  open = { ...TABLES, Spectrum: "chatter", Seeds: "seeds" }[name];
   dispatchEvent(new Event("resize")); // charts draw themselves
 }
 
@@ -26,6 +27,7 @@ function fill(element, part) {
 }
 
 export function begin() {
+  alsoShows(() => (open ? [open] : []));
   const list = document.querySelector(".tabs");
   const place = document.querySelector(".panes");
   const names = [...CHARTS, ...Object.keys(TABLES), SEEDS];

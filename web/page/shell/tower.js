@@ -1,5 +1,5 @@
 // The tower: fixed columns, a row for each competitor, see tower.py.
-import { make, say } from "./dom.js";
+import { dashed, make, say } from "./dom.js";
 import { show } from "./parts.js";
 
 const HEADS = [
@@ -9,7 +9,6 @@ const HEADS = [
 ];
 const NOTE = "purple: best of all, green: own best; chatter [m/s²/s]: less is better";
 const WIDE = 480; // width from which there is room for the gap [px]
-const LONG = 18; // width of the sample of a line [px]
 
 function row() {
   const cells = HEADS.map(([, name]) => make("td", { className: name }));
@@ -22,22 +21,6 @@ function row() {
   const progress = make("i");
   const below = make("td", { colSpan: HEADS.length }, sectors, make("div", { className: "progress" }, progress));
   return { row: make("tr", {}, ...cells), under: make("tr", { className: "under" }, below), below, cells, line, bar, sectors, progress };
-}
-
-// A line in the dashes of a competitor, as its background.
-function dashed(element, colour, dash) {
-  const key = `${colour} ${dash}`;
-  if (element.shown === key) return;
-  element.shown = key;
-  let x = 0;
-  const stops = [];
-  const lengths = dash.length ? dash : [LONG];
-  for (let k = 0; x < LONG; k++) {
-    const end = Math.min(x + lengths[k % lengths.length], LONG);
-    stops.push(`${k % 2 ? "transparent" : colour} ${x}px ${end}px`);
-    x = end;
-  }
-  element.style.background = `linear-gradient(90deg, ${stops.join(", ")}) 0 50% / ${LONG}px 3px no-repeat`;
 }
 
 // Hits and misses, where there are any.

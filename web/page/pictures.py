@@ -1,48 +1,43 @@
-"""The folder with pictures of the first drone's camera."""
+"""Pictures of the first drone's camera, as a part of the page."""
 
 from __future__ import annotations
 
 from base64 import b64encode
 from collections.abc import Sequence
 
-import viser
-
 from quadsim.web.camera_pictures import CameraPicture, CameraPictures
 from quadsim.web.lap_timing import LapTiming
+from quadsim.web.page.board import Board
 from quadsim.web.page.html import box, element, small, svg, text
+from quadsim.web.page.tree import tree
 
 ARM = 6.0  # half length of a corner's cross, in pixels of the camera
 CORNER = "#00e5ff"
 
 
-class PictureFolder:
+class Pictures:
     """Shows pictures on request, as each takes a tenth of a second of a core."""
 
-    def __init__(self, gui: viser.GuiApi):
+    def __init__(self, board: Board):
+        self._board = board
         self._pictures = CameraPictures()
         self._shown: CameraPicture | None = None
-        with gui.add_folder("Camera pictures", expand_by_default=False):
-            hint = "what the first drone's camera sees at the time that is shown; the pictures are "
-            hint += "drawn in a process of their own"
-            self.on = gui.add_checkbox("Show them", False, hint=hint)
-            self._html = gui.add_html("")
 
-    def update(self, timings: Sequence[LapTiming]) -> None:
+    def update(self, timings: Sequence[LapTiming], is_on: bool) -> None:
         """Show the last picture, and request the next one."""
-        if not self.on.value or not timings:
+        if not is_on or not timings:
             self.close()
             return
         first = timings[0]
         self._pictures.show(first.entry, first.t)
         if self._pictures.last is not self._shown:
             self._shown = self._pictures.last
-            self._html.content = picture_html(self._shown) if self._shown else ""
+            self._board.put("picture", tree(picture_html(self._shown) if self._shown else ""))
 
     def close(self) -> None:
         """End the drawing process."""
-        if self._shown:
-            self._shown = None
-            self._html.content = ""
+        self._shown = None
+        self._board.put("picture", tree(""))
         self._pictures.last = None
         self._pictures.close()
 
