@@ -15,7 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quadsim.identify.search import Linearized, soft_weight
+from quadsim.identify.descent import normal_equations
+from quadsim.identify.search import Linearized
 
 DRAWS = 400
 SEED = 0  # of the bootstrap's draws: the same log gives the same intervals
@@ -36,18 +37,15 @@ def covariances(solution: Linearized) -> Covariances:
     """Return the covariances of the numbers of a solution."""
     J = solution.jacobian
     r = solution.values
-    weight = soft_weight(r)
     clusters, index = np.unique(solution.cluster, return_inverse=True)
     k = J.shape[1]
     H = np.zeros((len(clusters), k, k))
     g = np.zeros((len(clusters), k))
-    weighted = J * weight[:, None]
     order = np.argsort(index, kind="stable")
     bounds = np.searchsorted(index[order], np.arange(len(clusters) + 1))
     for c in range(len(clusters)):
         rows = order[bounds[c] : bounds[c + 1]]
-        H[c] = weighted[rows].T @ J[rows]
-        g[c] = weighted[rows].T @ r[rows]
+        H[c], g[c] = normal_equations(J[rows], r[rows])
 
     P = np.diag(solution.prior_precision)
     total = H.sum(axis=0)
@@ -77,7 +75,8 @@ def _bootstrap(H: np.ndarray, g: np.ndarray, P: np.ndarray) -> np.ndarray:
     drawn = rng.multinomial(count, np.full(count, 1.0 / count), size=DRAWS)
     # At the solution the clusters' gradients add up to the prior's alone, which is left out.
     g = g - g.mean(axis=0)
-    H_drawn = np.tensordot(drawn, H, axes=1) + P
+    # einsum: BLAS would start threads, see quadsim.identify.products
+    H_drawn = np.einsum("dc,cij->dij", drawn.astype(float), H) + P
     g_drawn = drawn @ g
     steps = np.linalg.solve(H_drawn, g_drawn[..., None])[..., 0]
     return np.cov(steps, rowvar=False).reshape(H.shape[1:])

@@ -21,12 +21,12 @@ from math import floor
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from quadsim.dynamics.first_order import response
+from quadsim.identify.descent import Limits, descend
 from quadsim.identify.prepared import Prepared
-from quadsim.identify.search import LOSS_SCALE, MAD, Linearized
+from quadsim.identify.search import LEAST_GAIN, MAD, Linearized
 from quadsim.rotation import Vec3
 
 PIECE = 0.5  # duration of an open-loop piece [s]
@@ -85,24 +85,23 @@ def fit_rate_loop(parts: Sequence[Prepared], rotor_lag: float, prior: Vec3) -> R
         parts = [_residuals(axis, x, rotor_lag).ravel() / noise[axis.axis] for axis in axes]
         return np.concatenate(parts)
 
-    def with_prior(x: np.ndarray, noise: np.ndarray) -> np.ndarray:
-        return np.concatenate([errors(x, noise), (x - mean) / std])
-
-    # The best of the searches from several delays
+    # The best of the searches from several delays, in standard deviations of the prior
     noise = _noise([np.diff(axis.rates[axis.rows], n=2, axis=1) for axis in axes], axes)
-    ends = [
-        least_squares(
-            with_prior,
-            np.clip([*prior, delay], low + TINY, high - TINY),
-            bounds=(low, high),
-            x_scale=std,
-            loss="soft_l1",
-            f_scale=LOSS_SCALE,
-            args=(noise / np.sqrt(SECOND_DIFFERENCE),),
-        )
-        for delay in DELAYS
-    ]
-    x = min(ends, key=lambda end: end.cost).x
+    noise /= np.sqrt(SECOND_DIFFERENCE)
+
+    def residuals(x: np.ndarray) -> np.ndarray:
+        return errors(x * std, noise)
+
+    def derivatives(x: np.ndarray, r: np.ndarray) -> np.ndarray:
+        steps = STEP * np.eye(len(x))
+        return np.stack([(residuals(x + step) - r) / STEP for step in steps], axis=1)
+
+    limits = Limits(mean / std, low / std, high / std)
+    ends = []
+    for delay in DELAYS:
+        begin = np.clip([*prior, delay], low + TINY, high - TINY) / std
+        ends.append(descend(residuals, derivatives, begin, limits, LEAST_GAIN))
+    x = min(ends, key=lambda end: end[1])[0] * std
 
     # The residuals there tell the noise, and with it the intervals.
     left = [_residuals(axis, x, rotor_lag) for axis in axes]
@@ -199,7 +198,9 @@ def _residuals(axis: _Axis, x: np.ndarray, rotor_lag: float) -> np.ndarray:
     begins = np.asarray(lfilter([1.0], a, impulse, axis=1))
     free = np.concatenate([begins[:, ::steps], np.ones((1, length))])
     basis, _ = np.linalg.qr(free.T)
-    return missing - (missing @ basis) @ basis.T
+    # einsum: BLAS would start threads, see quadsim.identify.products
+    own = np.einsum("pn,nb->pb", missing, basis)
+    return missing - np.einsum("pb,nb->pn", own, basis)
 
 
 def _delayed(values: np.ndarray, rows: float) -> np.ndarray:

@@ -12,7 +12,9 @@ from quadsim.identify.numbers import Numbers
 from quadsim.identify.prepared import Prepared
 
 
-def lagged(command: np.ndarray, dt: float, tau: float, delay: float) -> np.ndarray:
+def lagged(
+    command: np.ndarray, dt: float, tau: float, delay: float, factor: np.ndarray | None = None
+) -> np.ndarray:
     """Return what follows a command with a delay and a first-order lag, in the steady state first.
 
     The command of row k holds from row k to row k + 1. The answer is exact, for a delay between
@@ -23,12 +25,18 @@ def lagged(command: np.ndarray, dt: float, tau: float, delay: float) -> np.ndarr
         dt: the step [s].
         tau: the lag [s].
         delay: the delay [s]; below 0 the command is logged late.
+        factor: multiplies the command at the time at which it acts, such as the effect of the
+            voltage, and holds from row to row  (n,); None: 1.
     """
     rows = delay / dt
     whole = floor(rows)
     share = rows - whole
     newer = _shifted(command, whole)
     older = _shifted(command, whole + 1)
+    if factor is not None:
+        factor = factor.reshape(-1, *(1,) * (command.ndim - 1))
+        newer = factor * newer
+        older = factor * older
 
     # In the first `share` of a step the older command acts, then the newer one.
     left = remaining(tau, dt)
@@ -65,5 +73,6 @@ def rotor_speeds(part: Prepared, numbers: Numbers, lag: float = 0.0) -> np.ndarr
     """
     if part.drive == "rotor_speeds":
         return part.command if not lag else lagged(part.command, part.stretch.dt, 0.0, lag)
-    command = part.command * (part.ratio**numbers.voltage_power)[:, None]
-    return lagged(command, part.stretch.dt, numbers.tau, numbers.delay + lag)
+    # The voltage acts at once, the command after its delay.
+    effect = part.ratio**numbers.voltage_power
+    return lagged(part.command, part.stretch.dt, numbers.tau, numbers.delay + lag, effect)

@@ -10,27 +10,21 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from quadsim.files.values import SettingError
+from quadsim.identify.descent import Limits, descend
 from quadsim.identify.geometry import Geometry
 from quadsim.identify.numbers import Numbers, Prior
 from quadsim.identify.prepared import Prepared
 from quadsim.identify.problem import CHANNELS, ROTOR_NUMBERS, Block, blocks_of, single_thrusts
 
-LOSS_SCALE = 2.5  # residuals of more standard deviations than this count less
 MAD = 1.4826  # standard deviation of a normal distribution over its median absolute deviation
 LEAST_NOISE = 1e-9
 STEP = 1e-4  # of the finite differences, in standard deviations of the prior
 ROUNDS = 3  # of noise and numbers in turn
 SETTLED = 0.03  # relative change of the noise at which the rounds end
-MOST_STEPS = 40  # of one search
 LEAST_GAIN = 1e-6  # relative decrease of the cost at which a search ends
 COARSE_GAIN = 1e-3  # the same of a search that has to tell good starts from bad ones
-FIRST_DAMPING = 1e-3
-SMALLEST_DAMPING = 1e-9
-LARGEST_DAMPING = 1e6
-TINY = 1e-9  # room between limits that a search needs
 
 
 class Linearized(NamedTuple):
@@ -99,29 +93,40 @@ class Problem:
         singles = self._singles(numbers)
         return np.concatenate([self._of(block, numbers, singles) for block in self._blocks])
 
-    def derivatives(self, numbers: Numbers) -> np.ndarray:
+    def derivatives(self, numbers: Numbers, here: np.ndarray | None = None) -> np.ndarray:
         """Return the derivatives of the residuals by the searched numbers  (m, k).
 
-        Central differences, of those blocks alone that depend on a number.
+        Differences, of those blocks alone that depend on a number.
+
+        Args:
+            numbers: where.
+            here: the residuals there, for forward differences at half the cost; None: central ones.
         """
-        result = np.zeros((len(self.cluster), len(self.searched)))
-        here = self._singles(numbers)
+        result = np.zeros((len(self.cluster), len(self.searched)), order="F")
+        unchanged = self._singles(numbers)
         for k, name in enumerate(self.searched):
             step = STEP * self.std[k]
             value = getattr(numbers, name)
-            ahead, behind = (numbers._replace(**{name: value + h}) for h in (step, -step))
-            is_rotor = name in ROTOR_NUMBERS
             # Thrusts that do not change are not computed again.
-            singles = [here, here]
-            if is_rotor or name == "force_lag":
-                singles = [
-                    self._singles(each, is_late_alone=not is_rotor) for each in (ahead, behind)
-                ]
+            changes = name in ROTOR_NUMBERS or name == "force_lag"
+
+            def moved(h: float, name: str = name, value: float = value) -> tuple[Numbers, Singles]:
+                there = numbers._replace(**{name: value + h})
+                if not changes:
+                    return there, unchanged
+                return there, self._singles(there, is_late_alone=name == "force_lag")
+
+            ahead, singles_ahead = moved(step)
+            behind, singles_behind = moved(-step) if here is None else (numbers, unchanged)
             for block, end in zip(self._blocks, self._ends, strict=True):
-                if is_rotor or name in block.channel.numbers:
-                    after = self._of(block, ahead, singles[0])
-                    change = after - self._of(block, behind, singles[1])
-                    result[end - len(block.cluster) : end, k] = change / (2.0 * step)
+                if name in ROTOR_NUMBERS or name in block.channel.numbers:
+                    rows = slice(end - len(block.cluster), end)
+                    after = self._of(block, ahead, singles_ahead)
+                    if here is None:
+                        before = self._of(block, behind, singles_behind)
+                        result[rows, k] = (after - before) / (2.0 * step)
+                    else:
+                        result[rows, k] = (after - here[rows]) / step
         return result
 
     def noise(self, residuals: np.ndarray) -> dict[str, float]:
@@ -235,12 +240,7 @@ def solve(
 def _descend(
     problem: Problem, start: Numbers, noise: Mapping[str, float], least_gain: float
 ) -> tuple[Numbers, float]:
-    """Return the numbers at the end of one search, and their cost.
-
-    Levenberg's and Marquardt's steps within the limits. `scipy.optimize.least_squares` takes the
-    same ones, but decomposes all rows of the Jacobian in each, which costs most of the time here;
-    k x k normal equations are enough for numbers in standard deviations of their prior.
-    """
+    """Return the numbers at the end of one search, and their cost."""
     scale = problem.scale(noise)
     std = problem.std
 
@@ -249,52 +249,16 @@ def _descend(
         values = map(float, x * std)
         return start._replace(**dict(zip(problem.searched, values, strict=True)))
 
-    def errors(x: np.ndarray) -> np.ndarray:
-        return np.concatenate([problem.residuals(numbers(x)) / scale, x - problem.mean / std])
+    def residuals(x: np.ndarray) -> np.ndarray:
+        return problem.residuals(numbers(x)) / scale
 
-    low = problem.low / std
-    high = problem.high / std
-    x = np.clip([getattr(start, name) for name in problem.searched] / std, low, high)
-    r = errors(x)
-    cost = soft_cost(r)
-    damping = FIRST_DAMPING
-    for _ in range(MOST_STEPS):
-        J = problem.derivatives(numbers(x)) * std / scale[:, None]
-        weight = soft_weight(r)
-        weighted = J * weight[: len(J), None]
-        H = weighted.T @ J + np.diag(weight[len(J) :])
-        g = weighted.T @ r[: len(J)] + weight[len(J) :] * r[len(J) :]
-        gain = 0.0
-        while damping < LARGEST_DAMPING:
-            ahead = _step(x, H + damping * np.diag(np.diag(H)), g, low, high)
-            r_ahead = errors(ahead)
-            gain = cost - soft_cost(r_ahead)
-            if gain > 0.0:
-                break
-            damping *= 10.0
-        if gain <= 0.0:
-            break
-        x, r, cost = ahead, r_ahead, cost - gain
-        damping = max(0.1 * damping, SMALLEST_DAMPING)
-        if gain < least_gain * cost:
-            break
+    def derivatives(x: np.ndarray, r: np.ndarray) -> np.ndarray:
+        J = problem.derivatives(numbers(x), r * scale)
+        J *= std
+        J /= scale[:, None]
+        return J
+
+    begin = np.array([getattr(start, name) for name in problem.searched]) / std
+    limits = Limits(problem.mean / std, problem.low / std, problem.high / std)
+    x, cost = descend(residuals, derivatives, begin, limits, least_gain)
     return numbers(x), cost
-
-
-def soft_cost(r: np.ndarray) -> float:
-    """Return half the sum of a square whose growth slows to a line beyond LOSS_SCALE."""
-    return float(LOSS_SCALE**2 * np.sum(np.sqrt(1.0 + (r / LOSS_SCALE) ** 2) - 1.0))
-
-
-def soft_weight(r: np.ndarray) -> np.ndarray:
-    """Return how much each residual counts, the slope of `soft_cost` over the residual."""
-    return 1.0 / np.sqrt(1.0 + (r / LOSS_SCALE) ** 2)
-
-
-def _step(
-    x: np.ndarray, H: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray
-) -> np.ndarray:
-    """Return the least of the model g' d + d' H d / 2 within limits, x + d."""
-    R = np.linalg.cholesky(H).T
-    found = lsq_linear(R, -np.linalg.solve(R.T, g), bounds=(low - x - TINY, high - x + TINY))
-    return np.clip(x + found.x, low, high)

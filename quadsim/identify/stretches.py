@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from math import sqrt
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -22,9 +23,13 @@ SHORTEST = 1.0  # a shorter stretch is left out [s]
 LONGEST_HOLE = 0.06  # missing readings of a measured signal are interpolated over this time [s]
 LONGEST_HOLD = 0.25  # a missing command is the one before it for this time [s]
 LEAST_RATE = 250.0  # logs with more rows are thinned to this rate or more [Hz]
+MAD = 1.4826  # standard deviation of a normal distribution over its median absolute deviation
 PLANT_STEP = 1 / 400  # of quadsim's plants; real vehicles move continuously [s]
 SMOOTH = 0.05  # time over which a velocity is smoothed [s]
-SMOOTH_VOLTAGE = 0.1  # time over which the voltage of the battery is averaged [s]
+# A voltage is averaged, over a time as short as this noise of its mean permits: it sags within
+# hundredths of a second when the thrust rises.
+VOLTAGE_NOISE = 0.003  # relative standard deviation
+SMOOTH_VOLTAGE = 0.1  # longest time over which a voltage is averaged [s]
 # A vehicle flies while its motors' mean command, averaged over this time, is above this share of
 # the median of the commands that turn its rotors.
 FLYING_TIME = 0.3  # [s]
@@ -114,7 +119,7 @@ def _stretch(log: FlightLog, piece: slice) -> Stretch:
         body_rates = _turn_rates(quaternion, dt)
     battery = held(log.battery)
     if battery is not None:
-        battery = uniform_filter1d(battery, _odd(SMOOTH_VOLTAGE, dt), mode="nearest")
+        battery = _calm_voltage(battery, dt)
     motor_commands = held(log.motor_commands)
     rotor_speeds = measured(log.rotor_speeds)
     thrust_setpoint = held(log.thrust_setpoint)
@@ -145,6 +150,17 @@ def _stretch(log: FlightLog, piece: slice) -> Stretch:
         quaternion=quaternion,
         flying=_flying(drive, position, dt),
     )
+
+
+def _calm_voltage(voltage: np.ndarray, dt: float) -> np.ndarray:
+    """Return a voltage averaged over so many readings that VOLTAGE_NOISE is left of its noise."""
+    steps = np.abs(np.diff(voltage))
+    if not np.any(np.isfinite(steps)):
+        return voltage
+    noise = MAD * float(np.nanmedian(steps)) / sqrt(2.0) / float(np.nanmedian(voltage))
+    wanted = (noise / VOLTAGE_NOISE) ** 2 * dt
+    window = min(_odd(wanted, dt), _odd(SMOOTH_VOLTAGE, dt))
+    return uniform_filter1d(voltage, window, mode="nearest") if window > 1 else voltage
 
 
 def _turning(values: np.ndarray | None) -> np.ndarray | None:
