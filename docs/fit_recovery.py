@@ -1,7 +1,7 @@
 """The table of fit.md: how well fits of generated logs find the numbers of known vehicles.
 
 Each vehicle flies the manoeuvres of `race fly --excite` once, with motors that answer 20 ms late
-and a battery that sags. Each seed draws the noise of motion capture and inertial sensor anew. The
+and slow down as the battery sags, which the flight controller does not correct. Each seed draws the noise of motion capture and inertial sensor anew. The
 fits continue where they were interrupted:
 
     .venv/bin/python docs/fit_recovery.py --seeds 20
@@ -74,9 +74,9 @@ class Truth(NamedTuple):
 
 
 class SaggingBattery(Actuators):
-    """Actuators whose motors turn with the battery's voltage, which the flight controller knows.
+    """Actuators whose motors turn with the battery's voltage, which the flight controller ignores.
 
-    Its commands are divided by the voltage, so that the rotors follow until a command is full.
+    A flight controller that corrects its commands by the voltage would need larger ones.
     """
 
     def __init__(self, *args):
@@ -88,8 +88,9 @@ class SaggingBattery(Actuators):
         self.motors.follow = self._powered
 
     def _powered(self, asked, *strengths):
-        full = self._vehicle.rotors.omega_max * self.voltage / NOMINAL
-        self.commands = tuple(min(speed / full, 1.0) for speed in asked)
+        most = self._vehicle.rotors.omega_max
+        full = most * self.voltage / NOMINAL
+        self.commands = tuple(speed / most for speed in asked)
         force, torque = self._follow([share * full for share in self.commands], *strengths)
         thrust = force / (self._vehicle.mass * self._vehicle.thrust_max)
         self.voltage = FULL - FADE * self._steps * self._dt - SAG * thrust
@@ -167,7 +168,8 @@ def truths(name: str, flight: Flight) -> dict[str, Truth]:
     rotors = vehicle.rotors
     assert rotors
     # A fit refers to the median voltage.
-    speed = rotors.omega_max * np.median(flight.voltage) / NOMINAL
+    ratio = float(np.median(flight.voltage)) / NOMINAL
+    speed = rotors.omega_max * ratio
     found = {
         f"thrust at {share:.0%}": Truth(4.0 * rotors.thrust(share * speed) / vehicle.mass, 0.02)
         for share in SHARES
@@ -180,7 +182,8 @@ def truths(name: str, flight: Flight) -> dict[str, Truth]:
     for axis, drag in zip("xyz", vehicle.drag, strict=True):
         found[f"drag.{axis}"] = Truth(drag, 0.05)
     for axis, lag in zip("xyz", vehicle.rate_tau, strict=True):
-        found[f"rate_tau.{axis}"] = Truth(lag, 0.02)
+        # Torques, and with them the gain of the rate loop, grow with the square of the voltage.
+        found[f"rate_tau.{axis}"] = Truth(lag / ratio**2, 0.02)
     found["latency"] = Truth(LATE, 0.02)
     return found
 

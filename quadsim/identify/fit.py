@@ -19,7 +19,7 @@ from quadsim.identify.prepared import (
     reference_voltage,
 )
 from quadsim.identify.prior import prior_of
-from quadsim.identify.rate_loop import fit_rate_loop
+from quadsim.identify.rate_loop import PIECE, fit_rate_loop
 from quadsim.identify.result import VehicleFit
 from quadsim.identify.rotors import rotor_speeds
 from quadsim.identify.stages import search_numbers
@@ -79,6 +79,11 @@ def fit_vehicle(
     loop = fit_rate_loop(prepare(parts, prior_vehicle), lag, prior_vehicle.rate_tau)
     if loop is None:
         remarks.append("the logs have no flight on rate setpoints: rate_tau is the prior's")
+    elif loop.left_out:
+        remarks.append(
+            f"rate_tau is fitted to the {loop.pieces} pieces of {PIECE:g} s in which the setpoints "
+            f"change most; {loop.left_out} others are left out"
+        )
     found = Found(
         numbers=solution.numbers,
         covariance=covariances(solution.linearized).reported,

@@ -17,6 +17,8 @@ SETTLED = (
 MOST_ROWS = 10_000  # of each signal; in longer logs, neighbouring residuals are averaged
 LONGEST_MEAN = 0.02  # neighbours are averaged over this time at most [s]
 
+LEAST_SPREAD = 0.01  # of the voltage, standard deviation over mean: less tells nothing
+
 Drive = Literal["motor_commands", "rotor_speeds", "thrust_setpoint", "throttle"]
 # Drives by how much they tell
 BEST_FIRST: tuple[Drive, ...] = ("motor_commands", "rotor_speeds", "thrust_setpoint", "throttle")

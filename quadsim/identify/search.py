@@ -107,17 +107,15 @@ class Problem:
         for k, name in enumerate(self.searched):
             step = STEP * self.std[k]
             value = getattr(numbers, name)
+            ahead = numbers._replace(**{name: value + step})
+            behind = numbers._replace(**{name: value - step})
+            singles_ahead = singles_behind = unchanged
             # Thrusts that do not change are not computed again.
-            changes = name in ROTOR_NUMBERS or name == "force_lag"
-
-            def moved(h: float, name: str = name, value: float = value) -> tuple[Numbers, Singles]:
-                there = numbers._replace(**{name: value + h})
-                if not changes:
-                    return there, unchanged
-                return there, self._singles(there, is_late_alone=name == "force_lag")
-
-            ahead, singles_ahead = moved(step)
-            behind, singles_behind = moved(-step) if here is None else (numbers, unchanged)
+            if name in ROTOR_NUMBERS or name == "force_lag":
+                is_late_alone = name == "force_lag"
+                singles_ahead = self._singles(ahead, is_late_alone=is_late_alone)
+                if here is None:
+                    singles_behind = self._singles(behind, is_late_alone=is_late_alone)
             for block, end in zip(self._blocks, self._ends, strict=True):
                 if name in ROTOR_NUMBERS or name in block.channel.numbers:
                     rows = slice(end - len(block.cluster), end)

@@ -16,7 +16,7 @@ from quadsim.identify.delays import answer_time
 from quadsim.identify.geometry import Geometry
 from quadsim.identify.intervals import covariances
 from quadsim.identify.numbers import Numbers, Prior
-from quadsim.identify.prepared import SINGLE_DRIVES, VOLTAGE_DRIVES, Prepared, middle
+from quadsim.identify.prepared import LEAST_SPREAD, SINGLE_DRIVES, VOLTAGE_DRIVES, Prepared, middle
 from quadsim.identify.problem import DRAG, INERTIA
 from quadsim.identify.search import COARSE_GAIN, Solution, solve
 
@@ -28,7 +28,6 @@ COARSE = 20.0  # time of flight from which the starts are searched [s]
 # chi-square with two degrees of freedom.
 SQUARE_ALONE = 13.8
 LEAST_EXPLAINED = 0.3  # of the rotation about an axis: with less its inertia is not told
-LEAST_SPREAD = 0.01  # of the voltage, standard deviation over mean: less tells nothing
 COARSE_PIECE = 4.0  # of one flight, at least [s]
 MAP = ("c2", "c1", "c0")
 ROTORS = ("delay", "tau")

@@ -28,7 +28,9 @@ ABOVE = 1e-4
 SCALE_FACTOR = 0.003
 PART_OF_ROW = 0.05
 DRAG_SHARE = 0.01  # of the drag, whose velocity is smoothed and late by a part of a row
-LOOP_SHARE = 0.01  # of the lags of the rate loop
+LOOP_SHARE = 0.01  # of the lags of the rate loop, and of the rotors' lag in the latency
+# of a drag [1/s]: the bias of a small accelerometer wanders by some mm/s^2 in a second
+DRAG_FLOOR = 0.002
 WEIGHED = 0.005  # relative standard deviation of a mass by a scale
 LARGEST_SHARE = 0.5
 FULL_THRUST = ("thrust_max", *(f"rotors.thrust_map.c{k}" for k in (2, 1, 0)))
@@ -139,7 +141,7 @@ def _rows(found: Found, base: Vehicle, mass: float) -> Mapping[str, _Row]:
     rows["rotors.kappa"] = _Row("m", kappa, ("inertia_z", *turned, "flatness"), scale=flat)
     for axis in "xyz":
         name = f"drag_{axis}"
-        rows[f"drag.{axis}"] = _Row("1/s", field(name), (name,), scale=DRAG_SHARE)
+        rows[f"drag.{axis}"] = _Row("1/s", field(name), (name,), floor=DRAG_FLOOR, scale=DRAG_SHARE)
     extras = {
         "offset": ("1", "xyz"),
         "bias": ("m/s^2", "xyz"),
@@ -196,16 +198,21 @@ def _loop_numbers(found: Found, base: Vehicle) -> list[FittedNumber]:
         rows = zip("xyz", base.rate_tau, strict=True)
         lags = [FittedNumber(f"rate_tau.{axis}", "s", tau, tau, tau, "prior") for axis, tau in rows]
         return [*lags, _latency_of_motors(found, base)]
-    std = np.sqrt(np.diag(covariances(found.loop.linearized).reported) + late**2)
-    tau_x, tau_y, tau_z = found.loop.tau
-    # The loop is taken as linear, which its rotors are not.
-    shares = (LOOP_SHARE, LOOP_SHARE, LOOP_SHARE, 0.0)
-    values = (tau_x, tau_y, tau_z, found.loop.delay)
-    keys = ("rate_tau.x", "rate_tau.y", "rate_tau.z", "latency")
-    return [
-        _from_log(key, "s", value, float(np.hypot(deviation, share * value)))
-        for key, value, deviation, share in zip(keys, values, std, shares, strict=True)
+    loop = found.loop
+    std = np.sqrt(np.diag(covariances(loop.linearized).reported))
+    # The loop is taken as linear, which its rotors are not: their lag depends on the step.
+    lags = [
+        _from_log(
+            f"rate_tau.{axis}", "s", tau, float(np.sqrt(d**2 + late**2 + (LOOP_SHARE * tau) ** 2))
+        )
+        for axis, tau, d in zip("xyz", loop.tau, std, strict=False)
     ]
+    unsure = float(np.sqrt(std[3] ** 2 + late**2 + (LOOP_SHARE * found.numbers.tau) ** 2))
+    latency = _from_log("latency", "s", loop.delay, unsure)
+    if loop.voltage_power is None:
+        return [*lags, latency]
+    power = _from_log("rate_voltage_power", "1", loop.voltage_power, float(std[4]))
+    return [*lags, latency, power]
 
 
 def _latency_of_motors(found: Found, base: Vehicle) -> FittedNumber:
