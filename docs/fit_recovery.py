@@ -1,8 +1,8 @@
 """The table of fit.md: how well fits of generated logs find the numbers of known vehicles.
 
 Each vehicle flies the manoeuvres of `race fly --excite` once, with motors that answer 20 ms late
-and slow down as the battery sags, which the flight controller does not correct. Each seed draws the noise of motion capture and inertial sensor anew. The
-fits continue where they were interrupted:
+and slow down as the battery sags, which the flight controller does not correct. Each seed draws the
+noise of motion capture and inertial sensor anew. The fits continue where they were interrupted:
 
     .venv/bin/python docs/fit_recovery.py --seeds 20
     .venv/bin/python docs/fit_recovery.py --seeds 100 --vehicles swift --jobs 2
@@ -14,7 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from math import hypot
@@ -34,14 +34,17 @@ from quadsim.logs.cleaning import cleaned
 from quadsim.logs.flight_log import FlightLog
 from quadsim.logs.raw_log import RawLog
 from quadsim.logs.resampling import interpolated
-from quadsim.physics.actuators import Actuators
+from quadsim.physics.actuators import SOUND, Actuators, Motors
+from quadsim.physics.allocation import PerRotor
+from quadsim.physics.faults import RotorFault
 from quadsim.physics.plant import RigidPlant
 from quadsim.physics.plant_state import PlantState
+from quadsim.rotation import Vec3
 from quadsim.sensing.imu import Imu
 from quadsim.sensing.pose import PoseSensor
 from quadsim.sensing.sensing_file import load_sensing
 from quadsim.streams import sensor_streams
-from quadsim.vehicle import Vehicle, load_vehicle
+from quadsim.vehicle import Rotors, Vehicle, load_vehicle
 from quadsim.vehicle.scaling import KnownNumbers, scaled_vehicle
 
 VEHICLES = ("swift", "kingfisher", "flightmare", "cpc", "crazyflie")
@@ -73,28 +76,39 @@ class Truth(NamedTuple):
     bar: float  # largest error, relative, or absolute for a value of 0
 
 
-class SaggingBattery(Actuators):
-    """Actuators whose motors turn with the battery's voltage, which the flight controller ignores.
+class BatteryMotors(Motors):
+    """Motors that turn with the voltage of a battery, which the flight controller ignores."""
 
-    A flight controller that corrects its commands by the voltage would need larger ones.
-    """
-
-    def __init__(self, *args):
-        """Begin with a full battery; the arguments are those of Actuators."""
-        super().__init__(*args)
+    def __init__(self, vehicle: Vehicle, rotors: Rotors, dt: float):
+        """Begin with a full battery; the arguments are those of Motors."""
+        super().__init__(vehicle, rotors, dt)
         self.voltage = FULL
-        self.commands = (0.0,) * 4
-        self._follow = self.motors.follow
-        self.motors.follow = self._powered
+        self.commands: PerRotor = (0.0,) * 4  # 0 to 1
+        self._most = rotors.omega_max
+        self._full_thrust = 4.0 * rotors.thrust(rotors.omega_max)
+        self._loss = FADE * dt  # in a step [V]
+        self._charge = FULL  # voltage without thrust [V]
 
-    def _powered(self, asked, *strengths):
-        most = self._vehicle.rotors.omega_max
-        full = most * self.voltage / NOMINAL
-        self.commands = tuple(speed / most for speed in asked)
-        force, torque = self._follow([share * full for share in self.commands], *strengths)
-        thrust = force / (self._vehicle.mass * self._vehicle.thrust_max)
-        self.voltage = FULL - FADE * self._steps * self._dt - SAG * thrust
+    def follow(self, commands: Iterable[float], strengths: PerRotor = SOUND) -> tuple[float, Vec3]:
+        """Advance the rotors by one step; see Motors.follow."""
+        asked = tuple(commands)
+        a, b, c, d = (speed / self._most for speed in asked)
+        self.commands = (a, b, c, d)
+        ratio = self.voltage / NOMINAL
+        force, torque = super().follow([ratio * speed for speed in asked], strengths)
+        self._charge -= self._loss
+        self.voltage = self._charge - SAG * force / self._full_thrust
         return force, torque
+
+
+class BatteryActuators(Actuators):
+    """Actuators with such motors."""
+
+    def __init__(self, vehicle: Vehicle, dt: float, faults: Sequence[RotorFault] = ()):
+        """See Actuators."""
+        super().__init__(vehicle, dt, faults)
+        assert vehicle.rotors
+        self.battery = self.motors = BatteryMotors(vehicle, vehicle.rotors, dt)
 
 
 def flight_of(name: str) -> Flight:
@@ -111,15 +125,17 @@ def flown(name: str) -> Flight:
     vehicle = load_vehicle(name).but(latency=LATE)
     course = load_course(EXCITATION["course"])
     controller = Excitation(vehicle, course)
-    plant = RigidPlant(course, vehicle, DT, actuators=SaggingBattery)
+    actuators = BatteryActuators(vehicle, DT)
+    plant = RigidPlant(course, vehicle, DT, actuators=lambda *_: actuators)
     rows = []
+    u = controller.rest
     for k in range(round(ENDS[-1] / DT)):
         if k % CONTROL == 0:
             u, _ = controller.control(Estimate(plant.state.t, np.array(plant.state.x)))
         before = plant.state.x
-        voltage = plant._actuators.voltage
-        plant.step(u)
-        rows.append((before, u, plant._actuators.commands, voltage))
+        voltage = actuators.battery.voltage
+        plant.step(u.tolist())
+        rows.append((before, u, actuators.battery.commands, voltage))
     states, commands, motors, voltage = (np.array(column) for column in zip(*rows, strict=True))
     # A motor's command is logged one latency before it acts.
     early = round(LATE / DT)
@@ -130,6 +146,8 @@ def flown(name: str) -> Flight:
 def log_of(flight: Flight, seed: int) -> FlightLog:
     """Return what the sensors of mocap measure of a flight, on the inertial sensor's clock."""
     sensing = load_sensing("mocap")
+    assert sensing.imu
+    assert sensing.pose
     streams = sensor_streams(np.random.SeedSequence(seed))
     imu = Imu(replace(sensing.imu, rate=1 / DT), streams.imu)
     pose = PoseSensor(sensing.pose, streams.pose)
@@ -202,7 +220,7 @@ def fitted(name: str, seed: int) -> dict[str, object]:
     fit = fit_vehicle([log], base=start_of(known, numbers), mass=known.mass, name=name)
     took = process_time() - begin
     rows = {n.key: (n.value, n.low, n.high, n.source) for n in fit.numbers}
-    return {"numbers": rows | thrusts(fit), "remarks": fit.remarks, "cpu": took}
+    return {"numbers": {**rows, **thrusts(fit)}, "remarks": fit.remarks, "cpu": took}
 
 
 def start_of(known: Vehicle, numbers: KnownNumbers) -> Vehicle:

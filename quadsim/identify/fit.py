@@ -29,6 +29,8 @@ from quadsim.identify.traces import traces
 from quadsim.logs.flight_log import FlightLog
 from quadsim.vehicle import Vehicle, load_vehicle, vehicle_names
 
+LOOP_RATE = 400.0  # least rate of the rows to which a rate loop is fitted [Hz]
+
 
 def fit_vehicle(
     logs: Sequence[FlightLog],
@@ -76,7 +78,8 @@ def fit_vehicle(
             "thrust map tells how the thrust follows its setpoint"
         )
     lag = solution.numbers.tau
-    loop = fit_rate_loop(prepare(parts, prior_vehicle), lag, prior_vehicle.rate_tau)
+    finer = [thinned(part, LOOP_RATE) for part in parts]
+    loop = fit_rate_loop(prepare(finer, prior_vehicle), lag, prior_vehicle.rate_tau)
     if loop is None:
         remarks.append("the logs have no flight on rate setpoints: rate_tau is the prior's")
     elif loop.left_out:

@@ -1,16 +1,19 @@
 """The rate loop: how the body rates follow their setpoints.
 
 As the plants and the planner have it, a loop asks for the angular acceleration
-(setpoint - rate) / tau_omega, and the rotors follow with their lag:
+(setpoint - rate) / tau_omega, which follows with the lag of the rotors:
 
-    omega' = beta,  beta' = (beta_cmd - beta) / tau_m,
+    omega' = beta,  beta' = (beta_cmd - beta) / tau_beta,
     beta_cmd = (omega_cmd(t - delay) - omega) / tau_omega
+
+A flight controller with filters and an integral has a tau_beta of its own about each axis, which
+is taken if the log shows it beyond doubt.
 
 The loop is stepped as often as the plants step it, several times in a row of a log: its gain
 (1 - exp(-dt / tau)) / dt depends on the step. With steps of 5 ms, a lag of 50 ms would come out
 2.4 % low.
 
-Unless the flight controller corrects its motors for the voltage of the battery, a full battery
+Unless a flight controller corrects its motors for the voltage of the battery, a full battery
 makes the loop faster: torques, and with them the gain 1 / tau_omega, grow with a power of the
 voltage, 2 for a thrust of the square of the speed. The lags are those at the reference voltage.
 
@@ -29,8 +32,10 @@ import numpy as np
 
 from quadsim.dynamics.first_order import response
 from quadsim.identify.descent import Limits, descend
+from quadsim.identify.intervals import covariances
 from quadsim.identify.prepared import LEAST_SPREAD, Prepared, reference_voltage
 from quadsim.identify.search import LEAST_GAIN, MAD, Linearized
+from quadsim.identify.stretches import PLANT_STEP
 from quadsim.rotation import Vec3
 
 PIECE = 0.5  # duration of an open-loop piece [s]
@@ -44,25 +49,53 @@ EDGE = 0.01  # commands this near to the lowest or highest are saturated
 SATURATED = 0.02  # share of saturated rows from which on a piece is left out
 LEAST_PIECES = 6
 MOST_PIECES = 240  # of all logs
-# Power of the voltage by which the loop's gain grows: 0 with a correction, about 2 without
-POWER = 1.0
-POWER_STD = 1.0
-LOWEST_POWER = -1.0
-HIGHEST_POWER = 4.0
+FEW_PIECES = 60  # that are enough to tell good starts from bad ones
+POWER = 1.0  # standard deviation of the prior of the power of the voltage
+LARGEST_POWER = 4.0
+# A lag of its own is taken if it differs as much from the lag of the rotors, and as certainly.
+OTHER_LAG = 0.15
+CERTAIN = 16.3  # 99.9 % quantile of chi-square with three degrees of freedom
 STEP = 1e-4  # of the finite differences, in standard deviations of the prior
-TINY = 1e-4  # least distance of a start to a limit [s]
+TINY = 1e-4  # least distance of a start to a limit
 LEAST_NOISE = 1e-4  # [rad/s]
 SECOND_DIFFERENCE = 6.0  # variance of the second difference of white noise, over the noise's
+TAU = ("tau_x", "tau_y", "tau_z")
+LAGS = ("lag_x", "lag_y", "lag_z")
+
+
+class LoopNumbers(NamedTuple):
+    """The numbers of a rate loop."""
+
+    # lags of the rates, at the reference voltage [s]
+    tau_x: float
+    tau_y: float
+    tau_z: float
+    # time from a setpoint to its effect [s]
+    delay: float
+    # lags of the angular accelerations [s]
+    lag_x: float
+    lag_y: float
+    lag_z: float
+    # The gain grows with this power of the voltage.
+    voltage_power: float
+
+    @property
+    def tau(self) -> Vec3:
+        """The lags of the rates [s]."""
+        return self.tau_x, self.tau_y, self.tau_z
+
+    @property
+    def lag(self) -> Vec3:
+        """The lags of the angular accelerations [s]."""
+        return self.lag_x, self.lag_y, self.lag_z
 
 
 class RateLoopFit(NamedTuple):
-    """The lags of the rate loop and the delay from a setpoint to its effect."""
+    """The rate loop of a log."""
 
-    tau: Vec3  # at the reference voltage [s]
-    delay: float  # [s]
-    # the gain grows with this power of the voltage; None: the log does not tell it
-    voltage_power: float | None
-    linearized: Linearized  # by the lags, the delay and the power
+    numbers: LoopNumbers
+    searched: tuple[str, ...]  # names of the numbers that the log tells
+    linearized: Linearized  # by the searched numbers
     pieces: int  # that are fitted
     left_out: int  # usable pieces that tell less
 
@@ -91,58 +124,111 @@ def fit_rate_loop(parts: Sequence[Prepared], rotor_lag: float, prior: Vec3) -> R
     axes, left_out = _axes(parts)
     if len({axis.axis for axis in axes}) < 3:
         return None
-    has_power = any(np.std(axis.ratio[axis.rows]) > LEAST_SPREAD for axis in axes)
-    count = 5 if has_power else 4
-    mean = np.array([*prior, 0.0, POWER])[:count]
-    std = np.array([LAG, LAG, LAG, DELAY, POWER_STD])[:count]
-    low = np.array([SHORTEST, SHORTEST, SHORTEST, 0.0, LOWEST_POWER])[:count]
-    high = np.array([LONGEST, LONGEST, LONGEST, LONGEST_DELAY, HIGHEST_POWER])[:count]
+    lags = (rotor_lag, rotor_lag, rotor_lag)
+    start = LoopNumbers(*prior, 0.0, *lags, voltage_power=0.0)
+    searched = (*TAU, "delay")
+    if any(np.std(axis.ratio[axis.rows]) > LEAST_SPREAD for axis in axes):
+        searched += ("voltage_power",)
 
-    def errors(x: np.ndarray, noise: np.ndarray) -> np.ndarray:
-        parts = [_residuals(axis, x, rotor_lag).ravel() / noise[axis.axis] for axis in axes]
-        return np.concatenate(parts)
+    few = _thinned(axes)
+    starts = [start._replace(delay=delay) for delay in DELAYS]
+    best, _ = min((_searched(few, start, searched, at) for at in starts), key=lambda end: end[1])
+    found = _solved(axes, start, searched, best)
+    larger = _solved(axes, start, (*searched, *LAGS), found.numbers)
+    change = np.array(larger.numbers.lag) - rotor_lag
+    if np.max(np.abs(change)) > OTHER_LAG * rotor_lag and _is_certain(larger, LAGS, change):
+        found = larger
+    pieces = sum(len(axis.rows) for axis in axes) // 3
+    return found._replace(pieces=pieces, left_out=left_out)
 
-    # The best of the searches from several delays, in standard deviations of the prior
+
+def _is_certain(found: RateLoopFit, names: Sequence[str], change: np.ndarray) -> bool:
+    """Return whether a log tells beyond doubt that some numbers differ from what they were."""
+    index = [found.searched.index(name) for name in names]
+    covariance = covariances(found.linearized).reported[np.ix_(index, index)]
+    return float(change @ np.linalg.solve(covariance, change)) > CERTAIN
+
+
+def _errors(axes: Sequence[_Axis], numbers: LoopNumbers, noise: np.ndarray) -> np.ndarray:
+    """Return all residuals over their noise  (m,)."""
+    return np.concatenate([(_residuals(axis, numbers) / noise[axis.axis]).ravel() for axis in axes])
+
+
+def _priors(start: LoopNumbers, searched: Sequence[str]) -> tuple[Limits, np.ndarray]:
+    """Return the priors of the searched numbers, and their standard deviations."""
+    mean = np.array([getattr(start, name) for name in searched])
+    is_power = np.array([name == "voltage_power" for name in searched])
+    is_delay = np.array([name == "delay" for name in searched])
+    std = np.where(is_power, POWER, np.where(is_delay, DELAY, LAG))
+    low = np.where(is_power, -LARGEST_POWER, np.where(is_delay, 0.0, SHORTEST))
+    high = np.where(is_power, LARGEST_POWER, np.where(is_delay, LONGEST_DELAY, LONGEST))
+    return Limits(mean / std, low / std, high / std), std
+
+
+def _searched(
+    axes: Sequence[_Axis], start: LoopNumbers, searched: Sequence[str], begin: LoopNumbers
+) -> tuple[LoopNumbers, float]:
+    """Return the numbers that fit best, and their cost.
+
+    Args:
+        axes: what is fitted.
+        start: the prior, and what is not searched.
+        searched: names of the numbers that are searched.
+        begin: where the search begins.
+    """
+    limits, std = _priors(start, searched)
     noise = _noise([np.diff(axis.rates[axis.rows], n=2, axis=1) for axis in axes], axes)
     noise /= np.sqrt(SECOND_DIFFERENCE)
 
+    # The search is in standard deviations of the prior.
+    def numbers(x: np.ndarray) -> LoopNumbers:
+        return start._replace(**dict(zip(searched, map(float, x * std), strict=True)))
+
     def residuals(x: np.ndarray) -> np.ndarray:
-        return errors(x * std, noise)
+        return _errors(axes, numbers(x), noise)
 
     def derivatives(x: np.ndarray, r: np.ndarray) -> np.ndarray:
         steps = STEP * np.eye(len(x))
         return np.stack([(residuals(x + step) - r) / STEP for step in steps], axis=1)
 
-    limits = Limits(mean / std, low / std, high / std)
-    ends = []
-    for delay in DELAYS:
-        begin = np.clip([*prior, delay, POWER][:count], low + TINY, high - TINY) / std
-        ends.append(descend(residuals, derivatives, begin, limits, LEAST_GAIN))
-    x = min(ends, key=lambda end: end[1])[0] * std
+    x = np.array([getattr(begin, name) for name in searched]) / std
+    x = np.clip(x, limits.low + TINY, limits.high - TINY)
+    x, cost = descend(residuals, derivatives, x, limits, LEAST_GAIN)
+    return numbers(x), cost
 
+
+def _solved(
+    axes: Sequence[_Axis], start: LoopNumbers, searched: Sequence[str], begin: LoopNumbers
+) -> RateLoopFit:
+    """Return the numbers that fit best, with the derivatives there; see `_searched`."""
+    numbers, _ = _searched(axes, start, searched, begin)
     # The residuals there tell the noise, and with it the intervals.
-    left = [_residuals(axis, x, rotor_lag) for axis in axes]
-    noise = _noise(left, axes)
+    noise = _noise([_residuals(axis, numbers) for axis in axes], axes)
+    _, std = _priors(start, searched)
     columns = []
-    for step in STEP * np.diag(std):
-        columns.append((errors(x + step, noise) - errors(x - step, noise)) / (2.0 * step.sum()))
+    for name, its_std in zip(searched, std, strict=True):
+        step = STEP * its_std
+        value = getattr(numbers, name)
+        ahead, behind = (
+            _errors(axes, numbers._replace(**{name: value + h}), noise) for h in (step, -step)
+        )
+        columns.append((ahead - behind) / (2.0 * step))
     clusters = [
         np.repeat(axis.first + np.arange(len(axis.rows)), axis.rows.shape[1]) for axis in axes
     ]
-    tau_x, tau_y, tau_z, delay, *power = map(float, x)
-    return RateLoopFit(
-        tau=(tau_x, tau_y, tau_z),
-        delay=delay,
-        voltage_power=power[0] if power else None,
-        linearized=Linearized(
-            jacobian=np.stack(columns, axis=1),
-            values=errors(x, noise),
-            cluster=np.concatenate(clusters),
-            prior_precision=std**-2.0,
-        ),
-        pieces=sum(len(axis.rows) for axis in axes) // 3,
-        left_out=left_out,
+    linearized = Linearized(
+        jacobian=np.stack(columns, axis=1),
+        values=_errors(axes, numbers, noise),
+        cluster=np.concatenate(clusters),
+        prior_precision=std**-2.0,
     )
+    return RateLoopFit(numbers, tuple(searched), linearized, pieces=0, left_out=0)
+
+
+def _thinned(axes: Sequence[_Axis]) -> list[_Axis]:
+    """Return some FEW_PIECES of the pieces, evenly spread."""
+    every = max(sum(len(axis.rows) for axis in axes) // (3 * FEW_PIECES), 1)
+    return [axis._replace(rows=axis.rows[::every]) for axis in axes]
 
 
 def _noise(values: Sequence[np.ndarray], axes: Sequence[_Axis]) -> np.ndarray:
@@ -182,11 +268,12 @@ def _axes(parts: Sequence[Prepared]) -> tuple[list[_Axis], int]:
             ratio = np.nan_to_num(stretch.battery / reference, nan=1.0)
         assert stretch.rate_setpoints is not None
         assert stretch.body_rates is not None
-        steps = round(stretch.dt / stretch.plant_step)
+        steps = max(round(stretch.dt / PLANT_STEP), 1)
         for k in range(3):
             setpoints = np.nan_to_num(stretch.rate_setpoints[:, k])
             rates = np.nan_to_num(stretch.body_rates[:, k])
-            found.append(_Axis(k, stretch.dt, steps, setpoints, rates, ratio, chosen, first))
+            axis = _Axis(k, stretch.dt, steps, setpoints, rates, ratio, chosen, first)
+            found.append(axis)
         first += len(chosen)
     return found, len(change) - first
 
@@ -226,15 +313,17 @@ def _saturated(part: Prepared) -> np.ndarray:
     return np.any(at_end, axis=1)
 
 
-def _residuals(axis: _Axis, x: np.ndarray, rotor_lag: float) -> np.ndarray:
+def _residuals(axis: _Axis, numbers: LoopNumbers) -> np.ndarray:
     """Return measured minus predicted rates in pieces that begin where they fit best.  (p, n)"""
     dt = axis.dt / axis.steps
-    power = x[4] if len(x) > 4 else 0.0
+    lag = numbers.lag[axis.axis]
     # Rows first, then pieces
-    gain = response(float(x[axis.axis]), dt) / dt * axis.ratio[axis.rows].T ** power
-    acting = _delayed(np.repeat(axis.setpoints, axis.steps), float(x[3]) / dt)
+    gain = (
+        response(numbers.tau[axis.axis], dt) / dt * axis.ratio[axis.rows].T ** numbers.voltage_power
+    )
+    acting = _delayed(np.repeat(axis.setpoints, axis.steps), numbers.delay / dt)
     acting = acting.reshape(-1, axis.steps)[axis.rows].transpose(1, 2, 0)
-    follow = response(rotor_lag, dt)
+    follow = response(lag, dt)
     length, count = gain.shape
 
     # The answer to the setpoints, to a rate at the begin, and to an acceleration at the begin; see
@@ -242,7 +331,7 @@ def _residuals(axis: _Axis, x: np.ndarray, rotor_lag: float) -> np.ndarray:
     omega = np.zeros((3, count))
     omega[1] = 1.0
     beta = np.zeros((3, count))
-    beta[2] = 1.0 / rotor_lag
+    beta[2] = 1.0 / lag
     answers = np.empty((length, 4, count))
     answers[:, 3] = 1.0  # a torque of the air, or a bias of the gyro
     for row in range(length):

@@ -264,13 +264,13 @@ def _flying(drive: np.ndarray, position: np.ndarray | None, dt: float) -> np.nda
     return flying
 
 
-def thinned(part: Stretch) -> Stretch:
-    """Return a stretch with fewer rows, at LEAST_RATE or more.
+def thinned(part: Stretch, least_rate: float = LEAST_RATE) -> Stretch:
+    """Return a stretch with fewer rows, at a rate [Hz] or more.
 
     Commands are averaged over the time in which they act, from a row to the next; what is measured,
     around the row.
     """
-    rows = int(1.0 / (part.dt * LEAST_RATE) + 1e-6)
+    rows = int(1.0 / (part.dt * least_rate) + 1e-6)
     if rows <= 1:
         return part
     count = len(part) // rows

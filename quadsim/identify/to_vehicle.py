@@ -31,6 +31,17 @@ DRAG_SHARE = 0.01  # of the drag, whose velocity is smoothed and late by a part 
 LOOP_SHARE = 0.01  # of the lags of the rate loop, and of the rotors' lag in the latency
 # of a drag [1/s]: the bias of a small accelerometer wanders by some mm/s^2 in a second
 DRAG_FLOOR = 0.002
+# numbers of the rate loop -> keys
+LOOP_KEYS = {
+    "tau_x": "rate_tau.x",
+    "tau_y": "rate_tau.y",
+    "tau_z": "rate_tau.z",
+    "delay": "latency",
+    "lag_x": "rate_lag.x",
+    "lag_y": "rate_lag.y",
+    "lag_z": "rate_lag.z",
+    "voltage_power": "rate_voltage_power",
+}
 WEIGHED = 0.005  # relative standard deviation of a mass by a scale
 LARGEST_SHARE = 0.5
 FULL_THRUST = ("thrust_max", *(f"rotors.thrust_map.c{k}" for k in (2, 1, 0)))
@@ -200,19 +211,19 @@ def _loop_numbers(found: Found, base: Vehicle) -> list[FittedNumber]:
         return [*lags, _latency_of_motors(found, base)]
     loop = found.loop
     std = np.sqrt(np.diag(covariances(loop.linearized).reported))
-    # The loop is taken as linear, which its rotors are not: their lag depends on the step.
-    lags = [
-        _from_log(
-            f"rate_tau.{axis}", "s", tau, float(np.sqrt(d**2 + late**2 + (LOOP_SHARE * tau) ** 2))
-        )
-        for axis, tau, d in zip("xyz", loop.tau, std, strict=False)
-    ]
-    unsure = float(np.sqrt(std[3] ** 2 + late**2 + (LOOP_SHARE * found.numbers.tau) ** 2))
-    latency = _from_log("latency", "s", loop.delay, unsure)
-    if loop.voltage_power is None:
-        return [*lags, latency]
-    power = _from_log("rate_voltage_power", "1", loop.voltage_power, float(std[4]))
-    return [*lags, latency, power]
+    deviations = dict(zip(loop.searched, std, strict=True))
+    numbers = []
+    for name, key in LOOP_KEYS.items():
+        if name not in loop.searched:
+            continue
+        value = getattr(loop.numbers, name)
+        # The loop is taken as linear, which its rotors are not: their lag depends on the step.
+        share = LOOP_SHARE * (found.numbers.tau if name == "delay" else value)
+        floor = 0.0 if name.endswith("power") else float(np.hypot(late, share))
+        deviation = float(np.hypot(deviations[name], floor))
+        unit = "1" if name.endswith("power") else "s"
+        numbers.append(_from_log(key, unit, value, deviation))
+    return numbers
 
 
 def _latency_of_motors(found: Found, base: Vehicle) -> FittedNumber:

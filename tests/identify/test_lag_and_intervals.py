@@ -104,4 +104,4 @@ def test_lags_of_the_rate_loop_do_not_depend_on_the_rate_of_the_log(rows):
     prior = load_vehicle("swift")
     found = fit_rate_loop(prepare(stretches(thin), prior), TRUE.rotors.tau, prior.rate_tau)
     assert found is not None
-    assert found.tau == pytest.approx(TRUE.rate_tau, rel=0.02)
+    assert found.numbers.tau == pytest.approx(TRUE.rate_tau, rel=0.02)
