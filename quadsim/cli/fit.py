@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from json import loads
 from pathlib import Path
 from typing import Annotated
@@ -22,6 +24,7 @@ from quadsim.cli.flags import (
 )
 from quadsim.cli.vehicle import file_of
 from quadsim.console import UsageError, complain, emit, emit_json, plain_table
+from quadsim.files.values import SettingError
 from quadsim.identify import VehicleFit
 from quadsim.record.archive import find_run
 from quadsim.record.whole_files import expect_new_file, expect_writable
@@ -83,7 +86,7 @@ def fit(
         expect_new_file(new)
     expect_writable(file.parent)
     try:
-        with settings_as_flags():
+        with settings_as_flags(), _logs_by_name(logs):
             found = fitted(
                 [_place(log, runs_dir) for log in logs],
                 test=[_place(log, runs_dir) for log in test or ()],
@@ -113,6 +116,17 @@ def fit(
     emit(f"{escape(str(picture))}: measured and simulated")
     emit(f"{escape(str(file))}: {vehicle.mass:g} kg, {flying_numbers(vehicle).text()}")
     return 0
+
+
+@contextmanager
+def _logs_by_name(logs: Sequence[str]) -> Iterator[None]:
+    """Convert an error in what was logged, which is no flag's, to a UsageError."""
+    try:
+        yield
+    except SettingError as error:
+        if error.name != "logs":
+            raise
+        raise UsageError(f"{', '.join(logs)}: {error.problem}") from None
 
 
 def _place(log: str, runs_dir: str) -> Path:

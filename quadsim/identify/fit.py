@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from quadsim.files.values import SettingError
+from quadsim.identify.budget import liveliest
 from quadsim.identify.delays import spins_other_way
 from quadsim.identify.geometry import Geometry
 from quadsim.identify.intervals import covariances
@@ -19,16 +20,17 @@ from quadsim.identify.prepared import (
     reference_voltage,
 )
 from quadsim.identify.prior import prior_of
-from quadsim.identify.rate_loop import PIECE, fit_rate_loop
+from quadsim.identify.rate_loop import LAGS, PIECE, fit_rate_loop
 from quadsim.identify.result import VehicleFit
 from quadsim.identify.rotors import rotor_speeds
 from quadsim.identify.stages import search_numbers
-from quadsim.identify.stretches import stretches, thinned
+from quadsim.identify.stretches import stretches, thinned, total_time
 from quadsim.identify.to_vehicle import Found, SpeedScale, fitted_numbers, fitted_vehicle
 from quadsim.identify.traces import traces
 from quadsim.logs.flight_log import FlightLog
 from quadsim.vehicle import Vehicle, load_vehicle, vehicle_names
 
+LEAST_TIME = 5.0  # in flight, of all logs [s]
 LOOP_RATE = 400.0  # least rate of the rows to which a rate loop is fitted [Hz]
 
 
@@ -61,8 +63,21 @@ def fit_vehicle(
     if not parts:
         wanted = "expected a flight of a second or more with motor commands or thrust setpoints"
         raise SettingError("logs", f"{wanted}, got none in {len(logs)}")
+    flown = total_time(parts)
+    if flown < LEAST_TIME:
+        wanted = f"expected at least {LEAST_TIME:g} s of flight"
+        raise SettingError("logs", f"{wanted}, got {flown:.2g} s: a minute of manoeuvres is best")
     remarks = [f"{log.name}: {remark}" for log in logs for remark in log.remarks]
+    parts = liveliest(parts)
+    kept = total_time(parts)
+    if kept < flown:
+        remarks.append(
+            f"the liveliest {kept:.0f} s of {flown:.0f} s of flight are fitted, the rest left out"
+        )
     ready = prepare([thinned(part) for part in parts], prior_vehicle)
+    reference = reference_voltage([part.stretch for part in ready])
+    if reference is not None:
+        remarks.append(f"thrust and rate_tau are those at {reference:.4g} V, the median in flight")
     geometry = Geometry.of(prior_vehicle)
     if spins_other_way(ready, geometry):
         geometry = geometry.mirrored()
@@ -82,7 +97,13 @@ def fit_vehicle(
     loop = fit_rate_loop(prepare(finer, prior_vehicle), lag, prior_vehicle.rate_tau)
     if loop is None:
         remarks.append("the logs have no flight on rate setpoints: rate_tau is the prior's")
-    elif loop.left_out:
+    if loop is not None and LAGS[0] in loop.searched:
+        flags = " ".join(f"{lag:.3g}" for lag in loop.numbers.lag)
+        remarks.append(
+            "the body rates' accelerations lag otherwise than the rotors, as behind filters, which "
+            f"a vehicle file lacks: fly it with --model-rate-lag {flags}"
+        )
+    if loop is not None and loop.left_out:
         remarks.append(
             f"rate_tau is fitted to the {loop.pieces} pieces of {PIECE:g} s in which the setpoints "
             f"change most; {loop.left_out} others are left out"

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
+from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.yaml_text import written
 from quadsim.identify.prediction import Prediction
 from quadsim.identify.to_vehicle import FittedNumber
@@ -65,6 +66,16 @@ class VehicleFit:
             if number.key == key:
                 return number
         raise KeyError(key)
+
+    @property
+    def model(self) -> ModelParams:
+        """The planner's model, with lags of the angular acceleration that a vehicle file lacks."""
+        model = ModelParams.of(self.vehicle)
+        lags = [number.value for number in self.numbers if number.key.startswith("rate_lag.")]
+        if len(lags) < 3:
+            return model
+        x, y, z = lags
+        return replace(model, rate_lag=(x, y, z))
 
     def to_yaml(self, path: str | Path | None = None) -> str:
         """Return the text of a vehicle file with each number's interval and source as a comment.

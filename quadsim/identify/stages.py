@@ -28,6 +28,7 @@ COARSE = 20.0  # time of flight from which the starts are searched [s]
 # chi-square with two degrees of freedom.
 SQUARE_ALONE = 13.8
 LEAST_EXPLAINED = 0.3  # of the rotation about an axis: with less its inertia is not told
+LEAST_SPEED = 0.3  # root mean square of the velocity along an axis whose drag is told [m/s]
 COARSE_PIECE = 4.0  # of one flight, at least [s]
 MAP = ("c2", "c1", "c0")
 ROTORS = ("delay", "tau")
@@ -52,7 +53,8 @@ def _searchable(parts: Sequence[Prepared]) -> tuple[str, ...]:
     if drive in VOLTAGE_DRIVES and _spread(parts) > LEAST_SPREAD:
         names.append("voltage_power")
     if has_velocity:
-        names += [*DRAG, *POSE]
+        names += [name for name in DRAG if name not in _slow_axes(parts)]
+        names += POSE
     if has_force:
         names += FORCE if has_velocity else ()
         names += FORCE_ASIDE if has_velocity else ()
@@ -60,6 +62,19 @@ def _searchable(parts: Sequence[Prepared]) -> tuple[str, ...]:
         names += INERTIA
         names += ("force_lag",) if has_force else ()
     return tuple(names)
+
+
+def _slow_axes(parts: Sequence[Prepared]) -> dict[str, float]:
+    """Return the root mean square of the velocity along axes that tell no drag [m/s].
+
+    Noise of the velocity, some cm/s, would make the drag along them too small.
+    """
+    moving = [part.v_body[part.usable & part.has_pose] for part in parts if part.v_body is not None]
+    if not moving:
+        return {}
+    speeds = np.sqrt(np.mean(np.concatenate(moving) ** 2, axis=0))
+    pairs = zip(DRAG, map(float, speeds), strict=True)
+    return {name: speed for name, speed in pairs if not speed >= LEAST_SPEED}
 
 
 def _spread(parts: Sequence[Prepared]) -> float:
@@ -92,7 +107,10 @@ def search_numbers(
     solution = solve(parts, geometry, prior, square, [solution.numbers])
 
     # Rotation that the rotors do not explain would only spoil the rest.
-    remarks = []
+    remarks = [
+        f"{name}: the flights are too slow along it, {speed:.2g} m/s RMS, and the prior is kept"
+        for name, speed in _slow_axes(parts).items()
+    ]
     turning = []
     for k, axis in enumerate("xyz"):
         share = solution.explained.get(f"rate_{axis}")
@@ -103,6 +121,11 @@ def search_numbers(
                 f"inertia about {axis}: the motors' commands explain {100 * max(share, 0.0):.0f} % "
                 "of the rotation, too little to tell it, and the prior is kept"
             )
+    if solution.explained and not turning and parts[0].has_single:
+        remarks.append(
+            "no rotation is explained: the motors may be in another order than front right, rear "
+            "left, front left, rear right"
+        )
     lost = [
         f"{name}_{axis}"
         for k, axis in enumerate("xyz")

@@ -35,6 +35,10 @@ LARGEST_TURN = 1.0
 NEAR = 0.998
 # Share of impossible readings above which the whole signal is in another unit
 MOST_IMPOSSIBLE = 0.5
+# Share of times that fall above which the rows are in the reverse order
+MOST_FALLING = 0.9
+# Share of missing readings that is told; a signal of a slower sensor lacks most of them.
+TOLD_MISSING = (0.001, 0.5)
 # A command just outside of 0 to 1 is a matter of rounding.
 ROUNDING = 1e-3
 
@@ -51,9 +55,12 @@ def cleaned(raw: RawLog) -> FlightLog:
     rows, t, restarts = _in_order(raw, remarks)
     signals = {}
     for name, readings in raw.signals.items():
+        _count_missing(name, readings[rows], remarks)
         found = _possible(name, readings[rows], raw, remarks)
         if np.isfinite(found).any():
             signals[name] = found
+    if not signals:
+        raise LogError(f"{raw.name}: expected readings of a signal beside the time, got none")
     start = float(t[0])
     t -= start
     expect_units(raw.name, t, signals)
@@ -81,6 +88,10 @@ def _in_order(raw: RawLog, remarks: list[str]) -> tuple[np.ndarray, np.ndarray, 
     if len(rows) < len(raw.t):
         remarks.append(f"rows left out, without a time: {len(raw.t) - len(rows)}")
     t = raw.t[rows].astype(float)
+    falls = int(np.sum(np.diff(t) < 0.0))
+    if falls > MOST_FALLING * len(t):
+        wanted = "time: expected times that rise from row to row"
+        raise LogError(f"{raw.name}: {wanted}, got {falls} of {len(t)} that fall: sort the rows")
     out_of_order = 0
     starts = []
     while len(t):
@@ -173,6 +184,14 @@ def _possible(name: str, readings: np.ndarray, raw: RawLog, remarks: list[str]) 
     elif slack:
         np.clip(found, signal.least, signal.largest, out=found)
     return found
+
+
+def _count_missing(name: str, readings: np.ndarray, remarks: list[str]) -> None:
+    """Tell how many rows of a signal have no reading, unless its sensor is a slower one."""
+    missing = ~np.isfinite(readings if readings.ndim == 1 else readings.sum(axis=1))
+    least, most = TOLD_MISSING
+    if least < np.mean(missing) < most:
+        remarks.append(f"{SIGNALS[name].words}: rows without a reading: {int(missing.sum())}")
 
 
 def _without_length(quaternions: np.ndarray) -> np.ndarray:

@@ -124,6 +124,20 @@ def test_a_log_tells_ratios_to_the_mass_alone():
         fit_vehicle([flight()])
 
 
+def test_a_flight_of_seconds_is_refused():
+    with pytest.raises(SettingError, match="logs: expected at least 5 s of flight"):
+        fitted(flight(seconds=3.0))
+
+
+@pytest.mark.slow
+def test_drag_of_a_vehicle_that_hardly_moves_is_kept_at_the_prior():
+    """Noise of a velocity near zero would be taken for motion without drag."""
+    log = noisy(flight())
+    found = fitted(replace(log, velocity=0.02 * log.velocity, position=None))
+    assert {found[f"drag.{axis}"].source for axis in "xyz"} == {"prior"}
+    assert any(remark.startswith("drag_x: the flights are too slow") for remark in found.remarks)
+
+
 def test_a_log_without_a_flight_has_nothing_to_fit():
     log = replace(flight(), motor_commands=None, thrust_setpoint=None)
     with pytest.raises(SettingError, match="logs: expected a flight of a second or more"):

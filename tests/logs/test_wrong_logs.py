@@ -115,6 +115,13 @@ def test_times_in_a_random_order_are_refused():
         cleaned(RawLog("flight", t, signals))
 
 
+def test_rows_that_are_sorted_backwards_are_refused():
+    t, signals = known_signals()
+    backwards = {name: readings[::-1] for name, readings in signals.items()}
+    with pytest.raises(LogError, match=r"^flight: time: expected times that rise .* sort the rows"):
+        cleaned(RawLog("flight", t[::-1], backwards))
+
+
 def test_times_in_another_unit_are_refused():
     with pytest.raises(LogError, match=r"^flight: time: expected rows every .* got one every 10 s"):
         cleaned(flight(t=1e3 * known_signals()[0]))
@@ -134,6 +141,28 @@ def test_impossible_and_missing_readings_become_nan_alone():
     assert missing[20:30].sum() == 10
     assert missing.sum() == 10 + 40 + 1
     assert "motor commands: readings left out, impossible: 10" in log.remarks
+
+
+def test_missing_readings_are_counted_but_not_those_of_a_slower_sensor():
+    def lose(rows):
+        def change(readings):
+            readings[rows] = np.nan
+
+        return change
+
+    lost = cleaned(changed("body_rates", lose(slice(40, 60)))).remarks
+    assert "body rates: rows without a reading: 20" in lost
+    slower = np.arange(ROWS) % 4 > 0
+    assert not any(
+        "without a reading" in each for each in cleaned(changed("battery", lose(slower))).remarks
+    )
+
+
+def test_a_log_without_any_reading_is_refused():
+    t, signals = known_signals()
+    empty = {name: np.full_like(readings, np.nan) for name, readings in signals.items()}
+    with pytest.raises(LogError, match="expected readings of a signal beside the time, got none"):
+        cleaned(RawLog("flight", t, empty))
 
 
 def test_saturated_readings_are_left_out_where_the_sensors_limit_is_known():
