@@ -21,10 +21,11 @@ from quadsim.render.faces import (
     obstacle_faces,
     vehicle_faces,
 )
+from quadsim.render.lens import Distortion, Pinhole
 from quadsim.render.look import FLAT, Light, Look, Paint, textures
 from quadsim.render.raster import NONE, Faces, Film, draw, pyramid, rows_of_faces
 from quadsim.rotation import Quaternion, Vec3, matrix
-from quadsim.sensing.camera import Camera
+from quadsim.sensing.camera import Camera, LensCamera
 
 # Numbers in the segmentation; gates have their numbers from 1.
 SKY = 0
@@ -105,6 +106,10 @@ class Scene:
         if len(gates) > LAST_GATE:
             raise ValueError(f"{course.name}: expected at most {LAST_GATE} gates, got {len(gates)}")
         self._camera = camera
+        self._distortion = None
+        if isinstance(camera, LensCamera) and camera.bends:
+            self._distortion = Distortion(camera)
+        self._pinhole = self._distortion.pinhole if self._distortion else _pinhole(camera)
         self._gates = gates
         self._banners = tuple(banners)
         self._vehicle = () if radius is None else tuple(vehicle_faces(radius))
@@ -136,7 +141,7 @@ class Scene:
             look: paint, light and sky.
         """
         position, axes = self._camera.pose(p, q)
-        height = self._camera.height
+        height = self._pinhole.shape[0]
         views = Views(np.tile(position, (1, height, 1)), np.tile(axes, (1, height, 1, 1)))
         return self.expose(views, look)
 
@@ -147,7 +152,7 @@ class Scene:
         pixel; several have OFFSETS in turn.
 
         Args:
-            views: poses of the camera.
+            views: poses of the camera, by row of the pinhole's picture if the lens bends.
             look: paint, light and sky.
             film: brightness and noise.
         """
@@ -166,9 +171,7 @@ class Scene:
         if look is not self._look:
             self._faces = _arrays(self._painted(look), look.light)
             self._look = look
-        camera = self._camera
-        shape = (camera.height, camera.width)
-        lens = (float(camera.fx), float(camera.fy), camera.width / 2, camera.height / 2)
+        shape, lens = self._pinhole
         passes = len(views.eyes)
         offsets = np.resize(OFFSETS, (passes, 2)) if passes > 1 else np.zeros((1, 2))
         eyes = np.ascontiguousarray(views.eyes, float)
@@ -207,7 +210,7 @@ class Scene:
             *film.shift,
             *drawn,
         )
-        return drawn
+        return drawn if self._distortion is None else _distorted(drawn, self._distortion)
 
     def _painted(self, look: Look) -> list[Painted]:
         """Return all faces of the scene with their paint."""
@@ -227,6 +230,21 @@ class Scene:
                 )
                 found.append(Painted(moved, Paint(FLAT, colour), OBSTACLE))
         return found
+
+
+def _pinhole(camera: Camera) -> Pinhole:
+    """Return the picture of a camera without distortion."""
+    lens = (float(camera.fx), float(camera.fy), camera.width / 2, camera.height / 2)
+    return Pinhole((camera.height, camera.width), lens)
+
+
+def _distorted(drawn: Drawn, distortion: Distortion) -> Drawn:
+    """Return a picture as the lens shows it."""
+    return Drawn(
+        distortion.colours(drawn.rgb),
+        distortion.nearest(drawn.inverse_depth),
+        distortion.nearest(drawn.seen),
+    )
 
 
 @cache

@@ -1,4 +1,4 @@
-"""A pinhole camera on the vehicle: from points of the world to pixels.
+"""A camera on the vehicle: from points of the world to pixels.
 
 Camera frame: x to the right of the picture, y down, z along the optical axis. Level, the axis is
 the body's x axis; `tilt_deg` turns it up. A point (x, y, z) of that frame projects to
@@ -6,7 +6,13 @@ the body's x axis; `tilt_deg` turns it up. A point (x, y, z) of that frame proje
     u = f_x x / z + width / 2,    v = f_y y / z + height / 2        [px]
 
 (Hartley and Zisserman 2004, eq. 6.1), u from the left edge of the picture, v from its top: pixel
-(row i, column j) covers j <= u < j + 1, i <= v < i + 1. No distortion.
+(row i, column j) covers j <= u < j + 1, i <= v < i + 1.
+
+The sensors of a flight have such a pinhole, as flight software rectifies its pictures. A camera for
+pictures may have a lens with radial distortion besides (Brown 1966, as in OpenCV): with the ray
+(x, y) / z at the distance r from the optical axis,
+
+    (x, y) / z  <-  (1 + k1 r^2 + k2 r^4) (x, y) / z
 """
 
 from __future__ import annotations
@@ -22,7 +28,7 @@ import numpy as np
 
 from quadsim.course import Gate
 from quadsim.files.data_files import locate, names, read_text
-from quadsim.files.strict_yaml import load, setting, unit
+from quadsim.files.strict_yaml import FileError, load, setting, unit
 from quadsim.rotation import Quaternion, Vec3, to_world
 
 CAMERAS = Path(__file__).parent / "cameras"
@@ -31,6 +37,14 @@ BODY_AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 Pixels = Annotated[int, unit("px", ge=8, le=8192)]
 Focal = Annotated[float, unit("px", gt=0, le=1e5)]
 Metre = Annotated[float, unit("m", ge=-2, le=2)]
+Distortion = Annotated[float, unit("1", ge=-10, le=10)]
+
+# Steps of Newton's method from a distorted ray to the ray outside of the lens
+NEWTON_STEPS = 20
+# Longest distance of a ray from the axis for which a lens is checked: 79 degrees
+MOST_DISTANCE = 5.0
+# Derivative of the distorted distance from the axis, below which a lens is refused
+LEAST_SLOPE = 0.05
 
 
 @dataclass(frozen=True)
@@ -118,17 +132,92 @@ class Camera:
         return pixels.reshape(-1, 4, 2), depth.reshape(-1, 4)
 
 
+@dataclass(frozen=True)
+class LensCamera(Camera):
+    """A camera whose lens may bend straight lines, for pictures."""
+
+    k1: Annotated[Distortion, setting("radial distortion, of the square of the distance")] = 0.0
+    k2: Annotated[Distortion, setting("radial distortion, of the fourth power")] = 0.0
+
+    @property
+    def bends(self) -> bool:
+        """Whether the lens has distortion."""
+        return self.k1 != 0.0 or self.k2 != 0.0
+
+    def to_pixels(self, local: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return pixels and depth as `project` does, for points of the camera frame.
+
+        A point beyond the edge of the lens has no pixel: there the distorted distance from the axis
+        no longer grows, and would lead back into the picture.
+        """
+        if not self.bends:
+            return super().to_pixels(local)
+        depth = local[:, 2]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ray = local[:, :2] / depth[:, None]
+        distance = np.linalg.norm(ray, axis=1)
+        squared = (distance**2)[:, None]
+        bent = (1.0 + squared * (self.k1 + self.k2 * squared)) * ray
+        pixels = bent * (self.fx, self.fy) + (self.width / 2, self.height / 2)
+        pixels[(depth <= 0.0) | (distance > self._edge)] = np.nan
+        return pixels, depth
+
+    def rays(self, pixels: np.ndarray) -> np.ndarray:
+        """Return the rays (x, y) / z that reach pixels, the inverse of `to_pixels`.
+
+        Args:
+            pixels: (..., 2) [px], within the picture.
+        """
+        bent = (pixels - (self.width / 2, self.height / 2)) / (self.fx, self.fy)
+        reached = np.linalg.norm(bent, axis=-1)
+        distance = reached.copy()
+        for _ in range(NEWTON_STEPS):
+            distance -= (self._bent(distance) - reached) / self._slope(distance)
+        scale = np.divide(distance, reached, out=np.ones_like(distance), where=reached > 0.0)
+        return bent * scale[..., None]
+
+    def problem(self) -> str:
+        """Return why the lens is no lens, "" if it is one.
+
+        The distorted distance from the axis has to grow up to the corners of the picture.
+        """
+        corner = np.hypot(self.width / 2 / self.fx, self.height / 2 / self.fy)
+        if self._bent(self._edge) >= corner:
+            return ""
+        return (
+            f"expected a distortion under which rays reach the corners, {corner:.2f} from the "
+            f"axis, got k1 {self.k1:g} and k2 {self.k2:g}"
+        )
+
+    @cached_property
+    def _edge(self) -> float:
+        """The distance from the axis up to which the distorted distance grows."""
+        distances = np.linspace(0.0, MOST_DISTANCE, 2001)
+        slopes = self._slope(distances)
+        falls = np.flatnonzero(slopes < LEAST_SLOPE)
+        return float(distances[falls[0] - 1]) if len(falls) else MOST_DISTANCE
+
+    def _bent(self, r: np.ndarray | float) -> np.ndarray | float:
+        return r * (1.0 + r**2 * (self.k1 + self.k2 * r**2))
+
+    def _slope(self, r: np.ndarray) -> np.ndarray:
+        return 1.0 + r**2 * (3.0 * self.k1 + 5.0 * self.k2 * r**2)
+
+
 def camera_names() -> tuple[str, ...]:
     """Return the names of the cameras that come with the project."""
     return names(CAMERAS)
 
 
-def load_camera(name_or_path: str | Path) -> Camera:
+def load_camera(name_or_path: str | Path) -> LensCamera:
     """Return a camera by name ("aigp") or path ("mine.yaml"). Raises FileError."""
     path = locate(name_or_path, CAMERAS, "camera", listed=False)
     return parse_camera(read_text(path), str(path))
 
 
-def parse_camera(text: str, file: str) -> Camera:
+def parse_camera(text: str, file: str) -> LensCamera:
     """Return the camera of a YAML text; `file` is shown in errors. Raises FileError."""
-    return load(text, file, Camera)
+    camera = load(text, file, LensCamera)
+    if problem := camera.problem():
+        raise FileError(f"{file}: k1: {problem}")
+    return camera

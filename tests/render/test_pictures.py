@@ -15,7 +15,7 @@ from quadsim.render.frames import Job, Pictures, make_frames, path_of, whole_lab
 from quadsim.render.labels import label
 from quadsim.render.look import VARIED, drawn_look, plain_look
 from quadsim.render.poses import Pose, drawn_poses, flown_poses
-from quadsim.sensing.camera import Camera
+from quadsim.sensing.camera import Camera, LensCamera
 from quadsim.sensing.visibility import hidden
 from quadsim.streams import look_streams
 
@@ -69,6 +69,22 @@ def test_projected_corners_lie_on_the_frames_that_are_drawn(swift):
     assert share > 0.97
     tilted = Camera(320, 180, 160.0, 160.0, tilt_deg=24.0, position=(0.1, 0.0, 0.0))
     assert agreement(pictures, tilted)[1] < 0.7  # a camera that is 4 degrees off does not agree
+
+
+@pytest.mark.slow
+@pytest.mark.compiled
+def test_a_lens_bends_labels_as_it_bends_pictures():
+    from quadsim.render.scene import Scene
+
+    given = (320, 180, 160.0, 160.0, 20.0, 30.0, (0.1, 0.0, 0.0))
+    wide = LensCamera(*given, k1=-0.15, k2=0.02)
+    scene = Scene(SWIFT, wide)
+    poses = drawn_poses(SWIFT, wide, 12, seed=5)
+    pictures = [(pose, scene.shoot(pose.p, pose.q, plain_look()).segmentation) for pose in poses]
+    count, share = agreement(pictures, wide)
+    assert count > 40
+    assert share > 0.97
+    assert agreement(pictures, LensCamera(*given))[1] < 0.7
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ import pytest
 
 from quadsim.course import load_course
 from quadsim.files.strict_yaml import FileError
-from quadsim.sensing.camera import Camera, camera_names, load_camera, parse_camera
+from quadsim.sensing.camera import Camera, LensCamera, camera_names, load_camera, parse_camera
 from quadsim.sensing.whole_gates import gates_alike, whole_from
 
 LEVEL = (1.0, 0.0, 0.0, 0.0)
@@ -48,6 +48,36 @@ def test_the_camera_moves_and_turns_with_the_body():
     pixel, depth = seen(camera, (1.0, 5.2, 2.1), p=(1.0, 0.0, 2.0), q=yawed(pi / 2))
     assert pixel == pytest.approx((320.0, 180.0))
     assert depth == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize(("k1", "k2"), [(-0.15, 0.02), (0.1, 0.0), (0.0, 0.0)])
+def test_the_rays_of_a_lens_are_the_inverse_of_its_pixels(k1, k2):
+    lens = LensCamera(640, 360, 320.0, 300.0, k1=k1, k2=k2)
+    pixels = np.random.default_rng(0).uniform((0, 0), (640, 360), (200, 2))
+    ahead = np.column_stack([lens.rays(pixels), np.ones(200)])
+    again, depth = lens.to_pixels(7.0 * ahead)
+    assert depth == pytest.approx(7.0)
+    assert again == pytest.approx(pixels, abs=1e-9)
+    plain, _ = CAMERA.to_pixels(ahead)
+    further = np.linalg.norm(plain - (320, 180), axis=1) - np.linalg.norm(
+        pixels - (320, 180), axis=1
+    )
+    # a barrel draws points towards the middle, a cushion away from it
+    assert (np.sign(np.rint(1e6 * further)) == -np.sign(k1)).all()
+
+
+def test_what_a_barrel_folds_back_is_not_in_the_picture():
+    barrel = LensCamera(640, 360, 400.0, 400.0, k1=-0.15)
+    local = np.array([[3.0, 0.0, 1.0], [0.5, 0.0, 1.0]])
+    pixels, _ = barrel.to_pixels(local)
+    assert np.isnan(pixels[0]).all()
+    assert barrel.in_picture(pixels).tolist() == [False, True]
+
+
+def test_a_lens_that_does_not_reach_the_corners_is_refused():
+    text = "width: 640\nheight: 360\nfx: 200\nfy: 200\nk1: -.3\n"
+    with pytest.raises(FileError, match=r"mine\.yaml: k1: .* rays reach the corners, 1\.84 from"):
+        parse_camera(text, "mine.yaml")
 
 
 def test_what_is_behind_has_no_pixel_and_is_not_in_the_picture():

@@ -1,0 +1,70 @@
+"""A lens that bends straight lines: its pictures are resampled from those of a pinhole.
+
+The pinhole's picture has the same focal lengths, and is as large as the rays that reach the lens's
+picture need. Colours are interpolated between four pixels; depth and face are those of the nearest.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from quadsim.sensing.camera import LensCamera
+
+# Pixels of the pinhole's picture around those that are needed
+BORDER = 2
+
+
+class Pinhole(NamedTuple):
+    """The picture from which the lens's picture is resampled."""
+
+    # height and width [px]
+    shape: tuple[int, int]
+    # focal lengths and the place of the optical axis, fx, fy, cx, cy [px]
+    lens: tuple[float, float, float, float]
+
+
+class Distortion:
+    """The way from the picture of a pinhole to that of a lens.
+
+    Args:
+        camera: a camera with distortion.
+    """
+
+    def __init__(self, camera: LensCamera):
+        # The place of each pixel's middle in the pinhole's picture, from the axis.
+        v, u = np.indices((camera.height, camera.width)) + 0.5
+        rays = camera.rays(np.stack([u, v], axis=-1))
+        places = rays * (camera.fx, camera.fy)  # (height, width, 2)
+
+        # The pinhole's picture reaches BORDER further than the furthest of them.
+        half = np.ceil(abs(places).max(axis=(0, 1))).astype(int) + BORDER
+        width, height = (2 * half).tolist()
+        self.pinhole = Pinhole(
+            (height, width),
+            (float(camera.fx), float(camera.fy), width / 2, height / 2),
+        )
+
+        # The pixel whose middle is left of and above each place, and the way on from there.
+        begin = places + half - 0.5
+        corner = np.floor(begin).astype(int)
+        share = (begin - corner).astype(np.float32)
+        self._corner = corner[..., 1] * width + corner[..., 0]
+        self._right = share[..., :1]
+        self._down = share[..., 1:]
+        nearest = np.rint(begin).astype(int)
+        self._nearest = nearest[..., 1] * width + nearest[..., 0]
+
+    def colours(self, rgb: np.ndarray) -> np.ndarray:
+        """Return the lens's colours from those of the pinhole.  (height, width, 3) uint8"""
+        width = self.pinhole.shape[1]
+        flat = rgb.reshape(-1, 3).astype(np.float32)
+        at = self._corner
+        above = flat[at] + self._right * (flat[at + 1] - flat[at])
+        below = flat[at + width] + self._right * (flat[at + width + 1] - flat[at + width])
+        return np.rint(above + self._down * (below - above)).astype(np.uint8)
+
+    def nearest(self, values: np.ndarray) -> np.ndarray:
+        """Return the values of the nearest pixels of the pinhole's picture.  (height, width)"""
+        return values.ravel()[self._nearest]
