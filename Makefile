@@ -42,11 +42,14 @@ page: $(VENV)/.dev
 # Build Betaflight, which takes a minute or two and needs gcc, and fly the tests behind it.
 firmware: $(VENV)/.dev
 	$(BIN)/race firmware build
-	$(PYTEST) -m firmware
+	$(PYTEST) -m firmware tests/firmware
+
+# Where tests with the mark docs stand, see tests/test_structure.py: reading all others takes seconds.
+DOCUMENTS := tests/docs tests/test_examples.py tests/test_notebooks.py
 
 # Do the documents tell the truth: commands, outputs, recipes, examples, notebooks, docstrings? Some minutes of flights.
 docs-check: $(VENV)/.dev
-	$(PYTEST) -m docs
+	$(PYTEST) -m docs $(DOCUMENTS)
 
 # 1500 damaged inputs, disks and environments: some minutes. Other ones: make fuzz SEED=1
 SEED ?= 0

@@ -56,7 +56,7 @@ def fly(
 
     Examples:
         >>> import quadsim
-        >>> run = quadsim.fly("figure8", sampler="gaussian", laps=1, samples=512)
+        >>> run = quadsim.fly("figure8", sampler="gaussian", laps=1, samples=256)
         >>> run.outcome, len(run.laps)
         ('finished', 1)
         >>> again = quadsim.fly(run.spec)
@@ -260,7 +260,7 @@ def runs(  # noqa: PLR0913 (a keyword for each pattern)
     Examples:
         >>> import quadsim
         >>> for seed in (0, 1):
-        ...     folder = quadsim.fly("figure8", laps=1, samples=512, seed=seed).save()
+        ...     folder = quadsim.fly("figure8", laps=1, samples=256, seed=seed).save()
         >>> stored = quadsim.runs(course="figure8", outcome="finished")
         >>> [row.seed for row in stored]
         [0, 1]
@@ -348,7 +348,7 @@ def fit(
         >>> drag = found["drag.x"]
         >>> drag.low < 0.4 < drag.high
         True
-        >>> run = quadsim.fly("figure8", vehicle=found.vehicle, laps=1, samples=512)
+        >>> run = quadsim.fly("figure8", vehicle=found.vehicle, laps=1, samples=256)
     """
     from quadsim.identify import fit_vehicle
     from quadsim.vehicle import Vehicle, load_vehicle
@@ -426,8 +426,8 @@ def compare(
 
     Examples:
         >>> import quadsim
-        >>> variants = {"short": {"horizon": 120}, "long": {"horizon": 150}}
-        >>> comparison = quadsim.compare("figure8", variants, attempts=2, laps=1, samples=512)
+        >>> variants = {"few": {"samples": 128}, "more": {"samples": 256}}
+        >>> comparison = quadsim.compare("figure8", variants, attempts=2, laps=1)
         >>> [variant.finished for variant in comparison.variants]
         [2, 2]
     """
@@ -473,10 +473,10 @@ def sweep(
 
     Examples:
         >>> import quadsim
-        >>> over = {"link_latency": [0, 0.02, 0.04]}
-        >>> swept = quadsim.sweep("figure8", over, "colored", attempts=2, laps=1, samples=256)
+        >>> small = {"attempts": 2, "laps": 1, "samples": 256}
+        >>> swept = quadsim.sweep("figure8", {"link_latency": [0, 0.04]}, "colored", **small)
         >>> [point.value for point in swept.points]
-        ['0', '0.02', '0.04']
+        ['0', '0.04']
     """
     from quadsim.campaign.sweep import sweep as run_sweep
 

@@ -46,8 +46,8 @@ PRINT = {
     "sweep_gamma": r"gamma 4: lap \d+\.\d+ s",
     "two_samplers": r"colored - gaussian: [+-]\d+\.\d+ s a lap",
     "Fly, and draw a figure of your own": r"split_s_swift: ",
-    "Compare, down to a table": r"(?s)race_time.*colored +4\.0",
-    "A sampler of your own, and a sweep over its parameter": r"16 knots",
+    "Compare, down to a table": r"(?s)race_time.*colored +2\.0",
+    "A sampler of your own, and a sweep over its parameter": r"8 knots",
     "A cost term with parameters of its own": r"weight 2: finished",
     "Dynamics of your own in a loop of your own": r"upright: 1\.0",
     "A vehicle of your own": r"ratio: 3\.6\n(?s:.*)1\.2 kg: finished",
@@ -102,8 +102,9 @@ class Flights:
 
 
 def few_samples(course, settings):
-    """Return the arguments of a call with few samples."""
-    return course, {**settings, "samples": SMALL["samples"]}
+    """Return the arguments of a call with few samples, and of a comparison with two attempts."""
+    few = {**settings, "samples": SMALL["samples"]}
+    return course, few | ({"attempts": 2} if "attempts" in settings else {})
 
 
 def on_a_short_course(course, settings):

@@ -1,8 +1,13 @@
-"""No two modules import each other, directly or through others."""
+"""No two modules import each other, and tests with marks of their own stand where make looks."""
+
+from pathlib import Path
 
 import grimp
 
 PACKAGES = ("quadsim",)
+TESTS = Path(__file__).parent
+# The files and folders that DOCUMENTS of the Makefile names
+DOCUMENTS = ("docs", "test_examples.py", "test_notebooks.py")
 
 
 def test_no_modules_import_each_other():
@@ -16,3 +21,15 @@ def test_no_modules_import_each_other():
     assert len(edges) > len(graph.modules)
     cycles = [edge for edge in edges if graph.chain_exists(importer=edge[1], imported=edge[0])]
     assert cycles == []
+
+
+def test_tests_of_documents_stand_where_make_docs_check_looks():
+    """Tests behind the firmware need no such check: the conftest of their folder marks them."""
+    marked = {
+        path.relative_to(TESTS).parts[0]
+        for path in TESTS.rglob("test_*.py")
+        if "pytest.mark.docs\n" in path.read_text()
+    }
+    assert marked == set(DOCUMENTS)
+    words = " ".join(f"tests/{name}" for name in DOCUMENTS)
+    assert f"DOCUMENTS := {words}\n" in (TESTS.parent / "Makefile").read_text()

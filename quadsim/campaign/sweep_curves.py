@@ -15,9 +15,9 @@ class SweepPoint:
     Examples:
         >>> import quadsim
         >>> small = {"attempts": 2, "laps": 1, "samples": 256}
-        >>> swept = quadsim.sweep("figure8", {"margin": [0.1, 0.3]}, "colored", **small)
+        >>> swept = quadsim.sweep("figure8", {"link_latency": [0, 0.04]}, "colored", **small)
         >>> [(point.value, point.stats.finished) for point in swept.points]
-        [('0.1', 2), ('0.3', 2)]
+        [('0', 2), ('0.04', 2)]
     """
 
     course: str

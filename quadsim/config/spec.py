@@ -167,7 +167,7 @@ class Spec(FlightNumbers, HostSettings):
         >>> spec = quadsim.Spec.of("figure8", sampler="gaussian", laps=1)
         >>> spec.planner.mppi.samples
         1024
-        >>> colored = spec.but(sampler="colored", samples=512)
+        >>> colored = spec.but(sampler="colored", samples=256)
         >>> runs = [quadsim.fly(colored, seed=seed) for seed in range(2)]
     """
 

@@ -129,7 +129,7 @@ class RefereeProtocol(Protocol):
         ...         return events
         >>> def referee(spec):
         ...     return TwoGates(spec.flown_course, spec.vehicle.radius, spec.laps, timeout=10.0)
-        >>> run = quadsim.fly("figure8", referee=referee, samples=512)
+        >>> run = quadsim.fly("figure8", referee=referee, samples=256)
         >>> run.outcome, len(run.gates)
         ('finished', 2)
     """

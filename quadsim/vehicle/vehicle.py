@@ -169,7 +169,7 @@ class Vehicle:
         >>> import quadsim
         >>> swift = quadsim.load_vehicle("swift")
         >>> heavy = swift.but(mass=0.9, rotors={"motor_tau": 0.05})
-        >>> run = quadsim.fly("figure8", vehicle=heavy, laps=1, samples=512)
+        >>> run = quadsim.fly("figure8", vehicle=heavy, laps=1, samples=256)
         >>> run.outcome
         'finished'
     """
