@@ -26,9 +26,9 @@ def arrays(estimate):
 
 
 @pytest.fixture(scope="module")
-def raced(two_gates):
+def raced():
     """Return a race of three, and the estimates of its first vehicle as they were and as stored."""
-    entrants, settings = line_up(two_gates, ["colored"] * 3, SETTINGS | {"stagger": 0.05})
+    entrants, settings = line_up("figure8", ["colored"] * 3, SETTINGS | {"stagger": 0.05})
     heat = HeatSpec(entrants, settings, seed=3)
     given, stored = [], []
     control = PlannerInFlight.control
