@@ -1,7 +1,8 @@
 """Take the pictures of dashboard.md: `.venv/bin/python docs/dashboard_pictures.py [FOLDER]`.
 
 It flies and drives a chromium without a window, as tests/web/browser does, for some minutes. A
-FOLDER keeps the flights for another time.
+FOLDER keeps the flights for another time. Flights and browser take turns: a scene that is drawn in
+software takes the cores that a planner needs.
 """
 
 from __future__ import annotations
@@ -11,12 +12,14 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from math import inf
 from pathlib import Path
 
 from PIL import Image
-from playwright.sync_api import Browser, Frame, Page, ViewportSize, sync_playwright
+from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
+from websockets.sync.client import connect
 
 from quadsim.racing.hand import HAND
 from quadsim.record.archive import list_runs
@@ -31,13 +34,19 @@ OUT = Path(__file__).parent
 HOST = "127.0.0.1"
 # drawn in software
 DRAWN = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+# at most 5 pictures a second; else drawing takes a whole core
+FEWER_PICTURES = """(() => {
+    const draw = window.requestAnimationFrame.bind(window);
+    window.requestAnimationFrame = callback => setTimeout(() => draw(callback), 200);
+    window.cancelAnimationFrame = clearTimeout;
+})()"""
 WIDE = ViewportSize(width=1600, height=900)
 PHONE = ViewportSize(width=390, height=844)
 COLUMNS = 4  # of the sheet of the phone's pictures
 SPACE = 10  # between its pictures [px]
 COLOURS = 256  # of a picture's palette, which makes it a third as large
-PATIENCE = 600.0  # [s] for a flight or a page
-SETTLED = 4000  # [ms] until all is drawn
+PATIENCE = 120.0  # [s] for a flight or a page
+SETTLED = 5000  # [ms] until all is drawn
 COLORED = Choices()
 GAUSSIAN = Choices(sampler="gaussian")
 CARELESS = Choices(settings={"samples": 256, "margin": 0.0, "crash": 0.0, "clearance": 0.0})
@@ -46,30 +55,49 @@ STORED = {"colored": COLORED, "gaussian": GAUSSIAN, "crashed": CARELESS}
 IN_VIEW = 7.5
 SENSED = 0.5
 RAISED = 1500  # [ms] of rising after a person has taken off
-CLOSE_NOTICES = """document.querySelectorAll('button[class*=CloseButton], .notes button')
-    .forEach(note => note.click())"""
+CLOSE_NOTICES = "document.querySelectorAll('.notes button').forEach(note => note.click())"
 
 
 class Studio:
-    """A dashboard, a wide page and a phone's on it."""
+    """Takes pictures of a dashboard, on a wide screen and on a phone's."""
 
-    def __init__(self, browser: Browser, session: Session, dashboard: Dashboard, url: str):
+    def __init__(self, browser: Browser, session: Session, url: str):
         self.session = session
         self._browser = browser
         self._url = url
-        self.page = self.open_page()
-        self.phone = self.open_page(PHONE)
-        self._dashboard = dashboard
         self._phone_shots: list[Image.Image] = []
 
-    def open_page(self, size: ViewportSize = WIDE) -> Page:
-        """Return a page of a visitor of its own."""
-        page = self._browser.new_context(viewport=size).new_page()
-        page.set_default_timeout(1e3 * PATIENCE)
-        page.goto(self._url)
-        page.locator("iframe[src]").wait_for()
-        scene(page).get_by_text("Course editor").first.wait_for()
-        return page
+    @contextmanager
+    def page(self, size: ViewportSize = WIDE, camera: str = "free") -> Iterator[Page]:
+        """A page of a visitor of its own, once its scene has been drawn."""
+        with self._browser.new_context(viewport=size) as context:
+            page = context.new_page()
+            page.set_default_timeout(1e3 * PATIENCE)
+            page.add_init_script(FEWER_PICTURES)
+            page.goto(self._url)
+            page.locator('[data-camera="free"][aria-pressed=true]').wait_for()
+            if camera != "free":
+                page.get_by_role("button", name=camera, exact=True).click()
+            page.wait_for_timeout(SETTLED)
+            yield page
+
+    @contextmanager
+    def watched(self) -> Iterator[None]:
+        """Watch the race without a browser, so that sampled trajectories are kept."""
+        with connect(self._url.replace("http", "ws") + "link"):
+            yield
+
+    def shoot(self, name: str, camera: str = "free", settings: bool = False) -> None:
+        """Take a picture on both screens."""
+        print(name, flush=True)
+        with self.page(camera=camera) as page:
+            show_settings(page, settings)
+            page.evaluate(CLOSE_NOTICES)
+            page.wait_for_timeout(SETTLED)
+            save(picture_of(page), name)
+        with self.page(PHONE, camera) as page:
+            page.evaluate(CLOSE_NOTICES)
+            self._phone_shots.append(picture_of(page))
 
     def show(self, runs: Sequence[Path], t: float) -> None:
         """Show stored runs at t [s]."""
@@ -79,19 +107,10 @@ class Studio:
         self.session.tell(PageRace.play, False)
         self.session.tell(PageRace.scrub, t)
 
-    def next_camera(self, times: int = 1) -> None:
-        """Choose the next camera of free, chase, top, FPV."""
-        for page in (self.page, self.phone):
-            for _ in range(times):
-                page.keyboard.press("c")
-
-    def shoot(self, name: str) -> None:
-        """Take a picture once all has been drawn."""
-        for page in (self.page, self.phone):
-            close_notices(page)
-            page.wait_for_timeout(SETTLED)
-        save(picture_of(self.page), name)
-        self._phone_shots.append(picture_of(self.phone))
+    def fly(self, *choices: Choices, until: float) -> None:
+        """Fly to this time [s], and pause."""
+        with self.watched():
+            fly(self.session, *choices, until=until)
 
     def save_phone(self) -> None:
         """Save a sheet of all that the phone has shown."""
@@ -104,19 +123,6 @@ class Studio:
             row, column = divmod(k, COLUMNS)
             sheet.paste(shot, (column * width, row * height))
         save(sheet, "phone")
-
-
-def scene(page: Page) -> Frame:
-    """Return the frame of the scene and of the settings."""
-    found = page.frame("scene")
-    assert found
-    return found
-
-
-def close_notices(page: Page) -> None:
-    """Close the notices of the page and of its frame."""
-    for part in (page, scene(page)):
-        part.evaluate(CLOSE_NOTICES)
 
 
 def show_settings(page: Page, on: bool) -> None:
@@ -171,23 +177,18 @@ def stored(root: Path, choices: Choices) -> Path:
 def edit(page: Page) -> None:
     """Edit a copy of the chosen course: another gate is chosen, and a pole stands beside it."""
     show_settings(page, True)
-    inside = scene(page)
-    inside.get_by_text("Race", exact=True).click()
-    folder = inside.get_by_role("button", name="Course editor", exact=True)
-    folder.click()
-    inside.get_by_role("button", name="Edit a copy").click()
-    inside.get_by_role("button", name="Done", exact=True).wait_for()
-    inside.get_by_role("button", name="later", exact=True).wait_for()
-    inside.get_by_role("button", name="pole", exact=True).click()
+    group = page.locator(".drawer summary", has_text="Course editor")
+    group.click()
+    page.get_by_role("button", name="Edit a copy").click()
+    page.get_by_role("button", name="later", exact=True).wait_for()
+    page.get_by_role("button", name="pole", exact=True).click()
     page.get_by_text("1 obstacle, ").first.wait_for()
-    folder.scroll_into_view_if_needed()
-
-
-def by_hand(studio: Studio, page: Page) -> None:
-    """Take off by the keyboard, beside a planner."""
-    session = studio.session
+    group.evaluate("group => group.scrollIntoView()")
     page.wait_for_timeout(SETTLED)
-    close_notices(page)
+
+
+def by_hand(session: Session, page: Page) -> None:
+    """Take off by the keyboard, beside a planner."""
     show_settings(page, False)
     races = session.snapshot.race
     session.tell(PageRace.start, [Choices(sampler=HAND), COLORED])
@@ -209,46 +210,44 @@ def by_hand(studio: Studio, page: Page) -> None:
 def take_pictures(studio: Studio, colored: Path, gaussian: Path, crashed: Path) -> None:
     """Take every picture."""
     session = studio.session
-    studio.shoot("start")
-    show_settings(studio.page, False)
-    fly(session, COLORED, until=2.8)
+    studio.shoot("start", settings=True)
+    studio.fly(COLORED, until=2.8)
     studio.shoot("live")
-    fly(session, COLORED, GAUSSIAN, until=2.5)
+    studio.fly(COLORED, GAUSSIAN, until=2.5)
     studio.shoot("ghost")
-    fly(session, Choices(sampler=f"{PILOT}split_s_swift", sensing="gates"), until=SENSED)
-    studio.next_camera()  # chase
-    studio.shoot("estimate")
+    studio.fly(Choices(sampler=f"{PILOT}split_s_swift", sensing="gates"), until=SENSED)
+    studio.shoot("estimate", "chase")
     session.tell(PageRace.end_flights)
-    studio.next_camera(2)
     studio.show([colored], IN_VIEW)
-    studio.shoot("fpv")
-    studio.next_camera()
+    studio.shoot("fpv", "FPV")
     studio.show([crashed], inf)
     studio.shoot("crash")
     studio.show([colored], inf)
     studio.shoot("finish")
     studio.show([colored, gaussian], 8.0)
-    studio.page.wait_for_timeout(SETTLED)  # or the pointer is over a chart of the last race
-    studio.page.locator(".race-chart canvas").first.hover(position={"x": 200, "y": 40})
     studio.shoot("replay")
     studio.save_phone()
-    studio.page.keyboard.press("p")
-    studio.page.wait_for_timeout(SETTLED)
-    save(picture_of(studio.page), "present")
-    studio.page.keyboard.press("p")
-    studio.page.keyboard.press("t")
-    studio.page.wait_for_timeout(SETTLED)
-    save(picture_of(studio.page), "runs")
-    studio.page.keyboard.press("Escape")
-    edit(studio.page)
-    studio.page.wait_for_timeout(SETTLED)
-    close_notices(studio.page)
-    save(picture_of(studio.page), "editor")
-    studio.page.close()
-    by_hand(studio, studio.open_page())
+    with studio.page() as page:
+        show_settings(page, False)
+        page.locator(".race-chart canvas").first.hover(position={"x": 200, "y": 40})
+        page.wait_for_timeout(SETTLED)
+        save(picture_of(page), "replay")
+        page.keyboard.press("p")
+        page.wait_for_timeout(SETTLED)
+        save(picture_of(page), "present")
+        page.keyboard.press("p")
+        page.keyboard.press("t")
+        page.wait_for_timeout(SETTLED)
+        save(picture_of(page), "runs")
+    with studio.page() as page:
+        edit(page)
+        save(picture_of(page), "editor")
+    with studio.page() as page:
+        by_hand(session, page)
 
 
 def main() -> None:
+    """Fly, and take every picture."""
     with tempfile.TemporaryDirectory() as root, sync_playwright() as p:
         kept = Path(sys.argv[1] if sys.argv[1:] else root)
         flown = [stored(kept / name, choices) for name, choices in STORED.items()]
@@ -259,8 +258,7 @@ def main() -> None:
         dashboard = Dashboard(server, session, menu, COLORED, GAUSSIAN)
         found = shutil.which("chromium") or shutil.which("chromium-browser")
         browser = p.chromium.launch(executable_path=found, args=DRAWN)
-        studio = Studio(browser, session, dashboard, address(HOST, server.get_port()))
-        take_pictures(studio, *runs)
+        take_pictures(Studio(browser, session, address(HOST, server.get_port())), *runs)
         browser.close()
         dashboard.close()
         session.close()

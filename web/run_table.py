@@ -10,10 +10,11 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from datetime import datetime
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, get_type_hints
 
 import msgspec
 
@@ -37,37 +38,66 @@ RECENT = 2.0
 OF_LIMIT = ("course", "course_text", "vehicle", "laps", "plant", "penalties", "own")
 
 
+@dataclass(frozen=True)
+class Column:
+    """A column of the table on the page.
+
+    Attributes:
+        title: its head.
+        digits: decimals of its numbers; None: it has texts.
+        is_long: whether its texts are cut to a width.
+    """
+
+    title: str
+    digits: int | None = None
+    is_long: bool = False
+
+
 class RunRow(msgspec.Struct, frozen=True):
-    """A row of the table: a run, a race of several, or a folder that cannot be read."""
+    """A row of the table: a run, a race of several, or a folder that cannot be read.
+
+    A field with a Column is one on the page, in this order.
+    """
 
     # name of the folder, which identifies the row
     name: str
     # local time of the flight, as "2026-11-20 16:15:07"
-    when: str
-    course: str = ""
+    when: Annotated[str, Column("flown")]
+    course: Annotated[str, Column("course")] = ""
     # the sampler, or `pilot NAME`; for a race, the entrants
-    flown_by: str = ""
-    vehicle: str = ""
-    preset: str = ""
-    sensing: str = ""
+    flown_by: Annotated[str, Column("flown by", is_long=True)] = ""
+    # time of the whole race, for a finished run [s]
+    time: Annotated[float | None, Column("time [s]", 3)] = None
+    # excess of the time over the best known limit [%]
+    above: Annotated[float | None, Column("above limit [%]", 1)] = None
+    outcome: Annotated[str, Column("outcome", is_long=True)] = ""
+    # completed and required laps
+    laps: Annotated[str, Column("laps")] = ""
+    seed: Annotated[int | None, Column("seed", 0)] = None
     # numbers of the planner that differ from the preset; of each entrant of a race
-    numbers: str = ""
+    numbers: Annotated[str, Column("changed numbers", is_long=True)] = ""
+    vehicle: Annotated[str, Column("vehicle")] = ""
+    preset: Annotated[str, Column("preset")] = ""
+    sensing: Annotated[str, Column("sensing")] = ""
+    # numbers changed in flight
+    changes: Annotated[int, Column("changes", 0)] = 0
     # further settings, by which a row is found: clock, deadline, flight controller, rules
     more: str = ""
-    seed: int | None = None
-    # completed and required laps
-    laps: str = ""
-    # numbers changed in flight
-    changes: int = 0
-    outcome: str = ""
-    # time of the whole race, for a finished run [s]
-    time: float | None = None
-    # excess of the time over the best known limit [%]
-    above: float | None = None
     # number of vehicles in one world
     vehicles: int = 1
     # error of an unreadable folder, in one line
     problem: str = ""
+
+
+def columns() -> dict[str, Column]:
+    """Return the columns of the table by the fields of a row."""
+    hints = get_type_hints(RunRow, include_extras=True)
+    return {
+        name: column
+        for name, hint in hints.items()
+        for column in getattr(hint, "__metadata__", ())
+        if isinstance(column, Column)
+    }
 
 
 class _Stamp(NamedTuple):

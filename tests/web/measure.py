@@ -4,6 +4,9 @@ python tests/web/measure.py slowdown   plan time with three clients against none
 python tests/web/measure.py air        from one click to the second frame: < 5 s
 python tests/web/measure.py four       real-time factor of a race of four, without and with a page,
                                        here and where one step of the whole budget takes 10 ms
+python tests/web/measure.py share      share of a core and kB/s of the page for 0, 1 and 3 visitors:
+                                       at rest, with two that fly without a planner, and the same
+                                       with `Send less`
 python tests/web/measure.py soak 60    memory and threads over an hour of races of four: < 20 MB
                                        more after the first ten minutes
 
@@ -14,7 +17,9 @@ That of `four` shares the cores, as a browser does; it draws nothing.
 from __future__ import annotations
 
 import asyncio
+import json
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -28,14 +33,16 @@ import websockets
 
 sys.path.insert(0, str(Path(__file__).parent))
 
+from web_cases import Gliders
 from wire import CAMERA, PROTOCOL
 
 from quadsim.bench.cases import QUADROTOR, median_ms, paper_case, starting
 from quadsim.web.choices import Choices, HeatChoices
+from quadsim.web.commands import SetView
 from quadsim.web.menu import Menu
 from quadsim.web.page.dashboard import Dashboard
 from quadsim.web.page.server import serve
-from quadsim.web.race import PageRace
+from quadsim.web.race import PageRace, TakeOff, take_off
 from quadsim.web.session import Session
 
 CLIENTS = 3
@@ -49,15 +56,20 @@ FOUR_SPAN = 15.0  # wall-clock time for which it is measured [s]
 MOST_SLOWER = 10.0  # [%]
 MOST_SECONDS = 5.0
 MOST_GROWN = 20.0  # [MB]
+SHARE_SPAN = 10.0  # [s] over which a share is measured
+SHARE_VISITORS = (0, 1, 3)
+# what a page asks for with the tab Laps open, and how often while the race moves [s]
+ASK = {"type": "ask", "have": {}, "seat": "", "shows": ["laps"]}
+ASK_PERIOD = 0.1
 MENU = Menu(("split_s_swift",), ("swift",), {"race": "swift"}, ("colored", "gaussian"))
 
 
 class Place:
     """A page on a session, and clients of it in a process of their own."""
 
-    def __init__(self, root: str):
+    def __init__(self, root: str, take_off: TakeOff = take_off):
         self.server = serve("127.0.0.1", 0, None, "race")
-        self.session = Session(root)
+        self.session = Session(root, take_off)
         self.page = Dashboard(self.server, self.session, MENU, Choices())
         self._watchers: subprocess.Popen | None = None
 
@@ -70,9 +82,16 @@ class Place:
         if clients:
             command = [sys.executable, __file__, "watch", str(self.server.get_port()), str(clients)]
             command += [] if core is None else [str(core)]
-            self._watchers = subprocess.Popen(command)
+            self._watchers = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         while len(self.server.get_clients()) != clients:
             time.sleep(0.05)
+
+    def received(self) -> float:
+        """Return what the connections have received since the last call [kB]."""
+        if self._watchers is None or self._watchers.stdout is None:
+            return 0.0
+        self._watchers.send_signal(signal.SIGUSR1)
+        return float(self._watchers.stdout.readline()) / 1e3
 
     def flight(self) -> float:
         """Fly one lap. Return the median plan time in real time [ms]."""
@@ -166,6 +185,39 @@ def four(place: Place, pairs: int = 2) -> None:
             )
 
 
+def share(place: Place) -> None:
+    """Measure the share of a core that the page takes, and what it sends."""
+    print("visitors  at rest       racing        racing, sending less")
+    for visitors in SHARE_VISITORS:
+        place.watch(visitors)
+        time.sleep(2.0)
+        found = [_share_now(place, max(visitors, 1))]
+        for light in (False, True):
+            place.page.desk.do(SetView("light", light))
+            races = place.session.snapshot.race
+            flights = [Choices(sampler=name, laps=1000) for name in ("colored", "gaussian")]
+            place.session.tell(PageRace.start, flights)
+            while place.session.snapshot.race == races or place.session.snapshot.t < 2.0:
+                time.sleep(0.05)
+            found.append(_share_now(place, max(visitors, 1)))
+            place.session.tell(PageRace.end_flights)
+            while place.session.snapshot.flying:
+                time.sleep(0.05)
+        place.page.desk.do(SetView("light", False))
+        print(f"{visitors:8}  {'  '.join(found)}", flush=True)
+
+
+def _share_now(place: Place, visitors: int) -> str:
+    """Return the share of a core [%] and what each visitor is sent [kB/s], as text."""
+    place.received()
+    began = time.perf_counter()
+    spent = time.process_time()
+    time.sleep(SHARE_SPAN)
+    seconds = time.perf_counter() - began
+    percent = 100 * (time.process_time() - spent) / seconds
+    return f"{percent:5.1f} % {place.received() / seconds / visitors:5.0f} kB/s"
+
+
 def verdict(found: float, most: float, unit: str) -> str:
     """Return whether a claim holds."""
     return "as claimed" if found < most else f"MORE than the {most:g} {unit} claimed"
@@ -204,16 +256,35 @@ def resident() -> float:
 
 
 async def watchers(port: int, clients: int) -> None:
-    """Watch a page by some connections."""
+    """Watch a page by some connections, and print the bytes received when a signal asks."""
+    received = [0]
 
-    async def one() -> None:
-        address = f"ws://127.0.0.1:{port}"
+    def tell() -> None:
+        print(received[0], flush=True)
+        received[0] = 0
+
+    async def scene() -> None:
+        address = f"ws://127.0.0.1:{port}/scene/"
         async with websockets.connect(address, subprotocols=[PROTOCOL], max_size=None) as socket:
             await socket.send(msgspec.msgpack.encode(CAMERA))
             while True:
-                await socket.recv()
+                received[0] += len(await socket.recv())
 
-    await asyncio.gather(*(one() for _ in range(clients)))
+    async def page() -> None:
+        have: dict[str, int] = {}
+        async with websockets.connect(f"ws://127.0.0.1:{port}/link", max_size=None) as socket:
+            while True:
+                await socket.send(json.dumps({**ASK, "have": have}))
+                answer: dict = {}
+                while answer.get("type") != "parts":
+                    data = await socket.recv()
+                    received[0] += len(data)
+                    answer = json.loads(data)
+                have |= {name: part["version"] for name, part in answer["parts"].items()}
+                await asyncio.sleep(ASK_PERIOD)
+
+    asyncio.get_running_loop().add_signal_handler(signal.SIGUSR1, tell)
+    await asyncio.gather(*(one() for _ in range(clients) for one in (scene, page)))
 
 
 def main() -> None:
@@ -225,7 +296,7 @@ def main() -> None:
         asyncio.run(watchers(port, clients))
         return
     with tempfile.TemporaryDirectory() as root:
-        place = Place(root)
+        place = Place(root, Gliders()) if what == "share" else Place(root)
         try:
             if what == "slowdown":
                 slowdown(place)
@@ -233,6 +304,8 @@ def main() -> None:
                 air(place)
             elif what == "four":
                 four(place)
+            elif what == "share":
+                share(place)
             elif what == "soak":
                 soak(place, float(more[0]) if more else 30.0)
         finally:

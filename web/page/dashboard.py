@@ -138,6 +138,7 @@ class Dashboard:
         self._race = 0  # number of the last race
         self._passed_over: Course | None = None  # course that was chosen during that race
         self._is_editing = False  # whether the edited course is shown
+        self._framed_gates = 0  # number of gates of the edited course that cameras frame
         self._notice = 0  # number of the last shown notice
         self._scene_due = Due(0.0)
         self._light_due = Due(LIGHT)
@@ -293,14 +294,23 @@ class Dashboard:
             self._clear()
             self._previewed = None
             if is_open:
-                self._camera.show(self._editor.framed(), SPAN)
+                self._framed_gates = 0
                 self._editor.begin(self._server.scene)
         if is_open and self._editor.update_scene():
-            self._camera.frame_next(self._editor.framed())
+            self._frame_edited()
             self.board.put(
                 "head", Head("editing", [Word("Course editor")], more=tree(self._editor.said()))
             )
             self.board.put("map", tree(self._editor.map()))
+
+    def _frame_edited(self) -> None:
+        """Frame the edited course again if it has got another number of gates."""
+        framed = self._editor.framed()
+        if len(framed.gates) == self._framed_gates:
+            self._camera.frame_next(framed)
+            return
+        self._framed_gates = len(framed.gates)
+        self._camera.show(framed, SPAN)
 
     def _view_of(self, s: Snapshot, timings: list[LapTiming]) -> RaceView | None:
         """Return the view of the race.

@@ -58,7 +58,8 @@ class Drone:
 
     Args:
         name: name of its nodes.
-        ghost: whether the drone is drawn paler and with its name, as for all but the first.
+        ghost: whether the drone is drawn paler, as all but the first.
+        is_named: whether its name stands above it.
         scale: factor on the size of the drone.
         width: factor on the width of lines.
     """
@@ -69,6 +70,7 @@ class Drone:
         name: str,
         entry: Competitor,
         ghost: bool,
+        is_named: bool,
         scale: float,
         width: float,
     ):
@@ -86,7 +88,7 @@ class Drone:
             self._colours,
             thickness=width * (0.035 if ghost else 0.06),
         )
-        if ghost:
+        if is_named:
             scene.add_label(f"{node}/name", entry.name, position=(0.0, 0.0, 0.5 * width))
         if not entry.live:
             frames = np.linspace(0, len(entry.t) - 1, PATH + 1).astype(int)

@@ -32,7 +32,13 @@ class LimitGhost:
             return
         if self._drone is None:
             self._drone = Drone(
-                self._scene, entry.name, entry, ghost=True, scale=self._scale, width=self._width
+                self._scene,
+                entry.name,
+                entry,
+                ghost=True,
+                is_named=True,
+                scale=self._scale,
+                width=self._width,
             )
         self._drone.show(entry, entry.at(t) if place is None else entry.at_place(place), False)
 

@@ -84,7 +84,15 @@ class RaceScene:
         self._drones: list[Drone] = []
         self._estimates: dict[int, EstimateView] = {}
         for k, entry in enumerate(entries):
-            drone = Drone(scene, str(k), entry, ghost=k > 0, scale=scale, width=width)
+            drone = Drone(
+                scene,
+                str(k),
+                entry,
+                ghost=k > 0,
+                is_named=len(entries) > 1,
+                scale=scale,
+                width=width,
+            )
             self._drones.append(drone)
             if entry.sensed:
                 self._estimates[k] = EstimateView(scene, str(k), scale)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import queue
 import threading
 import traceback
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, get_args
@@ -30,7 +30,7 @@ from quadsim.web.next_start import NextStart
 from quadsim.web.page.link import LinkVisitor, Message
 from quadsim.web.page.server import PageServer
 from quadsim.web.race import PageRace
-from quadsim.web.run_table import RunRow, RunTable
+from quadsim.web.run_table import Column, RunRow, RunTable, columns
 from quadsim.web.session import Session
 from quadsim.web.stored_runs import runs_at
 
@@ -98,6 +98,7 @@ class Runs(Message, tag="runs"):
     """The table."""
 
     rows: Sequence[RunRow]
+    columns: Mapping[str, Column]
 
 
 class RunWording(Message, tag="run_wording"):
@@ -177,7 +178,7 @@ class RunsPanel:
         while not self._closing.is_set():
             try:
                 if self._table.refresh():
-                    self._link.send_all(Runs(self._table.rows[:MOST]))
+                    self._link.send_all(self._listed())
                 asked = self._requests.get(timeout=PERIOD)
                 if asked:
                     self._answer(*asked)
@@ -193,7 +194,7 @@ class RunsPanel:
         try:
             match request:
                 case ListRuns():
-                    visitor.send(Runs(self._table.rows[:MOST]))
+                    visitor.send(self._listed())
                 case ReplayRuns(names, t):
                     self._replay(names, t)
                 case FlyAgainstRuns(names):
@@ -213,6 +214,10 @@ class RunsPanel:
                     visitor.send(ReportShown(name, *self._reports.read(name)))
         except (ValueError, RunError, *UNREADABLE) as error:
             visitor.send(Remark(str(error)))
+
+    def _listed(self) -> Runs:
+        """Return the latest rows."""
+        return Runs(self._table.rows[:MOST], columns())
 
     def _path(self, name: str) -> Path:
         """Return the folder of a listed run. Raises ValueError."""

@@ -83,6 +83,8 @@ def tower_of(timings: Sequence[LapTiming]) -> Tower:
     best_lap = min((s.best for s in timings if s.best), default=0.0)
     most = max(s.chatter for s in timings)
     rows = [_row(s, best_lap, best, most) for s in order(timings)]
+    if len(rows) == 1 and not rows[0].is_out:
+        rows[0].interval = ""  # nobody is there to lead
     over = standings_at([one.entry for one in timings], timings[0].t).over
     return Tower(rows, over)
 

@@ -146,7 +146,8 @@ def button(page, name):
     """A button of the page, or else of its settings."""
     named = re.compile(f"^{re.escape(name)}$")
     found = page.locator("button:not([data-row]):visible").filter(has_text=named)
-    if found.count() or page.locator(".race-sheet:visible").count():
+    over = page.locator(".race-sheet:visible, dialog[open]")
+    if found.count() or over.count():
         return found
     return drawer(page).locator("button:not([data-row]):visible").filter(has_text=named)
 

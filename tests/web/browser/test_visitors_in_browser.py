@@ -22,12 +22,12 @@ def test_who_would_end_the_flight_of_another_visitor_is_asked_first(page, sessio
         session.tell(PageRace.play, False)
         race = session.snapshot.race
         press(page, "START")
-        button(page, "Let it fly").click()
+        page.get_by_role("button", name="Let it fly").click()
         assert session.snapshot.race == race
         assert session.snapshot.flying
         assert waited(page, lambda: button(page, "Let it fly").count() == 0)
         page.keyboard.press("x")
-        button(page, "End it").click()
+        page.get_by_role("button", name="End it").click()
         assert waited(page, lambda: not session.snapshot.flying)
         # the visitor whose flight it is is not asked
         other.send("list_runs")

@@ -264,7 +264,7 @@ function legend(chart) {
     const command = shown.find((one) => one.what === "commanded" && one.name === line.name);
     return make("span", {}, swatch, `${line.name} `, value(line), ...(command ? [" commanded ", value(command)] : []));
   });
-  return [make("span", { className: "at", textContent: `${chart.unit.replace(/ \[.*/, "")} ${at.toFixed(2)}` }), ...items];
+  return [make("span", { className: "at", textContent: chart.unit.replace(/(?: \[(.*)\])?$/, ` ${at.toFixed(2)} $1`).trim() }), ...items];
 }
 
 // The choice of signals and competitors, and of the window.

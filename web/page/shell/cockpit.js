@@ -93,7 +93,8 @@ function fromKeys(dt) {
     moved[channel] = towards(sticks[channel], KEY_DEFLECTION * goal[channel], KEY_SPEED * dt);
   }
   const rest = state.phase === "flying" ? state.hover : 0;
-  const throttle = goal.throttle > 0 ? 1 : goal.throttle < 0 ? 0 : rest;
+  const most = state.hover + KEY_DEFLECTION * (1 - state.hover);
+  const throttle = goal.throttle > 0 ? most : goal.throttle < 0 ? 0 : rest;
   moved.throttle = towards(sticks.throttle, throttle, THROTTLE_SPEED * dt);
   return moved;
 }
@@ -198,6 +199,7 @@ function show() {
   if (note.textContent !== text) note.textContent = text;
   note.classList.toggle("alarm", !!state.silent);
   button.textContent = mine() ? "Let go (Esc)" : "Take the sticks";
+  button.hidden = state.phase === "over";
   button.disabled = !mine() && state.pilot !== null && state.pilot !== undefined;
   numbers.textContent =
     `${state.speed.toFixed(1)} m/s · ${state.height.toFixed(1)} m high · ` +

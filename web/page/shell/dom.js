@@ -24,7 +24,7 @@ export function say(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
-// Copy a text, and say so on the button that was pressed for it.
+// Copy a text, also where the page has no clipboard as it is not served from this machine, and say so on the button.
 export async function copy(text, button) {
   try {
     await navigator.clipboard.writeText(text);

@@ -9,24 +9,7 @@ import { seat, whenLoaded } from "./scene.js";
 const CAMERAS = ["free", "chase", "top", "FPV"];
 const MOST = 300; // rows that are shown; the filter finds the others
 const TOGETHER = 8; // runs side by side, at most
-const number = (digits) => (value) => value.toFixed(digits);
-// key of a row, its head, whether it is a number, and how a value is shown
-const COLUMNS = [
-  ["when", "flown"],
-  ["course", "course"],
-  ["flown_by", "flown by"],
-  ["vehicle", "vehicle"],
-  ["preset", "preset"],
-  ["numbers", "changed numbers"],
-  ["sensing", "sensing"],
-  ["seed", "seed", String],
-  ["laps", "laps"],
-  ["changes", "changes", String],
-  ["outcome", "outcome"],
-  ["time", "time [s]", number(3)],
-  ["above", "above limit [%]", number(1)],
-];
-
+let columns = []; // their keys, heads and digits, which the server says
 let rows = [];
 let sort = { key: "when", down: true };
 const chosen = new Set(); // names of rows
@@ -69,7 +52,7 @@ function showTab(name) {
 
 // Whether a row has each of the words, in what is shown or in its further settings.
 function fits(row, words) {
-  const text = [...COLUMNS.map(([key]) => row[key]), row.name, row.problem, row.more].join(" ").toLowerCase();
+  const text = [...columns.map(({ key }) => row[key]), row.name, row.problem, row.more].join(" ").toLowerCase();
   return words.every((word) => text.includes(word));
 }
 
@@ -90,18 +73,18 @@ function draw() {
   compare.textContent = chosen.size > 1 ? `Compare ${chosen.size}` : "Replay";
   compare.disabled = against.disabled = chosen.size === 0;
   const focus = document.activeElement?.dataset?.key;
-  const none = make("td", { colSpan: COLUMNS.length + 2, textContent: rows.length ? "No run has all of these words." : "No run is stored yet." });
+  const none = make("td", { colSpan: columns.length + 2, textContent: rows.length ? "No run has all of these words." : "No run is stored yet." });
   const body = shown.length ? shown.flatMap(drawn) : [make("tr", {}, none)];
   table.replaceChildren(head(), make("tbody", {}, ...body));
   if (focus) table.querySelector(`[data-key="${CSS.escape(focus)}"]`)?.focus();
 }
 
 function head() {
-  const cells = COLUMNS.map(([key, title, shown]) => {
+  const cells = columns.map(({ key, title, digits }) => {
     const mark = sort.key !== key ? "" : sort.down ? " ▾" : " ▴";
-    const button = make("button", { textContent: title + mark, onclick: () => sortBy(key, Boolean(shown)) });
+    const button = make("button", { textContent: title + mark, onclick: () => sortBy(key) });
     button.dataset.key = `sort ${key}`;
-    const cell = make("th", { className: shown ? "number" : "" }, button);
+    const cell = make("th", { className: digits === null ? "" : "number" }, button);
     if (mark) cell.ariaSort = sort.down ? "descending" : "ascending";
     return cell;
   });
@@ -116,19 +99,18 @@ function sortBy(key) {
 // The row of a run, and below it its texts where they are asked for.
 function drawn(row) {
   if (row.problem) {
-    const what = make("td", { colSpan: COLUMNS.length, className: "problem", textContent: `${row.name}: ${row.problem}` });
+    const what = make("td", { colSpan: columns.length, className: "problem", textContent: `${row.name}: ${row.problem}` });
     return [make("tr", {}, make("td"), make("td", { textContent: row.when }), what)];
   }
   const pick = make("input", { type: "checkbox", checked: chosen.has(row.name), ariaLabel: `Choose ${row.name}` });
   pick.dataset.key = `pick ${row.name}`;
   pick.onchange = () => choose(row.name, pick.checked);
-  const cells = COLUMNS.map(([key, , shown]) => {
+  const cells = columns.map(({ key, digits, is_long: long }) => {
     const value = row[key];
-    const text = value === null ? "" : shown ? shown(value) : value;
+    const text = value === null ? "" : digits === null ? value : value.toFixed(digits);
     const bad = (key === "changes" && value > 0) || (key === "outcome" && row.time === null && row.vehicles === 1);
-    const long = key === "flown_by" || key === "numbers" || key === "outcome";
     const title = long ? text : "";
-    return make("td", { textContent: text, title, className: (shown ? "number" : "") + (bad ? " bad" : "") + (long ? " long" : "") });
+    return make("td", { textContent: text, title, className: (digits === null ? "" : "number") + (bad ? " bad" : "") + (long ? " long" : "") });
   });
   const acts = make(
     "td",
@@ -149,7 +131,7 @@ function act(what, row, onclick) {
 }
 
 function texts(row) {
-  const cell = make("td", { colSpan: COLUMNS.length + 2, className: "texts" });
+  const cell = make("td", { colSpan: columns.length + 2, className: "texts" });
   const wording = wordings[row.name];
   if (!wording) return Object.assign(cell, { textContent: "..." });
   const address = new URL("?" + new URLSearchParams({ run: row.name }), location.origin + "/").href;
@@ -185,7 +167,6 @@ function leave(message) {
   send(message);
 }
 
-// Copy a text, also where the page is not served from this machine and has no clipboard.
 // The tables and the text of a report. Only what `race compare` writes is read: ##, |, * and pictures.
 function markdown(text) {
   const parts = [];
@@ -201,14 +182,16 @@ function markdown(text) {
 }
 
 function tableOf(lines) {
-  const cells = (line) => line.replace(/^\||\|$/g, "").split("|").map((cell) => cell.trim().replaceAll("**", ""));
+  const cells = (line) => line.replace(/^\||\|$/g, "").split("|").map((cell) => cell.trim().replaceAll("**", "").replaceAll("^2", "²"));
   const body = lines.filter((line) => !/^[|:\-\s]+$/.test(line)).map(cells);
-  const row = (tag) => (texts) => make("tr", {}, ...texts.map((textContent) => make(tag, { textContent })));
+  const side = (text) => (/^[-+\d]/.test(text) ? "number" : "");
+  const row = (tag) => (texts) => make("tr", {}, ...texts.map((textContent) => make(tag, { textContent, className: side(textContent) })));
   return make("table", {}, make("thead", {}, row("th")(body[0])), make("tbody", {}, ...body.slice(1).map(row("td"))));
 }
 
 function received(message) {
   rows = message.rows;
+  columns = Object.entries(message.columns).map(([key, column]) => ({ key, ...column }));
   const names = new Set(rows.map((row) => row.name));
   for (const name of chosen) if (!names.has(name)) chosen.delete(name);
   draw();
@@ -274,12 +257,14 @@ export function begin() {
     const list = rows.map((row) => {
       const name = row.title || "all that was flown";
       const show = make("button", { textContent: name, onclick: () => send({ type: "show_report", name: row.name }) });
+      show.dataset.report = row.name;
       return make("div", {}, make("span", { textContent: `${row.when}  ${row.campaign}` }), show);
     });
     reports.replaceChildren(make("div", { className: "list" }, ...(list.length ? list : [none])), make("div", { className: "report" }));
   });
   on("report", (message) => {
     const figure = message.figure ? [make("img", { src: message.figure, alt: `The figure of ${message.name}` })] : [];
+    for (const one of reports.querySelectorAll("[data-report]")) one.ariaPressed = String(one.dataset.report === message.name);
     reports.querySelector(".report").replaceChildren(...figure, ...markdown(message.markdown));
   });
 }
