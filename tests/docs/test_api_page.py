@@ -1,7 +1,7 @@
 """The API page has every public name, and an example of each that runs as a doctest.
 
 Examples that make the same call share what it returns: the same arguments give the same flights to
-the last bit, which tests/test_library.py claims.
+the last bit, which tests/config/test_spec.py claims.
 """
 
 import doctest
