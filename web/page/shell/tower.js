@@ -9,6 +9,7 @@ const HEADS = [
 ];
 const NOTE = "purple: best of all, green: own best; chatter [m/s²/s]: less is better";
 const WIDE = 480; // width from which there is room for the gap [px]
+const NARROW = 420; // width below which there is none for the lap and the last lap [px]
 
 function row() {
   const cells = HEADS.map(([, name]) => make("td", { className: name }));
@@ -74,8 +75,10 @@ export function begin() {
       body.replaceChildren(...rows.flatMap((one) => [one.row, one.under]));
     }
     const hasGap = found.length > 2 && place.clientWidth > WIDE;
+    const isNarrow = place.clientWidth < NARROW;
     table.classList.toggle("few", !hasGap);
-    for (const { below } of rows) below.colSpan = HEADS.length - !hasGap;
+    table.classList.toggle("narrow", isNarrow);
+    for (const { below } of rows) below.colSpan = HEADS.length - !hasGap - 2 * isNarrow;
     found.forEach((one, k) => fill(rows[k], one));
     say(note, over ? `${over} · ${NOTE}` : NOTE);
   });
