@@ -80,6 +80,18 @@ def test_a_course_that_is_not_on_the_menu_is_not_chosen(page):
 
 
 @pytest.mark.socket
+def test_every_field_has_a_label_and_says_what_it_does(page):
+    with link(page.port) as linked:
+        for form in ("race", "competitors", "numbers", "view"):
+            fields, _ = linked.form(form)
+            chosen = [one for one in fields.values() if one["kind"] not in ("note", "button")]
+            assert chosen, form
+            for one in chosen:
+                assert one["label"], (form, one)
+                assert len(one["help"]) > 5, (form, one)
+
+
+@pytest.mark.socket
 def test_what_is_typed_counts_before_a_start_that_follows_it(page, shared_gliders):
     """The link keeps the order of messages: nobody has to wait."""
     with link(page.port) as linked:

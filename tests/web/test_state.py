@@ -91,6 +91,14 @@ def test_a_row_that_was_removed_takes_no_number_and_its_editor_goes_to_the_one_b
     assert added.rows[-1].number not in (FIRST, SECOND)  # numbers are never used again
 
 
+def test_the_view_that_sends_less_draws_neither_samples_nor_pictures():
+    state = after(SetView("pictures", True))
+    assert (state.view.shows_trajectories, state.view.shows_pictures) == (True, True)
+    less = after(SetView("light", True), state=state).view
+    assert (less.shows_trajectories, less.shows_pictures) == (False, False)
+    assert less.pictures  # what was chosen comes back with the light mode's end
+
+
 def test_removed_rows_come_back_where_they_stood_with_their_numbers():
     state = after(SetNumber(FIRST, "samples", 512), RemoveRow(FIRST))
     assert samplers(state) == ["gaussian"]

@@ -30,6 +30,7 @@ from quadsim.web.session import Session
 CHECKS = 0.15  # time between two checks, as one takes some 30 ms [s]
 SHOWN = 6  # number of errors that are shown
 MOST_LAPS = 1000
+ROOM = 3  # number of gates for which the camera has room at least
 UNNAMED = "my_course"
 ABOUT = (
     "Make a course: gates and obstacles are moved by handles or numbers, checked at once, saved "
@@ -69,10 +70,10 @@ class CourseEditor(Form):
             start.offer_course(file)
 
     def framed(self) -> Course:
-        """Return the course for the camera; an empty course gets room for gates."""
+        """Return the course for the camera; a short course gets room for gates."""
         draft = self._edit.draft
-        if not draft.entries.gates:
-            draft = draft.add_gate().add_gate().add_gate()
+        while len(draft.entries.gates) < ROOM:
+            draft = draft.add_gate()
         return draft.drawn()
 
     def begin(self, scene: viser.SceneApi) -> None:

@@ -7,4 +7,6 @@ export function open(on) {
   document.body.classList.toggle("settings", on);
   toggle().setAttribute("aria-expanded", String(on));
   dispatchEvent(new Event("resize")); // charts draw themselves
+  // In a small window it stands below the time line.
+  if (on) document.querySelector(".drawer").scrollIntoView({ block: "nearest" });
 }

@@ -134,7 +134,7 @@ function fail(made, problem) {
   if (!made.error) return;
   say(made.error, problem);
   made.error.hidden = !problem;
-  for (const control of made.controls) control.toggleAttribute("aria-invalid", !!problem);
+  for (const control of made.controls) control.ariaInvalid = problem ? "true" : null;
 }
 
 let last = 0; // of ids
