@@ -54,6 +54,18 @@ class MPPIConfig:
         ]
         | None
     ) = None
+    news_iterations: (
+        Annotated[
+            int,
+            setting(
+                "iterations of a plan whose course has changed, as when a gate turns out to stand"
+                " off the map; none: as in other plans",
+                ge=1,
+                le=10_000,
+            ),
+        ]
+        | None
+    ) = None
     dt: Annotated[float, setting("control period", unit="s", gt=0, le=0.5)] = 0.01
     temperature: Annotated[
         float, setting("lambda, in units of the mean stage cost", gt=0, le=1e6)

@@ -21,7 +21,8 @@ There are extensions, most of them optional in MPPIConfig:
 * Perturbations and cost are weighted along the horizon (quadsim.controllers.schedule).
 * The first control of the plan may be left unperturbed (freeze_first).
 * Only a fraction of the update in equation (5) may be applied (step_size).
-* The first plan has more iterations (first_iterations).
+* The first plan has more iterations (first_iterations), and so may a plan whose course has changed
+  (news_iterations): samples near the last plan all hit a gate that stands elsewhere.
 * The temperature of each iteration is solved for an effective sample size (target_ess).
 * The plan is filtered (smooth), and a sampler may have momentum
 (quadsim.controllers.samplers.smooth).
@@ -179,6 +180,7 @@ class MPPI:
         self.samples = config.samples  # M, which a deadline may change
         self.last: Iteration | None = None
         self._calls = 0
+        self._has_news = False  # whether the course has changed since the last plan
         # The chunk in the sampler's memory, until the next draw overwrites it
         self._drawn: DrawnChunk | None = None
 
@@ -372,6 +374,7 @@ class MPPI:
         if self.cost_of and course is not None and course is not self.course:
             self.course = course
             self.set_cost(self.cost_of(course))
+            self._has_news = True
         if model is not None and model != self.model:
             self.set_model(model)
         terms = [term for term in self.cost.terms if isinstance(term, EstimatedTerm)]
@@ -384,6 +387,7 @@ class MPPI:
         """Shift the plan to the present time, and return the number of iterations to run."""
         self.guide = self.guided(estimate.target, estimate.x)
         steps = self.periods.advance(estimate.t)
+        has_news, self._has_news = self._has_news, False
         is_first = self._calls == 0
         if is_first and self.cost.guide:
             self.plan = self.guide.copy()
@@ -391,6 +395,8 @@ class MPPI:
             self.shift(steps)
         if is_first and self.config.first_iterations:
             return self.config.first_iterations
+        if has_news and self.config.news_iterations:
+            return self.config.news_iterations
         return self.config.iterations
 
     def shift(self, steps: int) -> None:

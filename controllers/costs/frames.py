@@ -230,7 +230,7 @@ def frame_row(gate: Gate, radius: float, inner: float, outer: float) -> Obstacle
         outer: margin around the frame, and before and behind it [m].
     """
     out = outer_half_sizes(gate.opening, gate.frame_width, radius, outer)
-    half = half_depth(radius, outer)
+    half = half_depth(radius, outer, gate.frame_depth)
 
     # The axis-aligned bounding box of the grown frame
     centre = np.array(gate.position)

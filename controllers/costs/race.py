@@ -37,6 +37,7 @@ from numpy import maximum, minimum, sqrt, where
 
 from quadsim.controllers.costs import Cost, Term, crash
 from quadsim.controllers.costs.frames import course_obstacles, obstacle_rows
+from quadsim.controllers.costs.race_caution import Sight, with_caution
 from quadsim.controllers.costs.race_targets import (
     RUN_OUT,
     GateTarget,
@@ -92,6 +93,13 @@ class RaceWeights:
         Weight,
         setting("weight per metre short of the margin, per metre flown within a gate"),
     ] = 2000.0
+    caution: Annotated[
+        Weight,
+        setting(
+            "weight per (m/s)^2 of speed above that at which a gate known only from nearby can"
+            " still be flown through, see known_from"
+        ),
+    ] = 0.0
     desired_speed: Annotated[
         float,
         setting("desired horizontal speed of the speed term", unit="m/s", ge=0, le=100),
@@ -315,7 +323,13 @@ RACE_TERMS = (progress, heading, height, speed, stabilize, crash, waypoint, path
 TERMS = tuple(term.__name__ for term in RACE_TERMS)
 
 
-def race_cost(course: Course, radius: float, weights: RaceWeights, laps: int) -> Cost:
+def race_cost(
+    course: Course,
+    radius: float,
+    weights: RaceWeights,
+    laps: int,
+    sight: Sight | None = None,
+) -> Cost:
     """Return the racing cost.
 
     Args:
@@ -323,11 +337,14 @@ def race_cost(course: Course, radius: float, weights: RaceWeights, laps: int) ->
         radius: radius of the vehicle [m].
         weights: weights and parameters of the terms.
         laps: number of laps.
+        sight: from where gates are known that are EstimatedGates of the course, for the term
+            `caution`; None: there is no such distance.
     """
     room = room_to_fly(course, radius, weights.margin)
     margin = Margin(wanted=weights.margin, share=weights.margin_share)
     rows, first = targets(course, radius, margin, room, laps)
-    still_in_gate = partial(is_inside, clear_of_frame(radius))
+    deepest = max(gate.frame_depth for gate in course.gates)
+    still_in_gate = partial(is_inside, clear_of_frame(radius, deepest))
     cost = Cost(
         name="race",
         terms=tuple(Term(term, getattr(weights, term.__name__)) for term in RACE_TERMS),
@@ -344,6 +361,9 @@ def race_cost(course: Course, radius: float, weights: RaceWeights, laps: int) ->
         obstacles=course_obstacles(course, radius),
         still_in_gate=still_in_gate,
     )
+
+    if sight:
+        cost = with_caution(cost, course.gates * laps, first, sight, weights.caution)
 
     # A sample chooses among several rows only if obstacles add rows between gates.
     rows_between_gates = len(rows) > len(first) - 1

@@ -12,6 +12,7 @@ from quadsim.controllers.costs.room import Room
 from quadsim.controllers.costs.ways_round import Stop, sees, stops_between
 from quadsim.course import Course, EstimatedGate, Gate, in_frame
 from quadsim.course.opening import (
+    FRAME_DEPTH,
     HalfSizes,
     Offset,
     approach_length,
@@ -143,7 +144,7 @@ def gate_stop(gate: Gate, radius: float, margin: Margin, behind: float) -> Stop:
         bar=gate.frame_width + 2 * radius + SAFETY_MARGIN + inner,
         approach=approach_length(gate.opening),
         margin=wanted,
-        depth=behind + clear_of_frame(radius),
+        depth=behind + clear_of_frame(radius, gate.frame_depth),
     )
 
 
@@ -205,9 +206,14 @@ def target_rows(course: Course, stops: Sequence[Stop]) -> np.ndarray:
     return as_rows(rows, GateTarget)
 
 
-def clear_of_frame(radius: float) -> float:
-    """Return the distance from a gate's plane at which the vehicle is clear of its frame [m]."""
-    return half_depth(radius, SAFETY_MARGIN)
+def clear_of_frame(radius: float, depth: float = FRAME_DEPTH) -> float:
+    """Return the distance from a gate's plane at which the vehicle is clear of its frame [m].
+
+    Args:
+        radius: radius of the vehicle [m].
+        depth: depth of the frame along the passage [m].
+    """
+    return half_depth(radius, SAFETY_MARGIN, depth)
 
 
 def exit_distance(gate: Gate, radius: float, room: Room) -> float:
@@ -225,7 +231,7 @@ def exit_distance(gate: Gate, radius: float, room: Room) -> float:
         (room.y_low, room.y_high),
         (room.floor, room.z_high),
     )
-    distances = [clear_of_frame(radius)]
+    distances = [clear_of_frame(radius, gate.frame_depth)]
     for centre, way, (low, high) in zip(gate.position, gate.axes[0], sides, strict=True):
         if abs(way) > 1e-9:
             end = high if way > 0.0 else low
@@ -241,7 +247,7 @@ def is_inside(clear: float, x: np.ndarray, row: np.ndarray) -> bool:
         x: state, position first [m].
         row: the gate's row of `GateTarget`.
     """
-    target = GateTarget(*row)
+    target = GateTarget(*row[: len(GateTarget._fields)])
     passage = (target.nx, target.ny, target.nz)
     left = (target.lx, target.ly, target.lz)
     from_exit = x[0] - target.x, x[1] - target.y, x[2] - target.z

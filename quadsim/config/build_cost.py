@@ -14,7 +14,8 @@ from quadsim.config.reference import reference_of
 from quadsim.config.settings import SettingError
 from quadsim.config.spec import Spec
 from quadsim.controllers.costs import Cost
-from quadsim.controllers.costs.race import race_cost
+from quadsim.controllers.costs.race import RaceWeights, race_cost
+from quadsim.controllers.costs.race_caution import Sight, safe_speed, with_unseen
 from quadsim.controllers.costs.race_view import with_view
 from quadsim.controllers.costs.reference import ReferenceWeights, reference_cost
 from quadsim.course import Course
@@ -80,10 +81,29 @@ def race_cost_on(spec: Spec, course: Course) -> Cost:
             raise SettingError("reference", "expected the solution that this preset follows")
         reference = reference_of(spec.reference, spec.vehicle, spec.planner.mppi.dt)
         return reference_cost(course, radius, weights, reference)
-    cost = race_cost(course, radius, weights, spec.laps)
+    sight = sight_of(spec, weights)
+    if sight:
+        course = with_unseen(spec.course, course, spec.displacement.gates)
+    cost = race_cost(course, radius, weights, spec.laps, sight)
     if spec.sensing and spec.sensing.corner_camera and spec.view_weight:
         return with_view(cost, spec.view_weight)
     return cost
+
+
+def sight_of(spec: Spec, weights: RaceWeights) -> Sight | None:
+    """Return from where gates are known that stand off the map; None where caution has no use."""
+    spread = spec.displacement.gates
+    if spec.known_from is None or not spread or not weights.caution:
+        return None
+    speed = safe_speed(
+        spec.course,
+        radius=spec.vehicle.radius,
+        model=spec.model,
+        period=spec.planner.mppi.dt,
+        spread=spread,
+        known_from=spec.known_from,
+    )
+    return Sight(spec.known_from, speed)
 
 
 def check_cost(spec: Spec, cost: Cost) -> None:

@@ -79,6 +79,7 @@ class Keywords(TypedDict, total=False):
     horizon: int | None
     iterations: int | None
     first_iterations: int | None
+    news_iterations: int | None
     dt: float | None
     temperature: float | None
     step_size: float | None
@@ -100,6 +101,7 @@ class Keywords(TypedDict, total=False):
     waypoint: float | None
     path: float | None
     clearance: float | None
+    caution: float | None
     desired_speed: float | None
     waypoint_radius: float | None
     margin: float | None

@@ -27,6 +27,7 @@ from quadsim.course.course_file import (
 )
 from quadsim.course.gate import Gate, Start
 from quadsim.course.obstacles import Box, Cylinder, Obstacle
+from quadsim.course.opening import FRAME_DEPTH
 from quadsim.files.strict_yaml import Document, FileError, parse
 from quadsim.files.values import FieldProblem
 from quadsim.files.yaml_text import dump, remade, written
@@ -38,7 +39,18 @@ BELOW_GROUND = 1.0
 # The key of a problem with a gate
 OF_GATE = re.compile(r"gates\[(?P<index>\d+)\]")
 # Keys with whose change a course loses its published times
-DECIDE_TIMES = ("gates", "order", "opening", "frame_width", "obstacles", "start", "loop")
+DECIDE_TIMES = (
+    "gates",
+    "order",
+    "opening",
+    "frame_width",
+    "frame_depth",
+    "obstacles",
+    "start",
+    "loop",
+)
+# The keys of a course that a gate may have for itself
+OF_FRAMES = ("opening", "frame_width", "frame_depth")
 
 
 class CourseChanges(TypedDict, total=False):
@@ -50,6 +62,7 @@ class CourseChanges(TypedDict, total=False):
     laps: int
     opening: Sequence[float]
     frame_width: float
+    frame_depth: float
     bounds: Sequence[Sequence[float]] | None
     start: Start | Mapping[str, Any]
     gates: Sequence[Gate | Mapping[str, Any]]
@@ -331,7 +344,7 @@ def _as_entry(key: str, value: Any, entries: Mapping[str, Any]) -> Any:
         case "start", Start():
             return _start_entry(value)
         case (("gates" | "obstacles" | "published"), list() | tuple()):
-            defaults = {name: entries.get(name) for name in ("opening", "frame_width")}
+            defaults = {name: entries.get(name) for name in OF_FRAMES}
             return [_item_entry(item, defaults) for item in value]
     return value
 
@@ -353,7 +366,12 @@ def _entries(course: Course) -> dict[str, Any]:
     # The opening and the frame that most gates have
     opening = Counter(gate.opening for gate in course.gates).most_common(1)[0][0]
     frame_width = Counter(gate.frame_width for gate in course.gates).most_common(1)[0][0]
-    defaults = {"opening": opening, "frame_width": frame_width}
+    frame_depth = Counter(gate.frame_depth for gate in course.gates).most_common(1)[0][0]
+    of_course = {"opening": opening, "frame_width": frame_width}
+    # Left out at its default, so that the texts of courses are as before there was one
+    if frame_depth != FRAME_DEPTH:
+        of_course["frame_depth"] = frame_depth
+    defaults = {"frame_depth": frame_depth, **of_course}
     has_own_bounds = course.bounds != _default_bounds(course)
     optional = {
         "bounds": course.bounds if has_own_bounds else None,
@@ -365,7 +383,7 @@ def _entries(course: Course) -> dict[str, Any]:
         "source": course.source,
         "loop": course.loop,
         "laps": course.laps,
-        **defaults,
+        **of_course,
         "start": _start_entry(course.start),
         "gates": [_gate_entry(gate, defaults) for gate in course.gates],
     }
@@ -383,8 +401,9 @@ def _gate_entry(gate: Gate, defaults: Mapping[str, Any]) -> dict[str, Any]:
         entry["pitch_deg"] = in_degrees(gate.pitch)
     if gate.roll:
         entry["roll_deg"] = in_degrees(gate.roll)
-    own = {name: getattr(gate, name) for name in ("opening", "frame_width")}
-    return entry | {name: value for name, value in own.items() if value != defaults[name]}
+    own = {name: getattr(gate, name) for name in OF_FRAMES}
+    given = {"frame_depth": FRAME_DEPTH} | {k: v for k, v in defaults.items() if v is not None}
+    return entry | {name: value for name, value in own.items() if value != given.get(name)}
 
 
 def _obstacle_entry(obstacle: Obstacle) -> dict[str, Any]:
@@ -416,6 +435,7 @@ def _gate(entry: GateEntry, course: CourseFile) -> Gate:
         roll=radians(entry.roll_deg),
         opening=entry.opening or course.opening,
         frame_width=entry.frame_width or course.frame_width,
+        frame_depth=entry.frame_depth or course.frame_depth,
     )
 
 

@@ -8,6 +8,7 @@ from typing import Annotated
 from msgspec import Meta, Struct
 from msgspec.structs import replace
 
+from quadsim.course.opening import FRAME_DEPTH
 from quadsim.files.strict_yaml import setting, unit
 
 Metre = Annotated[float, unit("m", ge=-1e4, le=1e4)]
@@ -44,6 +45,9 @@ class GateEntry(Struct, frozen=True, kw_only=True):
     ] = None
     frame_width: Annotated[
         Size | None, setting("width of the bars around the opening; default: the course's")
+    ] = None
+    frame_depth: Annotated[
+        Size | None, setting("depth of the bars along the passage; default: the course's")
     ] = None
 
 
@@ -87,6 +91,7 @@ class CourseFile(Struct, frozen=True, kw_only=True):
     opening: Annotated[tuple[Size, Size], setting("width and height of gates' openings")]
     # Swift's gates have openings of 1.5 m in a frame of 2.05 m.
     frame_width: Annotated[Size, setting("width of the bars around an opening")] = 0.275
+    frame_depth: Annotated[Size, setting("depth of the bars along the passage")] = FRAME_DEPTH
     bounds: Annotated[
         tuple[Span, Span, Span] | None,
         setting("spans of x, y and z; default: around start, gates and obstacles, with room"),

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from quadsim.course.opening import (
+    FRAME_DEPTH,
     Bar,
     InGate,
     distance_to_frame,
@@ -43,6 +44,8 @@ class Gate:
     opening: tuple[float, float]
     # width of the bars around the opening [m]
     frame_width: float
+    # depth of the bars along the passage [m]
+    frame_depth: float = field(default=FRAME_DEPTH, kw_only=True)
 
     @cached_property
     def rotation(self) -> np.ndarray:
@@ -80,7 +83,7 @@ class Gate:
     @property
     def bars(self) -> tuple[Bar, Bar, Bar, Bar]:
         """The four bars of the frame, in the gate frame."""
-        return frame_bars(self.opening, self.frame_width)
+        return frame_bars(self.opening, self.frame_width, self.frame_depth)
 
     def corners(self, border: float = 0.0) -> np.ndarray:
         """Return the corners of the opening, `border` [m] farther out, in the world.  (4, 3)"""
@@ -120,6 +123,7 @@ class EstimatedGate(Gate):
             roll=gate.roll,
             opening=gate.opening,
             frame_width=gate.frame_width,
+            frame_depth=gate.frame_depth,
             std=std,
         )
 

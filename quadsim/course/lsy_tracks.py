@@ -137,6 +137,7 @@ def _text(gates: list[Place], yaws: list[float], poles: list[Place]) -> str:
         "source: drawn by the rules of learnsyslab/lsy_drone_racing, level 3",
         "opening: [0.4, 0.4]",
         "frame_width: 0.16",
+        "frame_depth: 0.02",
         "bounds: [[-3, 3], [-3, 3], [0, 2.5]]   # where their simulator ends a flight",
         "start: {position: [0, 0, 0], yaw_deg: 0}",
         "gates:",

@@ -42,7 +42,7 @@ import numpy as np
 
 from quadsim.rotation import Vec3
 
-# [m] of a gate's bars along its passage
+# [m] of a gate's bars along its passage, unless its course says otherwise
 FRAME_DEPTH = 0.1
 
 
@@ -134,7 +134,7 @@ def outer_half_sizes(
     )
 
 
-def half_depth(radius: float, margin: float = 0.0) -> float:
+def half_depth(radius: float, margin: float = 0.0, depth: float = FRAME_DEPTH) -> float:
     """Return the distance from a gate's plane to its entry and exit plane [m].
 
     There a sphere is clear of the frame.
@@ -142,8 +142,9 @@ def half_depth(radius: float, margin: float = 0.0) -> float:
     Args:
         radius: radius of the sphere [m].
         margin: kept between the sphere and the frame [m].
+        depth: depth of the frame along the passage [m].
     """
-    return FRAME_DEPTH / 2 + radius + margin
+    return depth / 2 + radius + margin
 
 
 def margin_inside(free: HalfSizes, wanted: float) -> float:
@@ -230,7 +231,9 @@ def rectangle_corners(half: HalfSizes) -> np.ndarray:
     )
 
 
-def frame_bars(opening: tuple[float, float], frame_width: float) -> tuple[Bar, Bar, Bar, Bar]:
+def frame_bars(
+    opening: tuple[float, float], frame_width: float, depth: float = FRAME_DEPTH
+) -> tuple[Bar, Bar, Bar, Bar]:
     """Return the four bars of a frame.
 
     The beams at top and bottom span the corners; the posts stand between them.
@@ -238,8 +241,8 @@ def frame_bars(opening: tuple[float, float], frame_width: float) -> tuple[Bar, B
     width, height = opening
     across = (width + frame_width) / 2
     up = (height + frame_width) / 2
-    beam = (FRAME_DEPTH / 2, width / 2 + frame_width, frame_width / 2)
-    post = (FRAME_DEPTH / 2, frame_width / 2, height / 2)
+    beam = (depth / 2, width / 2 + frame_width, frame_width / 2)
+    post = (depth / 2, frame_width / 2, height / 2)
     return (
         Bar((0.0, 0.0, up), beam),
         Bar((0.0, 0.0, -up), beam),

@@ -139,7 +139,7 @@ class SweptGate:
         # half sizes within which the sphere's centre is free, and outside which it is free [m]
         self.free = free_half_sizes(gate.opening, radius)
         self.outer = outer_half_sizes(gate.opening, gate.frame_width, radius)
-        self.half_depth = half_depth(radius)
+        self.half_depth = half_depth(radius, depth=gate.frame_depth)
         # half extents of the shaft through the opening, without ends, and of the slab that the
         # grown bars fill [m]
         self._shaft: Vec3 = (inf, self.free.left, self.free.up)

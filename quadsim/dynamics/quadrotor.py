@@ -408,15 +408,40 @@ class ModelParams:
     def of(cls, vehicle: Vehicle) -> ModelParams:
         """Return the nominal model of a vehicle: its own numbers, with the mean of its drag."""
         rotors = vehicle.rotors
+        motor_tau = rotors.tau if rotors else 0.0
+        tau, lag = led_rate_loop(vehicle, motor_tau)
         return cls(
-            rate_tau=vehicle.rate_tau,
-            motor_tau=rotors.tau if rotors else 0.0,
+            rate_tau=tau,
+            motor_tau=motor_tau,
             drag=sum(vehicle.drag) / 3,
             rate_max=vehicle.rate_max,
             thrust_max=vehicle.thrust_max,
             tilt_cost=tilt_cost(vehicle) if rotors else (0.0, 0.0),
             yaw_cost=vehicle.inertia[2] / (vehicle.mass * rotors.kappa) if rotors else 0.0,
+            rate_lag=lag,
         )
+
+
+def led_rate_loop(vehicle: Vehicle, motor_tau: float) -> tuple[Vec3, Vec3 | None]:
+    """Return tau_omega and tau_beta of a rate loop with a derivative of its own [s].
+
+    The loop asks for beta_cmd = (omega_cmd - omega - lead beta) / tau and the rotors follow by
+    motor_tau beta' = beta_cmd - beta. Together that is the model above, with tau_omega = tau + lead
+    and tau_beta = motor_tau tau / (tau + lead): a lead damps the loop and lets it be faster.
+
+    Args:
+        vehicle: vehicle with the rate loop.
+        motor_tau: lag of its rotors [s].
+
+    Returns:
+        tau_omega, and tau_beta, which is None without a lead: the rotors' lag.
+    """
+    if not any(vehicle.rate_lead):
+        return vehicle.rate_tau, None
+    pairs = list(zip(vehicle.rate_tau, vehicle.rate_lead, strict=True))
+    tau_x, tau_y, tau_z = (tau + lead for tau, lead in pairs)
+    lag_x, lag_y, lag_z = (motor_tau * tau / (tau + lead) for tau, lead in pairs)
+    return (tau_x, tau_y, tau_z), (lag_x, lag_y, lag_z)
 
 
 def tilt_cost(vehicle: Vehicle) -> tuple[float, float]:

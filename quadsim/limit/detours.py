@@ -120,7 +120,7 @@ def detours(
             ways = [_way_out_of_a_box(local, hit, half)]
         else:
             outer = outer_half_sizes(place.opening, place.frame_width, route.radius)
-            half = [half_depth(route.radius), outer.left, outer.up]
+            half = [half_depth(route.radius, depth=place.frame_depth), outer.left, outer.up]
             ways = _ways_out_of_a_frame(local, hit, half)
         intervals = plan[k].intervals
         for way in ways:

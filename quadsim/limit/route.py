@@ -75,7 +75,8 @@ class Route:
     @property
     def reach(self) -> float:
         """The distance of a gate's entry and exit from its plane; there the sphere is clear [m]."""
-        return half_depth(self.radius)
+        # The frames of one course are equally deep but for a gate with a depth of its own.
+        return half_depth(self.radius, depth=max(gate.frame_depth for gate in self.gates))
 
     def room(self, gate: Gate) -> HalfSizes:
         """Return the half sizes of the opening for the sphere's centre [m]."""

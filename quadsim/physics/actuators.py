@@ -206,6 +206,9 @@ class Actuators:
         tau_x, tau_y, tau_z = vehicle.rate_tau
         # gains of the rate loop [1/s]
         self._gain = (response(tau_x, dt) / dt, response(tau_y, dt) / dt, response(tau_z, dt) / dt)
+        # The derivative of the body rates is taken over the last step, as firmware does.
+        self._lead: Vec3 | None = vehicle.rate_lead if any(vehicle.rate_lead) else None
+        self._last_rates: Vec3 = (0.0, 0.0, 0.0)
         self._link = link or Link(dt, vehicle.latency)
         self.motors = Motors(vehicle, vehicle.rotors, dt) if vehicle.rotors else None
         # thrust delivered along body z, mass-normalised [m/s^2]
@@ -236,7 +239,8 @@ class Actuators:
         acting = self._link.carry(clamp_command(command, vehicle)).command
 
         # The rate loop and the rotors turn it into force and torque.
-        torque = rate_torque(omega_body, acting.body_rates, self._gain, vehicle.inertia)
+        wanted = self._damped(acting.body_rates, omega_body) if self._lead else acting.body_rates
+        torque = rate_torque(omega_body, wanted, self._gain, vehicle.inertia)
         force = vehicle.mass * acting.thrust
         if self.motors:
             strengths = self._strengths() if self._faults else SOUND
@@ -247,6 +251,18 @@ class Actuators:
         drag_x, drag_y, drag_z = drag_force(vehicle, v_body)
         self._steps += 1
         return Wrench(force=(drag_x, drag_y, drag_z + force), torque=torque)
+
+    def _damped(self, commanded: Vec3, rates: Vec3) -> Vec3:
+        """Return the commanded rates less the lead times the derivative of the rates [rad/s]."""
+        assert self._lead
+        damped = tuple(
+            command - lead * (now - last) / self._dt
+            for command, lead, now, last in zip(
+                commanded, self._lead, rates, self._last_rates, strict=True
+            )
+        )
+        self._last_rates = rates
+        return damped
 
     def close(self) -> None:
         """Do nothing, as there are no resources to release."""

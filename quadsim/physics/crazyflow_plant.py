@@ -265,7 +265,7 @@ def _with_numbers(data: Any, vehicle: Vehicle, rotors: Rotors, body: Vehicle) ->
         "kR": np.zeros(3),
         "kw": gains,
         "ki_m": np.zeros(3),
-        "kd_omega": np.zeros(3),
+        "kd_omega": gains * vehicle.rate_lead,
         "pwm_min": PWM_MAX * thrust_min / thrust_max,
         "pwm_max": PWM_MAX,
     }

@@ -62,14 +62,19 @@ class RotorpyPlant:
         """Start at rest; for the arguments see quadsim.physics.plant.RigidPlant.
 
         Raises:
-            ValueError: the vehicle has no rotors, or there are faults of rotors, which RotorPy does
-                not support.
+            ValueError: the vehicle has no rotors or a rate loop with a derivative, or there are
+                faults of rotors, which RotorPy does not support.
         """
         if faults:
             raise ValueError(f"plant: 'rotorpy' has no faults of rotors, got {faults[0]}")
         if vehicle.rotors is None:
             raise ValueError(
                 f"plant: 'rotorpy' needs a vehicle with rotors, got {vehicle.name!r}: fly 'rigid'"
+            )
+        if any(vehicle.rate_lead):
+            raise ValueError(
+                "plant: 'rotorpy' has no derivative in its rate loop, got rate_lead of"
+                f" {vehicle.name!r}: fly 'rigid'"
             )
         self.dt = dt
         self._vehicle = vehicle

@@ -26,7 +26,7 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from quadsim.course import Course, Gate, parse_course
-from quadsim.course.opening import half_depth, half_sizes
+from quadsim.course.opening import FRAME_DEPTH, half_depth, half_sizes
 from quadsim.dynamics.quadrotor import (
     ATTITUDE,
     BODY_RATES,
@@ -287,6 +287,9 @@ class LimitProblem:
         decided["vehicle"].pop("uncertainty", None)
         if not decided["course"]["obstacles"]:
             del decided["course"]["obstacles"]
+        for gate in decided["course"]["gates"]:
+            if gate["frame_depth"] == FRAME_DEPTH:
+                del gate["frame_depth"]
         text = json.dumps(_rounded(decided), sort_keys=True)
         return sha256(text.encode()).hexdigest()[:16]
 
@@ -403,7 +406,7 @@ def _beyond_vehicle(problem: LimitProblem, solution: Solution) -> str:
 def _farthest(gate: Gate, radius: float) -> float:
     """Return the greatest distance from a gate's centre at which it can be passed [m]."""
     half = half_sizes(gate.opening)
-    return hypot(half.left, half.up, half_depth(radius)) + ROUNDING
+    return hypot(half.left, half.up, half_depth(radius, depth=gate.frame_depth)) + ROUNDING
 
 
 def _fastest(found: Iterator[StoredSolution]) -> StoredSolution | None:

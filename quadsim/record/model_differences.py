@@ -11,6 +11,7 @@ from typing import NamedTuple
 from rich.console import RenderableType
 
 from quadsim.console import plain_table
+from quadsim.vehicle.vehicle import NO_LEAD
 
 UNITS = {
     "rate_lag": "s",
@@ -85,8 +86,11 @@ def _compared(spec: dict) -> dict[str, Pair]:
     model = spec["model"]
     vehicle = spec["vehicle"]
     rotors = vehicle["rotors"]
+    # In the model the lag of a rate loop with a lead is the sum of both.
+    lead = vehicle.get("rate_lead", NO_LEAD)
+    lags = [tau + ahead for tau, ahead in zip(vehicle["rate_tau"], lead, strict=True)]
     return {
-        "rate_lag": Pair(model["rate_tau"], vehicle["rate_tau"]),
+        "rate_lag": Pair(model["rate_tau"], lags),
         "motor_lag": Pair(model["motor_tau"], rotors["tau"] if rotors else 0.0),
         "drag": Pair(model["drag"], vehicle["drag"]),
         "rate_limit": Pair(model["rate_max"], vehicle["rate_max"]),

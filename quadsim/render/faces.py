@@ -10,7 +10,7 @@ import numpy as np
 
 from quadsim.course import Gate
 from quadsim.course.obstacles import ROUND, Box, Cylinder, Obstacle
-from quadsim.course.opening import FRAME_DEPTH, half_sizes, outer_half_sizes
+from quadsim.course.opening import half_sizes, outer_half_sizes
 from quadsim.render.raster import ELLIPSE, RECTANGLE
 from quadsim.rotation import Vec3
 
@@ -96,7 +96,7 @@ def gate_faces(gate: Gate) -> list[Face]:
     centre = np.array(gate.position)
     inner = half_sizes(gate.opening)
     outer = outer_half_sizes(gate.opening, gate.frame_width)
-    deep = FRAME_DEPTH / 2 * passage
+    deep = gate.frame_depth / 2 * passage
     hole = (inner.left / outer.left, inner.up / outer.up)
     across = outer.left * left
     high = outer.up * up

@@ -24,6 +24,7 @@ from quadsim.files.yaml_text import dump, remade, written
 from quadsim.rotation import Vec3
 
 GRAVITY = 9.81  # [m/s^2]
+NO_LEAD: Vec3 = (0.0, 0.0, 0.0)
 VEHICLES = Path(__file__).parent
 # Keys of a vehicle file whose names differ from the attributes of Vehicle and Rotors
 KEYS = {"rate_max": "omega_max"}
@@ -151,6 +152,7 @@ class VehicleChanges(TypedDict, total=False):
     inertia: Sequence[float]
     radius: float
     rate_tau: Sequence[float]
+    rate_lead: Sequence[float]
     omega_max: Sequence[float]
     thrust_max: float
     drag: Sequence[float]
@@ -196,6 +198,8 @@ class Vehicle:
     rotors: Rotors | None
     # None: not known
     uncertainty: Uncertainty | None = None
+    # time by which the rate loop looks ahead at the body rates, by their derivative [s]
+    rate_lead: Vec3 = NO_LEAD
 
     def __repr__(self) -> str:
         """Return one short line; `to_yaml` has all numbers."""
@@ -254,14 +258,16 @@ class Vehicle:
 def vehicle_record(vehicle: Vehicle) -> dict[str, Any]:
     """Return a vehicle as records have it: nested dictionaries.
 
-    A response of the rotors and an uncertainty are left out if there is none, so that the records
-    of other vehicles, and their hashes, are as before there was one.
+    A response of the rotors, an uncertainty and a lead are left out if there is none, so that the
+    records of other vehicles, and their hashes, are as before there was one.
     """
     record = dataclass_dict(vehicle)
     if record["rotors"] and record["rotors"]["response"] is None:
         del record["rotors"]["response"]
     if record["uncertainty"] is None:
         del record["uncertainty"]
+    if vehicle.rate_lead == NO_LEAD:
+        del record["rate_lead"]
     return record
 
 
@@ -335,6 +341,13 @@ class VehicleFile(Struct, frozen=True, kw_only=True):
         float, setting("radius of the sphere in contacts [m]", unit="m", gt=0, le=0.25)
     ]
     rate_tau: Annotated[tuple[Lag, Lag, Lag], setting("lags of the body rates about x, y, z [s]")]
+    rate_lead: Annotated[
+        tuple[Lag, Lag, Lag],
+        setting(
+            "time by which the rate loop looks ahead at the body rates about x, y, z: the ratio of"
+            " its derivative to its proportional gain [s]"
+        ),
+    ] = NO_LEAD
     omega_max: Annotated[
         tuple[Rate, Rate, Rate], setting("limits of the body-rate commands about x, y, z [rad/s]")
     ]
@@ -418,6 +431,7 @@ def parse_vehicle(text: str, file: str) -> Vehicle:
         latency=entry.latency,
         rotors=rotors,
         uncertainty=Uncertainty(**asdict(entry.uncertainty)) if entry.uncertainty else None,
+        rate_lead=entry.rate_lead,
     )
 
 
@@ -477,7 +491,7 @@ def check_vehicle(vehicle: Vehicle) -> None:
     """
     remade(_entries(vehicle), parse_vehicle, vehicle.name)
     # The thrust of a vehicle with rotors, and the places of the rotors, are no keys of a file.
-    alone = _entries(replace(vehicle, rotors=None))
+    alone = _entries(replace(vehicle, rotors=None, rate_lead=NO_LEAD))
     remade(alone, parse_vehicle, vehicle.name)
     if vehicle.rotors is None:
         return
@@ -516,6 +530,7 @@ def _entries(vehicle: Vehicle) -> dict[str, Any]:
         "inertia": vehicle.inertia,
         "radius": vehicle.radius,
         "rate_tau": vehicle.rate_tau,
+        "rate_lead": vehicle.rate_lead,
         "omega_max": vehicle.rate_max,
         "thrust_max": None if vehicle.rotors else vehicle.thrust_max,
         "drag": vehicle.drag,
@@ -524,7 +539,7 @@ def _entries(vehicle: Vehicle) -> dict[str, Any]:
         "uncertainty": dataclass_dict(vehicle.uncertainty) if vehicle.uncertainty else None,
     }
     defaults = {"source": "", "thrust_max": None, "drag": (0.0, 0.0, 0.0), "latency": 0.0}
-    defaults |= {"rotors": None, "uncertainty": None}
+    defaults |= {"rotors": None, "uncertainty": None, "rate_lead": NO_LEAD}
     return {
         key: value
         for key, value in entries.items()
@@ -597,6 +612,9 @@ def _problems(entry: VehicleFile) -> Iterator[FieldProblem]:
     if 2 * max(entry.inertia) > sum(entry.inertia):
         expected = "expected each moment at most the sum of the other two [kg m^2]"
         yield FieldProblem("inertia", f"{expected}, got {_list(entry.inertia)}")
+    if entry.rate_lead != NO_LEAD and not entry.rotors:
+        problem = f"expected none without rotors, which lag, got {_list(entry.rate_lead)}"
+        yield FieldProblem("rate_lead", problem)
     if entry.rotors:
         if entry.thrust_max is not None:
             problem = "expected none beside rotors, whose thrust_map gives it: remove one"

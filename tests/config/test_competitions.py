@@ -81,5 +81,5 @@ def test_a_name_that_is_none_is_one_line(capsys):
 
 
 def test_commands_of_many_flights_take_the_course_of_a_competition():
-    assert prescribed_courses({"competition": "lsy_level0", "seed": 3}) == ("lsy_level2",)
+    assert prescribed_courses({"competition": "lsy_level0", "seed": 3}) == ("lsy_track",)
     assert prescribed_courses({"seed": 3}) == prescribed_courses(None) == ()

@@ -26,6 +26,7 @@ from quadsim.controllers.lanes.lanes import compiled_module
 from quadsim.controllers.mppi import MPPI
 from quadsim.controllers.samplers import SAMPLERS, Gaussian
 from quadsim.controllers.update import SAVITZKY_GOLAY, savitzky_golay, weights
+from quadsim.course import load_course
 from quadsim.dynamics.estimate import Estimate
 
 EVERY = [*SAMPLERS, White((0.8, 0.5))]
@@ -79,6 +80,7 @@ def test_a_number_that_a_term_holds_counts_as_it_is_when_the_planner_is_made():
 
 
 WILD = (5.0, 5.0)
+FIRST, SECOND = load_course("lsy_track"), load_course("figure8")
 
 
 @pytest.mark.compiled
@@ -99,6 +101,18 @@ def test_first_plan_has_iterations_of_its_own():
         for _ in range(iterations):
             other.iterate(START, 0)
         np.testing.assert_array_equal(mppi.plan, other.plan)
+
+
+@pytest.mark.compiled
+def test_a_plan_whose_course_has_changed_has_iterations_of_its_own():
+    mppi, other = make(news_iterations=5, iterations=2), make()
+    cost, places = mppi.cost, iter((FIRST, FIRST, SECOND, SECOND))
+    mppi.cost_of = lambda course: cost
+    for t, iterations in enumerate((5, 2, 5, 2)):
+        mppi.control(Estimate(0.0, START, course=next(places)))
+        for _ in range(iterations):
+            other.iterate(START, 0)
+        np.testing.assert_array_equal(mppi.plan, other.plan, err_msg=str(t))
 
 
 @pytest.mark.compiled

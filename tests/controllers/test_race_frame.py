@@ -159,7 +159,7 @@ def test_every_vehicle_has_a_free_opening_at_every_gate(name):
     c = load_course(name)
     for vehicle in vehicle_names():
         radius = load_vehicle(vehicle).radius
-        if name == "lsy_level2" and vehicle == "archer":
+        if name in ("lsy_level2", "lsy_track") and vehicle == "archer":
             continue  # 0.38 m wide, for openings of 0.4 m
         targets = race_cost(c, radius, ALL, 1).targets
         for g, row in zip(c.gates, targets, strict=False):

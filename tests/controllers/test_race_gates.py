@@ -182,7 +182,10 @@ def test_remaining_distance_of_every_course_falls_through_its_gates(name):
     """Straight from exit to exit: what is left never rises, however the next gate faces."""
     c = load_course(name)
     high = replace(c, bounds=FAR)
-    exits = [c.start.position, *(at(g, clear_of_frame(0.15), 0.0, 0.0) for g in c.gates)]
+    exits = [
+        c.start.position,
+        *(at(g, clear_of_frame(0.15, g.frame_depth), 0.0, 0.0) for g in c.gates),
+    ]
     cost = race_cost(high, 0.15, replace(ONLY["progress"], margin=0.0), 1)
     for row, (a, b) in enumerate(pairwise(exits)):
         assert term("progress", cost, b, row=row) <= term("progress", cost, a, row=row) + 1e-9

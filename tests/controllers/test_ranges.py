@@ -17,6 +17,7 @@ WRONG = {
     "horizon": ("a whole number [steps] >= 2", (0,)),
     "dt": ("a number [s] > 0", (np.zeros(3),)),
     "first_iterations": ("a whole number >= 1", (1.5,)),
+    "news_iterations": ("a whole number >= 1", (1.5,)),
     "smooth": ("true or false", (1,)),
     "adapt": ("true or false", ("true",)),
 }

@@ -74,6 +74,7 @@ class Frames:
         self.rotation = np.array([gate.rotation for gate in gates])  # (G, 3, 3)
         self.inner = np.array([half_sizes(gate.opening) for gate in gates])  # (G, 2)
         self.outer = np.array([outer_half_sizes(g.opening, g.frame_width) for g in gates])
+        self.depth = np.array([gate.frame_depth for gate in gates])  # [m]  (G,)
         self.corners = np.array([gate.corners() for gate in gates])  # (G, 4, 3)
 
     def moved(self, offsets: np.ndarray) -> Frames:
@@ -110,7 +111,7 @@ class Frames:
             (G, EDGES, 2, 3)
         """
         local = self.local(eye[None])[:, 0]  # (G, 3)
-        near = np.sign(local[:, 0]) * FRAME_DEPTH / 2
+        near = np.sign(local[:, 0]) * self.depth / 2
         ends = np.empty((len(self.centre), EDGES, 2, 3))
         for ring, half in enumerate((self.inner, self.outer)):
             for k, (axis, sign) in enumerate(SIDES):
@@ -158,7 +159,7 @@ class Frames:
             there: the points in the frames of their gates [m]  (n, 3).
             own: gate of each point  (n,).
         """
-        near = np.sign(here[:, 0]) * FRAME_DEPTH / 2
+        near = np.sign(here[:, 0]) * self.depth[own] / 2
         with np.errstate(divide="ignore", invalid="ignore"):
             share = (here[:, 0] - near) / (here[:, 0] - there[:, 0])
         beyond = abs(here[:, 1:] + share[:, None] * (there[:, 1:] - here[:, 1:]))
