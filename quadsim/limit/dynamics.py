@@ -222,9 +222,9 @@ class RateDynamics(Dynamics):
         """Return x' = d step / d dt at dt = 0, with a clip that never acts."""
         model = self._model
         dt = casadi.SX.sym("dt")
-        follow: Any = dt / model.motor_tau if model.motor_tau > 0.0 else 1.0
+        follow = _response(dt, model.motor_tau)
         tau_x, tau_y, tau_z = model.rate_tau
-        spin_x, spin_y, spin_z = (dt / lag if lag > 0.0 else 1.0 for lag in model.rate_lags)
+        spin_x, spin_y, spin_z = (_response(dt, lag) for lag in model.rate_lags)
         p = Params(
             rate_gain_x=1.0 / tau_x,
             rate_gain_y=1.0 / tau_y,
@@ -303,3 +303,8 @@ def _whole(x: Any) -> State:
 def _body_limits(rate_max: tuple[float, ...]) -> np.ndarray:
     """Return the upper limits of position, velocity, attitude and body rates.  (13,)"""
     return np.array([np.inf] * 6 + [1.0] * 4 + [*rate_max])
+
+
+def _response(dt: Any, lag: float) -> Any:
+    """Return the share of the way to its command that a quantity makes in a short time dt [s]."""
+    return dt / lag if lag > 0.0 else 1.0

@@ -255,14 +255,12 @@ class Actuators:
     def _damped(self, commanded: Vec3, rates: Vec3) -> Vec3:
         """Return the commanded rates less the lead times the derivative of the rates [rad/s]."""
         assert self._lead
-        damped = tuple(
-            command - lead * (now - last) / self._dt
-            for command, lead, now, last in zip(
-                commanded, self._lead, rates, self._last_rates, strict=True
-            )
-        )
+        lx, ly, lz = (lead / self._dt for lead in self._lead)
+        wx, wy, wz = commanded
+        p, q, r = rates
+        last_p, last_q, last_r = self._last_rates
         self._last_rates = rates
-        return damped
+        return wx - lx * (p - last_p), wy - ly * (q - last_q), wz - lz * (r - last_r)
 
     def close(self) -> None:
         """Do nothing, as there are no resources to release."""
