@@ -31,6 +31,21 @@ def test_a_page_gets_what_has_changed_since_it_asked_and_nothing_twice(page):
         assert ask(linked)["parts"]["now"]["content"]["flying"]
 
 
+def test_a_part_that_cannot_be_made_keeps_no_page_from_the_others(page, monkeypatch, capfd):
+    def fails(visitor):
+        raise ValueError("on purpose")
+
+    board = page.dashboard.board
+    key, _ = board._offered["view"]
+    monkeypatch.setitem(board._offered, "view", (key, fails))
+    with link(page.port) as linked:
+        for _ in range(3):
+            parts = linked.ask("parts", "ask", have={}, shows=["view", "race"])["parts"]
+            assert "race" in parts
+            assert "view" not in parts
+    assert capfd.readouterr().err.count("ValueError: on purpose") == 1
+
+
 def test_a_camera_is_moved_by_who_knows_its_seat_alone(page):
     seat = "a_seat_of_this_test"
     with connect(page.port, seat=seat), link(page.port) as linked:

@@ -7,6 +7,7 @@ others are kept up to date, and sent, while a page shows them. A part may be mad
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import count
@@ -63,7 +64,7 @@ class Own:
     """A part that was made for one visitor, and what it was made from."""
 
     key: object
-    part: Part
+    part: Part | None
 
 
 class Board:
@@ -122,12 +123,21 @@ class Board:
         key = key_of(visitor)
         own = self._own.get((visitor, name))
         if own is None or own.key != key:
-            content = content_of(visitor)
-            is_same = own is not None and own.part.content == content
-            part = own.part if own and is_same else Part(next(self._versions), content)
-            own = Own(key, part)
+            before = own.part if own else None
+            own = Own(key, self._made(content_of, visitor, before))
             self._own[visitor, name] = own
         return own.part
+
+    def _made(self, content_of: Content, visitor: int, before: Part | None) -> Part | None:
+        """Return a part that is made anew; what cannot be made stays what it was before."""
+        try:
+            content = content_of(visitor)
+        except Exception:
+            # An error in one part must not keep the page from the others.
+            traceback.print_exc()
+            return before
+        is_same = before is not None and before.content == content
+        return before if is_same else Part(next(self._versions), content)
 
     def _forget(self, visitor: LinkVisitor) -> None:
         for name in self._offered:

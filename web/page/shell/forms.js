@@ -3,7 +3,7 @@
 import { grown, make, say } from "./dom.js";
 import * as lineUp from "./line_up.js";
 import { on, send } from "./link.js";
-import { alsoShows, show } from "./parts.js";
+import { alsoShows, ask, show } from "./parts.js";
 
 const REST = 500; // [ms] for which a number in flight has to rest, so that keys held down are one change
 // In which a value that was sent has to come back [ms]; else the server's own is shown again. One in flight acts at a plan.
@@ -320,7 +320,11 @@ export function begin() {
     drawGroups(found);
     for (const { name } of found) show(name, (form) => drawForm(name, form), true);
     lineUp.begin(groups.competitors.beside);
+    ask();
   });
   show("picture", (tree) => groups.view?.beside.replaceChildren(grown(tree)));
-  on("answered", answered);
+  on("answered", (answer) => {
+    answered(answer);
+    ask();
+  });
 }

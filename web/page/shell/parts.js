@@ -11,6 +11,7 @@ const shows = {};
 let have = {};
 let asked = 0; // when the last question was sent [ms]; 0: it is answered
 let moves = false;
+let next = 0;
 let seen = 0; // when the scene was last connected, or opened again [ms]
 const also = []; // functions that return the names of parts that are shown beside those that every page shows
 
@@ -25,12 +26,14 @@ export function alsoShows(names) {
   also.push(names);
 }
 
-function ask() {
+// Ask for what has changed, and again after a pause.
+export function ask() {
+  clearTimeout(next);
   if (!document.hidden && Date.now() - asked > PATIENCE) {
     const shown = also.flatMap((names) => names());
     asked = send({ type: "ask", have, seat: seat(), shows: shown }) ? Date.now() : 0;
   }
-  setTimeout(ask, moves ? MOVING : REST);
+  next = setTimeout(ask, moves ? MOVING : REST);
 }
 
 export function begin() {
@@ -38,6 +41,7 @@ export function begin() {
   on("open", () => {
     [have, asked, seen] = [{}, 0, Date.now()];
     connection("scene", true);
+    ask();
   });
   on("parts", (answer) => {
     asked = 0;
