@@ -15,7 +15,7 @@ import msgspec
 from msgspec import Struct
 
 from quadsim.course import Course, Gate
-from quadsim.course.course import course_entries, course_errors, course_of
+from quadsim.course.course import OF_FRAMES, course_entries, course_errors, course_of
 from quadsim.course.course_file import (
     BoxEntry,
     CourseFile,
@@ -104,9 +104,7 @@ class Draft:
         given = in_flown_order(course_entries(course))
         own = [
             msgspec.structs.replace(
-                gate,
-                opening=gate.opening or given.opening,
-                frame_width=gate.frame_width or given.frame_width,
+                gate, **{key: getattr(gate, key) or getattr(given, key) for key in OF_FRAMES}
             )
             for gate in given.gates
         ]
@@ -205,8 +203,7 @@ class Draft:
         last = before or GateEntry(
             position=start.position,
             yaw_deg=start.yaw_deg,
-            opening=self.entries.opening,
-            frame_width=self.entries.frame_width,
+            **{key: getattr(self.entries, key) for key in OF_FRAMES},
         )
         ahead = radians(last.yaw_deg)
         x, y, z = last.position
@@ -271,7 +268,7 @@ class Draft:
 
     def text(self) -> str:
         """Return the text of the course file, without entries at their defaults."""
-        shared = {key: getattr(self.entries, key) for key in ("opening", "frame_width")}
+        shared = {key: getattr(self.entries, key) for key in OF_FRAMES}
         gates = []
         for gate in self.entries.gates:
             # An opening and a frame equal to the course's are left out, too
@@ -384,6 +381,7 @@ def _drawn_gate(gate: Gate) -> Gate:
         gate,
         opening=(max(width, DRAWN), max(height, DRAWN)),
         frame_width=max(gate.frame_width, DRAWN),
+        frame_depth=max(gate.frame_depth, DRAWN),
     )
 
 
