@@ -69,11 +69,15 @@ class Flight(NamedTuple):
     voltage: np.ndarray  # [V]  (n,)
 
 
+# key of a number -> value, limits of the interval, source
+Fitted = Mapping[str, tuple[float, float, float, str]]
+
+
 class Truth(NamedTuple):
     """The true value of a fitted number, and how a difference to it counts."""
 
     value: float
-    bar: float  # largest error, relative, or absolute for a value of 0
+    bar: float  # largest error, relative
 
 
 class BatteryMotors(Motors):
@@ -232,7 +236,7 @@ def start_of(known: Vehicle, numbers: KnownNumbers) -> Vehicle:
     return start.but(rotors={"rotor_x": x, "rotor_y": y})
 
 
-def thrusts(fit: VehicleFit) -> Mapping[str, tuple[float, float, float, str]]:
+def thrusts(fit: VehicleFit) -> Fitted:
     """Return the fitted thrusts over the mass at some shares of the full command."""
     rotors = fit.vehicle.rotors
     assert rotors
@@ -253,32 +257,42 @@ def keep(name: str, seed: int) -> str:
     return f"{name} {seed}: {json.loads(file.read_text())['cpu']:.1f} s of CPU"
 
 
-def table(names: list[str]) -> Iterator[str]:
-    """Yield the rows of the table: worst error of each number, and how often intervals cover it."""
-    yield "| vehicle | number | true | RMS error | largest | bar | in the interval | fits |"
-    yield "|---|---|---|---|---|---|---|---|"
-    for name in names:
-        files = sorted(RUNS.glob(f"{name}_*.json"))
-        fits = [json.loads(file.read_text())["numbers"] for file in files]
-        for key, true in truths(name, flight_of(name)).items():
-            rows = [fit[key] for fit in fits if fit[key][3] == "log"]
-            if not rows:
-                yield f"| {name} | {key} | {true.value:.4g} | not told | | | | {len(fits)} |"
-                continue
-            values, low, high = (np.array(column) for column in list(zip(*rows, strict=True))[:3])
-            off = (values - true.value) / (true.value or 1.0)
-            inside = int(np.sum((low <= true.value) & (true.value <= high)))
-            rms = np.sqrt(np.mean(off**2))
-            unit = " %" if true.value else ""
-            scale = 100.0 if true.value else 1.0
-            cells = (
-                f"{scale * rms:.2g}{unit}",
-                f"{scale * off[np.argmax(np.abs(off))]:+.2g}{unit}",
-            )
-            yield (
-                f"| {name} | {key} | {true.value:.4g} | {cells[0]} | {cells[1]} "
-                f"| {scale * true.bar:g}{unit} | {inside} of {len(rows)} | {len(fits)} |"
-            )
+def table(names: Sequence[str]) -> Iterator[str]:
+    """Yield the rows of the table: the largest error of each number, and how often it is covered.
+
+    Args:
+        names: vehicles, a column each.
+    """
+    known = {name: fits_of(name) for name in names}
+    true = {name: truths(name, flight_of(name)) for name in names}
+    counts = ", ".join(f"{name} {len(fits)}" for name, fits in known.items())
+    yield f"Largest error, and intervals that cover the true number. Seeds: {counts}"
+    yield ""
+    yield f"| number | bar | {' | '.join(names)} |"
+    yield f"|---|---|{'---|' * len(names)}"
+    for key, one in true[names[0]].items():
+        cells = [_cell(key, true[name][key], known[name]) for name in names]
+        yield f"| {key} | {100.0 * one.bar:g} % | {' | '.join(cells)} |"
+
+
+def fits_of(name: str) -> list[Fitted]:
+    """Return the numbers of the fits of a vehicle that were kept."""
+    files = sorted(RUNS.glob(f"{name}_*.json"))
+    return [json.loads(file.read_text())["numbers"] for file in files]
+
+
+def _cell(key: str, true: Truth, fits: Sequence[Fitted]) -> str:
+    """Return the largest error of a number, and how many intervals cover it."""
+    rows = [fit[key] for fit in fits if fit[key][3] == "log"]
+    if not rows:
+        return "not told"
+    values, low, high = (np.array(column, float) for column in list(zip(*rows, strict=True))[:3])
+    off = values - true.value
+    largest = float(off[np.argmax(np.abs(off))])
+    inside = int(np.sum((low <= true.value) & (true.value <= high)))
+    # Of a number that is 0, the error itself
+    said = f"{100.0 * largest / true.value:+.2f} %" if true.value else f"{largest:+.4f}"
+    return f"{said}, {inside} of {len(rows)}"
 
 
 def main() -> None:
@@ -296,7 +310,7 @@ def main() -> None:
         with ProcessPoolExecutor(given.jobs) as pool:
             for said in pool.map(keep, *zip(*pairs, strict=True)):
                 print(said, file=sys.stderr)
-    print(*table(list(given.vehicles)), sep="\n")
+    print(*table(given.vehicles), sep="\n")
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,6 @@ from quadsim.identify.stretches import Stretch, cropped, total_time
 
 MOST_TIME = 300.0  # in flight, that is fitted; a minute of manoeuvres is enough [s]
 SPAN = 15.0  # duration of the spans that are compared [s]
-MOVING = ("motor_commands", "rotor_speeds", "thrust_setpoint", "body_rates", "velocity")
 
 
 class _Span(NamedTuple):
@@ -19,31 +19,28 @@ class _Span(NamedTuple):
 
     part: int
     rows: slice
-    spread: np.ndarray  # standard deviation of each signal, NaN for one that is missing
+    spread: np.ndarray  # standard deviation of each motion, 0 for one that is not logged
 
 
 def liveliest(parts: Sequence[Stretch]) -> list[Stretch]:
-    """Return the spans of MOST_TIME in which commands, rates and velocities change most.
+    """Return the spans of MOST_TIME that tell most.
 
-    Neighbouring spans stay one stretch. Logs that are not longer are returned as they are.
+    Each motion in turn, a body rate, a velocity or the mean command, takes the span in which it
+    changes most, so that a log with little yaw keeps that. Neighbouring spans stay one stretch.
+    Logs that are not longer are returned as they are.
     """
     if total_time(parts) <= MOST_TIME:
         return list(parts)
     spans = [span for k, part in enumerate(parts) for span in _spans(k, part)]
     spread = np.array([span.spread for span in spans])
-    known = np.isfinite(spread)
-    usual = np.sum(np.where(known, spread, 0.0), axis=0) / np.maximum(np.sum(known, axis=0), 1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        change = np.nanmean(np.where(usual > 0.0, spread / usual, np.nan), axis=1)
+    times = [float(np.sum(parts[part].flying[rows])) * parts[part].dt for part, rows, _ in spans]
+    # The spans of each motion, the one in which it changes most first
+    orders = [np.argsort(-column) for column in spread.T if np.any(column > 0.0)]
     chosen: set[int] = set()
-    time = 0.0
-    for k in np.argsort(-change):
-        span = spans[k]
-        flying = parts[span.part].flying[span.rows]
-        time += float(np.sum(flying)) * parts[span.part].dt
-        if time > MOST_TIME:
+    for each in chain.from_iterable(zip(*orders, strict=True)):
+        if sum(times[k] for k in chosen | {int(each)}) > MOST_TIME:
             break
-        chosen.add(int(k))
+        chosen.add(int(each))
     return [cropped(parts[part], rows) for part, rows in _joined(spans, chosen)]
 
 
@@ -54,18 +51,21 @@ def _spans(part: int, stretch: Stretch) -> list[_Span]:
     found = []
     for k in range(count):
         rows = slice(k * each, (k + 1) * each if k < count - 1 else len(stretch))
-        spread = [_spread(getattr(stretch, name), rows) for name in MOVING]
-        found.append(_Span(part, rows, np.array(spread)))
+        found.append(_Span(part, rows, _spread(stretch, rows)))
     return found
 
 
-def _spread(values: np.ndarray | None, rows: slice) -> float:
-    """Return the standard deviation of a signal over some rows, NaN if it is missing."""
-    if values is None:
-        return np.nan
-    mine = values[rows].reshape(rows.stop - rows.start, -1)
-    mine = mine[np.all(np.isfinite(mine), axis=1)]
-    return float(np.sqrt(np.sum(np.var(mine, axis=0)))) if len(mine) else np.nan
+def _spread(part: Stretch, rows: slice) -> np.ndarray:
+    """Return the standard deviations of body rates, velocities and mean command in some rows."""
+    drives = (part.motor_commands, part.rotor_speeds, part.thrust_setpoint, part.throttle)
+    drive = next((each for each in drives if each is not None), None)
+    mean = None if drive is None else drive.reshape(len(part), -1).mean(axis=1, keepdims=True)
+    found = []
+    for values, width in ((part.body_rates, 3), (part.velocity, 3), (mean, 1)):
+        mine = np.zeros((0, width)) if values is None else values[rows]
+        mine = mine[np.all(np.isfinite(mine), axis=1)]
+        found.append(np.std(mine, axis=0) if len(mine) else np.zeros(width))
+    return np.concatenate(found)
 
 
 def _joined(spans: Sequence[_Span], chosen: set[int]) -> list[tuple[int, slice]]:

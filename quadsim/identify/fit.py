@@ -10,6 +10,7 @@ from quadsim.files.values import SettingError
 from quadsim.identify.budget import liveliest
 from quadsim.identify.delays import spins_other_way
 from quadsim.identify.geometry import Geometry
+from quadsim.identify.gyro import gyro_errors
 from quadsim.identify.intervals import covariances
 from quadsim.identify.numbers import Numbers
 from quadsim.identify.prediction import predictions
@@ -25,7 +26,13 @@ from quadsim.identify.result import VehicleFit
 from quadsim.identify.rotors import rotor_speeds
 from quadsim.identify.stages import search_numbers
 from quadsim.identify.stretches import stretches, thinned, total_time
-from quadsim.identify.to_vehicle import Found, SpeedScale, fitted_numbers, fitted_vehicle
+from quadsim.identify.to_vehicle import (
+    Found,
+    SpeedScale,
+    fitted_numbers,
+    fitted_vehicle,
+    from_log,
+)
 from quadsim.identify.traces import traces
 from quadsim.logs.flight_log import FlightLog
 from quadsim.vehicle import Vehicle, load_vehicle, vehicle_names
@@ -68,16 +75,16 @@ def fit_vehicle(
         wanted = f"expected at least {LEAST_TIME:g} s of flight"
         raise SettingError("logs", f"{wanted}, got {flown:.2g} s: a minute of manoeuvres is best")
     remarks = [f"{log.name}: {remark}" for log in logs for remark in log.remarks]
+    reference = reference_voltage(parts)
+    if reference is not None:
+        remarks.append(f"thrust and rate_tau are those at {reference:.4g} V, the median in flight")
     parts = liveliest(parts)
     kept = total_time(parts)
     if kept < flown:
         remarks.append(
             f"the liveliest {kept:.0f} s of {flown:.0f} s of flight are fitted, the rest left out"
         )
-    ready = prepare([thinned(part) for part in parts], prior_vehicle)
-    reference = reference_voltage([part.stretch for part in ready])
-    if reference is not None:
-        remarks.append(f"thrust and rate_tau are those at {reference:.4g} V, the median in flight")
+    ready = prepare([thinned(part) for part in parts], prior_vehicle, reference)
     geometry = Geometry.of(prior_vehicle)
     if spins_other_way(ready, geometry):
         geometry = geometry.mirrored()
@@ -94,7 +101,9 @@ def fit_vehicle(
         )
     lag = solution.numbers.tau
     finer = [thinned(part, LOOP_RATE) for part in parts]
-    loop = fit_rate_loop(prepare(finer, prior_vehicle), lag, prior_vehicle.rate_tau)
+    loop = fit_rate_loop(
+        prepare(finer, prior_vehicle, reference), lag, prior_vehicle.rate_tau, reference
+    )
     if loop is None:
         remarks.append("the logs have no flight on rate setpoints: rate_tau is the prior's")
     if loop is not None and LAGS[0] in loop.searched:
@@ -118,8 +127,13 @@ def fit_vehicle(
         speed_scale=_speed_scale(ready, solution.numbers),
         loop=loop,
     )
-    shown = _tested(test, ready, prior_vehicle) or ready
+    shown = _tested(test, ready, prior_vehicle, reference) or ready
     numbers = fitted_numbers(found, prior_vehicle, mass or prior_vehicle.mass, mass is not None)
+    with_gyro = {log.name for log in logs if log.has("body_rates")}
+    numbers += tuple(
+        from_log(number.key, number.unit, number.value, number.std)
+        for number in gyro_errors([part for part in ready if part.stretch.log in with_gyro])
+    )
     return VehicleFit(
         name=name,
         vehicle=fitted_vehicle(name, found, numbers, prior_vehicle),
@@ -147,11 +161,12 @@ def _nearest(mass: float | None) -> Vehicle:
     return min(with_rotors, key=lambda vehicle: abs(np.log(vehicle.mass / mass)))
 
 
-def _tested(test: Sequence[FlightLog], fitted: Sequence[Prepared], base: Vehicle) -> list[Prepared]:
+def _tested(
+    test: Sequence[FlightLog], fitted: Sequence[Prepared], base: Vehicle, reference: float | None
+) -> list[Prepared]:
     """Return the stretches of the tested logs that tell of the rotors what the fitted ones tell."""
     found = [part for log in test for part in stretches(log)]
     alike = [thinned(part) for part in found if drive_of(part) == fitted[0].drive]
-    reference = reference_voltage([part.stretch for part in fitted])
     return prepare(alike, base, reference) if alike else []
 
 

@@ -50,7 +50,7 @@ SATURATED = 0.02  # share of saturated rows from which on a piece is left out
 LEAST_PIECES = 6
 MOST_PIECES = 240  # of all logs
 FEW_PIECES = 60  # that are enough to tell good starts from bad ones
-POWER = 1.0  # standard deviation of the prior of the power of the voltage
+POWER = 1.0  # mean, and standard deviation, of the prior of the power of the voltage: 0 or 2
 LARGEST_POWER = 4.0
 # A lag of its own is taken if it differs as much from the lag of the rotors, and as certainly.
 OTHER_LAG = 0.15
@@ -113,22 +113,28 @@ class _Axis(NamedTuple):
     first: int  # number of the first piece
 
 
-def fit_rate_loop(parts: Sequence[Prepared], rotor_lag: float, prior: Vec3) -> RateLoopFit | None:
+def fit_rate_loop(
+    parts: Sequence[Prepared], rotor_lag: float, prior: Vec3, reference: float | None = None
+) -> RateLoopFit | None:
     """Return the rate loop of a log with setpoints and rates, None if it tells none.
 
     Args:
         parts: the log.
         rotor_lag: lag of the rotors [s].
         prior: lags of a similar vehicle [s].
+        reference: voltage to which the lags refer [V]; None: the median of the stretches.
     """
-    axes, left_out = _axes(parts)
+    axes, left_out = _axes(parts, reference)
     if len({axis.axis for axis in axes}) < 3:
         return None
     lags = (rotor_lag, rotor_lag, rotor_lag)
-    start = LoopNumbers(*prior, 0.0, *lags, voltage_power=0.0)
     searched = (*TAU, "delay")
-    if any(np.std(axis.ratio[axis.rows]) > LEAST_SPREAD for axis in axes):
+    # Pieces that all have one voltage, but not the reference, tell no power: lags are less certain.
+    off = np.concatenate([(axis.ratio[axis.rows] - 1.0).ravel() for axis in axes])
+    has_power = float(np.sqrt(np.mean(off**2))) > LEAST_SPREAD
+    if has_power:
         searched += ("voltage_power",)
+    start = LoopNumbers(*prior, 0.0, *lags, voltage_power=POWER if has_power else 0.0)
 
     few = _thinned(axes)
     starts = [start._replace(delay=delay) for delay in DELAYS]
@@ -248,14 +254,14 @@ class _Pieces(NamedTuple):
     change: np.ndarray  # how much the setpoints change in each, over what is usual  (p,)
 
 
-def _axes(parts: Sequence[Prepared]) -> tuple[list[_Axis], int]:
+def _axes(parts: Sequence[Prepared], reference: float | None) -> tuple[list[_Axis], int]:
     """Return the pieces about each axis, and how many usable ones are left out."""
     usable = [pieces for part in parts if (pieces := _usable_pieces(part)) is not None]
     if not usable:
         return [], 0
     change = np.concatenate([pieces.change for pieces in usable])
     least = np.sort(change)[::-1][min(MOST_PIECES, len(change)) - 1]
-    reference = reference_voltage([pieces.part.stretch for pieces in usable])
+    reference = reference or reference_voltage([pieces.part.stretch for pieces in usable])
     found = []
     first = 0
     for part, rows, its_change in usable:

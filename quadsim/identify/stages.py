@@ -123,8 +123,8 @@ def search_numbers(
             )
     if solution.explained and not turning and parts[0].has_single:
         remarks.append(
-            "no rotation is explained: the motors may be in another order than front right, rear "
-            "left, front left, rear right"
+            "no rotation is explained: the flight is too calm, or the motors are in another order "
+            "than front right, rear left, front left, rear right"
         )
     lost = [
         f"{name}_{axis}"

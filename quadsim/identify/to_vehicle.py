@@ -199,7 +199,7 @@ def _number(key: str, row: _Row, found: Found) -> FittedNumber:
         gradient[k] = (ahead - behind) / (2.0 * step)
     variance = float(gradient @ found.covariance @ gradient)
     std = float(np.sqrt(variance + row.floor**2 + (row.scale * value) ** 2))
-    return _from_log(key, row.unit, value, std)
+    return from_log(key, row.unit, value, std)
 
 
 def _loop_numbers(found: Found, base: Vehicle) -> list[FittedNumber]:
@@ -222,7 +222,7 @@ def _loop_numbers(found: Found, base: Vehicle) -> list[FittedNumber]:
         floor = 0.0 if name.endswith("power") else float(np.hypot(late, share))
         deviation = float(np.hypot(deviations[name], floor))
         unit = "1" if name.endswith("power") else "s"
-        numbers.append(_from_log(key, unit, value, deviation))
+        numbers.append(from_log(key, unit, value, deviation))
     return numbers
 
 
@@ -232,10 +232,10 @@ def _latency_of_motors(found: Found, base: Vehicle) -> FittedNumber:
         return FittedNumber("latency", "s", base.latency, base.latency, base.latency, "prior")
     k = found.searched.index("delay")
     std = float(np.hypot(np.sqrt(found.covariance[k, k]), PART_OF_ROW * found.dt))
-    return _from_log("latency", "s", found.numbers.delay, std)
+    return from_log("latency", "s", found.numbers.delay, std)
 
 
-def _from_log(key: str, unit: str, value: float, std: float) -> FittedNumber:
+def from_log(key: str, unit: str, value: float, std: float) -> FittedNumber:
     """Return a number with the interval of its standard deviation."""
     half = TWO_SIDED * std
     return FittedNumber(key, unit, value, value - half, value + half, "log")
