@@ -8,6 +8,7 @@ import pytest
 
 from quadsim import api
 from quadsim.cli.cli import race
+from quadsim.files.values import SettingError
 from quadsim.identify import FittedNumber, VehicleFit
 from quadsim.identify.prediction import Prediction
 from quadsim.vehicle import load_vehicle
@@ -93,6 +94,25 @@ def test_what_it_cannot_do_is_one_line_and_writes_nothing(asked, tmp_path, capsy
     assert line.startswith(f"race fit: {problem}")
     assert asked == []
     assert not (tmp_path / "mine.yaml").exists()
+
+
+def test_what_the_logs_lack_is_said_of_the_logs_and_of_no_flag(asked, monkeypatch, capsys):
+    def too_short(logs, **settings):
+        raise SettingError("logs", "expected at least 5 s of flight, got 2 s")
+
+    monkeypatch.setattr("quadsim.identify.fit_vehicle", too_short)
+    assert race(["fit", "one.csv", "--mass", ".04", "--name", "mine"]) == 2
+    said = "race fit: one.csv: expected at least 5 s of flight, got 2 s\n"
+    assert capsys.readouterr().err == said
+
+
+def test_the_planners_model_has_lags_that_a_vehicle_file_lacks():
+    lags = [FittedNumber(f"rate_lag.{axis}", "s", 0.07, 0.06, 0.08, "log") for axis in "xyz"]
+    vehicle = load_vehicle("crazyflie")
+    for numbers, rate_lag in ((lags, (0.07, 0.07, 0.07)), ([], None)):
+        found = VehicleFit("mine", vehicle, (*NUMBERS, *numbers), (), ())
+        assert found.model.rate_lag == rate_lag
+        assert found.model.motor_tau == vehicle.rotors.tau
 
 
 def test_logs_are_given_as_paths_and_as_they_were_read(asked):
