@@ -255,12 +255,17 @@ class Actuators:
     def _damped(self, commanded: Vec3, rates: Vec3) -> Vec3:
         """Return the commanded rates less the lead times the derivative of the rates [rad/s]."""
         assert self._lead
-        lx, ly, lz = (lead / self._dt for lead in self._lead)
+        lx, ly, lz = self._lead
+        dt = self._dt
         wx, wy, wz = commanded
         p, q, r = rates
         last_p, last_q, last_r = self._last_rates
         self._last_rates = rates
-        return wx - lx * (p - last_p), wy - ly * (q - last_q), wz - lz * (r - last_r)
+        return (
+            wx - lx * (p - last_p) / dt,
+            wy - ly * (q - last_q) / dt,
+            wz - lz * (r - last_r) / dt,
+        )
 
     def close(self) -> None:
         """Do nothing, as there are no resources to release."""
