@@ -21,13 +21,16 @@ control step, and then sleeps until a caller rings its bell.
 
 A helper whose core another program takes in the middle of a block makes the caller wait for a time
 slice, some milliseconds. A caller that has waited for longer than a few portions of its own work
-therefore leaves the helpers asleep for the next loops, for twice as many each time.
+therefore leaves the helpers asleep for the next loops, for twice as many each time. Each loop that
+goes well takes one from that number: beside a program that uses a core for long, most loops go
+well, and each that does not costs more than all of them gain.
 """
 
 from __future__ import annotations
 
 import atexit
 import os
+import resource
 import threading
 from _thread import LockType
 from contextlib import suppress
@@ -57,12 +60,14 @@ OPEN = LINE  # number of the job on the desk; 0: none, or closed
 NEXT = 2 * LINE  # the first block that nobody has taken
 WORKING = 3 * LINE  # number of helpers that look at the job
 TAKEN = 4 * LINE  # 1 while a caller uses the desk
-PAUSES = TAKEN + 8  # number of loops of the last rest; 0: the last loop went well
+PAUSES = TAKEN + 8  # number of loops of the last rest, less the loops that went well since
 SIZE = 5 * LINE  # bytes
 
 SPINS = 20_000  # rounds in which a helper looks for the next job: about half a millisecond
 PATIENCE = 2  # portions of its own work for which a caller may wait without a rest after it
 REST_MIN, REST_MAX = 8, 1024  # numbers of loops of a rest
+WATCHED = 64  # number of loops with helpers, some control steps, after which a caller looks at
+PREEMPTED = 2  # how often it has been preempted, and from which number on the helpers rest
 SHARES = 8  # blocks are taken in about this many portions for each thread
 # Of run_parts: address of the desk, of a part, of what the parts share; number of blocks, threads
 RUN_PARTS = (types.int64, types.int64, types.int64, types.int64)
@@ -130,9 +135,13 @@ def run_parts(desk, part, shared, blocks):
 
     # Leave the helpers asleep if another program keeps them from their cores.
     rest = 0
+    pauses = load(desk + PAUSES)
     if waited > PATIENCE * (end - begin) // max(portions, 1):
-        rest = min(max(2 * load(desk + PAUSES), REST_MIN), REST_MAX)
-    store(desk + PAUSES, rest)
+        rest = min(max(2 * pauses, REST_MIN), REST_MAX)
+        pauses = rest
+    elif pauses > 0:
+        pauses -= 1
+    store(desk + PAUSES, pauses)
     store(desk + REST, rest)
     store(desk + TAKEN, 0)
 
@@ -164,6 +173,20 @@ class Helper(NamedTuple):
     bell: LockType  # locked until a caller rings
 
 
+class Preempted(NamedTuple):
+    """How often a thread has been preempted: the operating system ran another program there."""
+
+    thread: int
+    times: int
+
+    @classmethod
+    def of_this_thread(cls) -> Preempted:
+        """Return the number of the calling thread; 0 where the system does not count it."""
+        who = getattr(resource, "RUSAGE_THREAD", None)
+        times = 0 if who is None else resource.getrusage(who).ru_nivcsw
+        return cls(threading.get_ident(), times)
+
+
 class Helpers:
     """The helping threads of a process, and their desk."""
 
@@ -178,6 +201,8 @@ class Helpers:
         self._helpers: list[Helper] = []
         self._starts = threading.Lock()
         self._ends = False
+        self._watched = 0  # loops with helpers since a caller has looked at
+        self._preempted = Preempted(0, 0)
         atexit.register(self._end)
 
     def wake(self, number: int) -> int:
@@ -189,12 +214,27 @@ class Helpers:
         if self._numbers[REST // 8] > 0:
             self._numbers[REST // 8] -= 1
             return 0
+        self._watched += 1
+        if self._watched >= WATCHED and self._rests_now():
+            return 0
         if len(self._helpers) < number:
             self._start(number)
         self._numbers[SEATS // 8] = number
         for helper in self._helpers[:number]:
             ring(helper.bell)
         return self._desk
+
+    def _rests_now(self) -> bool:
+        """Return whether the caller was preempted again and again; if so, the helpers rest now."""
+        self._watched = 0
+        before = self._preempted
+        self._preempted = now = Preempted.of_this_thread()
+        if now.thread != before.thread or now.times - before.times < PREEMPTED:
+            return False
+        pauses = min(max(2 * int(self._numbers[PAUSES // 8]), WATCHED), REST_MAX)
+        self._numbers[PAUSES // 8] = pauses
+        self._numbers[REST // 8] = pauses
+        return True
 
     def _start(self, number: int) -> None:
         """Start as many helpers as there are to be."""

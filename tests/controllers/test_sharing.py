@@ -107,6 +107,28 @@ def test_a_caller_does_not_wait_for_helpers_that_sleep(scaled, monkeypatch):
     assert (y == 2.0).all()
 
 
+@pytest.mark.parametrize(("preempted", "rests"), [(0, False), (helpers.PREEMPTED, True)])
+def test_helpers_rest_while_their_caller_is_preempted(monkeypatch, preempted, rests):
+    """Each rest is twice as long as the one before."""
+    times = iter(range(0, 100 * max(preempted, 1), max(preempted, 1)))
+    monkeypatch.setattr(
+        helpers.Preempted,
+        "of_this_thread",
+        lambda: helpers.Preempted(1, next(times) if preempted else 0),
+    )
+    own = helpers.Helpers()
+    alone = [own.wake(1) == 0 for _ in range(8 * helpers.WATCHED)]
+    own._end()
+    assert any(alone) == rests
+    if rests:
+        # The first look is the one from which on preemptions are counted.
+        first = 2 * helpers.WATCHED - 1
+        second = first + 2 * helpers.WATCHED
+        assert alone.index(True) == first
+        assert alone[first : second + 1].count(True) == helpers.WATCHED + 2
+        assert all(alone[second : second + 2 * helpers.WATCHED])
+
+
 def test_threads_that_call_at_once_have_their_own_results(scaled):
     """The desk holds one job: the other callers run theirs alone."""
 
