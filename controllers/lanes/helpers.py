@@ -30,7 +30,6 @@ from __future__ import annotations
 
 import atexit
 import os
-import resource
 import threading
 from _thread import LockType
 from contextlib import suppress
@@ -67,7 +66,7 @@ SPINS = 20_000  # rounds in which a helper looks for the next job: about half a 
 PATIENCE = 2  # portions of its own work for which a caller may wait without a rest after it
 REST_MIN, REST_MAX = 8, 1024  # numbers of loops of a rest
 WATCHED = 64  # number of loops with helpers, some control steps, after which a caller looks at
-PREEMPTED = 2  # how often it has been preempted, and from which number on the helpers rest
+WAITED = 0.1  # how long it has waited for a core, and from which share of its time the helpers rest
 SHARES = 8  # blocks are taken in about this many portions for each thread
 # Of run_parts: address of the desk, of a part, of what the parts share; number of blocks, threads
 RUN_PARTS = (types.int64, types.int64, types.int64, types.int64)
@@ -173,18 +172,23 @@ class Helper(NamedTuple):
     bell: LockType  # locked until a caller rings
 
 
-class Preempted(NamedTuple):
-    """How often a thread has been preempted: the operating system ran another program there."""
+class OnCore(NamedTuple):
+    """How long a thread has run, and has waited for a core while it could have run."""
 
     thread: int
-    times: int
+    ran: int  # [ns]
+    waited: int  # [ns]
 
     @classmethod
-    def of_this_thread(cls) -> Preempted:
-        """Return the number of the calling thread; 0 where the system does not count it."""
-        who = getattr(resource, "RUSAGE_THREAD", None)
-        times = 0 if who is None else resource.getrusage(who).ru_nivcsw
-        return cls(threading.get_ident(), times)
+    def of_this_thread(cls) -> OnCore:
+        """Return the times of the calling thread; zeros where the system does not count them."""
+        thread = threading.get_ident()
+        try:
+            with open("/proc/thread-self/schedstat", "rb") as file:
+                ran, waited, _ = file.read().split()
+        except (OSError, ValueError):
+            return cls(thread, 0, 0)
+        return cls(thread, int(ran), int(waited))
 
 
 class Helpers:
@@ -201,8 +205,9 @@ class Helpers:
         self._helpers: list[Helper] = []
         self._starts = threading.Lock()
         self._ends = False
-        self._watched = 0  # loops with helpers since a caller has looked at
-        self._preempted = Preempted(0, 0)
+        self._watched = 0  # loops with helpers since a caller has looked at its times
+        self._rest = 0  # number of loops of the last rest, halved by each look without one
+        self._on_core = OnCore(0, 0, 0)
         atexit.register(self._end)
 
     def wake(self, number: int) -> int:
@@ -225,15 +230,16 @@ class Helpers:
         return self._desk
 
     def _rests_now(self) -> bool:
-        """Return whether the caller was preempted again and again; if so, the helpers rest now."""
+        """Return whether another program took turns with the caller; then the helpers rest now."""
         self._watched = 0
-        before = self._preempted
-        self._preempted = now = Preempted.of_this_thread()
-        if now.thread != before.thread or now.times - before.times < PREEMPTED:
+        before = self._on_core
+        self._on_core = now = OnCore.of_this_thread()
+        waited = now.waited - before.waited
+        if now.thread != before.thread or waited <= WAITED * (now.ran - before.ran):
+            self._rest //= 2
             return False
-        pauses = min(max(2 * int(self._numbers[PAUSES // 8]), WATCHED), REST_MAX)
-        self._numbers[PAUSES // 8] = pauses
-        self._numbers[REST // 8] = pauses
+        self._rest = min(max(2 * self._rest, WATCHED), REST_MAX)
+        self._numbers[REST // 8] = self._rest
         return True
 
     def _start(self, number: int) -> None:

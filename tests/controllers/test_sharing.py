@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from itertools import count
 
 import numpy as np
 import pytest
@@ -107,21 +108,28 @@ def test_a_caller_does_not_wait_for_helpers_that_sleep(scaled, monkeypatch):
     assert (y == 2.0).all()
 
 
-@pytest.mark.parametrize(("preempted", "rests"), [(0, False), (helpers.PREEMPTED, True)])
-def test_helpers_rest_while_their_caller_is_preempted(monkeypatch, preempted, rests):
-    """Each rest is twice as long as the one before."""
-    times = iter(range(0, 100 * max(preempted, 1), max(preempted, 1)))
+@pytest.mark.parametrize(("waited", "rests"), [(0, False), (5, False), (20, True)])
+def test_helpers_rest_while_another_program_takes_turns_with_their_caller(
+    monkeypatch, waited, rests
+):
+    """Each rest is twice as long as the one before.
+
+    Args:
+        waited: for every 100 ns that the caller runs, the time that it waits for a core [ns].
+        rests: whether that is too long.
+    """
+    looks = count()
     monkeypatch.setattr(
-        helpers.Preempted,
+        helpers.OnCore,
         "of_this_thread",
-        lambda: helpers.Preempted(1, next(times) if preempted else 0),
+        lambda: helpers.OnCore(1, *(next(looks) * np.array([100, waited])).tolist()),
     )
     own = helpers.Helpers()
     alone = [own.wake(1) == 0 for _ in range(8 * helpers.WATCHED)]
     own._end()
     assert any(alone) == rests
     if rests:
-        # The first look is the one from which on preemptions are counted.
+        # The first look only begins to count.
         first = 2 * helpers.WATCHED - 1
         second = first + 2 * helpers.WATCHED
         assert alone.index(True) == first
