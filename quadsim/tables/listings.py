@@ -132,7 +132,7 @@ def presets() -> Listing:
     Examples:
         >>> import quadsim
         >>> list(quadsim.presets())
-        ['paper', 'race', 'race_small', 'race_informed']
+        ['paper', 'race', 'race_small', 'race_sight', 'race_informed']
     """
     return Listing(tuple(PRESETS), lambda _: preset_table())
 
@@ -181,17 +181,17 @@ def vehicle_table(vehicles: Sequence[Vehicle]) -> Table:
     heads = (
         "vehicle",
         "mass\n[kg]",
-        "thrust/\nweight",
-        "rate limit\n[rad/s]",
-        "rate lag\n[s]",
-        "motor\nlag [s]",
+        "thrust\nto\nweight",
+        "rate\nlimit\n[rad/s]",
+        "rate\nlag\n[s]",
+        "motor\nlag\n[s]",
         "drag\n[1/s]",
     )
     table = plain_table(*heads, left=(0, 6), no_wrap=True)
     for vehicle in vehicles:
         table.add_row(
             vehicle.name,
-            f"{vehicle.mass:g}",
+            f"{vehicle.mass:.3g}",
             f"{vehicle.thrust_to_weight:.2f}",
             _axes_text(vehicle.rate_max),
             _axes_text(vehicle.rate_tau),
@@ -270,7 +270,6 @@ def _sensors_text(sensing: Sensing) -> str:
 
 
 def _axes_text(values: Sequence[float]) -> str:
-    """Return one number if it is the same for all axes, else one for each axis."""
-    if len(set(values)) == 1:
-        return f"{values[0]:g}"
-    return " ".join(f"{value:g}" for value in values)
+    """Return one number if it is the same for all axes, else one for each axis, to two digits."""
+    texts = [f"{value:.2g}" for value in values]
+    return texts[0] if len(set(texts)) == 1 else " ".join(texts)
