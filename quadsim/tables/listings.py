@@ -92,10 +92,11 @@ def vehicles() -> Listing:
     Examples:
         >>> import quadsim
         >>> print(quadsim.vehicles())
-                     mass  thrust/  rate limit  rate lag         motor  drag
-        vehicle      [kg]   weight     [rad/s]  [s]            lag [s]  [1/s]
+                            thrust       rate                 rate  motor
+                      mass      to      limit                  lag    lag  drag
+        vehicle       [kg]  weight    [rad/s]                  [s]    [s]  [1/s]
         ...
-        swift        0.87     4.10     10 10 6  0.05 0.05 0.15   0.033  0.4
+        swift         0.87    4.10    10 10 6       0.05 0.05 0.15  0.033  0.4
         ...
     """
     known = [load_vehicle(name) for name in vehicle_names()]

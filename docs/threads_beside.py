@@ -1,0 +1,67 @@
+"""Time control steps on one and two threads, alone and beside one and two busy processes.
+
+It takes half a minute on a machine that has nothing else to do:
+
+    .venv/bin/python docs/threads_beside.py
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from time import perf_counter
+
+import numpy as np
+
+from quadsim import Spec
+from quadsim.config.build import planner_of, with_threads
+from quadsim.physics.plant_state import start_state
+
+COURSE = "split_s_swift"
+STEPS = 400
+
+
+def main() -> None:
+    """Print the median and the mean of each case, and the ratios of two threads to one."""
+    for count in (0, 1, 2):
+        with ExitStack() as busy:
+            for _ in range(count):
+                busy.enter_context(busy_process())
+            one, two = step_times(1), step_times(2)
+        ratios = np.median(two) / np.median(one), two.mean() / one.mean()
+        print(
+            f"{count} busy: one thread {np.median(one):.2f} ms, two {np.median(two):.2f} ms; "
+            f"ratio of medians {ratios[0]:.2f}, of means {ratios[1]:.2f}"
+        )
+
+
+@contextmanager
+def busy_process() -> Iterator[None]:
+    """Keep a core busy, in a session of its own as another user's program is."""
+    command = [sys.executable, "-c", "while True: pass"]
+    process = subprocess.Popen(command, start_new_session=True)
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()
+
+
+def step_times(threads: int) -> np.ndarray:
+    """Return the times of control steps of the preset `race` from the start [ms].  (STEPS,)"""
+    spec = with_threads(Spec.of(COURSE, threads=threads))
+    planner = planner_of(spec)
+    x = np.array(start_state(spec.course.start, spec.vehicle.radius))
+    planner.control(x)  # compiles, and makes the first plan
+    taken = np.empty(STEPS)
+    for i in range(STEPS):
+        began = perf_counter()
+        planner.control(x)
+        taken[i] = 1e3 * (perf_counter() - began)
+    return taken
+
+
+if __name__ == "__main__":
+    main()
