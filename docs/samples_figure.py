@@ -8,6 +8,7 @@ It draws what `make results` has flown, and times control steps, in half a minut
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from time import process_time
 
@@ -58,7 +59,7 @@ def main() -> None:
         print(f"{sampler:9} {n:5}  {ms:5.2f} ms")
 
 
-def difference(row: dict[str, str]) -> tuple[float, float, float]:
+def difference(row: Mapping[str, str]) -> tuple[float, float, float]:
     """Return the lap less that of the baseline, with its 95 % interval; zeros for the baseline."""
     names = "lap_difference", "lap_difference_low", "lap_difference_high"
     mean, low, high = (float(row[name] or 0.0) for name in names)
