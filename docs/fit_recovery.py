@@ -304,6 +304,8 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1, help="fits at once")
     parser.add_argument("--table", action="store_true", help="print the table alone")
     given = parser.parse_args()
+    if unknown := [name for name in given.vehicles if name not in VEHICLES]:
+        parser.error(f"--vehicles: expected some of {', '.join(VEHICLES)}, got {unknown[0]!r}")
     if not given.table:
         for name in given.vehicles:
             flight_of(name)

@@ -1,4 +1,4 @@
-"""What the site shows beside the pages of docs/: notebooks, recorded races, rendered equations.
+"""Hooks of MkDocs that add notebooks, recorded races and rendered equations to the site.
 
 MkDocs calls the functions `on_...` while it builds the site (`hooks` in mkdocs.yml).
 """

@@ -14,7 +14,7 @@ from quadsim.web.state import PageState
 
 @dataclass(frozen=True)
 class LineUp:
-    """What the next START flies.
+    """The competitors that the next START will fly.
 
     Attributes:
         names: name of each competitor, as it is called in flight.

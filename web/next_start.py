@@ -26,7 +26,7 @@ class LoadedCourse(NamedTuple):
 
 
 class NextStart:
-    """What the next START flies. Any thread may call it.
+    """The flights that the next START will begin. Any thread may call the methods.
 
     Args:
         desk: the owner of the state.
@@ -40,7 +40,7 @@ class NextStart:
 
     @property
     def choices(self) -> list[Choices | HeatChoices]:
-        """What START flies."""
+        """The flights that START will begin."""
         return self.desk.state.start
 
     @property

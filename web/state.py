@@ -108,7 +108,7 @@ class PageState:
 
     @property
     def start(self) -> list[Choices | HeatChoices]:
-        """What START flies."""
+        """The flights that START will begin."""
         if self.is_together:
             return [HeatChoices(tuple(self.flights), self.expect, self.rules)]
         return [*self.flights]

@@ -21,9 +21,11 @@ control step, and then sleeps until a caller rings its bell.
 
 A helper whose core another program takes in the middle of a block makes the caller wait for a time
 slice, some milliseconds. A caller that has waited for longer than a few portions of its own work
-therefore leaves the helpers asleep for the next loops, for twice as many each time. Each loop that
-goes well takes one from that number: beside a program that uses a core for long, most loops go
-well, and each that does not costs more than all of them gain.
+therefore leaves the helpers asleep for the next loops, for twice as many each time.
+
+A helper that looks for work keeps its core from other programs, so one of them may take turns with
+the caller instead. Linux counts the time for which the caller waits for a core. If that is more
+than a share WAITED of the time for which it runs, the caller leaves the helpers asleep, too.
 """
 
 from __future__ import annotations
@@ -59,14 +61,14 @@ OPEN = LINE  # number of the job on the desk; 0: none, or closed
 NEXT = 2 * LINE  # the first block that nobody has taken
 WORKING = 3 * LINE  # number of helpers that look at the job
 TAKEN = 4 * LINE  # 1 while a caller uses the desk
-PAUSES = TAKEN + 8  # number of loops of the last rest, less the loops that went well since
+PAUSES = TAKEN + 8  # number of loops of the last rest; 0: the last loop went well
 SIZE = 5 * LINE  # bytes
 
 SPINS = 20_000  # rounds in which a helper looks for the next job: about half a millisecond
 PATIENCE = 2  # portions of its own work for which a caller may wait without a rest after it
 REST_MIN, REST_MAX = 8, 1024  # numbers of loops of a rest
-WATCHED = 64  # number of loops with helpers, some control steps, after which a caller looks at
-WAITED = 0.1  # how long it has waited for a core, and from which share of its time the helpers rest
+WATCHED = 64  # number of loops with helpers after which a caller looks at its waiting time
+WAITED = 0.1  # waiting time over running time above which the helpers rest
 SHARES = 8  # blocks are taken in about this many portions for each thread
 # Of run_parts: address of the desk, of a part, of what the parts share; number of blocks, threads
 RUN_PARTS = (types.int64, types.int64, types.int64, types.int64)
@@ -134,13 +136,9 @@ def run_parts(desk, part, shared, blocks):
 
     # Leave the helpers asleep if another program keeps them from their cores.
     rest = 0
-    pauses = load(desk + PAUSES)
     if waited > PATIENCE * (end - begin) // max(portions, 1):
-        rest = min(max(2 * pauses, REST_MIN), REST_MAX)
-        pauses = rest
-    elif pauses > 0:
-        pauses -= 1
-    store(desk + PAUSES, pauses)
+        rest = min(max(2 * load(desk + PAUSES), REST_MIN), REST_MAX)
+    store(desk + PAUSES, rest)
     store(desk + REST, rest)
     store(desk + TAKEN, 0)
 

@@ -153,7 +153,7 @@ def _stretch(log: FlightLog, piece: slice) -> Stretch:
 
 
 def _calm_voltage(voltage: np.ndarray, dt: float) -> np.ndarray:
-    """Return a voltage averaged over so many readings that VOLTAGE_NOISE is left of its noise."""
+    """Return a moving average of a voltage, whose window reduces its noise to VOLTAGE_NOISE."""
     steps = np.abs(np.diff(voltage))
     if not np.any(np.isfinite(steps)):
         return voltage

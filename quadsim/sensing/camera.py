@@ -185,8 +185,9 @@ class LensCamera(Camera):
         if self._bent(self._edge) >= corner:
             return ""
         return (
-            f"expected a distortion under which rays reach the corners, {corner:.2f} from the "
-            f"axis, got k1 {self.k1:g} and k2 {self.k2:g}"
+            f"expected a lens through which rays reach the picture's corners, {corner:.2f} from "
+            f"the axis, got k1 {self.k1:g} and k2 {self.k2:g}, with rays up to "
+            f"{self._bent(self._edge):.2f}; bring k1 and k2 nearer to 0 or lengthen fx and fy"
         )
 
     @cached_property

@@ -53,6 +53,7 @@ WARM_UP = 600.0  # [s] until a soak counts
 FOUR_SAMPLES = 1024
 FOUR_BEGIN = 0.5  # race time from which the race of four is measured [s]
 FOUR_SPAN = 15.0  # wall-clock time for which it is measured [s]
+MEASURES = ("slowdown", "air", "four", "share", "soak")
 MOST_SLOWER = 10.0  # [%]
 MOST_SECONDS = 5.0
 MOST_GROWN = 20.0  # [MB]
@@ -295,6 +296,8 @@ def main() -> None:
             os.sched_setaffinity(0, core)
         asyncio.run(watchers(port, clients))
         return
+    if what not in MEASURES:
+        sys.exit(f"measure.py: expected one of {', '.join(MEASURES)}, got {what!r}")
     with tempfile.TemporaryDirectory() as root:
         place = Place(root, Gliders()) if what == "share" else Place(root)
         try:

@@ -1,4 +1,4 @@
-"""What the page uses of viser that viser does not promise: all of it, each with its reason.
+"""This module has all uses of what viser does not promise to keep, each with its reason.
 
 viser is pinned to one version. With another one, each of these either fails at the start with one
 line or has a test (tests/web/test_guard.py, test_clients.py, test_memory.py).

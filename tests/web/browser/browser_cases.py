@@ -105,7 +105,7 @@ def fill(page, label, value):
 
 
 def error_of(page, label):
-    """What stands beside a field."""
+    """Return the error that the page shows beside a field."""
     wanted = re.compile(rf"^{re.escape(label)}( \[.*\])?$")
     found = drawer(page).locator(".field").filter(has=page.locator("label", has_text=wanted))
     return found.locator(".error").inner_text()
