@@ -63,11 +63,14 @@ def end_after(process: subprocess.Popen, campaign: Path, rows: int, sign: signal
     os.kill(process.pid, sign)
 
 
-def row(seed=0, outcome="finished", laps=(5.0, 4.0), tv=10.0, code="a" * 40, **changes) -> Row:
+def row(
+    seed=0, outcome="finished", laps=(5.0, 4.0), gates=7, tv=10.0, code="a" * 40, **changes
+) -> Row:
     """Return a row as if its attempt had been flown."""
     crash = {"kind": "hit", "gate": 3, "lap": 1, "position": [1.0, 2.0, 3.0]}
     result = {
         "laps": list(laps) if outcome == "finished" else [],
+        "gates_passed": gates,
         "crash": crash if outcome == "crashed" else None,
         "fault": None,
         "thrust_tv": {"commanded": tv, "delivered": tv / 2},

@@ -167,6 +167,8 @@ class Result(TypedDict):
     """The numbers of an attempt that reports are made of."""
 
     laps: list[float]  # [s]
+    # Attempts that an earlier version of the project has stored lack it.
+    gates_passed: NotRequired[int]
     crash: Crash | None
     fault: str | None  # the error that ended the flight
     thrust_tv: Variation  # [m/s^2/s]
@@ -187,6 +189,7 @@ def result(flown: Flown) -> Result:
     delivered = varied["delivered"]
     numbers: Result = {
         "laps": run.laps,
+        "gates_passed": len(run.gates),
         "crash": _crash(run) if run.outcome == "crashed" else None,
         "fault": flown.fault,
         "thrust_tv": {

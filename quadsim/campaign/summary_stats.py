@@ -31,8 +31,32 @@ from quadsim.record.statistics import (
 )
 
 FINISHED = "finished"
+CRASHED = "crashed"
 # Two pairs have an interval of twelve standard deviations and more: it says nothing.
 FEWEST_PAIRS = 3
+
+
+@dataclass(frozen=True)
+class CrashRate:
+    """Crashes per 100 gates: of the gates that flights came to, how many ended a flight?
+
+    A flight that crashes has come to one gate more than it has passed. The interval is Wilson's
+    for independent gates; nan without gates, or if they were not counted.
+
+    Examples:
+        >>> import quadsim
+        >>> two = {"attempts": 2, "laps": 1, "samples": 256}
+        >>> (variant,) = quadsim.compare("figure8", ("colored",), **two).variants
+        >>> rate = variant.crash_rate
+        >>> rate.crashes, rate.passed, rate.per_100
+        (0, 16, 0.0)
+    """
+
+    crashes: int
+    passed: int | None  # gates; None: not counted, as an earlier version has stored the attempts
+    per_100: float
+    low: float
+    high: float
 
 
 @dataclass(frozen=True)
@@ -55,6 +79,7 @@ class VariantStats:
     attempts: int
     finished: int
     success_ci: tuple[float, float]
+    crash_rate: CrashRate
     lap_mean: float  # [s], as all times but the planner's
     lap_sd: float
     lap_min: float  # the fastest single lap
@@ -160,6 +185,7 @@ def variant_stats(
         attempts=len(rows),
         finished=len(done),
         success_ci=wilson(len(done), len(rows)),
+        crash_rate=_crash_rate(rows),
         lap_mean=lap.mean,
         lap_sd=lap.sd,
         lap_min=min((t for r in done for t in r.result["laps"]), default=nan),
@@ -252,6 +278,21 @@ def against(baseline: str, names: Sequence[str], rows: Sequence[Sequence[Row]]) 
     thrust_tv = holm([pair.thrust_tv_p for pair in pairs])
     corrected = map(CorrectedP, laps, success, thrust_tv)
     return [replace(pair, corrected=each) for pair, each in zip(pairs, corrected, strict=True)]
+
+
+def _crash_rate(rows: Sequence[Row]) -> CrashRate:
+    """Return the crashes of attempts per 100 gates."""
+    crashes = sum(row.outcome == CRASHED for row in rows)
+    counts = [row.result.get("gates_passed") for row in rows]
+    counted = [count for count in counts if count is not None]
+    if len(counted) < len(counts):
+        return CrashRate(crashes, None, nan, nan, nan)
+    passed = sum(counted)
+    reached = passed + crashes
+    if not reached:
+        return CrashRate(crashes, passed, nan, nan, nan)
+    low, high = wilson(crashes, reached)
+    return CrashRate(crashes, passed, 100.0 * crashes / reached, 100.0 * low, 100.0 * high)
 
 
 def _finished(row: Row) -> bool:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from math import isfinite
 
-from quadsim.campaign.summary_stats import FEWEST_PAIRS, PairStats, Section
+from quadsim.campaign.summary_stats import FEWEST_PAIRS, CrashRate, PairStats, Section
 from quadsim.campaign.sweep_curves import SweepPoint
 from quadsim.campaign.tables import (
     TextTable,
@@ -45,6 +46,10 @@ def sweep_notes(points: Sequence[SweepPoint], sections: Sequence[Section]) -> It
     remarks = dict.fromkeys(section.remark for section in sections if section.remark)
     yield from remarks
     yield (
+        "Crashes per 100 gates: of the gates that flights came to, the share at which one ended in "
+        "a crash, with the 95 % interval of independent gates (Wilson)."
+    )
+    yield (
         "Changes: from the first value, over the seeds that finish at both, with 95 % intervals. "
         "Only here, only first: seeds that finish at one of both alone. p: corrected for the "
         "number of values (Holm); paired t-test of laps, exact test of finished."
@@ -73,9 +78,17 @@ def _success_p(pair: PairStats) -> str:
     return shown_p(pair.corrected.success) if pair.corrected else "-"
 
 
+def _crash_rate(rate: CrashRate) -> str:
+    """Return crashes per 100 gates with their interval, a dash if gates were not counted."""
+    if not isfinite(rate.per_100):
+        return "-"
+    return f"{rate.per_100:.1f} [{rate.low:.1f}, {rate.high:.1f}]"
+
+
 COLUMNS: dict[str, Callable[[SweepPoint], str]] = {
     "done": lambda point: f"{point.stats.finished}/{point.stats.attempts}",
     "CI\n[%]": lambda point: success_interval(point.stats),
+    "crashes per\n100 gates": lambda point: _crash_rate(point.stats.crash_rate),
     "lap\n[s]": lambda point: number(point.stats.lap_mean),
     "change of the lap\n[s]": _of_change(_lap_change),
     "pairs": _of_change(lambda pair: str(pair.lap_difference.n)),

@@ -4,7 +4,8 @@
     latency                               the one setting whose name ends in it, link_latency
     vehicle.mass                          a number of the vehicle, vehicle.rotors.motor_tau too
     sensing.camera.noise                  a number of a sensor
-    sensing.camera.fx+sensing.camera.fy   several that take the same value
+    sensing.camera.fx+sensing.camera.fy   several that take the same value, 320 425, or one each,
+                                          320/320 425/424
 
 The planner's model follows the vehicle. What the planner does not know is a number of its model:
 model_thrust_gain 1 1.1 flies a planner that expects a tenth more of each thrust than it gets.
@@ -22,7 +23,8 @@ from quadsim.config.spec import Spec
 from quadsim.files.yaml_errors import did_you_mean, shown_value
 
 DEFAULT = "default"  # text of a value: the setting is not given
-LINKED = "+"  # joins names that take the same value
+LINKED = "+"  # joins the names of settings that change together
+EACH = "/"  # joins the values that each of them takes
 # Parts of a flight whose numbers can be swept, as "vehicle.mass"
 PARTS = ("vehicle", "sensing")
 FEWEST_VALUES = 2
@@ -32,7 +34,8 @@ class SweptValue(NamedTuple):
     """One value of a sweep."""
 
     label: str  # as tables and figures show it
-    value: Any  # what the setting is given, a text for it, or None for its default
+    # What each setting is given, a text for it, or None for its default
+    values: tuple[Any, ...]
 
 
 class SweptSetting(NamedTuple):
@@ -59,7 +62,8 @@ def swept_settings(over: Mapping[str, Sequence[Any]]) -> list[SweptSetting]:
 
     Args:
         over: the values of each setting by its name, two or more. A value may be the text that
-            a variant has for it, None or "default" for the setting's default.
+            a variant has for it, None or "default" for the setting's default. Settings that
+            change together take the same value, or one each of a text such as ".13/5".
 
     Raises:
         SettingError: a name is no setting, or the values are too few or not different.
@@ -69,7 +73,7 @@ def swept_settings(over: Mapping[str, Sequence[Any]]) -> list[SweptSetting]:
     found: dict[str, SweptSetting] = {}
     for given, values in over.items():
         names = tuple(_full_name(name) for name in given.split(LINKED))
-        swept = SweptSetting(names, _values(names[0], values))
+        swept = SweptSetting(names, _values(names, values))
         if swept.name in found:
             raise _wrong(f"expected different settings, got {swept.name} twice")
         found[swept.name] = swept
@@ -91,22 +95,38 @@ def _full_name(given: str) -> str:
     raise _wrong(f"no setting {given!r} (a number of a part is vehicle.mass, say): {near}")
 
 
-def _values(name: str, values: Any) -> tuple[SweptValue, ...]:
-    """Return the values of a setting.
+def _values(names: tuple[str, ...], values: Any) -> tuple[SweptValue, ...]:
+    """Return the values of a setting, or of several that change together.
 
     Raises:
-        SettingError: there are too few of them, or two are the same.
+        SettingError: there are too few of them, two are the same, or there is none for a setting.
     """
+    name = LINKED.join(names)
     is_list = isinstance(values, Sequence) and not isinstance(values, str)
     if not is_list or len(values) < FEWEST_VALUES:
         wanted = f"{name}: expected {FEWEST_VALUES} values or more"
         raise _wrong(f"{wanted}, got {shown_value(values)}")
-    found = tuple(SweptValue(_label(value), _parsed(name, value)) for value in values)
+    found = tuple(SweptValue(_label(value), _of_each(names, value)) for value in values)
     labels = [value.label for value in found]
     repeated = next((label for label in labels if labels.count(label) > 1), None)
     if repeated is not None:
         raise _wrong(f"{name}: expected different values, got {repeated} twice")
     return found
+
+
+def _of_each(names: tuple[str, ...], value: Any) -> tuple[Any, ...]:
+    """Return what each of the settings is given at one value of a sweep.
+
+    Raises:
+        SettingError: the value is a text with values for more or fewer settings.
+    """
+    parts: list[Any] = [value] * len(names)
+    if len(names) > 1 and isinstance(value, str) and EACH in value:
+        parts = value.split(EACH)
+        if len(parts) != len(names):
+            wanted = f"expected one value, or {len(names)} joined by {EACH}"
+            raise _wrong(f"{LINKED.join(names)}: {wanted}, got {value}")
+    return tuple(_parsed(name, part) for name, part in zip(names, parts, strict=True))
 
 
 def _label(value: Any) -> str:
@@ -170,14 +190,15 @@ def swept_variant(
         FileError: a file cannot be read.
         ValueError: course, laps and vehicle do not fit together.
     """
-    plain = {each: value.value for each in swept.names if "." not in each}
+    given = dict(zip(swept.names, value.values, strict=True))
+    plain = {each: number for each, number in given.items() if "." not in each}
     for each in plain:
         if each in own:
             raise _wrong(f"{each}: expected variants without a value of their own, got {name}")
     settings = with_shared(own, {**shared, **plain})
-    for each in swept.names:
-        if "." in each and value.value is not None:
-            settings |= _with_number(course, settings, each, value.value)
+    for each, number in given.items():
+        if "." in each and number is not None:
+            settings |= _with_number(course, settings, each, number)
     return Variant(f"{name}+{swept.name}={value.label}", resolve(course, settings))
 
 

@@ -83,8 +83,9 @@ def sweep(
     --over sensing.camera.dropouts 0 .01 .03
 
     Beside the settings, a number of the vehicle (vehicle.mass) or of a sensor
-    (sensing.imu.gyro_noise) can be swept; several that take the same value are
-    joined by +, as sensing.camera.fx+sensing.camera.fy.
+    (sensing.imu.gyro_noise) can be swept. Several that change together are joined
+    by +: sensing.camera.fx+sensing.camera.fy 320 425 gives both the same value,
+    link-hz+sensing.imu.latency 100/.01 40/.02 gives each its own.
     """
     courses = courses or prescribed_courses(settings)
     if not courses:

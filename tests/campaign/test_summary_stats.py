@@ -29,6 +29,18 @@ def test_a_variant_that_never_finishes_has_no_laps_but_an_interval_of_success():
     assert stats.penalised_mean == LIMIT
 
 
+def test_crashes_are_counted_per_gate_that_a_flight_came_to():
+    rows = [row(0, gates=7), row(1, "crashed", gates=2), row(2, "stuck", gates=1)]
+    rate = variant_stats("a", rows, LIMIT).crash_rate
+    assert (rate.crashes, rate.passed, rate.per_100) == (1, 10, pytest.approx(100 / 11))
+    assert rate.low < rate.per_100 < rate.high
+    at_once = [row(seed, "crashed", gates=0) for seed in range(3)]
+    assert variant_stats("a", at_once, LIMIT).crash_rate.per_100 == 100.0
+    # Attempts of an earlier version have no count, which is not a count of 0.
+    del rows[0].result["gates_passed"]
+    assert math.isnan(variant_stats("a", rows, LIMIT).crash_rate.per_100)
+
+
 def test_pairing_by_seed_removes_what_the_seeds_share():
     shared = [0.5 * s for s in range(8)]  # what a seed adds to the lap of both
     a = [row(s, laps=(5 + shared[s],)) for s in range(8)]

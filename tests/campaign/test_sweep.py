@@ -77,6 +77,14 @@ def test_several_numbers_of_a_sensor_take_the_same_value():
     assert narrow.sensing == vio.but(camera={"fx": 500, "fy": 500})
 
 
+def test_settings_that_change_together_take_a_value_each():
+    both = {"link_hz+sensing.camera.latency": ["default", "default/.05", "40/.1"]}
+    ((plain, late, slow),) = planned(both, {"colored": {}}, sensing="vio").values()
+    assert (plain.link_hz, plain.sensing) == (None, load_sensing("vio"))
+    assert (late.link_hz, late.sensing.camera.latency) == (None, 0.05)
+    assert (slow.link_hz, slow.sensing.camera.latency) == (40.0, 0.1)
+
+
 @pytest.mark.parametrize(
     ("over", "expected"),
     [
@@ -85,6 +93,7 @@ def test_several_numbers_of_a_sensor_take_the_same_value():
         ({"link_latency": "0"}, "link_latency: expected 2 values or more"),
         ({"link_latency": [0, "0"]}, "link_latency: expected different values"),
         ({"latency": [0, 1], "link_latency": [0, 1]}, "expected different settings"),
+        ({"link_hz+dt": ["40/.1", "1/2/3"]}, "link_hz+dt: expected one value, or 2 joined by /"),
         ({"vehicle.mass": [0.5, "heavy"]}, "vehicle.mass: expected a number"),
         ({"vehicle.masses": [0.5, 1]}, "vehicle.masses: "),
         ({"sensing.camera.noise": [1, 2]}, "sensing.camera.noise: expected a flight on sensors"),
