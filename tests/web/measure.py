@@ -9,6 +9,8 @@ python tests/web/measure.py share      share of a core and kB/s of the page for 
                                        with `Send less`
 python tests/web/measure.py soak 60    memory and threads over an hour of races of four: < 20 MB
                                        more after the first ten minutes
+python tests/web/measure.py soak 60 small   the same with the small planner of the tests, at a fifth
+                                       of real time, which takes about a fifth of a core
 
 The clients of `slowdown` have a core to themselves, so that what they take is the page's own work.
 That of `four` shares the cores, as a browser does; it draws nothing.
@@ -32,6 +34,7 @@ import numpy as np
 import websockets
 
 sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from web_cases import Gliders
 from wire import CAMERA, PROTOCOL
@@ -44,10 +47,12 @@ from quadsim.web.page.dashboard import Dashboard
 from quadsim.web.page.server import serve
 from quadsim.web.race import PageRace, TakeOff, take_off
 from quadsim.web.session import Session
+from tests.small import SMALL
 
 CLIENTS = 3
 PAGE_CORE, CLIENT_CORE = 0, 1
-SOAK_SAMPLES = 512  # few: the page may grow, not the planner
+SOAK_PLANNER = {"samples": 512}  # few: the page may grow, not the planner
+SMALL_SPEED = 0.2  # race seconds per second of a soak with the small planner
 SOAK_SAMPLERS = ("colored", "gaussian", "colored", "gaussian")  # in one world
 WARM_UP = 600.0  # [s] until a soak counts
 FOUR_SAMPLES = 1024
@@ -99,10 +104,9 @@ class Place:
         self._fly(Choices(laps=1))
         return float(np.median(self.session.snapshot.competitors[0].x["plan_ms"]))
 
-    def heat(self, seed: int) -> str:
+    def heat(self, seed: int, settings: dict[str, int]) -> str:
         """Race four drones in one world. Return how it ended for each of them."""
-        numbers = {"samples": SOAK_SAMPLES}
-        entrants = [Choices(sampler=name, seed=seed, numbers=numbers) for name in SOAK_SAMPLERS]
+        entrants = [Choices(sampler=name, seed=seed, settings=settings) for name in SOAK_SAMPLERS]
         self._fly(HeatChoices(tuple(entrants)))
         return ", ".join(one.outcome or "" for one in self.session.snapshot.competitors)
 
@@ -224,20 +228,27 @@ def verdict(found: float, most: float, unit: str) -> str:
     return "as claimed" if found < most else f"MORE than the {most:g} {unit} claimed"
 
 
-def soak(place: Place, minutes: float) -> None:
+def soak(place: Place, minutes: float, is_small: bool) -> None:
     """Measure memory and threads over many races of four."""
     place.watch(CLIENTS, CLIENT_CORE)
+    settings = SMALL if is_small else SOAK_PLANNER
+    if is_small:
+        place.session.tell(PageRace.set_speed, SMALL_SPEED)
     memory: list[float] = []  # [MB], from WARM_UP on
     began = time.monotonic()
+    spent = time.process_time()
     races = 0
-    while (passed := time.monotonic() - began) < 60 * minutes:
-        outcomes = place.heat(races)
+    while time.monotonic() - began < 60 * minutes:
+        outcomes = place.heat(races, settings)
         races += 1
         now = resident()
+        passed = time.monotonic() - began
         if passed >= WARM_UP:
             memory.append(now)
         minute = f"{passed / 60:5.1f} min"
-        print(f"{minute}  {now:.0f} MB  {threading.active_count()} threads  {outcomes}", flush=True)
+        share = 100 * (time.process_time() - spent) / passed
+        found = f"{now:.0f} MB  {threading.active_count()} threads  {share:.0f} % of a core"
+        print(f"{minute}  {found}  {outcomes}", flush=True)
     if memory:
         most = max(memory) - memory[0]
         print(f"{races} races in {minutes:g} minutes; after the first {WARM_UP / 60:g} minutes")
@@ -310,7 +321,7 @@ def main() -> None:
             elif what == "share":
                 share(place)
             elif what == "soak":
-                soak(place, float(more[0]) if more else 30.0)
+                soak(place, float(more[0]) if more else 30.0, "small" in more)
         finally:
             place.close()
 

@@ -85,6 +85,7 @@ class Line(msgspec.Struct):
     name: str
     colour: str
     dash: tuple[int, ...]
+    is_recorded: bool
 
 
 class Frames(msgspec.Struct):
@@ -190,7 +191,10 @@ def answer(s: Snapshot, ask: AskCharts, number: int, curves: list[Curves] | None
         end=s.end,
         is_playing=s.playing,
         can_seek=can_seek(s),
-        lines=[Line(one.name, one.style.colour, one.style.dash) for one in entries],
+        lines=[
+            Line(one.name, one.style.colour, one.style.dash, is_recorded=not one.live)
+            for one in entries
+        ],
         frames=frames,
         laps=entries[0].lap_starts if entries else [],
         curves=number,

@@ -91,7 +91,13 @@ export function begin() {
   });
   addEventListener("keydown", key);
   scene.whenLoaded((frame) => frame.addEventListener("keydown", key));
+  // A scene that is opened again, as after an outage, has the camera that was chosen before.
+  let chosen = "";
+  let isLost = false;
   show("camera", (mode) => {
+    if (mode && isLost && chosen && mode !== chosen) send({ type: "camera", seat: scene.seat(), mode: chosen });
+    else if (mode) chosen = mode;
+    isLost = !mode;
     for (const button of document.querySelectorAll("[data-camera]")) button.ariaPressed = String(button.dataset.camera === mode);
   });
 }

@@ -13,6 +13,8 @@ const AHEAD = 1 / 3; // share of the window after the present time
 const HEIGHT = 7.5; // of a chart of many [rem]
 const TALL = 13; // of another one [rem]
 const MARGIN = { left: 52, right: 10, top: 6, bottom: 22 }; // [px]
+const LAPS = 16; // height of the line that names the laps [px]
+const RECORDED = [8, 5]; // dashes of a recorded run beside live flights, which are solid [px]
 const HINT = "press or drag: move the time; Ctrl + wheel: zoom; double click: all";
 const GRID = "#2c3038";
 const TEXT = "#b4bcc8";
@@ -57,9 +59,16 @@ function received(answer) {
     }
   });
   if (answer.charts) curves = answer.charts;
-  race = { ...answer, frames };
+  race = { ...answer, frames, lines: toldApart(answer.lines) };
   follow();
   draw();
+}
+
+// Beside live flights recorded runs are dashed, and named as such.
+function toldApart(lines) {
+  const recorded = lines.filter((line) => line.is_recorded).length;
+  if (!recorded || recorded === lines.length) return lines;
+  return lines.map((line) => (line.is_recorded ? { ...line, dash: RECORDED, kind: "recorded " } : { ...line, dash: [], kind: "live " }));
 }
 
 // Keep the present time in the window, but not under a hand.
@@ -77,7 +86,7 @@ function chartsOf(tab) {
   return signals.filter(([title]) => !off.has(title)).map(overTime);
 }
 
-function overTime([title, column, command]) {
+function overTime([title, column, command], k) {
   const lines = [];
   race.lines.forEach((line, k) => {
     const { t, ...columns } = race.frames[k];
@@ -85,7 +94,7 @@ function overTime([title, column, command]) {
     lines.push({ ...line, what: command ? "delivered" : "", width: 2, x: t, y: columns[column] ?? [] });
   });
   const window = [time.from, time.from + time.span];
-  return { key: "t", title, lines, window, mark: race.t, unit: "t [s]", bounds: race.laps, seek: race.can_seek && ((t) => ({ type: "seek", t })) };
+  return { key: "t", title, lines, window, mark: race.t, unit: "t [s]", bounds: race.laps, namesLaps: k === 0, seek: race.can_seek && ((t) => ({ type: "seek", t })) };
 }
 
 function overPlace(curve) {
@@ -162,9 +171,10 @@ function paint(canvas, chart) {
   const g = canvas.getContext("2d");
   g.setTransform(dpr, 0, 0, dpr, 0, 0);
   g.clearRect(0, 0, width, height);
+  const top = MARGIN.top + (chart.namesLaps ? LAPS : 0);
   const [right, bottom] = [width - MARGIN.right, height - MARGIN.bottom];
   const x = scale(...chart.window, MARGIN.left, right, chart.isLog);
-  const y = scale(...extent(chart), bottom, MARGIN.top, chart.isLog);
+  const y = scale(...extent(chart), bottom, top, chart.isLog);
   canvas.scaleX = x;
   const letters = Math.max(12, 0.8 * parseFloat(getComputedStyle(document.documentElement).fontSize));
   g.font = `${letters}px system-ui, sans-serif`;
@@ -177,28 +187,43 @@ function paint(canvas, chart) {
     rule(g, MARGIN.left, y.at(v), right, y.at(v));
     g.fillText(text(v), MARGIN.left - 5, y.at(v));
   }
-  g.textAlign = "center";
   g.textBaseline = "top";
+  g.fillText(chart.unit, right, bottom + 4);
+  g.textAlign = "center";
+  const free = right - g.measureText(chart.unit).width - 6; // left of the name of the axis
   for (const v of ticks(x, width / 70)) {
-    rule(g, x.at(v), MARGIN.top, x.at(v), bottom);
-    g.fillText(text(v), x.at(v), bottom + 4);
+    rule(g, x.at(v), top, x.at(v), bottom);
+    if (x.at(v) + g.measureText(text(v)).width / 2 < free) g.fillText(text(v), x.at(v), bottom + 4);
   }
+  if (chart.namesLaps) nameLaps(g, chart, x, right);
   g.save();
   g.beginPath();
-  g.rect(MARGIN.left, MARGIN.top, right - MARGIN.left, bottom - MARGIN.top);
+  g.rect(MARGIN.left, top, right - MARGIN.left, bottom - top);
   g.clip();
   g.strokeStyle = "#565f6e";
-  for (const lap of chart.bounds ?? []) rule(g, x.at(lap), MARGIN.top, x.at(lap), bottom);
+  for (const lap of chart.bounds ?? []) rule(g, x.at(lap), top, x.at(lap), bottom);
   for (const line of chart.lines) if (!hidden.has(line.name)) stroke(g, line, chart.window, x, y);
   g.setLineDash([3, 3]);
   g.strokeStyle = "#fff";
-  rule(g, x.at(chart.mark), MARGIN.top, x.at(chart.mark), bottom);
+  rule(g, x.at(chart.mark), top, x.at(chart.mark), bottom);
   g.setLineDash([]);
   if (pointer?.key === chart.key) {
     g.strokeStyle = "#e69f00";
-    rule(g, x.at(pointer.x), MARGIN.top, x.at(pointer.x), bottom);
+    rule(g, x.at(pointer.x), top, x.at(pointer.x), bottom);
   }
   g.restore();
+}
+
+// The first competitor's laps with their times, above the part of each that is in the window.
+function nameLaps(g, chart, x, right) {
+  const ends = chart.bounds;
+  g.fillStyle = chart.lines[0]?.colour ?? TEXT;
+  for (let k = 1; k < ends.length; k++) {
+    const [from, to] = [Math.max(x.at(ends[k - 1]), MARGIN.left), Math.min(x.at(ends[k]), right)];
+    const long = `lap ${k}: ${(ends[k] - ends[k - 1]).toFixed(3)} s`;
+    const name = [long, `lap ${k}`, `${k}`].find((one) => g.measureText(one).width < to - from - 6);
+    if (name) g.fillText(name, (from + to) / 2, MARGIN.top - 2);
+  }
 }
 
 function rule(g, x1, y1, x2, y2) {
@@ -245,7 +270,10 @@ function text(value) {
 }
 
 // The value of a line at a place, from the nearest of its points; empty: it has none there.
-function valueAt(line, x) {
+function valueAt(line, at, isExact) {
+  // Over place, a line that ends before the place of the race has its last value.
+  const last = line.y.findLastIndex((value) => value !== null);
+  const x = isExact || last < 0 ? at : Math.min(at, line.x[last]);
   const i = search(line.x, x);
   const near = i > 0 && (i >= line.x.length || x - line.x[i - 1] < line.x[i] - x) ? i - 1 : i;
   const beyond = x < line.x[0] - 0.02 || x > line.x.at(-1) + 0.02;
@@ -260,9 +288,9 @@ function legend(chart) {
   const items = shown.filter((line) => line.what !== "commanded").map((line) => {
     const swatch = make("i", { className: "swatch" });
     swatch.style.borderTop = `${line.width + 1}px ${line.dash.length ? "dashed" : "solid"} ${line.colour}`;
-    const value = (one) => make("b", { textContent: valueAt(one, at) || "–" });
+    const value = (one) => make("b", { textContent: valueAt(one, at, chart.key === "t" || pointer?.key === chart.key) || "–" });
     const command = shown.find((one) => one.what === "commanded" && one.name === line.name);
-    return make("span", {}, swatch, `${line.name} `, value(line), ...(command ? [" commanded ", value(command)] : []));
+    return make("span", {}, swatch, `${line.kind ?? ""}${line.name} `, value(line), ...(command ? [" commanded ", value(command)] : []));
   });
   return [make("span", { className: "at", textContent: chart.unit.replace(/(?: \[(.*)\])?$/, ` ${at.toFixed(2)} $1`).trim() }), ...items];
 }
@@ -331,7 +359,7 @@ function build(place, tab, charts) {
   const opened = place.querySelector("details")?.open;
   const boxes = charts.map((chart) => {
     const canvas = make("canvas");
-    canvas.style.height = `${tab === "Signals" ? HEIGHT : TALL}rem`;
+    canvas.style.height = `${tab === "Signals" ? HEIGHT + (chart.namesLaps ? 1 : 0) : TALL}rem`;
     canvas.setAttribute("role", "img");
     canvas.setAttribute("aria-label", chart.title);
     canvas.title = HINT;

@@ -1,18 +1,22 @@
-// Notices for some seconds, questions, the window of the keys, and the line that says that the connection is lost.
+// Notices for some seconds, in the row above the time line, where they cover nothing; questions, the window of the keys, and
+// the line that says that the connection is lost.
 import { copy, make } from "./dom.js";
 import { on, send } from "./link.js";
 
 const SECONDS = { error: 10, crash: 6, lap: 6, wait: 6, info: 3 };
-const MOST = 4; // notices at once
+const MOST = 3; // notices at once
 const place = document.querySelector(".notes");
 
 export function note(kind, title, text = "") {
   const close = make("button", { type: "button", textContent: "×", ariaLabel: "Close" });
-  const found = make("div", { className: `note ${kind}` }, make("b", { textContent: title }), make("span", { textContent: text }), close);
+  const said = make("p", { title: text }, make("b", { textContent: title }), ` ${text}`);
+  const found = make("div", { className: `note ${kind}` }, said, close);
   found.setAttribute("role", kind === "error" ? "alert" : "status");
   close.onclick = () => found.remove();
-  place.append(found);
-  while (place.childElementCount > MOST) place.firstChild.remove();
+  // A text that is cut at two lines is read as a whole in a window.
+  said.onclick = () => said.scrollHeight > said.clientHeight + 1 && openWindow(title, [make("p", { textContent: text })], [["Close", null]]);
+  place.prepend(found);
+  while (place.childElementCount > MOST) place.lastChild.remove();
   setTimeout(() => found.remove(), 1000 * SECONDS[kind]);
 }
 
