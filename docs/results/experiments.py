@@ -25,7 +25,8 @@ class Experiment(Struct, forbid_unknown_fields=True, frozen=True):
 
     command: str
     minutes: int  # on one quiet core
-    labels: dict[str, str] = {}  # variant -> text of its row
+    # Variant, setting of a sweep, or setting=value -> its text in tables and figures
+    labels: dict[str, str] = {}
     needs: str = ""  # extra or program that not every machine has
 
 

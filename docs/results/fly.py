@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from docs.results.experiments import Experiment, Flown, csv_file, experiments, read, write
+from quadsim.campaign.summary_stats import FEWEST_PAIRS
 
 ROOT = Path(__file__).parents[2]
 RUNS = Path("runs/results")
@@ -91,10 +92,9 @@ def _fly(name: str, experiment: Experiment, jobs: int | None) -> bool:
     if done.returncode != 0:
         return False
     found = json.loads(done.stdout)
-    rows = list(_heats(found) if "settings" in found else _flights(found))
-    commits = {
-        commit[:COMMIT_DIGITS] for one in found.get("variants", ()) for commit in one["commits"]
-    }
+    rows = list(rows_of(found))
+    stats = [*found.get("variants", ()), *(point["stats"] for point in found.get("points", ()))]
+    commits = {commit[:COMMIT_DIGITS] for one in stats for commit in one["commits"]}
     flown = Flown(
         command=experiment.command,
         commit=" ".join(sorted(commits)) or _commit(),
@@ -114,6 +114,13 @@ def _machine() -> str:
         if line.startswith("model name")
     ]
     return f"{os.cpu_count()} cores, {names[0] if names else platform.machine()}"
+
+
+def rows_of(found: Mapping[str, Any]) -> Iterable[dict[str, str]]:
+    """Return the rows of the JSON object that a command has printed."""
+    if "points" in found:
+        return _sweep(found)
+    return _heats(found) if "settings" in found else _flights(found)
 
 
 def _number(value: float | None) -> str:
@@ -156,6 +163,32 @@ def _against(pair: Mapping[str, Any] | None) -> dict[str, str]:
     lap = unknown if pair is None else pair["lap_difference"]
     thrust = unknown if pair is None else pair["thrust_tv_ratio"]
     return _mean("lap_difference", lap) | _mean("thrust_tv_ratio", thrust)
+
+
+def _sweep(found: Mapping[str, Any]) -> Iterable[dict[str, str]]:
+    """Yield the numbers of `race sweep`, the variants at one value below each other."""
+    by_value: dict[tuple[str, str, str], list[Mapping[str, Any]]] = {}
+    for point in found["points"]:
+        place = (point["course"], point["setting"], point["value"])
+        by_value.setdefault(place, []).append(point)
+    for point in (point for of_value in by_value.values() for point in of_value):
+        stats = point["stats"]
+        rate = stats["crash_rate"]
+        row = {key: str(point[key]) for key in ("course", "setting", "value", "variant")}
+        row |= {key: str(stats[key]) for key in ("attempts", "finished")}
+        row |= _share("finished", stats["success_ci"])
+        row |= {"crashes": str(rate["crashes"]), "gates_passed": str(rate["passed"])}
+        row |= _mean("crash_rate", rate | {"mean": rate["per_100"]})
+        row |= {"race_median": _number(stats["race_median"])}
+        yield row | _mean("lap_change", _lap_change(point["change"]))
+
+
+def _lap_change(change: Mapping[str, Any] | None) -> Mapping[str, Any]:
+    """Return the lap at a value less that at the first; few pairs have no interval."""
+    if change is None:
+        return {"mean": None, "low": None, "high": None}
+    found = change["lap_difference"]
+    return found if found["n"] >= FEWEST_PAIRS else found | {"low": None, "high": None}
 
 
 def _heats(found: Mapping[str, Any]) -> Iterable[dict[str, str]]:

@@ -46,13 +46,14 @@ def _fixed(name: str, digits: int, scale: float = 1.0, sign: str = "") -> Callab
 
 
 def _interval(name: str, digits: int, sign: str = "") -> Callable[[Row], str]:
-    """Return a function that writes a mean and its 95 % interval."""
+    """Return a function that writes a mean and its 95 % interval, if they are known."""
 
     def text(row: Row) -> str:
-        if not row[name]:
-            return ""
-        mean, low, high = (float(row[key]) for key in (name, f"{name}_low", f"{name}_high"))
-        return f"{mean:{sign}.{digits}f} ({low:{sign}.{digits}f} to {high:{sign}.{digits}f})"
+        ends = (name, f"{name}_low", f"{name}_high")
+        mean, *interval = (
+            f"{float(row[key]):{sign}.{digits}f}" if row[key] else "" for key in ends
+        )
+        return f"{mean} ({' to '.join(interval)})" if all(interval) else mean
 
     return text
 
@@ -74,6 +75,12 @@ def _above_limit(row: Row) -> str:
 COLUMNS: dict[str, Column] = {
     "course": Column("course", lambda row: row["course"], is_number=False),
     "variant": Column("variant", lambda row: row["variant"], is_number=False),
+    "setting": Column("setting", lambda row: row["setting"], is_number=False),
+    "value": Column("value", lambda row: row["value"]),
+    "crash_rate": Column("crashes per 100 gates, 95 %", _interval("crash_rate", 1)),
+    "lap_change": Column(
+        "lap less that at the first value, 95 % [s]", _interval("lap_change", 3, "+")
+    ),
     "finished": Column("finished", lambda row: f"{row['finished']} of {row['attempts']}"),
     "interval": Column("95 %", _percent("finished")),
     "race": Column("median race [s]", _fixed("race_median", 3)),
@@ -93,6 +100,10 @@ COLUMNS: dict[str, Column] = {
     "overtakes": Column("overtakes in a race", _interval("overtakes", 2)),
     "heat_race": Column("race [s]", _interval("race", 3)),
 }
+
+
+# Columns whose texts an experiment may label
+LABELLED = (COLUMNS["variant"], COLUMNS["setting"])
 
 
 def table(names: Sequence[str], columns: Sequence[str]) -> str:
@@ -119,7 +130,9 @@ def table(names: Sequence[str], columns: Sequence[str]) -> str:
 
 def _cell(column: Column, row: Row, labels: Mapping[str, str]) -> str:
     text = column.text(row)
-    return labels.get(text, text) if column is COLUMNS["variant"] else text
+    if column is COLUMNS["value"]:
+        return labels.get(f"{row['setting']}={text}", text)
+    return labels.get(text, text) if column in LABELLED else text
 
 
 def _line(cells: Sequence[str]) -> str:

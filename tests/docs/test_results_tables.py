@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from docs.results import tables
+from docs.results import fly, tables
 from docs.results.experiments import csv_file, experiments, read
 
 PAGES = sorted(tables.DOCS.glob("**/*.md"))
@@ -59,3 +59,30 @@ def test_a_changed_row_changes_the_table(monkeypatch):
     slower = replace(flown, rows=[row | {"race_median": "16.0"}])
     monkeypatch.setattr(tables, "read", lambda name: slower)
     assert "| gaussian | 3 of 4 | 16.000 |" in tables.written(before)
+
+
+def test_a_sweep_has_a_row_for_each_variant_at_each_value():
+    mean = {"mean": 0.2, "sd": 0.1, "n": 3, "low": -0.1, "high": 0.5}
+    rate = {"crashes": 1, "passed": 19, "per_100": 5.0, "low": 1.0, "high": 24.0}
+    stats = {"attempts": 3, "finished": 2, "success_ci": [0.2, 0.9], "crash_rate": rate}
+    stats |= {"race_median": 5.2, "commits": ["a" * 40]}
+    place = {"course": "a", "setting": "link_hz"}
+    points = [
+        {**place, "variant": "gaussian", "value": "100", "stats": stats, "change": None},
+        {**place, "variant": "gaussian", "value": "40", "stats": stats, "change": mean},
+        {**place, "variant": "colored", "value": "100", "stats": stats, "change": None},
+        {**place, "variant": "colored", "value": "40", "stats": stats, "change": mean | {"n": 2}},
+    ]
+    for point in points:
+        point["change"] = point["change"] and {"lap_difference": point["change"]}
+    rows = list(fly.rows_of({"points": points}))
+    assert [(row["value"], row["variant"]) for row in rows] == [
+        ("100", "gaussian"),
+        ("100", "colored"),
+        ("40", "gaussian"),
+        ("40", "colored"),
+    ]
+    change = tables.COLUMNS["lap_change"].text
+    # The first value is no change, and two pairs have no interval.
+    assert list(map(change, rows)) == ["", "", "+0.200 (-0.100 to +0.500)", "+0.200"]
+    assert tables.COLUMNS["crash_rate"].text(rows[0]) == "5.0 (1.0 to 24.0)"
