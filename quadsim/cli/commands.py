@@ -81,6 +81,11 @@ COMMANDS = {
     "train": Command(
         "quadsim.cli.train:train", "learn a pilot for a course, flown by race fly --pilot", True
     ),
+    "train-pixels": Command(
+        "quadsim.cli.train_pixels:train_pixels",
+        "train the network that finds gates in pictures",
+        True,
+    ),
     "regress": Command(
         "quadsim.cli.regress:regress",
         "regression test for lap times, success and chatter",

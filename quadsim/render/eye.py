@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from math import cos, pi, sin
 
 import numpy as np
@@ -10,9 +11,9 @@ from PIL import Image
 
 from quadsim.course import Course
 from quadsim.render.faces import Banner
-from quadsim.render.look import plain_look, venue_look
+from quadsim.render.look import Look, plain_look, venue_look
 from quadsim.render.raster import Film
-from quadsim.render.scene import Scene, Views
+from quadsim.render.scene import Picture, Scene, Views
 from quadsim.sensing.config import PixelCameraConfig
 from quadsim.streams import picture_streams
 
@@ -30,20 +31,28 @@ HIGH = (0.4, 1.2)
 class CourseEye:
     """Draws a course as a pixel camera sees it."""
 
-    def __init__(self, config: PixelCameraConfig, seeds: np.random.SeedSequence, course: Course):
+    def __init__(
+        self,
+        config: PixelCameraConfig,
+        seeds: np.random.SeedSequence,
+        course: Course,
+        look: Look | None = None,
+    ):
         """Prepare the scene.
 
         Args:
             config: the camera.
             seeds: random stream of the noise, the look and the banners.
             course: the course as it stands.
+            look: paint, light and sky; None: drawn from the stream, or plain, as the camera says.
         """
         streams = picture_streams(seeds)
         self._config = config
         self._scene = Scene(
             course, config, banners=drawn_banners(config.banners, course, streams.banners)
         )
-        self._look = venue_look(streams.look) if config.varied else plain_look()
+        drawn = venue_look(streams.look) if config.varied else plain_look()
+        self._look = look or drawn
         self._rng = np.random.default_rng(streams.noise)
         shape = (config.height + SPARE, config.width + SPARE, 3)
         noisy = config.read_noise > 0.0 or config.shot_noise > 0.0
@@ -51,17 +60,28 @@ class CourseEye:
 
     def __call__(self, eyes: np.ndarray, axes: np.ndarray) -> np.ndarray:
         """Return a picture, as quadsim.sensing.pixel_camera.Eye does."""
+        return self._delivered(self._scene.colours(Views(eyes, axes), self._look, self._film()))
+
+    def picture(self, eyes: np.ndarray, axes: np.ndarray) -> Picture:
+        """Return what `__call__` does, with the depth and the segmentation of the first pass."""
+        picture = self._scene.expose(Views(eyes, axes), self._look, self._film())
+        return replace(picture, rgb=self._delivered(picture.rgb))
+
+    def _film(self) -> Film:
+        """Return the brightness and the noise of the next picture."""
         config = self._config
         row, column = self._rng.integers(0, SPARE, 2).tolist()
-        film = Film(
+        return Film(
             gain=config.brightness,
             read=config.read_noise,
             shot=config.shot_noise,
             grain=self._grain,
             shift=(row, column),
         )
-        rgb = self._scene.colours(Views(eyes, axes), self._look, film)
-        return compressed(rgb, config.jpeg) if config.jpeg else rgb
+
+    def _delivered(self, rgb: np.ndarray) -> np.ndarray:
+        """Return a picture as the camera delivers it."""
+        return compressed(rgb, self._config.jpeg) if self._config.jpeg else rgb
 
 
 def drawn_banners(count: int, course: Course, seeds: np.random.SeedSequence) -> list[Banner]:

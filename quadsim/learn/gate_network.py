@@ -1,0 +1,282 @@
+"""The training of the network that finds gates: its layers, its losses, its steps.
+
+PyTorch trains the network; `quadsim.learn.onnx_file` writes it, and
+`quadsim.sensing.pixels.network` uses what is written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from math import cos, pi
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from quadsim.learn.gate_pictures import GatePictures
+from quadsim.sensing.pixels.network import COARSEST, FAR, STRIDE
+from quadsim.streams import training_stream
+
+# channels at strides 2, 4, 8, 16 and 32, and of the layer before the output
+CHANNELS = (12, 24, 40, 56, 64)
+HEAD = 32
+# probability of a corner, where it is in the cell, where its gate's centre is
+OUTPUTS = 5
+# numbers of a picture are divided by it
+WHITE = 255.0
+# probability of a corner in any cell before training
+RARE = 0.005
+# focal loss: exponents of the error, and of the distance from a corner (Law and Deng 2018)
+FOCUS = 2.0
+AROUND = 4
+# standard deviation of a corner's heat, in cells; cells within NEAR of it learn its place
+SPREAD = 0.8
+NEAR = 1.5
+# [cells] added to the size of a gate, by which errors of its centre are divided
+LEAST = 2.0
+# weights of the losses of place and centre
+PLACE = 1.0
+CENTRE = 1.0
+# share of the steps in which the learning rate rises, to `rate`; then it falls as a cosine
+WARM_UP = 0.05
+
+
+@dataclass(frozen=True)
+class NetworkTraining:
+    """The numbers of a training."""
+
+    steps: int = 6000
+    batch: int = 16
+    rate: float = 4e-3
+    weight_decay: float = 1e-4
+    # whether products are taken in bfloat16, which takes half the time on processors that have it
+    bfloat16: bool = True
+
+
+class Losses(NamedTuple):
+    """The parts of the loss."""
+
+    heat: Tensor
+    place: Tensor
+    centre: Tensor
+
+
+class Block(nn.Sequential):
+    """A convolution with normalisation and rectifier."""
+
+    def __init__(self, inputs: int, outputs: int, size: int = 3, stride: int = 1):
+        convolution = nn.Conv2d(inputs, outputs, size, stride, size // 2, bias=False)
+        super().__init__(convolution, nn.BatchNorm2d(outputs), nn.ReLU(inplace=True))
+
+
+class Network(nn.Module):
+    """An encoder, and a decoder that adds the encoder's layers (Lin et al. 2017).
+
+    Its parts have the order in which `quadsim.learn.onnx_file` writes them.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        first, *coarser = CHANNELS
+        self.first = Block(3, first, stride=2)
+        inputs = (first, *coarser[:-1])
+        self.down = nn.ModuleList(
+            nn.Sequential(Block(a, b, stride=2), Block(b, b))
+            for a, b in zip(inputs, coarser, strict=True)
+        )
+        finer = list(reversed(coarser))
+        pairs = list(pairwise(finer))
+        self.narrow = nn.ModuleList(Block(a, b, size=1) for a, b in pairs)
+        self.up = nn.ModuleList(Block(b, b) for _, b in pairs)
+        self.head = Block(coarser[0], HEAD)
+        self.output = nn.Conv2d(HEAD, OUTPUTS, 1)
+        with torch.no_grad():
+            bias = self.output.bias
+            assert bias is not None
+            bias.zero_()
+            bias[0] = float(np.log(RARE / (1.0 - RARE)))
+
+    def forward(self, picture: Tensor) -> Tensor:
+        """Return logits of the probability, and the other outputs, by cell.
+
+        Args:
+            picture: numbers up to 255  (n, 3, height, width).
+
+        Returns:
+            (n, OUTPUTS, height / STRIDE, width / STRIDE)
+        """
+        x = self.first(picture / WHITE - 0.5)
+        layers = []
+        for part in self.down:
+            x = part(x)
+            layers.append(x)
+        for narrow, up, finer in zip(self.narrow, self.up, reversed(layers[:-1]), strict=True):
+            x = up(functional.interpolate(narrow(x), scale_factor=2.0) + finer)
+        # The places need more digits than a product in bfloat16 has.
+        with torch.autocast("cpu", enabled=False):
+            return self.output(self.head(x.float()))
+
+
+class Targets(NamedTuple):
+    """The outputs that are wanted of a batch."""
+
+    # 1 at a corner, less around it  (n, rows, columns)
+    heat: Tensor
+    # weight of each cell's heat: 0 where a corner is no task  (n, rows, columns)
+    weight: Tensor
+    # place and centre  (n, 4, rows, columns); size of the gate [cells]; which cells learn them
+    vectors: Tensor
+    size: Tensor
+    near: Tensor
+
+
+class Batch(NamedTuple):
+    """Pictures with their targets."""
+
+    picture: Tensor
+    targets: Targets
+
+
+def batches(pictures: GatePictures, size: int, steps: int, seed: int) -> Iterator[Batch]:
+    """Yield batches, each picture once before any again, some mirrored or with other colours."""
+    rng = np.random.default_rng(training_stream(seed).spawn(1)[0])
+    count, height, width = pictures.rgb.shape[:3]
+    order = np.zeros(0, int)
+    for _ in range(steps):
+        if len(order) < size:
+            order = np.concatenate([order, rng.permutation(count)])
+        chosen, order = order[:size], order[size:]
+        rgb = pictures.rgb[chosen].astype(np.float32)
+        corners = pictures.corners[chosen].copy()
+        mirrored = rng.random(size) < 0.5
+        rgb[mirrored] = rgb[mirrored, :, ::-1]
+        corners[mirrored, :, 0::2] = np.where(
+            np.arange(3) < 2, width - corners[mirrored, :, 0::2], corners[mirrored, :, 0::2]
+        )
+        # brightness of each colour, and contrast
+        rgb *= rng.uniform(0.85, 1.15, (size, 1, 1, 3)).astype(np.float32)
+        rgb += rng.uniform(-15.0, 15.0, (size, 1, 1, 1)).astype(np.float32)
+        np.clip(rgb, 0.0, WHITE, out=rgb)
+        full = -(-height // COARSEST) * COARSEST
+        picture = np.zeros((size, 3, full, width), np.float32)
+        picture[:, :, :height] = rgb.transpose(0, 3, 1, 2)
+        yield Batch(torch.from_numpy(picture), targets(corners, (full // STRIDE, width // STRIDE)))
+
+
+def targets(corners: np.ndarray, shape: tuple[int, int]) -> Targets:
+    """Return the outputs that are wanted for corners.
+
+    Args:
+        corners: rows of `quadsim.learn.gate_pictures.Corner`  (n, corners, 5).
+        shape: rows and columns of cells.
+    """
+    n = len(corners)
+    heat = np.zeros((n, *shape), np.float32)
+    weight = np.ones((n, *shape), np.float32)
+    vectors = np.zeros((n, 4, *shape), np.float32)
+    size = np.ones((n, *shape), np.float32)
+    nearest = np.full((n, *shape), np.inf, np.float32)
+    for i, j in zip(*np.nonzero(~np.isnan(corners[:, :, 4])), strict=True):
+        u, v, cu, cv, task = corners[i, j]
+        x, y = u / STRIDE, v / STRIDE
+        # cells around the corner
+        left, right = max(int(x) - 2, 0), min(int(x) + 3, shape[1])
+        top, bottom = max(int(y) - 2, 0), min(int(y) + 3, shape[0])
+        if left >= right or top >= bottom:
+            continue
+        dx = x - (np.arange(left, right) + 0.5)
+        dy = y - (np.arange(top, bottom) + 0.5)
+        square = dx**2 + dy[:, None] ** 2
+        window = (i, slice(top, bottom), slice(left, right))
+        if not task:
+            weight[window] = 0.0
+            continue
+        heat[window] = np.maximum(heat[window], np.exp(-square / (2.0 * SPREAD**2)))
+        row, column = min(int(y), shape[0] - 1), min(int(x), shape[1] - 1)
+        heat[i, row, column] = 1.0
+        closer = square < nearest[window]
+        nearest[window][closer] = square[closer]
+        away = np.array([cu - u, cv - v]) / STRIDE
+        size[window][closer] = np.hypot(*away)
+        where = np.broadcast_to(dx, square.shape), np.broadcast_to(dy[:, None], square.shape)
+        for k, value in enumerate((*where, away[0] / FAR, away[1] / FAR)):
+            part = vectors[i, k, top:bottom, left:right]
+            part[closer] = value[closer] if k < 2 else value
+    near = (nearest < NEAR**2).astype(np.float32)
+    # A corner that is a task counts although another one that is none is near.
+    weight = np.maximum(weight, heat)
+    return Targets(*map(torch.from_numpy, (heat, weight, vectors, size, near)))
+
+
+def losses(output: Tensor, wanted: Targets) -> Losses:
+    """Return the losses of a batch, each by the number of its corners."""
+    logit = output[:, 0]
+    heat = wanted.heat
+    corner = heat == 1.0
+    count = corner.sum().clamp(min=1)
+    likely = torch.sigmoid(logit)
+    hit = (1.0 - likely) ** FOCUS * functional.logsigmoid(logit)
+    miss = (1.0 - heat) ** AROUND * likely**FOCUS * functional.logsigmoid(-logit)
+    of_heat = -(torch.where(corner, hit, miss) * wanted.weight).sum() / count
+    near = wanted.near / wanted.near.sum().clamp(min=1)
+    off = (output[:, 1:] - wanted.vectors).abs()
+    of_place = (off[:, :2].sum(1) * near).sum()
+    of_centre = (FAR * off[:, 2:].sum(1) / (wanted.size + LEAST) * near).sum()
+    return Losses(of_heat, of_place, of_centre)
+
+
+def trained(
+    pictures: GatePictures,
+    numbers: NetworkTraining,
+    seed: int,
+    report: Callable[[Network, int, tuple[float, float, float]], None],
+) -> Network:
+    """Return a network that has learnt from pictures.
+
+    Args:
+        pictures: the pictures.
+        numbers: steps, batches, learning rate.
+        seed: the same seed gives the same network on one machine.
+        report: is given the network, the steps so far and the mean losses since the last call, a
+            hundred times.
+    """
+    torch.manual_seed(seed)
+    torch.set_num_threads(1)
+    network = Network().to(memory_format=torch.channels_last)
+    optimiser = torch.optim.AdamW(
+        network.parameters(), lr=numbers.rate, weight_decay=numbers.weight_decay
+    )
+    schedule = torch.optim.lr_scheduler.LambdaLR(optimiser, lambda k: _rate(k / numbers.steps))
+    network.train()
+    sums = np.zeros(3)
+    every = max(numbers.steps // 100, 1)
+    for step, batch in enumerate(batches(pictures, numbers.batch, numbers.steps, seed), start=1):
+        picture = batch.picture.contiguous(memory_format=torch.channels_last)
+        with torch.autocast("cpu", torch.bfloat16, enabled=numbers.bfloat16):
+            output = network(picture)
+        parts = losses(output, batch.targets)
+        loss = parts.heat + PLACE * parts.place + CENTRE * parts.centre
+        optimiser.zero_grad()
+        loss.backward()
+        nn.utils.clip_grad_norm_(network.parameters(), 10.0)
+        optimiser.step()
+        schedule.step()
+        sums += [part.item() for part in parts]
+        if step % every == 0:
+            mean = sums / every
+            network.eval()
+            report(network, step, (float(mean[0]), float(mean[1]), float(mean[2])))
+            network.train()
+            sums[:] = 0.0
+    return network.eval()
+
+
+def _rate(share: float) -> float:
+    """Return the learning rate at a share of the training, by its largest one."""
+    if share < WARM_UP:
+        return 0.05 + 0.95 * share / WARM_UP
+    return 0.005 + 0.995 * 0.5 * (1.0 + cos(pi * (share - WARM_UP) / (1.0 - WARM_UP)))

@@ -1,0 +1,177 @@
+"""The network that finds corners of gates in a picture without an estimate.
+
+The picture is reduced to a width of WIDTH pixels. For each cell of STRIDE by STRIDE reduced pixels
+the network returns whether it has a corner of a gate's opening, where in the cell, and where from
+there the centre of the gate is ("objects as points", Zhou et al. 2019; the field that leads from
+the corners to what they belong to, as in AlphaPilot, Foehn et al. 2022). Corners that point to the
+same centre are of one gate. The corners of a square gate look alike, so the network does not tell
+which of the four one is; its direction from the centre does, for an estimate of the attitude.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from PIL import Image
+
+from quadsim.files.extras import imported
+
+# The network that comes with the project
+NETWORK = Path(__file__).parent / "gates.onnx"
+# width of a reduced picture, and edge of a cell [px]
+WIDTH = 320
+STRIDE = 4
+# Both sizes of the network's input are multiples of it: its coarsest cells.
+COARSEST = 32
+# [cells] unit of the vector to the centre
+FAR = 10.0
+# least probability of a corner
+LIKELY = 0.3
+# largest distance of the centres to which two corners of a gate point, by their distance from it
+SAME_CENTRE = 0.35
+# least angle between the directions of two corners of a gate, its cosine
+APART = 0.9
+
+
+class FoundGate(NamedTuple):
+    """A gate in a picture."""
+
+    # where its corners point to [px]  (2,)
+    centre: np.ndarray
+    # its corners, one to four [px]  (n, 2)
+    corners: np.ndarray
+    # probability of each  (n,)
+    likely: np.ndarray
+
+
+class GateNetwork:
+    """A trained network.
+
+    Args:
+        path: the file, in the ONNX format.
+
+    Raises:
+        ModuleNotFoundError: onnxruntime is not installed.
+    """
+
+    def __init__(self, path: Path = NETWORK):
+        runtime = imported("onnxruntime", "onnxruntime", "pixels")
+        options = runtime.SessionOptions()
+        # One thread: the others plan, and the sums have the same order everywhere.
+        options.intra_op_num_threads = 1
+        options.inter_op_num_threads = 1
+        self._session = runtime.InferenceSession(
+            str(path), options, providers=["CPUExecutionProvider"]
+        )
+        # what the file says of its training
+        self.about: dict[str, str] = dict(self._session.get_modelmeta().custom_metadata_map)
+
+    def __call__(self, rgb: np.ndarray) -> list[FoundGate]:
+        """Return the gates in a picture, in its pixels.
+
+        Args:
+            rgb: (height, width, 3) uint8.
+        """
+        small, scale = reduced(rgb)
+        (output,) = self._session.run(None, {"picture": network_input(small)})
+        corners = corners_of(output[0])
+        return grouped(corners._replace(pixel=corners.pixel / scale, centre=corners.centre / scale))
+
+
+class Likely(NamedTuple):
+    """Corners that a network takes for likely, the likeliest first."""
+
+    pixel: np.ndarray  # [px]  (n, 2)
+    centre: np.ndarray  # of the gate [px]  (n, 2)
+    likely: np.ndarray  # (n,)
+
+
+@cache
+def gate_network() -> GateNetwork:
+    """Return the network that comes with the project, which is loaded once."""
+    return GateNetwork()
+
+
+def reduced(rgb: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return a picture reduced to a width of WIDTH, and by which factor.
+
+    Args:
+        rgb: (height, width, 3) uint8.
+    """
+    height, width = rgb.shape[:2]
+    scale = WIDTH / width
+    size = (WIDTH, round(scale * height))
+    if size == (width, height):
+        return rgb, 1.0
+    return np.asarray(Image.fromarray(rgb).resize(size, Image.Resampling.BOX)), scale
+
+
+def network_input(small: np.ndarray) -> np.ndarray:
+    """Return a reduced picture as the network takes it.
+
+    Args:
+        small: (height, WIDTH, 3) uint8.
+
+    Returns:
+        (1, 3, height, WIDTH) float32, with black rows below so that COARSEST divides the height.
+    """
+    height = -(-len(small) // COARSEST) * COARSEST
+    full = np.zeros((1, 3, height, WIDTH), np.float32)
+    full[0, :, : len(small)] = small.transpose(2, 0, 1)
+    return full
+
+
+def corners_of(output: np.ndarray) -> Likely:
+    """Return the corners in an output of the network, in pixels of the reduced picture.
+
+    Args:
+        output: by cell: probability, where from the middle of the cell the corner is [cells], and
+            where from there the centre is [FAR cells]  (5, rows, columns).
+    """
+    heat = output[0]
+    # A corner is a cell that is the likeliest among its neighbours.
+    padded = np.pad(heat, 1)
+    rows, columns = heat.shape
+    around = [padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)]
+    peak = (heat >= np.max(around, axis=0)) & (heat > LIKELY)
+    row, column = np.nonzero(peak)
+    order = np.argsort(-heat[row, column], kind="stable")
+    row, column = row[order], column[order]
+    at = np.column_stack([column, row]) + 0.5 + output[1:3, row, column].T
+    towards = FAR * output[3:5, row, column].T
+    return Likely(STRIDE * at, STRIDE * (at + towards), heat[row, column])
+
+
+def grouped(corners: Likely) -> list[FoundGate]:
+    """Return the gates to which corners belong."""
+    left = list(range(len(corners.pixel)))
+    found = []
+    while left:
+        # The likeliest corner, and those that point to the same centre from other directions.
+        first = left[0]
+        members = [first]
+        for k in left[1:]:
+            if len(members) < 4 and _belongs(corners, members, k):
+                members.append(k)
+        left = [k for k in left if k not in members]
+        centre = corners.centre[members].mean(axis=0)
+        found.append(FoundGate(centre, corners.pixel[members], corners.likely[members]))
+    return found
+
+
+def _belongs(corners: Likely, members: list[int], k: int) -> bool:
+    """Return whether a corner may belong to the gate of others."""
+    away = corners.pixel[k] - corners.centre[k]
+    length = float(np.linalg.norm(away)) + 1e-9
+    for m in members:
+        other = corners.pixel[m] - corners.centre[m]
+        size = float(np.linalg.norm(other)) + 1e-9
+        apart = np.linalg.norm(corners.centre[k] - corners.centre[m])
+        if apart > SAME_CENTRE * max(length, size):
+            return False
+        if away @ other > APART * length * size:
+            return False
+    return True
