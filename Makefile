@@ -11,7 +11,7 @@ PYTEST := $(BIN)/pytest -n 2 --dist worksteal
 QUICK  := not (slow or compiled or process or socket or browser or firmware or docs or page or regression)
 
 .PHONY: race web bench quick test firmware page docs-check regression fuzz coverage lint fix docs docs-figures results \
-	docs-version notebooks constraints release clean
+	refly docs-version notebooks constraints release clean
 
 race: $(VENV)/.app
 	$(BIN)/race fly
@@ -133,6 +133,12 @@ results: $(VENV)/.dev
 	$(BIN)/python -m docs.results.fly $(NAMES)
 	$(BIN)/python -m docs.results.tables
 
+# Fly ten flights of docs/results/flights/, drawn at random, again: do they give the same numbers? A minute or two. Other
+# flights: make refly ROWS=20 SEED=1
+ROWS ?= 10
+refly: $(VENV)/.dev
+	$(BIN)/python -m docs.results.refly --rows $(ROWS) --seed $(SEED)
+
 # Run the notebooks of examples/ and store them with their outputs: some minutes.
 notebooks: $(VENV)/.dev
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[notebook]'
@@ -152,17 +158,22 @@ constraints: | $(VENV)/.made
 	mv $(VENV)/constraints.txt constraints-dev.txt
 	rm -rf $(VENV)/newest
 
-# Check and tag a version: make release VERSION=0.2.0. Nothing is published before the tag is pushed.
+# Check, build and tag a version: make release VERSION=0.2.0. Nothing is published before the tag is pushed. DRY=1 sets no tag.
+# RELEASE_CHECKS: the targets that have to pass first.
+RELEASE_CHECKS ?= lint test docs docs-check refly
+DRY ?=
 release: $(VENV)/.dev
 	@test -n "$(VERSION)" || { echo "release: expected VERSION=, for example VERSION=0.2.0" >&2; exit 1; }
 	@test -z "$$(git status --porcelain)" || { echo "release: expected no uncommitted changes: git status" >&2; exit 1; }
+	@! git rev-parse --quiet --verify refs/tags/v$(VERSION) >/dev/null || { echo "release: expected a new version, v$(VERSION) is tagged: git tag --delete v$(VERSION) takes it back" >&2; exit 1; }
 	$(BIN)/python .ci/release.py versions v$(VERSION)
-	$(MAKE) lint test docs docs-check
+	$(MAKE) $(RELEASE_CHECKS)
 	rm -rf dist
 	$(BIN)/python -m build
 	$(BIN)/python .ci/release.py install dist/*
-	git tag --annotate v$(VERSION) --message "quadsim $(VERSION)"
-	@echo "tagged; git push origin v$(VERSION) publishes it"
+	@if [ -n "$(DRY)" ]; then echo "all checks passed; no tag, as DRY is given"; else \
+	git tag --annotate v$(VERSION) --message "quadsim $(VERSION)" && \
+	echo "tagged v$(VERSION); git push origin v$(VERSION) publishes it"; fi
 
 # .made: an environment of Python alone. .app holds what it takes to fly, .dev all that the checks take besides.
 $(VENV)/.made:

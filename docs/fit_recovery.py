@@ -1,4 +1,4 @@
-"""The table of fit.md: how well fits of generated logs find the numbers of known vehicles.
+"""The table of fit_results.md: how well fits of generated logs find the numbers of known vehicles.
 
 Each vehicle flies the manoeuvres of `race fly --excite` once, with motors that answer 20 ms late
 and slow down as the battery sags, which the flight controller does not correct. Each seed draws the

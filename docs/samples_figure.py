@@ -24,7 +24,8 @@ from quadsim.physics.plant_state import start_state
 FOLDER = Path(__file__).parent
 sys.path.insert(0, str(FOLDER.parent))
 
-from docs.results.experiments import read  # noqa: E402 (the folder is no package on the path)
+# The folder of the script, docs, is no package on its path
+from docs.results.experiments import read  # noqa: E402
 
 # Experiments of docs/results/experiments.yaml, whose first variant is the baseline
 EXPERIMENTS = ("samples_swift", "samples_song", "samples_alphapilot")

@@ -1,6 +1,8 @@
 """The flights behind the tables of results: experiments.yaml, and what each of them has written.
 
-A CSV file of docs/results/ begins with lines "# key: value" that tell how its rows were flown.
+A CSV file of docs/results/ has a row for each variant of an experiment, and one of
+docs/results/flights/ a row for each flight. Both begin with lines "# key: value" that tell how
+their rows were flown.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from quadsim.files.atomic import replace_file
 from quadsim.files.csv_rows import csv_text
 
 FOLDER = Path(__file__).parent
+FLIGHTS = FOLDER / "flights"
 FILE = FOLDER / "experiments.yaml"
 
 
@@ -47,25 +50,44 @@ def experiments() -> dict[str, Experiment]:
 
 
 def csv_file(name: str) -> Path:
-    """Return the file of an experiment's rows."""
+    """Return the file with a row for each variant of an experiment."""
     return FOLDER / f"{name}.csv"
 
 
+def flights_file(name: str) -> Path:
+    """Return the file with a row for each flight; races of several vehicles have none."""
+    return FLIGHTS / f"{name}.csv"
+
+
 def read(name: str) -> Flown:
-    """Return what an experiment has written.
+    """Return the rows of an experiment's variants.
 
     Raises:
         FileNotFoundError: it was not flown yet.
     """
-    lines = csv_file(name).read_text(encoding="utf-8").splitlines()
+    return read_file(csv_file(name))
+
+
+def write(name: str, flown: Flown) -> Path:
+    """Write the rows of an experiment's variants, the whole file or nothing."""
+    return write_file(csv_file(name), flown)
+
+
+def read_file(path: Path) -> Flown:
+    """Return the rows of one of the files of an experiment.
+
+    Raises:
+        FileNotFoundError: it was not flown yet.
+    """
+    lines = path.read_text(encoding="utf-8").splitlines()
     heads = [line for line in lines if line.startswith("# ")]
     known = dict(line.removeprefix("# ").split(": ", 1) for line in heads)
     rows = list(csv.DictReader(lines[len(heads) :]))
     return Flown(known["command"], known["commit"], known["date"], known["machine"], rows)
 
 
-def write(name: str, flown: Flown) -> Path:
-    """Write the rows of an experiment, the whole file or nothing."""
+def write_file(path: Path, flown: Flown) -> Path:
+    """Write one of the files of an experiment, the whole file or nothing."""
     heads = {
         "command": flown.command,
         "commit": flown.commit,
@@ -74,5 +96,6 @@ def write(name: str, flown: Flown) -> Path:
     }
     text = "".join(f"# {key}: {value}\n" for key, value in heads.items())
     text += csv_text(flown.rows).replace("\r\n", "\n")
-    replace_file(csv_file(name), text.encode())
-    return csv_file(name)
+    path.parent.mkdir(exist_ok=True)
+    replace_file(path, text.encode())
+    return path

@@ -1,4 +1,4 @@
-"""Fly the experiments of docs/results/experiments.yaml and write a CSV file for each.
+"""Fly the experiments of docs/results/experiments.yaml and write the CSV files of each.
 
     make results                        those that the present commit has not flown: hours
     make results NAMES="swift song"     these alone
@@ -10,23 +10,32 @@ A campaign that is interrupted goes on where it stopped: its attempts lie in run
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import platform
 import shlex
 import subprocess
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from docs.results.experiments import Experiment, Flown, csv_file, experiments, read, write
+from docs.results.experiments import (
+    Experiment,
+    Flown,
+    csv_file,
+    experiments,
+    flights_file,
+    read,
+    write,
+    write_file,
+)
+from docs.results.flights import flights, has_flights, number, run_campaign
 from quadsim.campaign.summary_stats import FEWEST_PAIRS
 
 ROOT = Path(__file__).parents[2]
 RUNS = Path("runs/results")
-DIGITS = 6  # significant digits of a number in a CSV file
 COMMIT_DIGITS = 8
 
 
@@ -76,22 +85,13 @@ def _is_present(name: str) -> bool:
 def _fly(name: str, experiment: Experiment, jobs: int | None) -> bool:
     """Fly an experiment and write its rows; return whether it is complete."""
     print(f"{name}: {experiment.command}", file=sys.stderr)
-    program, *words = shlex.split(experiment.command)
-    # Experiments share their flights: the same settings and seed are flown once.
-    campaign = RUNS / ("heats.sqlite" if "--line-up" in words else "flights.sqlite")
-    words += ["--campaign", str(campaign), "--out", str(RUNS / name), "--json"]
+    words = shlex.split(experiment.command)
     if jobs is not None:
         words += ["--jobs", str(jobs)]
-    RUNS.mkdir(parents=True, exist_ok=True)
-    done = subprocess.run(
-        [Path(sys.executable).with_name(program), *words],
-        stdout=subprocess.PIPE,
-        text=True,
-        check=False,
-    )
-    if done.returncode != 0:
+    campaign = _campaign(name, words)
+    found = run_campaign(words, campaign, RUNS / name)
+    if found is None:
         return False
-    found = json.loads(done.stdout)
     rows = list(rows_of(found))
     stats = [*found.get("variants", ()), *(point["stats"] for point in found.get("points", ()))]
     commits = {commit[:COMMIT_DIGITS] for one in stats for commit in one["commits"]}
@@ -103,7 +103,21 @@ def _fly(name: str, experiment: Experiment, jobs: int | None) -> bool:
         rows=rows,
     )
     print(write(name, flown), file=sys.stderr)
+    if has_flights(words):
+        rows = [flight._asdict() for flight in flights(campaign, experiment.command)]
+        file = write_file(flights_file(name), replace(flown, rows=rows))
+        print(file, file=sys.stderr)
     return True
+
+
+def _campaign(name: str, words: Sequence[str]) -> Path:
+    """Return the file where the flights of a command are stored.
+
+    Experiments whose single flights are read have a file each; the others share their flights.
+    """
+    if has_flights(words):
+        return RUNS / f"{name}.sqlite"
+    return RUNS / ("heats.sqlite" if "--line-up" in words else "flights.sqlite")
 
 
 def _machine() -> str:
@@ -123,22 +137,18 @@ def rows_of(found: Mapping[str, Any]) -> Iterable[dict[str, str]]:
     return _heats(found) if "settings" in found else _flights(found)
 
 
-def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.{DIGITS}g}"
-
-
 def _mean(name: str, value: Mapping[str, Any]) -> dict[str, str]:
     """Return mean and 95 % interval as three columns."""
     return {
-        name: _number(value["mean"]),
-        f"{name}_low": _number(value["low"]),
-        f"{name}_high": _number(value["high"]),
+        name: number(value["mean"]),
+        f"{name}_low": number(value["low"]),
+        f"{name}_high": number(value["high"]),
     }
 
 
 def _share(name: str, interval: Iterable[float]) -> dict[str, str]:
     low, high = interval
-    return {f"{name}_low": _number(low), f"{name}_high": _number(high)}
+    return {f"{name}_low": number(low), f"{name}_high": number(high)}
 
 
 def _flights(found: Mapping[str, Any]) -> Iterable[dict[str, str]]:
@@ -152,7 +162,7 @@ def _flights(found: Mapping[str, Any]) -> Iterable[dict[str, str]]:
         row |= {key: str(one[key]) for key in ("attempts", "finished", "turned_back")}
         row |= _share("finished", one["success_ci"])
         numbers = "race_median", "lap_mean", "lap_sd", "above_limit", "thrust_tv", "rates_tv"
-        row |= {key: _number(one[key]) for key in numbers}
+        row |= {key: number(one[key]) for key in numbers}
         row |= _against(against.get((course, reference, one["name"])))
         yield row
 
@@ -179,7 +189,7 @@ def _sweep(found: Mapping[str, Any]) -> Iterable[dict[str, str]]:
         row |= _share("finished", stats["success_ci"])
         row |= {"crashes": str(rate["crashes"]), "gates_passed": str(rate["passed"])}
         row |= _mean("crash_rate", rate | {"mean": rate["per_100"]})
-        row |= {"race_median": _number(stats["race_median"])}
+        row |= {"race_median": number(stats["race_median"])}
         yield row | _mean("lap_change", _lap_change(point["change"]))
 
 

@@ -27,13 +27,13 @@ import shlex
 import sys
 from fnmatch import fnmatch
 from functools import cache, partial
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 from cyclopts import CycloptsError, MissingArgumentError
 
 import quadsim
+from docs.results.machine import has_documented_digits
 from quadsim.cli.cli import race
 from quadsim.cli.parse import application
 from tests.docs.names import is_taken, unknown_flags
@@ -110,12 +110,6 @@ EXAMPLES = examples()
 
 
 @cache
-def is_documented_machine() -> bool:
-    """Return whether flights have the digits of the pages here."""
-    flags = Path("/proc/cpuinfo").read_text()
-    return "avx512f" in flags and find_spec("pybullet") is not None
-
-
 def agrees(printed: str, found: str, flown: bool, digits: bool | None = None) -> bool:
     """Return whether a line of a page is the line that was found; spaces may differ.
 
@@ -131,7 +125,7 @@ def agrees(printed: str, found: str, flown: bool, digits: bool | None = None) ->
     pattern = re.escape(printed).replace(re.escape("..."), r"\S*")
     if re.fullmatch(pattern, found):
         return True
-    if not flown or (is_documented_machine() if digits is None else digits):
+    if not flown or (has_documented_digits() if digits is None else digits):
         return False
     return _about(printed.replace("...", ""), found)
 
@@ -396,6 +390,6 @@ def test_a_changed_digit_or_order_is_noticed(printed, output, same):
     ],
 )
 def test_elsewhere_times_agree_within_the_tolerance(printed, found, same, monkeypatch):
-    monkeypatch.setitem(globals(), "is_documented_machine", lambda: False)
+    monkeypatch.setitem(globals(), "has_documented_digits", lambda: False)
     assert agrees(printed, found, flown=True) is same
     assert not agrees(printed, found, flown=False)

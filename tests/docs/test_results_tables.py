@@ -1,14 +1,17 @@
 """Claims that the numbers of results on the pages are those of the CSV files."""
 
 from dataclasses import replace
+from statistics import fmean
 
 import pytest
 
-from docs.results import fly, tables
-from docs.results.experiments import csv_file, experiments, read
+from docs.results import fly, refly, tables
+from docs.results.experiments import csv_file, experiments, flights_file, read, read_file
+from docs.results.flights import Flight, alone
 
 PAGES = sorted(tables.DOCS.glob("**/*.md"))
 FLOWN = [name for name in experiments() if csv_file(name).exists()]
+WITH_FLIGHTS = [name for name in experiments() if flights_file(name).exists()]
 ROOT = tables.DOCS.parent
 
 
@@ -44,8 +47,52 @@ def test_the_paper_has_the_laps_of_the_files():
 
 
 def test_every_file_belongs_to_an_experiment():
-    folder = csv_file("x").parent
-    assert {path.stem for path in folder.glob("*.csv")} <= set(experiments())
+    for file in (csv_file("x"), flights_file("x")):
+        assert {path.stem for path in file.parent.glob("*.csv")} <= set(experiments())
+
+
+@pytest.mark.parametrize("name", WITH_FLIGHTS)
+def test_the_rows_of_an_experiment_are_those_of_its_flights(name):
+    summary, single = read(name), read_file(flights_file(name))
+    assert (summary.command, summary.commit) == (single.command, single.commit)
+    for row in summary.rows:
+        flights = [
+            Flight(**flight)
+            for flight in single.rows
+            if (flight["course"], flight["variant"]) == (row["course"], row["variant"])
+        ]
+        laps = [
+            fmean(map(float, flight.laps.split()))
+            for flight in flights
+            if flight.outcome == "finished"
+        ]
+        assert len(flights) == int(row["attempts"])
+        assert len(laps) == int(row["finished"])
+        assert fmean(laps) == pytest.approx(float(row["lap_mean"]), rel=1e-5)
+        thrust = fmean(float(flight.thrust_tv) for flight in flights)
+        assert thrust == pytest.approx(float(row["thrust_tv"]), rel=1e-5)
+
+
+def test_a_flight_of_an_experiment_is_flown_alone():
+    command = "race compare figure8 --attempts 30 --seed 300 --variants race,low=race+samples=64"
+    flight = Flight("figure8", "low", "307", "finished", "4.5", "8.0", "40.0")
+    words = alone(command, flight)
+    assert words[:3] == ["race", "compare", "figure8"]
+    flags = dict(zip(words[3::2], words[4::2], strict=True))
+    assert flags == {"--attempts": "1", "--seed": "307", "--variants": "low=race+samples=64"}
+
+
+@pytest.mark.parametrize(("laps", "status"), [("5.43 5.4", 0), ("5.43 5.41", 1)])
+def test_a_flight_with_another_lap_is_named(laps, status, monkeypatch, capsys):
+    monkeypatch.setattr(refly, "has_documented_digits", lambda: True)
+    monkeypatch.setattr(refly, "flights_file", csv_file)  # a file that there is
+    there = Flight("c", "v", "7", "finished", "5.43 5.4", "8.0", "40.0")
+    drawn = refly.Drawn("swift", "race compare c --variants v", there)
+    monkeypatch.setattr(refly, "_listed", lambda names: [drawn])
+    monkeypatch.setattr(refly, "_flown", lambda drawn: there._replace(laps=laps))
+    assert refly.main(["swift"]) == status
+    printed = capsys.readouterr().out
+    assert (f"v seed 7: laps: expected 5.43 5.4, got {laps}" in printed) == bool(status)
 
 
 def test_a_changed_row_changes_the_table(monkeypatch):
