@@ -22,8 +22,8 @@ from quadsim.sensing.pixels.network import COARSEST, FAR, STRIDE
 from quadsim.streams import training_stream
 
 # channels at strides 2, 4, 8, 16 and 32, and of the layer before the output
-CHANNELS = (12, 24, 40, 56, 64)
-HEAD = 32
+CHANNELS = (8, 16, 32, 48, 64)
+HEAD = 24
 # probability of a corner, where it is in the cell, where its gate's centre is
 OUTPUTS = 5
 # numbers of a picture are divided by it
@@ -49,7 +49,7 @@ WARM_UP = 0.05
 class NetworkTraining:
     """The numbers of a training."""
 
-    steps: int = 6000
+    steps: int = 3200
     batch: int = 16
     rate: float = 4e-3
     weight_decay: float = 1e-4

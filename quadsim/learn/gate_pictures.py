@@ -26,7 +26,7 @@ from quadsim.render.poses import Pose, drawn_poses
 from quadsim.rotation import exp, product, turned
 from quadsim.sensing.config import PixelCameraConfig
 from quadsim.sensing.pixel_camera import Moment, row_poses
-from quadsim.sensing.pixels.network import reduced
+from quadsim.sensing.pixels.network import WIDTH
 from quadsim.streams import look_streams, training_stream
 
 # courses that are never trained on, so that evaluations on them show what was learnt
@@ -42,7 +42,7 @@ TRAINED_ON = (
 RANDOM_COURSES = 40
 RANDOM_SHARE = 0.5
 # pictures that share a course, a look and a camera
-TOGETHER = 12
+TOGETHER = 20
 # share of the pictures of a course from its flight, of those elsewhere with any roll
 FLOWN = 0.6
 ANY_ROLL = 0.2
@@ -59,8 +59,8 @@ LONGEST = 12.0
 STEP = 0.0025
 # [m] distance beyond which gates are no task
 FARTHEST = 40.0
-# [px] in the camera's picture, least distance between the corners of a gate that are a task
-SMALLEST = 14.0
+# [px] least distance from the corners of a gate that are a task to its centre
+SMALLEST = 5.0
 # least sine of the angle between a gate's plane and the line of sight
 SLANT = 0.1
 # [m] distance of a corner from pixels of its own frame up to which it counts as seen
@@ -72,7 +72,7 @@ CORNERS = 64
 
 
 class Corner(NamedTuple):
-    """A corner of a gate's opening in a reduced picture."""
+    """A corner of a gate's opening in a picture."""
 
     # right and down [px]
     u: float
@@ -174,19 +174,25 @@ def draw_pictures(
 
 
 def _camera(camera: PixelCameraConfig, rng: np.random.Generator) -> PixelCameraConfig:
-    """Return a camera with other numbers."""
-    focal = rng.uniform(0.8, 1.3)
+    """Return a camera with other numbers, whose pictures have the size that the network takes.
+
+    A reduced picture has the mean of several pixels in each of its own, and less noise for it.
+    """
+    scale = WIDTH / camera.width
+    focal = scale * rng.uniform(0.8, 1.3)
     return replace(
         camera,
+        width=WIDTH,
+        height=round(scale * camera.height),
         fx=camera.fx * focal,
         fy=camera.fy * focal,
         tilt_deg=rng.uniform(0.0, 40.0),
         exposure=rng.uniform(0.0, 0.01),
         readout=rng.uniform(0.0, 0.015),
         brightness=rng.uniform(0.5, 1.4),
-        read_noise=rng.uniform(0.0, 6.0),
-        shot_noise=rng.uniform(0.0, 0.2),
-        jpeg=int(rng.integers(40, 95)),
+        read_noise=rng.uniform(0.0, 4.0),
+        shot_noise=rng.uniform(0.0, 0.1),
+        jpeg=int(rng.integers(60, 95)) if rng.random() < 0.7 else 0,
         banners=int(rng.integers(0, 16)),
     )
 
@@ -231,17 +237,13 @@ def _motions(
 def _picture(
     eye: CourseEye, place: Ground, config: PixelCameraConfig, moved: Moved
 ) -> tuple[np.ndarray, list[Corner]]:
-    """Return a reduced picture and the corners in it."""
+    """Return a picture and the corners in it."""
     half = 0.5 * (config.exposure + config.readout) + STEP
     eyes, axes = row_poses(config, 0.0, moments(moved, half))
     picture = eye.picture(eyes, axes)
     middle = config.passes // 2
     found = corners_in(place, config, eyes[middle], axes[middle], picture.segmentation)
-    rgb, scale = reduced(picture.rgb)
-    return rgb, [
-        Corner(scale * c.u, scale * c.v, scale * c.centre_u, scale * c.centre_v, c.task)
-        for c in found
-    ]
+    return picture.rgb, found
 
 
 def moments(moved: Moved, half: float) -> list[Moment]:
@@ -261,7 +263,7 @@ def corners_in(
     axes: np.ndarray,
     segmentation: np.ndarray,
 ) -> list[Corner]:
-    """Return the corners of gates in the camera's picture, each where its row shows it.
+    """Return the corners of gates in a picture, each where its row shows it.
 
     Args:
         place: the course.
@@ -298,9 +300,9 @@ def corners_in(
             continue
         x, y = centre.tolist()
         apart = np.linalg.norm(at - centre, axis=1)
-        good = away < FARTHEST and ahead > SLANT * away and np.nanmin(apart) * 1.4 > SMALLEST
+        good = away < FARTHEST and ahead > SLANT * away and np.nanmin(apart) > SMALLEST
         for j in np.flatnonzero(inside).tolist():
-            reach = int(BESIDE * config.fx / depth[k, j]) + 2
+            reach = int(BESIDE * config.fx / depth[k, j]) + 1
             u, v = at[j].tolist()
             window = segmentation[
                 max(int(v) - reach, 0) : int(v) + reach + 1,

@@ -51,8 +51,9 @@ class CourseEye:
         self._scene = Scene(
             course, config, banners=drawn_banners(config.banners, course, streams.banners)
         )
-        drawn = venue_look(streams.look) if config.varied else plain_look()
-        self._look = look or drawn
+        if look is None:
+            look = venue_look(streams.look) if config.varied else plain_look()
+        self._look = look
         self._rng = np.random.default_rng(streams.noise)
         shape = (config.height + SPARE, config.width + SPARE, 3)
         noisy = config.read_noise > 0.0 or config.shot_noise > 0.0
