@@ -6,12 +6,13 @@ Changes come from one thread, viser's event loop; any thread may read.
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
 
-from quadsim.course import Course
+from quadsim.course import Course, parse_course
 from quadsim.course.course import summary
 from quadsim.files.strict_yaml import FileError
 from quadsim.racing.fits import misfit
@@ -43,6 +44,9 @@ class CourseEdit:
 
     Args:
         runs_dir: the folder of runs.
+
+    Attributes:
+        replaced: the course that the last save has written over, in a few words; "" if none.
     """
 
     def __init__(self, runs_dir: str):
@@ -50,6 +54,7 @@ class CourseEdit:
         self.is_open = False
         self.folder = CourseFolder(runs_dir)
         self.search: LimitSearch | None = None
+        self.replaced = ""
         self._runs_dir = runs_dir
         self._saved: tuple[Draft, str] | None = None
 
@@ -91,6 +96,21 @@ class CourseEdit:
         draft = self.draft
         path = self.folder.save(draft, name)
         self._saved = (draft, path)
+        text = self.folder.replaced(path)
+        course = parse_course(text, path) if text else None
+        self.replaced = f"{Path(path).name}: {summary(course)}" if course else ""
+        return path
+
+    def put_back(self) -> str:
+        """Put the course back that the last save has written over, and return its path.
+
+        Raises:
+            ValueError, RunError: see CourseFolder.put_back.
+        """
+        path = self._saved[1] if self._saved else ""
+        self.folder.put_back(path)
+        self._saved = None
+        self.replaced = ""
         return path
 
     def check(self, name: str, vehicle: str) -> Checked:

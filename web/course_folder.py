@@ -27,6 +27,8 @@ class CourseFolder:
         self._folder = Path(runs_dir) / COURSES
         # Texts written by this object, by file, as these files may be overwritten
         self._own: dict[Path, str] = {}
+        # The other text that the last save of a file has replaced
+        self._replaced: dict[Path, str] = {}
 
     def files(self) -> tuple[str, ...]:
         """Return the paths of the courses, sorted."""
@@ -52,10 +54,35 @@ class CourseFolder:
         path = self._folder / f"{name}.yaml"
         if not self._may_write(path):
             raise ValueError(f"{path}: expected a new name, there is a course already")
+        self._replaced.pop(path, None)
+        before = self._own.get(path, "") if path.exists() else ""
         text = draft.text()
         write_whole(path, text.encode())
         self._own[path] = text
+        if before not in ("", text):
+            self._replaced[path] = before
         return str(path)
+
+    def replaced(self, path: str) -> str:
+        """Return the text that the last save of a file has replaced, "" if none."""
+        return self._replaced.get(Path(path), "")
+
+    def put_back(self, path: str) -> None:
+        """Write the text that the last save of a file has replaced.
+
+        Raises:
+            ValueError: there is none, or the file was changed since.
+            RunError: the file cannot be written.
+        """
+        file = Path(path)
+        text = self.replaced(path)
+        if not text:
+            raise ValueError(f"{path}: expected a file that was written over, got another")
+        if not self._may_write(file):
+            raise ValueError(f"{path}: expected the course that was saved, got a changed file")
+        write_whole(file, text.encode())
+        self._own[file] = text
+        del self._replaced[file]
 
     def _may_write(self, path: Path) -> bool:
         """Return whether a path is free, or a file with the content that was last saved here."""

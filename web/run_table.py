@@ -20,18 +20,18 @@ import msgspec
 
 from quadsim.files.arrays import read_bytes
 from quadsim.files.strict_yaml import FileError
-from quadsim.heat.archive import HEAT
-from quadsim.record.archive import PART
+from quadsim.heat.archive import HEAT, is_heat, read_heat
+from quadsim.record.archive import PART, read_run
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.preset_changes import changed_numbers
-from quadsim.record.run import canonical
+from quadsim.record.run import RunError, canonical
 from quadsim.record.schema import AnyRun, ListedEntrant, ListedHeat
 from quadsim.results.stored_runs import LARGEST_RECORD, flown_at, read_row
 from quadsim.sensing import PERFECT
+from quadsim.web.plain_text import plain
 
 RECORD = "run.json"
-# Longest name in a row [characters]
-LONGEST = 80
+LONGEST_PROBLEM = 160  # [characters]
 # A folder modified less than this time ago [s] may change again without a new time
 RECENT = 2.0
 # Parts of a spec that decide the limit of its race
@@ -54,7 +54,7 @@ class Column:
 
 
 class RunRow(msgspec.Struct, frozen=True):
-    """A row of the table: a run, a race of several, or a folder that cannot be read.
+    """A row of the table: a run, a race of several, or a folder with a problem.
 
     A field with a Column is one on the page, in this order.
     """
@@ -85,7 +85,7 @@ class RunRow(msgspec.Struct, frozen=True):
     more: str = ""
     # number of vehicles in one world
     vehicles: int = 1
-    # error of an unreadable folder, in one line
+    # what is wrong with a folder that cannot be read or was changed, in one line
     problem: str = ""
 
 
@@ -160,6 +160,8 @@ class RunTable:
         self._watch = FolderWatch(self._root)
         self._limits_watch = FolderWatch(limits_folder(root))
         self._read: dict[str, _Read] = {}
+        # names of the rows whose telemetry fits them
+        self._checked: set[str] = set()
         # time of the best known limit [s] by race; None: none is known
         self._limits: dict[str, float | None] = {}
 
@@ -175,6 +177,25 @@ class RunTable:
         """Return the folder of a row; None if no row of the table has this name."""
         return self._root / name if name in self._read else None
 
+    def check_next(self) -> bool:
+        """Compare the latest row that is not yet checked with its telemetry, some milliseconds.
+
+        A run that does not fit becomes a row that says so.
+
+        Returns:
+            Whether there was one.
+        """
+        for name, read in self._read.items():
+            if read.row.problem or name in self._checked:
+                continue
+            self._checked.add(name)
+            problem = _misfit(self._root / name, read.row)
+            if problem:
+                self._read[name] = _damaged(name, read.row.when, problem)
+                self.rows = tuple(map(self._with_limit, self._read.values()))
+            return True
+        return False
+
     def _look(self) -> bool:
         """Look for new and removed folders; return whether the rows have changed."""
         found = dict(sorted(self._folders(), reverse=True))
@@ -182,6 +203,7 @@ class RunTable:
             name: self._read.get(name) or _read(path, record)
             for name, (path, record) in found.items()
         }
+        self._checked &= self._read.keys()
         rows = tuple(map(self._with_limit, self._read.values()))
         has_changed = rows != self.rows
         self.rows = rows
@@ -225,10 +247,37 @@ def _read(path: Path, record: str) -> _Read:
     try:
         data = read_bytes(path / record, "the record of a flight", LARGEST_RECORD)
         return _race(path.name, when, data) if record == HEAT else _run(path, data)
-    except (FileError, msgspec.MsgspecError, ValueError, RecursionError, IndexError) as error:
-        problem = " ".join(str(error).split())
-        row = RunRow(path.name, _text(when), problem=f"damaged: {problem}"[: 2 * LONGEST])
-        return _Read(row, "", {})
+    except FileError as error:
+        problem = _without_folder(error, path)
+    except (msgspec.MsgspecError, ValueError, RecursionError, IndexError) as error:
+        problem = f"{record}: {error}"
+    return _damaged(path.name, _text(when), problem)
+
+
+def _damaged(name: str, when: str, problem: str) -> _Read:
+    """Return a row that says what is wrong."""
+    line = " ".join(problem.split())
+    return _Read(RunRow(name, when, problem=plain(f"damaged: {line}", LONGEST_PROBLEM)), "", {})
+
+
+def _misfit(path: Path, row: RunRow) -> str:
+    """Return what of a run or a race does not fit its telemetry, "" if all does."""
+    try:
+        if is_heat(path):
+            read_heat(path)
+            return ""
+        run = read_run(path)
+    except (RunError, FileError) as error:
+        return _without_folder(error, path)
+    time = sum(run.laps) if run.outcome == "finished" else None
+    if (run.outcome, time) != (row.outcome, row.time):
+        return "run.json: outcome and laps are not those of its events; changed after the flight"
+    return ""
+
+
+def _without_folder(error: Exception, path: Path) -> str:
+    """Return an error without the folder that its row names."""
+    return str(error).removeprefix(str(path)).lstrip("/: ")
 
 
 def _run(path: Path, data: bytes) -> _Read:
@@ -238,13 +287,13 @@ def _run(path: Path, data: bytes) -> _Read:
     row = RunRow(
         name=path.name,
         when=_text(run.when),
-        course=_cut(run.course),
-        flown_by=_cut(run.flown_by),
-        vehicle=_cut(run.vehicle),
-        preset=_cut("" if run.pilot else run.preset),
-        sensing=_cut(run.sensing),
-        numbers=_cut(_numbers(spec)),
-        more=_cut(_more(spec)),
+        course=plain(run.course),
+        flown_by=plain(run.flown_by),
+        vehicle=plain(run.vehicle),
+        preset=plain("" if run.pilot else run.preset),
+        sensing=plain(run.sensing),
+        numbers=plain(_numbers(spec)),
+        more=plain(_more(spec)),
         seed=run.seed,
         laps=f"{len(run.laps)}/{run.laps_wanted}",
         changes=run.changes,
@@ -264,8 +313,8 @@ def _race(name: str, when: datetime, data: bytes) -> _Read:
     row = RunRow(
         name=name,
         when=_text(when),
-        course=_cut(race.course),
-        flown_by=_cut(", ".join(specs)),
+        course=plain(race.course),
+        flown_by=plain(", ".join(specs)),
         vehicle=_each(spec.vehicle.name for spec in shown),
         preset=_each("" if spec.pilot else spec.preset for spec in shown),
         sensing=_each(spec.sensing.name if spec.sensing else PERFECT for spec in shown),
@@ -273,7 +322,7 @@ def _race(name: str, when: datetime, data: bytes) -> _Read:
         more=_each(map(_more, specs.values())),
         seed=race.spec.seed,
         laps=str(shown[0].laps),
-        outcome=_cut(f"{finished} of {len(race.order)} finished, {winner.name} first"),
+        outcome=plain(f"{finished} of {len(race.order)} finished, {winner.name} first"),
         time=winner.time,
         vehicles=len(specs),
     )
@@ -315,7 +364,7 @@ def _more(spec: Mapping[str, Any]) -> str:
 
 def _each(names: Iterator[str]) -> str:
     """Return different names, each once."""
-    return _cut(", ".join(dict.fromkeys(filter(None, names))))
+    return plain(", ".join(dict.fromkeys(filter(None, names))))
 
 
 def _of_limit(spec: dict[str, Any]) -> tuple[str, dict[str, Any]]:
@@ -326,8 +375,3 @@ def _of_limit(spec: dict[str, Any]) -> tuple[str, dict[str, Any]]:
 
 def _text(when: datetime) -> str:
     return f"{when:%Y-%m-%d %H:%M:%S}"
-
-
-def _cut(text: str) -> str:
-    """Return a name from a file, shortened if it is long."""
-    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from math import radians
+from pathlib import Path
 
 import pytest
 from web_cases import until
@@ -188,6 +189,27 @@ def test_another_ones_file_is_not_written_over(tmp_path):
     with pytest.raises(ValueError, match="new name"):
         other.save(short(), "link")
     assert not elsewhere.exists()
+
+
+def test_a_course_that_a_save_has_replaced_is_put_back(tmp_path):
+    edit = CourseEdit(str(tmp_path))
+    edit.change(edit.draft.add_gate())
+    path = edit.save("mine")
+    first = Path(path).read_text()
+    edit.save("mine")
+    assert edit.replaced == ""  # the same course
+    edit.change(edit.draft.add_gate())
+    edit.save("mine")
+    assert edit.replaced.startswith("mine.yaml: 1 gate,")
+    assert edit.put_back() == path
+    assert Path(path).read_text() == first
+    assert (edit.replaced, edit.saved_as) == ("", "")
+    # A file that somebody else has changed meanwhile stays.
+    edit.save("mine")
+    Path(path).write_text("another one's")
+    with pytest.raises(ValueError, match="got a changed file"):
+        edit.put_back()
+    assert Path(path).read_text() == "another one's"
 
 
 def test_a_draft_with_errors_is_neither_saved_nor_searched(tmp_path):

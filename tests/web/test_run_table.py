@@ -122,6 +122,34 @@ def test_a_damaged_run_is_a_row_that_says_so(tmp_path, content):
     assert [row.problem for row in table.rows if row.name != broken.name] == [""]
 
 
+def test_a_run_that_does_not_fit_its_telemetry_becomes_a_row_that_says_so(tmp_path):
+    honest, faster, reseeded, bare = (stored(tmp_path, laps=2) for _ in range(4))
+    for folder, changed in ((faster, {"laps": [0.1, 0.1]}), (reseeded, {"seed": 9})):
+        record = json.loads((folder / "run.json").read_text())
+        part = record if "laps" in changed else record["spec"]
+        part |= changed
+        (folder / "run.json").write_text(json.dumps(record))
+    (bare / "telemetry.npz").unlink()
+    table = RunTable(str(tmp_path))
+    table.refresh()
+    assert not any(row.problem for row in table.rows)
+    while table.check_next():
+        pass
+    problems = {row.name: row.problem for row in table.rows}
+    assert problems[honest.name] == ""
+    assert "outcome and laps are not those of its events" in problems[faster.name]
+    assert "do not give the stored digest" in problems[reseeded.name]
+    assert "telemetry.npz: expected a file of a run" in problems[bare.name]
+    # A line of the page names the row, and gives no time to sort by.
+    assert not any(str(tmp_path) in problem for problem in problems.values())
+    assert [row.time for row in table.rows if row.problem] == [None] * 3
+    arrived = stored(tmp_path)
+    assert table.refresh()
+    assert table.check_next()
+    assert not table.check_next()
+    assert next(row for row in table.rows if row.name == arrived.name).problem == ""
+
+
 def test_a_pipe_in_place_of_a_record_is_not_waited_for(tmp_path):
     (tmp_path / "20260101T000000Z_pipe").mkdir()
     os.mkfifo(tmp_path / "20260101T000000Z_pipe" / "run.json")

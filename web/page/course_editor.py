@@ -125,7 +125,8 @@ class CourseEditor(Form):
         edit = self._edit
         progress = edit.search.progress if edit.search else None
         is_searching = bool(edit.search and edit.search.is_on)
-        shown = (edit.history, edit.is_open, self._checked, edit.saved_as, self._course_name)
+        file = (edit.saved_as, edit.replaced, self._course_name)
+        shown = (edit.history, edit.is_open, self._checked, file)
         return shown, progress, is_searching, self._start.first_vehicle
 
     def fields(self, visitor: int) -> Fields:
@@ -180,9 +181,21 @@ class CourseEditor(Form):
             Field("laps", "number", "Laps of a race", entries.laps, low=1, high=MOST_LAPS, step=1),
             Field("file", "text", "Name", self._course_name, help=file),
             button("save", "Save and choose", tone="main"),
+            *self._replaced_fields(),
             search,
             *lines,
             button("done", "Done"),
+        ]
+
+    def _replaced_fields(self) -> list[Field]:
+        """Return what the last save has written over, and the button that puts it back."""
+        replaced = self._edit.replaced
+        if not replaced:
+            return []
+        back = "write the file as it was before the last save"
+        return [
+            note("replaced", f"The save replaced {replaced}"),
+            button("put_back", "Put it back", back),
         ]
 
     def set(self, visitor: int, asked: SetField) -> None:
@@ -233,6 +246,7 @@ class CourseEditor(Form):
             "redo": edit.redo,
             "delete": self._delete,
             "save": self._save,
+            "put_back": self._put_back,
             "solve": self._solve,
             "cancel": edit.cancel_search,
             "done": self._leave,
@@ -257,6 +271,13 @@ class CourseEditor(Form):
             self._edit.save(self._course_name)
         except RunError as error:
             raise ValueError(str(error)) from None
+
+    def _put_back(self) -> None:
+        try:
+            path = self._edit.put_back()
+        except RunError as error:
+            raise ValueError(str(error)) from None
+        self._start.offer_course(path, chosen=True)
 
     def _solve(self) -> None:
         self._edit.begin_search(self._course_name, self._start.first_vehicle)

@@ -12,6 +12,7 @@ import traceback
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from time import perf_counter
 from typing import Annotated, get_args
 from urllib.parse import urlencode
 
@@ -35,6 +36,7 @@ from quadsim.web.session import Session
 from quadsim.web.stored_runs import runs_at
 
 PERIOD = 1.0  # time between two updates from the folder of runs [s]
+CHECKING = 0.05  # time in each period in which rows are compared with their telemetry, at most [s]
 MOST = 1000  # number of the latest rows for a page
 WAITING = 64  # largest number of waiting requests; more are dropped
 TOGETHER = 8  # largest number of runs that are shown together
@@ -177,7 +179,10 @@ class RunsPanel:
         """Answer requests, and update the table between them."""
         while not self._closing.is_set():
             try:
-                if self._table.refresh():
+                before = self._table.rows
+                self._table.refresh()
+                self._check()
+                if self._table.rows != before:
                     self._link.send_all(self._listed())
                 asked = self._requests.get(timeout=PERIOD)
                 if asked:
@@ -188,6 +193,17 @@ class RunsPanel:
                 # an error in one request must not end the others
                 traceback.print_exc()
                 self._closing.wait(PERIOD)
+
+    def _check(self) -> None:
+        """Compare some rows with their telemetry, while somebody looks and no planner waits."""
+        end = perf_counter() + CHECKING
+        while (
+            self._link.has_visitors
+            and not self._session.snapshot.flying
+            and perf_counter() < end
+            and self._table.check_next()
+        ):
+            pass
 
     def _answer(self, visitor: LinkVisitor, request: Request) -> None:
         """Answer a request; a failure is reported in one line."""

@@ -2,6 +2,7 @@
 // set as text, never as HTML. An address with ?run=NAME&run=NAME2&t=3.2&camera=chase shows these runs, one with
 // ?line_up=TEXT sets up the next START.
 import { copy, make } from "./dom.js";
+import { figureOf } from "./figure.js";
 import { on, send } from "./link.js";
 import { show } from "./parts.js";
 import { seat, whenLoaded } from "./scene.js";
@@ -41,6 +42,8 @@ export function open(on = sheet.hidden) {
   sheet.hidden = !on;
   remark.textContent = "";
   if (on) filter.focus();
+  // What is hidden keeps the focus until the next picture is drawn, and would take the keys pressed until then.
+  else if (sheet.contains(document.activeElement)) document.activeElement.blur();
 }
 
 function showTab(name) {
@@ -56,8 +59,9 @@ function fits(row, words) {
   return words.every((word) => text.includes(word));
 }
 
-// Rows without a value come last, whatever the direction.
+// Rows without a value come last, whatever the direction, and so do those with a problem, but for their time.
 function order(a, b) {
+  if (sort.key !== "when" && !a.problem !== !b.problem) return a.problem ? 1 : -1;
   const [x, y] = [a[sort.key], b[sort.key]];
   const [no, none] = [x === null || x === "", y === null || y === ""];
   if (no || none) return no - none;
@@ -192,7 +196,7 @@ function tableOf(lines) {
 function received(message) {
   rows = message.rows;
   columns = Object.entries(message.columns).map(([key, column]) => ({ key, ...column }));
-  const names = new Set(rows.map((row) => row.name));
+  const names = new Set(rows.filter((row) => !row.problem).map((row) => row.name));
   for (const name of chosen) if (!names.has(name)) chosen.delete(name);
   draw();
 }
@@ -263,7 +267,7 @@ export function begin() {
     reports.replaceChildren(make("div", { className: "list" }, ...(list.length ? list : [none])), make("div", { className: "report" }));
   });
   on("report", (message) => {
-    const figure = message.figure ? [make("img", { src: message.figure, alt: `The figure of ${message.name}` })] : [];
+    const figure = message.figure ? [figureOf(message)] : [];
     for (const one of reports.querySelectorAll("[data-report]")) one.ariaPressed = String(one.dataset.report === message.name);
     reports.querySelector(".report").replaceChildren(...figure, ...markdown(message.markdown));
   });
