@@ -18,7 +18,7 @@ Flights of a seed are compared across versions, so the keys are never changed:
     its sensors             imu (2, 0), rotors (2, 1), pose (2, 2), camera (2, 3), its dropouts
                             (2, 3, 0), its bursts of misses (2, 3, 1); the flight controller's own
                             imu (2, 4); drawn pictures (2, 5): noise (2, 5, 0), look (2, 5, 1) to
-                            (2, 5, 3), banners (2, 5, 4)
+                            (2, 5, 3), banners (2, 5, 4); barometer (2, 6)
     off-road vehicle        planner (0), gusts (1); vehicle (2), sensors (3), gates (4), faults (5),
                             link (6) are not used
     double integrator       planner (); vehicle (0), gusts (1), sensors (2), gates (3), faults (4),
@@ -67,6 +67,7 @@ class SensorStreams(NamedTuple):
     camera: SeedSequence  # noise, misses, outliers and false associations of corners
     flight_controller: SeedSequence  # noise of its own inertial measurement unit
     pixels: SeedSequence  # noise of drawn pictures, and what they show beside the course
+    barometer: SeedSequence  # noise of its heights
 
 
 class LookStreams(NamedTuple):
@@ -177,6 +178,7 @@ def sensor_streams(sensors: SeedSequence) -> SensorStreams:
         camera=_child(sensors, 3),
         flight_controller=_child(sensors, 4),
         pixels=_child(sensors, 5),
+        barometer=_child(sensors, 6),
     )
 
 

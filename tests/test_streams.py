@@ -76,6 +76,7 @@ def test_sensors_have_the_streams_they_have_always_had(seed):
     assert_same(streams.rotors, before[1])
     assert_same(streams.pose, before[2])
     assert_same(streams.camera, before[3])
+    assert_same(streams.barometer, np.random.SeedSequence(seed, spawn_key=(2, 6)))
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -5,7 +5,7 @@
     vehicle.mass                          a number of the vehicle, vehicle.rotors.motor_tau too
     sensing.camera.noise                  a number of a sensor
     sensing.camera.fx+sensing.camera.fy   several that take the same value, 320 425, or one each,
-                                          320/320 425/424
+                                          320/320 425/424; together they may make a sensor
 
 The planner's model follows the vehicle. What the planner does not know is a number of its model:
 model_thrust_gain 1 1.1 flies a planner that expects a tenth more of each thrust than it gets.
@@ -21,6 +21,7 @@ from quadsim.config.setting_texts import Place, Settings, parse_part, resolve, w
 from quadsim.config.settings import SETTINGS, SettingError
 from quadsim.config.spec import Spec
 from quadsim.files.yaml_errors import did_you_mean, shown_value
+from quadsim.sensing import PERFECT, Sensing, load_sensing
 
 DEFAULT = "default"  # text of a value: the setting is not given
 LINKED = "+"  # joins the names of settings that change together
@@ -196,43 +197,65 @@ def swept_variant(
         if each in own:
             raise _wrong(f"{each}: expected variants without a value of their own, got {name}")
     settings = with_shared(own, {**shared, **plain})
-    for each, number in given.items():
-        if "." in each and number is not None:
-            settings |= _with_number(course, settings, each, number)
+    numbers = {each: number for each, number in given.items() if "." in each and number is not None}
+    if numbers:
+        settings |= _with_numbers(course, settings, numbers)
     return Variant(f"{name}+{swept.name}={value.label}", resolve(course, settings))
 
 
-def _with_number(course: Place, settings: Settings, name: str, value: Any) -> dict[str, Any]:
-    """Return the settings that change one number of the vehicle or of a sensor.
+def _with_numbers(course: Place, settings: Settings, numbers: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings that change numbers of the vehicle or of sensors.
 
     Args:
         course: a name, a file or a course.
         settings: settings of the flight.
-        name: such as "vehicle.mass" or "sensing.camera.noise".
-        value: the number.
+        numbers: by names such as "vehicle.mass" and "sensing.camera.noise".
 
     Raises:
         SettingError: the flight has no such number, or it cannot be used.
     """
-    part, *keys = name.split(".")
     spec = Spec.of(course, **settings)
-    if part == "sensing" and (spec.sensing is None or getattr(spec.sensing, keys[0], None) is None):
-        # A sensor that a change would make has only this number.
-        wanted = f"expected a flight on sensors with {keys[0]} (--sensing)"
-        held = spec.sensing.name if spec.sensing else "the true state"
-        raise _wrong(f"{name}: {wanted}, got {held}")
-    changes: Any = value
-    for key in reversed(keys):
-        changes = {key: changes}
-    try:
-        changed = getattr(spec, part).but(**changes)
-    except SettingError as error:
-        raise _wrong(f"{part}.{error.name}: {error.problem}") from None
-    found: dict[str, Any] = {part: changed}
-    if part == "vehicle":
+    changes: dict[str, dict[str, Any]] = {}
+    for name, value in numbers.items():
+        part, *keys, last = name.split(".")
+        of_part = changes.setdefault(part, {})
+        for key in keys:
+            of_part = of_part.setdefault(key, {})
+        of_part[last] = value
+    _expect_sensors(spec.sensing, changes.get("sensing", {}))
+    found: dict[str, Any] = {}
+    for part, changed in changes.items():
+        # A flight on the true state has no sensing.
+        base = getattr(spec, part) or load_sensing(PERFECT)
+        try:
+            found[part] = base.but(**changed)
+        except SettingError as error:
+            raise _wrong(f"{part}.{error.name}: {error.problem}") from None
+    if "vehicle" in found:
         # The ratio has been applied to the vehicle that is changed.
         found["thrust_to_weight"] = None
     return found
+
+
+def _expect_sensors(sensing: Sensing | None, changes: Mapping[str, Any]) -> None:
+    """Check that a flight has the sensors of which one number is changed.
+
+    Several numbers that change together may make a sensor that the flight lacks.
+
+    Args:
+        sensing: the sensors of the flight; None: it has the true state.
+        changes: the numbers of each sensor.
+
+    Raises:
+        SettingError: the flight lacks a sensor.
+    """
+    for sensor, numbers in changes.items():
+        makes = isinstance(numbers, Mapping) and len(numbers) > 1
+        if getattr(sensing, sensor, None) is None and not makes:
+            wanted = f"expected a flight on sensors with {sensor} (--sensing)"
+            held = sensing.name if sensing else "the true state"
+            number = f".{next(iter(numbers))}" if isinstance(numbers, Mapping) else ""
+            raise _wrong(f"sensing.{sensor}{number}: {wanted}, got {held}")
 
 
 def _wrong(problem: str) -> SettingError:

@@ -467,9 +467,10 @@ def _of_sensing(sensing: Sensing | None) -> dict[str, Any] | None:
         record["imu"] = _without_added(sensing.imu)
     if sensing.camera is not None:
         record["camera"] = _without_added(sensing.camera)
-    # Records of versions without it have no such key.
-    if sensing.pixels is None:
-        del record["pixels"]
+    # Records of versions without them have no such keys.
+    for added in ("pixels", "barometer"):
+        if record[added] is None:
+            del record[added]
     return record
 
 

@@ -14,7 +14,7 @@ from quadsim.physics.plant_state import PlantState
 from quadsim.rotation import Vec3
 from quadsim.sensing import Sensing
 from quadsim.sensing.config import ImuConfig
-from quadsim.sensing.measurements import Inertial, Pose
+from quadsim.sensing.measurements import Height, Inertial, Pose
 from quadsim.sensing.sensors import Sensors
 
 # [Hz] of HIGHRES_IMU, where no set of sensors says otherwise
@@ -55,6 +55,8 @@ class Senses:
         self._measured: Motion | None = None
         self._last: Pose | None = None
         self._gyro: Vec3 = (0.0, 0.0, 0.0)
+        # the last height of the barometer [m]; None: the sensors have none
+        self.height: float | None = None
 
     def observe(self, state: PlantState[State]) -> None:
         """Note the state after a physics step."""
@@ -63,6 +65,8 @@ class Senses:
             if isinstance(measurement, Inertial):
                 self._samples.append(measurement)
                 self._gyro = measurement.gyro
+            elif isinstance(measurement, Height):
+                self.height = measurement.height
             elif isinstance(measurement, Pose):
                 self._measured = self._motion_of(measurement)
                 self._last = measurement

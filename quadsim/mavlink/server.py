@@ -57,6 +57,7 @@ from quadsim.racing.flight import (
     flight,
 )
 from quadsim.sensing import Sensing
+from quadsim.sensing.barometer import washed_height
 from quadsim.sensing.camera import Camera
 from quadsim.sensing.timing import Ticks
 from quadsim.vehicle import GRAVITY
@@ -413,8 +414,10 @@ class Server:
             self._tell_track()
         if self._due("picture", t):
             self._tell_picture(state)
-        height = state.x.pz - self._served.baro_wash * state.x.thrust / GRAVITY
         samples = senses.samples()
+        height = senses.height
+        if height is None:
+            height = washed_height(state.x, self._served.baro_wash)
         for sample in samples:
             send(imu_message(sample, height, boot - t + sample.t))
         if self._due("ACTUATOR_OUTPUT_STATUS", t):

@@ -168,6 +168,24 @@ class RotorConfig:
 
 
 @dataclass(frozen=True)
+class BarometerConfig:
+    """The numbers of a barometer."""
+
+    rate: Annotated[Rate, setting("samples a second [Hz]")]
+    noise: Annotated[Metre, setting("noise of the height [m]")] = 0.0
+    latency: Annotated[
+        Latency, setting("time from the instant of a sample to the estimator [s]")
+    ] = 0.0
+    wash: Annotated[
+        Metre,
+        setting(
+            "by how much it reads low in hover, as turning rotors change the pressure, in"
+            " proportion to the thrust [m]"
+        ),
+    ] = 0.0
+
+
+@dataclass(frozen=True)
 class CornerCamera(Camera):
     """A camera in whose pictures the corners of gates' openings are found."""
 

@@ -11,6 +11,8 @@ telemetry, G gates of the course:
     pose.attitude                 wxyz  (n, 4)
     rotors.t, rotors.taken        [s]  (n,)
     rotors.thrust                 by the rotors' speeds, mass-normalised [m/s^2]  (n,)
+    barometer.t, barometer.taken  [s]  (n,)
+    barometer.height              above the origin of the world [m]  (n,)
     corners.t, corners.taken      exposure of a corner's picture, when it was taken [s]  (n,)
     corners.gate, corners.corner  the gate (of those of the course that stand apart, from 0) and the
                                   corner that the association names  (n,)
@@ -29,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from quadsim.rotation import Vec3
-from quadsim.sensing.measurements import Corners, Inertial, Measurement, Pose, RotorThrust
+from quadsim.sensing.measurements import Corners, Height, Inertial, Measurement, Pose, RotorThrust
 
 UNKNOWN = (float("nan"),) * 3
 
@@ -89,6 +91,14 @@ TABLES = (
         ),
     ),
     Table(
+        "barometer",
+        (
+            Column("barometer.t", "float64", ()),
+            Column("barometer.taken", "float64", ()),
+            Column("barometer.height", "float64", ()),
+        ),
+    ),
+    Table(
         "corners",
         (
             Column("corners.t", "float64", ()),
@@ -115,6 +125,8 @@ def rows_of(kept: Kept) -> Iterable[tuple[str, tuple]]:
                 yield "pose", row
             case RotorThrust():
                 yield "rotors", (one.t, kept.taken, one.thrust)
+            case Height():
+                yield "barometer", (one.t, kept.taken, one.height)
             case Corners():
                 for gate, corner, pixel in zip(one.gates, one.corners, one.pixels, strict=True):
                     yield "corners", (one.t, kept.taken, gate, corner, pixel)

@@ -47,6 +47,16 @@ class RotorThrust:
     thrust: float
 
 
+@dataclass(frozen=True, slots=True)
+class Height:
+    """A height measured by a barometer."""
+
+    # [s]
+    t: float
+    # above the origin of the world [m]
+    height: float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Corners:
     """Corners of gates' openings found in one picture.
@@ -77,5 +87,5 @@ class Photo:
 
 
 # Measurements that bound the drift of the inertial unit.
-Aiding = Pose | Corners
+Aiding = Pose | Height | Corners
 Measurement = Inertial | RotorThrust | Photo | Aiding

@@ -20,6 +20,7 @@ from quadsim.files.strict_yaml import parse, setting
 from quadsim.files.values import FieldProblem
 from quadsim.files.yaml_text import dump, remade, written
 from quadsim.sensing.config import (
+    BarometerConfig,
     CornerCamera,
     GateCameraConfig,
     ImuConfig,
@@ -43,6 +44,7 @@ class SensingChanges(TypedDict, total=False):
     rotors: Mapping[str, Any] | RotorConfig | None
     camera: Mapping[str, Any] | GateCameraConfig | None
     pixels: Mapping[str, Any] | PixelCameraConfig | None
+    barometer: Mapping[str, Any] | BarometerConfig | None
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,7 @@ class Sensing:
     rotors: RotorConfig | None = None
     camera: GateCameraConfig | None = None
     pixels: PixelCameraConfig | None = None
+    barometer: BarometerConfig | None = None
 
     @property
     def exact(self) -> bool:
@@ -129,9 +132,17 @@ class SensingFile(Struct, frozen=True, kw_only=True):
     rotors: RotorConfig | None = None
     camera: GateCameraConfig | None = None
     pixels: PixelCameraConfig | None = None
+    barometer: BarometerConfig | None = None
 
 
-CONFIGS = (ImuConfig, PoseConfig, RotorConfig, GateCameraConfig, PixelCameraConfig)
+CONFIGS = (
+    ImuConfig,
+    PoseConfig,
+    RotorConfig,
+    GateCameraConfig,
+    PixelCameraConfig,
+    BarometerConfig,
+)
 SENSORS = tuple(key for key in SensingFile.__struct_fields__ if key not in ("source", "exact"))
 
 

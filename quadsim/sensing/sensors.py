@@ -15,6 +15,7 @@ from quadsim.course.obstacles import Obstacle
 from quadsim.dynamics.quadrotor import State
 from quadsim.physics.faults import BiasJump, FaultOfSensor, SensorFault, sensor_key
 from quadsim.physics.plant_state import PlantState
+from quadsim.sensing.barometer import Barometer
 from quadsim.sensing.gate_camera import GateCamera
 from quadsim.sensing.imu import Imu
 from quadsim.sensing.measurements import Inertial, Measurement
@@ -180,6 +181,8 @@ class Sensors:
         if sensing.pixels:
             assert eye
             sensors["pixels"] = PixelCamera(sensing.pixels, eye)
+        if sensing.barometer:
+            sensors["barometer"] = Barometer(sensing.barometer, streams.barometer)
         for fault in faults:
             if isinstance(fault, SensorFault):
                 key = sensor_key(fault)

@@ -85,6 +85,14 @@ def test_settings_that_change_together_take_a_value_each():
     assert (slow.link_hz, slow.sensing.camera.latency) == (40.0, 0.1)
 
 
+def test_numbers_that_change_together_make_a_sensor():
+    made = {"sensing.barometer.rate+sensing.barometer.wash": ["default", "50/0", "50/2"]}
+    ((none, dry, washed),) = planned(made, {"colored": {}}, sensing="vio").values()
+    assert none.sensing == load_sensing("vio")
+    assert (dry.sensing.barometer.rate, dry.sensing.barometer.wash) == (50, 0)
+    assert washed.sensing == load_sensing("vio").but(barometer={"rate": 50, "wash": 2})
+
+
 @pytest.mark.parametrize(
     ("over", "expected"),
     [

@@ -9,7 +9,7 @@ import pytest
 from quadsim.course import Start
 from quadsim.rotation import between, matrix
 from quadsim.sensing import load_sensing, sensing_names
-from quadsim.sensing.config import GateCameraConfig, PoseConfig
+from quadsim.sensing.config import BarometerConfig, GateCameraConfig, PoseConfig
 from quadsim.sensing.estimate_record import ESTIMATE_UNITS, estimate_row
 from quadsim.sensing.estimation.error_state import MOVING, FilterState
 from quadsim.sensing.estimation.estimator import Estimator
@@ -176,6 +176,27 @@ def test_spikes_and_false_corners_do_not_move_the_estimate():
         rows[:, 0:3] - [circle(0.01 * (k + 1)).x.position for k in range(len(rows))], axis=1
     )
     assert errors.max() < 0.3
+
+
+def test_a_barometer_holds_the_height_alone_and_its_wash_lowers_it():
+    """Beside poses whose position drifts."""
+    drifting = replace(VIO, camera=None, pose=replace(VIO.pose, drift=0.3, velocity_noise=None))
+    errors = {}
+    for name, heights in {
+        "none": None,
+        "true": BarometerConfig(rate=50, noise=0.1),
+        "washed": BarometerConfig(rate=50, noise=0.1, wash=0.3),
+        "far off": BarometerConfig(rate=50, noise=0.1, wash=3.0),
+    }.items():
+        rows, _ = flown(replace(drifting, barometer=heights), 4)
+        true = [circle(0.01 * (k + 1)).x.position for k in range(len(rows))]
+        errors[name] = rows[:, 0:3] - true
+    drifted = errors["none"][:, 2]
+    assert np.abs(drifted).max() > 2.0 * np.abs(errors["true"][:, 2]).max()
+    np.testing.assert_allclose(errors["true"][:, :2], errors["none"][:, :2], atol=0.02)
+    # The error of a wash that passes the innovation gate is taken for a drift of the poses.
+    assert errors["washed"][-1, 2] == pytest.approx(-0.3, abs=0.1)
+    np.testing.assert_allclose(errors["far off"], errors["none"], atol=1e-12)
 
 
 @pytest.mark.slow

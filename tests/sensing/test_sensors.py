@@ -11,7 +11,14 @@ from quadsim.course.obstacles import Cylinder
 from quadsim.dynamics.quadrotor import State
 from quadsim.physics.plant_state import PlantState
 from quadsim.rotation import between, matrix, turned
-from quadsim.sensing.config import GateCameraConfig, ImuConfig, PoseConfig, RotorConfig
+from quadsim.sensing.barometer import Barometer
+from quadsim.sensing.config import (
+    BarometerConfig,
+    GateCameraConfig,
+    ImuConfig,
+    PoseConfig,
+    RotorConfig,
+)
 from quadsim.sensing.gate_camera import GateCamera
 from quadsim.sensing.imu import Imu
 from quadsim.sensing.pose import PoseSensor
@@ -190,6 +197,20 @@ def test_rotor_speeds_say_the_thrust():
     assert np.std(off) == pytest.approx(
         2 * 10.0 * 2 * swift.rotors.thrust_map[0] * speed / swift.mass, rel=0.06
     )
+
+
+def test_a_barometer_reads_low_by_its_wash_in_proportion_to_the_thrust():
+    true = LONG[0].x
+    exact = measured(Barometer(BarometerConfig(rate=50), SEED))
+    assert len(exact) == 401
+    assert [m.height for m in exact] == pytest.approx([true.pz] * 401)
+    washed = measured(Barometer(BarometerConfig(rate=400, noise=0.1, wash=2.0), SEED))
+    low = [true.pz - m.height for m in washed]
+    # The circle takes more thrust than a hover.
+    assert true.thrust > 1.02 * GRAVITY
+    expected = 2.0 * true.thrust / GRAVITY
+    assert np.mean(low) == pytest.approx(expected, abs=4 * 0.1 / np.sqrt(len(low)))
+    assert np.std(low) == pytest.approx(0.1, rel=0.06)
 
 
 CAMERA = GateCameraConfig(640, 360, 320.0, 320.0, 20.0, noise=0.0)

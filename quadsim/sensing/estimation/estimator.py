@@ -21,8 +21,8 @@ from quadsim.course import Gate, Start
 from quadsim.rotation import exp
 from quadsim.sensing.estimation.error_state import MOVING, FilterState, Motion
 from quadsim.sensing.estimation.nominal import Nominal
-from quadsim.sensing.estimation.updates import CornerUpdate, Innovation, PoseUpdate
-from quadsim.sensing.measurements import Aiding, Corners, Inertial, Photo, Pose
+from quadsim.sensing.estimation.updates import CornerUpdate, HeightUpdate, Innovation, PoseUpdate
+from quadsim.sensing.measurements import Aiding, Corners, Height, Inertial, Photo, Pose
 from quadsim.sensing.pixels.tracker import Tracker
 from quadsim.sensing.sensing_file import Sensing
 
@@ -76,6 +76,7 @@ class Estimator:
         unmapped = len(gates) if displaced > 0.0 else 0
         self._motion = Motion(sensing.imu, drift, MOVING + drifts + 3 * unmapped)
         self._pose = PoseUpdate(sensing.pose) if sensing.pose else None
+        self._height = HeightUpdate(sensing.barometer) if sensing.barometer else None
         camera = sensing.corner_camera
         self._corners = CornerUpdate(camera, gates, unmapped > 0) if camera else None
         self._tracker = Tracker(sensing.pixels, gates) if sensing.pixels else None
@@ -138,6 +139,9 @@ class Estimator:
             case Pose():
                 assert self._pose
                 self.state, innovation = self._pose(before, measurement)
+            case Height():
+                assert self._height
+                self.state, innovation = self._height(before, measurement)
             case Corners():
                 assert self._corners
                 self.state, innovation = self._corners(before, measurement)

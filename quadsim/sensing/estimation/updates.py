@@ -17,9 +17,9 @@ import numpy as np
 
 from quadsim.course import Gate
 from quadsim.rotation import between, matrix
-from quadsim.sensing.config import NEAREST, CornerCamera, PoseConfig
+from quadsim.sensing.config import NEAREST, BarometerConfig, CornerCamera, PoseConfig
 from quadsim.sensing.estimation.error_state import DRIFT, POSITION, TURN, VELOCITY, FilterState
-from quadsim.sensing.measurements import Corners, Pose
+from quadsim.sensing.measurements import Corners, Height, Pose
 
 # .999 quantiles of chi-square, by its degrees of freedom
 GATE = {1: 10.8, 2: 13.8, 3: 16.3}
@@ -95,6 +95,21 @@ class PoseUpdate:
             velocity = np.subtract(pose.velocity, nominal.velocity)
             parts.append(Part(VELOCITY, velocity, self._velocity_std))
         return parts
+
+
+class HeightUpdate:
+    """Uses heights of a barometer."""
+
+    def __init__(self, config: BarometerConfig):
+        """Take the noise of the sensor, which is known; the wash of the rotors is not."""
+        self._variance = np.array([max(config.noise, LEAST_POSITION) ** 2])
+
+    def __call__(self, state: FilterState, measured: Height) -> tuple[FilterState, Innovation]:
+        """Return the state after the update by a height, and the innovation statistics."""
+        H = np.zeros((1, len(state.P)))
+        H[0, POSITION] = (0.0, 0.0, 1.0)
+        innovation = np.array([measured.height - state.nominal.position[2]])
+        return corrected(state, H, innovation, self._variance, group=1)
 
 
 class CornerUpdate:
