@@ -55,9 +55,9 @@ class CourseEye:
             look = venue_look(streams.look) if config.varied else plain_look()
         self._look = look
         self._rng = np.random.default_rng(streams.noise)
-        shape = (config.height + SPARE, config.width + SPARE, 3)
+        shape = (3, config.height + SPARE, config.width + SPARE)
         noisy = config.read_noise > 0.0 or config.shot_noise > 0.0
-        self._grain = self._rng.standard_normal(shape if noisy else (1, 1, 3), np.float32)
+        self._grain = self._rng.standard_normal(shape if noisy else (3, 1, 1), np.float32)
 
     def __call__(self, eyes: np.ndarray, axes: np.ndarray) -> np.ndarray:
         """Return a picture, as quadsim.sensing.pixel_camera.Eye does."""

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from quadsim.render.raster import WHOLE, bend
 from quadsim.sensing.camera import LensCamera
 
 # Pixels of the pinhole's picture around those that are needed
@@ -49,21 +50,24 @@ class Distortion:
         # The pixel whose middle is left of and above each place, and the way on from there.
         begin = places + half - 0.5
         corner = np.floor(begin).astype(int)
-        share = (begin - corner).astype(np.float32)
-        self._corner = corner[..., 1] * width + corner[..., 0]
-        self._right = share[..., :1]
-        self._down = share[..., 1:]
+        share = np.rint((begin - corner) * WHOLE).astype(np.int16)
+        self._corner = (corner[..., 1] * width + corner[..., 0]).ravel().astype(np.int32)
+        self._right = share[..., 0].ravel()
+        self._down = share[..., 1].ravel()
         nearest = np.rint(begin).astype(int)
         self._nearest = nearest[..., 1] * width + nearest[..., 0]
 
     def colours(self, rgb: np.ndarray) -> np.ndarray:
-        """Return the lens's colours from those of the pinhole.  (height, width, 3) uint8"""
-        width = self.pinhole.shape[1]
-        flat = rgb.reshape(-1, 3).astype(np.float32)
-        at = self._corner
-        above = flat[at] + self._right * (flat[at + 1] - flat[at])
-        below = flat[at + width] + self._right * (flat[at + width + 1] - flat[at + width])
-        return np.rint(above + self._down * (below - above)).astype(np.uint8)
+        """Return the lens's colours from those of the pinhole.
+
+        rgb: as in quadsim.render.raster.Drawn.
+
+        Returns:
+            (height, width, 3) uint8
+        """
+        bent = np.empty((*self._nearest.shape, 3), np.uint8)
+        bend(rgb, self._corner, self._right, self._down, bent.reshape(-1))
+        return bent
 
     def nearest(self, values: np.ndarray) -> np.ndarray:
         """Return the values of the nearest pixels of the pinhole's picture.  (height, width)"""

@@ -42,8 +42,10 @@ class Sky(NamedTuple):
     its middle is the zenith, its edges touch the horizon.
     """
 
-    # colours by the square root of the sine of the elevation  (256, 3) float32
-    gradient: np.ndarray
+    # colours at the horizon and at the zenith, between which they are linear in the square root of
+    # the sine of the elevation  (3,) float32
+    horizon: np.ndarray
+    zenith: np.ndarray
     # shares of the cloud's colour, 0 to 1  (edge, edge) float32; (1, 1): no cloud
     cover: np.ndarray
     # colour of the clouds  (3,) float32
@@ -213,8 +215,12 @@ def _light(rng: np.random.Generator) -> Light:
 
 def _gradient(horizon: Sequence[float] | np.ndarray, zenith: Sequence[float] | np.ndarray) -> Sky:
     """Return a sky whose colour changes from the horizon to the zenith."""
-    colours = np.linspace(horizon, zenith, 256).astype(np.float32)
-    return Sky(colours, np.zeros((1, 1), np.float32), np.zeros(3, np.float32))
+    return Sky(
+        horizon=np.array(horizon, np.float32),
+        zenith=np.array(zenith, np.float32),
+        cover=np.zeros((1, 1), np.float32),
+        cloud=np.zeros(3, np.float32),
+    )
 
 
 def _clouds(rng: np.random.Generator) -> Sky:

@@ -13,6 +13,10 @@ inequalities, and the largest 1 / depth of a pixel is what is seen. No face is c
 A picture is the mean of several passes. Each row of each pass has a pose of its own, so that a
 shutter may stay open (motion blur) and may read one row after another (rolling shutter), and each
 pass has an offset within the pixel, which smooths edges.
+
+The loops over columns are written so that the compiler makes vector code of them: single precision,
+no branches, loads from tables apart from arithmetic, and unsigned indices, as numba tests whether
+signed ones count from the end.
 """
 
 from __future__ import annotations
@@ -32,18 +36,26 @@ ELLIPSE = 1
 NONE = -1
 # [m] A face nearer than this is not drawn.
 NEAR = 0.05
-# Share by which a face must be nearer than another one: the first of two in one plane is seen.
-TIE = 1e-6
+# [m] Nor is a face farther than this.
+FAR = 1e6
+# Factor of 1 / depth of a face that is compared with others: the first of two in one plane is seen.
+NEARER = np.float32(1.0 - 1e-6)
 # [px] Rows added to those between the projected corners of a face, as the pose changes by row
 MARGIN = 3
-# Columns that share a level of detail
+# A column to begin with: numba compiles functions twice for a variable that begins as a literal.
+START = np.int64(0)
+# Columns that are compared at once, and that share a level of detail
 COLUMNS = 16
+# Largest size of a texel of the level of detail that is used, in 1 / px
+FINEST = 1.4
 # Numbers of single precision, so that a loop computes in it
 ZERO = np.float32(0.0)
 HALF = np.float32(0.5)
 ONE = np.float32(1.0)
 WHITE = np.float32(255.0)
-STEPS = np.float32(255.0)
+# Parts of a pixel in the weights of `bend`, and the bits of its square
+WHOLE = np.int32(256)
+SHIFT = np.int32(16)
 # texels of a texture's edge, and levels of detail of a texture, each half as fine as the one before
 TEXELS = 128
 LEVELS = 8
@@ -56,6 +68,8 @@ class Faces(NamedTuple):
     origin: np.ndarray
     a: np.ndarray
     b: np.ndarray
+    # a x b [m^2]  (n, 3)
+    normal: np.ndarray
     # RECTANGLE or ELLIPSE  (n,) int64
     kind: np.ndarray
     # half sizes of the hole in shares of a and b, 0: none  (n, 2)
@@ -68,6 +82,8 @@ class Faces(NamedTuple):
     texture: np.ndarray
     # half the number of repetitions along a and along b  (n, 2)
     repeats: np.ndarray
+    # texels of its finest level in a metre, times |a x b| [m]  (n,)
+    texels: np.ndarray
     # colour in the light of the scene, 0 to 1  (n, 3) float32
     tint: np.ndarray
 
@@ -82,10 +98,70 @@ class Film(NamedTuple):
     # variance per unit of the number
     shot: float
     # standard normal numbers, which reach over the picture from `shift` on
-    # (rows, columns, 3) float32
+    # (3, rows, columns) float32
     grain: np.ndarray
     # row and column of `grain` at the picture's first pixel
     shift: tuple[int, int]
+
+
+class Drawn(NamedTuple):
+    """The arrays that `draw` fills."""
+
+    # red, green and blue of each pixel in turn  (height, 3 width) uint8
+    rgb: np.ndarray
+    # of the first pass, along the optical axis [1/m]  (height, width) float32
+    inverse_depth: np.ndarray
+    # index of the face that the first pass sees, NONE: sky  (height, width) int16
+    seen: np.ndarray
+
+
+class Row(NamedTuple):
+    """Work space of one row of the picture."""
+
+    # the columns, 0, 1, 2 and so on  (width,) float32
+    ramp: np.ndarray
+    # 1 / depth and index of the nearest face so far  (width,) float32, int32
+    nearest: np.ndarray
+    face: np.ndarray
+    # sums of the colours of all passes, and number of passes that see the sky  (width,) float32
+    red: np.ndarray
+    green: np.ndarray
+    blue: np.ndarray
+    clear: np.ndarray
+    # place in a texture, and what is there  (width,) uint32, uint32, int32
+    line: np.ndarray
+    place: np.ndarray
+    texel: np.ndarray
+    # square root of the sine of the elevation, and cover of the sky  (width,) float32
+    height: np.ndarray
+    cover: np.ndarray
+    # the numbers of the picture  (3, width) uint8
+    numbers: np.ndarray
+    # indices of the faces that reach into the row, and the numbers of `_line` of each face, with
+    # its texels in a pixel at depth 1, times fx  (n,) int64, (n, 7)
+    active: np.ndarray
+    lines: np.ndarray
+
+
+def work_space(width: int, faces: int) -> Row:
+    """Return the work space of a row of a picture with so many faces."""
+    return Row(
+        ramp=np.arange(width, dtype=np.float32),
+        nearest=np.empty(width, np.float32),
+        face=np.empty(width, np.int32),
+        red=np.empty(width, np.float32),
+        green=np.empty(width, np.float32),
+        blue=np.empty(width, np.float32),
+        clear=np.empty(width, np.float32),
+        line=np.empty(width, np.uint32),
+        place=np.empty(width, np.uint32),
+        texel=np.empty(width, np.int32),
+        height=np.empty(width, np.float32),
+        cover=np.empty(width, np.float32),
+        numbers=np.empty((3, width), np.uint8),
+        active=np.empty(faces, np.int64),
+        lines=np.empty((faces, 7)),
+    )
 
 
 def pyramid(texture: np.ndarray) -> np.ndarray:
@@ -110,9 +186,7 @@ def pyramid(texture: np.ndarray) -> np.ndarray:
 
 @kept
 @njit(fastmath=FAST, error_model="numpy", nogil=True)
-def rows_of_faces(  # noqa: PLR0913 (the arrays of the faces one by one, for the compiler)
-    eyes, axes, origin, a, b, two_sided, lens, shape, rows
-):
+def rows_of_faces(eyes, axes, faces, lens, shape, rows):
     """Fill rows with the first row of each face and the row after its last.  (n, 2)
 
     A face that is turned away, behind the camera or beside the picture has no rows.
@@ -120,13 +194,14 @@ def rows_of_faces(  # noqa: PLR0913 (the arrays of the faces one by one, for the
     Args:
         eyes: position of the camera by pass and row [m]  (passes, height, 3).
         axes: rotation world from camera by pass and row  (passes, height, 3, 3).
-        origin, a, b, two_sided: as in Faces.
+        faces: Faces.
         lens: focal lengths and centre, fx, fy, cx, cy [px].
         shape: height and width of the picture [px].
         rows: the result.
     """
     fx, fy, cx, cy = lens
     height, width = shape
+    origin, a, b = faces.origin, faces.a, faces.b
     for f in range(len(origin)):
         top = 1e9
         bottom = -1e9
@@ -140,10 +215,7 @@ def rows_of_faces(  # noqa: PLR0913 (the arrays of the faces one by one, for the
                 row = part * (height - 1) // 2
                 out = 0.0
                 for i in range(3):
-                    j = (i + 1) % 3
-                    k = (i + 2) % 3
-                    n = a[f, j] * b[f, k] - a[f, k] * b[f, j]
-                    out += n * (eyes[s, row, i] - origin[f, i])
+                    out += faces.normal[f, i] * (eyes[s, row, i] - origin[f, i])
                 turned &= out <= 0.0
                 for corner in range(4):
                     su = 1.0 - 2.0 * (corner % 2)
@@ -166,7 +238,7 @@ def rows_of_faces(  # noqa: PLR0913 (the arrays of the faces one by one, for the
                     bottom = max(bottom, fy * y / z + cy)
         rows[f, 0] = 0
         rows[f, 1] = 0
-        if ahead == 0 or (turned and not two_sided[f]):
+        if ahead == 0 or (turned and not faces.two_sided[f]):
             continue
         if behind:
             rows[f, 1] = height
@@ -175,36 +247,344 @@ def rows_of_faces(  # noqa: PLR0913 (the arrays of the faces one by one, for the
             rows[f, 1] = max(min(int(bottom) + MARGIN + 1, height), rows[f, 0])
 
 
+@njit(fastmath=FAST, error_model="numpy")
+def _ray(axes, offset, lens, y):
+    """Return the direction of the ray through column 0 of a row, and its change by column."""
+    fx, fy, cx, cy = lens
+    right = (0.5 + offset[0] - cx) / fx
+    down = (y + 0.5 + offset[1] - cy) / fy
+    dx = axes[0, 0] * right + axes[0, 1] * down + axes[0, 2]
+    dy = axes[1, 0] * right + axes[1, 1] * down + axes[1, 2]
+    dz = axes[2, 0] * right + axes[2, 1] * down + axes[2, 2]
+    return dx, dy, dz, axes[0, 0] / fx, axes[1, 0] / fx, axes[2, 0] / fx
+
+
+@njit(fastmath=FAST, error_model="numpy")
+def _line(n, a, b, w, away, ray):
+    """Return 1 / depth, u / depth and v / depth at column 0, each followed by its change by column.
+
+    Args:
+        n: the normal, a x b, of a face.
+        a, b: its half axes.
+        w: its centre from the eye.
+        away: n.w.
+        ray: by `_ray`.
+    """
+    nx, ny, nz = n
+    ax, ay, az = a
+    bx, by, bz = b
+    wx, wy, wz = w
+    dx, dy, dz, ex, ey, ez = ray
+    scale = 1.0 / away
+    q0 = (nx * dx + ny * dy + nz * dz) * scale
+    q1 = (nx * ex + ny * ey + nz * ez) * scale
+    cross_x = by * wz - bz * wy
+    cross_y = bz * wx - bx * wz
+    cross_z = bx * wy - by * wx
+    u0 = (cross_x * dx + cross_y * dy + cross_z * dz) * scale
+    u1 = (cross_x * ex + cross_y * ey + cross_z * ez) * scale
+    cross_x = wy * az - wz * ay
+    cross_y = wz * ax - wx * az
+    cross_z = wx * ay - wy * ax
+    v0 = (cross_x * dx + cross_y * dy + cross_z * dz) * scale
+    v1 = (cross_x * ex + cross_y * ey + cross_z * ez) * scale
+    return q0, q1, u0, u1, v0, v1
+
+
+@njit(fastmath=FAST, error_model="numpy")
+def _where_positive(k0, k1, low, high):
+    """Return the part of the columns from `low` to `high` in which k0 + k1 column >= 0."""
+    root = -k0 / k1
+    if k1 > 0.0:
+        return max(low, root), high
+    if k1 < 0.0:
+        return low, min(high, root)
+    return low, (high if k0 >= 0.0 else -1.0)
+
+
+@njit(fastmath=FAST, error_model="numpy")
+def _in_rectangle(line, half_u, half_v, low, high):
+    """Return the part of the columns in which |u| <= half_u and |v| <= half_v."""
+    q0, q1, u0, u1, v0, v1 = line
+    low, high = _where_positive(half_u * q0 - u0, half_u * q1 - u1, low, high)
+    low, high = _where_positive(half_u * q0 + u0, half_u * q1 + u1, low, high)
+    low, high = _where_positive(half_v * q0 - v0, half_v * q1 - v1, low, high)
+    return _where_positive(half_v * q0 + v0, half_v * q1 + v1, low, high)
+
+
+@njit(fastmath=FAST, error_model="numpy")
+def _in_ellipse(line, low, high):
+    """Return the part of the columns in which u^2 + v^2 <= 1."""
+    # q^2 - u^2 - v^2 >= 0, a parabola that opens downwards or misses the row
+    q0, q1, u0, u1, v0, v1 = line
+    k2 = q1 * q1 - u1 * u1 - v1 * v1
+    k1 = 2.0 * (q0 * q1 - u0 * u1 - v0 * v1)
+    k0 = q0 * q0 - u0 * u0 - v0 * v0
+    inside = k1 * k1 - 4.0 * k2 * k0
+    if k2 >= 0.0 or inside < 0.0:
+        return low, -1.0
+    root = np.sqrt(inside)
+    return max(low, (k1 - root) / (-2.0 * k2)), min(high, (k1 + root) / (-2.0 * k2))
+
+
+@njit(fastmath=FAST, error_model="numpy")
+def _enter(f, q0, q1, first, end, ramp, nearest, face):
+    """Enter a face in the columns from `first` to `end` in which it is the nearest so far."""
+    q_first = np.float32(q0 + q1 * first)
+    change = np.float32(q1)
+    number = np.int32(f)
+    x = np.uint64(first)
+    for i in range(np.uint64(max(end - first, 0))):
+        q = q_first + change * ramp[i]
+        nearer = q * NEARER > nearest[x + i]
+        nearest[x + i] = q if nearer else nearest[x + i]
+        face[x + i] = number if nearer else face[x + i]
+
+
+@njit(fastmath=FAST, error_model="numpy")
+def _enter_all(  # noqa: PLR0913
+    active, count, faces, eye, ray, ramp, nearest, face, lines
+):
+    """Find the nearest face in each column of one pass.
+
+    Args:
+        active: indices of the faces that reach into this row.
+        faces: Faces.
+        eye: position of the camera [m]  (3,).
+        ray: by `_ray`.
+        ramp: the columns, 0, 1, 2 and so on  (width,) float32.
+        nearest, face: 1 / depth [1/m] and index of the nearest face, filled  (width,).
+        lines: of each face that is entered, the six numbers of `_line`, and the number of texels
+            in a pixel at depth 1, times fx  (n, 7).
+    """
+    for x in range(len(face)):
+        nearest[x] = ZERO
+        face[x] = NONE
+    last = len(face) - 1.0
+    for index in range(count):
+        f = active[index]
+        wx = faces.origin[f, 0] - eye[0]
+        wy = faces.origin[f, 1] - eye[1]
+        wz = faces.origin[f, 2] - eye[2]
+        n = (faces.normal[f, 0], faces.normal[f, 1], faces.normal[f, 2])
+        away = n[0] * wx + n[1] * wy + n[2] * wz
+        if away == 0.0 or (away > 0.0 and not faces.two_sided[f]):
+            continue
+        a = (faces.a[f, 0], faces.a[f, 1], faces.a[f, 2])
+        b = (faces.b[f, 0], faces.b[f, 1], faces.b[f, 2])
+        line = _line(n, a, b, (wx, wy, wz), away, ray)
+        q0, q1 = line[0], line[1]
+
+        # The columns that it covers, at depths from NEAR to FAR.
+        low, high = _where_positive(q0 - 1.0 / FAR, q1, 0.0, last)
+        low, high = _where_positive(1.0 / NEAR - q0, -q1, low, high)
+        if faces.kind[f] == ELLIPSE:
+            low, high = _in_ellipse(line, low, high)
+        else:
+            low, high = _in_rectangle(line, 1.0, 1.0, low, high)
+        if low > high:
+            continue
+        for k in range(6):
+            lines[f, k] = line[k]
+        lines[f, 6] = faces.texels[f] / abs(away)
+        first = int(np.ceil(low))
+        end = int(np.floor(high)) + 1
+        # What is right of its hole, and the rest, left of the hole.
+        if faces.hole[f, 0] > 0.0:
+            low, high = _in_rectangle(line, faces.hole[f, 0], faces.hole[f, 1], low, high)
+            if low <= high:
+                _enter(f, q0, q1, max(int(np.floor(high)) + 1, first), end, ramp, nearest, face)
+                end = min(int(np.ceil(low)), end)
+        _enter(f, q0, q1, first, end, ramp, nearest, face)
+
+
+@njit(fastmath=FAST, error_model="numpy")
+def _end_of_run(face, first):
+    """Return the column after the last one that sees the same face as column `first`."""
+    f = face[first]
+    end = first
+    while end + COLUMNS <= len(face):
+        others = 0
+        x = np.uint64(end)
+        for i in range(np.uint64(COLUMNS)):
+            others += face[x + i] != f
+        if others:
+            break
+        end += COLUMNS
+    while end < len(face) and face[end] == f:
+        end += 1
+    return end
+
+
+@njit(fastmath=FAST, error_model="numpy")
+def _level(size):
+    """Return the first texel and the edge of the level of detail for texels of this size [1/px]."""
+    begin = 0
+    edge = TEXELS
+    while size > FINEST and edge > 1:
+        size *= 0.5
+        begin += edge * edge
+        edge //= 2
+    return begin, edge
+
+
+@njit(fastmath=FAST, error_model="numpy")
+def _add_texture(  # noqa: PLR0913
+    line, repeats, fx, texels, tint, first, end, ramp, nearest, place, texel, red, green, blue
+):
+    """Add a texture to the columns from `first` to `end`.
+
+    Args:
+        line: of `lines`, as in `_enter_all`.
+        repeats: half the number of repetitions along both axes  (2,).
+        fx: focal length [px].
+        texels: by `pyramid`.
+        tint: factor of the colours  (3,).
+        first, end: columns.
+        ramp, nearest: as in `_enter_all`.
+        place, texel: work space  (width,) uint32, int32.
+        red, green, blue: sums of light  (width,).
+    """
+    u0, u1 = repeats[0] * line[2], repeats[0] * line[3]
+    v0, v1 = repeats[1] * line[4], repeats[1] * line[5]
+    size = line[6] / fx
+    r, g, b = tint[0], tint[1], tint[2]
+    # As 1 / depth is linear in the column, all columns have the level of detail that both ends
+    # have. If these differ, COLUMNS share the level of their middle.
+    _, left = _level(size / nearest[first] ** 2)
+    _, right = _level(size / nearest[end - 1] ** 2)
+    together = end - first if left == right else COLUMNS
+    for some in range(first, end, together):
+        stop = min(some + together, end)
+        begin, edge = _level(size / nearest[(some + stop) // 2] ** 2)
+        scale = np.float32(edge)
+        wide = np.int32(edge)
+        inside = np.int32(edge - 1)
+        offset = np.int32(begin)
+        u_first, u_change = np.float32(u0 + u1 * some), np.float32(u1)
+        v_first, v_change = np.float32(v0 + v1 * some), np.float32(v1)
+        x = np.uint64(some)
+        count = np.uint64(stop - some)
+        for i in range(count):
+            depth = scale / nearest[x + i]
+            u = np.int32(np.floor((u_first + u_change * ramp[i]) * depth)) & inside
+            v = np.int32(np.floor((v_first + v_change * ramp[i]) * depth)) & inside
+            place[i] = np.uint32(offset + v * wide + u)
+        for i in range(count):
+            texel[i] = texels[place[i]]
+        for i in range(count):
+            red[x + i] += r * np.float32(texel[i] & 255)
+            green[x + i] += g * np.float32((texel[i] >> 8) & 255)
+            blue[x + i] += b * np.float32(texel[i] >> 16)
+
+
+@njit(fastmath=FAST, error_model="numpy")
+def _add_plain(values, first, end, number):
+    """Add a number to the columns from `first` to `end`."""
+    for x in range(np.uint64(first), np.uint64(end)):
+        values[x] += number
+
+
+@njit(fastmath=FAST, error_model="numpy")
+def _add_sky(  # noqa: PLR0913
+    ray, sky, first, end, ramp, clear, height, cover, line, column, red, green, blue
+):
+    """Add the sky to the columns from `first` to `end`, times the number of passes that see it.
+
+    Args:
+        ray: by `_mean_ray`.
+        sky: quadsim.render.look.Sky.
+        first, end: columns.
+        ramp: as in `_enter_all`.
+        clear: number of passes that see the sky  (width,) float32.
+        height, cover, line, column: work space  (width,) float32 and uint32.
+        red, green, blue: sums of light  (width,).
+    """
+    dx, dy, dz, ex, ey, ez = ray
+    x_first, x_change = np.float32(dx + ex * first), np.float32(ex)
+    y_first, y_change = np.float32(dy + ey * first), np.float32(ey)
+    z_first, z_change = np.float32(dz + ez * first), np.float32(ez)
+    middle = np.float32(sky.cover.shape[0] - 1) * HALF
+    begin = np.uint64(first)
+    count = np.uint64(end - first)
+    for i in range(count):
+        x = x_first + x_change * ramp[i]
+        y = y_first + y_change * ramp[i]
+        z = z_first + z_change * ramp[i]
+        unit = ONE / np.sqrt(x * x + y * y + z * z)
+        up = min(max(z * unit, ZERO), ONE)
+        height[i] = np.sqrt(up)
+        half = middle / (ONE + up) * unit
+        line[i] = np.uint32(np.int32(middle + half * x))
+        column[i] = np.uint32(np.int32(middle + half * y))
+    for i in range(count):
+        cover[i] = sky.cover[line[i], column[i]]
+    for c, light in ((0, red), (1, green), (2, blue)):
+        horizon, cloud = sky.horizon[c], sky.cloud[c]
+        rise = sky.zenith[c] - horizon
+        for i in range(count):
+            colour = horizon + height[i] * rise
+            light[begin + i] += clear[begin + i] * (colour + cover[i] * (cloud - colour))
+
+
+@njit(fastmath=FAST, error_model="numpy")
+def _develop(light, factor, read, shot, grain, numbers):
+    """Convert the light of one colour in a row to numbers up to 255, with noise."""
+    if read > ZERO or shot > ZERO:
+        for x in range(len(light)):
+            number = light[x] * factor
+            number += np.sqrt(read * read + shot * max(number, ZERO)) * grain[x]
+            numbers[x] = np.uint8(np.int32(min(max(number + HALF, ZERO), WHITE)))
+    else:
+        for x in range(len(light)):
+            numbers[x] = np.uint8(np.int32(min(max(light[x] * factor + HALF, ZERO), WHITE)))
+
+
+@njit(fastmath=FAST, error_model="numpy")
+def _interleave(red, green, blue, pixels):
+    """Write the three numbers of each pixel one after another."""
+    for x in range(len(red)):
+        pixels[3 * x] = red[x]
+        pixels[3 * x + 1] = green[x]
+        pixels[3 * x + 2] = blue[x]
+
+
+@njit(fastmath=FAST, error_model="numpy")
+def _see(f, line, first, end, inverse_depth, seen):
+    """Write what the columns from `first` to `end` see: a face and its 1 / depth."""
+    q0, q1 = line[0], line[1]
+    number = np.int16(f)
+    for x in range(np.uint64(first), np.uint64(end)):
+        inverse_depth[x] = np.float32(q0 + q1 * np.float64(x)) if number != NONE else ZERO
+        seen[x] = number
+
+
+@njit(fastmath=FAST, error_model="numpy")
+def _mean_ray(axes, offsets, lens, y):
+    """Return the sum of `_ray` over all passes, whose direction is their mean direction."""
+    sx, sy, sz, tx, ty, tz = _ray(axes[0, y], offsets[0], lens, y)
+    for s in range(1, len(axes)):
+        dx, dy, dz, ex, ey, ez = _ray(axes[s, y], offsets[s], lens, y)
+        sx, sy, sz = sx + dx, sy + dy, sz + dz
+        tx, ty, tz = tx + ex, ty + ey, tz + ez
+    return sx, sy, sz, tx, ty, tz
+
+
+@njit(fastmath=FAST, error_model="numpy")
+def _reaching(rows, y, active):
+    """Write the indices of the faces that reach into row y, and return their number."""
+    count = START
+    for f in range(len(rows)):
+        if rows[f, 0] <= y < rows[f, 1]:
+            active[count] = f
+            count += 1
+    return count
+
+
 @kept
 @njit(fastmath=FAST, error_model="numpy", nogil=True)
-def draw(  # noqa: PLR0913, PLR0912, PLR0915, C901 (one loop nest, arrays one by one)
-    eyes,
-    axes,
-    offsets,
-    rows,
-    origin,
-    a,
-    b,
-    kind,
-    hole,
-    two_sided,
-    texture,
-    repeats,
-    tint,
-    textures,
-    gradient,
-    cover,
-    cloud,
-    lens,
-    gain,
-    read,
-    shot,
-    grain,
-    shift_row,
-    shift_column,
-    rgb,
-    inverse_depth,
-    seen,
+def draw(  # noqa: PLR0913
+    eyes, axes, offsets, rows, faces, textures, sky, lens, film, row, drawn
 ):
     """Draw a picture.
 
@@ -212,249 +592,100 @@ def draw(  # noqa: PLR0913, PLR0912, PLR0915, C901 (one loop nest, arrays one by
         eyes, axes: pose of the camera by pass and row, as in `rows_of_faces`.
         offsets: offset of each pass within the pixel, to the right and down [px]  (passes, 2).
         rows: rows of each face, by `rows_of_faces`.
-        origin to tint: as in Faces.
+        faces: Faces.
         textures: levels of detail of each texture, by `pyramid`  (textures, n).
-        gradient, cover, cloud: as in quadsim.render.look.Sky.
+        sky: quadsim.render.look.Sky.
         lens: focal lengths and centre, fx, fy, cx, cy [px].
-        gain, read, shot, grain, shift_row, shift_column: as in Film.
-        rgb: the picture  (height, width, 3) uint8.
-        inverse_depth: of the first pass, along the optical axis [1/m]  (height, width) float32.
-        seen: index of the face that the first pass sees, NONE: sky  (height, width) int16.
+        film: Film.
+        row: Row, the work space.
+        drawn: Drawn, which is filled.
     """
-    fx, fy, cx, cy = lens
-    passes = eyes.shape[0]
-    height = rgb.shape[0]
-    width = rgb.shape[1]
-    n = len(origin)
-    nearest = np.empty(width)
-    face = np.empty(width, np.int64)
-    light = np.empty((3, width), np.float32)
-    # u / depth and v / depth at column 0, and their change by column; factor of a texel's size
-    at = np.empty((n, 5))
-    middle = np.float32(cover.shape[0] - 1) / np.float32(2.0)
-    factor = gain / np.float32(passes)
-    lowest = 1.0 / 1e6
-    for y in range(height):
-        light[:] = 0.0
-        for s in range(passes):
-            # The direction of the ray through column 0, and its change by column.
-            px = eyes[s, y, 0]
-            py = eyes[s, y, 1]
-            pz = eyes[s, y, 2]
-            ahead_x = (0.5 + offsets[s, 0] - cx) / fx
-            ahead_y = (y + 0.5 + offsets[s, 1] - cy) / fy
-            R = axes[s, y]
-            dx = R[0, 0] * ahead_x + R[0, 1] * ahead_y + R[0, 2]
-            dy = R[1, 0] * ahead_x + R[1, 1] * ahead_y + R[1, 2]
-            dz = R[2, 0] * ahead_x + R[2, 1] * ahead_y + R[2, 2]
-            ex = R[0, 0] / fx
-            ey = R[1, 0] / fx
-            ez = R[2, 0] / fx
-
-            # Which face is nearest in each column.
-            nearest[:] = 0.0
-            face[:] = NONE
-            for f in range(n):
-                if y < rows[f, 0] or y >= rows[f, 1]:
-                    continue
-                ax = a[f, 0]
-                ay = a[f, 1]
-                az = a[f, 2]
-                bx = b[f, 0]
-                by = b[f, 1]
-                bz = b[f, 2]
-                wx = origin[f, 0] - px
-                wy = origin[f, 1] - py
-                wz = origin[f, 2] - pz
-                nx = ay * bz - az * by
-                ny = az * bx - ax * bz
-                nz = ax * by - ay * bx
-                away = nx * wx + ny * wy + nz * wz
-                if away == 0.0 or (away > 0.0 and not two_sided[f]):
-                    continue
-                # 1 / depth, u / depth and v / depth at column 0, and their change by column
-                scale = 1.0 / away
-                q0 = (nx * dx + ny * dy + nz * dz) * scale
-                q1 = (nx * ex + ny * ey + nz * ez) * scale
-                cross_x = by * wz - bz * wy
-                cross_y = bz * wx - bx * wz
-                cross_z = bx * wy - by * wx
-                u0 = (cross_x * dx + cross_y * dy + cross_z * dz) * scale
-                u1 = (cross_x * ex + cross_y * ey + cross_z * ez) * scale
-                cross_x = wy * az - wz * ay
-                cross_y = wz * ax - wx * az
-                cross_z = wx * ay - wy * ax
-                v0 = (cross_x * dx + cross_y * dy + cross_z * dz) * scale
-                v1 = (cross_x * ex + cross_y * ey + cross_z * ez) * scale
-
-                # The columns that it covers: where lowest <= q <= 1 / NEAR and, for a rectangle,
-                # |u| <= q and |v| <= q. Each is k0 + k1 column >= 0.
-                low = 0.0
-                high = width - 1.0
-                conditions = 6 if kind[f] == RECTANGLE else 2
-                for c in range(conditions):
-                    if c == 0:
-                        k0, k1 = q0 - lowest, q1
-                    elif c == 1:
-                        k0, k1 = 1.0 / NEAR - q0, -q1
-                    elif c == 2:
-                        k0, k1 = q0 - u0, q1 - u1
-                    elif c == 3:
-                        k0, k1 = q0 + u0, q1 + u1
-                    elif c == 4:
-                        k0, k1 = q0 - v0, q1 - v1
-                    else:
-                        k0, k1 = q0 + v0, q1 + v1
-                    if k1 > 0.0:
-                        low = max(low, -k0 / k1)
-                    elif k1 < 0.0:
-                        high = min(high, -k0 / k1)
-                    elif k0 < 0.0:
-                        high = -1.0
-                if kind[f] == ELLIPSE:
-                    # q^2 - u^2 - v^2 >= 0, a parabola that opens downwards or misses the row
-                    k2 = q1 * q1 - u1 * u1 - v1 * v1
-                    k1 = 2.0 * (q0 * q1 - u0 * u1 - v0 * v1)
-                    k0 = q0 * q0 - u0 * u0 - v0 * v0
-                    inside = k1 * k1 - 4.0 * k2 * k0
-                    if k2 >= 0.0 or inside < 0.0:
-                        continue
-                    root = np.sqrt(inside)
-                    low = max(low, (k1 - root) / (-2.0 * k2))
-                    high = min(high, (k1 + root) / (-2.0 * k2))
-                if low > high:
-                    continue
-                first = int(np.ceil(low))
-                end = int(np.floor(high)) + 1
-
-                # The columns of its hole.
-                hole_first = end
-                hole_end = end
-                hu = hole[f, 0]
-                hv = hole[f, 1]
-                if hu > 0.0:
-                    for c in range(4):
-                        if c == 0:
-                            k0, k1 = hu * q0 - u0, hu * q1 - u1
-                        elif c == 1:
-                            k0, k1 = hu * q0 + u0, hu * q1 + u1
-                        elif c == 2:
-                            k0, k1 = hv * q0 - v0, hv * q1 - v1
-                        else:
-                            k0, k1 = hv * q0 + v0, hv * q1 + v1
-                        if k1 > 0.0:
-                            low = max(low, -k0 / k1)
-                        elif k1 < 0.0:
-                            high = min(high, -k0 / k1)
-                        elif k0 < 0.0:
-                            high = -1.0
-                    if low <= high:
-                        hole_first = max(int(np.ceil(low)), first)
-                        hole_end = min(int(np.floor(high)) + 1, end)
-
-                # A texel's size in pixels follows from the depth and the slant of the face.
-                at[f, 0] = u0
-                at[f, 1] = u1
-                at[f, 2] = v0
-                at[f, 3] = v1
-                edge = np.sqrt(repeats[f, 0] * repeats[f, 1] / np.sqrt(nx * nx + ny * ny + nz * nz))
-                normal = np.sqrt(nx * nx + ny * ny + nz * nz)
-                at[f, 4] = TEXELS * edge * normal / (fx * abs(away))
-                for x in range(first, hole_first):
-                    q = q0 + q1 * x
-                    if q * (1.0 - TIE) > nearest[x]:
-                        nearest[x] = q
-                        face[x] = f
-                for x in range(hole_end, end):
-                    q = q0 + q1 * x
-                    if q * (1.0 - TIE) > nearest[x]:
-                        nearest[x] = q
-                        face[x] = f
+    # The arrays of the innermost loops one by one: numba counts references to those of a record.
+    ramp, nearest, face, lines = row.ramp, row.nearest, row.face, row.lines
+    red, green, blue, clear = row.red, row.green, row.blue, row.clear
+    line, place, texel = row.line, row.place, row.texel
+    height, cover, numbers = row.height, row.cover, row.numbers
+    width = len(face)
+    factor = np.float32(film.gain / len(eyes))
+    read = np.float32(film.read)
+    shot = np.float32(film.shot)
+    noisy = read > ZERO or shot > ZERO
+    top, left = film.shift
+    for y in range(len(drawn.rgb)):
+        count = _reaching(rows, y, row.active)
+        for x in range(width):
+            red[x] = ZERO
+            green[x] = ZERO
+            blue[x] = ZERO
+            clear[x] = ZERO
+        sky_first = width
+        sky_end = START
+        for s in range(len(eyes)):
+            ray = _ray(axes[s, y], offsets[s], lens, y)
+            _enter_all(row.active, count, faces, eyes[s, y], ray, ramp, nearest, face, lines)
 
             # Colours, by runs of columns that see the same face.
-            end = 0
+            end = START
             while end < width:
                 first = end
+                end = _end_of_run(face, first)
                 f = face[first]
-                while end < width and face[end] == f:
-                    end += 1
-                if f == NONE and cover.shape[0] > 1:
-                    for x in range(first, end):
-                        gx = np.float32(dx + x * ex)
-                        gy = np.float32(dy + x * ey)
-                        gz = np.float32(dz + x * ez)
-                        long = ONE / np.sqrt(gx * gx + gy * gy + gz * gz)
-                        up = min(max(gz * long, ZERO), ONE)
-                        k = np.int32(np.sqrt(up) * STEPS)
-                        half = middle / (ONE + up) * long
-                        row = np.int32(middle + half * gx)
-                        column = np.int32(middle + half * gy)
-                        cloudy = cover[row, column]
-                        for c in range(3):
-                            clear = gradient[k, c]
-                            light[c, x] += clear + cloudy * (cloud[c] - clear)
-                elif f == NONE:
-                    for x in range(first, end):
-                        gx = np.float32(dx + x * ex)
-                        gy = np.float32(dy + x * ey)
-                        gz = np.float32(dz + x * ez)
-                        up = min(max(gz / np.sqrt(gx * gx + gy * gy + gz * gz), ZERO), ONE)
-                        k = np.int32(np.sqrt(up) * STEPS)
-                        for c in range(3):
-                            light[c, x] += gradient[k, c]
-                elif texture[f] == NONE:
-                    for c in range(3):
-                        plain = WHITE * tint[f, c]
-                        for x in range(first, end):
-                            light[c, x] += plain
+                if f == NONE:
+                    sky_first = min(sky_first, first)
+                    sky_end = max(sky_end, end)
+                    _add_plain(clear, first, end, ONE)
+                elif faces.texture[f] == NONE:
+                    _add_plain(red, first, end, WHITE * faces.tint[f, 0])
+                    _add_plain(green, first, end, WHITE * faces.tint[f, 1])
+                    _add_plain(blue, first, end, WHITE * faces.tint[f, 2])
                 else:
-                    # The level of detail is that of the middle of some columns.
-                    u0 = at[f, 0] * repeats[f, 0]
-                    u1 = at[f, 1] * repeats[f, 0]
-                    v0 = at[f, 2] * repeats[f, 1]
-                    v1 = at[f, 3] * repeats[f, 1]
-                    red = tint[f, 0]
-                    green = tint[f, 1]
-                    blue = tint[f, 2]
-                    texels = textures[texture[f]]
-                    for some in range(first, end, COLUMNS):
-                        stop = min(some + COLUMNS, end)
-                        depth = 1.0 / nearest[(some + stop) // 2]
-                        size = at[f, 4] * depth * depth
-                        level = 0
-                        edge = TEXELS
-                        begin = 0
-                        while size > 1.4 and level < LEVELS - 1:
-                            size *= 0.5
-                            level += 1
-                            begin += edge * edge
-                            edge //= 2
-                        mask = np.int32(edge - 1)
-                        wide = np.int32(edge)
-                        offset = np.int32(begin)
-                        for x in range(some, stop):
-                            depth = edge / nearest[x]
-                            column = np.int32(np.floor((u0 + u1 * x) * depth)) & mask
-                            row = np.int32(np.floor((v0 + v1 * x) * depth)) & mask
-                            texel = texels[offset + row * wide + column]
-                            light[0, x] += red * np.float32(texel & 255)
-                            light[1, x] += green * np.float32((texel >> 8) & 255)
-                            light[2, x] += blue * np.float32(texel >> 16)
+                    # fmt: off
+                    _add_texture(
+                        lines[f], faces.repeats[f], lens[0], textures[faces.texture[f]],
+                        faces.tint[f], first, end, ramp, nearest, place, texel, red, green, blue,
+                    )
+                    # fmt: on
+                if s == 0:
+                    _see(f, lines[f], first, end, drawn.inverse_depth[y], drawn.seen[y])
 
-            if s == 0:
-                for x in range(width):
-                    inverse_depth[y, x] = nearest[x]
-                    seen[y, x] = face[x]
+        # The sky is smooth and infinitely far: all passes share the colour of their mean direction.
+        if sky_first < sky_end:
+            # fmt: off
+            _add_sky(
+                _mean_ray(axes, offsets, lens, y), sky, sky_first, sky_end, ramp, clear,
+                height, cover, line, place, red, green, blue,
+            )
+            # fmt: on
 
-        # The numbers of the picture.
-        for c in range(3):
-            if read > ZERO or shot > ZERO:
-                for x in range(width):
-                    number = light[c, x] * factor
-                    spread = np.sqrt(read * read + shot * max(number, ZERO))
-                    number += spread * grain[y + shift_row, x + shift_column, c]
-                    rgb[y, x, c] = np.uint8(min(max(number + HALF, ZERO), WHITE))
-            else:
-                for x in range(width):
-                    number = light[c, x] * factor + HALF
-                    rgb[y, x, c] = np.uint8(min(max(number, ZERO), WHITE))
+        for c, light in ((0, red), (1, green), (2, blue)):
+            grain = film.grain[c, y + top if noisy else 0, left:]
+            _develop(light, factor, read, shot, grain, numbers[c])
+        _interleave(numbers[0], numbers[1], numbers[2], drawn.rgb[y])
+
+
+@kept
+@njit(fastmath=FAST, error_model="numpy", nogil=True)
+def bend(rgb, corner, right, down, bent):
+    """Resample a picture, linearly between four pixels.
+
+    Args:
+        rgb: the picture, red, green and blue of each pixel in turn  (height, 3 width) uint8.
+        corner: number of the pixel left of and above the place of each pixel of the result, row by
+            row  (n,) int32.
+        right, down: the way on from there to the place [px / WHOLE]  (n,) int16.
+        bent: the result, red, green and blue of each pixel in turn  (3 n,) uint8.
+    """
+    flat = rgb.reshape(-1)
+    after = np.uint64(3)
+    below = np.uint64(rgb.shape[1])
+    both = below + after
+    rounding = np.int32(WHOLE * WHOLE // 2)
+    for i in range(len(corner)):
+        at = np.uint64(3 * corner[i])
+        to = np.uint64(3 * i)
+        r, d = np.int32(right[i]), np.int32(down[i])
+        left, up = WHOLE - r, WHOLE - d
+        for c in (np.uint64(0), np.uint64(1), np.uint64(2)):
+            upper = left * np.int32(flat[at + c]) + r * np.int32(flat[at + c + after])
+            lower = left * np.int32(flat[at + c + below]) + r * np.int32(flat[at + c + both])
+            bent[to + c] = np.uint8((up * upper + d * lower + rounding) >> SHIFT)

@@ -23,7 +23,17 @@ from quadsim.render.faces import (
 )
 from quadsim.render.lens import Distortion, Pinhole
 from quadsim.render.look import FLAT, Light, Look, Paint, textures
-from quadsim.render.raster import NONE, Faces, Film, draw, pyramid, rows_of_faces
+from quadsim.render.raster import (
+    NONE,
+    TEXELS,
+    Drawn,
+    Faces,
+    Film,
+    draw,
+    pyramid,
+    rows_of_faces,
+    work_space,
+)
 from quadsim.rotation import Quaternion, Vec3, matrix
 from quadsim.sensing.camera import Camera, LensCamera
 
@@ -36,7 +46,7 @@ LAST_GATE = OBSTACLE - 1
 # a grid of four by four has one.
 OFFSETS = np.array([[-0.125, -0.375], [0.375, -0.125], [-0.375, 0.125], [0.125, 0.375]])
 # Colours come out as they are painted, without noise.
-PLAIN_FILM = Film(gain=1.0, read=0.0, shot=0.0, grain=np.zeros((1, 1, 3), np.float32), shift=(0, 0))
+PLAIN_FILM = Film(gain=1.0, read=0.0, shot=0.0, grain=np.zeros((3, 1, 1), np.float32), shift=(0, 0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,17 +68,6 @@ class Views(NamedTuple):
     eyes: np.ndarray
     # rotation world from camera  (passes, height, 3, 3)
     axes: np.ndarray
-
-
-class Drawn(NamedTuple):
-    """The arrays that the rasteriser fills."""
-
-    # (height, width, 3) uint8
-    rgb: np.ndarray
-    # [1/m]  (height, width) float32
-    inverse_depth: np.ndarray
-    # index of the face, NONE: sky  (height, width) int16
-    seen: np.ndarray
 
 
 class Painted(NamedTuple):
@@ -118,6 +117,11 @@ class Scene:
         self._look: Look | None = None
         self._faces = _arrays([], None)
 
+    @property
+    def rows(self) -> int:
+        """The number of rows of `Views`, which is larger than the picture's if the lens bends."""
+        return self._pinhole.shape[0]
+
     def place(self, p: Vec3, q: Quaternion) -> None:
         """Move the drawn vehicle.
 
@@ -141,8 +145,7 @@ class Scene:
             look: paint, light and sky.
         """
         position, axes = self._camera.pose(p, q)
-        height = self._pinhole.shape[0]
-        views = Views(np.tile(position, (1, height, 1)), np.tile(axes, (1, height, 1, 1)))
+        views = Views(np.tile(position, (1, self.rows, 1)), np.tile(axes, (1, self.rows, 1, 1)))
         return self.expose(views, look)
 
     def expose(self, views: Views, look: Look, film: Film = PLAIN_FILM) -> Picture:
@@ -160,14 +163,24 @@ class Scene:
         with np.errstate(divide="ignore"):
             depth = np.float32(1.0) / drawn.inverse_depth
         numbers = np.append(self._faces.ids, np.uint8(SKY))
-        return Picture(drawn.rgb, depth, numbers[drawn.seen])
+        seen = numbers[drawn.seen]
+        if self._distortion:
+            depth = self._distortion.nearest(depth)
+            seen = self._distortion.nearest(seen)
+        return Picture(self._bent(drawn.rgb), depth, seen)
 
     def colours(self, views: Views, look: Look, film: Film = PLAIN_FILM) -> np.ndarray:
         """Return the colours of `expose` alone.  (height, width, 3) uint8"""
-        return self._draw(views, look, film).rgb
+        return self._bent(self._draw(views, look, film).rgb)
+
+    def _bent(self, rgb: np.ndarray) -> np.ndarray:
+        """Return the colours of the picture from `Drawn.rgb`.  (height, width, 3) uint8"""
+        if self._distortion:
+            return self._distortion.colours(rgb)
+        return rgb.reshape(*self._pinhole.shape, 3)
 
     def _draw(self, views: Views, look: Look, film: Film) -> Drawn:
-        """Draw a picture."""
+        """Draw the picture of the pinhole."""
         if look is not self._look:
             self._faces = _arrays(self._painted(look), look.light)
             self._look = look
@@ -178,39 +191,16 @@ class Scene:
         axes = np.ascontiguousarray(views.axes, float)
         faces = self._faces
         rows = np.empty((len(faces.ids), 2), np.int64)
-        rows_of_faces(
-            eyes, axes, faces.origin, faces.a, faces.b, faces.two_sided, lens, shape, rows
-        )
+        rows_of_faces(eyes, axes, faces, lens, shape, rows)
+        height, width = shape
         drawn = Drawn(
-            np.empty((*shape, 3), np.uint8), np.empty(shape, np.float32), np.empty(shape, np.int16)
+            np.empty((height, 3 * width), np.uint8),
+            np.empty(shape, np.float32),
+            np.empty(shape, np.int16),
         )
-        draw(
-            eyes,
-            axes,
-            offsets,
-            rows,
-            faces.origin,
-            faces.a,
-            faces.b,
-            faces.kind,
-            faces.hole,
-            faces.two_sided,
-            faces.texture,
-            faces.repeats,
-            faces.tint,
-            _textures(),
-            look.sky.gradient,
-            look.sky.cover,
-            look.sky.cloud,
-            lens,
-            np.float32(film.gain),
-            np.float32(film.read),
-            np.float32(film.shot),
-            film.grain,
-            *film.shift,
-            *drawn,
-        )
-        return drawn if self._distortion is None else _distorted(drawn, self._distortion)
+        row = work_space(width, len(faces.ids))
+        draw(eyes, axes, offsets, rows, faces, _textures(), look.sky, lens, film, row, drawn)
+        return drawn
 
     def _painted(self, look: Look) -> list[Painted]:
         """Return all faces of the scene with their paint."""
@@ -238,15 +228,6 @@ def _pinhole(camera: Camera) -> Pinhole:
     return Pinhole((camera.height, camera.width), lens)
 
 
-def _distorted(drawn: Drawn, distortion: Distortion) -> Drawn:
-    """Return a picture as the lens shows it."""
-    return Drawn(
-        distortion.colours(drawn.rgb),
-        distortion.nearest(drawn.inverse_depth),
-        distortion.nearest(drawn.seen),
-    )
-
-
 @cache
 def _textures() -> np.ndarray:
     """Return the levels of detail of all textures.  (textures, n) int32"""
@@ -260,30 +241,33 @@ def _arrays(painted: Sequence[Painted], light: Light | None) -> Faces:
     b = np.array([one.face.b for one in painted]).reshape(n, 3)
     kinds = np.array([one.face.kind for one in painted], np.int64)
     two_sided = np.array([one.face.two_sided for one in painted], bool)
+    normal = np.cross(a, b).reshape(n, 3)
     numbers = [one.paint.texture for one in painted]
     tile = np.array([one.face.tile for one in painted])
     lengths = np.column_stack([np.linalg.norm(a, axis=1), np.linalg.norm(b, axis=1)])
+    repeats = lengths / tile[:, None]
     colours = np.array([one.paint.colour for one in painted]).reshape(n, 3)
     return Faces(
         origin=np.array([one.face.origin for one in painted], float).reshape(n, 3),
         a=a,
         b=b,
+        normal=normal,
         kind=kinds,
         hole=np.array([one.face.hole for one in painted], float).reshape(n, 2),
         two_sided=two_sided,
         ids=np.array([one.number for one in painted], np.uint8),
         texture=np.array([NONE if k == FLAT else k for k in numbers], np.int64),
-        repeats=lengths / tile[:, None],
-        tint=(colours * _shades(a, b, two_sided, light)).astype(np.float32),
+        repeats=repeats,
+        texels=TEXELS * np.sqrt(repeats.prod(axis=1) * np.linalg.norm(normal, axis=1)),
+        tint=(colours * _shades(normal, two_sided, light)).astype(np.float32),
     )
 
 
-def _shades(a: np.ndarray, b: np.ndarray, two_sided: np.ndarray, light: Light | None) -> np.ndarray:
+def _shades(normals: np.ndarray, two_sided: np.ndarray, light: Light | None) -> np.ndarray:
     """Return the light that faces reflect, by Lambert's law.  (n, 3)"""
     if light is None:
-        return np.ones((len(a), 3))
-    normals = np.cross(a, b)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        return np.ones((len(normals), 3))
+    normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
     towards = np.array(light.towards) / np.linalg.norm(light.towards)
     lit = normals @ towards
     lit = np.where(two_sided, abs(lit), np.maximum(lit, 0.0))

@@ -161,7 +161,7 @@ def test_noise_has_the_variance_of_reading_and_of_counting():
     eye, axes = CAMERA.pose(START.position, LEVEL)
     views = Views(np.tile(eye, (1, 90, 1)), np.tile(axes, (1, 90, 1, 1)))
     clean = scene.colours(views, plain_look()).astype(float)
-    grain = np.random.default_rng(0).standard_normal((100, 170, 3)).astype(np.float32)
+    grain = np.random.default_rng(0).standard_normal((3, 100, 170)).astype(np.float32)
     for read, shot in ((3.0, 0.0), (3.0, 0.2)):
         film = Film(gain=0.5, read=read, shot=shot, grain=grain, shift=(3, 5))
         noisy = scene.colours(views, plain_look(), film).astype(float)
