@@ -15,6 +15,7 @@ from quadsim.controllers.presets import Planner
 from quadsim.controllers.presets import contradictions as contradictions_of_planner
 from quadsim.controllers.samplers import Sampling
 from quadsim.dynamics.quadrotor import Control
+from quadsim.files.strict_yaml import FileError
 from quadsim.files.yaml_errors import shown_value
 from quadsim.firmware.process import MAIN_LOOP
 from quadsim.firmware.text import Text
@@ -25,6 +26,7 @@ from quadsim.physics.randomization_file import RandomizationRanges, check_random
 from quadsim.racing.flight import whole_multiple
 from quadsim.record.limits import LimitProblem, StoredSolution
 from quadsim.sensing import PERFECT, Sensing
+from quadsim.sensing.pixels.network import load_network
 from quadsim.vehicle import Vehicle, check_vehicle
 
 PLANTS = get_args(PlantName)
@@ -118,6 +120,17 @@ def check_view(view_weight: float, sensing: Sensing | None) -> None:
     if view_weight and not (sensing and sensing.corner_camera):
         wanted = "expected a sensing with a camera"
         raise SettingError("view_weight", f"{wanted}, got {sensing_name(sensing)}")
+
+
+def check_network(sensing: Sensing | None) -> None:
+    """Check that the network that finds gates in pictures can be loaded. Raises SettingError."""
+    network = sensing.pixels.network if sensing and sensing.pixels else None
+    if network is None:
+        return
+    try:
+        load_network(network)
+    except (FileError, ModuleNotFoundError) as error:
+        raise SettingError("sensing", f"pixels.network: {error}") from None
 
 
 def check_record_sensing(record_sensing: bool, sensing: Sensing | None) -> None:

@@ -19,6 +19,7 @@ from quadsim.config.checks import (
     check_firmware,
     check_known_from,
     check_link,
+    check_network,
     check_no_firmware,
     check_period,
     check_planner,
@@ -468,6 +469,8 @@ def _of_sensing(sensing: Sensing | None) -> dict[str, Any] | None:
     if sensing.camera is not None:
         record["camera"] = _without_added(sensing.camera)
     # Records of versions without them have no such keys.
+    if sensing.pixels is not None and sensing.pixels.network is None:
+        del record["pixels"]["network"]
     for added in ("pixels", "barometer"):
         if record[added] is None:
             del record[added]
@@ -505,6 +508,7 @@ def validate(spec: Spec) -> None:
     check_view(spec.view_weight, spec.sensing)
     check_record_sensing(spec.record_sensing, spec.sensing)
     check_known_from(spec.known_from, spec.sensing, spec.pilot)
+    check_network(spec.sensing)
     if isinstance(spec.planner.cost, ReferenceWeights):
         check_beside_reference(spec.displacement.gates, spec.view_weight, spec.map_scale)
         problem = followed_problem(spec.course, spec.vehicle, spec.laps, spec.planner.cost)

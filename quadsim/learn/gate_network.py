@@ -41,6 +41,9 @@ LEAST = 2.0
 # weights of the losses of place and centre
 PLACE = 1.0
 CENTRE = 1.0
+# height and width of a part of a picture [px], and share of the steps with whole pictures
+PART = (96, 160)
+WHOLE = 0.2
 # share of the steps in which the learning rate rises, to `rate`; then it falls as a cosine
 WARM_UP = 0.05
 
@@ -49,7 +52,8 @@ WARM_UP = 0.05
 class NetworkTraining:
     """The numbers of a training."""
 
-    steps: int = 3200
+    # a batch has so many parts of pictures, or half as many pictures
+    steps: int = 3000
     batch: int = 16
     rate: float = 4e-3
     weight_decay: float = 1e-4
@@ -142,29 +146,59 @@ class Batch(NamedTuple):
 
 
 def batches(pictures: GatePictures, size: int, steps: int, seed: int) -> Iterator[Batch]:
-    """Yield batches, each picture once before any again, some mirrored or with other colours."""
+    """Yield batches: parts of pictures around a corner, and in a share of the steps whole ones.
+
+    A part costs a quarter of a picture, and has most of its corners; gates that fill a picture are
+    learnt from whole ones, of which a batch has half as many. Each picture is used once before any
+    is used again; some are mirrored, and all have other colours.
+    """
     rng = np.random.default_rng(training_stream(seed).spawn(1)[0])
     count, height, width = pictures.rgb.shape[:3]
     order = np.zeros(0, int)
     for _ in range(steps):
-        if len(order) < size:
+        whole = rng.random() < WHOLE
+        number = -(-size // 2) if whole else size
+        if len(order) < number:
             order = np.concatenate([order, rng.permutation(count)])
-        chosen, order = order[:size], order[size:]
-        rgb = pictures.rgb[chosen].astype(np.float32)
+        chosen, order = order[:number], order[number:]
+        shape = (height, width) if whole else PART
+        rgb = np.zeros((number, *shape, 3), np.float32)
         corners = pictures.corners[chosen].copy()
-        mirrored = rng.random(size) < 0.5
+        for k, one in enumerate(chosen.tolist()):
+            left, top = (0, 0) if whole else _part(corners[k], (height, width), rng)
+            rgb[k] = pictures.rgb[one, top : top + shape[0], left : left + shape[1]]
+            corners[k, :, :4] -= (left, top, left, top)
+        mirrored = rng.random(number) < 0.5
         rgb[mirrored] = rgb[mirrored, :, ::-1]
-        corners[mirrored, :, 0::2] = np.where(
-            np.arange(3) < 2, width - corners[mirrored, :, 0::2], corners[mirrored, :, 0::2]
-        )
+        corners[mirrored, :, 0:4:2] = shape[1] - corners[mirrored, :, 0:4:2]
         # brightness of each colour, and contrast
-        rgb *= rng.uniform(0.85, 1.15, (size, 1, 1, 3)).astype(np.float32)
-        rgb += rng.uniform(-15.0, 15.0, (size, 1, 1, 1)).astype(np.float32)
+        rgb *= rng.uniform(0.85, 1.15, (number, 1, 1, 3)).astype(np.float32)
+        rgb += rng.uniform(-15.0, 15.0, (number, 1, 1, 1)).astype(np.float32)
         np.clip(rgb, 0.0, WHITE, out=rgb)
-        full = -(-height // COARSEST) * COARSEST
-        picture = np.zeros((size, 3, full, width), np.float32)
-        picture[:, :, :height] = rgb.transpose(0, 3, 1, 2)
-        yield Batch(torch.from_numpy(picture), targets(corners, (full // STRIDE, width // STRIDE)))
+        full = -(-shape[0] // COARSEST) * COARSEST
+        picture = np.zeros((number, 3, full, shape[1]), np.float32)
+        picture[:, :, : shape[0]] = rgb.transpose(0, 3, 1, 2)
+        cells = (full // STRIDE, shape[1] // STRIDE)
+        yield Batch(torch.from_numpy(picture), targets(corners, cells))
+
+
+def _part(corners: np.ndarray, shape: tuple[int, int], rng: np.random.Generator) -> tuple[int, int]:
+    """Draw the left and upper border of a part of a picture; it has a corner if there is one.
+
+    Args:
+        corners: rows of `quadsim.learn.gate_pictures.Corner`  (corners, 5).
+        shape: height and width of the picture.
+        rng: random numbers.
+    """
+    most = np.array([shape[1] - PART[1], shape[0] - PART[0]])
+    tasks = np.flatnonzero(corners[:, 4] == 1.0)
+    if not len(tasks):
+        left, top = (rng.random(2) * (most + 1)).astype(int).tolist()
+        return left, top
+    at = corners[rng.choice(tasks), :2]
+    away = rng.random(2) * (PART[1], PART[0])
+    left, top = np.clip(at - away, 0, most).astype(int).tolist()
+    return left, top
 
 
 def targets(corners: np.ndarray, shape: tuple[int, int]) -> Targets:
@@ -181,13 +215,14 @@ def targets(corners: np.ndarray, shape: tuple[int, int]) -> Targets:
     size = np.ones((n, *shape), np.float32)
     nearest = np.full((n, *shape), np.inf, np.float32)
     for i, j in zip(*np.nonzero(~np.isnan(corners[:, :, 4])), strict=True):
-        u, v, cu, cv, task = corners[i, j]
+        u, v, cu, cv, task = corners[i, j].tolist()
         x, y = u / STRIDE, v / STRIDE
+        # Parts of pictures leave corners out.
+        if not (0.0 <= x < shape[1] and 0.0 <= y < shape[0]):
+            continue
         # cells around the corner
         left, right = max(int(x) - 2, 0), min(int(x) + 3, shape[1])
         top, bottom = max(int(y) - 2, 0), min(int(y) + 3, shape[0])
-        if left >= right or top >= bottom:
-            continue
         dx = x - (np.arange(left, right) + 0.5)
         dy = y - (np.arange(top, bottom) + 0.5)
         square = dx**2 + dy[:, None] ** 2
@@ -196,8 +231,7 @@ def targets(corners: np.ndarray, shape: tuple[int, int]) -> Targets:
             weight[window] = 0.0
             continue
         heat[window] = np.maximum(heat[window], np.exp(-square / (2.0 * SPREAD**2)))
-        row, column = min(int(y), shape[0] - 1), min(int(x), shape[1] - 1)
-        heat[i, row, column] = 1.0
+        heat[i, int(y), int(x)] = 1.0
         closer = square < nearest[window]
         nearest[window][closer] = square[closer]
         away = np.array([cu - u, cv - v]) / STRIDE

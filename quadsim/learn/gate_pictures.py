@@ -256,6 +256,28 @@ def moments(moved: Moved, half: float) -> list[Moment]:
     return found
 
 
+def shown(
+    points: np.ndarray, config: PixelCameraConfig, eyes: np.ndarray, axes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return where a rolling shutter shows points of the world [px], and their depth [m].
+
+    Args:
+        points: (n, 3) [m].
+        config: the camera.
+        eyes, axes: pose of the camera at each row  (height, 3), (height, 3, 3).
+
+    Returns:
+        (n, 2), nan if the depth is not positive, and (n,)
+    """
+    row = np.full(len(points), config.height // 2)
+    # The row that shows a point depends on where it is seen, and that on the row's pose.
+    for _ in range(3):
+        local = np.einsum("ni,nij->nj", points - eyes[row], axes[row])
+        pixels, depth = config.to_pixels(local)
+        row = np.clip(np.nan_to_num(pixels[:, 1]), 0, config.height - 1).astype(int)
+    return pixels, depth
+
+
 def corners_in(
     place: Ground,
     config: PixelCameraConfig,
@@ -275,12 +297,7 @@ def corners_in(
     corners = place.corners
     centres = np.array([gate.position for gate in gates])
     points = np.concatenate([corners, centres[:, None]], axis=1).reshape(-1, 3)
-    row = np.full(len(points), config.height // 2)
-    # The row that shows a point depends on where it is seen, and that on the row's pose.
-    for _ in range(3):
-        local = np.einsum("ni,nij->nj", points - eyes[row], axes[row])
-        pixels, depth = config.to_pixels(local)
-        row = np.clip(np.nan_to_num(pixels[:, 1]), 0, config.height - 1).astype(int)
+    pixels, depth = shown(points, config, eyes, axes)
     pixels = pixels.reshape(-1, 5, 2)
     depth = depth.reshape(-1, 5)
     eye = eyes[len(eyes) // 2]

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from quadsim.files.extras import imported
 from quadsim.learn.gate_network import WHITE, Block, Network
+from quadsim.sensing.pixels.network import INPUT
 
 # version of the format's operators, and of its files
 OPERATORS = 17
@@ -32,7 +33,7 @@ def onnx_bytes(network: Network, about: Mapping[str, str]) -> bytes:
     """
     onnx = imported("onnx", "onnx", "train")
     graph = Graph(onnx)
-    x = graph.node("Mul", "picture", graph.constant(np.array(1.0 / WHITE, np.float32)))
+    x = graph.node("Mul", INPUT, graph.constant(np.array(1.0 / WHITE, np.float32)))
     x = graph.block(graph.node("Sub", x, graph.constant(np.array(0.5, np.float32))), network.first)
     layers = []
     for part in network.down:
@@ -120,7 +121,7 @@ class Graph:
         """Return the content of the file."""
         helper = self._onnx.helper
         number = self._onnx.TensorProto.FLOAT
-        picture = helper.make_tensor_value_info("picture", number, [1, 3, "height", "width"])
+        picture = helper.make_tensor_value_info(INPUT, number, [1, 3, "height", "width"])
         found = helper.make_tensor_value_info("found", number, [1, 5, "rows", "columns"])
         graph = helper.make_graph(self._nodes, "gates", [picture], [found], self._numbers)
         model = helper.make_model(

@@ -281,6 +281,13 @@ class PixelCameraConfig(CornerCamera):
     varied: Annotated[
         bool, setting("whether ground, light and sky are drawn from the seed of the flight")
     ] = False
+    network: Annotated[
+        str | None,
+        setting(
+            "network that finds gates at the start and after a loss: gates, or a FILE.onnx of race"
+            " train-pixels; null: none"
+        ),
+    ] = None
     banners: Annotated[
         int, setting("sheets of the gates' colour beside the course", unit="1", ge=0, le=100)
     ] = 0

@@ -18,9 +18,14 @@ import numpy as np
 from PIL import Image
 
 from quadsim.files.extras import imported
+from quadsim.files.strict_yaml import FileError
 
-# The network that comes with the project
+# The network that comes with the project, by its name
+GATES = "gates"
 NETWORK = Path(__file__).parent / "gates.onnx"
+EXPECTED = "expected a network of race train-pixels"
+# name of a network's input
+INPUT = "picture"
 # width of a reduced picture, and edge of a cell [px]
 WIDTH = 320
 STRIDE = 4
@@ -30,8 +35,10 @@ COARSEST = 32
 FAR = 10.0
 # least probability of a corner
 LIKELY = 0.3
-# largest distance of the centres to which two corners of a gate point, by their distance from it
+# largest distance of the centres to which two corners of a gate point: by the smaller of their
+# distances from it, and beside that [px]
 SAME_CENTRE = 0.35
+SLACK = 4.0
 # least angle between the directions of two corners of a gate, its cosine
 APART = 0.9
 
@@ -54,6 +61,7 @@ class GateNetwork:
         path: the file, in the ONNX format.
 
     Raises:
+        FileError: the file is no network of this kind.
         ModuleNotFoundError: onnxruntime is not installed.
     """
 
@@ -63,9 +71,16 @@ class GateNetwork:
         # One thread: the others plan, and the sums have the same order everywhere.
         options.intra_op_num_threads = 1
         options.inter_op_num_threads = 1
-        self._session = runtime.InferenceSession(
-            str(path), options, providers=["CPUExecutionProvider"]
-        )
+        try:
+            self._session = runtime.InferenceSession(
+                str(path), options, providers=["CPUExecutionProvider"]
+            )
+        except Exception:  # onnxruntime has a class of its own for each way to be damaged
+            raise FileError(
+                f"{path}: {EXPECTED}, got a file that onnxruntime cannot read"
+            ) from None
+        if [one.name for one in self._session.get_inputs()] != [INPUT]:
+            raise FileError(f"{path}: {EXPECTED}, got a network with other inputs")
         # what the file says of its training
         self.about: dict[str, str] = dict(self._session.get_modelmeta().custom_metadata_map)
 
@@ -76,7 +91,7 @@ class GateNetwork:
             rgb: (height, width, 3) uint8.
         """
         small, scale = reduced(rgb)
-        (output,) = self._session.run(None, {"picture": network_input(small)})
+        (output,) = self._session.run(None, {INPUT: network_input(small)})
         corners = corners_of(output[0])
         return grouped(corners._replace(pixel=corners.pixel / scale, centre=corners.centre / scale))
 
@@ -90,9 +105,17 @@ class Likely(NamedTuple):
 
 
 @cache
-def gate_network() -> GateNetwork:
-    """Return the network that comes with the project, which is loaded once."""
-    return GateNetwork()
+def load_network(name: str) -> GateNetwork:
+    """Return a network by its name, GATES, or by the path of its file; each is loaded once.
+
+    Raises:
+        FileError: there is no such file, or it is no network of this kind.
+        ModuleNotFoundError: onnxruntime is not installed.
+    """
+    path = NETWORK if name == GATES else Path(name)
+    if not path.is_file():
+        raise FileError(f"expected {GATES}, or a FILE.onnx that is there, got {name!r}")
+    return GateNetwork(path)
 
 
 def reduced(rgb: np.ndarray) -> tuple[np.ndarray, float]:
@@ -150,10 +173,11 @@ def grouped(corners: Likely) -> list[FoundGate]:
     left = list(range(len(corners.pixel)))
     found = []
     while left:
-        # The likeliest corner, and those that point to the same centre from other directions.
+        # The likeliest corner, and those that point nearest to its centre from other directions.
         first = left[0]
+        apart = np.linalg.norm(corners.centre - corners.centre[first], axis=1)
         members = [first]
-        for k in left[1:]:
+        for k in sorted(left[1:], key=lambda k: float(apart[k])):
             if len(members) < 4 and _belongs(corners, members, k):
                 members.append(k)
         left = [k for k in left if k not in members]
@@ -170,7 +194,7 @@ def _belongs(corners: Likely, members: list[int], k: int) -> bool:
         other = corners.pixel[m] - corners.centre[m]
         size = float(np.linalg.norm(other)) + 1e-9
         apart = np.linalg.norm(corners.centre[k] - corners.centre[m])
-        if apart > SAME_CENTRE * max(length, size):
+        if apart > SAME_CENTRE * min(length, size) + SLACK:
             return False
         if away @ other > APART * length * size:
             return False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,9 +13,11 @@ from quadsim.rotation import Vec3, exp, matrix
 from quadsim.sensing.config import PixelCameraConfig
 from quadsim.sensing.estimation.error_state import POSITION, TURN, FilterState
 from quadsim.sensing.measurements import Corners, Photo
-from quadsim.sensing.pixels.edges import EDGES, Frames, Points, View, visible_points
+from quadsim.sensing.pixels.edges import EDGES, Frames, Points, View, seen_well, visible_points
 from quadsim.sensing.pixels.hypotheses import best_pose
 from quadsim.sensing.pixels.lines import corners, lines
+from quadsim.sensing.pixels.network import FoundGate, load_network
+from quadsim.sensing.pixels.network_pose import Place, all_matched, explained
 from quadsim.sensing.pixels.signal import ORANGE, Signal, Steps, steps
 
 # [px] least and largest distance from the expected place at which an edge is searched for. If it
@@ -26,6 +29,12 @@ WITHIN = 3.0
 STEADY = 2.0
 # [m] distance of gates if none is expected in the picture
 TYPICAL = 10.0
+# [m] least depth of a corner that a network's gates are compared with
+CLOSEST = 0.2
+# A gate nearer than this [m] of which so many corners are in view lacks some if fewer are found.
+WANTED = 15.0
+IN_VIEW = 3
+ENOUGH = 2
 # [px] reach of the search after that
 FOUND_REACH = 10.0
 
@@ -57,6 +66,7 @@ class Tracker:
         self._config = config
         self._frames = Frames(gates)
         self._signal = Signal(ORANGE)
+        self._network = load_network(config.network) if config.network else None
 
     def __call__(self, photo: Photo, state: FilterState, rates: Vec3) -> Corners:
         """Return the corners of a picture.
@@ -73,6 +83,7 @@ class Tracker:
         config = self._config
         frames = self._frames.moved(state.gates) if len(state.gates) else self._frames
         signal = self._signal.of(photo.rgb)
+        found_gates: list[FoundGate] | None = None
         nominal = state.nominal
         position = np.array(nominal.position)
         body = matrix(nominal.attitude)
@@ -83,7 +94,12 @@ class Tracker:
         if searched:
             block = np.r_[POSITION, TURN]
             P = state.P[np.ix_(block, block)]
-            error = best_pose(signal, frames, config, position, body, P)
+            best = None
+            if self._network:
+                found_gates = self._network(photo.rgb)
+                best = explained(found_gates, self._place(frames, position, body, state, rates))
+            # Without a network, or if its gates show no pose, the picture itself is compared.
+            error = best.error if best else best_pose(signal, frames, config, position, body, P)
             position = position + error[:3]
             body = body @ matrix(exp(error[3:].tolist()))
             view = self._view(position, body)
@@ -106,7 +122,82 @@ class Tracker:
             pixels=pixels[ahead],
             in_view=self._in_view(frames, view),
         )
+        if self._network and self._lacking(result, frames, view):
+            if found_gates is None:
+                found_gates = self._network(photo.rgb)
+            place = self._place(frames, position, body, state, rates)
+            result = self._filled(result, found_gates, frames, place, float(reach.max()))
         return Tracked(points, found_steps, used, expected[ahead], result, searched)
+
+    def _place(
+        self,
+        frames: Frames,
+        position: np.ndarray,
+        body: np.ndarray,
+        state: FilterState,
+        rates: Vec3,
+    ) -> Place:
+        """Return a pose with the covariance of a state, and what it expects of the corners.
+
+        Args:
+            frames: the frames of the map.
+            position: of the vehicle [m]  (3,).
+            body: its attitude, world from body  (3, 3).
+            state: the filter's state, for its velocity and covariance.
+            rates: body rates [rad/s].
+        """
+        view = self._view(position, body)
+        corners = frames.corners.reshape(-1, 3)
+        pixel, depth = self._config.to_pixels((corners - view.eye) @ view.axes)
+        pixel[depth < CLOSEST] = np.nan
+        number = np.zeros(len(corners), int)
+        points = Points(number, number, corners, pixel, pixel, np.zeros(len(corners)))
+        late = self._late(points, position, body, np.array(state.nominal.velocity), rates)
+        block = np.r_[POSITION, TURN]
+        P = state.P[np.ix_(block, block)]
+        return Place(frames, self._config, position, body, P, np.nan_to_num(late))
+
+    def _filled(
+        self, corners: Corners, found: list[FoundGate], frames: Frames, place: Place, near: float
+    ) -> Corners:
+        """Return corners with those that the network has found of gates that lack them.
+
+        Args:
+            corners: what the edges show.
+            found: what the network has found.
+            frames: the frames of the map.
+            place: the pose, by which both are told apart.
+            near: [px] how far a corner may be from where it is expected.
+        """
+        matched = all_matched(found, *place.pixels(np.zeros(6)), near)
+        gates = len(frames.centre)
+        lacks = np.bincount(corners.gates, minlength=gates) < ENOUGH
+        shown = np.bincount(matched.gate, minlength=gates) >= ENOUGH
+        more = (lacks & shown)[matched.gate]
+        if not more.any():
+            return corners
+        # A corner that the edges show as well counts once.
+        keep = ~(lacks & shown)[corners.gates]
+        at = matched.pixel - place.late[matched.gate, matched.corner]
+        return replace(
+            corners,
+            gates=np.concatenate([corners.gates[keep], matched.gate[more]]),
+            corners=np.concatenate([corners.corners[keep], matched.corner[more]]),
+            pixels=np.concatenate([corners.pixels[keep], at[more]]),
+        )
+
+    def _lacking(self, corners: Corners, frames: Frames, view: View) -> bool:
+        """Return whether a gate lacks corners of which the camera should see them."""
+        points = frames.corners.reshape(-1, 3)
+        local = (points - view.eye) @ view.axes
+        pixels, depth = self._config.to_pixels(local)
+        gates = len(frames.centre)
+        own = np.repeat(np.arange(gates), 4)
+        seen = self._config.in_picture(pixels) & (depth > CLOSEST)
+        seen &= ~frames.hide(points, own, view.eye)
+        wanted = np.bincount(own[seen], minlength=gates) >= IN_VIEW
+        wanted &= seen_well(frames, view, WANTED)
+        return bool((wanted & (np.bincount(corners.gates, minlength=gates) < ENOUGH)).any())
 
     def _reach(self, points: Points, view: View, P: np.ndarray) -> np.ndarray:
         """Return how far from each point its edge may be [px]; if there is none, a typical value.

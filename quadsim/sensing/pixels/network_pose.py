@@ -1,0 +1,236 @@
+"""The pose that explains the gates that a network has found, among poses that the filter allows.
+
+Each found gate may be any gate of the map. For a pair of both, the directions of the corners from
+the centre tell which corner is which, as the filter knows the attitude well enough; the filter's
+innovation test tells whether the pair is possible; and the pose is fitted to it. The pair whose
+pose explains most of the other corners counts, as in RANSAC (Fischler and Bolles 1981), and the
+pose is fitted to all of these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import permutations
+from typing import NamedTuple
+
+import numpy as np
+
+from quadsim.rotation import exp, matrix
+from quadsim.sensing.config import CornerCamera
+from quadsim.sensing.pixels.edges import Frames
+from quadsim.sensing.pixels.network import FoundGate
+
+# [px] standard deviation of a corner that a network has found
+NOISE = 2.5
+# [px] A corner this near to where a pose puts it is explained by the pose.
+NEAR = 8.0
+# least cosine of the angle between the found and the expected direction of a corner
+ALIKE = 0.7
+# largest normalised innovation squared of a pair, by its degrees of freedom
+POSSIBLE = {4: 24.0, 6: 28.0, 8: 32.0}
+# fewest corners that a pose has to explain
+FEWEST = 3
+# steps of the Gauss-Newton method
+STEPS = 4
+# [m] least depth of a corner
+NEAREST = 0.2
+
+
+class Matched(NamedTuple):
+    """Found corners with the corners of the map that they are."""
+
+    gate: np.ndarray
+    corner: np.ndarray
+    # [px]  (n, 2)
+    pixel: np.ndarray
+
+
+class Explained(NamedTuple):
+    """A pose and what it explains."""
+
+    # of the pose: position [m], turn in the body frame [rad]  (6,)
+    error: np.ndarray
+    matched: Matched
+
+
+class Place:
+    """The pose of the filter, and what it expects of the corners of the map."""
+
+    def __init__(
+        self,
+        frames: Frames,
+        camera: CornerCamera,
+        position: np.ndarray,
+        body: np.ndarray,
+        P: np.ndarray,
+        late: np.ndarray,
+    ):
+        """Take the pose.
+
+        Args:
+            frames: the frames of the map.
+            camera: the camera.
+            position: of the vehicle [m]  (3,).
+            body: its attitude, world from body  (3, 3).
+            P: covariance of position and turn  (6, 6).
+            late: how far each corner moves until its row is exposed [px]  (gates, 4, 2).
+        """
+        self._frames = frames
+        self._camera = camera
+        self._position = position
+        self._body = body
+        self.late = late.reshape(-1, 4, 2)
+        self._late = late.reshape(-1, 2)
+        self._points = frames.corners.reshape(-1, 3)
+        self.P = P
+        self._information = np.linalg.inv(P + 1e-12 * np.eye(6))
+
+    def pixels(self, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return where a pose sees all corners [px], nan behind it, and their depth [m].
+
+        Returns:
+            (gates, 4, 2) and (gates, 4)
+        """
+        body, _ = self._local(error, np.arange(len(self._points)))
+        pixels, depth = self._camera.to_pixels(self._camera.local(body))
+        pixels = np.where(depth[:, None] > NEAREST, pixels + self._late, np.nan)
+        return pixels.reshape(-1, 4, 2), depth.reshape(-1, 4)
+
+    def linear(self, error: np.ndarray, matched: Matched) -> tuple[np.ndarray, np.ndarray]:
+        """Return innovation and Jacobian of corners at a pose.  (2 n,) and (2 n, 6)"""
+        index = 4 * matched.gate + matched.corner
+        body, R = self._local(error, index)
+        local = self._camera.local(body)
+        x, y, z = local.T
+        z = np.maximum(z, NEAREST)
+        at = np.column_stack([x, y]) / z[:, None] * (self._camera.fx, self._camera.fy)
+        at += np.array([self._camera.width, self._camera.height]) / 2 + self._late[index]
+        by_local = np.zeros((len(index), 2, 3))
+        by_local[:, 0, 0] = self._camera.fx / z
+        by_local[:, 1, 1] = self._camera.fy / z
+        by_local[:, 0, 2] = -self._camera.fx * x / z**2
+        by_local[:, 1, 2] = -self._camera.fy * y / z**2
+        by_body = by_local @ self._camera.axes.T
+        # A corner in the body frame, R^T (c - p), is turned by -dtheta: a row a gives a x b.
+        by_turn = np.cross(by_body, body[:, None, :])
+        H = np.concatenate([-by_body @ R.T, by_turn], axis=2).reshape(-1, 6)
+        return (matched.pixel - at).ravel(), H
+
+    def fit(self, matched: Matched) -> np.ndarray:
+        """Return the likeliest error of the pose, given corners and the filter's covariance.
+
+        (6,)
+        """
+        error = np.zeros(6)
+        for _ in range(STEPS):
+            innovation, H = self.linear(error, matched)
+            # Far corners count less (Huber 1964).
+            size = np.linalg.norm(innovation.reshape(-1, 2), axis=1)
+            weight = np.repeat(np.minimum(1.0, 2.0 * NOISE / np.maximum(size, 1e-9)), 2) / NOISE**2
+            A = H.T @ (weight[:, None] * H) + self._information
+            b = H.T @ (weight * innovation) - self._information @ error
+            error = error + np.linalg.solve(A, b)
+        return error
+
+    def possible(self, matched: Matched) -> bool:
+        """Return whether the filter allows corners to be these."""
+        innovation, H = self.linear(np.zeros(6), matched)
+        depth = self._depth(matched)
+        turns = np.trace(self.P[3:, 3:])
+        moves = np.trace(self.P[:3, :3])
+        # The projection is not linear in a large error, see CornerUpdate.
+        curved = self._camera.fx * (turns + moves / depth**2)
+        S = H @ self.P @ H.T + np.diag(np.repeat(NOISE**2 + curved**2, 2))
+        nis = innovation @ np.linalg.solve(S, innovation)
+        return bool(nis < POSSIBLE[len(innovation)])
+
+    def _depth(self, matched: Matched) -> np.ndarray:
+        body, _ = self._local(np.zeros(6), 4 * matched.gate + matched.corner)
+        return np.maximum(self._camera.local(body)[:, 2], NEAREST)
+
+    def _local(self, error: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return corners in the body frame [m], and the attitude of a pose."""
+        R = self._body @ matrix(exp(error[3:].tolist()))
+        return (self._points[index] - self._position - error[:3]) @ R, R
+
+
+def explained(found: Sequence[FoundGate], place: Place) -> Explained | None:
+    """Return the pose that explains found gates best; None if there is none.
+
+    Args:
+        found: what a network has found in a picture.
+        place: the filter's pose.
+    """
+    best: Explained | None = None
+    best_score = (0, 0.0)
+    for pair in _pairs(found, place):
+        if not place.possible(pair):
+            continue
+        error = place.fit(pair)
+        matched = all_matched(found, *place.pixels(error))
+        if len(matched.gate) < FEWEST:
+            continue
+        surprise = float(error @ np.linalg.solve(place.P + 1e-12 * np.eye(6), error))
+        score = (len(matched.gate), -surprise)
+        if score > best_score:
+            best_score = score
+            best = Explained(error, matched)
+    if best is None:
+        return None
+    error = place.fit(best.matched)
+    return Explained(error, all_matched(found, *place.pixels(error)))
+
+
+def _pairs(found: Sequence[FoundGate], place: Place) -> Iterator[Matched]:
+    """Yield the corners of each found gate as those of each gate of the map that is ahead."""
+    expected, _ = place.pixels(np.zeros(6))
+    ahead = ~np.isnan(expected).any(axis=(1, 2))
+    for one in found:
+        if len(one.corners) < 2:
+            continue
+        seen = _directions(one.corners - one.centre)
+        for gate in np.flatnonzero(ahead).tolist():
+            corners = expected[gate]
+            alike = seen @ _directions(corners - corners.mean(axis=0)).T  # (n, 4)
+            order = max(
+                permutations(range(4), len(seen)),
+                key=lambda order: sum(alike[k, c] for k, c in enumerate(order)),
+            )
+            if min(alike[k, c] for k, c in enumerate(order)) < ALIKE:
+                continue
+            yield Matched(np.full(len(order), gate), np.array(order), one.corners)
+
+
+def all_matched(
+    found: Sequence[FoundGate], expected: np.ndarray, depth: np.ndarray, near: float = NEAR
+) -> Matched:
+    """Return the found corners that a pose explains, each corner of the map at most once.
+
+    Args:
+        found: what a network has found in a picture.
+        expected: where the pose sees the corners [px], nan behind it  (gates, 4, 2).
+        depth: of the corners [m]  (gates, 4).
+        near: how far a corner may be from where the pose sees it [px].
+    """
+    pixels = np.concatenate([one.corners for one in found]) if found else np.zeros((0, 2))
+    towards = np.concatenate([one.centre - one.corners for one in found]) if found else pixels
+    centres = expected.mean(axis=1, keepdims=True) - expected  # (gates, 4, 2)
+    flat = expected.reshape(-1, 2)
+    apart = np.linalg.norm(pixels[:, None] - flat, axis=2)  # (n, 4 gates)
+    alike = (_directions(towards) @ _directions(centres.reshape(-1, 2)).T) > ALIKE
+    apart = np.where(alike & (depth.ravel() > NEAREST), apart, np.inf)
+    gates, corners, rows = [], [], []
+    # The nearest pairs first.
+    while apart.size and np.nanmin(apart) < near:
+        k, index = np.unravel_index(np.nanargmin(apart), apart.shape)
+        gates.append(index // 4)
+        corners.append(index % 4)
+        rows.append(k)
+        apart[k] = np.inf
+        apart[:, index] = np.inf
+    return Matched(np.array(gates, int), np.array(corners, int), pixels[rows].reshape(-1, 2))
+
+
+def _directions(vectors: np.ndarray) -> np.ndarray:
+    """Return unit vectors.  (n, 2)"""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-9)
