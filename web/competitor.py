@@ -20,6 +20,7 @@ from quadsim.record.limits import StoredSolution
 from quadsim.record.planner_snapshot import PlannerSnapshots
 from quadsim.record.run import INTERACTIVE, flown_by, has_planner
 from quadsim.web.differences import distinct_names
+from quadsim.web.plain_text import plain
 
 if TYPE_CHECKING:
     from quadsim.controllers.sampled_trajectories import SampledTrajectories
@@ -238,5 +239,5 @@ def named(entries: Sequence[Competitor]) -> tuple[Competitor, ...]:
 def _names(entries: Sequence[Competitor]) -> list[str]:
     """Return distinct names; in a race of several vehicles, the entrants' own."""
     if entries and heat_of(entries):
-        return [entry.spec["heat"]["name"] for entry in entries]
+        return [plain(entry.spec["heat"]["name"]) for entry in entries]
     return distinct_names([entry.spec for entry in entries])

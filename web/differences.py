@@ -14,6 +14,7 @@ from quadsim.dynamics.quadrotor import Control
 from quadsim.record.preset_changes import changed_numbers, number_text
 from quadsim.record.run import canonical, flown_by, has_planner
 from quadsim.sensing import PERFECT
+from quadsim.web.plain_text import plain
 
 # Parts of a record that say nothing about the flight itself, or follow from parts that are named
 LEFT_OUT = {
@@ -86,7 +87,7 @@ def distinct_names(records: Sequence[Record]) -> list[str]:
     Examples: "colored" and "gaussian"; "colored T 0.2" and "colored T 1"; of three, "colored",
     "colored seed 5" and "colored T 0.2". Flights that are alike are numbered.
     """
-    kinds = [flown_by(record) for record in records]
+    kinds = [plain(flown_by(record)) for record in records]
     names = list(kinds)
     for kind, count in Counter(kinds).items():
         if count == 1:
@@ -110,26 +111,27 @@ def numbered(kinds: Sequence[str]) -> list[str]:
 
 def _settings(record: Record) -> Iterator[tuple[str, str]]:
     """Yield the settings of a flight but for the numbers of its planner, as texts by name."""
-    yield "sampler", flown_by(record)
+    yield "sampler", plain(flown_by(record))
     pilot = record.get("pilot")
     if pilot:
-        yield "pilot", str(pilot["name"])
+        yield "pilot", plain(pilot["name"])
     if has_planner(record):
-        yield "preset", str(record.get("preset", ""))
+        yield "preset", plain(record.get("preset", ""))
     for name, value in record.items():
         if name in LEFT_OUT or name in ("sampler", "preset", "sensing"):
             continue
         if isinstance(value, Mapping) and "name" in value:
-            yield name, str(value["name"])
+            yield name, plain(value["name"])
         else:
-            plain = isinstance(value, str | bool | int | float)
-            yield name.replace("_ms", ""), number_text(value) if plain else _plain(value)
+            yield plain(name.replace("_ms", "")), _value_text(value)
     sensing = record.get("sensing")
-    yield "sensing", str(sensing["name"]) if sensing else PERFECT
+    yield "sensing", plain(sensing["name"]) if sensing else PERFECT
 
 
-def _plain(value: Any) -> str:
-    """Return a value of several parts as text; none for one that is not set."""
+def _value_text(value: Any) -> str:
+    """Return a value as text; of one that is not set, none."""
+    if isinstance(value, str | bool | int | float):
+        return plain(number_text(value))
     return "none" if value is None else canonical(value).decode()
 
 

@@ -63,7 +63,7 @@ class RunRow(msgspec.Struct, frozen=True):
     name: str
     # local time of the flight, as "2026-11-20 16:15:07"
     when: Annotated[str, Column("flown")]
-    course: Annotated[str, Column("course")] = ""
+    course: Annotated[str, Column("course", is_long=True)] = ""
     # the sampler, or `pilot NAME`; for a race, the entrants
     flown_by: Annotated[str, Column("flown by", is_long=True)] = ""
     # time of the whole race, for a finished run [s]
@@ -76,9 +76,9 @@ class RunRow(msgspec.Struct, frozen=True):
     seed: Annotated[int | None, Column("seed", 0)] = None
     # numbers of the planner that differ from the preset; of each entrant of a race
     numbers: Annotated[str, Column("changed numbers", is_long=True)] = ""
-    vehicle: Annotated[str, Column("vehicle")] = ""
-    preset: Annotated[str, Column("preset")] = ""
-    sensing: Annotated[str, Column("sensing")] = ""
+    vehicle: Annotated[str, Column("vehicle", is_long=True)] = ""
+    preset: Annotated[str, Column("preset", is_long=True)] = ""
+    sensing: Annotated[str, Column("sensing", is_long=True)] = ""
     # numbers changed in flight
     changes: Annotated[int, Column("changes", 0)] = 0
     # further settings, by which a row is found: clock, deadline, flight controller, rules

@@ -16,6 +16,7 @@ from quadsim.record.run import RecordedRun, RunError, flown_by
 from quadsim.record.schema import ReplayedPlanner, ReplayedSpec
 from quadsim.web.competitor import Competitor
 from quadsim.web.numbers import numbers_of
+from quadsim.web.plain_text import plain
 
 
 def runs_at(path: Path) -> list[Path]:
@@ -47,7 +48,7 @@ def run_competitor(run: RecordedRun, course: Course, path: Path | None) -> Compe
     """Return a run as a competitor. path: folder of the run, None if it is not stored."""
     spec = run.spec
     return Competitor(
-        name=flown_by(spec),
+        name=plain(flown_by(spec)),
         spec=spec,
         course=course,
         legs=Legs(course, spec["laps"]),

@@ -2,10 +2,13 @@
 
 import errno
 import logging
+import re
 import socket
+from pathlib import Path
 
 import msgspec
 import pytest
+from web_cases import Clock
 from websockets.exceptions import InvalidStatus
 from wire import CAMERA, PATIENCE, connect, get
 
@@ -14,8 +17,11 @@ from quadsim.web.page.guard import OneLineOfNoFiles
 from quadsim.web.page.messages import MOST_WAITING, problem_of
 from quadsim.web.page.seats import SCENE as SCENES
 from quadsim.web.page.server import new_token, probe, serve
+from quadsim.web.page.wrong_tokens import MOST, MOST_ADDRESSES, SPAN, WrongTokens
 
 TOKEN = "a-token-of-this-test"
+SECURITY = Path(__file__).parents[2] / "SECURITY.md"
+OTHER_HEADERS = ("Referrer-Policy", "Cache-Control")
 SCENE = f"{SCENES}a_seat_of_this_test"
 
 
@@ -72,6 +78,42 @@ def test_without_the_token_nothing_is_served(token_server):
     assert get(port, path="/?token=wrong")[0] == 401
     assert get(port, Cookie=f"race{port}=wrong")[0] == 401
     assert refused(port) == 401
+
+
+@pytest.mark.socket
+def test_who_guesses_at_the_token_is_refused_even_with_the_right_one(caplog):
+    server = serve("127.0.0.1", 0, TOKEN, "race")
+    port = server.get_port()
+    # An old page asks again and again with one token, which is no guess.
+    for _ in range(2 * MOST):
+        assert get(port, Cookie=f"race{port}=old")[0] == 401
+    for k in range(MOST - 1):
+        assert get(port, path=f"/?token=guess{k}")[0] == 401
+    right = {"Cookie": f"race{port}={TOKEN}"}
+    assert [get(port, path=path, **right)[0] for path in ("/", SCENE)] == [429, 429]
+    assert refused(port, additional_headers=right) == 429
+    assert [record.getMessage() for record in caplog.records] == [
+        f"race web: {MOST} wrong tokens from 127.0.0.1: it is refused for 60 s"
+    ]
+    server.stop()
+
+
+def test_an_address_is_refused_for_a_minute_and_no_other_address_with_it():
+    clock = Clock()
+    wrong = WrongTokens(clock)
+    for k in range(MOST):
+        assert not wrong.is_refused("10.0.0.1")
+        wrong.add("10.0.0.1", str(k))
+    assert wrong.is_refused("10.0.0.1")
+    assert not wrong.is_refused("10.0.0.2")
+    clock.now += SPAN + 1
+    assert not wrong.is_refused("10.0.0.1")
+    wrong.add("10.0.0.1", "another")
+    assert not wrong.is_refused("10.0.0.1")
+    # No number of addresses takes more memory than so much.
+    for k in range(2 * MOST_ADDRESSES):
+        wrong.add(f"10.1.{k // 256}.{k % 256}", "x")
+    assert len(wrong._found) == MOST_ADDRESSES
 
 
 @pytest.mark.socket
@@ -157,6 +199,29 @@ def test_every_answer_forbids_frames_and_foreign_scripts(token_server):
             assert "unsafe-inline" not in policy["script-src"]
         else:
             assert policy["script-src"] == policy["style-src"] == "'self'"
+
+
+@pytest.mark.socket
+def test_the_headers_are_those_of_the_table(open_server):
+    lines = [line for line in SECURITY.read_text().splitlines() if line.startswith("| `")]
+    rows = [[cell.strip(" `") for cell in line.strip("|").split("|")] for line in lines]
+    documented = [row for row in rows if row[0].startswith("X-") or row[0] in OTHER_HEADERS]
+    policies = [row for row in rows if row[0].endswith(("-src", "-uri", "-action", "-ancestors"))]
+    for column, path in enumerate(("/", SCENE), 1):
+        status, got = get(open_server.get_port(), path=path)
+        assert status == 200
+        shown = {row[0]: row[column] for row in documented}
+        assert shown == {name: got[name] for name in shown}
+        policy = re.sub("nonce-[^']+", "nonce-NONCE", got["Content-Security-Policy"])
+        parts = dict(part.split(" ", 1) for part in policy.split("; "))
+        assert parts == {row[0]: row[column] for row in policies if row[column]}
+        assert set(got) - {"Date", "Server", "Connection", "ETag"} == {
+            *shown,
+            "Content-Type",
+            "Content-Length",
+            "Content-Security-Policy",
+        }
+    assert len(documented) == 4
 
 
 @pytest.mark.socket

@@ -28,6 +28,8 @@ def test_a_row_says_what_the_run_says(tmp_path):
     probe = save(tmp_path, two_laps(SPEC)) / "run.json"
     record = json.loads(probe.read_text())
     record["spec"] |= {"sensing": {"name": "gates"}, "interactive": [change, change]}
+    # a mark after which the rest of a line would be read from right to left
+    record["spec"]["vehicle"]["name"] = "<b>\u202eswift"
     probe.write_text(json.dumps(record))
     folder = stored(tmp_path, "gaussian", laps=3)
     table = RunTable(str(tmp_path))
@@ -45,6 +47,7 @@ def test_a_row_says_what_the_run_says(tmp_path):
     assert (of_glider.sensing, of_glider.seed, of_glider.laps) == ("perfect", 0, "3/3")
     assert (of_glider.changes, of_glider.outcome, of_glider.time) == (0, "finished", time_flown)
     assert of_glider.above == pytest.approx(100 * (time_flown / best - 1), abs=0.06)
+    assert of_probe.vehicle == "<b>\N{REPLACEMENT CHARACTER}swift"
     assert (of_probe.sensing, of_probe.changes, of_probe.above) == ("gates", 2, None)
 
 

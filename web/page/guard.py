@@ -28,6 +28,7 @@ from quadsim.web.page.messages import MAX_BYTES, PageConnection, is_link
 from quadsim.web.page.seats import SEAT, seat_in
 from quadsim.web.page.shell_files import POLICY, own_response
 from quadsim.web.page.viser_private import ProcessRequest, Serves, scene_page, serving
+from quadsim.web.page.wrong_tokens import SPAN, WrongTokens
 
 ALL_INTERFACES = ("0.0.0.0", "::")
 SCENE_POLICY = (
@@ -68,6 +69,7 @@ class Guard:
         # A server that listens on all interfaces does not have a fixed name.
         self._any_host = host in ALL_INTERFACES
         self._token = token
+        self._wrong = WrongTokens()
         self._has_shell = has_shell
         self._cookie = f"race{port}"
 
@@ -130,7 +132,8 @@ class Guard:
         """Return the answer to a rejected request, None for an accepted one.
 
         A request is accepted if its Host is this server, if its Origin, which browsers send, is the
-        server's own page, and if its cookie holds the token.
+        server's own page, and if its cookie holds the token. An address from which many different
+        wrong tokens came is refused for a while.
         """
         headers = request.headers
         if any(len(headers.get_all(name)) > 1 for name in ("Host", "Origin", "Cookie")):
@@ -142,10 +145,19 @@ class Guard:
         if headers.get("Origin", f"http://{host}") != f"http://{host}":
             foreign = "pages of another origin may not use this server\n"
             return connection.respond(HTTPStatus.FORBIDDEN, foreign)
-        if self._token is None or self._is_token(cookie_of(request, self._cookie)):
+        if self._token is None:
+            return None
+        address = str((connection.remote_address or ("",))[0])
+        if self._wrong.is_refused(address):
+            wait = f"too many wrong tokens: wait {SPAN:g} s\n"
+            return connection.respond(HTTPStatus.TOO_MANY_REQUESTS, wait)
+        kept = cookie_of(request, self._cookie)
+        if self._is_token(kept):
             return None
         asked = parse_qs(urlsplit(request.path).query).get("token", [""])
         if not self._is_token(asked[0]):
+            for wrong in filter(None, (kept, asked[0])):
+                self._wrong.add(address, wrong)
             advice = "open the address with ?token=... that `race web` printed\n"
             return connection.respond(HTTPStatus.UNAUTHORIZED, advice)
         # Move the token from the address to a cookie.

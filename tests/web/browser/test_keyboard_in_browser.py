@@ -51,7 +51,14 @@ def test_every_control_that_can_be_seen_has_a_name(page):
     assert samples.first.get_attribute("aria-describedby")
 
 
-def test_after_a_click_on_start_the_space_bar_pauses(page, session):
+def test_the_space_bar_pauses_after_a_click_and_presses_what_tab_comes_to(page, session):
+    pauses_after_a_click_on_start(page, session)
+    session.tell(PageRace.end_flights)
+    page.evaluate("document.activeElement.blur()")
+    acts_where_tab_comes_to(page, session)
+
+
+def pauses_after_a_click_on_start(page, session):
     race = session.snapshot.race
     press(page, "START")
     assert waited(page, lambda: session.snapshot.race == race + 1 and session.snapshot.t > 0.1)
@@ -64,7 +71,8 @@ def test_after_a_click_on_start_the_space_bar_pauses(page, session):
     assert session.snapshot.race == race + 1
 
 
-def test_what_tab_comes_to_is_seen_and_acts_by_space_or_enter_alone(page, session):
+def acts_where_tab_comes_to(page, session):
+    """It is seen, and acts by space or Enter alone."""
     assert tab_to(page, "START")
     assert page.evaluate(OUTLINE) == "solid"
     race = session.snapshot.race

@@ -75,15 +75,16 @@ def test_escape_and_a_click_beside_it_close_the_help_and_keys_do_not_act_beneath
     help_window.wait_for(state="detached")
 
 
-def test_keys_act_again_after_a_number_was_typed(page, session):
+def test_keys_act_again_after_a_number_a_choice_and_a_tick(page, session):
+    acts_after_a_choice_and_a_tick(page)
     for key in ("Enter", "Escape"):
         blur(page)
         press(page, "free")
         assert waited(page, lambda: pressed(page) == ["free"], 5)
-        acts_after(page, key)
+        acts_after_typing(page, key)
 
 
-def acts_after(page, key):
+def acts_after_typing(page, key):
     box = field(page, "Seed")
     box.click()
     page.keyboard.press("c")
@@ -95,7 +96,7 @@ def acts_after(page, key):
     fill(page, "Seed", 0)  # Enter has taken the "c", with which START would fly nothing
 
 
-def test_keys_act_after_a_choice_and_a_tick_by_mouse(page, session):
+def acts_after_a_choice_and_a_tick(page):
     group(page, "View")
     choose(page, "Trails", "speed")
     field(page, "Trails").evaluate("e => e.blur()")  # as a choice by mouse does

@@ -65,7 +65,8 @@ def is_blocked(browser, session, foreign):
         page.close()
 
 
-def test_the_page_reaches_no_server_but_its_own(page):
+def test_the_page_runs_no_planted_script_and_reaches_no_server_but_its_own(page):
+    runs_no_planted_script(page)
     for reach in (
         "fetch('http://127.0.0.1:{}/').catch(() => 0)",
         "new WebSocket('ws://127.0.0.1:{}/')",
@@ -88,7 +89,7 @@ def is_out_of_reach(page, reach):
         assert calls == []
 
 
-def test_a_planted_script_does_not_run(page):
+def runs_no_planted_script(page):
     script = """planted => new Promise(done => {
         const e = document.createElement('div');
         document.body.append(e);

@@ -44,7 +44,9 @@ def preset(page):
     press(page, "Reset to preset")
 
 
-def test_the_typed_number_is_flown(page, session):
+def test_the_typed_number_is_flown_once_it_is_entered_or_left(page, session):
+    counts_on_enter_or_leaving(page, session)
+    press(page, "Reset to preset")
     before = flown(page, session)["sampling"]["sigma"]
     typed(page, "Sigma scale", ".5")
     typed(page, "Temperature", "0.234", leave="Tab")
@@ -55,7 +57,7 @@ def test_the_typed_number_is_flown(page, session):
     assert planner["mppi"]["samples"] == 1024
 
 
-def test_a_number_does_not_count_before_enter_or_leaving(page, session):
+def counts_on_enter_or_leaving(page, session):
     box = typed(page, "Samples", "1024", leave="End")
     page.wait_for_timeout(300)
     assert box.input_value() == "1024"
