@@ -1,4 +1,4 @@
-"""Hooks of MkDocs that add notebooks, recorded races and rendered equations to the site.
+"""Hooks of MkDocs that add notebooks, recorded races, equations and links to sources to the site.
 
 MkDocs calls the functions `on_...` while it builds the site (`hooks` in mkdocs.yml).
 """
@@ -9,6 +9,7 @@ import base64
 import html
 import json
 import re
+import tomllib
 import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -27,11 +28,24 @@ from quadsim.web.stored_runs import stored_competitor
 
 NOTEBOOKS = Path("examples/notebooks")
 GALLERY = Path("docs/gallery")
+PROJECT = Path("pyproject.toml")
+EDIT_URI = "edit/main/docs/"  # of a page's source, in the repository
 # What pymdownx.arithmatex makes of $$...$$ and $...$
 EQUATION = re.compile(
     r'<(?P<tag>div|span) class="arithmatex">\\(?P<kind>[\[(])(?P<latex>.*?)\\[\])]</(?P=tag)>',
     re.DOTALL,
 )
+
+
+def on_config(config: MkDocsConfig) -> MkDocsConfig:
+    """Link every page to its source if pyproject.toml has the address of the repository."""
+    project = tomllib.loads(PROJECT.read_text(encoding="utf-8"))["project"]
+    address = project["urls"].get("Repository")
+    if address is not None:
+        config.repo_url = address
+        config.repo_name = config.site_name
+        config.edit_uri = EDIT_URI
+    return config
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:

@@ -37,6 +37,15 @@ def test_readme_has_the_laps_and_thrust_variations_of_the_files(name):
     assert f"| {' | '.join(cells)} |" in readme
 
 
+@pytest.mark.parametrize("name", ["swift", "alphapilot"])
+def test_the_published_times_stand_beside_the_medians_of_the_files(name):
+    colored = read(name).rows[1]
+    page = (tables.DOCS / "results.md").read_text(encoding="utf-8")
+    beside = page.partition("| course | what | published [s] | ours [s] |")[2].partition("\n\n")[0]
+    (line,) = (line for line in beside.splitlines() if line.startswith(f"| {colored['course']}"))
+    assert line.endswith(f"| {float(colored['race_median']):.3f} |")
+
+
 def test_the_paper_has_the_laps_of_the_files():
     gaussian, colored = read("swift").rows
     mean, low, high = (float(colored[f"lap_difference{end}"]) for end in ("", "_low", "_high"))
