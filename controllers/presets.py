@@ -133,59 +133,18 @@ PRESETS: dict[str, dict[str, Planner]] = {
 }
 
 
-# `race_small` is for gates of less than a metre and vehicles of some ten centimetres, such as
-# `lsy_level2` and `crazyflie`. The margin fits the openings, and has a larger weight. The horizon
-# is two thirds of the horizon of `race`, as a course of 7 m is short: with the full horizon 6 of 15
-# flights of lsy_level2 got stuck or crashed. With the yaw noise of `race` 94 of 100 finished, with
-# this yaw noise all 100, and 97 since the model limits yaw. There is no view term: the gates face
-# all directions, a metre apart, so turning the nose to each costs more than it improves the view.
-# The cut-off is higher than in `race`, as a light vehicle follows faster changes and needs them
-# between gates a metre apart. With the 1024 samples of `race` the race takes a third longer.
-# sigma of the yaw rate, whose standard deviation is 0.5 rad/s for each of these samplers
-_SMALL_YAW = {"gaussian": 0.5, "colored": 0.5, "log_normal": 0.419}
-_SMALL_CUTOFF = 8.0  # [Hz]
-_SMALL_SAMPLES = 4096
-
-
-def _small(sampler: str, planner: Planner) -> Planner:
-    """Return a planner of the preset `race` for small gates and vehicles."""
-    sampling: Any = planner.sampling
-    if sampler in _SMALL_YAW:
-        roll, pitch, _, thrust = sampling.sigma
-        sampling = replace(sampling, sigma=(roll, pitch, _SMALL_YAW[sampler], thrust))
-    if isinstance(sampling, Colored):
-        sampling = replace(sampling, cutoff=(_SMALL_CUTOFF,) * 4)
-    assert isinstance(planner.cost, RaceWeights)
-    return replace(
-        planner,
-        vehicle="crazyflie",
-        sampling=sampling,
-        mppi=replace(planner.mppi, horizon=100, samples=_SMALL_SAMPLES),
-        cost=replace(planner.cost, margin=0.08, margin_share=0.5, clearance=25000.0),
-        view_weight=0.0,
-    )
-
-
-PRESETS["race_small"] = {name: _small(name, planner) for name, planner in PRESETS["race"].items()}
-
-
-# `race_sight` is `race_small` for gates that stand off the map and are known only from nearby. The
-# first controls are perturbed in full and a changed course has more iterations, as the plan has to
-# become another one within 0.2 s of a gate. The weight of the speed is large because the cost rises
-# along the horizon, so that the first steps count little. See docs/lab/unknown_gates.md.
+# Gates that stand off the map and are known only from nearby: the first controls are perturbed in
+# full and a changed course has more iterations, as the plan has to become another one within 0.2 s
+# of a gate. The weight of the speed is large because the cost rises along the horizon, so that the
+# first steps count little. See docs/lab/unknown_gates.md.
 _NEWS = 6  # ratio of the iterations of a plan whose course has changed to those of others
 
 
-def _with_sight(planner: Planner) -> Planner:
-    """Return a planner of the preset `race_small` for gates that are known only from nearby."""
+def with_sight(planner: Planner) -> Planner:
+    """Return a planner of the preset `race` for gates that are known only from nearby."""
     assert isinstance(planner.cost, RaceWeights)
     mppi = replace(planner.mppi, first_noise=1.0, news_iterations=_NEWS * planner.mppi.iterations)
     return replace(planner, mppi=mppi, cost=replace(planner.cost, caution=30.0))
-
-
-PRESETS["race_sight"] = {
-    name: _with_sight(planner) for name, planner in PRESETS["race_small"].items()
-}
 
 
 # `race_informed` follows the solution of an optimiser, which covers the whole race and not only a
@@ -252,12 +211,30 @@ def preset(name: str, sampler: str) -> Planner:
         150
     """
     if name not in PRESETS:
-        raise FileError(f"no preset {name!r}: {did_you_mean(name, PRESETS)} (or a FILE.yaml)")
+        raise FileError(f"no preset {name!r}: {instead_of(name)} (or a FILE.yaml)")
     if sampler not in PRESETS[name]:
         raise FileError(
             f"preset {name!r} has no sampler {sampler!r}: {did_you_mean(sampler, PRESETS[name])}"
         )
     return PRESETS[name][sampler]
+
+
+def instead_of(name: str) -> str:
+    """Return which preset to take in place of an unknown one."""
+    if name.startswith("race_"):
+        return "take 'race', whose numbers follow from vehicle, course and control period"
+    return did_you_mean(name, PRESETS)
+
+
+def with_period(planner: Planner, dt: float) -> Planner:
+    """Return the planner with another control period, which looks as many seconds ahead.
+
+    Args:
+        planner: the planner.
+        dt: control period [s].
+    """
+    steps = max(round(planner.mppi.horizon * planner.mppi.dt / dt), 2)
+    return replace(planner, mppi=replace(planner.mppi, dt=dt, horizon=steps))
 
 
 def per_channel(rates: float, thrust: float) -> tuple[float, float, float, float]:

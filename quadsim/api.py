@@ -404,8 +404,8 @@ def compare(
     Args:
         courses: one course or several.
         variants: {name: settings}, with the settings as a mapping or as a text such as
-            "race_small+samples=512"; or texts, such as ("gaussian", "colored"). Attempt i of each
-            flies seed + i.
+            "race_informed+samples=512"; or texts, such as ("gaussian", "colored"). Attempt i of
+            each flies seed + i.
         attempts: flights of each variant on each course.
         jobs: worker processes; None: all flights in this process, one after the other. With workers
             a script needs `if __name__ == "__main__":`, and objects of your own must be importable

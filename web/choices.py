@@ -7,15 +7,19 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any, Self
 
 from quadsim.config.presets import PresetSource
-from quadsim.config.resolve import with_numbers
+from quadsim.config.resolve import flight_settings, is_seen_late, scale_of, with_numbers
 from quadsim.config.settings import SETTINGS, Clock, FlightSettings, SettingValue, values_of
 from quadsim.config.spec import Spec
+from quadsim.controllers.derived import Scale
 from quadsim.controllers.presets import Planner, preset
+from quadsim.course import load_course
 from quadsim.dynamics.quadrotor import ModelParams
+from quadsim.files.strict_yaml import FileError
 from quadsim.firmware import FlightControllerName
 from quadsim.heat.rules import RulesName
 from quadsim.heat.settings import Expect, HeatSettings
 from quadsim.heat.spec import Entrant, HeatSpec
+from quadsim.physics.randomization_file import load_randomization
 from quadsim.racing.hand import HAND
 from quadsim.sensing import PERFECT
 from quadsim.vehicle import load_vehicle
@@ -116,12 +120,21 @@ class CompetitorChoices:
         return [name for name in dict.fromkeys(asked) if name in OF_THE_PLANNER - set(planner_has)]
 
     @property
-    def base(self) -> Planner:
-        """The planner without the numbers of the sliders. Raises ValueError."""
+    def of_preset(self) -> Planner:
+        """The planner with the numbers of the preset alone. Raises ValueError."""
         sampler = planner_choice(self.sampler)["sampler"]
         is_ideal = self.flight_controller == "ideal"
-        found = PresetSource.read(self.preset).planner(sampler, firmware=not is_ideal)
-        return with_numbers(found, self.known_settings)
+        source = PresetSource.read(self.preset)
+        return source.planner(sampler, firmware=not is_ideal, scale=self._scale(source, sampler))
+
+    def _scale(self, source: PresetSource, sampler: str) -> Scale | None:
+        """Return the scale of the flight; None: that of the preset, as no course is known."""
+        return None
+
+    @property
+    def base(self) -> Planner:
+        """The planner without the numbers of the sliders. Raises ValueError."""
+        return with_numbers(self.of_preset, self.known_settings)
 
     @property
     def planner(self) -> Planner:
@@ -146,7 +159,7 @@ class CompetitorChoices:
         """
         numbers = {n: x for n, x in self.numbers.items() if SLIDERS[n].setting != name}
         settings = {key: x for key, x in self.settings.items() if key != name}
-        found = planner_settings(self.preset, self.vehicle, self.sampler).get(name)
+        found = values_of(self.of_preset, ModelParams.of(load_vehicle(self.vehicle))).get(name)
         if found is None or found.value != value:
             settings[name] = value
         return replace(self, numbers=numbers, settings=settings)
@@ -165,6 +178,17 @@ class Choices(CompetitorChoices, RaceChoices):
     def race(self) -> RaceChoices:
         """The choices that are common to all competitors."""
         return RaceChoices(**vars_of(self, RaceChoices))
+
+    def _scale(self, source: PresetSource, sampler: str) -> Scale | None:
+        """Return the scale of the flight on its course; None: there is no such course."""
+        flight = flight_settings(self.settings)
+        try:
+            course = load_course(self.course)
+        except FileError:
+            return None
+        base = source.planner(sampler)
+        seen_late = is_seen_late(flight, load_randomization(flight.randomization))
+        return scale_of(course, load_vehicle(self.vehicle), self.settings, base, seen_late)
 
     @property
     def competitor(self) -> CompetitorChoices:

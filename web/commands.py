@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import msgspec
 from msgspec import Meta
@@ -21,7 +21,7 @@ from quadsim.files.yaml_errors import cut
 from quadsim.heat.rules import RulesName
 from quadsim.heat.settings import Expect, HeatSettings
 from quadsim.heat.spec import MOST
-from quadsim.web.choices import CompetitorChoices, RaceChoices
+from quadsim.web.choices import Choices, CompetitorChoices, RaceChoices
 from quadsim.web.fields import shown_fields
 from quadsim.web.menu import Menu
 from quadsim.web.setting_texts import checked_number, checked_setting
@@ -35,6 +35,7 @@ OF_RACE = {**OF_RACE_CHOICES, **shown_fields(PageState)}
 OF_COMPETITOR = shown_fields(CompetitorChoices)
 
 Name = Annotated[str, Meta(max_length=300)]
+OfPlanner = TypeVar("OfPlanner", bound=CompetitorChoices)
 
 
 class Command(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
@@ -288,17 +289,15 @@ def _with_row(
     """Return the state with a changed row. Raises ValueError."""
     index = state.index(command.row)
     row = state.rows[index]
-    choices = _changed(row.choices, command)
+    choices = _changed(Choices.of(state.race, row.choices), command)
     if isinstance(command, ChooseNames):
         _expect_on_menu(choices, state.menu)
-    changed = replace(row, choices=_checked(choices))
+    changed = replace(row, choices=_checked(choices).competitor)
     return replace(state, rows=(*state.rows[:index], changed, *state.rows[index + 1 :]))
 
 
-def _changed(
-    choices: CompetitorChoices, command: ChooseNames | SetNumber | SetSetting | ResetRow
-) -> CompetitorChoices:
-    """Return a competitor's choices after a command. Raises ValueError."""
+def _changed(choices: Choices, command: ChooseNames | SetNumber | SetSetting | ResetRow) -> Choices:
+    """Return the choices of a flight after a command. Raises ValueError."""
     match command:
         case ChooseNames(_, names):
             return replace(choices, **_names(names))
@@ -361,7 +360,7 @@ def _names(names: Mapping[str, str]) -> dict[str, Any]:
     return chosen
 
 
-def _checked(choices: CompetitorChoices) -> CompetitorChoices:
-    """Return a competitor's choices if its planner can have the numbers. Raises ValueError."""
+def _checked(choices: OfPlanner) -> OfPlanner:
+    """Return choices if their planner can have the numbers. Raises ValueError."""
     _ = choices.planner
     return choices

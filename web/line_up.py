@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from quadsim.sensing import PERFECT
-from quadsim.web.choices import CompetitorChoices, HeatChoices, names_of, specs_of
+from quadsim.web.choices import Choices, CompetitorChoices, HeatChoices, names_of, specs_of
 from quadsim.web.differences import compared, distinct_names
 from quadsim.web.numbers import SLIDERS, numbers_of
 from quadsim.web.setting_texts import HAVE_SLIDERS, shown_value
@@ -51,41 +51,36 @@ def line_up_of(state: PageState) -> LineUp:
     return LineUp(
         names=tuple(names),
         what=tuple(map(_what, competitors)),
-        changes=tuple(map(changes_of, competitors)),
+        changes=tuple(map(changes_of, state.flights)),
         compared=differ,
         problem=problem,
     )
 
 
-def changes_of(competitor: CompetitorChoices) -> tuple[str, ...]:
+def changes_of(flight: Choices) -> tuple[str, ...]:
     """Return the numbers that differ from the preset as they are flown, such as "samples 512".
 
     A number that is flown otherwise than it was asked for is named with both.
     """
-    if not competitor.has_planner:
+    if not flight.has_planner:
         return ()
-    idle = competitor.idle_settings
+    idle = flight.idle_settings
     found = [
         f"{name} {shown_value(value)}"
-        for name, value in competitor.settings.items()
+        for name, value in flight.settings.items()
         if name not in idle and name not in HAVE_SLIDERS
     ]
-    preset = CompetitorChoices(
-        vehicle=competitor.vehicle,
-        preset=competitor.preset,
-        sampler=competitor.sampler,
-        flight_controller=competitor.flight_controller,
-    ).base
-    flown = numbers_of(competitor.planner, competitor.base)
+    preset = flight.of_preset
+    flown = numbers_of(flight.planner, flight.base)
     usual = numbers_of(preset, preset)
     for name, slider in SLIDERS.items():
         if slider.setting in idle:
             continue
-        asked = competitor.numbers.get(name, flown[name])
-        is_typed = slider.setting in competitor.settings and slider.setting not in HAVE_SLIDERS
+        asked = flight.numbers.get(name, flown[name])
+        is_typed = slider.setting in flight.settings and slider.setting not in HAVE_SLIDERS
         if flown[name] == usual[name] and asked == flown[name]:
             continue
-        if is_typed and name not in competitor.numbers:
+        if is_typed and name not in flight.numbers:
             continue  # named above, as it was typed
         but = f" (asked for {asked:g})" if asked != flown[name] else ""
         found.append(f"{slider.label.lower()} {flown[name]:g}{but}")

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import msgspec
 
-from quadsim.controllers.presets import PRESETS
+from quadsim.controllers.samplers import SAMPLERS
 from quadsim.course import Course, parse_course
 from quadsim.heat.archive import is_heat, runs_of_heat
 from quadsim.racing.along import Legs
 from quadsim.record.archive import load_reportable
 from quadsim.record.limits import limit_of, limits_folder
+from quadsim.record.preset_changes import usual_planner
 from quadsim.record.run import RecordedRun, RunError, flown_by
 from quadsim.record.schema import ReplayedPlanner, ReplayedSpec
 from quadsim.web.competitor import Competitor
@@ -73,5 +74,5 @@ def stored_numbers(spec: dict) -> dict[str, float]:
     """Return the values of the sliders for a run's planner at its start."""
     planner = msgspec.convert(spec["planner"], ReplayedPlanner)
     # Of a preset from a file nothing is known.
-    preset = PRESETS.get(spec["preset"], {}).get(spec["sampler"])
+    preset = usual_planner(spec) if spec["sampler"] in SAMPLERS else None
     return numbers_of(planner, preset)

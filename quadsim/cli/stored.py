@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from rich.markup import escape
 
 from quadsim.cli.flags import Help, Json, RunsDir, Stored, Switch
 from quadsim.cli.report import known_limit, present
-from quadsim.console import UsageError, emit, emit_json
+from quadsim.console import UsageError, emit, emit_json, plain_table
 from quadsim.figures.style import PICTURES, save_figure, write_figure
 from quadsim.heat.archive import (
     export_name,
@@ -23,6 +24,7 @@ from quadsim.heat.archive import (
 from quadsim.record.archive import find_run, load_reportable, read_run
 from quadsim.record.exchange import telemetry_csv
 from quadsim.record.mcap_file import mcap_bytes
+from quadsim.record.preset_changes import changed_numbers, number_text, recorded_derivation
 from quadsim.record.whole_files import expect_new_file, write_whole
 from quadsim.results.heat import Heat
 from quadsim.results.stored_runs import stored_runs
@@ -68,10 +70,21 @@ def runs(
     return 0
 
 
-def show(run: Stored = "last", /, *, runs_dir: RunsDir = "runs", json: Json = False) -> int:
+def show(
+    run: Stored = "last",
+    /,
+    *,
+    numbers: Annotated[
+        bool, Switch("the planner's numbers that follow from vehicle and course, and why")
+    ] = False,
+    runs_dir: RunsDir = "runs",
+    json: Json = False,
+) -> int:
     """Show the report of a stored run or race, as printed after the flight.
 
     race show last
+
+    race show last --numbers
 
     race show 20261120T133511Z --json
     """
@@ -84,8 +97,36 @@ def show(run: Stored = "last", /, *, runs_dir: RunsDir = "runs", json: Json = Fa
             emit(*heat.renderables(), "", f"[dim]stored in {escape(str(race))}[/]")
         return 0
     folder = find_run(run, runs_dir)
-    present(load_reportable(folder), folder, json, runs_dir)
+    found = load_reportable(folder)
+    if numbers:
+        _show_numbers(found.spec, json)
+    else:
+        present(found, folder, json, runs_dir)
     return 0
+
+
+def _show_numbers(spec: Mapping[str, Any], json: bool) -> None:
+    """Print the derived numbers of a recorded flight, a line for each.
+
+    Raises:
+        UsageError: its preset has none.
+    """
+    found = recorded_derivation(spec)
+    if not found:
+        wanted = "expected a run of the preset race, whose numbers are derived"
+        raise UsageError(f"--numbers: {wanted}, got one of {spec['preset']}")
+    if json:
+        emit_json([number._asdict() for number in found])
+        return
+    changed = changed_numbers(spec)
+    table = plain_table("number", "value", "law", left=(0, 1, 2))
+    for number in found:
+        given = changed.get(number.name)
+        value = number_text(number.value)
+        table.add_row(
+            number.name, value if given is None else f"{given}, given; law: {value}", number.law
+        )
+    emit(table)
 
 
 def plot(

@@ -19,12 +19,19 @@ import yaml
 from msgspec import defstruct
 
 from quadsim.config.settings import CONTROL_UNITS
-from quadsim.controllers.presets import PRESETS, Planner, contradictions, preset
+from quadsim.controllers.derived import DERIVED, Scale, derived
+from quadsim.controllers.presets import (
+    PRESETS,
+    Planner,
+    contradictions,
+    instead_of,
+    preset,
+    with_period,
+)
 from quadsim.controllers.samplers import SAMPLERS
 from quadsim.dynamics.quadrotor import Control
 from quadsim.files.data_files import SUFFIXES, read_text
 from quadsim.files.strict_yaml import Document, parse, unit
-from quadsim.files.yaml_errors import did_you_mean
 
 GROUPS = ("sampling", "mppi", "cost")  # groups of numbers in a Planner and in a preset file
 
@@ -43,43 +50,64 @@ class PresetSource:
             return cls(name_or_path, read_text(Path(name_or_path)))
         return cls(name_or_path)
 
-    def planner(self, sampler: str, firmware: bool = False) -> Planner:
+    def planner(self, sampler: str, firmware: bool = False, scale: Scale | None = None) -> Planner:
         """Return the preset's numbers for a registered sampler. Raises FileError.
 
-        firmware: whether a firmware carries out the commands.
+        Args:
+            sampler: name of the sampler.
+            firmware: whether a firmware carries out the commands.
+            scale: scale of the flight, from which numbers follow; None: that of the reference.
         """
         if self.text is None:
-            return _named(self.name, sampler, firmware)
-        return parse_planner(self.text, self.name, sampler, firmware)
+            return _named(self.name, sampler, firmware, scale)
+        return parse_planner(self.text, self.name, sampler, firmware, scale)
 
 
-def _named(name: str, sampler: str, firmware: bool) -> Planner:
+def _named(name: str, sampler: str, firmware: bool, scale: Scale | None) -> Planner:
     """Return a named preset. Before a firmware, whose filters and gains lag, its plan is smoothed.
 
     An ideal rate loop follows a plan that changes in each period; a firmware does not, and pays for
     trying with thrust. See docs/betaflight_results.md for the flights that show it.
     """
     found = preset(name, sampler)
+    if scale is not None and name in DERIVED:
+        found = derived(found, scale)
     return replace(found, mppi=replace(found.mppi, smooth=True)) if firmware else found
 
 
-def parse_planner(text: str, file: str, sampler: str, firmware: bool = False) -> Planner:
+def parse_planner(
+    text: str,
+    file: str,
+    sampler: str,
+    firmware: bool = False,
+    scale: Scale | None = None,
+) -> Planner:
     """Return the planner of a preset file's text.
 
     A key that the file leaves out keeps the number of its base. Keys of other samplers are skipped,
     so that one file serves several samplers.
 
+    Args:
+        text: the YAML.
+        file: shown in errors.
+        sampler: name of the sampler.
+        firmware: whether a firmware carries out the commands.
+        scale: scale of the flight, from which numbers of the base follow; None: that of the
+            reference.
+
     Raises:
         FileError: the file is not a preset.
     """
     document = parse(text, file)
-    base = _base(document, sampler, firmware)
+    base = _base(document, sampler, firmware, scale)
     entry = document.fill(_schema(base))
     changes: dict[str, Any] = {"preset": file, "vehicle": entry.vehicle or base.vehicle}
     for group, keys in _groups(document):
-        base_part = getattr(base, group)
-        known = {f.name for f in fields(base_part)}
         given = getattr(entry, group)
+        base_part = getattr(base, group)
+        if group == "mppi" and "dt" in keys and given.dt is not None:
+            base_part = with_period(base, given.dt).mppi
+        known = {f.name for f in fields(base_part)}
         numbers = {key: getattr(given, key) for key in keys if key in known}
         changes[group] = replace(base_part, **numbers)
     planner = replace(base, **changes)
@@ -94,7 +122,7 @@ def _groups(document: Document) -> Iterator[tuple[str, list[str]]]:
             yield key.value, [k.value for k, _ in node.value]
 
 
-def _base(document: Document, sampler: str, firmware: bool) -> Planner:
+def _base(document: Document, sampler: str, firmware: bool, scale: Scale | None) -> Planner:
     """Return the preset that the file's `base` names.
 
     A file without `base` gets the first preset; its schema then reports the missing key.
@@ -106,10 +134,10 @@ def _base(document: Document, sampler: str, firmware: bool) -> Planner:
         if isinstance(key, yaml.ScalarNode) and key.value == "base":
             name = node.value
     if not isinstance(name, str):
-        return _named(next(iter(PRESETS)), sampler, firmware)
+        return _named(next(iter(PRESETS)), sampler, firmware, scale)
     if name not in PRESETS:
-        raise document.error("base", f"no preset {name!r}: {did_you_mean(name, PRESETS)}")
-    return _named(name, sampler, firmware)
+        raise document.error("base", f"no preset {name!r}: {instead_of(name)}")
+    return _named(name, sampler, firmware, scale)
 
 
 def _schema(base: Planner) -> type[Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -18,13 +18,17 @@ from quadsim.config.settings import (
     SettingError,
     is_optional,
 )
-from quadsim.controllers.presets import Planner
+from quadsim.controllers.config import MPPIConfig
+from quadsim.controllers.derived import Scale
+from quadsim.controllers.presets import Planner, with_period
 from quadsim.controllers.samplers import SAMPLERS, Colored
 from quadsim.course import Course
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.values import checked
 from quadsim.files.yaml_errors import did_you_mean, shown_value
 from quadsim.firmware.text import Text, read_text, shipped_configuration
+from quadsim.physics.domain_randomization import Displacement
+from quadsim.physics.randomization_file import RandomizationRanges
 from quadsim.sensing import PERFECT, Sensing
 from quadsim.vehicle import Vehicle
 
@@ -153,10 +157,44 @@ def configuration_of(
     return shipped_configuration(vehicle)
 
 
-def base_planner(given: Mapping[str, Any], flight: FlightSettings, read: dict[str, Any]) -> Planner:
-    """Return the preset's planner for the sampler, before single numbers are changed.
+@dataclass(frozen=True)
+class PlannerSource:
+    """Where the planner of a flight comes from, before single numbers are changed."""
+
+    # a planner with numbers of its own; None: the preset's
+    planner: Planner | None
+    preset: PresetSource
+    sampler: str
+    # the user's own sampler, which gets the other numbers of `sampler`
+    sampling: Any
+    firmware: bool
+
+    def at(self, scale: Scale | None) -> Planner:
+        """Return the planner.
+
+        Args:
+            scale: scale of the flight, from which numbers of the preset follow; None: that of the
+                preset's reference.
+
+        Raises:
+            FileError: there is no such preset, or its file is none.
+        """
+        if self.planner is not None:
+            return self.planner
+        found = self.preset.planner(self.sampler, self.firmware, scale)
+        return found if self.sampling is None else replace(found, sampling=self.sampling)
+
+
+def planner_source(
+    given: Mapping[str, Any], flight: FlightSettings, read: dict[str, Any]
+) -> PlannerSource:
+    """Return where the planner comes from.
 
     read: collects the text of a preset file, and the user's own sampler.
+
+    Raises:
+        SettingError: a planner is given beside a sampler or a preset, or a part is none.
+        FileError: the file of a preset cannot be read.
     """
     sampling = own_sampler(given["sampler"]) if given.get("sampler") is not None else None
     planner = given.get("planner")
@@ -166,7 +204,6 @@ def base_planner(given: Mapping[str, Any], flight: FlightSettings, read: dict[st
                 wanted = "expected none: the planner of a stored run, or planner=, has its own"
                 raise SettingError(name, wanted)
         check_type("planner", planner, Planner)
-        return planner
     preset = given.get("preset")
     if not isinstance(preset, PresetSource):
         if not (preset is None or isinstance(preset, str | Path)):
@@ -175,13 +212,44 @@ def base_planner(given: Mapping[str, Any], flight: FlightSettings, read: dict[st
             )
         preset = PresetSource.read(flight.preset)
         read |= {"preset": preset} if "preset" in given else {}
+    sampler = flight.sampler
+    if sampling is not None:
+        read["sampler"] = sampling
+        # The user's own sampler gets the MPPI and cost numbers of the default sampler.
+        sampler = sampler_name(sampling) if is_registered(sampling) else FlightSettings.sampler
     firmware = flight.flight_controller != "ideal"
-    if sampling is None:
-        return preset.planner(flight.sampler, firmware)
-    read["sampler"] = sampling
-    # The user's own sampler gets the MPPI and cost numbers of the default sampler.
-    name = sampler_name(sampling) if is_registered(sampling) else FlightSettings.sampler
-    return replace(preset.planner(name, firmware), sampling=sampling)
+    return PlannerSource(planner, preset, sampler, sampling, firmware)
+
+
+def is_seen_late(flight: FlightSettings, randomization: RandomizationRanges) -> bool:
+    """Return whether gates stand off the map and are known only from nearby."""
+    off = Displacement.of(randomization, flight.randomize, flight.displace_gates)
+    return flight.known_from is not None and off.gates > 0.0
+
+
+def scale_of(
+    course: Course,
+    vehicle: Vehicle,
+    given: Mapping[str, Any],
+    base: Planner,
+    seen_late: bool,
+) -> Scale:
+    """Return the scale of a flight, from which numbers of a preset follow.
+
+    Args:
+        course: the planner's map.
+        vehicle: the vehicle.
+        given: the settings, which may have a control period.
+        base: the planner of the preset, with the control period if none is given.
+        seen_late: whether gates stand off the map and are known only from nearby.
+
+    Raises:
+        SettingError: the control period is none.
+    """
+    kind = SETTINGS["dt"].kinds[MPPIConfig]
+    asked = given.get("dt")
+    period: Any = base.mppi.dt if asked is None else checked("dt", asked, kind)
+    return Scale.of(course, vehicle, period, seen_late)
 
 
 def _with_law(planner: Planner, law: object) -> Planner:
@@ -205,9 +273,8 @@ def with_numbers(planner: Planner, given: Mapping[str, Any]) -> Planner:
     changed = replace(planner, **parts)
     if given.get("horizon") is not None or changed.mppi.dt == planner.mppi.dt:
         return changed
-    # With another control period the planner looks as many seconds ahead, not as many steps.
-    steps = round(planner.mppi.horizon * planner.mppi.dt / changed.mppi.dt)
-    return replace(changed, mppi=replace(changed.mppi, horizon=max(steps, 2)))
+    steps = with_period(planner, changed.mppi.dt).mppi.horizon
+    return replace(changed, mppi=replace(changed.mppi, horizon=steps))
 
 
 def nominal_model(given: Mapping[str, Any], vehicle: Vehicle) -> ModelParams:

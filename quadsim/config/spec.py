@@ -45,14 +45,16 @@ from quadsim.config.reference import followed_problem, stored_reference
 from quadsim.config.resolve import (
     DEFAULT_COURSE,
     KEYWORDS,
-    base_planner,
     check_names,
     configuration_of,
     default_timeout,
     flight_settings,
     given_part,
+    is_seen_late,
     loaded_part,
     nominal_model,
+    planner_source,
+    scale_of,
     view_weight_of,
     with_excitation,
     with_numbers,
@@ -545,12 +547,16 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
     randomization = loaded_part(
         given, "randomization", RandomizationRanges, load_randomization, OUTDOOR_NAME, read
     )
-    base = base_planner(given, flight, read)
+    source = planner_source(given, flight, read)
+    base = source.at(None)
     default_vehicle = pilot.about.vehicle if pilot else base.vehicle
     vehicle = loaded_part(given, "vehicle", Vehicle, load_vehicle, default_vehicle, read)
     if flight.thrust_to_weight:
         vehicle = with_thrust_to_weight(vehicle, flight.thrust_to_weight)
 
+    # Numbers of the preset follow from course, vehicle and control period.
+    seen_late = is_seen_late(flight, randomization)
+    base = source.at(scale_of(course, vehicle, given, base, seen_late))
     planner = with_numbers(replace(base, vehicle=vehicle.name), given)
     configuration = configuration_of(flight, given, vehicle, read)
     laps = flight.laps or course.laps

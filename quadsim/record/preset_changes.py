@@ -4,9 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
+from functools import lru_cache
 from typing import Any
 
-from quadsim.controllers.presets import PRESETS
+import msgspec
+from msgspec import Struct
+
+from quadsim.controllers.derived import DERIVED, DerivedNumber, Scale, derivation, derived
+from quadsim.controllers.presets import PRESETS, Planner, with_period
+from quadsim.controllers.samplers import SAMPLERS
+from quadsim.course import Course, parse_course
+from quadsim.files.strict_yaml import FileError
+from quadsim.physics.domain_randomization import Displacement
+from quadsim.physics.randomization_file import OUTDOOR, RandomizationRanges
+from quadsim.vehicle import Vehicle
 
 # Numbers that are shown, at most
 MOST = 4
@@ -40,15 +51,13 @@ def changed_numbers(spec: Mapping[str, Any]) -> dict[str, str]:
 
 def _changes(spec: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Yield the name and the value of each number that differs."""
-    of_samplers = PRESETS.get(spec.get("preset", ""), {})
-    base = of_samplers.get(spec.get("sampler", ""))
-    parts = ("sampling", "mppi", "cost")
-    if base is None:
-        # A sampler of the user's own flies with the numbers of colored sampling, but for its own.
-        base = of_samplers.get("colored")
-        parts = ("mppi", "cost")
+    base = usual_planner(spec)
     if base is None:
         return
+    parts = ("sampling", "mppi", "cost")
+    if spec.get("sampler") not in SAMPLERS:
+        # A sampler of the user's own flies with the numbers of colored sampling, but for its own.
+        parts = ("mppi", "cost")
     recorded = spec.get("planner", {})
     for part in parts:
         numbers = recorded.get(part, {})
@@ -59,6 +68,84 @@ def _changes(spec: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
             value = list(value) if isinstance(value, tuple) else value
             if name in numbers and value != usual:
                 yield name, number_text(value)
+
+
+class ScaledMPPI(Struct):
+    """The key of MPPI's numbers that belongs to the scale."""
+
+    dt: float
+
+
+class ScaledPlanner(Struct):
+    """The key of a planner's numbers that belongs to the scale."""
+
+    mppi: ScaledMPPI
+
+
+class ScaledSpec(Struct):
+    """The keys of a spec from which the scale of a flight follows."""
+
+    course: str
+    course_text: str
+    vehicle: Vehicle
+    planner: ScaledPlanner
+    randomization: RandomizationRanges = OUTDOOR
+    randomize: float = 0.0
+    displace_gates: float = 0.0
+    known_from: float | None = None
+
+
+def usual_planner(spec: Mapping[str, Any]) -> Planner | None:
+    """Return the planner of a recorded flight with the numbers of its preset alone.
+
+    None: the preset is a file or no preset of this version.
+
+    Args:
+        spec: the record of a Spec, see Spec.record.
+    """
+    of_samplers = PRESETS.get(spec.get("preset", ""), {})
+    found = of_samplers.get(spec.get("sampler", ""), of_samplers.get("colored"))
+    if found is None or spec["preset"] not in DERIVED:
+        return found
+    scale = recorded_scale(spec)
+    return found if scale is None else with_period(derived(found, scale), scale.period)
+
+
+def recorded_derivation(spec: Mapping[str, Any]) -> list[DerivedNumber]:
+    """Return the numbers of a recorded flight that are derived; none: its preset has none.
+
+    Args:
+        spec: the record of a Spec, see Spec.record.
+    """
+    of_samplers = PRESETS.get(spec.get("preset", ""), {})
+    found = of_samplers.get(spec.get("sampler", ""), of_samplers.get("colored"))
+    scale = recorded_scale(spec)
+    if found is None or scale is None or spec["preset"] not in DERIVED:
+        return []
+    return derivation(found, scale)
+
+
+def recorded_scale(spec: Mapping[str, Any]) -> Scale | None:
+    """Return the scale of a recorded flight; None: its record does not say it.
+
+    Args:
+        spec: the record of a Spec, see Spec.record.
+    """
+    try:
+        read = msgspec.convert(dict(spec), ScaledSpec)
+        course = _course(read.course_text, read.course)
+    except (msgspec.ValidationError, FileError):
+        return None
+    off = Displacement.of(read.randomization, read.randomize, read.displace_gates)
+    seen_late = read.known_from is not None and off.gates > 0.0
+    return Scale.of(course, read.vehicle, read.planner.mppi.dt, seen_late)
+
+
+# Cached, as lists of runs ask for each of them
+@lru_cache(maxsize=32)
+def _course(text: str, name: str) -> Course:
+    """Return the course of a record. Raises FileError."""
+    return parse_course(text, name)
 
 
 def number_text(value: Any) -> str:

@@ -133,7 +133,7 @@ def presets() -> Listing:
     Examples:
         >>> import quadsim
         >>> list(quadsim.presets())
-        ['paper', 'race', 'race_small', 'race_sight', 'race_informed']
+        ['paper', 'race', 'race_informed']
     """
     return Listing(tuple(PRESETS), lambda _: preset_table())
 

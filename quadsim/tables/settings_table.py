@@ -41,7 +41,7 @@ class Row(NamedTuple):
     unit: str
     range: str  # or the choices
     default: str
-    # "horizon 30 in race_small": presets whose number differs from the default preset's
+    # "horizon 60 in race_informed": presets whose number differs from the default preset's
     presets: str
     meaning: str
 

@@ -75,7 +75,9 @@ def settings_of(record: Mapping[str, Any]) -> dict[str, Any] | None:
     try:
         flown = spec_of_record(record)
         settings = _named(flown)
-        settings |= dict(_differing(flown, Spec.of(**settings)))
+        settings |= dict(_differing_flight(flown, Spec.of(**settings)))
+        # With them, as numbers of a preset may follow from them
+        settings |= dict(_differing_numbers(flown, Spec.of(**settings)))
         again = Spec.of(**settings)
     except ValueError:  # a file or a part is missing, or a name stands for no file
         return None
@@ -98,12 +100,19 @@ def _named(spec: Spec) -> dict[str, Any]:
     return settings
 
 
-def _differing(spec: Spec, usual: Spec) -> Iterator[tuple[str, Any]]:
-    """Yield the settings in which a flight differs from the flight of its names alone."""
+def _differing_flight(spec: Spec, usual: Spec) -> Iterator[tuple[str, Any]]:
+    """Yield the settings of a flight, and its control period, that differ from another flight's."""
     for name in FLIGHT:
         value = getattr(spec, name)
         if value != getattr(usual, name):
             yield name, value
+    dt = spec.planner.mppi.dt
+    if dt != usual.planner.mppi.dt and not spec.pilot:
+        yield "dt", dt
+
+
+def _differing_numbers(spec: Spec, usual: Spec) -> Iterator[tuple[str, Any]]:
+    """Yield the numbers of planner and model that differ from another flight's."""
     # A pilot does not use the planner's numbers
     if spec.pilot:
         return

@@ -1,4 +1,4 @@
-"""Write the tables of settings and of the keys of files into docs/.
+"""Write the tables of settings, of the keys of files and of derived numbers into docs/.
 
     python -m quadsim.tables.write_tables
 
@@ -16,6 +16,7 @@ from quadsim.config.settings import OWNERS, SETTINGS
 from quadsim.course.course_file import CourseFile
 from quadsim.physics.randomization_file import RandomizationRanges
 from quadsim.sensing.sensing_file import SensingFile
+from quadsim.tables.laws_table import laws_table
 from quadsim.tables.settings_table import key_rows, markdown, setting_rows
 from quadsim.vehicle.vehicle import VehicleFile
 
@@ -35,7 +36,8 @@ def tables() -> dict[str, Callable[[], str]]:
         "randomization": RandomizationRanges,
     }
     made: dict[str, Callable[[], str]] = {f"settings.{group}": _settings(group) for group in OWNERS}
-    return made | {f"keys.{kind}": _keys(schema) for kind, schema in files.items()}
+    made |= {f"keys.{kind}": _keys(schema) for kind, schema in files.items()}
+    return made | {"laws": laws_table}
 
 
 def _settings(group: str) -> Callable[[], str]:

@@ -190,9 +190,9 @@ def test_variants_in_python_are_mappings_or_texts():
         "soft": soft,
     }
     # A name is that of a sampler, or of a preset: it never flies as the default.
-    assert named_variants(("colored", "race_small")) == {
+    assert named_variants(("colored", "race_informed")) == {
         "colored": {"sampler": "colored"},
-        "race_small": {"preset": "race_small"},
+        "race_informed": {"preset": "race_informed"},
     }
     assert named_variants({"gaussian": {"samples": 64}}) == {
         "gaussian": {"sampler": "gaussian", "samples": 64}

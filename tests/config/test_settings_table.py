@@ -39,7 +39,7 @@ def test_the_table_has_every_setting_once_with_a_meaning():
     assert all(row.meaning and row.default for row in rows)
     row = next(row for row in rows if row.name == "horizon")
     assert (row.unit, row.range, row.default) == ("steps", ">= 2 and <= 10000", "150")
-    assert "race_small: 100" in row.presets
+    assert "race_informed: 60" in row.presets
 
 
 def test_a_key_is_in_degrees_if_its_name_says_so_and_no_meaning_repeats_a_unit():

@@ -51,8 +51,7 @@ def test_record_is_json_and_holds_every_number():
 @pytest.mark.parametrize("preset", PRESETS)
 def test_defaults_are_the_presets_own(preset):
     for sampler, planner in PRESETS[preset].items():
-        courses = {"race_small": "lsy_level2"}
-        spec = Spec.of(courses.get(preset), preset=preset, sampler=sampler)
+        spec = Spec.of(preset=preset, sampler=sampler)
         assert spec.planner == planner
         assert (spec.preset, spec.sampler) == (preset, sampler)
 

@@ -35,7 +35,7 @@ FLIGHTS = {
         "link_hz": 100,
         "link_loss": 0.1,
     },
-    "no smoothing": {"course": "figure8", "smooth": False, "preset": "race_small"},
+    "no smoothing": {"course": "figure8", "smooth": False, "preset": "paper"},
 }
 
 

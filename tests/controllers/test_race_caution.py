@@ -18,7 +18,7 @@ COURSE = load_course("lsy_track")
 VEHICLE = load_vehicle("cf21b_500")
 MODEL = ModelParams.of(VEHICLE)
 CASE = {"radius": VEHICLE.radius, "model": MODEL, "period": 0.02, "spread": 0.15, "known_from": 0.7}
-LEVEL = Spec.of(competition="lsy_level2", preset="race_sight", seed=3)
+LEVEL = Spec.of(competition="lsy_level2", seed=3)
 HOVER = Control(0.0, 0.0, 0.0, GRAVITY)
 
 
@@ -78,7 +78,7 @@ def test_a_gate_that_was_seen_is_flown_as_any_other():
 
 @pytest.mark.parametrize("without", [{"known_from": None}, {"caution": 0.0}])
 def test_the_term_does_not_exist_where_it_has_no_use(without):
-    known = Spec.of(competition="lsy_level2", preset="race_sight", seed=3, **without)
+    known = Spec.of(competition="lsy_level2", seed=3, **without)
     if "known_from" in without:
         known = replace(known, known_from=None)
     assert cost_on(known, COURSE).row is GateTarget

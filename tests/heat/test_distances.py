@@ -114,7 +114,7 @@ def test_without_room_for_all_the_error_is_that_of_a_metre():
 @pytest.mark.parametrize("seed", range(3))
 def test_two_small_drones_do_not_block_each_other(tmp_path, opening, seed):
     """With a clearance of 0.6 m both are stuck at gate 1."""
-    small = {"vehicle": "crazyflie", "preset": "race_small", "spacing": 0.3, "seed": seed}
+    small = {"vehicle": "crazyflie", "spacing": 0.3, "seed": seed}
     spec = race_of(small_course(tmp_path, opening), "colored", "colored", **small)
     raced = fly_heat(replace(spec, seed=seed))
     assert [run.outcome for run in raced.runs] == ["finished", "finished"]

@@ -42,7 +42,7 @@ def test_a_preset_that_follows_a_solution_is_offered_where_one_is_stored(
     monkeypatch.chdir(tmp_path)  # no solutions of this machine's own
     offered = offered_presets(PRESETS, {"race"}, load_course(course), vehicle, laps, "runs")
     assert ("race_informed" in offered) == can_follow
-    assert {"paper", "race", "race_small"} <= set(offered)
+    assert {"paper", "race"} <= set(offered)
     chosen = Choices(course=course, vehicle=vehicle, preset="race_informed", laps=laps)
     if can_follow:
         assert chosen.spec().reference is not None

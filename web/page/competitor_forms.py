@@ -11,7 +11,7 @@ from quadsim.config.settings import SettingValue, bare
 from quadsim.heat.spec import MOST
 from quadsim.racing.hand import HAND
 from quadsim.web.by_hand import flight_controller_of
-from quadsim.web.choices import CompetitorChoices, planner_settings
+from quadsim.web.choices import Choices, CompetitorChoices, planner_settings
 from quadsim.web.commands import (
     OF_COMPETITOR,
     AddRow,
@@ -73,7 +73,9 @@ class CompetitorForm(Form):
         state = self._desk.state
         row = state.edited(visitor)
         presets = self.presets.get(row.choices.vehicle)
-        return row, len(state.rows), bool(state.removed), state.menu, presets
+        # Numbers of a preset may follow from the course
+        course = state.race.course
+        return row, course, len(state.rows), bool(state.removed), state.menu, presets
 
     def fields(self, visitor: int) -> Fields:
         """Return the buttons of rows, names, sliders."""
@@ -81,7 +83,7 @@ class CompetitorForm(Form):
         row = state.edited(visitor)
         fields = [*_row_buttons(state), *self._names(row, state)]
         fields += [note(f"remark {k}", text) for k, text in enumerate(_remarks(row.choices))]
-        fields += _sliders(row.choices)
+        fields += _sliders(Choices.of(state.race, row.choices))
         fields.append(button(RESET, "Reset to preset"))
         return Fields(fields, row.number)
 
@@ -147,7 +149,7 @@ def _remarks(choices: CompetitorChoices) -> list[str]:
     return []
 
 
-def _sliders(choices: CompetitorChoices) -> list[Field]:
+def _sliders(choices: Choices) -> list[Field]:
     """Return the sliders of a row."""
     known = planner_settings(choices.preset, choices.vehicle, choices.sampler)
     numbers = numbers_of(choices.planner, choices.base)
@@ -182,13 +184,15 @@ class NumbersForm(Form):
         self._desk = desk
 
     def key(self, visitor: int) -> object:
-        """Return the row."""
-        return self._desk.state.edited(visitor)
+        """Return the row, and the course, from which its numbers may follow."""
+        state = self._desk.state
+        return state.edited(visitor), state.race.course
 
     def fields(self, visitor: int) -> Fields:
         """Return a control for each setting, in a fold for each group."""
-        row = self._desk.state.edited(visitor)
-        choices = row.choices
+        state = self._desk.state
+        row = state.edited(visitor)
+        choices = Choices.of(state.race, row.choices)
         known = planner_settings(choices.preset, choices.vehicle, choices.sampler)
         planner = choices.planner
         parts = {"sampling": planner.sampling, "mppi": planner.mppi, "cost": planner.cost}

@@ -1,0 +1,362 @@
+"""The numbers of the preset `race`, which follow from vehicle, course and control period.
+
+The numbers in quadsim.controllers.presets are those of the reference: gates some 10 to 20 m apart
+with openings of 1.5 m and more, racing vehicles, a control period of 10 ms. The laws of this module
+give other numbers where a flight has another scale. Everything in the planner that is a length, a
+time or a rate is scaled with the flight, so that two flights that are similar (lengths times k,
+times times sqrt(k), accelerations alike, as gravity is) have similar plans. docs/derived.md has
+each law with its reason, and the flights that show it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import exp, log, log2, sqrt
+from typing import Any, NamedTuple
+
+from quadsim.controllers.costs.frames import inner_margin
+from quadsim.controllers.costs.race import RaceWeights
+from quadsim.controllers.presets import Planner, with_period, with_sight
+from quadsim.controllers.samplers import Colored, LogNormal, Sampling, Smooth
+from quadsim.controllers.samplers.colored import spectrum
+from quadsim.course import Course
+from quadsim.course.opening import free_half_sizes
+from quadsim.dynamics.quadrotor import ModelParams
+from quadsim.vehicle import GRAVITY, Vehicle
+
+# The presets whose numbers are derived
+DERIVED = ("race",)
+# Ratio of the horizon to the time scale. With it lsy_track has the 1 s that were tuned there.
+HORIZON = 3.3
+# The longest horizon [s], that of the reference: longer ones spread the samples over a future that
+# changes anyway.
+LONGEST = 1.5
+# The reference's control period [s], and the number of them in its horizon
+REFERENCE_PERIOD = 0.01
+REFERENCE_STEPS = 150
+# The horizon is a multiple of this [s]: each horizon has compiled loops of its own.
+GRID = 0.25
+# The smallest margin, in radii of the vehicle: errors of a flight do not shrink with an opening
+MARGIN_RADII = 0.8
+# The largest share of half the free opening for the margin, whatever the radius
+LARGEST_SHARE = 0.5
+# The largest margin as a share of the narrowest half opening; it also bounds that to the ground.
+MARGIN_ROOM = 0.7
+# The margin from which on its weight is that of the reference [m]; below, weight x margin^2 stays
+STEEP_BELOW = 0.12
+# Frames are in the way of the samples from this size beside a leg on.
+FRAME_SHARE = 0.22
+# The most samples; more fly hardly faster, see docs/samplers.md
+MOST_SAMPLES = 4096
+# The nose is turned to each gate if the time scale is at least this many lags of the yaw.
+YAW_LAGS = 2.0
+# The yaw within the horizon per thrust that is left for it, above which there is more noise of yaw
+# [rad s^2/m]; the reference's vehicles have 2 to 11, but for cpc, whose limit is 0.3 rad/s.
+YAW_REACH = 11.0
+# The largest weight of a cost and the largest sigma of a sampler that may be set
+LARGEST_WEIGHT = 1e6
+LARGEST_SIGMA = 1000.0
+# The least cost of yaw that the laws reckon with [m]: a vehicle without rotors has none.
+SMALLEST_YAW_COST = 1e-3
+# Smallest room that the laws reckon with [m]: the vehicle may be wider than an opening.
+SMALLEST_ROOM = 0.01
+
+
+class Scale(NamedTuple):
+    """What the numbers follow from."""
+
+    # mean distance between gates [m]
+    leg: float
+    # horizontal acceleration of level flight at full thrust [m/s^2]
+    acceleration: float
+    # mean size of the gates with their frames [m]
+    frame: float
+    # half of the narrowest opening, less radius and safety margin [m]
+    room: float
+    # of the vehicle [m]
+    radius: float
+    # lag of the yaw rate, of loop and rotors [s]
+    yaw_lag: float
+    # angular acceleration about z per thrust that the rotors have left for it [rad/m]
+    yaw_gain: float
+    # ratio of the limits of yaw and roll rate
+    yaw_limit: float
+    # control period [s]
+    period: float
+    # whether gates stand off the map and are known only from nearby
+    seen_late: bool = False
+
+    @classmethod
+    def of(cls, course: Course, vehicle: Vehicle, period: float, seen_late: bool = False) -> Scale:
+        """Return the scale of a flight.
+
+        Args:
+            course: the planner's map.
+            vehicle: the vehicle.
+            period: control period [s].
+            seen_late: whether gates stand off the map and are known only from nearby.
+        """
+        model = ModelParams.of(vehicle)
+        rooms = [
+            min(free_half_sizes(gate.opening, vehicle.radius, inner_margin(gate, vehicle.radius)))
+            for gate in course.gates
+        ]
+        frames = [max(gate.opening) + 2 * gate.frame_width for gate in course.gates]
+        return cls(
+            leg=course.lap_length / len(course.gates),
+            frame=sum(frames) / len(frames),
+            acceleration=sqrt(vehicle.thrust_max**2 - GRAVITY**2),
+            room=max(min(rooms), SMALLEST_ROOM),
+            radius=vehicle.radius,
+            yaw_lag=model.rate_tau[2] + model.rate_lags[2],
+            yaw_gain=1.0 / max(model.yaw_cost, SMALLEST_YAW_COST),
+            yaw_limit=model.rate_max[2] / model.rate_max[0],
+            period=period,
+            seen_late=seen_late,
+        )
+
+    @property
+    def time(self) -> float:
+        """The time scale: that of a leg's length at full acceleration [s]."""
+        return sqrt(self.leg / self.acceleration)
+
+
+def derived(reference: Planner, scale: Scale) -> Planner:
+    """Return the planner of a flight: that of the reference with the numbers of its scale.
+
+    At a scale of the reference it is the reference, to the last digit. The horizon is in steps of
+    the reference's control period, see `with_period` in quadsim.controllers.presets.
+
+    Args:
+        reference: a planner of the preset `race`.
+        scale: the scale of the flight.
+    """
+    assert isinstance(reference.cost, RaceWeights)
+    seconds = horizon(scale)
+    mppi = replace(
+        reference.mppi,
+        horizon=round(seconds / reference.mppi.dt),
+        samples=samples(reference.mppi.samples, scale),
+    )
+    cost = replace(
+        reference.cost,
+        margin=margin(reference.cost.margin, scale),
+        margin_share=margin_share(reference.cost.margin_share, scale),
+        clearance=clearance(reference.cost, scale),
+    )
+    planner = replace(
+        reference,
+        sampling=sampling(reference.sampling, scale),
+        mppi=mppi,
+        cost=cost,
+        view_weight=view_weight(reference.view_weight, scale),
+    )
+    return with_sight(planner) if scale.seen_late else planner
+
+
+def horizon_law(scale: Scale) -> float:
+    """Return the horizon as a multiple of the time scale [s].
+
+    A plan has to brake or turn for what comes after the next gate, which takes a time in proportion
+    to the time scale.
+    """
+    return HORIZON * scale.time
+
+
+def horizon(scale: Scale) -> float:
+    """Return the horizon that is flown [s]: the law's, within its limits and on the grid."""
+    steps = round(min(horizon_law(scale), LONGEST) / GRID)
+    return GRID * max(steps, 1)
+
+
+def stretch(scale: Scale) -> float:
+    """Return the ratio of the reference's horizon to the flown one, by which rates are scaled."""
+    return LONGEST / horizon(scale)
+
+
+def sampling(reference: Sampling, scale: Scale) -> Any:
+    """Return the sampler with the noise of the scale.
+
+    Body rates are scaled by the inverse of the horizon, so that samples turn by the same angles.
+    Thrust is an acceleration, which similar flights share. The cut-off is a fixed number of periods
+    within the horizon. The noise keeps its density at the low frequencies, which move the vehicle,
+    so that the control period does not change what is sampled there.
+    """
+    kind: Any = reference
+    steps = round(horizon(scale) / scale.period)
+    gammas = getattr(reference, "gamma", (0.0,) * len(kind.sigma))
+    rates = stretch(scale)
+    kept = (rates, rates, rates * yaw_factor(kind.sigma, scale), 1.0)
+    factors = [by * density(gamma, steps) for by, gamma in zip(kept, gammas, strict=True)]
+    if isinstance(reference, Smooth):
+        # Its sigma is that of the controls' derivatives, which act for one control period.
+        factors = [factor * REFERENCE_PERIOD / scale.period for factor in factors]
+    if isinstance(reference, LogNormal):
+        pairs = zip(reference.sigma, factors, strict=True)
+        return replace(reference, sigma=tuple(log_normal_sigma(s, by) for s, by in pairs))
+    pairs = zip(kind.sigma, factors, strict=True)
+    sigma = tuple(min(three_digits(s * by), LARGEST_SIGMA) for s, by in pairs)
+    changed = replace(kind, sigma=sigma)
+    if isinstance(reference, Colored):
+        changed = replace(changed, cutoff=tuple(three_digits(rates * f) for f in reference.cutoff))
+    return changed
+
+
+def yaw_factor(sigma: Sequence[float], scale: Scale) -> float:
+    """Return the factor on the noise of the yaw rate beside those of roll and pitch.
+
+    A race does not ask for yaw, and rotors near full thrust have no torque for it. A vehicle whose
+    rotors can yaw far within the horizon makes use of it where room is short. At most the noise is
+    the same share of the rate's limit as that of roll.
+
+    Args:
+        sigma: standard deviations of the reference.
+        scale: the scale of the flight.
+    """
+    reach = scale.yaw_gain * horizon(scale) ** 2 / YAW_REACH
+    roll, _, yaw, _ = sigma
+    return max(min(reach, roll / yaw * scale.yaw_limit), 1.0)
+
+
+def density(gamma: float, steps: int) -> float:
+    """Return the factor on sigma that keeps the density of the noise at low frequencies.
+
+    sigma^2 is spread over all frequencies up to that of the control steps. With fewer steps in the
+    horizon there are fewer, and more of it would be at each.
+
+    Args:
+        gamma: exponent of the power spectral density, 0 for white noise.
+        steps: number of control steps in the horizon.
+    """
+    least, flown = REFERENCE_STEPS, max(steps, 2)
+    return spectrum(2 * least, gamma, "exact")[1] / spectrum(2 * flown, gamma, "exact")[1]
+
+
+def log_normal_sigma(sigma: float, factor: float) -> float:
+    """Return the sigma of log-normal noise whose standard deviation is multiplied by a factor.
+
+    The standard deviation is sigma exp(sigma^2).
+    """
+    if factor == 1.0:
+        return sigma
+    wanted = factor * sigma * exp(sigma**2)
+    # Newton's method on the logarithm, ln s + s^2 = ln wanted, which is concave and then convex
+    found = sigma
+    for _ in range(50):
+        off = log(wanted) - log(found) - found**2
+        found *= exp(off / (1.0 + 2.0 * found**2))
+    return three_digits(found)
+
+
+def three_digits(value: float) -> float:
+    """Return a number rounded to three digits, as preset files have them."""
+    return float(f"{value:.3g}")
+
+
+def samples(reference: int, scale: Scale) -> int:
+    """Return the number of samples, a power of two times the reference's.
+
+    Samples turn by the same angles, so they spread in proportion to a leg, and more of them hit a
+    frame that is large beside it. The number grows with the square of that share; and with the time
+    that a control period gives for the steps of the horizon.
+    """
+    steps = round(horizon(scale) / scale.period)
+    crowded = max(scale.frame / scale.leg / FRAME_SHARE, 1.0) ** 2
+    time = scale.period / REFERENCE_PERIOD * REFERENCE_STEPS / max(steps, 1)
+    doublings = round(log2(crowded * time))
+    return max(reference, min(reference * 2 ** max(doublings, 0), MOST_SAMPLES))
+
+
+def margin(reference: float, scale: Scale) -> float:
+    """Return the margin in metres, which also bounds that to the ground.
+
+    It is the reference's, unless the openings are smaller.
+    """
+    return min(reference, three_digits(MARGIN_ROOM * scale.room))
+
+
+def margin_share(reference: float, scale: Scale) -> float:
+    """Return the margin as a share of half the free opening.
+
+    It is the reference's, unless the margin were less than a part of the vehicle's radius.
+    """
+    least = three_digits(MARGIN_RADII * scale.radius / scale.room)
+    return min(max(reference, least), LARGEST_SHARE)
+
+
+def clearance(reference: RaceWeights, scale: Scale) -> float:
+    """Return the weight of the margin.
+
+    The term is a shortfall times a length, both of which are small where the margin is. So its
+    weight grows with the inverse square of a small margin, and its largest value stays.
+    """
+    wanted = margin(reference.margin, scale)
+    flown = min(wanted, margin_share(reference.margin_share, scale) * scale.room)
+    steep = max(STEEP_BELOW / flown, 1.0) ** 2
+    return min(three_digits(reference.clearance * steep), LARGEST_WEIGHT)
+
+
+def view_weight(reference: float, scale: Scale) -> float:
+    """Return the weight of the view term: none where the nose lags behind the gates."""
+    return reference if scale.time >= YAW_LAGS * scale.yaw_lag else 0.0
+
+
+class DerivedNumber(NamedTuple):
+    """A number of a planner, and why it is what it is."""
+
+    name: str
+    value: Any
+    law: str
+
+
+def derivation(reference: Planner, scale: Scale) -> list[DerivedNumber]:
+    """Return the numbers that are derived, each with its law and the law's inputs.
+
+    Args:
+        reference: a planner of the preset `race`.
+        scale: the scale of the flight.
+    """
+    planner = with_period(derived(reference, scale), scale.period)
+    usual = reference.cost
+    cost = planner.cost
+    kind: Any = reference.sampling
+    assert isinstance(usual, RaceWeights)
+    assert isinstance(cost, RaceWeights)
+    seconds = horizon(scale)
+    steps = planner.mppi.horizon
+    room = f"room {scale.room:.3g} m"
+    flown = min(cost.margin, cost.margin_share * scale.room)
+    texts = {
+        "horizon": (
+            f"{HORIZON:g} sqrt(leg {scale.leg:.3g} m / {scale.acceleration:.3g} m/s^2) ="
+            f" {horizon_law(scale):.3g} s, at most {LONGEST:g} s, to {GRID:g} s: {seconds:g} s"
+        ),
+        "samples": (
+            f"{reference.mppi.samples} (frame {scale.frame:.3g} m / leg {scale.leg:.3g} m /"
+            f" {FRAME_SHARE:g})^2 (period {scale.period:g} s / {REFERENCE_PERIOD:g} s)"
+            f" ({REFERENCE_STEPS} / {steps} steps), by doubling, at most {MOST_SAMPLES}"
+        ),
+        "sigma": (
+            f"body rates x {LONGEST:g} s / horizon {seconds:g} s, yaw x"
+            f" {yaw_factor(kind.sigma, scale):.3g}; each by its spectrum for {steps} in place of"
+            f" {REFERENCE_STEPS} steps"
+        ),
+        "cutoff": f"5 Hz x {LONGEST:g} s / horizon {seconds:g} s",
+        "margin": f"{MARGIN_ROOM:g} x {room}, at most {usual.margin:g} m",
+        "margin_share": (
+            f"{MARGIN_RADII:g} x radius {scale.radius:g} m / {room}, from {usual.margin_share:g} to"
+            f" {LARGEST_SHARE:g}"
+        ),
+        "clearance": (
+            f"{usual.clearance:g} ({STEEP_BELOW:g} m / margin {flown:.3g} m)^2, at least"
+            f" {usual.clearance:g}"
+        ),
+    }
+    if scale.seen_late:
+        late = "gates stand off the map and are known only from nearby"
+        texts |= dict.fromkeys(("first_noise", "news_iterations", "caution"), late)
+    numbers = vars(planner.sampling) | vars(planner.mppi) | vars(cost)
+    return [
+        DerivedNumber(name, numbers[name], law) for name, law in texts.items() if name in numbers
+    ]
