@@ -7,6 +7,9 @@ python tests/web/measure.py four       real-time factor of a race of four, witho
 python tests/web/measure.py share      share of a core and kB/s of the page for 0, 1 and 3 visitors:
                                        at rest, with two that fly without a planner, and the same
                                        with `Send less`
+python tests/web/measure.py page       `share`, and in a chromium without a window the first paint,
+                                       the time until START can be pressed, and that from START to
+                                       the first motion: five minutes at most
 python tests/web/measure.py soak 60    memory and threads over an hour of races of four: < 20 MB
                                        more after the first ten minutes
 python tests/web/measure.py soak 60 small   the same with the small planner of the tests, at a fifth
@@ -21,17 +24,20 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import tempfile
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import websockets
+from playwright.sync_api import Page, ViewportSize, sync_playwright
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[2]))
@@ -58,12 +64,42 @@ WARM_UP = 600.0  # [s] until a soak counts
 FOUR_SAMPLES = 1024
 FOUR_BEGIN = 0.5  # race time from which the race of four is measured [s]
 FOUR_SPAN = 15.0  # wall-clock time for which it is measured [s]
-MEASURES = ("slowdown", "air", "four", "share", "soak")
+MEASURES = ("slowdown", "air", "four", "share", "page", "soak")
+LOADS = 5  # of the page, of which medians are taken
+STARTS = 3
+# What a page says of itself: the first paint, and when START could be pressed [ms]
+PAINTED = """() => new Promise(done => {
+    const look = () => {
+        const [painted] = performance.getEntriesByName("first-contentful-paint");
+        const isReady = Boolean(document.querySelector(".head .sentence")?.textContent);
+        if (painted && isReady) done([painted.startTime, performance.now()]);
+        else setTimeout(look, 5);
+    };
+    look(); })"""
+# Press START, and say when the time of the race moves [ms]
+MOVED = """() => new Promise(done => {
+    const before = performance.now();
+    const shown = () => document.querySelector(".head .state").textContent;
+    document.querySelector("[data-act=start]").click();
+    const look = () => {
+        const t = Number(shown().match(/t ([\\d.]+) s/)?.[1] ?? 0);
+        if (t > 0 && t < 5) done(performance.now() - before);
+        else setTimeout(look, 5);
+    };
+    setTimeout(look, 50); })"""
 MOST_SLOWER = 10.0  # [%]
 MOST_SECONDS = 5.0
 MOST_GROWN = 20.0  # [MB]
 SHARE_SPAN = 10.0  # [s] over which a share is measured
 SHARE_VISITORS = (0, 1, 3)
+WINDOW = ViewportSize(width=1280, height=800)
+# Chromium without a graphics card
+SOFTWARE = [
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+]
 # what a page asks for with the tab Laps open, and how often while the race moves [s]
 ASK = {"type": "ask", "have": {}, "seat": "", "shows": ["laps"]}
 ASK_PERIOD = 0.1
@@ -212,6 +248,43 @@ def share(place: Place) -> None:
         print(f"{visitors:8}  {'  '.join(found)}", flush=True)
 
 
+def browse(place: Place, measured: Callable[[Page], list[float]], times: int) -> list[float]:
+    """Return the medians of what is measured in pages that are opened one after the other."""
+    found = []
+    with sync_playwright() as p:
+        chromium = shutil.which("chromium") or shutil.which("chromium-browser")
+        browser = p.chromium.launch(executable_path=chromium, args=SOFTWARE)
+        for _ in range(times):
+            with browser.new_context(viewport=WINDOW) as context:
+                page = context.new_page()
+                page.goto(f"http://127.0.0.1:{place.server.get_port()}/")
+                found.append(measured(page))
+        browser.close()
+    return np.median(found, axis=0).tolist()
+
+
+def paint(place: Place) -> None:
+    """Measure how long a page takes to be seen, and until START can be pressed."""
+    painted, ready = browse(place, lambda page: page.evaluate(PAINTED), LOADS)
+    print(f"first paint {painted / 1e3:.2f} s, START can be pressed after {ready / 1e3:.2f} s")
+
+
+def motion(place: Place) -> None:
+    """Measure how long it takes from START in a browser until the race is seen to move."""
+
+    def measured(page: Page) -> list[float]:
+        page.evaluate(PAINTED)
+        moved = float(page.evaluate(MOVED))
+        place.session.tell(PageRace.end_flights)
+        while place.session.snapshot.flying:
+            time.sleep(0.05)
+        return [moved]
+
+    place.flight()  # compiles what is not yet compiled
+    (moved,) = browse(place, measured, STARTS)
+    print(f"from START to the first motion on the page {moved / 1e3:.2f} s")
+
+
 def _share_now(place: Place, visitors: int) -> str:
     """Return the share of a core [%] and what each visitor is sent [kB/s], as text."""
     place.received()
@@ -310,6 +383,13 @@ def main() -> None:
     if what not in MEASURES:
         sys.exit(f"measure.py: expected one of {', '.join(MEASURES)}, got {what!r}")
     with tempfile.TemporaryDirectory() as root:
+        if what == "page":
+            place = Place(root, Gliders())
+            share(place)
+            place.watch(0)
+            paint(place)
+            place.close()
+            what = "motion"
         place = Place(root, Gliders()) if what == "share" else Place(root)
         try:
             if what == "slowdown":
@@ -320,6 +400,8 @@ def main() -> None:
                 four(place)
             elif what == "share":
                 share(place)
+            elif what == "motion":
+                motion(place)
             elif what == "soak":
                 soak(place, float(more[0]) if more else 30.0, "small" in more)
         finally:
