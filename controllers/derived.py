@@ -36,7 +36,7 @@ LONGEST = 1.5
 REFERENCE_PERIOD = 0.01
 REFERENCE_STEPS = 150
 # The horizon is a multiple of this [s]: each horizon has compiled loops of its own.
-GRID = 0.25
+GRID = 0.5
 # The smallest margin, in radii of the vehicle: errors of a flight do not shrink with an opening
 MARGIN_RADII = 0.8
 # The largest share of half the free opening for the margin, whatever the radius
@@ -51,9 +51,9 @@ FRAME_SHARE = 0.22
 MOST_SAMPLES = 4096
 # The nose is turned to each gate if the time scale is at least this many lags of the yaw.
 YAW_LAGS = 2.0
-# The yaw within the horizon per thrust that is left for it, above which there is more noise of yaw
-# [rad s^2/m]; the reference's vehicles have 2 to 11, but for cpc, whose limit is 0.3 rad/s.
-YAW_REACH = 11.0
+# The yaw gain above which there is more noise of yaw. Among the reference's vehicles only cpc has
+# more, and its yaw is limited to 0.3 rad/s.
+YAW_GAIN = 0.67
 # The largest weight of a cost and the largest sigma of a sampler that may be set
 LARGEST_WEIGHT = 1e6
 LARGEST_SIGMA = 1000.0
@@ -78,7 +78,7 @@ class Scale(NamedTuple):
     radius: float
     # lag of the yaw rate, of loop and rotors [s]
     yaw_lag: float
-    # angular acceleration about z per thrust that the rotors have left for it [rad/m]
+    # angular acceleration about z times the radius, per thrust that the rotors have left for it
     yaw_gain: float
     # ratio of the limits of yaw and roll rate
     yaw_limit: float
@@ -110,7 +110,7 @@ class Scale(NamedTuple):
             room=max(min(rooms), SMALLEST_ROOM),
             radius=vehicle.radius,
             yaw_lag=model.rate_tau[2] + model.rate_lags[2],
-            yaw_gain=1.0 / max(model.yaw_cost, SMALLEST_YAW_COST),
+            yaw_gain=vehicle.radius / max(model.yaw_cost, SMALLEST_YAW_COST),
             yaw_limit=model.rate_max[2] / model.rate_max[0],
             period=period,
             seen_late=seen_late,
@@ -207,16 +207,15 @@ def yaw_factor(sigma: Sequence[float], scale: Scale) -> float:
     """Return the factor on the noise of the yaw rate beside those of roll and pitch.
 
     A race does not ask for yaw, and rotors near full thrust have no torque for it. A vehicle whose
-    rotors can yaw far within the horizon makes use of it where room is short. At most the noise is
-    the same share of the rate's limit as that of roll.
+    rotors yaw well makes use of it where room is short. At most the noise is the same share of the
+    rate's limit as that of roll.
 
     Args:
         sigma: standard deviations of the reference.
         scale: the scale of the flight.
     """
-    reach = scale.yaw_gain * horizon(scale) ** 2 / YAW_REACH
     roll, _, yaw, _ = sigma
-    return max(min(reach, roll / yaw * scale.yaw_limit), 1.0)
+    return max(min(scale.yaw_gain / YAW_GAIN, roll / yaw * scale.yaw_limit), 1.0)
 
 
 def density(gamma: float, steps: int) -> float:

@@ -127,6 +127,13 @@ def test_every_number_of_a_flight_is_recorded_and_read():
     assert {name: getattr(again, name) for name in names} == numbers
 
 
+def test_a_run_of_a_preset_that_is_no_more_flies_with_the_numbers_it_has():
+    record = as_stored(Spec.of("lsy_level2", vehicle="crazyflie", margin=0.08, **SHORT).record())
+    spec = spec_of_record(record | {"preset": "race_small"})
+    assert (spec.preset, spec.planner.cost.margin) == ("race_small", 0.08)
+    assert spec.but(seed=7).planner == spec.planner
+
+
 def test_a_units_younger_numbers_are_recorded_only_where_they_are_used():
     """So that records of flights on sensors, and their hashes, stay what they were."""
     plain = Spec.of("figure8", sensing="mocap")

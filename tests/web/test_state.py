@@ -294,3 +294,20 @@ def test_a_link_that_is_no_line_up_is_refused_in_one_line(text):
     with pytest.raises(ValueError, match="link: expected a line-up") as refused:
         set_up_of(text)
     assert "\n" not in str(refused.value)
+
+
+def test_numbers_that_follow_from_the_course_begin_there_and_a_typed_one_stays():
+    small = replace(
+        choices("colored"), course="lsy_level2", vehicle="crazyflie", settings={}, numbers={}
+    )
+    state = PageState.of(small)
+    (flight,) = state.start
+    assert flight.planner.mppi.samples == flight.spec().planner.mppi.samples == 4096
+    # The number of the reference is a change here, and none on the reference's course.
+    typed = after(SetSetting(FIRST, "clearance", "2500"), state=state)
+    assert typed.start[0].spec().planner.cost.clearance == 2500
+    assert line_up_of(typed).changes == (("clearance 2500",),)
+    elsewhere = after(ChooseRace("course", "figure8"), state=state)
+    assert elsewhere.start[0].planner.cost == PRESETS["race"]["colored"].cost
+    same = after(SetSetting(FIRST, "clearance", "2500"), state=elsewhere)
+    assert same.start[0].settings == {}
