@@ -43,7 +43,7 @@ PLACE = 1.0
 CENTRE = 1.0
 # height and width of a part of a picture [px], and share of the steps with whole pictures
 PART = (96, 160)
-WHOLE = 0.2
+WHOLE = 0.5
 # share of the steps in which the learning rate rises, to `rate`; then it falls as a cosine
 WARM_UP = 0.05
 
@@ -282,7 +282,7 @@ def trained(
     torch.set_num_threads(1)
     network = Network().to(memory_format=torch.channels_last)
     optimiser = torch.optim.AdamW(
-        network.parameters(), lr=numbers.rate, weight_decay=numbers.weight_decay
+        network.parameters(), numbers.rate, weight_decay=numbers.weight_decay, fused=True
     )
     schedule = torch.optim.lr_scheduler.LambdaLR(optimiser, lambda k: _rate(k / numbers.steps))
     network.train()
