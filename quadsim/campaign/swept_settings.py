@@ -52,9 +52,9 @@ class SweptSetting(NamedTuple):
 
     @property
     def title(self) -> str:
-        """The name with its unit, if it has one."""
-        setting = SETTINGS.get(self.names[0])
-        unit = setting.unit if setting else ""
+        """The name with its unit, if it has one; joined names have it if they share it."""
+        units = {SETTINGS[name].unit if name in SETTINGS else "" for name in self.names}
+        unit = units.pop() if len(units) == 1 else ""
         return f"{self.name} [{unit}]" if unit else self.name
 
 

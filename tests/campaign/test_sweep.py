@@ -5,10 +5,18 @@ import json
 import pytest
 
 from quadsim.campaign.sweep import fly_sweep, plan_sweep
+from quadsim.campaign.sweep_figure import (
+    SIDE_BY_SIDE,
+    DrawnCurve,
+    DrawnPoint,
+    Measured,
+    draw_curves,
+)
 from quadsim.campaign.swept_settings import swept_settings
 from quadsim.cli.cli import race
 from quadsim.config.settings import SettingError
 from quadsim.dynamics.quadrotor import ModelParams
+from quadsim.palette import STYLES
 from quadsim.sensing import load_sensing
 from quadsim.vehicle import load_vehicle
 from tests.campaign_cases import COURSE, FLIGHT, SETTINGS, row, seeds_flown
@@ -177,3 +185,20 @@ def test_a_competition_brings_its_course(capsys):
     words = ["sweep", "--over", "margin", "0", "1", "--competition", "aigp_physical"]
     assert race([*words, "--laps", "1001"]) == 2
     assert capsys.readouterr().err.startswith("race sweep: --laps: expected")
+
+
+def test_more_settings_than_fit_side_by_side_continue_below():
+    point = DrawnPoint(0, Measured(100.0, 70.0, 100.0), Measured(0.0))
+    curves = [
+        DrawnCurve("course", f"setting {k}", ("0", "1"), variant, (point,))
+        for k in range(SIDE_BY_SIDE + 1)
+        for variant in ("gaussian", "colored")
+    ]
+    bands = draw_curves(curves).subfigs
+    titles = [[axes.get_xlabel() for axes in band.axes if axes.get_xlabel()] for band in bands]
+    assert titles == [["setting 0", "setting 1", "setting 2"], ["setting 3", "setting 4"]]
+    # A sampler has its colour in every band, as on all other pages.
+    for band in bands:
+        drawn = {line.get_label(): line.get_color() for line in band.axes[0].lines}
+        for name in ("gaussian", "colored"):
+            assert drawn[name] == STYLES[name].colour
