@@ -291,7 +291,7 @@ def _told(key: str, fits: Sequence[Fitted]) -> list[tuple[float, float, float]]:
 def _largest(true: Truth, rows: Sequence[tuple[float, float, float]]) -> str:
     """Return the largest error of a number: in per cent, or itself if the number is 0."""
     if not rows:
-        return "not told"
+        return "not determined"
     largest = max((value - true.value for value, _, _ in rows), key=abs)
     return f"{100.0 * largest / true.value:+.2f} %" if true.value else f"{largest:+.4f}"
 
