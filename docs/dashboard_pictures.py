@@ -54,6 +54,8 @@ STORED = {"colored": COLORED, "gaussian": GAUSSIAN, "crashed": CARELESS}
 # [s] of a race when the next gate is in the view of the drone's camera, and of its sensor
 IN_VIEW = 7.5
 SENSED = 0.5
+FAR = 1e5  # a time after the end of any race [s]
+HELD = 1e-6  # speed of a flight that is held [race seconds per second]
 RAISED = 1500  # [ms] of rising after a person has taken off
 CLOSE_NOTICES = "document.querySelectorAll('.notes button').forEach(note => note.click())"
 
@@ -66,6 +68,7 @@ class Studio:
         self._browser = browser
         self._url = url
         self._phone_shots: list[Image.Image] = []
+        self._t = inf  # time that visitors watch [s]; beyond the end: the end
 
     @contextmanager
     def page(self, size: ViewportSize = WIDE, camera: str = "free") -> Iterator[Page]:
@@ -76,6 +79,10 @@ class Studio:
             page.add_init_script(FEWER_PICTURES)
             page.goto(self._url)
             page.locator('[data-camera="free"][aria-pressed=true]').wait_for()
+            box = page.get_by_label("Time [s]")
+            if box.is_enabled():
+                box.fill(str(min(self._t, FAR)))
+                box.press("Enter")
             if camera != "free":
                 page.get_by_role("button", name=camera, exact=True).click()
             page.wait_for_timeout(SETTLED)
@@ -102,13 +109,13 @@ class Studio:
     def show(self, runs: Sequence[Path], t: float) -> None:
         """Show stored runs at t [s]."""
         races = self.session.snapshot.race
+        self._t = t
         self.session.tell(PageRace.start, [], runs)
         wait(lambda: self.session.snapshot.race > races)
-        self.session.tell(PageRace.play, False)
-        self.session.tell(PageRace.scrub, t)
 
     def fly(self, *choices: Choices, until: float) -> None:
-        """Fly to this time [s], and pause."""
+        """Fly to this time [s], and hold the flight there."""
+        self._t = inf
         with self.watched():
             fly(self.session, *choices, until=until)
 
@@ -153,12 +160,13 @@ def wait(claim: Callable[[], bool]) -> None:
 
 
 def fly(session: Session, *choices: Choices, until: float = inf) -> None:
-    """Fly to this time [s] or to the end, and pause."""
+    """Fly to this time [s] or to the end, and hold the flight there."""
+    session.tell(PageRace.set_speed, 1.0)
     races = session.snapshot.race
     session.tell(PageRace.start, choices)
     wait(lambda: session.snapshot.race > races)
     wait(lambda: session.snapshot.t >= until or not session.snapshot.flying)
-    session.tell(PageRace.play, False)
+    session.tell(PageRace.set_speed, HELD)
 
 
 def stored(root: Path, choices: Choices) -> Path:
@@ -191,6 +199,7 @@ def by_hand(session: Session, page: Page) -> None:
     """Take off by the keyboard, beside a planner."""
     show_settings(page, False)
     races = session.snapshot.race
+    session.tell(PageRace.set_speed, 1.0)
     session.tell(PageRace.start, [Choices(sampler=HAND), COLORED])
     wait(lambda: session.snapshot.race > races)
     page.get_by_role("button", name="Take the sticks").click()

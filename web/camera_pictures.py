@@ -10,6 +10,7 @@ import io
 import multiprocessing as mp
 import os
 import signal
+from collections.abc import Mapping
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from time import perf_counter
@@ -68,29 +69,50 @@ class CameraPicture(NamedTuple):
     problem: str = ""
 
 
+class At(NamedTuple):
+    """A competitor at a time [s]."""
+
+    entry: Competitor
+    t: float
+
+
 class CameraPictures:
-    """A sequence of pictures. Only one thread uses it, and calls never wait.
+    """Pictures for several visitors in turn. Only one thread uses it, and calls never wait.
 
     Attributes:
-        last: the last picture; None: none yet.
+        last: the last picture of each visitor.
     """
 
     def __init__(self) -> None:
-        self.last: CameraPicture | None = None
+        self.last: dict[int, CameraPicture] = {}
         self._process: BaseProcess | None = None
         self._pipe: Connection | None = None
         self._asked: Moment | None = None  # the moment that is being drawn
+        self._asked_for: list[int] = []  # the visitors who watch it
+        self._turns: list[int] = []  # the visitors who had a picture, the last ones at the end
         self._asked_at = -PERIOD  # [s]
 
-    def show(self, entry: Competitor, t: float) -> None:
-        """Take a finished picture, and request the next one when it is due."""
+    def show(self, wanted: Mapping[int, At]) -> None:
+        """Take a finished picture, and request the next one when it is due.
+
+        Args:
+            wanted: what each visitor watches, by the visitors' numbers. Those who watch the same
+                get one picture.
+        """
         self._take()
+        self.last = {visitor: one for visitor, one in self.last.items() if visitor in wanted}
+        self._turns = [visitor for visitor in self._turns if visitor in wanted]
         if self._asked or perf_counter() - self._asked_at < PERIOD:
             return
-        moment = moment_of(entry, t)
-        if self.last and _is_same(moment, self.last.moment):
-            return
-        self._ask(moment)
+        waiting = [visitor for visitor in wanted if visitor not in self._turns]
+        for visitor in (*waiting, *self._turns):
+            at = wanted[visitor]
+            moment = moment_of(*at)
+            last = self.last.get(visitor)
+            if last is None or not _is_same(moment, last.moment):
+                self._asked_for = [one for one in wanted if wanted[one] == at]
+                self._ask(moment)
+                return
 
     def close(self) -> None:
         """End the process; the next call of `show` starts another one."""
@@ -128,7 +150,10 @@ class CameraPictures:
     def _took(self, jpeg: bytes, problem: str) -> None:
         """Keep the requested picture. If there is none, restart the process."""
         assert self._asked is not None
-        self.last = CameraPicture(self._asked, jpeg, problem)
+        picture = CameraPicture(self._asked, jpeg, problem)
+        self.last |= dict.fromkeys(self._asked_for, picture)
+        served = [visitor for visitor in self._turns if visitor not in self._asked_for]
+        self._turns = [*served, *self._asked_for]
         self._asked = None
         if problem:
             self.close()

@@ -24,11 +24,13 @@ from quadsim.heat.spec import MOST
 from quadsim.web.choices import Choices, CompetitorChoices, RaceChoices
 from quadsim.web.fields import shown_fields
 from quadsim.web.menu import Menu
+from quadsim.web.playhead import Playhead
 from quadsim.web.setting_texts import checked_number, checked_setting
 from quadsim.web.state import GHOSTS, PageState, RemovedRow, Row, World
 from quadsim.web.view import View
 
 MOST_REMOVED = 8  # number of removed rows that can be put back
+MOST_LEFT = 32  # number of visitors who have left and may come back
 MOST_AGAINST = 8  # number of stored runs beside a flight
 OF_RACE_CHOICES = shown_fields(RaceChoices)
 OF_RACE = {**OF_RACE_CHOICES, **shown_fields(PageState)}
@@ -43,9 +45,17 @@ class Command(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True)
 
 
 class Leave(Command, frozen=True):
-    """A visitor has closed the page."""
+    """A visitor has closed the page, or its connection is lost."""
 
     visitor: int
+    seat: Name = ""  # under which its own part is kept; empty: nowhere
+
+
+class ComeBack(Command, frozen=True):
+    """A visitor who sat at this seat has connected again."""
+
+    visitor: int
+    seat: Name
 
 
 class ChooseRace(Command, frozen=True):
@@ -123,10 +133,18 @@ class Watch(Command, frozen=True):
 
 
 class SetView(Command, frozen=True):
-    """Set a choice of the display, which all visitors share."""
+    """Set a choice of a visitor's display."""
 
+    visitor: int
     name: Name  # of a field of View
     value: bool | Name
+
+
+class SetPlayhead(Command, frozen=True):
+    """Show a visitor another time of the race."""
+
+    visitor: int
+    playhead: Playhead
 
 
 class OfferCourse(Command, frozen=True):
@@ -153,6 +171,7 @@ class FlyAgainst(Command, frozen=True):
 
 AnyCommand = (
     Leave
+    | ComeBack
     | ChooseRace
     | ChooseNames
     | SetNumber
@@ -167,6 +186,7 @@ AnyCommand = (
     | SetUp
     | Watch
     | SetView
+    | SetPlayhead
 )
 
 
@@ -177,10 +197,8 @@ def apply(state: PageState, command: AnyCommand | OfferCourse) -> PageState:
         ValueError: the command cannot be carried out; the message is one line.
     """
     match command:
-        case Leave() | EditRow() | Watch():
+        case Leave() | ComeBack() | EditRow() | Watch() | SetView() | SetPlayhead():
             return _with_visitors(state, command)
-        case SetView(name, value):
-            return _with_view(state, name, value)
         case ChooseRace(name, value):
             return _with_race(state, name, value)
         case FlyAgainst(runs):
@@ -201,14 +219,26 @@ def apply(state: PageState, command: AnyCommand | OfferCourse) -> PageState:
     return _with_row(state, command)
 
 
-def _with_visitors(state: PageState, command: Leave | EditRow | Watch) -> PageState:
+def _with_visitors(
+    state: PageState, command: Leave | ComeBack | EditRow | Watch | SetView | SetPlayhead
+) -> PageState:
     """Return the state with a visitor who left or looks at something else. Raises ValueError."""
+    visitor = state.visitor(command.visitor)
     match command:
-        case EditRow(visitor, row):
-            edits = replace(state.visitor(visitor), row=state.row(row).number)
-            return state.with_visitor(visitor, edits)
-        case Watch(visitor, of):
-            return state.with_visitor(visitor, replace(state.visitor(visitor), of=of))
+        case EditRow(number, row):
+            return state.with_visitor(number, replace(visitor, row=state.row(row).number))
+        case Watch(number, of):
+            return state.with_visitor(number, replace(visitor, of=of))
+        case SetPlayhead(number, playhead):
+            return state.with_visitor(number, replace(visitor, playhead=playhead))
+        case SetView(number, name, value):
+            view = _with_choice(visitor.view, name, value)
+            return state.with_visitor(number, replace(visitor, view=view))
+        case ComeBack(number, seat):
+            return state.with_visitor(number, state.left.get(seat, visitor))
+        case Leave(number, seat) if seat and number in state.visitors:
+            kept = dict([*state.left.items(), (seat, visitor)][-MOST_LEFT:])
+            state = replace(state, left=MappingProxyType(kept))
     others = {k: one for k, one in state.visitors.items() if k != command.visitor}
     return replace(state, visitors=MappingProxyType(others))
 
@@ -236,14 +266,14 @@ def _of_setting(name: str, value: Any) -> Any:
     return checked(name, value, SETTINGS[name].kind)
 
 
-def _with_view(state: PageState, name: str, value: bool | str) -> PageState:
-    """Return the state with a choice of the display. Raises ValueError."""
+def _with_choice(view: View, name: str, value: bool | str) -> View:
+    """Return a view with another choice. Raises ValueError."""
     fields = shown_fields(View)
     if name not in fields:
         raise ValueError(f"{cut(name)}: expected one of {', '.join(fields)}")
-    fields[name].expect_offered(value, state.menu)
+    fields[name].expect_offered(value, None)
     changes: dict[str, Any] = {name: value}
-    return replace(state, view=replace(state.view, **changes))
+    return replace(view, **changes)
 
 
 def _added(state: PageState, visitor: int | None, choices: CompetitorChoices) -> PageState:

@@ -10,7 +10,7 @@ import numpy as np
 from quadsim.racing.events import Event, sector_times
 from quadsim.record.metrics import total_variation
 from quadsim.web.competitor import CRASHES, MISSES, Competitor
-from quadsim.web.race import Snapshot
+from quadsim.web.snapshot import Snapshot
 from quadsim.web.standings import Standing, Way, standings_at
 
 LAP_MARGIN = 0.02  # time around a lap, so that its frames cover both ends [s]
@@ -44,6 +44,11 @@ class LapTiming:
     def t(self) -> float:
         """The time of its frame [s]."""
         return float(self.entry.t[self.i])
+
+    @property
+    def is_latest(self) -> bool:
+        """Whether this is the last frame so far, to which the last plan belongs."""
+        return self.i == len(self.entry.t) - 1
 
     @property
     def next_gate(self) -> int:

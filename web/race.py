@@ -1,4 +1,7 @@
-"""PageRace: the race that a page shows, with live and stored competitors on one race time.
+"""PageRace: the race that a page shows, with live and stored competitors.
+
+Flights go on at their own pace. The time that a visitor watches is the visitor's own, see
+quadsim.web.playhead.
 
 Flights are flown in turns on one thread: two threads in numba's parallel loops abort the process.
 """
@@ -6,7 +9,6 @@ Flights are flown in turns on one thread: two threads in numba's parallel loops 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import Protocol
@@ -19,54 +21,18 @@ from quadsim.web.competitor import Competitor, named
 from quadsim.web.live_flight import Flown, LiveFlight
 from quadsim.web.live_heat import LiveHeat
 from quadsim.web.memory import give_back
-from quadsim.web.notices import Notice, Notices
+from quadsim.web.notices import Notices
 from quadsim.web.numbers import Change
 from quadsim.web.pace import Pace
+from quadsim.web.snapshot import Snapshot
 from quadsim.web.stored_runs import stored_competitor
 
 AnyChoices = Choices | HeatChoices | AgainChoices | HeatAgainChoices
 TakeOff = Callable[[AnyChoices], "Flyer"]
 
-REST = 0.02  # wait between two turns while nothing is flown [s]
+REST = 0.02  # wait between two turns while the person who flies is waited for [s]
+IDLE = 1.0  # wait while nothing is flown; a command ends it [s]
 TRAJECTORIES_PERIOD = 0.06  # wall-clock time between updates of the sampled trajectories [s]
-
-
-@dataclass(frozen=True, eq=False)
-class Snapshot:
-    """The race as a page shows it."""
-
-    t: float = 0.0  # race time [s]
-    end: float = 0.0  # end of the longest competitor so far [s]
-    flown: float = 0.0  # last time that can be shown [s]; `end` may be later with stored runs
-    playing: bool = False
-    flying: bool = False  # whether a live competitor is still flying
-    factor: float = 0.0  # measured real-time factor: race time per wall-clock time
-    competitors: tuple[Competitor, ...] = ()
-    race: int = 0  # number of the race; a page draws a new scene when it changes
-    notices: tuple[Notice, ...] = ()
-    compiling: bool = False  # whether a flight waits for its planner to be compiled
-    by_hand: bool = False  # whether a competitor is flown by hand; the race then runs in real time
-    waiting: bool = False  # whether the race waits for the start of the manual flight
-    speed: float = 1.0  # race seconds per second that are asked for
-
-    @property
-    def is_taking_off(self) -> bool:
-        """Whether flights have begun, and no plan of any of them is ready yet."""
-        live = [entry for entry in self.competitors if entry.live]
-        return self.flying and not any(len(entry.t) for entry in live)
-
-    @property
-    def next_event(self) -> float | None:
-        """The time of the next event that can be shown [s]; None while the race is being flown."""
-        if self.flying and self.playing:
-            return None
-        later = [
-            event.t
-            for entry in self.competitors
-            for event in entry.events
-            if self.t + 1e-6 < event.t <= self.flown
-        ]
-        return min(later, default=None)
 
 
 class Flyer(Protocol):
@@ -146,7 +112,8 @@ class PageRace:
         self._stored: tuple[Competitor, ...] = ()
         self._count = 0
         self._t = 0.0
-        self._playing = False
+        self._halted = False  # whether the flights were broken off by an error
+        self._began = 0.0
         self._trajectories_at = 0.0
         self._pace = Pace()
         self._speed = 1.0  # requested real-time factor, for races without a manual flight
@@ -206,37 +173,33 @@ class PageRace:
                 raise ValueError(f"{name}: {error}") from None
         return flights
 
-    def replay(self, runs: Sequence[Path], t: float | None = None) -> None:
-        """Show stored runs together: from the start, or paused at t [s].
+    def replay(self, runs: Sequence[Path], begun: Callable[[int], None]) -> None:
+        """Show stored runs together.
+
+        Args:
+            runs: their folders.
+            begun: called with the number of the race.
 
         Raises:
             ValueError, RunError: see `start`.
         """
         self.start([], runs)
-        if t is not None:
-            self.play(False)
-            self.scrub(t)
+        begun(self._count)
 
     def restart(self) -> None:
-        """Begin the same race anew: live flights from the ground, stored runs from t = 0."""
+        """Fly the same race anew."""
         if self._choices:
             self.start(self._choices, [entry.folder for entry in self._stored if entry.folder])
-        else:
-            self._begin()
 
     def turn(self) -> float:
-        """Fly one frame of the competitor that is farthest behind, or advance a replay.
+        """Fly one frame of the competitor that is farthest behind.
 
         Returns:
             The time to wait before the next turn [s].
         """
-        if not self._playing:
-            return REST
         flight = self._next_to_fly()
-        if flight is None:
-            self._move(min(self._pace.now(), self._end))
-            self._playing = self._t < self._end
-            return REST
+        if flight is None or self._halted:
+            return IDLE
         if self._waiting and flight.t >= 0.0 and not self._begins_by_hand():
             return REST
         wait = self._pace.until(flight.t + flight.period)
@@ -244,47 +207,9 @@ class PageRace:
             self._advance(flight)
         return max(wait, 0.0)
 
-    def play(self, on: bool | None = None) -> None:
-        """Continue or pause the race; None switches between the two.
-
-        A replay at its end begins again; a flight continues from its last frame.
-        """
-        self._playing = not self._playing if on is None else on
-        if self._playing and self._flying:
-            self._t = self._flown
-        elif self._playing and self._t >= self._end:
-            self._t = 0.0
-        self._pace.anchor(self._t)
-
-    def step(self, by: int = 1) -> None:
-        """Pause and move by control periods; beyond what has been flown, fly the next one."""
-        self._playing = False
-        flight = self._next_to_fly()
-        if flight is not None and by > 0 and self._t >= self._flown - 1e-9:
-            if self._hand:
-                raise ValueError("step: expected a race without a person, who flies in real time")
-            self._advance(flight)
-            return
-        for entry in self._competitors:
-            if len(entry.t):
-                frame = min(max(entry.at(self._t) + by, 0), len(entry.t) - 1)
-                self.scrub(float(entry.t[frame]))
-                return
-
-    def scrub(self, t: float) -> None:
-        """Show the race at t [s]; no effect while it is being flown."""
-        if self._flying and self._playing:
-            return
-        last = self._flown if self._flying else self._end
-        self._t = min(max(t, 0.0), last)
-        self._pace.anchor(self._t)
-
-    def jump(self) -> None:
-        """Go to the next event of any competitor, if there is one."""
-        t = self.snapshot().next_event
-        if t is not None:
-            self._playing = False
-            self.scrub(t)
+    def halt(self) -> None:
+        """Fly no further, after an error; the flights can be ended all the same."""
+        self._halted = True
 
     def set_speed(self, factor: float) -> None:
         """Set the real-time factor, which a live flight reaches if the machine is fast enough.
@@ -319,32 +244,36 @@ class PageRace:
         """End every live flight; the page keeps showing them."""
         for flight in self._flying:
             flight.end()
-        self._playing = False
 
     def snapshot(self) -> Snapshot:
         """Return the race as it is now."""
+        flying = bool(self._flying)
+        moves = flying and not self._halted
         return Snapshot(
             t=self._t,
             end=self._end,
-            flown=self._flown if self._flying else self._end,
-            playing=self._playing,
-            flying=bool(self._flying),
-            factor=self._pace.factor if self._playing else 0.0,
+            flown=self._flown if flying else self._end,
+            playing=moves,
+            flying=flying,
+            factor=self._pace.factor if moves else 0.0,
             competitors=tuple(self._competitors),
             race=self._count,
             notices=self.notices.recent,
             compiling=any(not f.is_cached and not len(f.entries[0].t) for f in self._flying),
             by_hand=self._hand is not None,
-            waiting=self._waiting and bool(self._flying),
+            waiting=self._waiting and flying,
             speed=self._pace.speed,
+            began=self._began,
         )
 
     def _begin(self) -> None:
         """Begin another race at t = 0."""
         give_back()  # memory that the last race has freed
         self._count += 1
+        self.notices.race = self._count
         self._t = 0.0
-        self._playing = True
+        self._began = perf_counter()
+        self._halted = False
         self._waiting = self._hand is not None
         self._cockpit.serve(self._hand)
         self._pace.speed = 1.0 if self._hand else self._speed
@@ -371,19 +300,14 @@ class PageRace:
             return
         for entry, frame in flown:
             self.notices.add_events(entry, frame)
-        self._move(max(flight.t, self._t))
+        self._t = max(flight.t, self._t)
+        self._pace.mark(self._t)
         due = perf_counter() - self._trajectories_at > TRAJECTORIES_PERIOD
         if due and self.show_trajectories and flight is self._live[0]:
             flight.update_trajectories()
             self._trajectories_at = perf_counter()
         if flight.is_over:
             flight.end()
-            self._playing = bool(self._flying)
-
-    def _move(self, t: float) -> None:
-        """Set the race time to t [s]."""
-        self._t = t
-        self._pace.mark(t)
 
     def _next_to_fly(self) -> Flyer | None:
         """Return the live flight with the earliest time."""

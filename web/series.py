@@ -12,8 +12,9 @@ from quadsim.record.metrics import total_variation
 from quadsim.record.statistics import Mean, mean_interval
 from quadsim.web.choices import Choices, HeatChoices
 from quadsim.web.competitor import Competitor
-from quadsim.web.race import AnyChoices, Snapshot
+from quadsim.web.race import AnyChoices
 from quadsim.web.session import Session
+from quadsim.web.snapshot import Snapshot
 
 MOST_SEEDS = 50
 

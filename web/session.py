@@ -15,7 +15,8 @@ from typing import Concatenate, ParamSpec
 
 from quadsim.record.run import RunError
 from quadsim.web.cockpit import Cockpit
-from quadsim.web.race import REST, AnyChoices, PageRace, Snapshot, TakeOff, take_off
+from quadsim.web.race import REST, AnyChoices, PageRace, TakeOff, take_off
+from quadsim.web.snapshot import Snapshot
 
 Arguments = ParamSpec("Arguments")
 
@@ -79,6 +80,11 @@ class Session:
             self.snapshot = self._race.snapshot()
             self._is_starting = False
 
+    def flies(self, visitor: int) -> bool:
+        """Return whether a visitor flies by hand in this moment."""
+        s = self.snapshot
+        return s.flying and s.by_hand and self.cockpit.pilot == visitor
+
     def show_trajectories(self, on: bool) -> None:
         """Switch the sampled trajectories on or off; each update takes 0.3 ms."""
         self._race.show_trajectories = on
@@ -91,7 +97,7 @@ class Session:
 
     def _run(self) -> None:
         """Run commands as they come, and turns of the race between them, until closed."""
-        wait = REST
+        wait = 0.0
         while not self._closing:
             wait = self._do(self._next(wait)) or 0.0
             self.snapshot = self._race.snapshot()
@@ -114,7 +120,8 @@ class Session:
             # An unforeseen error must not end the thread that flies.
             traceback.print_exc()
             notices.add("error", "The race broke off", f"{type(error).__name__}: {error}")
-            self._race.play(False)
+            if command == self._race.turn:
+                self._race.halt()
         return REST
 
     def _end(self) -> None:

@@ -16,8 +16,11 @@ from quadsim.heat.settings import Expect, HeatSettings
 from quadsim.web.choices import Choices, CompetitorChoices, HeatChoices, RaceChoices
 from quadsim.web.fields import Shown
 from quadsim.web.menu import Menu
+from quadsim.web.playhead import Playhead
 from quadsim.web.view import View
 
+Pace = Literal["0.1 x", "0.25 x", "0.5 x", "1 x", "2 x", "4 x"]
+REAL_TIME: Pace = "1 x"
 World = Literal["as ghosts", "in one world"]
 GHOSTS: World = "as ghosts"
 TOGETHER: World = "in one world"
@@ -41,10 +44,19 @@ class RemovedRow:
 
 @dataclass(frozen=True)
 class Visitor:
-    """What is one visitor's own."""
+    """What is one visitor's own.
 
-    row: int  # number of the row that the visitor edits
-    of: str = ""  # competitor whose numbers in flight are shown; empty: the first one
+    Attributes:
+        row: number of the row that the visitor edits.
+        of: competitor whose numbers in flight are shown; empty: the first one.
+        view: how the race is drawn.
+        playhead: which time of the race is shown.
+    """
+
+    row: int
+    of: str = ""
+    view: View = field(default_factory=View)
+    playhead: Playhead = field(default_factory=Playhead)
 
 
 @dataclass(frozen=True)
@@ -56,9 +68,10 @@ class PageState:
         rows: the competitors, at least one.
         world: whether several competitors fly as ghosts or in one world.
         expect, rules: of a race in one world.
-        view: what all visitors see of the race.
+        pace: race seconds per second that flights are asked for.
         against: names of stored runs that are shown beside the next flight.
         visitors: the visitors by their numbers.
+        left: visitors who have left, by the names of their seats, the last one last.
         removed: the rows that were removed, the last one last.
         next_number: number of the next row.
         menu: the names that may be chosen; None: any.
@@ -83,9 +96,12 @@ class PageState:
         ),
     ] = HeatSettings.expect
     rules: Annotated[RulesName, Shown("what a contact of two drones costs")] = HeatSettings.rules
-    view: View = field(default_factory=View)
+    pace: Annotated[
+        Pace, Shown("of the flights, for all visitors; each watches at a speed of its own", "Pace")
+    ] = REAL_TIME
     against: tuple[str, ...] = ()
     visitors: Mapping[int, Visitor] = field(default_factory=lambda: MappingProxyType({}))
+    left: Mapping[str, Visitor] = field(default_factory=lambda: MappingProxyType({}))
     removed: tuple[RemovedRow, ...] = ()
     next_number: int = 1
     menu: Menu | None = None
@@ -123,6 +139,11 @@ class PageState:
     def index(self, number: int) -> int:
         """Return the place of a row, from 0. Raises ValueError: it was removed."""
         return self.rows.index(self.row(number))
+
+    @property
+    def factor(self) -> float:
+        """The race seconds per second that flights are asked for."""
+        return float(self.pace.removesuffix(" x"))
 
     def edited(self, visitor: int) -> Row:
         """Return the row that a visitor edits: the first one, until another one is chosen."""

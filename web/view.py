@@ -1,4 +1,4 @@
-"""View: what all visitors see of the race in the scene."""
+"""View: how a visitor sees the race in the scene."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Trails = Literal["auto", "speed", "sampler"]
 
 @dataclass(frozen=True)
 class View:
-    """The choices of the display, which all visitors share."""
+    """The choices of a visitor's display."""
 
     ghosts: Annotated[Ghosts, Shown("where the others are shown")] = "by time"
     trails: Annotated[Trails, Shown("what the colour of a trail says")] = "auto"
@@ -23,7 +23,7 @@ class View:
     limit: Annotated[
         bool, Shown("the best known race of race limit, as a ghost", "Limit's race")
     ] = False
-    true_size: Annotated[bool, Shown("of the drones, from the next start")] = False
+    true_size: Annotated[bool, Shown("of the drones, which are enlarged otherwise")] = False
     pictures: Annotated[
         bool,
         Shown(

@@ -234,7 +234,8 @@ def share(place: Place) -> None:
         time.sleep(2.0)
         found = [_share_now(place, max(visitors, 1))]
         for light in (False, True):
-            place.page.desk.do(SetView("light", light))
+            for one in place.page.desk.state.visitors:
+                place.page.desk.do(SetView(one, "light", light))
             races = place.session.snapshot.race
             flights = [Choices(sampler=name, laps=1000) for name in ("colored", "gaussian")]
             place.session.tell(PageRace.start, flights)
@@ -244,7 +245,8 @@ def share(place: Place) -> None:
             place.session.tell(PageRace.end_flights)
             while place.session.snapshot.flying:
                 time.sleep(0.05)
-        place.page.desk.do(SetView("light", False))
+        for one in place.page.desk.state.visitors:
+            place.page.desk.do(SetView(one, "light", False))
         print(f"{visitors:8}  {'  '.join(found)}", flush=True)
 
 

@@ -12,9 +12,10 @@ from web_cases import competitor, until
 from quadsim.config.spec import Spec
 from quadsim.sensing.config import GateCameraConfig
 from quadsim.sensing.measurements import Corners
-from quadsim.web.camera_pictures import CameraPictures, camera_of, moment_of, pose_at, smaller
+from quadsim.web.camera_pictures import At, CameraPictures, camera_of, moment_of, pose_at, smaller
 from quadsim.web.page.pictures import picture_html
 
+A, B, C = 1, 2, 3  # visitors
 T = 0.203  # between two frames [s]
 
 
@@ -35,15 +36,15 @@ def pictures():
 
 def taken(pictures, entry, t):
     """The picture of a moment, in place of the last one."""
-    pictures.last = None
+    pictures.last = {}
 
     def is_there():
-        pictures.show(entry, t)
-        return pictures.last is not None
+        pictures.show({A: At(entry, t)})
+        return A in pictures.last
 
     assert until(is_there)
-    assert pictures.last.problem == ""
-    return pictures.last
+    assert pictures.last[A].problem == ""
+    return pictures.last[A]
 
 
 def corners_at(entry, t):
@@ -98,9 +99,27 @@ def test_whoever_asks_does_not_wait(entry, pictures, monkeypatch):
     monkeypatch.setattr("quadsim.web.camera_pictures.PERIOD", 0.0)
     for t in (0.1, 0.2):
         before = pictures.last
-        pictures.show(entry, t)
-        assert pictures.last is before
+        pictures.show({A: At(entry, t)})
+        assert pictures.last == before
         assert taken(pictures, entry, t).moment.t == t
+
+
+@pytest.mark.process
+def test_each_visitor_has_pictures_of_what_it_watches(entry, pictures, monkeypatch):
+    """Two who watch the same share one picture, and nobody waits for ever."""
+    monkeypatch.setattr("quadsim.web.camera_pictures.PERIOD", 0.0)
+    pictures.last = {}
+    wanted = {A: At(entry, 0.3), B: At(entry, 0.4), C: At(entry, 0.3)}
+    for _ in range(2):
+
+        def are_there(wanted=wanted):
+            pictures.show(wanted)
+            shown = {one: picture.moment.t for one, picture in pictures.last.items()}
+            return shown == {one: at.t for one, at in wanted.items()}
+
+        assert until(are_there)
+        assert pictures.last[A] is pictures.last[C]
+        wanted = {one: At(entry, at.t + 0.2) for one, at in wanted.items()}
 
 
 @pytest.mark.process
@@ -110,12 +129,12 @@ def test_a_process_that_was_killed_is_said_and_replaced(entry, pictures):
     pictures._process.join()
 
     def is_said():
-        pictures.show(entry, 0.5)
-        return pictures.last.problem
+        pictures.show({A: At(entry, 0.5)})
+        return pictures.last[A].problem
 
     assert until(is_said)
-    assert "has ended" in pictures.last.problem
-    assert "has ended" in picture_html(pictures.last)
+    assert "has ended" in pictures.last[A].problem
+    assert "has ended" in picture_html(pictures.last[A])
     assert taken(pictures, entry, 0.6).jpeg
 
 

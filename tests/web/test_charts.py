@@ -15,7 +15,8 @@ from quadsim.web.limit_race import limit_race
 from quadsim.web.page import charts
 from quadsim.web.page.charts import AskCharts, answer
 from quadsim.web.page.sectors import sector_ends, sectors, times_of
-from quadsim.web.race import PageRace, Snapshot
+from quadsim.web.race import PageRace
+from quadsim.web.snapshot import Snapshot
 from quadsim.web.standings import Way, gap
 
 NOTHING = AskCharts(race=0, frames=[], curves=0)
@@ -64,25 +65,33 @@ def test_commanded_and_delivered_are_different_columns(competitors):
 
 
 @pytest.mark.socket
-def test_the_time_moves_by_a_press_and_not_while_a_flight_is_on(page, root):
+def test_the_time_moves_by_a_press_for_who_presses_alone(page, root):
+    """Also while a flight is on, which goes on."""
     session = page.session
-    session.tell(PageRace.replay, [stored(root, laps=3)], 0.5)
-    assert until(lambda: session.snapshot.t == 0.5)
-    entry = session.snapshot.competitors[0]
-    place = float(entry.progress[150])
-    with link(page.port) as linked:
+    with link(page.port) as linked, link(page.port) as other:
+
+        def shown(one):
+            return one.ask("charts", "ask_charts", race=0, frames=[], curves=0)["t"]
+
+        session.tell(PageRace.start, [], [stored(root, laps=3)])
+        assert until(lambda: session.snapshot.competitors)
+        entry = session.snapshot.competitors[0]
+        place = float(entry.progress[150])
+        other.send("seek", t=0.25)
         linked.send("seek", t=2.0)
-        assert until(lambda: session.snapshot.t == 2.0)
+        assert shown(linked) == 2.0
         linked.send("seek_place", place=place)
-        assert until(lambda: session.snapshot.t == entry.t[entry.at_place(place)])
+        assert shown(linked) == entry.t[entry.at_place(place)]
+        assert shown(other) == 0.25
         session.tell(PageRace.set_speed, 0.1)
         session.tell(PageRace.start, [choices(laps=3)])
         assert until(lambda: session.snapshot.flying and session.snapshot.t > 0.05)
-        linked.send("seek", t=0.0)
-        given = linked.ask("charts", "ask_charts", race=0, frames=[], curves=0)
-    assert not given["can_seek"]
-    assert session.snapshot.playing
-    assert session.snapshot.t > 0.05
+        linked.send("seek", t=0.02)
+        t = session.snapshot.t
+        assert shown(linked) == 0.02
+        assert shown(other) >= t
+        assert until(lambda: session.snapshot.t > t)
+        assert shown(linked) == 0.02
 
 
 def test_the_limit_is_a_race_through_all_gates_in_its_time(competitors):

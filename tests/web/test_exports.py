@@ -20,7 +20,7 @@ from quadsim.record.run import COLUMNS, RunError
 from quadsim.record.run_format import write_csv
 from quadsim.web.competitor import named
 from quadsim.web.page.export import picture, picture_name
-from quadsim.web.race import Snapshot
+from quadsim.web.snapshot import Snapshot
 from quadsim.web.stored_runs import stored_competitor
 from quadsim.web.summary import summary_at
 

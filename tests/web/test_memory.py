@@ -8,7 +8,7 @@ from time import perf_counter, sleep
 import numpy as np
 import pytest
 from web_cases import COURSE, MENU, Gliders, choices, served, until
-from wire import connect
+from wire import connect, visit
 
 from quadsim.web.choices import Choices
 from quadsim.web.memory import give_back
@@ -18,18 +18,23 @@ GHOST = [choices("colored"), choices("gaussian")]
 FASTER = 20.0  # than the wall clock, for waits of seconds
 
 
-def gates_kept(page):
-    """Names of the gates' nodes, of which each race has another, in messages for new clients."""
-    kept = page.server._websock_server._broadcast_buffer.message_from_id
-    names = {getattr(message, "name", "") for message in kept.values()}
-    return {name for name in names if name.startswith("/course/gates/")}
+def kept(page):
+    """Names of the nodes in messages that the server keeps, for new clients and for each one."""
+    server = page.server._websock_server
+    clients = page.server.get_clients().values()
+    buffers = [
+        server._broadcast_buffer,
+        *(one._websock_connection.get_message_buffer() for one in clients),
+    ]
+    messages = [message for one in buffers for message in one.message_from_id.values()]
+    return {getattr(message, "name", "") for message in messages} - {"", "/WorldAxes"}
 
 
 def race(page, flights):
     """Begin another race and wait until the page shows it."""
     number = page.session.snapshot.race + 1
     page.session.tell(PageRace.start, flights)
-    assert until(lambda: getattr(page.dashboard._view, "race", 0) == number)
+    assert until(lambda: page.dashboard._stage.race == number)
 
 
 @pytest.mark.socket
@@ -54,31 +59,26 @@ def test_an_open_page_is_told_to_remove_the_ghost_of_the_last_race(page):
 
 
 @pytest.mark.socket
-@pytest.mark.parametrize("frees", [True, False])
-def test_the_server_keeps_the_scenes_of_the_last_races_alone(page, frees, monkeypatch):
-    """And it would keep those of all, without what frees them."""
-    if not frees:
-        monkeypatch.setattr("quadsim.web.page.dashboard.forget_removed", lambda _: None)
-    with connect(page.port):
-        race(page, GHOST[:1])
-        before = gates_kept(page)
-        for _ in range(5):
+def test_the_server_keeps_no_scene_for_its_visitors(page):
+    """A scene is sent once; a visitor who comes later gets one of its own."""
+    with connect(page.port) as client:
+        for _ in range(3):
             race(page, GHOST[:1])
-    kept = gates_kept(page) - before
-    assert (len(kept) <= 3) == frees, kept
+        page.session.tell(PageRace.end_flights)
+        assert until(lambda: client.waiting() == [] and not kept(page))
 
 
 @pytest.fixture
 def hurried(tmp_path, monkeypatch):
     """A page whose own clock runs faster than the wall clock."""
-    monkeypatch.setattr("quadsim.web.page.dashboard.perf_counter", lambda: FASTER * perf_counter())
+    monkeypatch.setattr("quadsim.web.page.due.perf_counter", lambda: FASTER * perf_counter())
     with served(tmp_path, Gliders(), MENU, Choices(course=COURSE, laps=2)) as page:
         yield page
 
 
 @pytest.mark.socket
-def test_a_race_that_has_ended_or_stands_still_sends_nothing(hurried):
-    """While it flies, pages are sent the drone and the tables."""
+def test_who_watches_what_stands_still_is_sent_nothing(hurried):
+    """While it flies, those who watch it are sent the drone and the tables."""
 
     def falls_silent():
         """Return whether nothing comes for longer than the page's longest period."""
@@ -86,12 +86,14 @@ def test_a_race_that_has_ended_or_stands_still_sends_nothing(hurried):
         sleep(6.0 / FASTER)
         return not client.waiting()
 
-    with connect(hurried.port) as client:
+    with visit(hurried.port) as (client, linked):
         race(hurried, GHOST)
         assert until(lambda: len(client.waiting()) > 10)
-        hurried.session.tell(PageRace.play, False)
+        # paused, although the flight goes on
+        linked.send("play", on=False)
         assert until(falls_silent)
-        hurried.session.tell(PageRace.play, True)
+        assert hurried.session.snapshot.flying
+        linked.send("live")
         hurried.session.tell(PageRace.set_speed, 1e6)
         assert until(lambda: not hurried.session.snapshot.flying)
         assert until(client.waiting)

@@ -11,7 +11,7 @@ from quadsim.web.drawn_samples import drawn_samples, late_plans
 from quadsim.web.lap_timing import lap_timings
 from quadsim.web.numbers_in_flight import can_change, has_number, numbers_of_several, remark
 from quadsim.web.page.timing import planner
-from quadsim.web.race import Snapshot
+from quadsim.web.snapshot import Snapshot
 
 USUAL = PRESETS["race"]["gaussian"].mppi
 MOST = PRESETS["race"]["colored"].mppi.samples

@@ -23,7 +23,7 @@ from quadsim.web.page.time_line import time_line_of
 from quadsim.web.page.timing import events, planner
 from quadsim.web.page.tower import tower_of
 from quadsim.web.page.tree import Element, tree
-from quadsim.web.race import Snapshot
+from quadsim.web.snapshot import Snapshot
 from quadsim.web.state import PageState
 
 

@@ -19,7 +19,13 @@ from quadsim.web.live_flight import LiveFlight
 from quadsim.web.live_heat import LiveHeat
 from quadsim.web.page.runs_panel import FLYING, link_to
 from quadsim.web.race import PageRace
+from quadsim.web.view import View
 from tests.small import SHORT
+
+
+def now(linked):
+    """The playback of a visitor."""
+    return linked.part("now")
 
 
 def shown(session):
@@ -51,10 +57,27 @@ def test_two_runs_are_compared_and_paused_at_a_time(page, root):
     with link(page.port) as linked:
         linked.ask("runs", "list_runs")
         linked.send("replay_runs", names=names, t=1.25)
-        assert until(lambda: shown(session) == folders and session.snapshot.t == 1.25)
-        assert not session.snapshot.playing
+        assert until(lambda: shown(session) == folders and now(linked)["t"] == 1.25)
+        assert not now(linked)["playing"]
         linked.send("replay_runs", names=names[1:])
-        assert until(lambda: shown(session) == folders[1:] and session.snapshot.playing)
+        assert until(lambda: shown(session) == folders[1:] and now(linked)["playing"])
+
+
+@pytest.mark.socket
+def test_an_address_shows_its_time_and_view_to_who_opens_it_alone(page, root):
+    folder = stored(root, laps=2)
+    with link(page.port) as one, link(page.port) as other:
+        one.ask("runs", "list_runs")
+        one.send("replay_runs", names=[folder.name], t=0.5, ghosts="by place")
+        assert until(lambda: now(one)["t"] == 0.5)
+        race = page.session.snapshot.race
+        other.send("replay_runs", names=[folder.name], t=1.0, limit=True)
+        assert until(lambda: now(other)["t"] == 1.0)
+        assert page.session.snapshot.race == race  # as the run is shown already
+        assert now(one)["t"] == 0.5
+        shown_to = [linked.form("view")[0] for linked in (one, other)]
+    wanted = [("by place", False), ("by time", True)]
+    assert [(view["ghosts"]["value"], view["limit"]["value"]) for view in shown_to] == wanted
 
 
 @pytest.mark.socket
@@ -235,9 +258,11 @@ def test_a_link_names_what_is_shown_and_nothing_outside(tmp_path):
     runs = tmp_path / "runs"
     folder = stored(runs)
     entry = replace(competitor(), folder=folder)
-    link = link_to([entry], 3.2, "chase", str(runs))
+    link = link_to([entry], 3.2, "chase", View(), str(runs))
     assert link == f"?run={folder.name}&t=3.20&camera=chase"
+    link = link_to([entry], 3.2, "top", View(ghosts="by place", limit=True), str(runs))
+    assert link == f"?run={folder.name}&t=3.20&camera=top&ghosts=by+place&limit=1"
     with pytest.raises(ValueError, match="nothing is stored yet"):
-        link_to([competitor()], 1.0, "free", str(runs))
+        link_to([competitor()], 1.0, "free", View(), str(runs))
     with pytest.raises(ValueError, match="a link can name runs of"):
-        link_to([entry], 1.0, "free", str(tmp_path))
+        link_to([entry], 1.0, "free", View(), str(tmp_path))

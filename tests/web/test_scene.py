@@ -25,7 +25,7 @@ from quadsim.web.page.drones import (
     single_colour,
 )
 from quadsim.web.page.race_scene import arrows, bars_of, visible_scale
-from quadsim.web.race import Snapshot
+from quadsim.web.snapshot import Snapshot
 
 
 @pytest.mark.parametrize("name", course_names())

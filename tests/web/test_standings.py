@@ -10,7 +10,7 @@ from quadsim.heat.result import placings
 from quadsim.record.metrics import chatter
 from quadsim.web.competitor import named
 from quadsim.web.lap_timing import at_place_of_first, lap_timings
-from quadsim.web.race import Snapshot
+from quadsim.web.snapshot import Snapshot
 from quadsim.web.standings import Way, gap, standings_at, time_at
 
 

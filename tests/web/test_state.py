@@ -92,9 +92,10 @@ def test_a_row_that_was_removed_takes_no_number_and_its_editor_goes_to_the_one_b
 
 
 def test_the_view_that_sends_less_draws_neither_samples_nor_pictures():
-    state = after(SetView("pictures", True))
-    assert (state.view.shows_trajectories, state.view.shows_pictures) == (True, True)
-    less = after(SetView("light", True), state=state).view
+    state = after(SetView(A, "pictures", True))
+    view = state.visitor(A).view
+    assert (view.shows_trajectories, view.shows_pictures) == (True, True)
+    less = after(SetView(A, "light", True), state=state).visitor(A).view
     assert (less.shows_trajectories, less.shows_pictures) == (False, False)
     assert less.pictures  # what was chosen comes back with the light mode's end
 
@@ -136,8 +137,8 @@ def test_there_is_always_one_competitor_and_never_more_than_fit():
         (ChooseRace("seed", "many"), "seed: expected a whole number"),
         (ChooseRace("deadline_ms", "soon"), "deadline_ms: expected"),
         (ChooseRace("wind", 1), "wind: expected one of"),
-        (SetView("ghosts", "by luck"), "ghosts: expected one of"),
-        (SetView("limit", "yes"), "limit: expected true or false"),
+        (SetView(A, "ghosts", "by luck"), "ghosts: expected one of"),
+        (SetView(A, "limit", "yes"), "limit: expected true or false"),
         (ChooseRace("clock", "sundial"), "clock: expected one of"),
         (EditRow(A, 99), "competitor: expected one that is there"),
     ],

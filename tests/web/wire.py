@@ -2,6 +2,7 @@
 
 import http.client
 import json
+import secrets
 import time
 from contextlib import contextmanager
 
@@ -74,10 +75,11 @@ def connect(port, **options):
 
 
 class LinkClient:
-    """The link of an open page."""
+    """The link of an open page, whose scene has a seat."""
 
-    def __init__(self, socket):
+    def __init__(self, socket, seat=""):
         self.socket = socket
+        self.seat = seat
 
     def send(self, kind, **fields):
         self.socket.send(json.dumps({"type": kind, **fields}))
@@ -103,10 +105,18 @@ class LinkClient:
         self.send(kind, **fields)
         return self.got(answer)
 
+    def part(self, name):
+        """What this visitor is shown in a part, once there is something."""
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
+            parts = self.ask("parts", "ask", have={}, shows=[name], seat=self.seat)["parts"]
+            if name in parts:
+                return parts[name]["content"]
+        raise TimeoutError(name)
+
     def form(self, name):
         """The fields of a form by their names, and the row that they are of."""
-        parts = self.ask("parts", "ask", have={}, shows=[name])["parts"]
-        content = parts[name]["content"]
+        content = self.part(name)
         return {field["name"]: field for field in content["fields"]}, content["of"]
 
     def set(self, form, field, value, of=None):
@@ -123,10 +133,19 @@ class LinkClient:
 
 
 @contextmanager
-def link(port, **options):
+def link(port, seat="", **options):
     address = f"ws://127.0.0.1:{port}/link"
     with connected(address, max_size=None, max_queue=None, **options) as socket:
-        yield LinkClient(socket)
+        yield LinkClient(socket, seat)
+
+
+@contextmanager
+def visit(port, **options):
+    """A whole page: a client and its link, at one seat."""
+    seat = secrets.token_urlsafe(18)
+    with connect(port, seat=seat, **options) as client, link(port, seat, **options) as linked:
+        linked.part("groups")  # asks with its seat
+        yield client, linked
 
 
 def press_start(port, **options):

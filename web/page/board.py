@@ -2,7 +2,8 @@
 
 A page asks with the versions of the parts that it has, and gets those that have changed since. So a
 slow or a new page gets the present state at its own pace. The parts of ALWAYS go to every page; the
-others are kept up to date, and sent, while a page shows them. A part may be made for each visitor.
+others are kept up to date, and sent, while a page shows them. A part is
+everybody's or a visitor's own.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from dataclasses import dataclass
 from itertools import count
 from math import inf
 from time import perf_counter
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import msgspec
 from msgspec import Meta
@@ -29,6 +30,8 @@ PartName = Literal[
     "line_up", "picture",
 ]  # fmt: skip
 ALWAYS = frozenset(("head", "now", "tower", "time_line", "map", "groups"))
+PARTS: tuple[PartName, ...] = get_args(PartName)
+EVERYBODY = 0  # in place of the number of a visitor
 WANTED = 2.0  # time after a question for which a part that is shown is kept up to date [s]
 MOST_SHOWN = 32  # number of parts that a page shows at once
 
@@ -75,18 +78,25 @@ class Board:
         self._seats = seats
         self._camera = camera
         self._versions = count(1)
-        self._asked_at: dict[str, float] = {}  # when a part was last asked for [s]
-        self._parts: dict[str, Part] = {}
+        # when a visitor last asked for a part [s]
+        self._asked_at: dict[tuple[int, str], float] = {}
+        self._parts: dict[tuple[int, str], Part] = {}
         self._offered: dict[str, tuple[Key, Content]] = {}
         self._own: dict[tuple[int, str], Own] = {}
         link.on(Ask, self._answer)
         link.on_leave(self._forget)
 
-    def put(self, name: PartName, content: Any) -> None:
-        """Show a part; nothing is sent again if it has not changed."""
-        shown = self._parts.get(name)
+    def put(self, name: PartName, content: Any, visitor: int = EVERYBODY) -> None:
+        """Show a part; nothing is sent again if it has not changed.
+
+        Args:
+            name: of the part.
+            content: of the part.
+            visitor: number of the visitor whose own it is, or EVERYBODY.
+        """
+        shown = self._parts.get((visitor, name))
         if shown is None or shown.content != content:
-            self._parts[name] = Part(next(self._versions), content)
+            self._parts[visitor, name] = Part(next(self._versions), content)
 
     def offer(self, name: PartName, key: Key, content: Content) -> None:
         """Make a part for each visitor that shows it.
@@ -98,14 +108,20 @@ class Board:
         """
         self._offered[name] = (key, content)
 
-    def is_wanted(self, name: PartName) -> bool:
-        """Return whether any page shows a part."""
-        return perf_counter() - self._asked_at.get(name, -inf) < WANTED
+    def is_wanted(self, name: PartName, visitor: int = EVERYBODY) -> bool:
+        """Return whether the page of a visitor, or any page, shows a part."""
+        return perf_counter() - self._asked_at.get((visitor, name), -inf) < WANTED
+
+    def forget(self, visitor: int) -> None:
+        """Forget the parts of a visitor who has left; of the thread that puts them up."""
+        for name in PARTS:
+            self._parts.pop((visitor, name), None)
+            self._asked_at.pop((visitor, name), None)
 
     def _answer(self, visitor: LinkVisitor, ask: Ask) -> None:
         now = perf_counter()
         for name in ask.shows:
-            self._asked_at[name] = now
+            self._asked_at[EVERYBODY, name] = self._asked_at[visitor.number, name] = now
         self._seats.relate(visitor, ask.seat)
         changed = {}
         for name in (*ALWAYS, *ask.shows):
@@ -118,7 +134,7 @@ class Board:
     def _part_for(self, visitor: int, name: str) -> Part | None:
         """Return a part as a visitor sees it; None: there is none yet."""
         if name not in self._offered:
-            return self._parts.get(name)
+            return self._parts.get((visitor, name)) or self._parts.get((EVERYBODY, name))
         key_of, content_of = self._offered[name]
         key = key_of(visitor)
         own = self._own.get((visitor, name))

@@ -57,6 +57,13 @@ class Pose(NamedTuple):
 FAR_AWAY = Pose(np.full(3, 1e6), np.zeros(3))
 
 
+class Chased(NamedTuple):
+    """The last pose behind a drone."""
+
+    name: str
+    pose: Pose
+
+
 class Placed(NamedTuple):
     """The canvas and the position of the last placement of a camera."""
 
@@ -73,22 +80,27 @@ class Camera:
         self._modes: defaultdict[int, str] = defaultdict(lambda: FREE)
         self._placed: dict[int, Placed] = {}
         self._course: Course | None = None
-        self._size = 1.0  # size of the drawn drone [m]
+        self._sizes: dict[int, float] = {}  # of the drones that each visitor sees [m]
         # what each visitor follows: name of a competitor, or LEADER
         self._followed: dict[int, str] = {}
-        # last poses behind the drones that are followed, by the competitors' names
-        self._chased: dict[str, Pose] = {}
+        # last pose of each visitor's camera behind the drone of this name
+        self._chased: dict[int, Chased] = {}
         server.on_client_connect(self._connected)
         server.on_client_disconnect(self._disconnected)
 
-    def show(self, course: Course, size: float) -> None:
-        """Prepare for a new race; a new course is framed for everyone. size: of the drones [m]"""
-        self._size = size
+    def show(self, course: Course) -> None:
+        """Frame a course for everyone, unless it is the one that is framed."""
         if self._course is None or course.text != self._course.text:
             self._course = course
             set_initial_camera(self._server, course)
             for client in self._server.get_clients().values():
                 self._place(client)
+
+    def set_size(self, client: viser.ClientHandle, size: float) -> None:
+        """Set the size of the drones that a visitor sees [m]."""
+        self._sizes[client.client_id] = size
+        if self._modes[client.client_id] == FPV:
+            self._place(client)
 
     def frame_next(self, course: Course) -> None:
         """Frame this course at the next placement of a camera, without moving cameras now."""
@@ -126,25 +138,29 @@ class Camera:
         self._followed[client.client_id] = chosen
         return chosen
 
-    def follow(self, timings: Sequence[LapTiming]) -> None:
-        """Move the cameras that follow a drone, each the drone that its visitor has chosen."""
-        chased: dict[str, Pose] = {}
-        for number, client in self._server.get_clients().items():
-            camera = client.camera
-            mode = self._modes[number]
-            s = self._followed_by(number, timings)
-            if mode == CHASE:
-                name = s.entry.name
-                if name not in chased:
-                    chased[name] = chase(s, self._chased.get(name, FAR_AWAY))
-                with client.atomic():
-                    camera.position, camera.look_at = chased[name]
-            elif mode == FPV:
-                pose, up = fpv(s)
-                with client.atomic():
-                    camera.up_direction = up
-                    camera.position, camera.look_at = pose
-        self._chased = chased
+    def follow(self, client: viser.ClientHandle, timings: Sequence[LapTiming]) -> None:
+        """Move a visitor's camera if it follows a drone.
+
+        timings: the competitors at the time that the visitor watches.
+        """
+        number = client.client_id
+        camera = client.camera
+        mode = self._modes[number]
+        if mode not in (CHASE, FPV):
+            return
+        s = self._followed_by(number, timings)
+        if mode == CHASE:
+            last = self._chased.get(number)
+            is_same = last is not None and last.name == s.entry.name
+            pose = chase(s, last.pose if last and is_same else FAR_AWAY)
+            self._chased[number] = Chased(s.entry.name, pose)
+            with client.atomic():
+                camera.position, camera.look_at = pose
+        else:
+            pose, up = fpv(s)
+            with client.atomic():
+                camera.up_direction = up
+                camera.position, camera.look_at = pose
 
     def _followed_by(self, number: int, timings: Sequence[LapTiming]) -> LapTiming:
         """Return the competitor that a visitor follows: at first the one flown by hand, or the
@@ -167,6 +183,8 @@ class Camera:
         self._modes.pop(client.client_id, None)
         self._followed.pop(client.client_id, None)
         self._placed.pop(client.client_id, None)
+        self._sizes.pop(client.client_id, None)
+        self._chased.pop(client.client_id, None)
 
     def _reported(self, client: viser.ClientHandle) -> None:
         """Frame the course again if the visitor's view still shows the framed course.
@@ -190,7 +208,8 @@ class Camera:
         with client.atomic():
             if mode == FPV:
                 camera.fov = DRONE_FOV
-                camera.near = 0.8 * self._size  # the drone itself is not in view
+                # the drone itself is not in view
+                camera.near = 0.8 * self._sizes.get(client.client_id, 1.0)
                 return
             camera.fov = FOV
             camera.near = CHASE_NEAR if mode == CHASE else NEAR

@@ -2,13 +2,14 @@
 
 The page requests missing data: the request names the race, the number of frames that the page has
 of each competitor, and its curves, and the answer has the next ones. So a slow or new page gets
-everything at its own pace, and the server keeps no state for it. Pressing a chart moves the time of
-the replay.
+everything at its own pace. The curves that are not over time are those of the time that a visitor
+watches; pressing a chart moves that time.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import count
 from typing import Annotated, Any, NamedTuple
 
 import msgspec
@@ -19,11 +20,10 @@ from quadsim.record.metrics import motor_corner, motor_tau, thrust_psd
 from quadsim.web.competitor import Competitor
 from quadsim.web.lap_timing import LapTiming, best_lap, lap_of
 from quadsim.web.limit_race import limit_race
-from quadsim.web.page.link import LinkVisitor, Message
-from quadsim.web.page.server import PageServer
-from quadsim.web.race import PageRace, Snapshot
-from quadsim.web.session import Session
+from quadsim.web.page.link import Link, LinkVisitor, Message
+from quadsim.web.snapshot import Snapshot
 from quadsim.web.standings import Way, gap
+from quadsim.web.viewing import Viewing
 
 PLACES = 300
 FREQUENCIES = np.geomspace(0.4, 50.0, 120)  # [Hz]
@@ -65,18 +65,6 @@ class AskCharts(Message, tag="ask_charts"):
     race: Count
     frames: Annotated[list[Count], Meta(max_length=MOST)]
     curves: Count
-
-
-class Seek(Message, tag="seek"):
-    """A visitor moves the time of the replay [s]."""
-
-    t: Annotated[float, Meta(ge=0, le=1e6)]
-
-
-class SeekPlace(Message, tag="seek_place"):
-    """A visitor moves the replay to this distance of the first competitor along the race [m]."""
-
-    place: Annotated[float, Meta(ge=0, le=1e8)]
 
 
 class Line(msgspec.Struct):
@@ -127,49 +115,47 @@ class ChartsAnswer(Message, tag="charts"):
     signals: list[Signal] | None = None
 
 
+class ShownCurves(NamedTuple):
+    """The curves of a visitor. race: number of their race; number: it differs from those before."""
+
+    race: int
+    number: int
+    curves: list[Curves]
+
+
+NONE = ShownCurves(0, 0, [])
+
+
 class Charts:
-    """Answers the requests of pages; `update` renews the curves that are not over time."""
+    """Answers the requests of pages; `put` renews the curves that are not over time."""
 
-    def __init__(self, server: PageServer, session: Session):
-        self._session = session
-        self._curves: list[Curves] = []
-        self._number = 0
-        self._of_race = 0  # number of the race of the curves
-        server.link.on(AskCharts, self._answer)
-        server.link.on(Seek, self._seek)
-        server.link.on(SeekPlace, self._seek_place)
+    def __init__(self, link: Link, viewing: Viewing):
+        self._viewing = viewing
+        self._shown: dict[int, ShownCurves] = {}
+        self._numbers = count(1)
+        link.on(AskCharts, self._answer)
 
-    def update(self, s: Snapshot, timings: Sequence[LapTiming]) -> None:
-        """Compute the spectra and the gaps of the present moment."""
-        limit = limit_race(timings[0].entry)
-        self._curves = [*_gaps(timings, limit), *_spectra(timings)]
-        self._of_race = s.race
-        self._number += 1
+    def put(self, visitor: int, race: int, curves: list[Curves]) -> None:
+        """Show a visitor these curves."""
+        self._shown[visitor] = ShownCurves(race, next(self._numbers), curves)
+
+    def forget(self, visitor: int) -> None:
+        """Forget a visitor who has left; of the thread that puts the curves."""
+        self._shown.pop(visitor, None)
 
     def _answer(self, visitor: LinkVisitor, ask: AskCharts) -> None:
-        visitor.send(answer(self._session.snapshot, ask, self._number, self._shown(ask)))
-
-    def _shown(self, ask: AskCharts) -> list[Curves] | None:
-        """Return the curves, None if the page has them."""
-        if self._of_race != self._session.snapshot.race:
-            return []
-        return None if ask.curves == self._number else self._curves
-
-    def _seek(self, _: LinkVisitor, asked: Seek) -> None:
-        if can_seek(self._session.snapshot):
-            self._session.tell(PageRace.play, False)
-            self._session.tell(PageRace.scrub, asked.t)
-
-    def _seek_place(self, visitor: LinkVisitor, asked: SeekPlace) -> None:
-        s = self._session.snapshot
-        if s.competitors and len(s.competitors[0].t):
-            first = s.competitors[0]
-            self._seek(visitor, Seek(float(first.t[first.at_place(asked.place)])))
+        s = self._viewing.seen_by(visitor.number)
+        shown = self._shown.get(visitor.number, NONE)
+        curves = shown.curves if shown.race == s.race else []
+        # None: the page has them
+        lacking = None if curves and ask.curves == shown.number else curves
+        visitor.send(answer(s, ask, shown.number, lacking))
 
 
-def can_seek(s: Snapshot) -> bool:
-    """Return whether a visitor may move the time, which is not possible during a flight."""
-    return not (s.flying and s.playing)
+def curves_of(timings: Sequence[LapTiming]) -> list[Curves]:
+    """Return the gaps and the spectra at one time of a race."""
+    limit = limit_race(timings[0].entry)
+    return [*_gaps(timings, limit), *_spectra(timings)]
 
 
 def answer(s: Snapshot, ask: AskCharts, number: int, curves: list[Curves] | None) -> ChartsAnswer:
@@ -190,7 +176,7 @@ def answer(s: Snapshot, ask: AskCharts, number: int, curves: list[Curves] | None
         t=s.t,
         end=s.end,
         is_playing=s.playing,
-        can_seek=can_seek(s),
+        can_seek=bool(s.race),
         lines=[
             Line(one.name, one.style.colour, one.style.dash, is_recorded=not one.live)
             for one in entries

@@ -24,8 +24,8 @@ from quadsim.web.page.edit_scene import EditScene
 from quadsim.web.page.forms import Field, Fields, Form, PressField, SetField, button, note
 from quadsim.web.page.html import RED, box, coloured, heading, small, text
 from quadsim.web.page.link import LinkVisitor
-from quadsim.web.race import Snapshot
 from quadsim.web.session import Session
+from quadsim.web.snapshot import Snapshot
 
 CHECKS = 0.15  # time between two checks, as one takes some 30 ms [s]
 SHOWN = 6  # number of errors that are shown
@@ -55,7 +55,6 @@ class CourseEditor(Form):
         self._session = session
         self._start = start
         self._edit = CourseEdit(session.root)
-        self._scene: EditScene | None = None
         # Number of the last race
         self._last_race = 0
         self._drags = 0
@@ -63,8 +62,6 @@ class CourseEditor(Form):
         self._checked = Checked((), frozenset(), "")
         self._checked_of: object = None
         self._checked_at = -inf
-        # The displayed state of the scene
-        self._scene_shown: object = None
         self._offered: object = None
         for file in self._edit.folder.files():
             start.offer_course(file)
@@ -76,10 +73,9 @@ class CourseEditor(Form):
             draft = draft.add_gate()
         return draft.drawn()
 
-    def begin(self, scene: viser.SceneApi) -> None:
-        """Begin to show the course in this scene, until the editor is closed."""
-        self._scene = EditScene(scene, self._dragged, self._clicked)
-        self._scene_shown = None
+    def scene_in(self, scene: viser.SceneApi) -> EditScene:
+        """Return the course in the scene of a visitor, which is empty."""
+        return EditScene(scene, self._dragged, self._clicked)
 
     def update(self, s: Snapshot) -> bool:
         """Check the draft; return whether the editor is open."""
@@ -91,19 +87,15 @@ class CourseEditor(Form):
             self._check()
         return self._edit.is_open
 
-    def update_scene(self) -> bool:
-        """Show the draft in the scene; return whether it has changed."""
-        scene = self._scene
-        draft = self._edit.draft
-        if scene is None:
-            return False
-        shown = (draft, self._checked, self._edit.saved_as, scene.is_dragged)
-        if shown == self._scene_shown:
-            return False
-        self._scene_shown = shown
-        scene.show(draft, self._checked.wrong)
+    @property
+    def shown(self) -> object:
+        """A value that changes with what the scenes show, and with what the page says."""
+        return self._edit.draft, self._checked, self._edit.saved_as
+
+    def show_in(self, scene: EditScene) -> None:
+        """Show the draft in the scene of a visitor."""
+        scene.show(self._edit.draft, self._checked.wrong)
         scene.show_limit(limit_path(self._checked.limit))
-        return True
 
     def map(self) -> str:
         """Return the map of the course, "" without gates."""

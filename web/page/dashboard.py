@@ -4,63 +4,56 @@ from __future__ import annotations
 
 import threading
 import traceback
+from collections.abc import Container, Mapping
 from dataclasses import replace
 from math import inf
 from time import perf_counter
-from typing import Literal
-
-import viser
 
 from quadsim.course import Course
 from quadsim.web.choices import Choices
 from quadsim.web.commands import Leave
 from quadsim.web.desk import Desk
-from quadsim.web.lap_timing import LapTiming, at_place_of_first, lap_timings
-from quadsim.web.limit_race import limit_race
 from quadsim.web.line_up import LineUp, line_up_of
 from quadsim.web.menu import Menu
 from quadsim.web.next_start import NextStart
 from quadsim.web.offered_presets import offered_presets
-from quadsim.web.page.board import Board
+from quadsim.web.page.board import EVERYBODY, Board
 from quadsim.web.page.camera import Camera
 from quadsim.web.page.charts import Charts
 from quadsim.web.page.competitor_forms import ChooseRow, CompetitorForm, NumbersForm
 from quadsim.web.page.course_editor import CourseEditor
-from quadsim.web.page.course_map import Map
-from quadsim.web.page.drones import SPAN
+from quadsim.web.page.due import Beat, Due
 from quadsim.web.page.export_form import ExportForm
 from quadsim.web.page.flight_controls import FlightControls
 from quadsim.web.page.flight_numbers import FlightNumbersForm
 from quadsim.web.page.forms import Forms
-from quadsim.web.page.head import Head, Word, coming_head, head_of
+from quadsim.web.page.head import Head, Word, coming_head
 from quadsim.web.page.joining import Joining
-from quadsim.web.page.laps import chatter, laps
 from quadsim.web.page.line_up_table import table_of
-from quadsim.web.page.link import LinkVisitor
+from quadsim.web.page.moment import Moments
 from quadsim.web.page.pictures import Pictures
-from quadsim.web.page.playback import Playback, Shown
+from quadsim.web.page.playback import Playback
 from quadsim.web.page.race_form import RaceForm
-from quadsim.web.page.race_scene import RaceScene, preview
 from quadsim.web.page.runs_panel import RunsPanel
-from quadsim.web.page.sectors import sectors
+from quadsim.web.page.screen import Beats, Rest, Screen, Seen
 from quadsim.web.page.seeds_table import seeds_of
 from quadsim.web.page.server import PageServer
-from quadsim.web.page.time_line import now_of, time_line_of
-from quadsim.web.page.timing import events, planner
-from quadsim.web.page.tower import Tower, tower_of
+from quadsim.web.page.stage import Stage
+from quadsim.web.page.time_line import time_line_of
 from quadsim.web.page.tree import tree
 from quadsim.web.page.view_form import ViewForm
-from quadsim.web.page.viser_private import forget_removed
-from quadsim.web.race import Snapshot
+from quadsim.web.page.visitor_scene import VisitorScene
+from quadsim.web.race import PageRace
 from quadsim.web.session import Session
+from quadsim.web.snapshot import Snapshot
 from quadsim.web.state import PageState
+from quadsim.web.viewing import Viewing
 
 # periods [s]
 SCENE = 1 / 25  # shortest time between two updates of the page
 TABLES = 1 / 8
 SLOW = 1.0  # period of spectra and gaps [s]
 PAUSE = 0.1  # longest time between two updates of the page
-LIGHT = 1 / 5  # time between two updates of the scene that sends less
 # Largest share of the time for updates of the page, as the planners need all cores
 SHARE = 1 / 8
 
@@ -77,43 +70,11 @@ def pause_after(spent: float) -> float:
     return min(max(SCENE, spent / SHARE - spent), PAUSE)
 
 
-PastTable = Literal["laps", "events"]
-PAST_TABLES: tuple[PastTable, ...] = ("laps", "events")
-
-
-class Due:
-    """Decides when to show something again: after a change, but at most once per period.
-
-    Args:
-        period: [s]
-    """
-
-    def __init__(self, period: float):
-        self._period = period
-        self._at = -inf
-        self._shown: object = None
-
-    def __call__(self, what: object) -> bool:
-        """Return whether to show `what`, which then counts as shown."""
-        now = perf_counter()
-        if what == self._shown or now - self._at < self._period:
-            return False
-        self._shown = what
-        self._at = now
-        return True
-
-
-class RaceView:
-    """The scene and map of one race."""
-
-    def __init__(self, server: viser.ViserServer, s: Snapshot, true_size: bool):
-        self.race = s.race
-        self.scene = RaceScene(server.scene, s.competitors, true_size)
-        self.map = Map(s.competitors[0].course)
-
-
 class Dashboard:
     """The page of a session, until `close`.
+
+    Every visitor watches a time of its own in a view of its own; the race, what START flies and the
+    course in work are everybody's.
 
     Args:
         menu: the available choices.
@@ -133,49 +94,53 @@ class Dashboard:
         self._line_up_of = self._asked(self.desk.state)
         self._server = server
         self._session = session
-        self._view: RaceView | None = None
-        self._previewed: Course | None = None
+        self._stage = Stage()
+        self._scenes: dict[int, VisitorScene] = {}  # by the numbers of viser's visitors
+        self._screens: dict[int, Screen] = {}  # by the numbers of the link's visitors
+        self._moments = Moments()
+        self._rest = Rest(Head("rest", []), tree(""))
         self._race = 0  # number of the last race
         self._passed_over: Course | None = None  # course that was chosen during that race
-        self._is_editing = False  # whether the edited course is shown
         self._framed_gates = 0  # number of gates of the edited course that cameras frame
-        self._notice = 0  # number of the last shown notice
-        self._scene_due = Due(0.0)
-        self._light_due = Due(LIGHT)
-        self._tables_due = Due(TABLES)
-        self._past_due = Due(TABLES)
-        self._controls_due = Due(TABLES)
-        self._table_due: dict[PastTable, Due] = {name: Due(TABLES) for name in PAST_TABLES}
-        self._slow_due = Due(SLOW)
-        self._chatter_due = Due(SLOW)
+        self._factor = self.desk.state.factor  # race seconds per second that flights have
+        self._tables_beat = Beat(TABLES)
+        self._slow_beat = Beat(SLOW)
+        self._past_due = Due(0.0)
+        self._rest_due = Due(0.0)
+        self._framed_due = Due(0.0)
         self._presets_due = Due(0.0)
-        self._second_due = Due(SLOW)
+        self._second_beat = Beat(SLOW)
         server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
+        link, seats = server.link, server.seats
         self.start = NextStart(self.desk, str(session.root))
-        self.runs = RunsPanel(server, session, self.start)
-        self._series = FlightControls(server.link, session, self.start).series
+        self._viewing = viewing = Viewing(self.desk, session)
+        self.runs = RunsPanel(server, session, self.start, viewing)
+        self._series = FlightControls(link, session, self.start, viewing).series
         self._camera = Camera(server)
-        self.board = Board(server.link, server.seats, self._camera)
-        Playback(server, session, server.seats, self._camera)
-        self._joining = Joining(server, session.cockpit, server.seats, self._camera)
-        self._charts = Charts(server, session)
+        self.board = Board(link, seats, self._camera)
+        Playback(link, session, viewing, seats, self._camera)
+        self._joining = Joining(link, session.cockpit, viewing, seats, self._camera)
+        self._charts = Charts(link, viewing)
         self._pictures = Pictures(self.board)
         self._editor = CourseEditor(session, self.start)
         self._competitors = CompetitorForm(self.desk)
-        self._export = ExportForm(session, self.start, server.seats, self._camera, server.downloads)
+        self._export = ExportForm(
+            session, self.start, viewing, seats, self._camera, server.downloads
+        )
         forms = (
             RaceForm(self.start),
             self._competitors,
             NumbersForm(self.desk),
-            FlightNumbersForm(self.desk, session),
+            FlightNumbersForm(self.desk, session, viewing),
             ViewForm(self.desk),
             self._editor,
             self._export,
         )
         Forms(self.board, forms)
-        server.link.on(ChooseRow, self._competitors.edit)
-        server.link.on_leave(self._forget)
-        server.link.open()
+        link.on(ChooseRow, self._competitors.edit)
+        link.on_arrive(lambda visitor: viewing.arrive(visitor.number))
+        link.on_leave(lambda one: self.desk.do(Leave(one.number, seats.forget(one))))
+        link.open()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="page", daemon=True)
         self._thread.start()
@@ -189,21 +154,13 @@ class Dashboard:
         self._pictures.close()
         self._export.close()
 
-    def _forget(self, visitor: LinkVisitor) -> None:
-        """Forget a visitor who has left."""
-        self.desk.do(Leave(visitor.number))
-
     def _run(self) -> None:
         """Show one snapshot after another while there are visitors."""
         pause = SCENE
         while not self._closing.wait(pause):
             began = perf_counter()
-            watched = bool(self._server.get_clients() or self._server.link.has_visitors)
             self._series.turn(self._session.snapshot)
-            view = self.desk.state.view
-            self._session.show_trajectories(watched and view.shows_trajectories)
-            if not watched:
-                continue
+            self._set_pace()
             try:
                 self._update(self._session.snapshot)
             except Exception:
@@ -212,48 +169,78 @@ class Dashboard:
                 self._closing.wait(1.0)
             pause = pause_after(perf_counter() - began)
 
+    def _set_pace(self) -> None:
+        """Give flights the pace that was chosen."""
+        factor = self.desk.state.factor
+        if factor != self._factor:
+            self._factor = factor
+            self._session.tell(PageRace.set_speed, factor)
+
     def _update(self, s: Snapshot) -> None:
-        """Show changes; a race that has ended or is paused sends nothing."""
-        timings = lap_timings(s)
+        """Show every visitor what has changed; who watches what stands still is sent nothing."""
+        clients = self._server.get_clients()
+        visitors = {visitor.number: visitor for visitor in self._server.link.visitors}
+        self._forget_others(clients, visitors)
+        if not clients and not visitors:
+            self._session.show_trajectories(False)
+            return
         state = self.desk.state
-        look = state.view
-        drawn = at_place_of_first(timings) if timings and look.by_place else timings
-        competitors = tuple(entry.state for entry in s.competitors)
-        self._joining.update(s, timings)
-        self.board.put("now", now_of(s))
-        with self._server.atomic():
-            self._update_editor(s)
-            editing = self._is_editing
-            doing = (s.playing, s.flying, s.waiting, editing)
-            shown = (s.race, s.t, s.end, doing, look, competitors)
-            view = None if editing else self._view_of(s, timings)
-            if view:
-                scene_due = self._light_due if look.light else self._scene_due
-                if scene_due((view, shown)):
-                    by_speed = look.by_speed(len(timings))
-                    view.scene.update(drawn, by_speed, look.shows_trajectories)
-                    view.scene.update_limit(timings[0], look.limit, look.by_place)
-                self._camera.follow(timings)
-            wanted = self.board.is_wanted("planner")
-            if self._tables_due((view, shown, state, wanted)):
-                self._update_tables(s, timings, drawn, view)
-            if self._controls_due(perf_counter()):
-                self.board.put("seeds", seeds_of(self._series))
-                if self.board.is_wanted("competitors"):
-                    self._update_line_up(state)
-        past = [entry.past(s.t) for entry in s.competitors]
-        if self._past_due((view, past)):
+        sitting = self._server.seats.visitors()
+        seen = {number: self._seen_by(number) for number in {EVERYBODY, *visitors}}
+        watching = [seen[sitting.get(number, EVERYBODY)] for number in clients]
+        self._session.show_trajectories(
+            any(one.view.shows_trajectories for one in (*watching, *seen.values()))
+        )
+        self._joining.update(s, self._moments.of(s).timings if s.by_hand else [])
+        beats = Beats(self._tables_beat.strikes(), self._slow_beat.strikes())
+        self._update_stage(s)
+        for (number, client), one in zip(clients.items(), watching, strict=True):
+            if number not in self._scenes:
+                self._scenes[number] = VisitorScene(client, self._camera, self._editor)
+            self._scenes[number].update(self._stage, one.moment, one.view)
+        if beats.tables:
+            self._update_rest(state)
+            self._update_shared(s, state)
+        for number, visitor in visitors.items():
+            if number not in self._screens:
+                self._screens[number] = Screen(self.board, self._charts, visitor, s)
+            self._screens[number].update(seen[number], self._stage, self._rest, beats)
+        self._update_pictures({number: seen[number] for number in visitors})
+        self._moments.forget_others()
+
+    def _seen_by(self, visitor: int) -> Seen:
+        """Return what a visitor watches; EVERYBODY stands for one whose page has not spoken yet."""
+        moment = self._moments.of(self._viewing.seen_by(visitor))
+        view = self.desk.state.visitor(visitor).view
+        return Seen(moment, view, self._session.flies(visitor))
+
+    def _forget_others(self, clients: Container[int], visitors: Container[int]) -> None:
+        """Forget the scenes and the parts of visitors who have left."""
+        for number in [one for one in self._scenes if one not in clients]:
+            del self._scenes[number]
+        for number in [one for one in self._screens if one not in visitors]:
+            self._screens.pop(number).forget()
+
+    def _update_shared(self, s: Snapshot, state: PageState) -> None:
+        """Show what is the same for all visitors."""
+        if self._past_due((s.race, [entry.past(inf) for entry in s.competitors])):
             self.board.put("time_line", time_line_of(s.competitors))
-        for name in PAST_TABLES:
-            if self.board.is_wanted(name) and self._table_due[name]((view, past)):
-                self._update_past(name, s, view)
-        shows_pictures = look.shows_pictures and self.board.is_wanted("picture")
-        self._pictures.update(drawn if view else [], shows_pictures)
-        if view and self._slow_due((view, shown)):
-            self._charts.update(s, timings)
-        if view and self.board.is_wanted("chatter") and self._chatter_due((view, shown)):
-            self.board.put("chatter", tree(chatter([e.until(s.t) for e in s.competitors])))
-        self._notify(s)
+        self.board.put("seeds", seeds_of(self._series))
+        if self.board.is_wanted("competitors"):
+            self._update_line_up(state)
+
+    def _update_pictures(self, seen: Mapping[int, Seen]) -> None:
+        """Show the pictures of the first drone's camera to those who want them."""
+        self._pictures.update(
+            {
+                number: one.moment.timings[0]
+                for number, one in seen.items()
+                if one.view.shows_pictures
+                and self.board.is_wanted("picture", number)
+                and self._stage.race == one.moment.s.race
+                and one.moment.timings
+            }
+        )
 
     def _update_line_up(self, state: PageState) -> None:
         """Show what START flies, and find out which presets can fly it."""
@@ -266,7 +253,7 @@ class Dashboard:
         asked = (chosen, vehicles, course, laps)
         if course is None:
             self._competitors.presets = {}
-        elif self._presets_due(asked) or self._second_due(perf_counter()):
+        elif self._presets_due(asked) or self._second_beat.strikes():
             self._competitors.presets = {
                 vehicle: offered_presets(
                     self._menu.presets, chosen, course, vehicle, laps, state.race.runs_dir
@@ -286,22 +273,36 @@ class Dashboard:
             self._line_up = line_up_of(state)
         return self._line_up
 
-    def _update_editor(self, s: Snapshot) -> None:
-        """Show the edited course instead of a race, while the editor is open."""
-        is_open = self._editor.update(s)
-        if is_open != self._is_editing:
-            self._is_editing = is_open
-            self._clear()
-            self._previewed = None
-            if is_open:
+    def _update_stage(self, s: Snapshot) -> None:
+        """Put a race, a course or the course in work on the stage, and frame it."""
+        if self._editor.update(s):
+            if not self._stage.is_edited:
+                self._stage = Stage(is_edited=True)
                 self._framed_gates = 0
-                self._editor.begin(self._server.scene)
-        if is_open and self._editor.update_scene():
-            self._frame_edited()
-            self.board.put(
-                "head", Head("editing", [Word("Course editor")], more=tree(self._editor.said()))
-            )
-            self.board.put("map", tree(self._editor.map()))
+            if self._framed_due((self._stage, self._editor.shown)):
+                self._frame_edited()
+            return
+        stage = self._next_stage(s)
+        if stage is not self._stage:
+            self._stage = stage
+            if stage.course:
+                self._camera.show(stage.course)
+
+    def _next_stage(self, s: Snapshot) -> Stage:
+        """Return what stands on the stage now.
+
+        A race does once every competitor has a frame, unless a different course was chosen after
+        it.
+        """
+        chosen = self._chosen_course(s)
+        now = self._stage
+        if chosen and not any(entry.course.text == chosen.text for entry in s.competitors):
+            return now if now.course is chosen and not now.race else Stage(chosen)
+        if s.race and now.race == s.race:
+            return now
+        if not s.competitors or not all(len(entry.t) for entry in s.competitors):
+            return Stage() if now.is_edited else now
+        return Stage(s.competitors[0].course, s.race, s.competitors)
 
     def _frame_edited(self) -> None:
         """Frame the edited course again if it has got another number of gates."""
@@ -310,28 +311,7 @@ class Dashboard:
             self._camera.frame_next(framed)
             return
         self._framed_gates = len(framed.gates)
-        self._camera.show(framed, SPAN)
-
-    def _view_of(self, s: Snapshot, timings: list[LapTiming]) -> RaceView | None:
-        """Return the view of the race.
-
-        There is none until every competitor has a frame, or if a different course was chosen after
-        the race.
-        """
-        chosen = self._chosen_course(s)
-        if chosen and not any(entry.course.text == chosen.text for entry in s.competitors):
-            if chosen is not self._previewed:
-                self._preview(chosen)
-            return None
-        self._previewed = None
-        if self._view is not None and self._view.race == s.race:
-            return self._view
-        if not timings or len(timings) != len(s.competitors):
-            return None
-        self._clear()
-        self._view = RaceView(self._server, s, self.desk.state.view.true_size)
-        self._camera.show(s.competitors[0].course, self._view.scene.drone_size)
-        return self._view
+        self._camera.show(framed)
 
     def _chosen_course(self, s: Snapshot) -> Course | None:
         """Return the course that was chosen after the race, None if none was."""
@@ -344,57 +324,15 @@ class Dashboard:
             self._passed_over = None
         return course if self._passed_over is None else None
 
-    def _preview(self, course: Course) -> None:
-        """Show the course of the next START."""
-        self._clear()
-        self._previewed = course
-        self._camera.show(course, preview(self._server.scene, course))
-        self.board.put("map", tree(Map(course).draw([])))
-        self.board.put("tower", Tower([]))
-
-    def _clear(self) -> None:
-        """Remove the scene of the last race."""
-        self._server.scene.reset()
-        self._view = None
-        forget_removed(self._server)
-
-    def _update_tables(
-        self,
-        s: Snapshot,
-        timings: list[LapTiming],
-        drawn: list[LapTiming],
-        view: RaceView | None,
-    ) -> None:
-        """Show the tables of the present moment.
-
-        drawn: the timings with the frames that the scene shows.
-        """
-        if not self._is_editing:
-            state = self.desk.state
-            coming = coming_head(state, self._line_up_now(state))
-            self.board.put("head", head_of(s, timings, coming))
-        if not timings:
-            self.board.put("tower", Tower([]))
-        if view:
-            self.board.put("tower", tower_of(timings))
-            self.board.put("map", tree(view.map.draw(drawn)))
-            if self.board.is_wanted("planner"):
-                self.board.put("planner", tree(planner(timings[0])))
-
-    def _update_past(self, name: PastTable, s: Snapshot, view: RaceView | None) -> None:
-        """Show the table of past events or laps."""
-        if name == "events":
-            self.board.put("events", tree(events(s.competitors, s.t)))
-            return
-        past = [entry.until(s.t) for entry in s.competitors]
-        limit = limit_race(s.competitors[0]) if view else None
-        table = laps(past, sectors(past, limit)) if view else ""
-        self.board.put("laps", tree(table))
-
-    def _notify(self, s: Snapshot) -> None:
-        """Show new notices."""
-        for notice in s.notices:
-            if notice.number <= self._notice:
-                continue
-            self._notice = notice.number
-            self._server.link.send_all(Shown(notice.kind, notice.title, notice.text))
+    def _update_rest(self, state: PageState) -> None:
+        """Make anew what is shown where no race is, if that has changed."""
+        line_up = self._line_up_now(state)
+        if self._stage.is_edited:
+            if self._rest_due((self._stage, self._editor.shown)):
+                said = tree(self._editor.said())
+                head = Head("editing", [Word("Course editor")], more=said)
+                self._rest = Rest(head, tree(self._editor.map()))
+        elif self._rest_due((self._stage, line_up, state.world, state.race.course)):
+            has_map = self._stage.course is not None
+            drawn = self._stage.map.draw([]) if has_map else ""
+            self._rest = Rest(coming_head(state, line_up), tree(drawn))

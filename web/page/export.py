@@ -26,7 +26,7 @@ from quadsim.web.page.html import DIM, box, div, element, swatch, text
 from quadsim.web.page.laps import chatter, laps
 from quadsim.web.page.race_scene import RaceScene
 from quadsim.web.page.server import serve
-from quadsim.web.race import Snapshot
+from quadsim.web.snapshot import Snapshot
 from quadsim.web.summary import CompetitorLine, Summary, summary_at
 
 GROUND = "#141517"  # background of a picture, the dark background of the page

@@ -22,10 +22,11 @@ from quadsim.web.page.link import LinkVisitor, Message
 from quadsim.web.page.playback import Shown
 from quadsim.web.page.runs_panel import link_to
 from quadsim.web.page.seats import Seats
-from quadsim.web.race import Snapshot
 from quadsim.web.session import Session
+from quadsim.web.snapshot import Snapshot
 from quadsim.web.stored_runs import stored_competitor
 from quadsim.web.summary import summary_at
+from quadsim.web.viewing import Viewing
 
 RENDER_TIMEOUT = 30.0  # time limit for a browser with software rendering [s]
 BUTTONS = {
@@ -69,12 +70,14 @@ class ExportForm(Form):
         self,
         session: Session,
         start: NextStart,
+        viewing: Viewing,
         seats: Seats,
         camera: Camera,
         downloads: Downloads,
     ):
         self._session = session
         self._start = start
+        self._viewing = viewing
         self._seats = seats
         self._camera = camera
         self._downloads = downloads
@@ -94,12 +97,13 @@ class ExportForm(Form):
 
     def press(self, visitor: LinkVisitor, asked: PressField) -> None:
         """Send an address, or begin to make a file. Raises ValueError."""
-        s = self._session.snapshot
+        s = self._viewing.seen_by(visitor.number)
         client = self._seats.client_beside(visitor)
         match asked.field:
             case "link":
                 mode = self._camera.mode_of(client) if client else FREE
-                address = link_to(s.competitors, s.t, mode, self._session.root)
+                view = self._start.desk.state.visitor(visitor.number).view
+                address = link_to(s.competitors, s.t, mode, view, self._session.root)
                 visitor.send(Address("Link to what is shown", address))
             case "set-up":
                 visitor.send(Address("Link that sets up this race", self._start.link))

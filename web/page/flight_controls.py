@@ -10,9 +10,11 @@ from msgspec import Meta
 
 from quadsim.web.next_start import NextStart
 from quadsim.web.page.link import Link, LinkVisitor, Message
+from quadsim.web.playhead import Playhead
 from quadsim.web.race import PageRace
 from quadsim.web.series import MOST_SEEDS, Series
 from quadsim.web.session import Session
+from quadsim.web.viewing import Viewing
 
 Act = Callable[[], None]
 
@@ -28,7 +30,7 @@ class Stop(Message, tag="stop"):
 
 
 class Restart(Message, tag="restart"):
-    """A visitor asks for the same race again."""
+    """A visitor asks for the same flights again, or for the start of a replay."""
 
 
 class Confirm(Message, tag="confirm"):
@@ -53,8 +55,9 @@ class FlightControls:
         series: what START flies, one seed after another.
     """
 
-    def __init__(self, link: Link, session: Session, start: NextStart):
+    def __init__(self, link: Link, session: Session, start: NextStart, viewing: Viewing):
         self._session = session
+        self._viewing = viewing
         self._next = start
         self.series = Series(session)
         self._pilot: int | None = None  # number of the visitor who began the flight
@@ -63,7 +66,7 @@ class FlightControls:
         self._asked: dict[int, tuple[int, Act]] = {}
         link.on(Start, self._start)
         link.on(Stop, self._stop)
-        link.on(Restart, lambda visitor, _: self._ask_first(visitor, self._restart))
+        link.on(Restart, self._restart)
         link.on(Confirm, self._confirm)
         link.on_leave(self._forget)
 
@@ -78,8 +81,12 @@ class FlightControls:
         if self._session.snapshot.flying:
             self._ask_first(visitor, lambda: self._session.tell(PageRace.end_flights))
 
-    def _restart(self) -> None:
-        self._session.tell(PageRace.restart)
+    def _restart(self, visitor: LinkVisitor, _: Restart) -> None:
+        """Fly again, or show the visitor a replay from its start."""
+        if self._session.snapshot.has_flights:
+            self._ask_first(visitor, lambda: self._session.tell(PageRace.restart))
+        else:
+            self._viewing.move(visitor.number, Playhead.restart)
 
     def _ask_first(self, visitor: LinkVisitor, act: Act) -> None:
         """Act, after a confirmation if this would end another visitor's flight."""

@@ -13,6 +13,8 @@ from quadsim.web.page.competitor_forms import slider_field
 from quadsim.web.page.forms import Field, Fields, Form, SetField, note
 from quadsim.web.race import PageRace
 from quadsim.web.session import Session
+from quadsim.web.snapshot import Snapshot
+from quadsim.web.viewing import Viewing
 
 EVERYONE = "everyone"
 OF = "of"
@@ -27,24 +29,26 @@ class FlightNumbersForm(Form):
     name = "in_flight"
     title = "Numbers in flight"
 
-    def __init__(self, desk: Desk, session: Session):
+    def __init__(self, desk: Desk, session: Session, viewing: Viewing):
         self._desk = desk
         self._session = session
+        self._viewing = viewing
 
     def key(self, visitor: int) -> object:
         """Return the competitors, whose numbers are shown, and these."""
-        s = self._session.snapshot
-        shown = self._shown()
+        s = self._seen_by(visitor)
+        shown = _shown(s)
         numbers = [tuple(entry.numbers(s.t).values()) for entry in shown]
         names = [(entry.name, entry.live, entry.outcome) for entry in shown]
         return s.race, names, numbers, self._desk.state.visitor(visitor).of
 
     def fields(self, visitor: int) -> Fields:
         """Return whose numbers they are, what they do, and the sliders."""
-        shown = self._shown()
+        s = self._seen_by(visitor)
+        shown = _shown(s)
         if not shown:
             return Fields([note("none", "Stand here once something flies or is replayed.")])
-        t = self._session.snapshot.t
+        t = s.t
         names = [entry.name for entry in shown]
         options = [*names, EVERYONE] if len(names) > 1 else names
         asked = self._desk.state.visitor(visitor).of
@@ -73,7 +77,13 @@ class FlightNumbersForm(Form):
         name = "" if choice.value == EVERYONE else str(choice.value)
         self._session.tell(PageRace.change, Change(asked.field, float(asked.value)), name)
 
-    def _shown(self) -> Sequence[Competitor]:
-        """Return the competitors that fly, or else those that are shown."""
-        entries = self._session.snapshot.competitors
-        return [entry for entry in entries if entry.live and entry.outcome is None] or entries
+    def _seen_by(self, visitor: int) -> Snapshot:
+        """Return the race as it flies, or else at the time that a visitor watches."""
+        s = self._session.snapshot
+        return s if s.flying else self._viewing.seen_by(visitor)
+
+
+def _shown(s: Snapshot) -> Sequence[Competitor]:
+    """Return the competitors that fly, or else those that are shown."""
+    flying = [entry for entry in s.competitors if entry.live and entry.outcome is None]
+    return flying or s.competitors

@@ -16,7 +16,7 @@ from quadsim.web.page.flight_result import Result, result
 from quadsim.web.page.html import rounded
 from quadsim.web.page.timing import above_limit
 from quadsim.web.page.tree import Element
-from quadsim.web.race import Snapshot
+from quadsim.web.snapshot import Snapshot
 from quadsim.web.standings import standings_at
 from quadsim.web.state import PageState
 
@@ -144,7 +144,9 @@ def _numbers(s: LapTiming) -> list[Word]:
 
 
 def _phase(s: Snapshot, timings: Sequence[LapTiming]) -> Phase:
-    """Return the state of a race with frames."""
+    """Return the state of a race with frames, as a visitor watches it."""
+    if s.flying and not s.is_live:
+        return "replay" if s.playing else "paused"
     if s.playing:
         if s.waiting:
             return "waiting"
@@ -161,6 +163,10 @@ def _state(s: Snapshot, timings: Sequence[LapTiming]) -> str:
         at = f"t {s.t:.2f} of {s.end:.2f} s"
         pace = ""
     words: str = phase
+    if s.playing and not s.is_live:
+        pace = f"{s.speed:g} x"
+    if s.flying and not s.is_live:
+        at = f"t {s.t:.2f} s, live at {s.flown:.2f} s"
     if phase == "waiting":
         words = "on the start, until the throttle is raised"
         pace = ""
@@ -178,7 +184,7 @@ def _state(s: Snapshot, timings: Sequence[LapTiming]) -> str:
 def _warnings(s: Snapshot, timings: Sequence[LapTiming]) -> list[str]:
     """Return what a visitor has to know of the numbers."""
     found = []
-    if s.playing and s.flying and 0.0 < s.factor < SLOW * min(s.speed, 1.0):
+    if s.is_live and s.flying and 0.0 < s.factor < SLOW * min(s.speed, 1.0):
         found.append("this machine is too slow for real time")
     for timing in timings:
         remark = not_comparable(timing.entry.spec)

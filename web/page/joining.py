@@ -15,10 +15,10 @@ from quadsim.web.cockpit import Cockpit
 from quadsim.web.competitor import QUATERNION
 from quadsim.web.lap_timing import LapTiming
 from quadsim.web.page.camera import FPV, Camera
-from quadsim.web.page.link import LinkVisitor, Message
+from quadsim.web.page.link import Link, LinkVisitor, Message
 from quadsim.web.page.seats import Seat, Seats
-from quadsim.web.page.server import PageServer
-from quadsim.web.race import Snapshot
+from quadsim.web.snapshot import Snapshot
+from quadsim.web.viewing import Viewing
 
 REMINDER = 1.0  # time after which an unchanged state is sent again, for new pages [s]
 
@@ -80,9 +80,12 @@ NOBODY = Instruments(phase="none")
 class Joining:
     """Receives the sticks of one visitor at a time, and sends instruments to all visitors."""
 
-    def __init__(self, server: PageServer, cockpit: Cockpit, seats: Seats, camera: Camera):
-        self._link = server.link
+    def __init__(
+        self, link: Link, cockpit: Cockpit, viewing: Viewing, seats: Seats, camera: Camera
+    ):
+        self._link = link
         self._cockpit = cockpit
+        self._viewing = viewing
         self._camera = camera
         self._seats = seats
         self._sent = NOBODY
@@ -93,7 +96,12 @@ class Joining:
         self._link.on_leave(lambda visitor: cockpit.let_go(visitor.number))
 
     def update(self, s: Snapshot, timings: list[LapTiming]) -> None:
-        """Send the state of the manual flight."""
+        """Send the state of the manual flight.
+
+        Args:
+            s: the race at its latest time.
+            timings: of its competitors; none if nobody flies by hand.
+        """
         shown = instruments(s, by_hand(timings), self._cockpit)
         now = perf_counter()
         if shown != self._sent or now - self._sent_at > REMINDER:
@@ -105,6 +113,8 @@ class Joining:
         yours = self._cockpit.take(visitor.number)
         visitor.send(Taken(visitor.number, yours))
         client = self._seats.client_of(message.seat)
+        if yours:
+            self._viewing.go_live(visitor.number)
         if yours and client:
             self._camera.choose(client, FPV)
 

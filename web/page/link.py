@@ -66,7 +66,7 @@ class LinkVisitor:
             await connection.send((await self._waiting.get()).decode())
 
 
-Leaving = Callable[[LinkVisitor], None]
+Coming = Callable[[LinkVisitor], object]
 
 
 class Link:
@@ -78,7 +78,8 @@ class Link:
 
     def __init__(self) -> None:
         self._handlers: dict[type[Message], Callable[[LinkVisitor, Any], None]] = {}
-        self._leaving: list[Leaving] = []
+        self._arriving: list[Coming] = []
+        self._leaving: list[Coming] = []
         self._decoder: msgspec.json.Decoder[Any] | None = None
         self._numbers = count(1)
         self._visitors: dict[int, LinkVisitor] = {}
@@ -105,19 +106,23 @@ class Link:
         forms = tuple(self._handlers)
         self._decoder = msgspec.json.Decoder(Union[forms])  # noqa: UP007  a union of a tuple
 
-    def on_leave(self, handler: Leaving) -> None:
+    def on_arrive(self, handler: Coming) -> None:
+        """Call a function whenever a page is opened, or has connected again."""
+        self._arriving.append(handler)
+
+    def on_leave(self, handler: Coming) -> None:
         """Call a function whenever a page is closed, or its connection is lost."""
         self._leaving.append(handler)
 
     def send_all(self, message: Message) -> None:
         """Send a message to every open page. Any thread may call it."""
-        for visitor in tuple(self._visitors.values()):
+        for visitor in self.visitors:
             visitor.send(message)
 
     @property
-    def has_visitors(self) -> bool:
-        """Whether any page is open."""
-        return bool(self._visitors)
+    def visitors(self) -> tuple[LinkVisitor, ...]:
+        """The open pages."""
+        return tuple(self._visitors.values())
 
     async def serve(self, connection: ServerConnection) -> None:
         """Handle the messages of one page until it is closed."""
@@ -128,6 +133,8 @@ class Link:
         try:
             while not self._is_open and connection.close_code is None:
                 await asyncio.sleep(OPENING)
+            for arrive in self._arriving:
+                arrive(visitor)
             while True:
                 data = await connection.recv()
                 problem = self._handle(visitor, data)

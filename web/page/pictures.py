@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Mapping
 
-from quadsim.web.camera_pictures import CameraPicture, CameraPictures
+from quadsim.web.camera_pictures import At, CameraPicture, CameraPictures
 from quadsim.web.lap_timing import LapTiming
 from quadsim.web.page.board import Board
 from quadsim.web.page.html import box, element, small, svg, text
@@ -16,29 +16,36 @@ CORNER = "#00e5ff"
 
 
 class Pictures:
-    """Shows pictures on request, as each takes a tenth of a second of a core."""
+    """Shows pictures to the visitors who ask for them, as each takes a tenth of a second of a core.
+
+    A visitor has pictures of the time that it watches; one process draws those of all in turn.
+    """
 
     def __init__(self, board: Board):
         self._board = board
         self._pictures = CameraPictures()
-        self._shown: CameraPicture | None = None
+        self._shown: dict[int, CameraPicture] = {}
 
-    def update(self, timings: Sequence[LapTiming], is_on: bool) -> None:
-        """Show the last picture, and request the next one."""
-        if not is_on or not timings:
+    def update(self, wanted: Mapping[int, LapTiming]) -> None:
+        """Show the last pictures, and request the next one.
+
+        wanted: the first competitor as each visitor who shows the pictures watches it.
+        """
+        for visitor in [one for one in self._shown if one not in wanted]:
+            del self._shown[visitor]
+            self._board.put("picture", tree(""), visitor)
+        if not wanted:
             self.close()
             return
-        first = timings[0]
-        self._pictures.show(first.entry, first.t)
-        if self._pictures.last is not self._shown:
-            self._shown = self._pictures.last
-            self._board.put("picture", tree(picture_html(self._shown) if self._shown else ""))
+        self._pictures.show({visitor: At(s.entry, s.t) for visitor, s in wanted.items()})
+        for visitor, picture in self._pictures.last.items():
+            if picture is not self._shown.get(visitor):
+                self._shown[visitor] = picture
+                self._board.put("picture", tree(picture_html(picture)), visitor)
 
     def close(self) -> None:
         """End the drawing process."""
-        self._shown = None
-        self._board.put("picture", tree(""))
-        self._pictures.last = None
+        self._pictures.last = {}
         self._pictures.close()
 
 

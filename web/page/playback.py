@@ -1,4 +1,4 @@
-"""The playback of a race and the camera of a visitor, as commands over the link."""
+"""The playback of a race and the camera, each a visitor's own, as commands over the link."""
 
 from __future__ import annotations
 
@@ -7,17 +7,42 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from quadsim.web.page.camera import Camera
-from quadsim.web.page.link import LinkVisitor, Message
+from quadsim.web.page.link import Link, LinkVisitor, Message
 from quadsim.web.page.seats import Seat, Seats
-from quadsim.web.page.server import PageServer
-from quadsim.web.race import PageRace
+from quadsim.web.playhead import Playhead
 from quadsim.web.session import Session
+from quadsim.web.viewing import Arguments, Moved, Viewing
+
+FLIES = "You fly, and see what is: let go of the sticks first"
+PACE = "the flights are as fast as their pace, a setting of the race, and the machine allow"
 
 
 class Play(Message, tag="play"):
-    """A visitor plays or pauses the race; None: the other of the two."""
+    """A visitor goes on watching, or pauses; None: the other of the two."""
 
     on: bool | None = None
+
+
+class TakeSeatAgain(Message, tag="come_back"):
+    """A page that was connected before asks for what its visitor watched."""
+
+    seat: Seat  # the one that it had
+
+
+class GoLive(Message, tag="live"):
+    """A visitor watches the latest time of the race."""
+
+
+class Seek(Message, tag="seek"):
+    """A visitor watches another time [s]."""
+
+    t: Annotated[float, Meta(ge=0, le=1e6)]
+
+
+class SeekPlace(Message, tag="seek_place"):
+    """A visitor watches when the first competitor is this far along the race [m]."""
+
+    place: Annotated[float, Meta(ge=0, le=1e8)]
 
 
 class Step(Message, tag="step"):
@@ -27,7 +52,7 @@ class Step(Message, tag="step"):
 
 
 class SetSpeed(Message, tag="set_speed"):
-    """A visitor sets the race seconds per second."""
+    """A visitor watches at other race seconds per second."""
 
     speed: Annotated[float, Meta(ge=0.05, le=20.0)]
 
@@ -58,19 +83,55 @@ class Shown(Message, tag="shown"):
 
 
 class Playback:
-    """Receives the commands of all visitors."""
+    """Receives what visitors want to watch; a flight that is on does not depend on it."""
 
-    def __init__(self, server: PageServer, session: Session, seats: Seats, camera: Camera):
+    def __init__(
+        self, link: Link, session: Session, viewing: Viewing, seats: Seats, camera: Camera
+    ):
         self._session = session
+        self._viewing = viewing
         self._seats = seats
         self._camera = camera
-        link = server.link
-        link.on(Play, lambda _, asked: session.tell(PageRace.play, asked.on))
-        link.on(Step, lambda _, asked: session.tell(PageRace.step, asked.steps))
-        link.on(SetSpeed, lambda _, asked: session.tell(PageRace.set_speed, asked.speed))
-        link.on(NextEvent, lambda _, asked: session.tell(PageRace.jump))
+        link.on(Play, lambda visitor, asked: self._move(visitor, Playhead.play, asked.on))
+        link.on(Step, lambda visitor, asked: self._move(visitor, Playhead.step, asked.steps))
+        link.on(NextEvent, lambda visitor, _: self._move(visitor, Playhead.jump))
+        link.on(SetSpeed, self._set_speed)
+        link.on(GoLive, lambda visitor, _: viewing.go_live(visitor.number))
+        link.on(TakeSeatAgain, self._come_back)
+        link.on(Seek, lambda visitor, asked: self._move(visitor, Playhead.seek, asked.t))
+        link.on(SeekPlace, self._seek_place)
         link.on(ChooseCamera, self._choose)
         link.on(FollowNext, self._follow_next)
+
+    def _move(
+        self,
+        visitor: LinkVisitor,
+        moved: Moved[Arguments],
+        *arguments: Arguments.args,
+        **keywords: Arguments.kwargs,
+    ) -> None:
+        """Move the playhead, but not under a person who flies."""
+        if self._session.flies(visitor.number):
+            visitor.send(Shown("info", FLIES))
+            return
+        self._viewing.move(visitor.number, moved, *arguments, **keywords)
+
+    def _come_back(self, visitor: LinkVisitor, asked: TakeSeatAgain) -> None:
+        # The connection before may still seem to be there.
+        before = self._seats.visitor_at(asked.seat)
+        self._viewing.come_back(visitor.number, asked.seat, before)
+
+    def _set_speed(self, visitor: LinkVisitor, asked: SetSpeed) -> None:
+        self._move(visitor, Playhead.with_speed, asked.speed)
+        seen = self._viewing.seen_by(visitor.number)
+        if seen.is_live and seen.playing and asked.speed > seen.speed:
+            visitor.send(Shown("info", "You watch live", PACE))
+
+    def _seek_place(self, visitor: LinkVisitor, asked: SeekPlace) -> None:
+        for first in self._session.snapshot.competitors[:1]:
+            if len(first.t):
+                t = float(first.t[first.at_place(asked.place)])
+                self._move(visitor, Playhead.seek, t)
 
     def _choose(self, _: LinkVisitor, asked: ChooseCamera) -> None:
         self._camera.choose(self._seats.client_of(asked.seat), asked.mode)

@@ -121,7 +121,7 @@ class RaceScene:
         for k, estimate in self._estimates.items():
             estimate.show(timings[k].entry, timings[k].i)
         for view, s in zip(self._expected, timings, strict=False):
-            view.show(s.entry.expected if trajectories else ())
+            view.show(s.entry.expected if trajectories and s.is_latest else ())
         self._impacts.show(timings)
         first = timings[0]
         self._course.colour(first.next_gate, crashed_gates(timings))
@@ -136,7 +136,7 @@ class RaceScene:
 
     def _show_trajectories(self, first: LapTiming, on: bool) -> None:
         """Show the sampled trajectories of the first competitor."""
-        live = first.entry.sampled_trajectories if on else None
+        live = first.entry.sampled_trajectories if on and first.is_latest else None
         stored = first.entry.snapshot(first.i) if on else None
         drawn = Drawn(live, stored[0] if stored else None)
         if drawn.live is self._drawn.live and drawn.stored == self._drawn.stored:

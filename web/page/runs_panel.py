@@ -25,6 +25,7 @@ from quadsim.results.stored_runs import UNREADABLE, read_row
 from quadsim.tables.wording import Wording, heat_wording, wording
 from quadsim.web.again import AgainChoices, HeatAgainChoices
 from quadsim.web.campaign_reports import CampaignReports, ReportRow
+from quadsim.web.commands import SetView
 from quadsim.web.competitor import Competitor
 from quadsim.web.line_up_link import MOST_BYTES
 from quadsim.web.next_start import NextStart
@@ -34,6 +35,8 @@ from quadsim.web.race import PageRace
 from quadsim.web.run_table import Column, RunRow, RunTable, columns
 from quadsim.web.session import Session
 from quadsim.web.stored_runs import runs_at
+from quadsim.web.view import Ghosts, View
+from quadsim.web.viewing import Viewing
 
 PERIOD = 1.0  # time between two updates from the folder of runs [s]
 CHECKING = 0.05  # time in each period in which rows are compared with their telemetry, at most [s]
@@ -50,10 +53,18 @@ class ListRuns(Message, tag="list_runs"):
 
 
 class ReplayRuns(Message, tag="replay_runs"):
-    """A visitor requests stored runs together, from the start or paused at t [s]."""
+    """A visitor requests stored runs together.
+
+    Attributes:
+        names: of their folders.
+        t: time at which this visitor pauses [s]; None: from the start.
+        ghosts, limit: of this visitor's view; None: as they are.
+    """
 
     names: Annotated[list[Name], Meta(min_length=1, max_length=TOGETHER)]
     t: Annotated[float, Meta(ge=0, le=1e6)] | None = None
+    ghosts: Ghosts | None = None
+    limit: bool | None = None
 
 
 class FlyAgainstRuns(Message, tag="fly_against"):
@@ -149,7 +160,8 @@ Request = (
 class RunsPanel:
     """Answers the pages' requests about stored runs and campaigns, until `close`."""
 
-    def __init__(self, server: PageServer, session: Session, start: NextStart):
+    def __init__(self, server: PageServer, session: Session, start: NextStart, viewing: Viewing):
+        self._viewing = viewing
         self._link = server.link
         self._session = session
         self._start = start
@@ -211,8 +223,8 @@ class RunsPanel:
             match request:
                 case ListRuns():
                     visitor.send(self._listed())
-                case ReplayRuns(names, t):
-                    self._replay(names, t)
+                case ReplayRuns():
+                    self._replay(visitor.number, request)
                 case FlyAgainstRuns(names):
                     self._fly_against(names)
                 case TakeOverRun(name):
@@ -245,12 +257,26 @@ class RunsPanel:
             raise ValueError(f"no run {name[:80]!r} in the table: expected one that is listed")
         return path
 
-    def _replay(self, names: Sequence[str], t: float | None) -> None:
-        """Show runs together. Raises ValueError, RunError."""
-        folders = [self._path(name) for name in dict.fromkeys(names)]
+    def _replay(self, visitor: int, asked: ReplayRuns) -> None:
+        """Show runs together, and the visitor the asked time of them. Raises ValueError, RunError.
+
+        Others who watch the same runs go on watching as they did.
+        """
+        folders = [self._path(name) for name in dict.fromkeys(asked.names)]
         self._expect_landed()
+        for name, value in (("ghosts", asked.ghosts), ("limit", asked.limit)):
+            if value is not None:
+                self._start.desk.do(SetView(visitor, name, value))
         runs = [run for folder in folders for run in runs_at(folder)]
-        self._session.tell(PageRace.replay, runs, t)
+        s = self._session.snapshot
+        if not s.has_flights and [entry.folder for entry in s.competitors] == runs:
+            self._viewing.show(visitor, s.race, asked.t)
+            return
+
+        def begun(race: int) -> None:
+            self._viewing.show(visitor, race, asked.t)
+
+        self._session.tell(PageRace.replay, runs, begun)
 
     def _fly_against(self, names: Sequence[str]) -> None:
         """Show runs beside the next flight. Raises ValueError, RunError."""
@@ -298,8 +324,8 @@ class RunsPanel:
         return self._wordings[name]
 
 
-def link_to(entries: Sequence[Competitor], t: float, camera: str, root: str) -> str:
-    """Return the part of an address that names runs, time and camera.
+def link_to(entries: Sequence[Competitor], t: float, camera: str, view: View, root: str) -> str:
+    """Return the part of an address that names runs, and how a visitor watches them.
 
     Example: "?run=20261120T161507Z_figure8_colored_s0_18af0139&t=3.20&camera=top".
 
@@ -307,6 +333,7 @@ def link_to(entries: Sequence[Competitor], t: float, camera: str, root: str) -> 
         entries: the shown competitors.
         t: the shown time [s].
         camera: mode of the visitor's camera.
+        view: its view; the ghosts and the limit's race are named unless they are the usual ones.
         root: the folder of runs.
 
     Raises:
@@ -322,6 +349,9 @@ def link_to(entries: Sequence[Competitor], t: float, camera: str, root: str) -> 
         if folder.resolve().parent != Path(root).resolve():
             raise ValueError(f"{folder}: a link can name runs of {root!r} alone")
         names[folder.name] = None
-    return "?" + urlencode(
-        [*(("run", name) for name in names), ("t", f"{t:.2f}"), ("camera", camera)]
-    )
+    fields = [*(("run", name) for name in names), ("t", f"{t:.2f}"), ("camera", camera)]
+    if view.ghosts != View.ghosts:
+        fields.append(("ghosts", view.ghosts))
+    if view.limit:
+        fields.append(("limit", "1"))
+    return "?" + urlencode(fields)

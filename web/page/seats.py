@@ -47,13 +47,26 @@ class Seats:
         """Remember the seat of a visitor of the link."""
         self._seats[visitor.number] = seat
 
-    def forget(self, visitor: LinkVisitor) -> None:
-        """Forget a visitor of the link."""
-        self._seats.pop(visitor.number, None)
+    def forget(self, visitor: LinkVisitor) -> str:
+        """Forget a visitor of the link; return the name of its seat, empty if it had none."""
+        return self._seats.pop(visitor.number, "")
 
     def client_beside(self, visitor: LinkVisitor) -> viser.ClientHandle | None:
         """Return viser's visitor who is this one of the link; None: there is none yet."""
         return self.client_of(self._seats.get(visitor.number, ""))
+
+    def visitor_at(self, seat: str) -> int | None:
+        """Return the visitor of the link at a seat; None: nobody says to sit there."""
+        return next((number for number, name in self._seats.items() if name == seat), None)
+
+    def visitors(self) -> dict[int, int]:
+        """Return the visitors of the link by the numbers of viser's who are the same."""
+        found = {}
+        for visitor, seat in tuple(self._seats.items()):
+            client = self.client_of(seat)
+            if client is not None:
+                found[client.client_id] = visitor
+        return found
 
     async def _sit(self, client: viser.ClientHandle) -> None:
         # viser runs a coroutine where its connection is served, a plain function elsewhere.

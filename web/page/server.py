@@ -44,7 +44,6 @@ class PageServer(viser.ViserServer):
         self.link = guard.link
         self.downloads = guard.downloads
         self.seats = Seats(self)
-        self.link.on_leave(self.seats.forget)
 
 
 def serve(

@@ -8,8 +8,7 @@ from typing import Literal
 import msgspec
 
 from quadsim.web.competitor import CRASHES, MISSES, Competitor
-from quadsim.web.page.charts import can_seek
-from quadsim.web.race import Snapshot
+from quadsim.web.snapshot import Snapshot
 
 MarkKind = Literal["gate", "lap", "bad"]
 
@@ -39,15 +38,16 @@ class TimeLine(msgspec.Struct):
 
 
 class Now(msgspec.Struct):
-    """The playback at this moment."""
+    """The playback of a visitor at this moment."""
 
     race: int
     t: float  # [s]
     end: float  # [s]
+    flown: float  # last time that can be shown [s]
     playing: bool
     flying: bool
+    is_live: bool  # whether the latest time of the race is shown
     can_seek: bool
-    by_hand: bool
     has_next: bool  # whether there is a next event to go to
     speed: float  # race seconds per second that are asked for
 
@@ -85,16 +85,17 @@ def _words(event) -> str:
     return f"{event.kind.replace('_', ' ')}{place}, lap {event.lap}, {event.t:.2f} s"
 
 
-def now_of(s: Snapshot) -> Now:
-    """Return the playback of a race."""
+def now_of(s: Snapshot, flies: bool = False) -> Now:
+    """Return the playback of a race for a visitor. flies: whether this one flies it by hand."""
     return Now(
         race=s.race,
         t=round(s.t, 3),
         end=round(s.end, 3),
+        flown=round(s.flown, 3),
         playing=s.playing,
         flying=s.flying,
-        can_seek=can_seek(s) and bool(s.race),
-        by_hand=s.by_hand,
+        is_live=s.is_live,
+        can_seek=bool(s.race) and not flies,
         has_next=s.next_event is not None,
         speed=s.speed,
     )

@@ -161,7 +161,7 @@ def _cost(s: LapTiming) -> str:
 
 def _terms(s: LapTiming) -> tuple[dict[str, float], str]:
     """Return the terms of the plan's cost, from the last snapshot of a stored run, and its time."""
-    if s.entry.sampled_trajectories:
+    if s.entry.sampled_trajectories and s.is_latest:
         return s.entry.sampled_trajectories.terms, ""
     found = s.entry.snapshot(s.i)
     if found is None:

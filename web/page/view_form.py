@@ -1,4 +1,4 @@
-"""ViewForm: what all visitors see of the race in the scene."""
+"""ViewForm: how a visitor sees the race in the scene."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ class ViewForm(Form):
 
     def key(self, visitor: int) -> object:
         """Return the choices."""
-        return self._desk.state.view
+        return self._desk.state.visitor(visitor).view
 
     def fields(self, visitor: int) -> Fields:
         """Return a control for each choice."""
-        view = self._desk.state.view
+        view = self._desk.state.visitor(visitor).view
         fields = shown_fields(View)
         return Fields([field_of(found, getattr(view, name)) for name, found in fields.items()])
 
     def set(self, visitor: int, asked: SetField) -> None:
         """Change a choice. Raises ValueError."""
-        self._desk.do(SetView(asked.field, asked.value))  # type: ignore[arg-type]
+        self._desk.do(SetView(visitor, asked.field, asked.value))  # type: ignore[arg-type]

@@ -10,7 +10,6 @@ line or has a test (tests/web/test_guard.py, test_clients.py, test_memory.py).
   a nonce marks them; and its own panels have to stay out of sight. It could go with a nonce of
   viser's and an option without panels.
 * `wake_on_the_loop`: viser wakes its connections from the thread that sends, which asyncio forbids.
-* `forget_removed`: viser forgets removed nodes when a new page connects, and has no public call.
 """
 
 from __future__ import annotations
@@ -125,13 +124,3 @@ def wake_on_the_loop(server: viser.ViserServer) -> None:
 
     websocket_server.get_message_buffer().message_event = LoopEvent()
     websocket_server.on_client_connect(on_connect)
-
-
-def forget_removed(server: viser.ViserServer) -> None:
-    """Let the server forget removed nodes when every open page has received the removal.
-
-    viser itself does so only when a new page connects; until then the messages of a race stay, from
-    race to race. The call is not forced, so that removals are kept until all open pages have
-    received them; otherwise a page would show the last race's drones for ever.
-    """
-    server._run_garbage_collector()

@@ -9,6 +9,7 @@ from quadsim.racing.hand import HAND
 from quadsim.web.choices import PILOT, Choices
 from quadsim.web.menu import Menu
 
+HELD = 1e-6  # speed of a flight that is held while a page is looked at [race seconds per second]
 SLOW = 120_000  # [ms] a first frame drawn in software, on a busy machine
 WIDE = {"width": 1200, "height": 800}
 # The 3D scene is drawn in software, so it gets fewer pixels than the screen has ...
@@ -160,6 +161,23 @@ def press(page, name):
 def head(page):
     """What the head of the page says."""
     return page.locator(".head .said").inner_text()
+
+
+def shown_time(page):
+    """The time of the race that this visitor watches [s]."""
+    return float(page.get_by_label("Time [s]").input_value() or "nan")
+
+
+def is_playing(page):
+    """Whether the time that this visitor watches goes on."""
+    return page.locator("[data-act=play]").inner_text() == "pause"
+
+
+def type_time(page, t):
+    """Watch another time, and pause there."""
+    box = page.get_by_label("Time [s]")
+    box.fill(str(t))
+    box.press("Enter")
 
 
 def waited(page, claim, seconds=90):

@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 from browser_cases import (
+    HELD,
     SLOW,
     add_rival,
     choose,
@@ -17,6 +18,8 @@ from browser_cases import (
     press,
     rows,
     scene,
+    shown_time,
+    type_time,
     waited,
 )
 
@@ -57,14 +60,14 @@ def start(page, session):
 
 @pytest.fixture(scope="module")
 def piloted(page, session):
-    """A pilot that flies on a gate camera, paused in the third second."""
+    """A pilot that flies on a gate camera, held in the third second."""
     choose(page, "Sampler", f"{PILOT}split_s_swift")
     choose(page, "Sensing", "gates")
     assert waited(page, lambda: "START flies pilot" in head(page))
     start(page, session)
     assert waited(page, lambda: session.snapshot.t > 2.0)
-    press(page, "pause")
-    assert waited(page, lambda: not session.snapshot.playing)
+    session.tell(PageRace.set_speed, HELD)
+    assert waited(page, lambda: session.snapshot.speed == HELD)
     return session.snapshot.competitors[0]
 
 
@@ -77,9 +80,7 @@ def replayed(page, session, root, piloted):
     page.keyboard.press("t")
     press(page, "replay")
     assert waited(page, lambda: not session.snapshot.competitors[0].live)
-    # a slider that moves by itself cannot be typed into
-    session.tell(PageRace.play, False)
-    assert waited(page, lambda: not session.snapshot.playing)
+    session.tell(PageRace.set_speed, 1.0)
     return read_run(folder).telemetry
 
 
@@ -122,12 +123,6 @@ def test_the_estimate_is_drawn_where_it_is_and_the_corners_of_the_last_picture(p
     assert waited(page, lambda: estimate(page, "corners")["visible"] == recent)
 
 
-def type_time(page, t):
-    box = page.get_by_label("Time [s]")
-    box.fill(str(t))
-    box.press("Enter")
-
-
 def test_a_scrubbed_replay_shows_drone_and_estimate_where_the_telemetry_says(
     page, session, piloted, replayed
 ):
@@ -136,7 +131,7 @@ def test_a_scrubbed_replay_shows_drone_and_estimate_where_the_telemetry_says(
         there = np.array([replayed[f"p{axis}"][i] for axis in "xyz"])
         ghost = drawn(piloted.course, replayed, i)
         type_time(page, t)
-        assert waited(page, lambda at=t: session.snapshot.t == at)
+        assert waited(page, lambda at=t: shown_time(page) == at)
         assert waited(page, lambda p=there: np.allclose(drone(scene(page)) or np.inf, p, atol=1e-3))
         assert waited(page, lambda p=ghost: stands_at(page, "ghost", p))
     disabled = group(page, "Numbers in flight").locator("input[type=range]:disabled")
@@ -174,7 +169,7 @@ def test_a_race_in_one_world_is_flown_and_shown(page, session):
     assert waited(page, lambda: rows(page).count() == 2)
     start(page, session)
     assert waited(page, lambda: session.snapshot.t > 0.3)
-    press(page, "pause")
+    session.tell(PageRace.set_speed, HELD)
     names = [entry.name for entry in session.snapshot.competitors]
     assert names == ["colored", "gaussian"]
     # each expects the other one somewhere

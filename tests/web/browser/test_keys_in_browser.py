@@ -2,12 +2,15 @@
 
 import pytest
 from browser_cases import (
+    HELD,
     choose,
     field,
     fill,
     group,
+    head,
     press,
     scene,
+    type_time,
     waited,
 )
 from web_cases import choices, stored
@@ -114,7 +117,7 @@ def test_no_text_is_smaller_than_12_pixels(page, session, root):
     run = stored(root, "gaussian", laps=2)
     session.tell(PageRace.start, [choices("colored", laps=2)], [run])
     assert waited(page, lambda: session.snapshot.t > 0.2)
-    session.tell(PageRace.play, False)
+    session.tell(PageRace.set_speed, HELD)
     for title in ("Numbers in flight", "All numbers", "View"):
         group(page, title)
     for tab in ("Laps", "Events", "Planner", "Signals"):
@@ -125,8 +128,8 @@ def test_no_text_is_smaller_than_12_pixels(page, session, root):
 def test_a_camera_picture_is_shown_when_it_is_asked_for(page, session, root):
     pytest.importorskip("pybullet")
     session.tell(PageRace.start, [], [stored(root, "colored", laps=2)])
-    session.tell(PageRace.play, False)
-    session.tell(PageRace.scrub, 0.2)
+    assert waited(page, lambda: "replay" in head(page))
+    type_time(page, 0.2)
     group(page, "View")
     picture = page.get_by_alt_text("What the camera of colored at 0.20 s sees")
     assert picture.count() == 0

@@ -1,10 +1,17 @@
 """Claims about the table of runs and the charts, as a person uses them."""
 
 import pytest
-from browser_cases import DRAWN, dashboard, opened, press, waited
+from browser_cases import (
+    DRAWN,
+    dashboard,
+    is_playing,
+    opened,
+    press,
+    shown_time,
+    type_time,
+    waited,
+)
 from web_cases import Glider, Gliders, choices, run_of, store
-
-from quadsim.web.race import PageRace
 
 pytestmark = [pytest.mark.browser, pytest.mark.page]
 
@@ -46,8 +53,8 @@ def seeds_listed(page):
 
 
 def test_an_address_shows_its_runs_at_its_time_from_its_camera(page, session):
-    assert waited(page, lambda: names_shown(session) == page.names and session.snapshot.t == 1.5)
-    assert not session.snapshot.playing
+    assert waited(page, lambda: names_shown(session) == page.names and shown_time(page) == 1.5)
+    assert not is_playing(page)
     assert waited(page, lambda: "top" in session.camera_modes())
 
 
@@ -68,7 +75,7 @@ def test_runs_are_filtered_sorted_and_compared(page, session):
         page.keyboard.press(key)
     page.wait_for_timeout(300)
     assert session.snapshot.race == race
-    assert not session.snapshot.playing
+    assert not is_playing(page)
     assert set(session.camera_modes()) == {"top"}
     page.keyboard.press("Escape")
     assert waited(page, lambda: not sheet.is_visible(), 5)
@@ -83,8 +90,8 @@ def test_runs_are_filtered_sorted_and_compared(page, session):
 
 
 def test_a_press_in_a_chart_moves_the_time_and_the_pointer_shows_values(page, session):
-    session.tell(PageRace.play, False)
-    assert waited(page, lambda: not session.snapshot.playing)
+    type_time(page, 0.5)
+    assert waited(page, lambda: shown_time(page) == 0.5)
     canvas = page.locator('[data-charts="Signals"] canvas').first
     canvas.wait_for()
     place = canvas.bounding_box()
@@ -98,7 +105,7 @@ def test_a_press_in_a_chart_moves_the_time_and_the_pointer_shows_values(page, se
 
     # Without a pointer the values are those of the race's time,
     page.mouse.move(10, 10)
-    assert waited(page, lambda: abs(shown() - session.snapshot.t) < 0.02)
+    assert waited(page, lambda: abs(shown() - shown_time(page)) < 0.02)
     # with one those under it,
     began = shown()
     page.mouse.move(place["x"] + 120, y)
@@ -106,9 +113,9 @@ def test_a_press_in_a_chart_moves_the_time_and_the_pointer_shows_values(page, se
     # and a press moves the race there.
     pointed = shown()
     page.mouse.down()
-    assert waited(page, lambda: abs(session.snapshot.t - pointed) < 0.02)
+    assert waited(page, lambda: abs(shown_time(page) - pointed) < 0.02)
     page.mouse.move(place["x"] + 180, y, steps=3)
-    assert waited(page, lambda: session.snapshot.t > pointed + 0.3)
+    assert waited(page, lambda: shown_time(page) > pointed + 0.3)
     page.mouse.up()
     # fewer signals
     charts = page.locator('[data-charts="Signals"] .race-chart')

@@ -12,6 +12,7 @@ from browser_cases import (
     head,
     press,
     scene,
+    type_time,
     waited,
 )
 from matplotlib.image import imread
@@ -81,8 +82,8 @@ def runs(root):
 def race(session, runs, page):
     """The session on a replay of both at its end."""
     session.tell(PageRace.start, [], runs)
-    session.tell(PageRace.play, False)
-    session.tell(PageRace.scrub, 99.0)
+    assert waited(page, lambda: "replay" in head(page))
+    type_time(page, 99.0)
     assert waited(page, lambda: is_drawn(page, "/impacts") is True)
     return session
 
@@ -167,7 +168,7 @@ def test_each_visitor_has_a_camera_and_fpv_is_the_drones(page, race):
 
 
 def test_on_a_phone_the_head_stays_above_and_nothing_is_wider_than_the_screen(race, phone):
-    race.tell(PageRace.scrub, 0.4)
+    type_time(phone, 0.4)
     assert waited(phone, lambda: "t 0.40 of" in head(phone))
     for y in (0, 500, 5000):
         phone.evaluate("y => scrollTo(0, y)", y)

@@ -1,7 +1,12 @@
 """Claims about a page that several visitors share, and about its playback."""
 
 import pytest
-from browser_cases import button, press, waited
+from browser_cases import (
+    HELD,
+    button,
+    press,
+    waited,
+)
 from wire import link
 
 from quadsim.web.race import PageRace
@@ -19,7 +24,7 @@ def test_who_would_end_the_flight_of_another_visitor_is_asked_first(page, sessio
     with link(session.server.get_port()) as other:
         other.send("start")
         assert waited(page, lambda: session.snapshot.flying and session.snapshot.t > 0.1)
-        session.tell(PageRace.play, False)
+        session.tell(PageRace.set_speed, HELD)
         race = session.snapshot.race
         press(page, "START")
         page.get_by_role("button", name="Let it fly").click()

@@ -8,6 +8,7 @@ import { show } from "./parts.js";
 import { seat, whenLoaded } from "./scene.js";
 
 const CAMERAS = ["free", "chase", "top", "FPV"];
+const GHOSTS = ["by time", "by place"];
 const MOST = 300; // rows that are shown; the filter finds the others
 const TOGETHER = 8; // runs side by side, at most
 let columns = []; // their keys, heads and digits, which the server says
@@ -201,13 +202,14 @@ function received(message) {
   draw();
 }
 
-// Show the runs, the time and the camera that the address names.
+// Show the runs that the address names, and to this visitor its time, camera and view.
 function follow(asked) {
   if (asked.get("line_up")) send({ type: "set_up", line_up: asked.get("line_up") });
   const names = asked.getAll("run").slice(0, TOGETHER);
   if (!names.length) return;
   const t = Number(asked.get("t") ?? NaN);
-  send({ type: "replay_runs", names, ...(t >= 0 ? { t } : {}) });
+  const view = { ...(GHOSTS.includes(asked.get("ghosts")) && { ghosts: asked.get("ghosts") }), ...(asked.get("limit") === "1" && { limit: true }) };
+  send({ type: "replay_runs", names, ...(t >= 0 && { t }), ...view });
   if (asked.get("camera")) chooseCamera(asked.get("camera"));
 }
 

@@ -1,6 +1,6 @@
 // The scene: viser's page in a frame, of which the canvas alone is seen. The page draws the name of its seat there, by which
 // the server knows that both belong to one visitor, see seats.py.
-import { on } from "./link.js";
+import { on, send } from "./link.js";
 
 const frame = document.getElementById("scene");
 const ASKED = ["fixedDpr"]; // what an address may ask of viser
@@ -25,6 +25,8 @@ export function begin() {
   else addEventListener("load", loaded, { once: true });
   // After an outage viser would try every second, and give up the attempt before: a new seat connects at once.
   on("open", () => {
+    // What the visitor watched is kept under the seat before.
+    if (wasOpen) send({ type: "come_back", seat: name });
     if (wasOpen) load();
     wasOpen = true;
   });

@@ -41,6 +41,7 @@ function set(found) {
   const end = Math.max(now.end, 0.001);
   line.style.setProperty("--end", end);
   line.style.setProperty("--now", Math.min(now.t, end));
+  line.style.setProperty("--flown", Math.min(Math.max(now.flown, 0), end));
   line.classList.toggle("fixed", !now.can_seek);
   line.ariaValueMax = now.end.toFixed(2);
   line.ariaValueNow = now.t.toFixed(2);
@@ -55,7 +56,9 @@ function set(found) {
   box.disabled = !now.can_seek;
   say(part(".end"), `of ${now.end.toFixed(2)} s`);
   const speed = part(".speed");
-  speed.disabled = now.by_hand && now.flying;
+  const live = part(".to-live");
+  live.disabled = !now.flying || !now.can_seek;
+  live.ariaPressed = String(now.flying && now.is_live);
   offer(speed, now.speed);
 }
 

@@ -1,0 +1,163 @@
+"""Claims about several visitors of one page, over its protocol: nobody disturbs another one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from web_cases import choices, competitor, stored, until
+from wire import link, visit
+
+from quadsim.web.competitor import POSITION
+from quadsim.web.notices import Notices
+from quadsim.web.page.head import Head
+from quadsim.web.page.moment import Moments
+from quadsim.web.page.playback import FLIES
+from quadsim.web.page.screen import Beats, Rest, Screen, Seen
+from quadsim.web.page.stage import Stage
+from quadsim.web.page.tree import tree
+from quadsim.web.playhead import Playhead
+from quadsim.web.race import PageRace
+from quadsim.web.snapshot import Snapshot
+from quadsim.web.view import View
+
+TWO = [choices("colored", laps=9), choices("gaussian", laps=9)]
+
+
+def positions(client, node):
+    """Where a visitor has last been shown each node, by the messages that wait for it."""
+    moved = [one for one in client.waiting() if one["type"] == "SetPositionMessage"]
+    return [one["position"] for one in moved if one["name"] == node]
+
+
+@pytest.mark.socket
+def test_who_looks_back_sees_that_time_and_others_see_the_flight_go_on(page):
+    session = page.session
+    with visit(page.port) as (client, one), visit(page.port) as (other_client, other):
+        session.tell(PageRace.set_speed, 0.2)
+        session.tell(PageRace.start, TWO)
+        assert until(lambda: session.snapshot.t > 0.1)
+        assert one.part("now")["is_live"]
+        one.send("seek", t=0.05)
+        assert until(lambda: one.part("now")["t"] == 0.05)
+        entry = session.snapshot.competitors[0]
+        wanted = entry.rows(POSITION, entry.at(0.05))
+        seen = []
+
+        def is_there():
+            seen.extend(positions(client, "/competitor/0"))
+            return seen and np.allclose(seen[-1], wanted)
+
+        assert until(is_there)
+        positions(other_client, "/competitor/0")
+        t = session.snapshot.t
+        assert until(lambda: session.snapshot.t > t + 0.05)
+        assert len(set(map(tuple, positions(other_client, "/competitor/0")))) > 2
+        assert positions(client, "/competitor/0") == []
+        assert one.part("head")["phase"] == "paused"
+        assert other.part("head")["phase"] == "flying"
+        now = other.part("now")
+        assert (now["is_live"], now["playing"]) == (True, True)
+        assert now["t"] > t
+        one.send("live")
+        assert until(lambda: one.part("now")["is_live"])
+        assert until(lambda: positions(client, "/competitor/0"))
+
+
+@pytest.mark.socket
+def test_a_view_is_one_visitors_own(page, root):
+    """Ghosts by place for one, by time for the other, of the same replay at the same time."""
+    runs = [stored(root, sampler, laps=2) for sampler in ("colored", "gaussian")]
+    with visit(page.port) as (client, one), visit(page.port) as (other_client, other):
+        page.session.tell(PageRace.start, [], runs)
+        assert until(lambda: page.session.snapshot.competitors)
+        assert one.set("view", "ghosts", "by place") == ""
+        for linked in (one, other):
+            linked.send("seek", t=1.0)
+        first, second = page.session.snapshot.competitors
+        there = float(first.progress[first.at(1.0)])
+        frames = (second.at_place(there), second.at(1.0))
+        for each, frame in zip((client, other_client), frames, strict=True):
+            wanted = second.rows(POSITION, frame)
+            seen = []
+
+            def is_there(each=each, wanted=wanted, seen=seen):
+                seen.extend(positions(each, "/competitor/1"))
+                return seen and np.allclose(seen[-1], wanted)
+
+            assert until(is_there)
+        assert frames[0] != frames[1]
+        assert other.form("view")[0]["ghosts"]["value"] == "by time"
+
+
+@pytest.mark.socket
+def test_a_visitor_who_is_sent_less_takes_nothing_from_others(page, monkeypatch):
+    monkeypatch.setattr("quadsim.web.page.visitor_scene.LIGHT", 1e9)  # one picture alone
+    session = page.session
+    with visit(page.port) as (client, one), visit(page.port) as (other_client, _):
+        assert one.set("view", "light", True) == ""
+        session.tell(PageRace.set_speed, 0.2)
+        session.tell(PageRace.start, TWO)
+        assert until(lambda: session.snapshot.t > 0.05)
+        seen = []
+
+        def moves_on():
+            seen.extend(positions(other_client, "/competitor/0"))
+            return len(seen) > 5
+
+        assert until(moves_on)
+        assert len(positions(client, "/competitor/0")) == 1
+
+
+@pytest.mark.socket
+def test_who_flies_by_hand_sees_what_is(page, monkeypatch):
+    monkeypatch.setattr(page.session, "flies", lambda visitor: True)
+    with link(page.port) as linked:
+        assert linked.ask("shown", "seek", t=1.0)["title"] == FLIES
+        assert not linked.part("now")["can_seek"]
+
+
+class Sent:
+    """A visitor, the board and the charts of a screen: all that they are given."""
+
+    number = 1
+
+    def __init__(self):
+        self.titles = []
+        self.parts = {}
+
+    def send(self, message):
+        self.titles.append(message.title)
+
+    def put(self, name, content, _):
+        self.parts[name] = content
+
+    def is_wanted(self, *_):
+        return False
+
+
+def test_a_notice_of_an_event_comes_when_its_time_is_watched():
+    entry = competitor(laps=2)
+    notices = Notices()
+    notices.race = 1
+    s = Snapshot(t=entry.last_t, end=entry.last_t, flown=entry.last_t, competitors=(entry,), race=1)
+    sent = Sent()
+    moments = Moments()
+    screen = Screen(sent, sent, sent, s)
+    rest = Rest(Head("rest", []), tree(""))
+    notices.add("error", "at once", "")
+    notices.add("lap", "of one second", "", 1.0)
+    s = replace(s, notices=notices.recent)
+
+    def watch(s, t):
+        seen = Playhead().seek(s, 0.0, t).watched(s, 0.0)
+        screen.update(Seen(moments.of(seen), View(), False), Stage(), rest, Beats(True, True))
+        return sent.titles
+
+    assert watch(s, 0.5) == ["at once"]
+    assert sent.parts["now"].t == 0.5
+    assert watch(s, 1.0) == ["at once", "of one second"]
+    assert watch(s, 0.5) == watch(s, 2.0) == ["at once", "of one second"]
+    # in another race it is told no more
+    late = Screen(sent, sent, sent, Snapshot())
+    screen, sent.titles = late, []
+    assert watch(replace(s, race=2), 2.0) == ["at once"]

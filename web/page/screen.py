@@ -1,0 +1,152 @@
+"""Screen: the parts of the page around the scene, as one visitor sees them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from quadsim.web.page.board import Board, PartName
+from quadsim.web.page.charts import Charts
+from quadsim.web.page.head import Head, head_of
+from quadsim.web.page.link import LinkVisitor
+from quadsim.web.page.moment import Moment
+from quadsim.web.page.playback import Shown
+from quadsim.web.page.stage import Stage
+from quadsim.web.page.time_line import now_of
+from quadsim.web.page.tower import Tower
+from quadsim.web.page.tree import Element, tree
+from quadsim.web.snapshot import SAME, Snapshot
+from quadsim.web.view import View
+
+TABLES: tuple[PartName, ...] = ("planner", "events", "laps")  # that are made while they are shown
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """What is shown where no race is: before the first one, and of a course in work."""
+
+    head: Head
+    map: Element
+
+
+class Beats(NamedTuple):
+    """What is due for all visitors in this update.
+
+    Attributes:
+        tables: what follows the time that is shown.
+        slow: spectra, gaps, chatter.
+    """
+
+    tables: bool
+    slow: bool
+
+
+class Seen(NamedTuple):
+    """What a visitor watches, in a view of its own. flies: whether it flies by hand."""
+
+    moment: Moment
+    view: View
+    flies: bool
+
+
+class Screen:
+    """The parts of one visitor.
+
+    Args:
+        visitor: of the link.
+        s: the race when the visitor came; its notices are not shown any more.
+    """
+
+    def __init__(self, board: Board, charts: Charts, visitor: LinkVisitor, s: Snapshot):
+        self._board = board
+        self._charts = charts
+        self._visitor = visitor
+        self._told = {notice.number for notice in s.notices}
+        self._shown: dict[str, object] = {}
+
+    def update(self, seen: Seen, stage: Stage, rest: Rest, beats: Beats) -> None:
+        """Show what has changed.
+
+        Args:
+            seen: what the visitor watches.
+            stage: what stands in the scene.
+            rest: what is shown where no race is.
+            beats: what is due.
+        """
+        self._put("now", now_of(seen.moment.s, seen.flies))
+        is_drawn = bool(stage.race) and stage.race == seen.moment.s.race
+        if beats.tables:
+            self._update_tables(seen, stage, rest, is_drawn)
+        if beats.slow and is_drawn:
+            self._update_slow(seen.moment)
+        self._notify(seen.moment.s)
+
+    def forget(self) -> None:
+        """Forget the visitor, who has left."""
+        self._board.forget(self._visitor.number)
+        self._charts.forget(self._visitor.number)
+
+    def _update_tables(self, seen: Seen, stage: Stage, rest: Rest, is_drawn: bool) -> None:
+        """Show head, map, tower and the tables that are open.
+
+        is_drawn: whether the scene has the race.
+        """
+        moment = seen.moment
+        s = moment.s
+        wanted = [name for name in TABLES if self._is_wanted(name)]
+        by_place = seen.view.by_place
+        if not self._is_new("tables", (moment, stage, by_place, rest, wanted)):
+            return
+        if stage.is_edited:
+            self._put("head", rest.head)
+            self._put("map", rest.map)
+            return
+        self._put("head", moment.once(rest, lambda: head_of(s, moment.timings, rest.head)))
+        if is_drawn:
+            drawn = moment.drawn(by_place)
+            name = ("map", by_place)
+            self._put("map", moment.once(name, lambda: tree(stage.map.draw(drawn))))
+            self._put("tower", moment.tower)
+        elif not stage.race:
+            self._put("map", rest.map)
+            self._put("tower", Tower([]))
+        if "planner" in wanted and is_drawn:
+            self._put("planner", moment.planner)
+        past = (s.race, is_drawn, [entry.past(s.t) for entry in s.competitors])
+        if "events" in wanted and self._is_new("events", past):
+            self._put("events", moment.events)
+        if "laps" in wanted and self._is_new("laps", past):
+            self._put("laps", moment.laps if is_drawn else tree(""))
+
+    def _update_slow(self, moment: Moment) -> None:
+        """Show the curves that are not over time, and the chatter."""
+        if self._is_new("curves", moment):
+            self._charts.put(self._visitor.number, moment.s.race, moment.curves)
+        if self._is_wanted("chatter") and self._is_new("chatter", moment):
+            self._put("chatter", moment.chatter)
+
+    def _notify(self, s: Snapshot) -> None:
+        """Show notices, those of an event once its time is watched."""
+        for notice in s.notices:
+            of_other_race = notice.t is not None and notice.race != s.race
+            is_ahead = notice.t is not None and s.t < notice.t - SAME
+            if notice.number in self._told or (is_ahead and not of_other_race):
+                continue
+            self._told.add(notice.number)
+            if not of_other_race:
+                self._visitor.send(Shown(notice.kind, notice.title, notice.text))
+        self._told &= {notice.number for notice in s.notices}
+
+    def _put(self, name: PartName, content: object) -> None:
+        """Show a part to this visitor."""
+        self._board.put(name, content, self._visitor.number)
+
+    def _is_wanted(self, name: PartName) -> bool:
+        return self._board.is_wanted(name, self._visitor.number)
+
+    def _is_new(self, name: str, what: object) -> bool:
+        """Return whether something was last made of something else, and remember this."""
+        if self._shown.get(name) == what:
+            return False
+        self._shown[name] = what
+        return True

@@ -1,0 +1,33 @@
+"""Stage: what stands in the scenes of all visitors: a race, a course, or the course in work."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from quadsim.course import Course
+from quadsim.web.competitor import Competitor
+from quadsim.web.page.course_map import Map
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """What stands in the scenes, each of which is built anew for another stage.
+
+    Attributes:
+        course: None: nothing is shown yet, or the course is edited.
+        race: number of the race on it; 0: none.
+        entries: the competitors when the stage was made.
+        is_edited: whether the course of the editor is shown.
+    """
+
+    course: Course | None = None
+    race: int = 0
+    entries: tuple[Competitor, ...] = ()
+    is_edited: bool = False
+
+    @cached_property
+    def map(self) -> Map:
+        """The map of the course. Raises AssertionError: there is none."""
+        assert self.course is not None
+        return Map(self.course)
