@@ -210,7 +210,7 @@ class RunsPanel:
         """Compare some rows with their telemetry, while somebody looks and no planner waits."""
         end = perf_counter() + CHECKING
         while (
-            self._link.has_visitors
+            bool(self._link.visitors)
             and not self._session.snapshot.flying
             and perf_counter() < end
             and self._table.check_next()
