@@ -83,7 +83,7 @@ function follow() {
 // The charts of an element, as they are now: each has a title, lines and a window.
 function chartsOf(tab) {
   if (tab !== "Signals") return curves.filter((curve) => curve.tab === tab).map(overPlace);
-  return signals.filter(([title]) => !off.has(title)).map(overTime);
+  return race.lines.length ? signals.filter(([title]) => !off.has(title)).map(overTime) : [];
 }
 
 function overTime([title, column, command], k) {
