@@ -53,7 +53,7 @@ MOST_SAMPLES = 4096
 YAW_LAGS = 2.0
 # The yaw gain above which there is more noise of yaw. Among the reference's vehicles only cpc has
 # more, and its yaw is limited to 0.3 rad/s.
-YAW_GAIN = 0.67
+YAW_GAIN = 0.9
 # The largest weight of a cost and the largest sigma of a sampler that may be set
 LARGEST_WEIGHT = 1e6
 LARGEST_SIGMA = 1000.0
