@@ -134,7 +134,8 @@ def _file(client: viser.ClientHandle | None, what: str, s: Snapshot) -> File:
     folders = [entry.folder for entry in s.competitors if entry.folder]
     if not folders:
         raise ValueError("nothing is stored yet: a flight is kept when it ends")
-    name = export_name(with_whole_races(folders)[0])
+    first, *others = with_whole_races(folders)
+    name = export_name(first) + (f"_and_{len(others)}_more" if others else "")
     if what == "page":
         entries = named([stored_competitor(folder) for folder in folders])
         return File(f"{name}.html", offline_page(entries).encode())

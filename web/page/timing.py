@@ -25,6 +25,7 @@ from quadsim.web.page.html import (
     heading,
     label,
     rounded,
+    small,
     table,
     text,
 )
@@ -32,6 +33,7 @@ from quadsim.web.page.html import (
 EVENTS = 60  # number of the newest events in the list
 GOOD_SHARE = 0.1  # share of effective samples at which the meter is full
 FEW_SAMPLES = 5  # number of effective samples below which the meter is red
+LEGEND = "in the scene: the plan white; sampled trajectories yellow, the cheapest, to violet"
 LOWERS_COST = NEXT
 RAISES_COST = "#6f86d6"
 
@@ -156,7 +158,7 @@ def _cost(s: LapTiming) -> str:
                 [text(name), f"{value:+.3f}", bar(abs(value) / most, colour, width="180px")]
             )
     total = f"J = {sum(terms.values()):.3f}, the sum{when}; lower is better"
-    return table(["term", "mean", ""], rows) + _line(total)
+    return table(["term", "mean", ""], rows) + _line(total) + small(LEGEND)
 
 
 def _terms(s: LapTiming) -> tuple[dict[str, float], str]:
