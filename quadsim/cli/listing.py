@@ -147,6 +147,9 @@ def competitions(*, json: Json = False) -> int:
 def presets(*, json: Json = False) -> int:
     """List the presets, with some of their numbers for colored sampling.
 
+    Numbers of `race` follow from vehicle, course and control period; the table has those of its
+    reference. `race show RUN --numbers` prints those that a run flew with, and their laws.
+
     `race fly --preset FILE.yaml` flies with any other preset.
     """
     if json:
