@@ -74,6 +74,8 @@ class Corners:
     pixels: np.ndarray
     # number of corners in view, for the record only
     in_view: int
+    # variance of each corner beyond the camera's noise [px^2]  (n,); None: none
+    variance: np.ndarray | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

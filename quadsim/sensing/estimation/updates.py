@@ -163,6 +163,8 @@ class CornerUpdate:
         moves = np.trace(state.P[POSITION, POSITION])
         curved = camera.fx * (turns + moves / depth**2)  # (n,)
         variance = np.repeat(camera.noise**2 + curved**2, 2)
+        if found.variance is not None:
+            variance += np.repeat(found.variance[ahead], 2)
         after, taken = corrected(state, H, innovation, variance, group=2)
         return after, Innovation(taken.nis, taken.used, taken.refused + left_out)
 

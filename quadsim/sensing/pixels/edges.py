@@ -28,8 +28,6 @@ NARROWEST = 1.5
 ENDS = 0.06
 # [m] parts of edges with less depth are left out
 NEAREST = 0.3
-# least sine of the angle between a gate's plane and the line of sight to its centre
-SLANT = 0.08
 # [m] by which a line of sight must pass a frame
 BESIDE = 0.03
 # [m] by which a line of sight must enter the frame of a point's own gate to be stopped
@@ -243,10 +241,10 @@ def taken(points: Points, mask: np.ndarray) -> Points:
 
 
 def seen_well(frames: Frames, view: View, longest: float) -> np.ndarray:
-    """Return which gates are near enough and not seen from their side.  (G,) bool"""
+    """Return which gates are near enough, with an eye that is not in their plane.  (G,) bool"""
     away = np.linalg.norm(frames.centre - view.eye, axis=1)
     ahead = abs(frames.local(view.eye[None])[:, 0, 0])
-    return (away < longest) & (ahead > np.maximum(SLANT * away, FRAME_DEPTH))
+    return (away < longest) & (ahead > FRAME_DEPTH)
 
 
 def _inside(

@@ -13,17 +13,32 @@ from quadsim.rotation import Vec3, exp, matrix
 from quadsim.sensing.config import PixelCameraConfig
 from quadsim.sensing.estimation.error_state import POSITION, TURN, FilterState
 from quadsim.sensing.measurements import Corners, Photo
-from quadsim.sensing.pixels.edges import EDGES, Frames, Points, View, seen_well, visible_points
+from quadsim.sensing.pixels.edges import (
+    EDGES,
+    Frames,
+    Points,
+    View,
+    seen_well,
+    taken,
+    visible_points,
+)
 from quadsim.sensing.pixels.hypotheses import best_pose
-from quadsim.sensing.pixels.lines import corners, lines
+from quadsim.sensing.pixels.lines import Lines, corners, lines, without
 from quadsim.sensing.pixels.network import FoundGate, load_network
-from quadsim.sensing.pixels.network_pose import Place, all_matched, explained
+from quadsim.sensing.pixels.network_pose import NOISE, Place, all_matched, explained
+from quadsim.sensing.pixels.pose_fit import (
+    Guess,
+    fitted,
+    guess_of,
+    line_ends,
+    normal_moves,
+)
 from quadsim.sensing.pixels.signal import ORANGE, Signal, Steps, steps
 
 # [px] least and largest distance from the expected place at which an edge is searched for. If it
 # may be farther away, other poses are tried first.
 LEAST = 5.0
-LARGEST = 24.0
+LARGEST = 60.0
 # standard deviations of the expected place within which it is searched for, and what is added [px]
 WITHIN = 3.0
 STEADY = 2.0
@@ -37,6 +52,14 @@ IN_VIEW = 3
 ENOUGH = 2
 # [px] reach of the search after that
 FOUND_REACH = 10.0
+# largest number of further searches around a fitted pose; [px] if the median reach is below, there
+# is none
+AGAIN = 2
+NARROW = 8.0
+# [px] A line is left out if one of its ends is farther from where the fitted pose expects it.
+WRONG = 3.0
+# [px] least distance of a point on an edge from the border of the picture
+BORDER = 4.0
 
 
 class Tracked(NamedTuple):
@@ -51,6 +74,15 @@ class Tracked(NamedTuple):
     found: Corners
     # whether other poses were tried first
     searched: bool
+
+
+class Seen(NamedTuple):
+    """What a search for edges has found."""
+
+    steps: Steps
+    lines: Lines
+    # which points belong to a line  (n,)
+    used: np.ndarray
 
 
 class Tracker:
@@ -84,31 +116,41 @@ class Tracker:
         frames = self._frames.moved(state.gates) if len(state.gates) else self._frames
         signal = self._signal.of(photo.rgb)
         found_gates: list[FoundGate] | None = None
-        nominal = state.nominal
-        position = np.array(nominal.position)
-        body = matrix(nominal.attitude)
-        view = self._view(position, body)
-        points = visible_points(frames, view, config, config.range, border=4.0)
-        reach = self._reach(points, view, state.P)
+        guess = guess_of(state, len(frames.centre))
+        points, reach = self._expected(frames, guess)
         searched = bool(np.median(reach) > LARGEST)
         if searched:
-            block = np.r_[POSITION, TURN]
-            P = state.P[np.ix_(block, block)]
             best = None
             if self._network:
                 found_gates = self._network(photo.rgb)
-                best = explained(found_gates, self._place(frames, position, body, state, rates))
+                place = self._place(frames, guess.position, guess.body, state, rates)
+                best = explained(found_gates, place)
             # Without a network, or if its gates show no pose, the picture itself is compared.
-            error = best.error if best else best_pose(signal, frames, config, position, body, P)
-            position = position + error[:3]
-            body = body @ matrix(exp(error[3:].tolist()))
-            view = self._view(position, body)
-            points = visible_points(frames, view, config, config.range, border=4.0)
+            if best:
+                error = best.error
+            else:
+                error = best_pose(signal, frames, config, guess.position, guess.body, guess.P)
+            guess = guess.corrected(error, guess.P)
+            points, _ = self._expected(frames, guess)
             reach = np.full(1, FOUND_REACH)
-        late = self._late(points, position, body, np.array(nominal.velocity), rates)
-        reach = np.broadcast_to(np.clip(reach, LEAST, LARGEST), len(points.pixel))
-        found_steps = steps(signal, points.pixel + late, points.normal, reach)
-        found, used = lines(points, found_steps, len(frames.centre))
+
+        # The lines of all gates correct the pose, around which a narrower search finds others.
+        # Lines that contradict the rest are left out.
+        seen = self._seen(signal, points, reach, guess, state, rates)
+        for again in range(AGAIN + 1):
+            ends = line_ends(points, seen.used)
+            shift = seen.steps.shift[ends]
+            fit = fitted(guess, config, taken(points, ends), shift)
+            if again == AGAIN or np.median(reach) < NARROW:
+                off = abs(shift - fit.moves)
+                break
+            guess = fit.guess
+            points, reach = self._expected(frames, guess)
+            seen = self._seen(signal, points, reach, guess, state, rates)
+        bad = off > WRONG
+        found = without(seen.lines, points.gate[ends[bad]], points.edge[ends[bad]])
+
+        view = guess.view(config)
         moved = corners(found, points, self._ends(frames, view))
         expected, depth = config.to_pixels(
             (frames.corners[moved.gate, moved.corner] - view.eye) @ view.axes
@@ -121,13 +163,16 @@ class Tracker:
             corners=moved.corner[ahead],
             pixels=pixels[ahead],
             in_view=self._in_view(frames, view),
+            variance=moved.variance[ahead],
         )
         if self._network and self._lacking(result, frames, view):
             if found_gates is None:
                 found_gates = self._network(photo.rgb)
-            place = self._place(frames, position, body, state, rates)
-            result = self._filled(result, found_gates, frames, place, float(reach.max()))
-        return Tracked(points, found_steps, used, expected[ahead], result, searched)
+            place = self._place(frames, guess.position, guess.body, state, rates)
+            result = self._filled(
+                result, found_gates, frames, place, min(float(reach.max()), LARGEST)
+            )
+        return Tracked(points, seen.steps, seen.used, expected[ahead], result, searched)
 
     def _place(
         self,
@@ -179,11 +224,15 @@ class Tracker:
         # A corner that the edges show as well counts once.
         keep = ~(lacks & shown)[corners.gates]
         at = matched.pixel - place.late[matched.gate, matched.corner]
+        # The edges determine a corner to some tenths of a pixel, the network to NOISE.
+        variance = np.zeros(len(keep)) if corners.variance is None else corners.variance
+        others = np.full(more.sum(), NOISE**2)
         return replace(
             corners,
             gates=np.concatenate([corners.gates[keep], matched.gate[more]]),
             corners=np.concatenate([corners.corners[keep], matched.corner[more]]),
             pixels=np.concatenate([corners.pixels[keep], at[more]]),
+            variance=np.concatenate([variance[keep], others]),
         )
 
     def _lacking(self, corners: Corners, frames: Frames, view: View) -> bool:
@@ -199,21 +248,46 @@ class Tracker:
         wanted &= seen_well(frames, view, WANTED)
         return bool((wanted & (np.bincount(corners.gates, minlength=gates) < ENOUGH)).any())
 
-    def _reach(self, points: Points, view: View, P: np.ndarray) -> np.ndarray:
-        """Return how far from each point its edge may be [px]; if there is none, a typical value.
+    def _expected(self, frames: Frames, guess: Guess) -> tuple[Points, np.ndarray]:
+        """Return points on edges, and how far from each its edge may be [px].
+
+        If there are no points, there is one distance that is typical.
+        """
+        config = self._config
+        view = guess.view(config)
+        points = visible_points(frames, view, config, config.range, border=BORDER)
+        if len(points.gate):
+            variance = guess.spread(normal_moves(points, config, guess), points.gate)[:, 0, 0]
+        else:
+            variances = np.diag(guess.P)
+            typical = variances[3:].mean() + variances[:3].mean() / TYPICAL**2
+            variance = np.array([config.fx**2 * typical])
+        return points, WITHIN * np.sqrt(variance) + STEADY
+
+    def _seen(
+        self,
+        signal: np.ndarray,
+        points: Points,
+        reach: np.ndarray,
+        guess: Guess,
+        state: FilterState,
+        rates: Vec3,
+    ) -> Seen:
+        """Search for edges near points.
 
         Args:
-            points: the points.
-            view: pose of the camera.
-            P: covariance of the filter's error.
+            signal: weight of the gates' colour in each pixel  (height, width).
+            points: points on expected edges.
+            reach: distance within which each edge is searched for [px]  (n,) or (1,).
+            guess: the pose that expects them.
+            state: the filter's state, for its velocity.
+            rates: body rates [rad/s].
         """
-        variances = np.diag(P)
-        turns = variances[TURN].mean()
-        moves = variances[POSITION].mean()
-        depth = np.linalg.norm(points.position - view.eye, axis=1)
-        if not len(depth):
-            depth = np.array([TYPICAL])
-        return WITHIN * self._config.fx * np.sqrt(turns + moves / depth**2) + STEADY
+        velocity = np.array(state.nominal.velocity)
+        late = self._late(points, guess.position, guess.body, velocity, rates)
+        reach = np.broadcast_to(np.clip(reach, LEAST, LARGEST), len(points.gate))
+        found = steps(signal, points.pixel + late, points.normal, reach)
+        return Seen(found, *lines(points, found, len(self._frames.centre)))
 
     def _view(self, position: np.ndarray, body: np.ndarray) -> View:
         """Return the pose of the camera."""
