@@ -10,6 +10,7 @@ from quadsim.sensing.pixels.edges import Frames, visible_points
 from quadsim.sensing.pixels.pose_fit import Guess, fitted, line_ends, normal_moves, pixel_moves
 
 CONFIG = load_sensing("pixels").pixels
+assert CONFIG
 GATES = frames(load_course("split_s_swift").gates)
 POSITION_STD = 0.1
 TURN_STD = 0.02
