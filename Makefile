@@ -123,6 +123,7 @@ docs-figures: $(VENV)/.dev
 	$(BIN)/python docs/gallery_figures.py # docs/gallery/*.webp
 	$(BIN)/python docs/renderers_figure.py # docs/renderers.png
 	$(BIN)/python docs/pixels_figure.py # docs/pixels.png
+	$(BIN)/python docs/network_figure.py # docs/network.png
 	$(BIN)/python docs/sensing_figures.py # docs/sensing_*.png
 	$(BIN)/python docs/dashboard_pictures.py # docs/dashboard_*.png
 

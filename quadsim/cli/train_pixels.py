@@ -27,8 +27,8 @@ Steps = Annotated[int, Meta(ge=1, le=10**7)]
 def train_pixels(
     *,
     out: Annotated[str, Help("FILE.onnx of the network")] = "gates.onnx",
-    pictures: Annotated[Pictures, Help("pictures to draw, of 0.2 MB of memory each")] = 4000,
-    steps: Annotated[Steps, Help("steps of the training, of up to 16 pictures each")] = 3000,
+    pictures: Annotated[Pictures, Help("pictures to draw, of 0.2 MB of memory each")] = 6000,
+    steps: Annotated[Steps, Help("steps of the training, of up to 16 pictures each")] = 6000,
     seed: Annotated[Seed, Help("random seed of pictures, weights and steps")] = 0,
     float32: Annotated[
         bool, Switch("no bfloat16, which only newer processors multiply fast")

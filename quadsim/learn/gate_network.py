@@ -53,7 +53,7 @@ class NetworkTraining:
     """The numbers of a training."""
 
     # a batch has so many parts of pictures, or half as many pictures
-    steps: int = 3000
+    steps: int = 6000
     batch: int = 16
     rate: float = 4e-3
     weight_decay: float = 1e-4

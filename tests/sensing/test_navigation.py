@@ -228,7 +228,8 @@ def flown_with(name, seed):
     return quadsim.fly("split_s_swift", seed=seed, **settings)
 
 
-@pytest.fixture(scope="module", params=sensing_names())
+# `pixels_network` is `pixels` with a network, and needs an extra; tests/sensing/test_network.py
+@pytest.fixture(scope="module", params=[n for n in sensing_names() if n != "pixels_network"])
 def sensed(request):
     """A flight with each sensing of the project, and its name."""
     return request.param, flown_with(request.param, seed=3)

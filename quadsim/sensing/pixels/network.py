@@ -35,10 +35,12 @@ COARSEST = 32
 FAR = 10.0
 # least probability of a corner
 LIKELY = 0.3
+# [cells] largest distance of the places of a corner that two cells tell, if they agree
+AGREE = 1.0
 # largest distance of the centres to which two corners of a gate point: by the smaller of their
 # distances from it, and beside that [px]
-SAME_CENTRE = 0.35
-SLACK = 4.0
+SAME_CENTRE = 0.7
+SLACK = 8.0
 # least angle between the directions of two corners of a gate, its cosine
 APART = 0.9
 
@@ -164,8 +166,21 @@ def corners_of(output: np.ndarray) -> Likely:
     order = np.argsort(-heat[row, column], kind="stable")
     row, column = row[order], column[order]
     at = np.column_stack([column, row]) + 0.5 + output[1:3, row, column].T
-    towards = FAR * output[3:5, row, column].T
-    return Likely(STRIDE * at, STRIDE * (at + towards), heat[row, column])
+    total = np.zeros((len(row), 4))
+    weight = np.zeros(len(row))
+    # The cells around a corner tell where it is as well; the mean of those that agree counts.
+    for down in (-1, 0, 1):
+        for right in (-1, 0, 1):
+            r = np.clip(row + down, 0, rows - 1)
+            c = np.clip(column + right, 0, columns - 1)
+            told = np.column_stack([c, r]) + 0.5 + output[1:3, r, c].T
+            agrees = np.linalg.norm(told - at, axis=1) < AGREE
+            w = np.where(agrees, heat[r, c], 0.0)
+            centre = told + FAR * output[3:5, r, c].T
+            total += w[:, None] * np.column_stack([told, centre])
+            weight += w
+    mean = STRIDE * total / np.maximum(weight, 1e-9)[:, None]
+    return Likely(mean[:, :2], mean[:, 2:], heat[row, column])
 
 
 def grouped(corners: Likely) -> list[FoundGate]:
