@@ -135,8 +135,8 @@ PRESETS: dict[str, dict[str, Planner]] = {
 
 # Gates that stand off the map and are known only from nearby: the first controls are perturbed in
 # full and a changed course has more iterations, as the plan has to become another one within 0.2 s
-# of a gate. The weight of the speed is large because the cost rises along the horizon, so that the
-# first steps count little. See docs/lab/unknown_gates.md.
+# of a gate. A gate that is certain to be out of reach costs a hundredth of a crash: with a
+# fiftieth, flights went round gates to see them from behind. See docs/lab/unknown_gates.md.
 _NEWS = 6  # ratio of the iterations of a plan whose course has changed to those of others
 
 
@@ -144,7 +144,7 @@ def with_sight(planner: Planner) -> Planner:
     """Return a planner of the preset `race` for gates that are known only from nearby."""
     assert isinstance(planner.cost, RaceWeights)
     mppi = replace(planner.mppi, first_noise=1.0, news_iterations=_NEWS * planner.mppi.iterations)
-    return replace(planner, mppi=mppi, cost=replace(planner.cost, caution=30.0))
+    return replace(planner, mppi=mppi, cost=replace(planner.cost, caution=0.01))
 
 
 # `race_informed` follows the solution of an optimiser, which covers the whole race and not only a

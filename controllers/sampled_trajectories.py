@@ -117,7 +117,7 @@ def _terms_alone(cost: Cost) -> Cost:
     The loops leave the terms of weight zero out, and their values may be infinite or nan.
     """
     terms = tuple(term for term in cost.terms if np.any(term.weight))
-    return replace(cost, terms=terms, reached=None, crash=None)
+    return replace(cost, terms=terms, reached=None, crash=None, risk=None)
 
 
 def controls(mppi: MPPI, last: Iteration, which: np.ndarray) -> np.ndarray:

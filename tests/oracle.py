@@ -112,10 +112,11 @@ class Lines:
             row = self.obstacles.row(*numbers)
             for m, (a, b) in enumerate(pairwise(self.marked), 1):
                 touched = self.obstacles.touches(a, b, row)
-                new = touched & (crashed == 0) & self.unfinished
+                new = touched & self.unfinished
+                added = np.where(new, np.maximum(1.0 - crashed, 0.0), 0.0)
                 due = (MARKS - 1 - m) * self.stride + 1
-                total[self.term] += self.weight * due * new
-                crashed[new] = 1.0
+                total[self.term] += self.weight * due * added
+                crashed += added
                 least = np.minimum(least, line_distance(a, b, row, self.obstacles.touches))
         self.marked = [p]
         self.unfinished = unfinished

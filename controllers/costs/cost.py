@@ -281,6 +281,8 @@ class Cost:
     params: Numbers = NO_PARAMS
     reached: StepFunction | None = None  # whether the sample has reached its target
     crash: StepFunction | None = None  # whether the sample crashes in this step
+    # number that the step adds to the sample's crash flag, such as the probability of a crash
+    risk: StepFunction | None = None
     obstacles: Obstacles | None = None
     # (x, row) -> whether x has not left the gate of the target just reached
     still_in_gate: Callable[[np.ndarray, np.ndarray], bool] | None = None
@@ -301,7 +303,7 @@ class Cost:
             if isinstance(others, tuple):
                 others = next(t for t in others if not isinstance(t, Term))
             self._refuse("terms", "a tuple of Term objects", others)
-        for name in ("reached", "crash", "still_in_gate", "row_ahead", "guide"):
+        for name in ("reached", "crash", "risk", "still_in_gate", "row_ahead", "guide"):
             function = getattr(self, name)
             if not (function is None or callable(function)):
                 self._refuse(name, "a function or None", function)
@@ -504,7 +506,10 @@ def evaluate(
     gate = cost.row._make(target)
     shared = at_step(cost.params, t)
     if cost.crash:
-        crashed = np.where(cost.crash(x, x_next, u, gate, shared), 1.0, crashed)
+        certain = np.maximum(crashed, 1.0) if cost.risk else 1.0
+        crashed = np.where(cost.crash(x, x_next, u, gate, shared), certain, crashed)
+    if cost.risk:
+        crashed = crashed + cost.risk(x, x_next, u, gate, shared)
     terms = {}
     for term in cost.terms:
         if term.function is crash:

@@ -209,7 +209,10 @@ def trace_anew(system: System, cost: Cost, dtype: type = np.float32) -> None:
         cost: the cost.
         dtype: NumPy type of all numbers.
     """
-    functions = (system.step, cost.reached, cost.crash, *(term.function for term in cost.terms))
+    functions = (
+        *(system.step, cost.reached, cost.crash, cost.risk),
+        *(term.function for term in cost.terms),
+    )
     if all(map(_is_of_project, functions)):
         return
     _modules[_shape(system, cost, dtype)] = _load(system, cost, dtype)
@@ -236,6 +239,7 @@ def _shape(system: System, cost: Cost, dtype: type) -> tuple:
         type(cost.params),
         cost.reached,
         cost.crash,
+        cost.risk,
         tuple(term.shape for term in cost.terms),
         (obstacles.touches, obstacles.row) if obstacles else None,
         dtype,

@@ -222,7 +222,7 @@ def meet_obstacles(marked, lowest, highest, obstacles, stride, crash_weight, bef
             due = crash_weight * F((<marks> - 1 - m) * stride + 1)
             for l in range(L):
                 <lines>
-                new = select(<touches>, F(1) - crashed[l], F(0)) * before_finish[l]
+                new = select(<touches>, higher(F(1) - crashed[l], F(0)), F(0)) * before_finish[l]
                 crashed[l] += new
                 cost[l] += due * new
     # the last position is the first of the next lines
@@ -410,12 +410,17 @@ def trace_cost(
         TraceError: one of the functions cannot be traced.
     """
     shared = graph.record(type(cost.params), "p") if cost.params else ()
-    crashed = crashed_before
+    crashed: Any = crashed_before
     if cost.crash:
         graph.section = "whether the sample crashes"
         crashes = trace_number(cost.crash, x, x_next, u, target, shared)
-        crashed = graph.apply("where", crashes, 1.0, crashed_before)
+        certain = graph.apply("max", crashed_before, 1.0) if cost.risk else 1.0
+        crashed = graph.apply("where", crashes, certain, crashed_before)
         crashed.name = crashed.name or "has_crashed"
+    if cost.risk:
+        graph.section = "the risk of a crash"
+        added = trace_number(cost.risk, x, x_next, u, target, shared)
+        crashed = graph.apply("add", crashed, added)
     graph.section = "whether it reaches its target"
     reached = trace_number(cost.reached, x, x_next, u, target, shared) if cost.reached else False
     weighted = {}

@@ -15,7 +15,7 @@ from quadsim.config.settings import SettingError
 from quadsim.config.spec import Spec
 from quadsim.controllers.costs import Cost
 from quadsim.controllers.costs.race import RaceWeights, race_cost
-from quadsim.controllers.costs.race_caution import Sight, safe_speed, with_unseen
+from quadsim.controllers.costs.race_caution import Sight, unseen_gates
 from quadsim.controllers.costs.race_view import with_view
 from quadsim.controllers.costs.reference import ReferenceWeights, reference_cost
 from quadsim.course import Course
@@ -81,29 +81,32 @@ def race_cost_on(spec: Spec, course: Course) -> Cost:
             raise SettingError("reference", "expected the solution that this preset follows")
         reference = reference_of(spec.reference, spec.vehicle, spec.planner.mppi.dt)
         return reference_cost(course, radius, weights, reference)
-    sight = sight_of(spec, weights)
-    if sight:
-        course = with_unseen(spec.course, course, spec.displacement.gates)
+    sight = sight_of(spec, weights, course)
     cost = race_cost(course, radius, weights, spec.laps, sight)
     if spec.sensing and spec.sensing.corner_camera and spec.view_weight:
         return with_view(cost, spec.view_weight)
     return cost
 
 
-def sight_of(spec: Spec, weights: RaceWeights) -> Sight | None:
-    """Return from where gates are known that stand off the map; None where caution has no use."""
-    spread = spec.displacement.gates
-    if spec.known_from is None or not spread or not weights.caution:
+def sight_of(spec: Spec, weights: RaceWeights, known: Course) -> Sight | None:
+    """Return from where gates are known that stand off the map; None where caution has no use.
+
+    Args:
+        spec: specification of the flight.
+        weights: the planner's weights.
+        known: the course as it is known now.
+    """
+    displacement = spec.displacement
+    if spec.known_from is None or not displacement.gates or not weights.caution:
         return None
-    speed = safe_speed(
-        spec.course,
-        radius=spec.vehicle.radius,
+    return Sight(
+        unseen=unseen_gates(spec.course, known),
+        known_from=spec.known_from,
+        aside=displacement.gates,
+        height=displacement.height,
         model=spec.model,
         period=spec.planner.mppi.dt,
-        spread=spread,
-        known_from=spec.known_from,
     )
-    return Sight(spec.known_from, speed)
 
 
 def check_cost(spec: Spec, cost: Cost) -> None:

@@ -26,6 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import sqrt
 from typing import Annotated, NamedTuple
 
 from msgspec import Meta
@@ -200,6 +201,8 @@ RIGID_BODY = columns("px", "wz")
 LEAST_ROOM = 1e-3
 # [1/m] 1 / c_z of a vehicle without rotors.
 UNLIMITED_YAW = 1e9
+# Share of full thrust below which the thrust of rotors at idle does not matter
+NEGLIGIBLE_IDLE = 0.01
 
 
 def thrust_axis(qw, qx, qy, qz):
@@ -416,6 +419,7 @@ class ModelParams:
             drag=sum(vehicle.drag) / 3,
             rate_max=vehicle.rate_max,
             thrust_max=vehicle.thrust_max,
+            thrust_min=thrust_min(vehicle),
             tilt_cost=tilt_cost(vehicle) if rotors else (0.0, 0.0),
             yaw_cost=vehicle.inertia[2] / (vehicle.mass * rotors.kappa) if rotors else 0.0,
             rate_lag=lag,
@@ -444,14 +448,36 @@ def led_rate_loop(vehicle: Vehicle, motor_tau: float) -> tuple[Vec3, Vec3 | None
     return (tau_x, tau_y, tau_z), (lag_x, lag_y, lag_z)
 
 
+def thrust_min(vehicle: Vehicle) -> float:
+    """Return the least mass-normalised thrust that is planned with [m/s^2].
+
+    Rotors at idle cannot be slowed down for a roll or a pitch, which then raises the thrust. Above
+    twice the thrust at idle the slower rotors can give up as much as the idle leaves. Zero where
+    the idle does not matter.
+    """
+    rotors = vehicle.rotors
+    if rotors is None:
+        return 0.0
+    idle = 4 * max(rotors.thrust(rotors.omega_min), 0.0) / vehicle.mass
+    return 2 * idle if idle > NEGLIGIBLE_IDLE * vehicle.thrust_max else 0.0
+
+
 def tilt_cost(vehicle: Vehicle) -> tuple[float, float]:
     """Return c_x and c_y, inertia over mass and lever arm [m].
 
-    On either side of an axis two rotors carry half of the torque about it.
+    On either side of an axis two rotors carry half of the torque about it. A rate loop with a lead
+    asks for (tau + lead) / tau times the torque of the model's at first, and for less than that as
+    the rotors follow: for the square root of it on average.
     """
     assert vehicle.rotors
     x, y = (abs(arm) for arm in vehicle.rotors.positions[0])
-    return vehicle.inertia[0] / (vehicle.mass * y), vehicle.inertia[1] / (vehicle.mass * x)
+    more_x, more_y = (
+        sqrt((tau + lead) / tau) if lead else 1.0
+        for tau, lead in zip(vehicle.rate_tau[:2], vehicle.rate_lead[:2], strict=True)
+    )
+    c_x = vehicle.inertia[0] / (vehicle.mass * y)
+    c_y = vehicle.inertia[1] / (vehicle.mass * x)
+    return c_x * more_x, c_y * more_y
 
 
 def quadrotor(model: ModelParams, dt: float) -> System:
