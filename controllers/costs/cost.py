@@ -5,7 +5,8 @@
 A term returns one number for one step of one sample, which leads from x to x_next under the control
 u. `target` is the sample's target row, the numbers that describe its current target, and `p` the
 parameters of the cost. Two more functions of the same kind control the sample: `reached` moves the
-sample to its next target row, `crash` marks it as crashed for the rest of its rollout.
+sample to its next target row, `crash` marks it as crashed for the rest of its rollout. A third one,
+`risk`, adds a number to that mark, such as the probability of a crash.
 
     def clearance(x, x_next, u, gate, p):
         step = at_gate(x, x_next, gate)
@@ -258,6 +259,7 @@ class Cost:
     """A cost: terms, parameters and targets.
 
     `reached` and `crash` are functions like the terms, and return a condition; None: always false.
+    A sample's crash flag is 0, and at least 1 from a crash on; `risk` adds to it in each step.
 
     Examples:
         >>> from typing import NamedTuple
@@ -499,7 +501,7 @@ def evaluate(
         x, x_next: records of the system's state, of numbers or of arrays.
         u: record of the control.
         target: a target row's numbers.
-        crashed: whether the sample had crashed before, 0.0 or 1.0.
+        crashed: the sample's crash flag before the step.
         t: step of the horizon, if parameters depend on it; an array, if the records hold arrays
             over several steps.
     """

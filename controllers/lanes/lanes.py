@@ -32,7 +32,8 @@ class Trajectories(NamedTuple):
     """Samples after a rollout, with their states, crashes and target rows at each step."""
 
     states: np.ndarray  # after each step  (samples, T, n_x)
-    crashed: np.ndarray  # 1.0 from the step of a crash on, else 0.0  (samples, T)
+    # the crash flag: at least 1.0 from the step of a crash on, before that the risks so far
+    crashed: np.ndarray  # (samples, T)
     rows: np.ndarray  # the target row of each step, counted from the first  (samples, T)
     J: np.ndarray  # (samples,)
 

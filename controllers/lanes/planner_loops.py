@@ -388,7 +388,7 @@ def trace_model(graph: Graph, system: System, x: Any, u: Any, params: Any = None
 class TracedCost(NamedTuple):
     """A cost at one step of one sample, as symbols."""
 
-    crashed: Value  # 1.0 from the crash on, else 0.0
+    crashed: Value  # at least 1.0 from the crash on, else the risks so far
     reached: Value
     weighted: dict[str, Symbol]  # weight times value of each term with a nonzero weight
 
@@ -404,7 +404,7 @@ def trace_cost(
         graph: graph that records the operations.
         cost: the cost.
         x, x_next, u, target: records of state, next state, control and target row, as symbols.
-        crashed_before: 1.0 for a sample that had crashed before the step, else 0.0.
+        crashed_before: the sample's crash flag before the step.
 
     Raises:
         TraceError: one of the functions cannot be traced.
