@@ -352,14 +352,17 @@ async def watchers(port: int, clients: int) -> None:
 
     async def scene() -> None:
         address = f"ws://127.0.0.1:{port}/scene/"
-        async with websockets.connect(address, subprotocols=[PROTOCOL], max_size=None) as socket:
+        async with websockets.connect(
+            address, subprotocols=[PROTOCOL], max_size=None, ping_interval=None
+        ) as socket:
             await socket.send(msgspec.msgpack.encode(CAMERA))
             while True:
                 received[0] += len(await socket.recv())
 
     async def page() -> None:
         have: dict[str, int] = {}
-        async with websockets.connect(f"ws://127.0.0.1:{port}/link", max_size=None) as socket:
+        link = f"ws://127.0.0.1:{port}/link"
+        async with websockets.connect(link, max_size=None, ping_interval=None) as socket:
             while True:
                 await socket.send(json.dumps({**ASK, "have": have}))
                 answer: dict = {}
