@@ -1,12 +1,14 @@
 """Draw the tracker's edges for flying_on_pictures.md: `.venv/bin/python docs/pixels_figure.py`.
 
-It prints how many gates are found on random poses, how exactly, and how long a picture takes.
+It prints how many gates are found on random poses, of which kinds, how exactly, and how long a
+picture takes.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
 from time import process_time
+from typing import NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -43,14 +45,46 @@ DISTANCE = 15.0
 WITHIN = 6.0
 # sine of the angle to its plane from which on a gate is not seen from its side
 ASIDE = 0.2
+# [px] motion of a gate during the exposure, from which on it counts as blurred
+BLURRED = 4.0
 SHOWN = (4, 5, 34, 82)
+
+
+class Case(NamedTuple):
+    """A gate in a picture."""
+
+    found: bool
+    # from the camera to the gate [m]
+    away: float
+    # sine of the angle between the line of sight and the plane of the gate
+    sine: float
+    # corners outside of the picture, and corners that another frame or an obstacle hides
+    clipped: int
+    hidden: int
+    # motion during the exposure [px]
+    blur: float
+
+
+# Kinds of gates
+KINDS = {
+    "all": lambda case: True,
+    "nearer than 5 m": lambda case: case.away < 5.0,
+    "5 to 10 m": lambda case: 5.0 <= case.away < 10.0,
+    "10 to 15 m": lambda case: case.away >= 10.0,
+    "less than 5 degrees to its plane": lambda case: case.sine < 0.087,
+    "5 to 12 degrees": lambda case: 0.087 <= case.sine < ASIDE,
+    "more than 12 degrees": lambda case: case.sine >= ASIDE,
+    "a corner outside of the image": lambda case: case.clipped > 0,
+    "a corner behind another gate": lambda case: case.hidden > 0,
+    f"moves {BLURRED:.0f} px or more during the exposure": lambda case: case.blur >= BLURRED,
+}
 
 
 def main() -> None:
     rng = np.random.default_rng(0)
     tracker = Tracker(CAMERA, GATES)
     errors: list[float] = []
-    found: list[tuple[bool, bool]] = []
+    found: list[Case] = []
     drawing = []
     tracking = []
     figure, axes = plt.subplots(2, 2, figsize=(12.8, 7.4), layout="constrained")
@@ -65,13 +99,13 @@ def main() -> None:
         seen = tracker.tracked(photo, estimated(pose, velocity, rng), tuple(rates.tolist()))
         tracking.append(process_time() - drawn)
         drawing.append(drawn - began)
-        compare(pose, seen, errors, found)
+        found += compare(pose, velocity, rates, seen, errors)
         if k in SHOWN:
             draw(axes.flat[SHOWN.index(k)], photo, seen)
     figure.savefig(Path(__file__).parent / "pixels.png", dpi=100)
-    hits, upright = np.array(found).T
-    print(f"{hits.sum()} of {len(hits)} gates found", end=", ")
-    print(f"not seen from their side {hits[upright].sum()} of {upright.sum()}")
+    for name, kind in KINDS.items():
+        hits = [case.found for case in found if kind(case)]
+        print(f"{name}: {sum(hits)} of {len(hits)}")
     print(f"{len(errors)} corners, median {np.median(errors):.2f} px", end=", ")
     print(f"95 % within {np.quantile(errors, 0.95):.2f} px")
     print(f"processor time in the median: drawing {1e3 * np.median(drawing):.1f} ms", end=", ")
@@ -97,20 +131,34 @@ def estimated(pose: Pose, velocity: np.ndarray, rng: np.random.Generator) -> Fil
     return FilterState(nominal, np.zeros(0), np.zeros((0, 3)), np.diag(variances))
 
 
-def compare(pose: Pose, seen: Tracked, errors: list[float], found: list[tuple[bool, bool]]) -> None:
-    """Add the errors of the corners of a picture, and which gates were found."""
+def compare(
+    pose: Pose, velocity: np.ndarray, rates: np.ndarray, seen: Tracked, errors: list[float]
+) -> list[Case]:
+    """Return the gates of a picture, and add the errors of its corners."""
     true, depth = CAMERA.gate_corners(GATES, pose.p, pose.q)
     eye, _ = CAMERA.pose(pose.p, pose.q)
-    in_view = CAMERA.in_picture(true.reshape(-1, 2)).reshape(-1, 4) & (depth > 0.1)
-    in_view &= ~hidden_corners(GATES, eye, COURSE.obstacles)
+    in_picture = CAMERA.in_picture(true.reshape(-1, 2)).reshape(-1, 4) & (depth > 0.1)
+    hidden = hidden_corners(GATES, eye, COURSE.obstacles)
+    p = (np.array(pose.p) + CAMERA.exposure * velocity).tolist()
+    later, _ = CAMERA.gate_corners(GATES, (*p,), turned(pose.q, (CAMERA.exposure * rates).tolist()))
+    cases = []
     for k, gate in enumerate(GATES):
         mine = seen.found.gates == k
         off = np.linalg.norm(seen.found.pixels[mine] - true[k, seen.found.corners[mine]], axis=1)
         errors += off.tolist()
-        away = np.linalg.norm(np.subtract(gate.position, eye))
-        if in_view[k].sum() >= CORNERS and away < DISTANCE:
-            ahead = abs(gate.to_local(tuple(eye.tolist())).along)
-            found.append(((off < WITHIN).sum() >= 2, ahead > ASIDE * away))
+        in_view = in_picture[k] & ~hidden[k]
+        away = float(np.linalg.norm(np.subtract(gate.position, eye)))
+        if in_view.sum() >= CORNERS and away < DISTANCE:
+            case = Case(
+                found=bool((off < WITHIN).sum() >= 2),
+                away=away,
+                sine=abs(gate.to_local((*eye.tolist(),)).along) / away,
+                clipped=int((~in_picture[k]).sum()),
+                hidden=int(hidden[k].sum()),
+                blur=float(np.linalg.norm((later[k] - true[k])[in_view], axis=1).max()),
+            )
+            cases.append(case)
+    return cases
 
 
 def draw(panel, photo: Photo, seen: Tracked) -> None:
