@@ -471,8 +471,10 @@ def _of_sensing(sensing: Sensing | None) -> dict[str, Any] | None:
     if sensing.camera is not None:
         record["camera"] = _without_added(sensing.camera)
     # Records of versions without them have no such keys.
-    if sensing.pixels is not None and sensing.pixels.network is None:
-        del record["pixels"]["network"]
+    if sensing.pixels is not None:
+        record["pixels"] = _without_added(sensing.pixels)
+        if sensing.pixels.network is None:
+            del record["pixels"]["network"]
     for added in ("pixels", "barometer"):
         if record[added] is None:
             del record[added]

@@ -42,7 +42,7 @@ LATEST = 1e5
 
 Effect = Literal["frozen", "lost"]
 # sensors that can fail as a whole, by their keys in a sensing file
-WholeSensor = Literal["imu", "rotors", "pose", "camera"]
+WholeSensor = Literal["imu", "rotors", "pose", "camera", "pixels"]
 WHOLE_SENSORS: tuple[WholeSensor, ...] = get_args(WholeSensor)
 # parts of an imu
 ImuPart = Literal["gyro", "accelerometer"]

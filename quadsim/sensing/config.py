@@ -291,3 +291,5 @@ class PixelCameraConfig(CornerCamera):
     banners: Annotated[
         int, setting("sheets of the gates' colour beside the course", unit="1", ge=0, le=100)
     ] = 0
+    dropouts: Annotated[Share, setting("probability per picture that a dropout begins")] = 0.0
+    dropout: Annotated[float, setting("duration of a dropout [s]", unit="s", gt=0, le=100)] = 0.5

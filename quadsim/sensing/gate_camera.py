@@ -22,10 +22,11 @@ from quadsim.dynamics.quadrotor import State
 from quadsim.physics.plant_state import PlantState
 from quadsim.rotation import matrix
 from quadsim.sensing.config import GateCameraConfig
+from quadsim.sensing.dropouts import Dropouts
 from quadsim.sensing.measurements import Corners
 from quadsim.sensing.timing import Ticks
 from quadsim.sensing.visibility import hidden
-from quadsim.streams import dropout_stream, miss_stream
+from quadsim.streams import miss_stream
 
 
 class GateCamera:
@@ -49,9 +50,7 @@ class GateCamera:
         self.latency = config.latency
         self._config = config
         self._rng = np.random.default_rng(seeds)
-        # A stream of its own, so that the errors of the corners are the same without dropouts.
-        self._dropouts = np.random.default_rng(dropout_stream(seeds))
-        self._silent_until = -inf
+        self._dropouts = Dropouts(config.dropouts, config.dropout, seeds)
         # Another one, and whether each corner is missed in a burst now  (corners,)
         self._bursts = np.random.default_rng(miss_stream(seeds))
         self._missed: np.ndarray | None = None
@@ -80,14 +79,7 @@ class GateCamera:
             others = self._gates[:k] + self._gates[k + 1 :]
             seen[4 * k : 4 * k + 4] &= ~hidden(self._corners[k], position, others, self._obstacles)
         found = self._found(state.t, pixels, np.flatnonzero(seen))
-        return None if self._is_silent(state.t) else found
-
-    def _is_silent(self, t: float) -> bool:
-        """Return whether the picture that is taken at t [s] is lost in a dropout."""
-        begins = self._dropouts.random() < self._config.dropouts
-        if begins and t > 0.0:
-            self._silent_until = t + self._config.dropout
-        return t < self._silent_until
+        return None if self._dropouts.lost(state.t) else found
 
     def _missed_in_bursts(self, n: int) -> np.ndarray:
         """Return which of n corners are missed in this picture.  (n,) bool"""

@@ -20,6 +20,7 @@ from quadsim.physics.plant_state import PlantState
 from quadsim.rotation import without_jumps
 from quadsim.sensing.camera import Camera
 from quadsim.sensing.config import PixelCameraConfig
+from quadsim.sensing.dropouts import Dropouts
 from quadsim.sensing.measurements import Photo
 from quadsim.sensing.timing import Ticks
 
@@ -55,24 +56,26 @@ class Moment(NamedTuple):
 class PixelCamera:
     """Takes pictures of a flight."""
 
-    def __init__(self, config: PixelCameraConfig, eye: Eye):
+    def __init__(self, config: PixelCameraConfig, eye: Eye, seeds: np.random.SeedSequence):
         """Take pictures with an eye.
 
         Args:
             config: the camera.
             eye: what draws the pictures.
+            seeds: random stream of the dropouts.
         """
         self.latency = config.latency
         self._config = config
         self._eye = eye
         self._ticks = Ticks(config.rate)
         self._half = 0.5 * (config.exposure + config.readout)
+        self._dropouts = Dropouts(config.dropouts, config.dropout, seeds)
         # recent poses of the vehicle, and the middles of the pictures that are being taken
         self._moments: deque[Moment] = deque()
         self._open: deque[float] = deque()
 
     def sample(self, state: PlantState[State]) -> Photo | None:
-        """Return a picture if one is complete at this step, else None."""
+        """Return a picture if one is complete at this step and not lost, else None."""
         x = state.x
         self._moments.append(Moment(state.t, (*x.position, *x.attitude)))
         if self._ticks.due(state.t):
@@ -83,6 +86,8 @@ class PixelCamera:
         if not self._open or state.t < self._open[0] + self._half - ROUNDING:
             return None
         t = self._open.popleft()
+        if self._dropouts.lost(t):
+            return None
         eyes, axes = row_poses(self._config, t, list(self._moments))
         return Photo(t, self._eye(eyes, axes))
 

@@ -180,7 +180,7 @@ class Sensors:
             sensors["camera"] = GateCamera(sensing.camera, streams.camera, gates, obstacles)
         if sensing.pixels:
             assert eye
-            sensors["pixels"] = PixelCamera(sensing.pixels, eye)
+            sensors["pixels"] = PixelCamera(sensing.pixels, eye, streams.camera)
         if sensing.barometer:
             sensors["barometer"] = Barometer(sensing.barometer, streams.barometer)
         for fault in faults:

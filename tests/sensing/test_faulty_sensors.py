@@ -8,23 +8,28 @@ import pytest
 from quadsim.physics.faults import parse_fault
 from quadsim.physics.plant_state import PlantState
 from quadsim.sensing import load_sensing
-from quadsim.sensing.measurements import Corners, Inertial, Pose, RotorThrust
+from quadsim.sensing.measurements import Corners, Inertial, Photo, Pose, RotorThrust
 from quadsim.sensing.sensors import Sensors
 from quadsim.vehicle import load_vehicle
 from tests.sensing.truth_cases import GATES, states
 
 SWIFT = load_vehicle("swift")
-SENSING = replace(load_sensing("lab"), name="test")
-KINDS = {"imu": Inertial, "rotors": RotorThrust, "pose": Pose, "camera": Corners}
+PIXELS = load_sensing("pixels").pixels
+SENSING = replace(load_sensing("lab"), name="test", pixels=PIXELS)
+KINDS = {"imu": Inertial, "rotors": RotorThrust, "pose": Pose, "camera": Corners, "pixels": Photo}
 FLIGHT = states(3.0)
+
+
+def eye(eyes, axes):
+    """Return where the camera was, in place of a picture."""
+    return eyes
 
 
 def measured(*faults):
     """Return the measurements of a flight of 3 s by kind, after the warm-up at rest."""
     given = [parse_fault(text) for text in faults]
-    sensors = Sensors(
-        SENSING, np.random.SeedSequence(5), SWIFT, GATES, velocity_lag=0.0, faults=given
-    )
+    seeds = np.random.SeedSequence(5)
+    sensors = Sensors(SENSING, seeds, SWIFT, GATES, faults=given, eye=eye)
     sensors.warm_up(FLIGHT[0], 1 / 400)
     for state in FLIGHT:
         sensors.observe(state)
@@ -46,6 +51,8 @@ def numbers(measurement):
             values = (*measurement.position, *measurement.attitude, *(measurement.velocity or ()))
         case Corners():
             values = (*measurement.gates, *measurement.corners, *measurement.pixels.ravel())
+        case Photo():
+            values = measurement.rgb.ravel()
     return np.array(values, float).tobytes()
 
 
@@ -127,6 +134,6 @@ def test_nothing_fails_before_the_flight():
 
 def test_a_sensor_that_has_measured_nothing_yet_has_nothing_to_repeat():
     given = [parse_fault("pose=frozen@0")]
-    sensors = Sensors(SENSING, np.random.SeedSequence(5), SWIFT, GATES, faults=given)
+    sensors = Sensors(SENSING, np.random.SeedSequence(5), SWIFT, GATES, faults=given, eye=eye)
     sensors.observe(PlantState(0.0, FLIGHT[0].x, ()))
     assert not any(isinstance(m, Pose) for m in sensors.arrived(9.0))

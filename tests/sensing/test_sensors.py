@@ -16,11 +16,13 @@ from quadsim.sensing.config import (
     BarometerConfig,
     GateCameraConfig,
     ImuConfig,
+    PixelCameraConfig,
     PoseConfig,
     RotorConfig,
 )
 from quadsim.sensing.gate_camera import GateCamera
 from quadsim.sensing.imu import Imu
+from quadsim.sensing.pixel_camera import PixelCamera
 from quadsim.sensing.pose import PoseSensor
 from quadsim.sensing.rotor_speeds import RotorSpeeds
 from quadsim.sensing.timing import Ticks
@@ -277,6 +279,18 @@ def test_a_cameras_dropouts_lose_pictures_in_bursts_and_change_no_later_corner()
     assert 0.2 < 1.0 - len(found) / len(kept) < 0.8
     for t, corners in found.items():
         assert np.array_equal(corners.pixels, kept[t].pixels)
+
+
+def test_a_pixel_cameras_dropouts_lose_pictures_in_bursts_and_change_no_other():
+    whole = PixelCameraConfig(8, 8, 8.0, 8.0, rate=50.0)
+    bursts = replace(whole, dropouts=0.03, dropout=0.3)
+    kept, found = (
+        {m.t: m.rgb for m in measured(PixelCamera(config, lambda eyes, axes: eyes, SEED))}
+        for config in (whole, bursts)
+    )
+    assert np.diff([t for t in found if t > 0.0]).max() >= 0.3
+    assert 0.2 < 1.0 - len(found) / len(kept) < 0.8
+    assert all(np.array_equal(rgb, kept[t]) for t, rgb in found.items())
 
 
 @pytest.mark.slow
