@@ -54,6 +54,7 @@ def seeds(seed):
         ("rotor=.7", RotorFault(None, 0.7, Window(None))),
         ("gyro=frozen@2-2.5", SensorFault("gyro", "frozen", Window(2.0, 0.5))),
         ("camera=lost~1", SensorFault("camera", "lost", Window(None, 1.0))),
+        ("pixels=lost@1-2.2", SensorFault("pixels", "lost", Window(1.0, 1.2))),
         ("gyro=.1:0:-.2@3", BiasJump("gyro", (0.1, 0.0, -0.2), Window(3.0))),
         ("accelerometer=2", BiasJump("accelerometer", (2.0,), Window(None))),
         ("commands=lost@2~.1", CommandLoss(Window(2.0, 0.1))),
