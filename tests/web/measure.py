@@ -14,6 +14,7 @@ python tests/web/measure.py soak 60    memory and threads over an hour of races 
                                        more after the first ten minutes
 python tests/web/measure.py soak 60 small   the same with the small planner of the tests, at a fifth
                                        of real time, which takes about a fifth of a core
+python tests/web/measure.py soak 60 glide   the same with short flights without a planner
 
 The clients of `slowdown` have a core to themselves, so that what they take is the page's own work.
 That of `four` shares the cores, as a browser does; it draws nothing.
@@ -146,6 +147,12 @@ class Place:
         self._fly(HeatChoices(tuple(entrants)))
         return ", ".join(one.outcome or "" for one in self.session.snapshot.competitors)
 
+    def ghosts(self, seed: int) -> str:
+        """Fly four side by side without a planner. Return how it ended for each of them."""
+        flights = [Choices(sampler=name, seed=seed, laps=2) for name in SOAK_SAMPLERS]
+        self._fly(*flights)
+        return ", ".join(one.outcome or "" for one in self.session.snapshot.competitors)
+
     def four(self) -> float:
         """Race four drones in one world for a while. Return the real-time factor."""
         entrants = [Choices(settings={"samples": FOUR_SAMPLES}) for _ in range(4)]
@@ -163,10 +170,10 @@ class Place:
             time.sleep(0.05)
         return (last - first) / (ended - began)
 
-    def _fly(self, choices: Choices | HeatChoices) -> None:
+    def _fly(self, *choices: Choices | HeatChoices) -> None:
         """Fly to the end."""
         races = self.session.snapshot.race
-        self.session.tell(PageRace.start, [choices])
+        self.session.tell(PageRace.start, list(choices))
         while self.session.snapshot.race == races or self.session.snapshot.flying:
             time.sleep(0.05)
 
@@ -303,7 +310,7 @@ def verdict(found: float, most: float, unit: str) -> str:
     return "as claimed" if found < most else f"MORE than the {most:g} {unit} claimed"
 
 
-def soak(place: Place, minutes: float, is_small: bool) -> None:
+def soak(place: Place, minutes: float, is_small: bool, glides: bool) -> None:
     """Measure memory and threads over many races of four."""
     place.watch(CLIENTS, CLIENT_CORE)
     settings = SMALL if is_small else SOAK_PLANNER
@@ -314,7 +321,7 @@ def soak(place: Place, minutes: float, is_small: bool) -> None:
     spent = time.process_time()
     races = 0
     while time.monotonic() - began < 60 * minutes:
-        outcomes = place.heat(races, settings)
+        outcomes = place.ghosts(races) if glides else place.heat(races, settings)
         races += 1
         now = resident()
         passed = time.monotonic() - began
@@ -395,7 +402,8 @@ def main() -> None:
             paint(place)
             place.close()
             what = "motion"
-        place = Place(root, Gliders()) if what == "share" else Place(root)
+        glides = what == "share" or "glide" in more
+        place = Place(root, Gliders()) if glides else Place(root)
         try:
             if what == "slowdown":
                 slowdown(place)
@@ -408,7 +416,7 @@ def main() -> None:
             elif what == "motion":
                 motion(place)
             elif what == "soak":
-                soak(place, float(more[0]) if more else 30.0, "small" in more)
+                soak(place, float(more[0]) if more else 30.0, "small" in more, "glide" in more)
         finally:
             place.close()
 
