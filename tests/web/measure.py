@@ -25,6 +25,7 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import secrets
 import shutil
 import signal
 import subprocess
@@ -102,7 +103,7 @@ SOFTWARE = [
     "--enable-unsafe-swiftshader",
 ]
 # what a page asks for with the tab Laps open, and how often while the race moves [s]
-ASK = {"type": "ask", "have": {}, "seat": "", "shows": ["laps"]}
+ASK = {"type": "ask", "have": {}, "shows": ["laps"]}
 ASK_PERIOD = 0.1
 MENU = Menu(("split_s_swift",), ("swift",), {"race": "swift"}, ("colored", "gaussian"))
 
@@ -357,8 +358,8 @@ async def watchers(port: int, clients: int) -> None:
         print(received[0], flush=True)
         received[0] = 0
 
-    async def scene() -> None:
-        address = f"ws://127.0.0.1:{port}/scene/"
+    async def scene(seat: str) -> None:
+        address = f"ws://127.0.0.1:{port}/scene/{seat}"
         async with websockets.connect(
             address, subprotocols=[PROTOCOL], max_size=None, ping_interval=None
         ) as socket:
@@ -366,12 +367,12 @@ async def watchers(port: int, clients: int) -> None:
             while True:
                 received[0] += len(await socket.recv())
 
-    async def page() -> None:
+    async def page(seat: str) -> None:
         have: dict[str, int] = {}
         link = f"ws://127.0.0.1:{port}/link"
         async with websockets.connect(link, max_size=None, ping_interval=None) as socket:
             while True:
-                await socket.send(json.dumps({**ASK, "have": have}))
+                await socket.send(json.dumps({**ASK, "have": have, "seat": seat}))
                 answer: dict = {}
                 while answer.get("type") != "parts":
                     data = await socket.recv()
@@ -381,7 +382,8 @@ async def watchers(port: int, clients: int) -> None:
                 await asyncio.sleep(ASK_PERIOD)
 
     asyncio.get_running_loop().add_signal_handler(signal.SIGUSR1, tell)
-    await asyncio.gather(*(one() for _ in range(clients) for one in (scene, page)))
+    seats = [secrets.token_urlsafe(18) for _ in range(clients)]
+    await asyncio.gather(*(one(seat) for seat in seats for one in (scene, page)))
 
 
 def main() -> None:
