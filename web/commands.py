@@ -26,7 +26,7 @@ from quadsim.web.fields import shown_fields
 from quadsim.web.menu import Menu
 from quadsim.web.playhead import Playhead
 from quadsim.web.setting_texts import checked_number, checked_setting
-from quadsim.web.state import GHOSTS, PageState, RemovedRow, Row, World
+from quadsim.web.state import EVERYBODY, GHOSTS, PageState, RemovedRow, Row, World
 from quadsim.web.view import View
 
 MOST_REMOVED = 8  # number of removed rows that can be put back
@@ -63,6 +63,7 @@ class ChooseRace(Command, frozen=True):
 
     name: Name  # of OF_RACE
     value: Name | int | float
+    visitor: int = EVERYBODY  # who chooses it
 
 
 class ChooseNames(Command, frozen=True):
@@ -161,6 +162,7 @@ class SetUp(Command, frozen=True):
     world: World = GHOSTS
     expect: Expect = HeatSettings.expect
     rules: RulesName = HeatSettings.rules
+    visitor: int = EVERYBODY  # who sets it up
 
 
 class FlyAgainst(Command, frozen=True):
@@ -199,8 +201,9 @@ def apply(state: PageState, command: AnyCommand | OfferCourse) -> PageState:
     match command:
         case Leave() | ComeBack() | EditRow() | Watch() | SetView() | SetPlayhead():
             return _with_visitors(state, command)
-        case ChooseRace(name, value):
-            return _with_race(state, name, value)
+        case ChooseRace(name, value, visitor):
+            chosen = _with_race(state, name, value)
+            return replace(chosen, chooser=visitor) if name == "course" else chosen
         case FlyAgainst(runs):
             return replace(state, against=tuple(dict.fromkeys(runs)))
         case AddRow(visitor, like):
@@ -369,6 +372,7 @@ def _set_up(state: PageState, asked: SetUp) -> PageState:
         world=asked.world,
         expect=asked.expect,
         rules=asked.rules,
+        chooser=asked.visitor,
         next_number=state.next_number + len(rows),
     )
 

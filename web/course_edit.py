@@ -51,7 +51,6 @@ class CourseEdit:
 
     def __init__(self, runs_dir: str):
         self.history = History(Draft.empty())
-        self.is_open = False
         self.folder = CourseFolder(runs_dir)
         self.search: LimitSearch | None = None
         self.replaced = ""
@@ -77,7 +76,6 @@ class CourseEdit:
             FileError: the course's text is not a course.
         """
         self.change(Draft.copy_of(course) if course else Draft.empty())
-        self.is_open = True
 
     def change(self, draft: Draft, what: object = None) -> None:
         """Replace the draft by a changed one; what: see History.change."""

@@ -28,7 +28,7 @@ def line_up_text(state: PageState) -> str:
     )
     built = msgspec.to_builtins(asked)
     # The folder of runs is each server's own.
-    del built["race"]["runs_dir"]
+    del built["race"]["runs_dir"], built["visitor"]
     data = urlsafe_b64encode(msgspec.json.encode(built)).decode().rstrip("=")
     if len(data) > MOST_BYTES:
         raise ValueError(f"link: expected a line-up of {MOST_BYTES} letters, got {len(data)}")

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import urlencode
 
+from msgspec.structs import replace
+
 from quadsim.course import Course, load_course
 from quadsim.files.strict_yaml import FileError
 from quadsim.web.choices import Choices, HeatChoices
@@ -77,15 +79,15 @@ class NextStart:
             self._loaded = LoadedCourse("", None)
             self.desk.do(ChooseRace("course", name))
 
-    def fly_against(self, runs: Sequence[str], course: str) -> None:
+    def fly_against(self, runs: Sequence[str], course: str, visitor: int) -> None:
         """Show stored runs beside the next flight, on their course if the menu has it."""
         if course in OF_RACE["course"].options(self.desk.state.menu):
-            self.desk.do(ChooseRace("course", course))
+            self.desk.do(ChooseRace("course", course, visitor))
         self.desk.do(FlyAgainst(tuple(runs)))
 
-    def set_up(self, line_up: str) -> None:
+    def set_up(self, line_up: str, visitor: int) -> None:
         """Set up the race of an address, see quadsim.web.line_up_link. Raises ValueError."""
-        self.desk.do(set_up_of(line_up))
+        self.desk.do(replace(set_up_of(line_up), visitor=visitor))
 
     @property
     def link(self) -> str:

@@ -21,6 +21,7 @@ from quadsim.web.view import View
 
 Pace = Literal["0.1 x", "0.25 x", "0.5 x", "1 x", "2 x", "4 x"]
 REAL_TIME: Pace = "1 x"
+EVERYBODY = 0  # in place of the number of a visitor
 World = Literal["as ghosts", "in one world"]
 GHOSTS: World = "as ghosts"
 TOGETHER: World = "in one world"
@@ -69,6 +70,8 @@ class PageState:
         world: whether several competitors fly as ghosts or in one world.
         expect, rules: of a race in one world.
         pace: race seconds per second that flights are asked for.
+        chooser: number of the visitor who chose the course last, to whom it is shown in place of a
+            race; EVERYBODY: to all.
         against: names of stored runs that are shown beside the next flight.
         visitors: the visitors by their numbers.
         left: visitors who have left, by the names of their seats, the last one last.
@@ -99,6 +102,7 @@ class PageState:
     pace: Annotated[
         Pace, Shown("of the flights, for all visitors; each watches at a speed of its own", "Pace")
     ] = REAL_TIME
+    chooser: int = EVERYBODY
     against: tuple[str, ...] = ()
     visitors: Mapping[int, Visitor] = field(default_factory=lambda: MappingProxyType({}))
     left: Mapping[str, Visitor] = field(default_factory=lambda: MappingProxyType({}))

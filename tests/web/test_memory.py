@@ -34,7 +34,7 @@ def race(page, flights):
     """Begin another race and wait until the page shows it."""
     number = page.session.snapshot.race + 1
     page.session.tell(PageRace.start, flights)
-    assert until(lambda: page.dashboard._stage.race == number)
+    assert until(lambda: page.dashboard._raced.race == number)
 
 
 @pytest.mark.socket

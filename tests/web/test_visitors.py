@@ -113,6 +113,28 @@ def test_a_visitor_who_is_sent_less_takes_nothing_from_others(page, monkeypatch)
 
 
 @pytest.mark.socket
+def test_who_chooses_a_course_or_edits_one_takes_no_race_from_others(page, root):
+    run = stored(root, laps=2)
+    with visit(page.port) as (_, one), visit(page.port) as (client, other):
+        page.session.tell(PageRace.start, [], [run])
+        assert until(lambda: other.part("tower")["rows"])
+        race = other.part("map")
+        assert until(lambda: one.part("map") == race)
+        assert one.set("race", "course", "paper_flat") == ""
+        assert until(lambda: one.part("tower")["rows"] == [])
+        assert until(lambda: one.part("map") != race)
+        assert one.press("editor", "new") == ""
+        assert until(lambda: one.part("head")["phase"] == "editing")
+        client.waiting()
+        other.send("seek", t=0.3)
+        assert until(lambda: positions(client, "/competitor/0"))
+        assert other.part("tower")["rows"]
+        # a new race is everybody's
+        page.session.tell(PageRace.start, TWO)
+        assert until(lambda: len(one.part("tower")["rows"]) == 2)
+
+
+@pytest.mark.socket
 def test_who_flies_by_hand_sees_what_is(page, monkeypatch):
     monkeypatch.setattr(page.session, "flies", lambda visitor: True)
     with link(page.port) as linked:
@@ -147,14 +169,14 @@ def test_a_notice_of_an_event_comes_when_its_time_is_watched():
     sent = Sent()
     moments = Moments()
     screen = Screen(sent, sent, sent, s)
-    rest = Rest(Head("rest", []), tree(""))
+    rest = Rest(Head("rest", []), Head("editing", []), tree(""))
     notices.add("error", "at once", "")
     notices.add("lap", "of one second", "", 1.0)
     s = replace(s, notices=notices.recent)
 
     def watch(s, t):
         seen = Playhead().seek(s, 0.0, t).watched(s, 0.0)
-        screen.update(Seen(moments.of(seen), View(), False), Stage(), rest, Beats(True, True))
+        screen.update(Seen(moments.of(seen), View(), Stage(), False), rest, Beats(True, True))
         return sent.titles
 
     assert watch(s, 0.5) == ["at once"]

@@ -22,6 +22,7 @@ from msgspec import Meta
 from quadsim.web.page.camera import Camera
 from quadsim.web.page.link import Link, LinkVisitor, Message
 from quadsim.web.page.seats import Seat, Seats
+from quadsim.web.state import EVERYBODY
 
 PartName = Literal[
     "head", "now", "tower", "time_line", "map", "groups",
@@ -31,7 +32,6 @@ PartName = Literal[
 ]  # fmt: skip
 ALWAYS = frozenset(("head", "now", "tower", "time_line", "map", "groups"))
 PARTS: tuple[PartName, ...] = get_args(PartName)
-EVERYBODY = 0  # in place of the number of a visitor
 WANTED = 2.0  # time after a question for which a part that is shown is kept up to date [s]
 MOST_SHOWN = 32  # number of parts that a page shows at once
 

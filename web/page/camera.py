@@ -79,7 +79,7 @@ class Camera:
         # camera modes of the visitors, by the visitor's number
         self._modes: defaultdict[int, str] = defaultdict(lambda: FREE)
         self._placed: dict[int, Placed] = {}
-        self._course: Course | None = None
+        self._courses: dict[int, Course] = {}  # that each visitor's camera frames
         self._sizes: dict[int, float] = {}  # of the drones that each visitor sees [m]
         # what each visitor follows: name of a competitor, or LEADER
         self._followed: dict[int, str] = {}
@@ -88,13 +88,12 @@ class Camera:
         server.on_client_connect(self._connected)
         server.on_client_disconnect(self._disconnected)
 
-    def show(self, course: Course) -> None:
-        """Frame a course for everyone, unless it is the one that is framed."""
-        if self._course is None or course.text != self._course.text:
-            self._course = course
-            set_initial_camera(self._server, course)
-            for client in self._server.get_clients().values():
-                self._place(client)
+    def show(self, client: viser.ClientHandle, course: Course) -> None:
+        """Frame a course for one visitor, unless it is the one that is framed."""
+        framed = self._courses.get(client.client_id)
+        if framed is None or course.text != framed.text:
+            self._courses[client.client_id] = course
+            self._place(client)
 
     def set_size(self, client: viser.ClientHandle, size: float) -> None:
         """Set the size of the drones that a visitor sees [m]."""
@@ -102,9 +101,9 @@ class Camera:
         if self._modes[client.client_id] == FPV:
             self._place(client)
 
-    def frame_next(self, course: Course) -> None:
-        """Frame this course at the next placement of a camera, without moving cameras now."""
-        self._course = course
+    def frame_next(self, client: viser.ClientHandle, course: Course) -> None:
+        """Frame this course at the next placement of a visitor's camera, without moving it now."""
+        self._courses[client.client_id] = course
 
     def choose(self, client: viser.ClientHandle | None, mode: str | None = None) -> None:
         """Choose a mode for one visitor alone; None: the next mode."""
@@ -184,6 +183,7 @@ class Camera:
         self._followed.pop(client.client_id, None)
         self._placed.pop(client.client_id, None)
         self._sizes.pop(client.client_id, None)
+        self._courses.pop(client.client_id, None)
         self._chased.pop(client.client_id, None)
 
     def _reported(self, client: viser.ClientHandle) -> None:
@@ -213,14 +213,15 @@ class Camera:
                 return
             camera.fov = FOV
             camera.near = CHASE_NEAR if mode == CHASE else NEAR
-            if self._course is None:
+            course = self._courses.get(client.client_id)
+            if course is None:
                 return
             camera.up_direction = UP
             if mode == CHASE:
                 return
             size = (camera.image_width, camera.image_height)
             view = top_view if mode == TOP else overview
-            pose = view(self._course, size)
+            pose = view(course, size)
             camera.position, camera.look_at = pose
             self._placed[client.client_id] = Placed(size, pose.position)
 

@@ -42,7 +42,9 @@ NUMBER = "number "  # begins the name of the field of a number
 
 
 class CourseEditor(Form):
-    """The editor of a page. It cannot open during a flight; a flight or a replay closes it.
+    """The editor of a page, open for each visitor who has opened it; the draft is everybody's.
+
+    It cannot open during a flight; a flight or a replay closes it.
 
     Args:
         start: what START flies, which is offered a saved course.
@@ -57,6 +59,7 @@ class CourseEditor(Form):
         self._edit = CourseEdit(session.root)
         # Number of the last race
         self._last_race = 0
+        self._editing: frozenset[int] = frozenset()  # the visitors who have the editor open
         self._drags = 0
         self._course_name = UNNAMED  # of the file
         self._checked = Checked((), frozenset(), "")
@@ -77,15 +80,18 @@ class CourseEditor(Form):
         """Return the course in the scene of a visitor, which is empty."""
         return EditScene(scene, self._dragged, self._clicked)
 
-    def update(self, s: Snapshot) -> bool:
-        """Check the draft; return whether the editor is open."""
+    def update(self, s: Snapshot) -> None:
+        """Check the draft while anybody edits it."""
         if s.flying or s.race != self._last_race:
             self._last_race = s.race
-            self._edit.is_open = False
+            self._editing = frozenset()
         self._offer_saved()
-        if self._edit.is_open:
+        if self._editing:
             self._check()
-        return self._edit.is_open
+
+    def is_open_for(self, visitor: int) -> bool:
+        """Return whether a visitor edits the course."""
+        return visitor in self._editing
 
     @property
     def shown(self) -> object:
@@ -113,17 +119,17 @@ class CourseEditor(Form):
     # The form.
 
     def key(self, visitor: int) -> object:
-        """Return the draft, what was found of it, and whether the editor is open."""
+        """Return the draft, what was found of it, and whether the visitor edits it."""
         edit = self._edit
         progress = edit.search.progress if edit.search else None
         is_searching = bool(edit.search and edit.search.is_on)
         file = (edit.saved_as, edit.replaced, self._course_name)
-        shown = (edit.history, edit.is_open, self._checked, file)
+        shown = (edit.history, self.is_open_for(visitor), self._checked, file)
         return shown, progress, is_searching, self._start.first_vehicle
 
     def fields(self, visitor: int) -> Fields:
         """Return the ways in, or the item that is edited, its numbers, and the course."""
-        if not self._edit.is_open:
+        if not self.is_open_for(visitor):
             return Fields(self._ways_in())
         return Fields([*self._item_fields(), *self._course_fields()])
 
@@ -225,15 +231,15 @@ class CourseEditor(Form):
         elif pressed in SHIFTS:
             edit.change(edit.draft.shift(SHIFTS[pressed]))
         else:
-            self._act(pressed)
+            self._act(visitor.number, pressed)
 
-    def _act(self, pressed: str) -> None:
+    def _act(self, visitor: int, pressed: str) -> None:
         """Do what a button says. Raises ValueError."""
         edit = self._edit
         acts = {
-            "copy": self._begin_copy,
-            "new": partial(self._begin, None),
-            "resume": self._go_on,
+            "copy": partial(self._begin_copy, visitor),
+            "new": partial(self._begin, visitor, None),
+            "resume": partial(self._open, visitor),
             "undo": edit.undo,
             "redo": edit.redo,
             "delete": self._delete,
@@ -241,19 +247,19 @@ class CourseEditor(Form):
             "put_back": self._put_back,
             "solve": self._solve,
             "cancel": edit.cancel_search,
-            "done": self._leave,
+            "done": partial(self._leave, visitor),
         }
         acts[pressed]()
 
-    def _begin_copy(self) -> None:
+    def _begin_copy(self, visitor: int) -> None:
         chosen = self._start.course()
         if chosen is None:
             raise ValueError("its file cannot be read: choose another course")
-        self._begin(chosen)
+        self._begin(visitor, chosen)
 
-    def _go_on(self) -> None:
+    def _open(self, visitor: int) -> None:
         self._expect_landed()
-        self._edit.is_open = True
+        self._editing |= {visitor}
 
     def _delete(self) -> None:
         self._edit.change(self._edit.draft.delete())
@@ -274,8 +280,8 @@ class CourseEditor(Form):
     def _solve(self) -> None:
         self._edit.begin_search(self._course_name, self._start.first_vehicle)
 
-    def _leave(self) -> None:
-        self._edit.is_open = False
+    def _leave(self, visitor: int) -> None:
+        self._editing -= {visitor}
 
     # Actions in the scene.
 
@@ -290,9 +296,9 @@ class CourseEditor(Form):
     async def _clicked(self, item: Item) -> None:
         self._edit.change(self._edit.draft.choose(item))
 
-    def _begin(self, course: Course | None) -> None:
+    def _begin(self, visitor: int, course: Course | None) -> None:
         """Begin to edit a copy of a course, or an empty one. Raises ValueError."""
-        self._expect_landed()
+        self._open(visitor)
         try:
             self._edit.begin(course)
         except FileError as error:

@@ -18,7 +18,7 @@ from quadsim.web.menu import Menu
 from quadsim.web.next_start import NextStart
 from quadsim.web.offered_presets import offered_presets
 from quadsim.web.page.board import EVERYBODY, Board
-from quadsim.web.page.camera import Camera
+from quadsim.web.page.camera import Camera, set_initial_camera
 from quadsim.web.page.charts import Charts
 from quadsim.web.page.competitor_forms import ChooseRow, CompetitorForm, NumbersForm
 from quadsim.web.page.course_editor import CourseEditor
@@ -94,20 +94,22 @@ class Dashboard:
         self._line_up_of = self._asked(self.desk.state)
         self._server = server
         self._session = session
-        self._stage = Stage()
+        self._raced = Stage()  # the last race
+        self._preview = Stage()  # the course that was chosen since
+        self._edited = Stage(is_edited=True)
+        self._begun: Course | None = None  # that new cameras frame
         self._scenes: dict[int, VisitorScene] = {}  # by the numbers of viser's visitors
         self._screens: dict[int, Screen] = {}  # by the numbers of the link's visitors
         self._moments = Moments()
-        self._rest = Rest(Head("rest", []), tree(""))
+        self._rest = Rest(Head("rest", []), Head("editing", []), tree(""))
         self._race = 0  # number of the last race
         self._passed_over: Course | None = None  # course that was chosen during that race
-        self._framed_gates = 0  # number of gates of the edited course that cameras frame
         self._factor = self.desk.state.factor  # race seconds per second that flights have
         self._tables_beat = Beat(TABLES)
         self._slow_beat = Beat(SLOW)
         self._past_due = Due(0.0)
-        self._rest_due = Due(0.0)
-        self._framed_due = Due(0.0)
+        self._coming_due = Due(0.0)
+        self._edited_due = Due(0.0)
         self._presets_due = Due(0.0)
         self._second_beat = Beat(SLOW)
         server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
@@ -185,6 +187,7 @@ class Dashboard:
             self._session.show_trajectories(False)
             return
         state = self.desk.state
+        self._update_stages(s)
         sitting = self._server.seats.visitors()
         seen = {number: self._seen_by(number) for number in {EVERYBODY, *visitors}}
         watching = [seen[sitting.get(number, EVERYBODY)] for number in clients]
@@ -193,18 +196,17 @@ class Dashboard:
         )
         self._joining.update(s, self._moments.of(s).timings if s.by_hand else [])
         beats = Beats(self._tables_beat.strikes(), self._slow_beat.strikes())
-        self._update_stage(s)
         for (number, client), one in zip(clients.items(), watching, strict=True):
             if number not in self._scenes:
                 self._scenes[number] = VisitorScene(client, self._camera, self._editor)
-            self._scenes[number].update(self._stage, one.moment, one.view)
+            self._scenes[number].update(one.stage, one.moment, one.view)
         if beats.tables:
             self._update_rest(state)
             self._update_shared(s, state)
         for number, visitor in visitors.items():
             if number not in self._screens:
                 self._screens[number] = Screen(self.board, self._charts, visitor, s)
-            self._screens[number].update(seen[number], self._stage, self._rest, beats)
+            self._screens[number].update(seen[number], self._rest, beats)
         self._update_pictures({number: seen[number] for number in visitors})
         self._moments.forget_others()
 
@@ -212,7 +214,7 @@ class Dashboard:
         """Return what a visitor watches; EVERYBODY stands for one whose page has not spoken yet."""
         moment = self._moments.of(self._viewing.seen_by(visitor))
         view = self.desk.state.visitor(visitor).view
-        return Seen(moment, view, self._session.flies(visitor))
+        return Seen(moment, view, self._stage_for(visitor), self._session.flies(visitor))
 
     def _forget_others(self, clients: Container[int], visitors: Container[int]) -> None:
         """Forget the scenes and the parts of visitors who have left."""
@@ -237,8 +239,7 @@ class Dashboard:
                 for number, one in seen.items()
                 if one.view.shows_pictures
                 and self.board.is_wanted("picture", number)
-                and self._stage.race == one.moment.s.race
-                and one.moment.timings
+                and one.is_drawn
             }
         )
 
@@ -273,45 +274,39 @@ class Dashboard:
             self._line_up = line_up_of(state)
         return self._line_up
 
-    def _update_stage(self, s: Snapshot) -> None:
-        """Put a race, a course or the course in work on the stage, and frame it."""
-        if self._editor.update(s):
-            if not self._stage.is_edited:
-                self._stage = Stage(is_edited=True)
-                self._framed_gates = 0
-            if self._framed_due((self._stage, self._editor.shown)):
-                self._frame_edited()
-            return
-        stage = self._next_stage(s)
-        if stage is not self._stage:
-            self._stage = stage
-            if stage.course:
-                self._camera.show(stage.course)
+    def _update_stages(self, s: Snapshot) -> None:
+        """Put the race and the chosen course on their stages.
 
-    def _next_stage(self, s: Snapshot) -> Stage:
-        """Return what stands on the stage now.
-
-        A race does once every competitor has a frame, unless a different course was chosen after
-        it.
+        A race is on its stage once every competitor has a frame.
         """
+        self._editor.update(s)
         chosen = self._chosen_course(s)
-        now = self._stage
-        if chosen and not any(entry.course.text == chosen.text for entry in s.competitors):
-            return now if now.course is chosen and not now.race else Stage(chosen)
-        if s.race and now.race == s.race:
-            return now
-        if not s.competitors or not all(len(entry.t) for entry in s.competitors):
-            return Stage() if now.is_edited else now
-        return Stage(s.competitors[0].course, s.race, s.competitors)
+        if chosen and any(entry.course.text == chosen.text for entry in s.competitors):
+            chosen = None  # the race is on it
+        if chosen is not self._preview.course:
+            self._preview = Stage(chosen)
+        has_frames = s.competitors and all(len(entry.t) for entry in s.competitors)
+        if self._raced.race != s.race and has_frames:
+            self._raced = Stage(s.competitors[0].course, s.race, s.competitors)
+        if self._raced.race and not s.competitors:
+            self._raced = Stage()
+        framed = self._raced.course or chosen
+        if framed and framed is not self._begun:
+            self._begun = framed
+            set_initial_camera(self._server, framed)
 
-    def _frame_edited(self) -> None:
-        """Frame the edited course again if it has got another number of gates."""
-        framed = self._editor.framed()
-        if len(framed.gates) == self._framed_gates:
-            self._camera.frame_next(framed)
-            return
-        self._framed_gates = len(framed.gates)
-        self._camera.show(framed)
+    def _stage_for(self, visitor: int) -> Stage:
+        """Return what a visitor sees: the course in work, the race, or the chosen course.
+
+        A course that is chosen after a race is shown to the visitor who chose it; others go on
+        watching the race.
+        """
+        if self._editor.is_open_for(visitor):
+            return self._edited
+        is_chooser = self.desk.state.chooser in (EVERYBODY, visitor)
+        if self._preview.course and (is_chooser or not self._raced.race):
+            return self._preview
+        return self._raced
 
     def _chosen_course(self, s: Snapshot) -> Course | None:
         """Return the course that was chosen after the race, None if none was."""
@@ -327,12 +322,12 @@ class Dashboard:
     def _update_rest(self, state: PageState) -> None:
         """Make anew what is shown where no race is, if that has changed."""
         line_up = self._line_up_now(state)
-        if self._stage.is_edited:
-            if self._rest_due((self._stage, self._editor.shown)):
-                said = tree(self._editor.said())
-                head = Head("editing", [Word("Course editor")], more=said)
-                self._rest = Rest(head, tree(self._editor.map()))
-        elif self._rest_due((self._stage, line_up, state.world, state.race.course)):
-            has_map = self._stage.course is not None
-            drawn = self._stage.map.draw([]) if has_map else ""
-            self._rest = Rest(coming_head(state, line_up), tree(drawn))
+        if self._coming_due((line_up, state.world, state.race.course)):
+            self._rest = replace(self._rest, head=coming_head(state, line_up))
+        if self._edited_due(self._editor.shown):
+            said = tree(self._editor.said())
+            self._rest = replace(
+                self._rest,
+                edited=Head("editing", [Word("Course editor")], more=said),
+                edited_map=tree(self._editor.map()),
+            )

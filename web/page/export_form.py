@@ -29,6 +29,11 @@ from quadsim.web.summary import summary_at
 from quadsim.web.viewing import Viewing
 
 RENDER_TIMEOUT = 30.0  # time limit for a browser with software rendering [s]
+OPENS_RUNS = (
+    "It shows these runs to everybody who looks at the page then, and this time, camera and view to"
+    " who opens it."
+)
+OPENS_SET_UP = "It sets up the next START for everybody who looks at the page then."
 BUTTONS = {
     "page": "animated, plays offline",
     "CSV": "every number of the runs that are shown",
@@ -47,10 +52,11 @@ class Download(Message, tag="download"):
 
 
 class Address(Message, tag="address"):
-    """An address to copy: the part after that of the page."""
+    """An address to copy: the part after that of the page. opens: what it does."""
 
     title: str
     address: str
+    opens: str
 
 
 class File(NamedTuple):
@@ -104,9 +110,9 @@ class ExportForm(Form):
                 mode = self._camera.mode_of(client) if client else FREE
                 view = self._start.desk.state.visitor(visitor.number).view
                 address = link_to(s.competitors, s.t, mode, view, self._session.root)
-                visitor.send(Address("Link to what is shown", address))
+                visitor.send(Address("Link to what is shown", address, OPENS_RUNS))
             case "set-up":
-                visitor.send(Address("Link that sets up this race", self._start.link))
+                visitor.send(Address("Link that sets up this race", self._start.link, OPENS_SET_UP))
             case what:
                 self._worker.submit(self._make, visitor, client, what, s)
 

@@ -49,7 +49,7 @@ class RaceForm(Form):
 
     def set(self, visitor: int, asked: SetField) -> None:
         """Choose a setting of the race. Raises ValueError."""
-        self._start.desk.do(ChooseRace(asked.field, asked.value))
+        self._start.desk.do(ChooseRace(asked.field, asked.value, visitor))
 
     def press(self, visitor: LinkVisitor, asked: PressField) -> None:
         """Show no stored runs beside the next flight."""

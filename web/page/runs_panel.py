@@ -226,11 +226,11 @@ class RunsPanel:
                 case ReplayRuns():
                     self._replay(visitor.number, request)
                 case FlyAgainstRuns(names):
-                    self._fly_against(names)
+                    self._fly_against(visitor.number, names)
                 case TakeOverRun(name):
                     self._take_over(visitor, name)
                 case SetUpRace(line_up):
-                    self._start.set_up(line_up)
+                    self._start.set_up(line_up, visitor.number)
                 case FlyAgain(name):
                     self._fly_again(name)
                 case WordRun(name):
@@ -278,14 +278,14 @@ class RunsPanel:
 
         self._session.tell(PageRace.replay, runs, begun)
 
-    def _fly_against(self, names: Sequence[str]) -> None:
+    def _fly_against(self, visitor: int, names: Sequence[str]) -> None:
         """Show runs beside the next flight. Raises ValueError, RunError."""
         folders = [self._path(name) for name in dict.fromkeys(names)]
         runs = [run for folder in folders for run in runs_at(folder)]
         courses = {read_row(run).course for run in runs}
         if len(courses) > 1:
             raise ValueError(f"against: expected runs of one course, got {', '.join(courses)}")
-        self._start.fly_against([folder.name for folder in folders], *courses)
+        self._start.fly_against([folder.name for folder in folders], *courses, visitor=visitor)
 
     def _take_over(self, visitor: LinkVisitor, name: str) -> None:
         """Add a competitor for each run of a row. Raises ValueError, RunError."""

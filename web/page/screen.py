@@ -26,7 +26,8 @@ class Rest:
     """What is shown where no race is: before the first one, and of a course in work."""
 
     head: Head
-    map: Element
+    edited: Head
+    edited_map: Element
 
 
 class Beats(NamedTuple):
@@ -42,11 +43,24 @@ class Beats(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What a visitor watches, in a view of its own. flies: whether it flies by hand."""
+    """What a visitor watches, in a view of its own.
+
+    Attributes:
+        moment: the race at the time that it watches.
+        view: how it is drawn.
+        stage: what stands in the scene.
+        flies: whether the visitor flies by hand.
+    """
 
     moment: Moment
     view: View
+    stage: Stage
     flies: bool
+
+    @property
+    def is_drawn(self) -> bool:
+        """Whether the scene has the race."""
+        return bool(self.stage.race) and self.stage.race == self.moment.s.race
 
 
 class Screen:
@@ -64,20 +78,18 @@ class Screen:
         self._told = {notice.number for notice in s.notices}
         self._shown: dict[str, object] = {}
 
-    def update(self, seen: Seen, stage: Stage, rest: Rest, beats: Beats) -> None:
+    def update(self, seen: Seen, rest: Rest, beats: Beats) -> None:
         """Show what has changed.
 
         Args:
             seen: what the visitor watches.
-            stage: what stands in the scene.
             rest: what is shown where no race is.
             beats: what is due.
         """
         self._put("now", now_of(seen.moment.s, seen.flies))
-        is_drawn = bool(stage.race) and stage.race == seen.moment.s.race
         if beats.tables:
-            self._update_tables(seen, stage, rest, is_drawn)
-        if beats.slow and is_drawn:
+            self._update_tables(seen, rest)
+        if beats.slow and seen.is_drawn:
             self._update_slow(seen.moment)
         self._notify(seen.moment.s)
 
@@ -86,20 +98,17 @@ class Screen:
         self._board.forget(self._visitor.number)
         self._charts.forget(self._visitor.number)
 
-    def _update_tables(self, seen: Seen, stage: Stage, rest: Rest, is_drawn: bool) -> None:
-        """Show head, map, tower and the tables that are open.
-
-        is_drawn: whether the scene has the race.
-        """
-        moment = seen.moment
+    def _update_tables(self, seen: Seen, rest: Rest) -> None:
+        """Show head, map, tower and the tables that are open."""
+        moment, stage, is_drawn = seen.moment, seen.stage, seen.is_drawn
         s = moment.s
         wanted = [name for name in TABLES if self._is_wanted(name)]
         by_place = seen.view.by_place
         if not self._is_new("tables", (moment, stage, by_place, rest, wanted)):
             return
         if stage.is_edited:
-            self._put("head", rest.head)
-            self._put("map", rest.map)
+            self._put("head", rest.edited)
+            self._put("map", rest.edited_map)
             return
         self._put("head", moment.once(rest, lambda: head_of(s, moment.timings, rest.head)))
         if is_drawn:
@@ -108,7 +117,7 @@ class Screen:
             self._put("map", moment.once(name, lambda: tree(stage.map.draw(drawn))))
             self._put("tower", moment.tower)
         elif not stage.race:
-            self._put("map", rest.map)
+            self._put("map", stage.plain_map)
             self._put("tower", Tower([]))
         if "planner" in wanted and is_drawn:
             self._put("planner", moment.planner)

@@ -1,4 +1,4 @@
-"""Stage: what stands in the scenes of all visitors: a race, a course, or the course in work."""
+"""Stage: what stands in the scene of a visitor: a race, a course, or the course in work."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from functools import cached_property
 from quadsim.course import Course
 from quadsim.web.competitor import Competitor
 from quadsim.web.page.course_map import Map
+from quadsim.web.page.tree import Element, tree
 
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """What stands in the scenes, each of which is built anew for another stage.
+    """What stands in a scene, which is built anew for another stage.
 
     Attributes:
         course: None: nothing is shown yet, or the course is edited.
@@ -31,3 +32,8 @@ class Stage:
         """The map of the course. Raises AssertionError: there is none."""
         assert self.course is not None
         return Map(self.course)
+
+    @cached_property
+    def plain_map(self) -> Element:
+        """The map of the course without a race; empty without a course."""
+        return tree(self.map.draw([]) if self.course else "")

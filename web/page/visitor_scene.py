@@ -34,6 +34,7 @@ class VisitorScene:
         self._edited: EditScene | None = None
         self._due = Due(0.0)
         self._light_due = Due(LIGHT)
+        self._framed_gates = 0  # number of gates of the course in work that the camera frames
 
     def update(self, stage: Stage, moment: Moment, view: View) -> None:
         """Show a stage, and on it what the visitor watches."""
@@ -56,7 +57,11 @@ class VisitorScene:
         self._edited = None
         if stage.is_edited:
             self._edited = self._editor.scene_in(scene)
-        elif stage.race:
+            self._framed_gates = 0
+            return
+        if stage.course:
+            self._camera.show(self._client, stage.course)
+        if stage.race:
             self._race = RaceScene(scene, stage.entries, view.true_size)
             self._camera.set_size(self._client, self._race.drone_size)
         elif stage.course:
@@ -66,6 +71,16 @@ class VisitorScene:
         """Show the course in work; a handle under a hand is left where it is."""
         if self._due((scene, self._editor.shown, scene.is_dragged)):
             self._editor.show_in(scene)
+            self._frame_edited()
+
+    def _frame_edited(self) -> None:
+        """Frame the course in work again if it has another number of gates."""
+        framed = self._editor.framed()
+        if len(framed.gates) == self._framed_gates:
+            self._camera.frame_next(self._client, framed)
+            return
+        self._framed_gates = len(framed.gates)
+        self._camera.show(self._client, framed)
 
     def _update_race(self, scene: RaceScene, moment: Moment, view: View) -> None:
         """Show the race."""

@@ -217,6 +217,7 @@ def test_two_who_edit_at_once_break_nothing(page, session, capfd):
     """One deletes what the other one types at."""
     open_editor(page, "Edit a copy")
     with link(session.server.get_port()) as other:
+        assert other.press("editor", "resume") == ""
         for k in range(3):
             field(page, "x").fill(str(k))
             other.press("editor", "delete")

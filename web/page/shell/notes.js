@@ -61,10 +61,10 @@ export function begin() {
   });
   on("open", () => connection("link", true));
   on("close", () => connection("link", false));
-  on("address", ({ title, address }) => {
+  on("address", ({ title, address, opens }) => {
     const whole = new URL(address, location.origin).href;
     const copied = make("button", { type: "button", textContent: "Copy the address", onclick: () => copy(whole, copied) });
-    const what = make("p", { className: "note", textContent: "It opens this for everybody who looks at the page then." });
+    const what = make("p", { className: "note", textContent: opens });
     openWindow(title, [make("p", {}, make("code", { textContent: whole })), copied, what], [["Close", null]]);
   });
   on("download", ({ name, address }) => make("a", { href: address, download: name }).click());
