@@ -188,6 +188,7 @@ def test_a_gate_is_dragged_by_its_handle_and_every_visitor_sees_it(page, session
     assert waited(page, lambda: handle_of(page) and pixel(page, [handle_of(page), 0, 0, 0]))
     before = [shown(page, f"{axis} [m]") for axis in "xyz"]
     with link(session.server.get_port()) as other:
+        assert other.press("editor", "resume") == ""
 
         def x_of_other():
             return other.form("editor")[0]["number x"]["value"]

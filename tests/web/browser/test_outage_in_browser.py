@@ -32,8 +32,8 @@ def test_after_a_long_outage_the_page_and_its_scene_connect_again(browser, tmp_p
         page.evaluate(MANY_FAILURES)
         assert lost.count() == 1
         with served(tmp_path, Gliders(), MENU, Choices(course=COURSE), port) as again:
-            assert waited(page, lambda: lost.count() == 0, 15)
-            assert waited(page, lambda: len(again.server.get_clients()) == 1, 15)
+            assert waited(page, lambda: lost.count() == 0)
+            assert waited(page, lambda: len(again.server.get_clients()) == 1)
             assert scene(page).url != seat
             assert page.title() == "race"
 
