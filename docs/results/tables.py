@@ -104,6 +104,8 @@ COLUMNS: dict[str, Column] = {
 
 # Columns whose texts an experiment may label
 LABELLED = (COLUMNS["variant"], COLUMNS["setting"])
+# Columns of sweeps whose texts are written once for the rows below each other
+GROUPS = (COLUMNS["setting"], COLUMNS["value"])
 
 
 def table(names: Sequence[str], columns: Sequence[str]) -> str:
@@ -119,13 +121,44 @@ def table(names: Sequence[str], columns: Sequence[str]) -> str:
     rows = [
         [_cell(column, row, labels[name]) for column in shown]
         for name in names
-        for row in flown[name].rows
+        for row in _each_once(flown[name].rows)
     ]
+    _leave_out_repeated(rows, sum(column in GROUPS for column in shown))
     lines = [f"    {one.command}" for one in flown.values()]
     lines += ["", _line([column.heading for column in shown])]
     lines += [_line(["---:" if column.is_number else "---" for column in shown])]
     lines += [_line(row) for row in rows]
     return "\n".join([*lines, "", *_provenance(flown.values()), "", ""])
+
+
+def _each_once(rows: Iterable[Row]) -> Iterable[Row]:
+    """Yield the rows of a table, the flights at the first values of a sweep once.
+
+    The first value of each setting is often the default, with the same flights.
+    """
+    first: dict[str, str] = {}
+    known: list[Row] = []
+    for row in rows:
+        setting = row.get("setting", "")
+        value = row.get("value", "")
+        if setting and value == first.setdefault(setting, value):
+            flights = {key: text for key, text in row.items() if key not in ("setting", "value")}
+            if flights in known:
+                continue
+            known.append(flights)
+        yield row
+
+
+def _leave_out_repeated(rows: Sequence[list[str]], columns: int) -> None:
+    """Empty the cells of the first columns that are those of the row above."""
+    above: list[str] = []
+    for row in rows:
+        here = row[:columns]
+        same = 0
+        while same < min(len(above), columns) and here[same] == above[same]:
+            row[same] = ""
+            same += 1
+        above = here
 
 
 def _cell(column: Column, row: Row, labels: Mapping[str, str]) -> str:

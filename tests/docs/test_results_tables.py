@@ -142,3 +142,27 @@ def test_a_sweep_has_a_row_for_each_variant_at_each_value():
     # The first value is no change, and two pairs have no interval.
     assert list(map(change, rows)) == ["", "", "+0.200 (-0.100 to +0.500)", "+0.200"]
     assert tables.COLUMNS["crash_rate"].text(rows[0]) == "5.0 (1.0 to 24.0)"
+
+
+def test_a_table_has_the_same_flights_of_a_sweep_once(monkeypatch):
+    def row(setting, value, variant, finished):
+        texts = {"setting": setting, "value": value, "variant": variant}
+        return texts | {"finished": finished, "attempts": "3"}
+
+    rows = [
+        row(setting, value, variant, finished)
+        for setting, late in (("link_hz", "40"), ("dt", ".04"))
+        for value, finished in (("default", "3"), (late, "2"))
+        for variant in ("gaussian", "colored")
+    ]
+    flown = tables.Flown("race sweep a", "abc", "2026-11-27", "2 cores", rows)
+    monkeypatch.setattr(tables, "read", lambda name: flown)
+    lines = tables.table(["swift"], ["setting", "value", "variant", "finished"]).splitlines()
+    assert [line for line in lines if line.startswith("|")][2:] == [
+        "| link_hz | default | gaussian | 3 of 3 |",
+        "|  |  | colored | 3 of 3 |",
+        "|  | 40 | gaussian | 2 of 3 |",
+        "|  |  | colored | 2 of 3 |",
+        "| dt | .04 | gaussian | 2 of 3 |",
+        "|  |  | colored | 2 of 3 |",
+    ]
