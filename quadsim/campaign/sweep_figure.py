@@ -130,7 +130,7 @@ def _draw_row(
         free.remove()
     first_finished, first_laps = panels[:, 0]
     first_finished.set(ylim=(-4, 104), ylabel="finished [%]")
-    first_laps.set_ylabel("lap less that at the first value [s]")
+    first_laps.set_ylabel("change of the lap [s]")
     first_finished.legend(loc="lower left", handlelength=3)
     figure.suptitle(f"{row[0][0].course}; 95 % intervals", x=0.008, ha="left", fontsize=11)
 
