@@ -50,6 +50,8 @@ def main(given: Sequence[str] | None = None) -> int:
     names = asked.names or [name for name in flown if not experiments()[name].needs]
 
     listed = list(_listed(names))
+    if not listed:
+        parser.error("expected files in docs/results/flights/, which make results writes")
     drawn = random.Random(asked.seed).sample(listed, min(asked.rows, len(listed)))
     differ = [one for one in drawn if not _agrees(one)]
     print(f"{len(drawn) - len(differ)} of {len(drawn)} flights, drawn from {len(listed)}, agree")
