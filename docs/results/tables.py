@@ -178,9 +178,14 @@ def _provenance(flown: Iterable[Flown]) -> list[str]:
     for one in flown:
         commits.setdefault((one.date, one.machine), {}).update(dict.fromkeys(one.commit.split()))
     return [
-        f"Flown on {date} at commit {' and '.join(f'`{commit}`' for commit in known)}; {machine}."
+        f"Flown on {date} at {_commits(known)}; {machine}."
         for (date, machine), known in commits.items()
     ]
+
+
+def _commits(known: Iterable[str]) -> str:
+    *others, last = (f"`{commit}`" for commit in known)
+    return f"the commits {', '.join(others)} and {last}" if others else f"commit {last}"
 
 
 def written(page: str) -> str:
