@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
@@ -13,7 +14,7 @@ from quadsim.record.statistics import Mean, mean_interval
 from quadsim.web.choices import Choices, HeatChoices
 from quadsim.web.competitor import Competitor
 from quadsim.web.race import AnyChoices
-from quadsim.web.session import Session
+from quadsim.web.session import Session, Start
 from quadsim.web.snapshot import Snapshot
 
 MOST_SEEDS = 50
@@ -61,6 +62,8 @@ class Pair(NamedTuple):
 class Series:
     """Flies a line-up with `count` seeds in a row; STOP, and any other START, end it.
 
+    Any thread may call the methods.
+
     Attributes:
         count: number of seeds; 1: START flies once, and no series is kept.
         rows: the competitors.
@@ -72,9 +75,8 @@ class Series:
         self.rows: list[SeriesRow] = []
         self._choices: list[AnyChoices] = []
         self._runs: Sequence[Path] = ()
-        self._race = 0  # number of the race that is flown; 0: its start is awaited
-        self._before = 0  # number of the race before it
-        self._is_on = False
+        self._start: Start | None = None  # of the seed that is flown
+        self._lock = threading.Lock()  # a visitor begins a series while a page asks for a turn
 
     @property
     def done(self) -> int:
@@ -84,7 +86,7 @@ class Series:
     @property
     def is_on(self) -> bool:
         """Whether another seed is flown, or will be."""
-        return self._is_on
+        return self._start is not None
 
     @property
     def pairs(self) -> list[Pair]:
@@ -100,41 +102,38 @@ class Series:
 
     def begin(self, choices: Sequence[AnyChoices], runs: Sequence[Path], count: int) -> None:
         """Start a line-up; with a count beyond 1 its next seeds follow by themselves."""
-        self.count = count
-        self.rows = []
-        self._choices = list(choices)
-        self._runs = runs
-        self._is_on = count > 1
-        self._start(0)
+        with self._lock:
+            self.count = count
+            self.rows = []
+            self._choices = list(choices)
+            self._runs = runs
+            start = self._started(0)
+            self._start = start if count > 1 else None
 
     def turn(self, s: Snapshot) -> None:
         """Keep what a race came to once it has ended, and start the next one."""
-        if not self._is_on:
-            return
-        if not self._race:
-            if s.race > self._before:
-                self._race = s.race
-            return
-        if s.race != self._race:
-            self._is_on = False
-            return
+        with self._lock:
+            if self._start is not None:
+                self._start = self._after(self._start, s)
+
+    def _after(self, start: Start, s: Snapshot) -> Start | None:
+        """Return the start of the seed that is flown next; None: the series has ended."""
+        # A race before this start may be one that Restart began. A refused start has race 0.
+        if start.race is None or s.race < start.race:
+            return start
+        if s.race != start.race:
+            return None
         if s.flying:
-            return
+            return start
         live = [entry for entry in s.competitors if entry.live]
         if not live or any(entry.outcome in (None, "interrupted") for entry in live):
-            self._is_on = False
-            return
+            return None
         self._keep(live)
-        if self.done < self.count:
-            self._start(self.done)
-        else:
-            self._is_on = False
+        return self._started(self.done) if self.done < self.count else None
 
-    def _start(self, step: int) -> None:
+    def _started(self, step: int) -> Start:
         """Start the race of one seed."""
-        self._before = self._session.snapshot.race
-        self._race = 0
-        self._session.start([_with_seed(one, step) for one in self._choices], self._runs)
+        return self._session.start([_with_seed(one, step) for one in self._choices], self._runs)
 
     def _keep(self, live: Sequence[Competitor]) -> None:
         """Keep the flights of a race that has ended."""

@@ -9,6 +9,7 @@ import queue
 import threading
 import traceback
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Concatenate, ParamSpec
@@ -19,6 +20,24 @@ from quadsim.web.race import REST, AnyChoices, PageRace, TakeOff, take_off
 from quadsim.web.snapshot import Snapshot
 
 Arguments = ParamSpec("Arguments")
+
+
+@dataclass(eq=False)
+class Start:
+    """A start of flights, as a session was asked for it.
+
+    Attributes:
+        choices, runs: the flights, and the stored runs beside them.
+        race: number of the race that it began; 0: it was refused; None: it is awaited.
+    """
+
+    choices: tuple[AnyChoices, ...]
+    runs: tuple[Path, ...]
+    race: int | None = None
+
+    def is_same(self, other: Start) -> bool:
+        """Return whether another start asks for the same flights and runs."""
+        return (self.choices, self.runs) == (other.choices, other.runs)
 
 
 class Session:
@@ -41,8 +60,7 @@ class Session:
         self.cockpit = Cockpit()
         self._race = PageRace(root, take_off, self.cockpit)
         self._commands: queue.SimpleQueue[Callable[[], float | None]] = queue.SimpleQueue()
-        self._started: object = None  # choices and runs of the last start
-        self._is_starting = False  # whether a start is queued
+        self._last: Start | None = None  # None: another command came after it
         self._closing = False
         self._worker = threading.Thread(target=self._run, name="race", daemon=True)
         self._worker.start()
@@ -54,31 +72,41 @@ class Session:
         **keywords: Arguments.kwargs,
     ) -> None:
         """Queue a call of a method of PageRace. Its errors become notices."""
+        self._last = None
         self._commands.put(partial(command, self._race, *arguments, **keywords))
 
-    def start(self, choices: Sequence[AnyChoices], runs: Sequence[Path] = ()) -> bool:
+    def start(self, choices: Sequence[AnyChoices], runs: Sequence[Path] = ()) -> Start:
         """Queue a start; the same one again is dropped until its first plan is ready.
 
-        A visitor who sees nothing happen presses START again, which would begin anew.
+        A visitor who sees nothing happen presses START again, which would begin anew. After any
+        other command, such as STOP, the start is meant.
 
         Returns:
-            Whether the start is queued.
+            The start; the earlier one if this one is dropped.
         """
-        asked = (tuple(choices), tuple(runs))
-        if asked == self._started and (self._is_starting or self.snapshot.is_taking_off):
-            return False
-        self._started = asked
-        self._is_starting = True
-        self._commands.put(partial(self._start, *asked))
-        return True
+        asked = Start(tuple(choices), tuple(runs))
+        last = self._last
+        if last and last.is_same(asked) and self._is_taking_off(last):
+            return last
+        self._last = asked
+        self._commands.put(partial(self._start, asked))
+        return asked
 
-    def _start(self, choices: Sequence[AnyChoices], runs: Sequence[Path]) -> None:
+    def _is_taking_off(self, start: Start) -> bool:
+        """Return whether a start is awaited, or no plan of its race is ready yet."""
+        s = self.snapshot
+        return start.race is None or (start.race == s.race and s.is_taking_off)
+
+    def _start(self, start: Start) -> None:
         """Begin a race, on the race's thread."""
+        race = 0
         try:
-            self._race.start(choices, runs)
+            self._race.start(start.choices, start.runs)
+            race = self._race.snapshot().race
         finally:
+            # Whoever knows the race finds it in the snapshot.
             self.snapshot = self._race.snapshot()
-            self._is_starting = False
+            start.race = race
 
     def flies(self, visitor: int) -> bool:
         """Return whether a visitor flies by hand in this moment."""

@@ -1,5 +1,7 @@
 """Claims about the same line-up over several seeds, over flights without physics."""
 
+from threading import Event
+
 from web_cases import Gliders, choices, until
 
 from quadsim.record.statistics import mean_interval
@@ -53,6 +55,47 @@ def test_one_seed_is_no_series_and_stop_ends_one(tmp_path):
     session.tell(PageRace.end_flights)
     assert flown(session, series)
     assert (session.snapshot.race, series.done) == (race, 0)
+    session.close()
+
+
+def test_a_race_that_restart_begins_is_not_the_first_of_a_series(tmp_path):
+    """START is pressed while the race's thread has still to carry out Restart."""
+    gliders = Gliders()
+    session, series = series_of(tmp_path, gliders)
+    session.start([choices("colored", laps=9)])
+    assert until(lambda: session.snapshot.t > 0.0)
+    seen = Event()
+    session.tell(PageRace.restart)
+    session.tell(lambda race: seen.wait(60) and None)
+    series.begin([choices("gaussian", seed=3)], [], 2)
+    assert until(lambda: session.snapshot.race == 2)
+    series.turn(session.snapshot)  # the page sees the race of Restart
+    seen.set()
+    assert flown(session, series)
+    assert series.done == 2
+    assert [one.choices.seed for one in gliders.built[2:]] == [3, 4]
+    session.close()
+
+
+def test_a_second_press_of_start_leaves_the_series_whole(tmp_path):
+    gliders = Gliders()
+    gliders.compiled = Event()
+    session, series = series_of(tmp_path, gliders)
+    for _ in range(2):
+        series.begin([choices("colored", seed=3)], [], 2)
+        assert until(lambda: session.snapshot.is_taking_off)
+        series.turn(session.snapshot)
+    gliders.compiled.set()
+    assert flown(session, series)
+    assert [one.choices.seed for one in gliders.built] == [3, 4]
+    session.close()
+
+
+def test_a_refused_start_ends_the_series(tmp_path):
+    session, series = series_of(tmp_path, Gliders())
+    series.begin([choices("colored", laps=10**6)], [], 2)
+    assert flown(session, series)
+    assert (session.snapshot.race, series.done) == (0, 0)
     session.close()
 
 

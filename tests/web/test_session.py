@@ -259,17 +259,30 @@ def test_a_flight_that_must_compile_first_says_so_and_another_does_not(session, 
 def test_the_same_start_again_is_dropped_until_its_first_plan_is_ready(session, gliders):
     """An impatient second click would begin anew."""
     gliders.compiled = Event()
-    assert session.start([choices(laps=3)])
+    first = session.start([choices(laps=3)])
     assert until(lambda: session.snapshot.is_taking_off)
-    assert not session.start([choices(laps=3)])
-    assert session.start([choices(laps=2)])  # another one is meant
-    assert not session.start([choices(laps=2)])
+    assert session.start([choices(laps=3)]) is first
+    second = session.start([choices(laps=2)])
+    assert second is not first  # another one is meant
+    assert session.start([choices(laps=2)]) is second
     gliders.compiled.set()
     assert until(lambda: session.snapshot.race == 2 and session.snapshot.t > 0.0)
     assert [glider.flown.laps for glider in gliders.built] == [3, 2]
+    assert (first.race, second.race) == (1, 2)
     # While it flies, it begins anew.
-    assert session.start([choices(laps=2)])
-    assert until(lambda: session.snapshot.race == 3)
+    third = session.start([choices(laps=2)])
+    assert until(lambda: third.race == session.snapshot.race == 3)
+
+
+def test_the_same_start_after_stop_is_meant(session, gliders):
+    gliders.compiled = Event()
+    first = session.start([choices(laps=3)])
+    assert until(lambda: session.snapshot.is_taking_off)
+    session.tell(PageRace.end_flights)
+    second = session.start([choices(laps=3)])
+    gliders.compiled.set()
+    assert until(lambda: second.race == session.snapshot.race == 2 and session.snapshot.t > 0.0)
+    assert first.race == 1
 
 
 def test_a_start_that_was_refused_can_be_asked_again(session):
@@ -278,8 +291,9 @@ def test_a_start_that_was_refused_can_be_asked_again(session):
         return sum(notice.kind == "error" for notice in session.snapshot.notices)
 
     for count in (1, 2):
-        assert session.start([choices(laps=10**6)])
-        assert until(lambda count=count: refused() == count and not session._is_starting)
+        start = session.start([choices(laps=10**6)])
+        assert until(lambda count=count: refused() == count)
+        assert start.race == 0
 
 
 def test_a_stored_run_beside_a_flight_does_not_move_the_time_ahead(gliders, tmp_path):
