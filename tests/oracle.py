@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from quadsim.controllers.costs import Cost, evaluate
+from quadsim.controllers.costs import Cost, Obstacles, evaluate
 from quadsim.controllers.lanes.layout import LANES
 from quadsim.controllers.lanes.planner_loops import MARKS, steps_between
 from quadsim.controllers.schedule import Schedule
@@ -55,7 +55,9 @@ def fly_rows(
     crashed = np.zeros(M)
     clear = np.full(M, np.inf)
     total = np.zeros((len(cost.term_names), M))
-    lines = Lines(cost, x0, T, system.dt, row < len(targets) - 1)
+    lines = None
+    if cost.obstacles is not None:
+        lines = Lines(cost, cost.obstacles, x0, T, system.dt, row < len(targets) - 1)
     for t in range(T):
         u = system.control(
             *(
@@ -64,7 +66,7 @@ def fly_rows(
             )
         )
         x_next = system.next(x, u)
-        gate = cost.row(*targets[row].T)
+        gate = cost.row._make(targets[row].T)
         found = evaluate(cost, x, x_next, u, gate, crashed, t)
         crashed = found.crashed
         if clearance is not None:
@@ -72,7 +74,7 @@ def fly_rows(
         total += stage[t] * np.array([np.broadcast_to(value, M) for value in found.terms.values()])
         row = np.minimum(row + found.reached, len(targets) - 1)
         x = x_next
-        if cost.obstacles is not None:
+        if lines is not None:
             near = lines.meet(t, np.array(x[:3]), crashed, total, row < len(targets) - 1)
             clear = np.minimum(clear, near) if clearance is not None else clear
     return Flown(total.sum(axis=0) / T, row, crashed, clear, total.T / T)
@@ -84,16 +86,15 @@ class Lines:
     They lie between positions `stride` steps apart, MARKS at a time.
     """
 
-    def __init__(self, cost: Cost, x0, T: int, dt: float, unfinished):
+    def __init__(self, cost: Cost, obstacles: Obstacles, x0, T: int, dt: float, unfinished):
         self.T = T
         self.stride = steps_between(dt)
         self.unfinished = unfinished
-        self.obstacles = cost.obstacles
+        self.obstacles = obstacles
         self.marked = [np.repeat(np.array(x0[:3])[:, None], len(unfinished), axis=1)]  # (3, M) each
-        if cost.obstacles:
-            self.rows = cost.obstacles.near(np.asarray(x0), T * dt)
-            self.term = cost.crash_term
-            self.weight = cost.terms[self.term].weight
+        self.rows = obstacles.near(np.asarray(x0), T * dt)
+        self.term = cost.crash_term
+        self.weight = cost.terms[self.term].weight
 
     def meet(self, t, p, crashed, total, unfinished):
         """Latch crashes and add their cost.
