@@ -181,10 +181,17 @@ def type_time(page, t):
 
 
 def waited(page, claim, seconds=90):
-    """Return whether the claim comes true while the browser lives on."""
+    """Return whether the claim comes true while the browser lives on.
+
+    A scene is asked again if it is opened anew meanwhile, as it is after an outage.
+    """
     for _ in range(int(seconds / 0.05)):
-        if claim():
-            return True
+        try:
+            if claim():
+                return True
+        except Exception as error:
+            if "Execution context was destroyed" not in str(error):
+                raise
         page.wait_for_timeout(50)
     return False
 
