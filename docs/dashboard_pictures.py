@@ -56,6 +56,7 @@ IN_VIEW = 7.5
 SENSED = 0.5
 FAR = 1e5  # a time after the end of any race [s]
 HELD = 1e-6  # speed of a flight that is held [race seconds per second]
+SLOW = 0.1  # speed of a flight while a page that watches live is drawn
 RAISED = 1500  # [ms] of rising after a person has taken off
 CLOSE_NOTICES = "document.querySelectorAll('.notes button').forEach(note => note.click())"
 
@@ -71,8 +72,10 @@ class Studio:
         self._t = inf  # time that visitors watch [s]; beyond the end: the end
 
     @contextmanager
-    def page(self, size: ViewportSize = WIDE, camera: str = "free") -> Iterator[Page]:
-        """A page of a visitor of its own, once its scene has been drawn."""
+    def page(
+        self, size: ViewportSize = WIDE, camera: str = "free", live: bool = False
+    ) -> Iterator[Page]:
+        """A page of a visitor of its own, once its scene has been drawn, live or at one time."""
         with self._browser.new_context(viewport=size) as context:
             page = context.new_page()
             page.set_default_timeout(1e3 * PATIENCE)
@@ -80,7 +83,7 @@ class Studio:
             page.goto(self._url)
             page.locator('[data-camera="free"][aria-pressed=true]').wait_for()
             box = page.get_by_label("Time [s]")
-            if box.is_enabled():
+            if box.is_enabled() and not live:
                 box.fill(str(min(self._t, FAR)))
                 box.press("Enter")
             if camera != "free":
@@ -94,15 +97,17 @@ class Studio:
         with connect(self._url.replace("http", "ws") + "link"):
             yield
 
-    def shoot(self, name: str, camera: str = "free", settings: bool = False) -> None:
+    def shoot(
+        self, name: str, camera: str = "free", settings: bool = False, live: bool = False
+    ) -> None:
         """Take a picture on both screens."""
         print(name, flush=True)
-        with self.page(camera=camera) as page:
+        with self.page(camera=camera, live=live) as page:
             show_settings(page, settings)
             page.evaluate(CLOSE_NOTICES)
             page.wait_for_timeout(SETTLED)
             save(picture_of(page), name)
-        with self.page(PHONE, camera) as page:
+        with self.page(PHONE, camera, live) as page:
             page.evaluate(CLOSE_NOTICES)
             self._phone_shots.append(picture_of(page))
 
@@ -221,7 +226,8 @@ def take_pictures(studio: Studio, colored: Path, gaussian: Path, crashed: Path) 
     session = studio.session
     studio.shoot("start", settings=True)
     studio.fly(COLORED, until=2.8)
-    studio.shoot("live")
+    session.tell(PageRace.set_speed, SLOW)
+    studio.shoot("live", live=True)
     studio.fly(COLORED, GAUSSIAN, until=2.5)
     studio.shoot("ghost")
     studio.fly(Choices(sampler=f"{PILOT}split_s_swift", sensing="gates"), until=SENSED)

@@ -272,6 +272,21 @@ def training_stream(seed: int) -> SeedSequence:
     return SeedSequence([seed, TRAINING])
 
 
+def batch_stream(seed: int) -> SeedSequence:
+    """Return the stream that orders and varies the pictures from which a network learns."""
+    return _child(training_stream(seed), 0)
+
+
+def venue_stream(seed: int, venue: int) -> SeedSequence:
+    """Return the stream of noise and banners in the pictures of a venue that is learnt from.
+
+    Args:
+        seed: seed of all pictures.
+        venue: number of the venue, from 0.
+    """
+    return SeedSequence([seed, venue])
+
+
 def identification_streams() -> tuple[SeedSequence, SeedSequence]:
     """Return the streams of the commands by which a rate loop is identified, and is checked."""
     root = SeedSequence(0)

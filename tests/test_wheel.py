@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 FOLDERS = ("quadsim", "courses", "controllers", "web")
-KINDS = (".py", ".yaml", ".typed", ".js", ".css", ".html", ".npz", ".txt", ".c")
+KINDS = (".py", ".yaml", ".typed", ".js", ".css", ".html", ".npz", ".onnx", ".txt", ".c")
 QUESTION = """
 import quadsim.course, quadsim.vehicle
 print(quadsim.course.__file__)

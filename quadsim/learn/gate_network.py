@@ -19,7 +19,7 @@ from torch.nn import functional
 
 from quadsim.learn.gate_pictures import GatePictures
 from quadsim.sensing.pixels.network import COARSEST, FAR, STRIDE
-from quadsim.streams import training_stream
+from quadsim.streams import batch_stream
 
 # channels at strides 2, 4, 8, 16 and 32, and of the layer before the output
 CHANNELS = (8, 16, 32, 48, 64)
@@ -152,7 +152,7 @@ def batches(pictures: GatePictures, size: int, steps: int, seed: int) -> Iterato
     learnt from whole ones, of which a batch has half as many. Each picture is used once before any
     is used again; some are mirrored, and all have other colours.
     """
-    rng = np.random.default_rng(training_stream(seed).spawn(1)[0])
+    rng = np.random.default_rng(batch_stream(seed))
     count, height, width = pictures.rgb.shape[:3]
     order = np.zeros(0, int)
     for _ in range(steps):

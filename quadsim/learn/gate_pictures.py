@@ -27,7 +27,7 @@ from quadsim.rotation import exp, product, turned
 from quadsim.sensing.config import PixelCameraConfig
 from quadsim.sensing.pixel_camera import Moment, row_poses
 from quadsim.sensing.pixels.network import WIDTH
-from quadsim.streams import look_streams, training_stream
+from quadsim.streams import look_streams, training_stream, venue_stream
 
 # courses that are never trained on, so that evaluations on them show what was learnt
 HELD_OUT = ("figure8", "paper_flat")
@@ -158,7 +158,7 @@ def draw_pictures(
         place = among[int(rng.integers(len(among)))]
         config = _camera(camera, rng)
         look = _look(seed, venue, rng)
-        eye = CourseEye(config, np.random.SeedSequence([seed, venue]), place.course, look)
+        eye = CourseEye(config, venue_stream(seed, venue), place.course, look)
         for moved in _motions(place, config, seed + venue, rng):
             if len(pictures) == count:
                 break
