@@ -120,8 +120,8 @@ def sensings() -> Listing:
 
     Examples:
         >>> import quadsim
-        >>> list(quadsim.sensings())[-4:]
-        ['perfect', 'pixels', 'velocity', 'vio']
+        >>> list(quadsim.sensings())[-3:]
+        ['pixels_network', 'velocity', 'vio']
     """
     known = [load_sensing(name) for name in sensing_names()]
     return Listing(sensing_names(), lambda _: sensing_table(known))
