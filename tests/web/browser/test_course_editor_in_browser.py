@@ -44,6 +44,8 @@ PIXEL = """([name, x, y, z]) => {
 NODES = """() => Object.entries(window.__viserMutable.nodeRefFromName)
     .filter(([, node]) => node).map(([name]) => name)"""
 
+DRAWN = 1000  # [ms] until settings that were closed show the editor as it is
+
 
 def open_editor(page, way="New course"):
     group(page, "Course editor")
@@ -109,6 +111,8 @@ def shared_page(browser, shared_session):
 def page(shared_page, session):
     """A page on which no course is edited."""
     yield shared_page
+    group(shared_page, "Course editor")
+    shared_page.wait_for_timeout(DRAWN)
     if button(shared_page, "Done").count():
         press(shared_page, "Done")
 

@@ -43,6 +43,9 @@ def tab_to(page, name):
     return False
 
 
+STANDS = 1000  # [ms] until the time that a paused page shows is the one at which it paused
+
+
 def test_every_control_that_can_be_seen_has_a_name(page):
     assert page.title() == "race"
     for title in ("All numbers", "MPPI", "View", "Export", "Course editor"):
@@ -66,6 +69,7 @@ def pauses_after_a_click_on_start(page, session):
     assert waited(page, lambda: session.snapshot.race == race + 1 and session.snapshot.t > 0.1)
     page.keyboard.press("Space")
     assert waited(page, lambda: not is_playing(page))
+    page.wait_for_timeout(STANDS)
     t = shown_time(page)
     page.keyboard.press("b")  # a key that acts after it
     assert waited(page, lambda: shown_time(page) < t)
