@@ -69,12 +69,13 @@ def pixel(page, point):
 
 
 def resting(page, point):
-    """Return the pixel of a point once the camera rests."""
+    """Return the handle, and the pixel of a point of it, once camera and handles rest."""
     for _ in range(50):
-        spot = pixel(page, point)
+        name = handle_of(page)
+        spot = name and pixel(page, [name, *point])
         page.wait_for_timeout(300)
-        if spot and pixel(page, point) == spot:
-            return spot
+        if spot and handle_of(page) == name and pixel(page, [name, *point]) == spot:
+            return name, spot
     raise TimeoutError(point)
 
 
@@ -199,9 +200,8 @@ def test_a_gate_is_dragged_by_its_handle_and_every_visitor_sees_it(page, session
         def x_of_other():
             return other.form("editor")[0]["number x"]["value"]
 
-        name = handle_of(page)
         # the tip of the arrow along the passage
-        start = resting(page, [name, 1.8, 0, 0])
+        name, start = resting(page, [1.8, 0, 0])
         end = pixel(page, [name, 3.8, 0, 0])
         page.mouse.move(*start)
         page.mouse.down()
