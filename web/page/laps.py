@@ -35,6 +35,7 @@ from quadsim.web.page.html import (
 WIDTH = 330
 ROW = 30
 GATES = 8  # columns of the split table
+FEW_LAPS = 5  # columns of laps that a race has from its start
 FEWEST = 16  # smallest number of frames for the chatter
 
 
@@ -56,7 +57,10 @@ def laps(entries: Sequence[Competitor], sectors: str = "") -> str:
 
 def _table(entries: Sequence[Competitor]) -> str:
     """Return a row for each run: every lap, their sum, the outcome."""
-    most = max(entry.laps_to_fly for entry in entries)
+    asked = max(entry.laps_to_fly for entry in entries)
+    begun = max(len(entry.laps) for entry in entries) + 1
+    # A long race has a column for each lap that has begun, not for all that are to come.
+    most = min(asked, max(begun, FEW_LAPS))
     best = min((lap for entry in entries for lap in entry.laps), default=0.0)
     rows = []
     for entry in entries:
