@@ -64,7 +64,7 @@ SMALLEST_ROOM = 0.01
 
 
 class Scale(NamedTuple):
-    """What the numbers follow from."""
+    """The properties of a flight from which the numbers are derived."""
 
     # mean distance between gates [m]
     leg: float

@@ -45,7 +45,8 @@ DISPLACED = 0.15  # [m] largest displacement of gates along x and y
 # standard deviations of an estimate that is lost [m], and of its turn about the vertical and about
 # the level axes [rad]: at the start, and after a loss
 LOST = {"at the start": (0.15, 0.105, 0.009), "after a loss": (0.5, 0.2, 0.05)}
-# A pose is found again if so many corners are found, with a median error below [px].
+# A lost pose counts as found again if at least AGAIN corners are found, and if the median of their
+# errors is below EXACT [px].
 AGAIN = 3
 EXACT = 3.0
 # [deg] angle to its plane from which on a gate is not seen from its side
@@ -217,7 +218,7 @@ def displaced(course: Course) -> Course:
 
 
 class Compared(NamedTuple):
-    """What was found on the held-out courses."""
+    """The gates that network, tracker and both find on the held-out courses."""
 
     # gates found by the network alone, the tracker alone, and both
     alone: list[Gate]

@@ -84,7 +84,7 @@ class Caution(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """What the risk knows of the vehicle and of the displacement of gates."""
+    """The properties of vehicle, sight and displaced gates that determine the risk."""
 
     # distances within which a gate may become known [m]
     nearest: float

@@ -39,7 +39,7 @@ class Measured(NamedTuple):
 
 
 class DrawnPoint(NamedTuple):
-    """What is drawn of one variant at one value of a setting."""
+    """The measured numbers of a variant at one value of a setting, as they are drawn."""
 
     place: int  # of the value, from 0
     finished: Measured  # flights [%]

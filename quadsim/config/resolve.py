@@ -159,7 +159,7 @@ def configuration_of(
 
 @dataclass(frozen=True)
 class PlannerSource:
-    """Where the planner of a flight comes from, before single numbers are changed."""
+    """The source of a planner before single numbers change: a preset or numbers of its own."""
 
     # a planner with numbers of its own; None: the preset's
     planner: Planner | None

@@ -52,9 +52,10 @@ WARM_UP = 0.05
 class NetworkTraining:
     """The numbers of a training."""
 
-    # a batch has so many parts of pictures, or half as many pictures
     steps: int = 6000
+    # number of cropped pictures in a batch; a batch of whole pictures has half as many
     batch: int = 16
+    # largest learning rate
     rate: float = 4e-3
     weight_decay: float = 1e-4
     # whether products are taken in bfloat16, which takes half the time on processors that have it
@@ -126,7 +127,7 @@ class Network(nn.Module):
 
 
 class Targets(NamedTuple):
-    """The outputs that are wanted of a batch."""
+    """The outputs that a network should have for a batch."""
 
     # 1 at a corner, less around it  (n, rows, columns)
     heat: Tensor

@@ -144,7 +144,12 @@ class Row(NamedTuple):
 
 
 def work_space(width: int, faces: int) -> Row:
-    """Return the work space of a row of a picture with so many faces."""
+    """Return the arrays in which a row is drawn.
+
+    Args:
+        width: number of columns of the picture.
+        faces: number of faces of the scene.
+    """
     return Row(
         ramp=np.arange(width, dtype=np.float32),
         nearest=np.empty(width, np.float32),

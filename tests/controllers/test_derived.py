@@ -73,7 +73,7 @@ def test_every_vehicle_has_numbers_in_range_on_every_course(sampler, dt):
 
 @pytest.mark.parametrize("k", [0.3, 0.8, 1.5])
 def test_similar_flights_have_similar_numbers(k):
-    """As in a towing tank (Froude): each number is scaled by its unit, as gravity is not scaled."""
+    """Lengths scale by k and times by sqrt(k) (Froude), so each number scales by its unit."""
     other = similar(SMALL, k)
     assert horizon_law(other) == pytest.approx(k**0.5 * horizon_law(SMALL))
     share = COLORED.cost.margin_share

@@ -17,7 +17,7 @@ from quadsim.web.line_up import line_up_of
 from quadsim.web.page.course_map import Map
 from quadsim.web.page.head import coming_head, head_of
 from quadsim.web.page.html import label
-from quadsim.web.page.laps import chatter, coloured_time, laps, splits
+from quadsim.web.page.laps import FEW_LAPS, chatter, coloured_time, laps, splits
 from quadsim.web.page.line_up_table import table_of
 from quadsim.web.page.time_line import time_line_of
 from quadsim.web.page.timing import events, planner
@@ -43,6 +43,13 @@ def test_two_runs_of_one_sampler_differ_in_line_and_others_keep_theirs(competito
     assert two.style.dash != one.style.dash
     assert label(one) != label(two).replace("seed 1", "seed 0")
     assert [x.style for x in competitors] == [STYLES["colored"], STYLES["gaussian"]]
+
+
+def test_a_long_race_has_columns_for_the_laps_that_have_begun(competitors):
+    long = [replace(one, spec={**one.spec, "laps": 1000}) for one in competitors]
+    begun = max(len(one.laps) for one in competitors) + 1
+    short = [replace(one, spec={**one.spec, "laps": max(begun, FEW_LAPS)}) for one in competitors]
+    assert laps(long) == laps(short)
 
 
 def ended(entry, outcome, *events):

@@ -65,7 +65,12 @@ class Guess(NamedTuple):
 
 
 def guess_of(state: FilterState, gates: int) -> Guess:
-    """Return the pose of a filter's state, for a map with so many gates."""
+    """Return the pose of a filter's state with its covariance.
+
+    Args:
+        state: the state of the filter.
+        gates: number of gates of the map.
+    """
     block = np.r_[POSITION, TURN]
     P = state.P[np.ix_(block, block)]
     # What is beyond the vehicle's own error is the gate's.

@@ -46,7 +46,8 @@ STEADY = 2.0
 TYPICAL = 10.0
 # [m] least depth of a corner that a network's gates are compared with
 CLOSEST = 0.2
-# A gate nearer than this [m] of which so many corners are in view lacks some if fewer are found.
+# A gate is looked for by the network if it is nearer than WANTED [m], if at least IN_VIEW of its
+# corners are in view, and if the edges give fewer than ENOUGH of them.
 WANTED = 15.0
 IN_VIEW = 3
 ENOUGH = 2
@@ -77,7 +78,7 @@ class Tracked(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What a search for edges has found."""
+    """The steps and lines that a search for edges has found."""
 
     steps: Steps
     lines: Lines
