@@ -110,6 +110,11 @@ class Series:
             start = self._started(0)
             self._start = start if count > 1 else None
 
+    def end(self) -> None:
+        """Start no further seed; what has flown is kept."""
+        with self._lock:
+            self._start = None
+
     def turn(self, s: Snapshot) -> None:
         """Keep what a race came to once it has ended, and start the next one."""
         with self._lock:

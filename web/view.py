@@ -35,7 +35,8 @@ class View:
     light: Annotated[
         bool,
         Shown(
-            "for a slow link: 5 pictures a second, no sampled trajectories, no camera pictures",
+            "for a slow link: the scene 5 times a second, tables once, no sampled trajectories, no"
+            " camera pictures",
             "Send less",
         ),
     ] = False

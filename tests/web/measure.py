@@ -40,6 +40,7 @@ import msgspec
 import numpy as np
 import websockets
 from playwright.sync_api import Page, ViewportSize, sync_playwright
+from websockets.asyncio.client import ClientConnection
 
 sys.path.insert(0, str(Path(__file__).parent))
 sys.path.insert(0, str(Path(__file__).parents[2]))
@@ -352,32 +353,45 @@ def resident() -> float:
 
 async def watchers(port: int, clients: int) -> None:
     """Watch a page by some connections, and print the bytes received when a signal asks."""
-    received = [0]
+    received = 0
+
+    class Counted(ClientConnection):
+        """A connection that counts what the network brings, compressed as it is."""
+
+        def data_received(self, data: bytes) -> None:
+            nonlocal received
+            received += len(data)
+            super().data_received(data)
 
     def tell() -> None:
-        print(received[0], flush=True)
-        received[0] = 0
+        nonlocal received
+        print(received, flush=True)
+        received = 0
 
     async def scene(seat: str) -> None:
         address = f"ws://127.0.0.1:{port}/scene/{seat}"
         async with websockets.connect(
-            address, subprotocols=[PROTOCOL], max_size=None, ping_interval=None
+            address,
+            create_connection=Counted,
+            subprotocols=[PROTOCOL],
+            max_size=None,
+            ping_interval=None,
         ) as socket:
             await socket.send(msgspec.msgpack.encode(CAMERA))
             while True:
-                received[0] += len(await socket.recv())
+                await socket.recv()
 
     async def page(seat: str) -> None:
         have: dict[str, int] = {}
         link = f"ws://127.0.0.1:{port}/link"
-        async with websockets.connect(link, max_size=None, ping_interval=None) as socket:
+        async with websockets.connect(
+            link, create_connection=Counted, max_size=None, ping_interval=None
+        ) as socket:
             while True:
                 await socket.send(json.dumps({**ASK, "have": have, "seat": seat}))
                 answer: dict = {}
                 while answer.get("type") != "parts":
-                    data = await socket.recv()
-                    received[0] += len(data)
-                    answer = json.loads(data)
+                    answer = json.loads(await socket.recv())
                 have |= {name: part["version"] for name, part in answer["parts"].items()}
                 await asyncio.sleep(ASK_PERIOD)
 

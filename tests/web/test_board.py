@@ -1,5 +1,7 @@
 """Claims about the parts of the page that a visitor fetches, its camera, and its questions."""
 
+import threading
+
 import pytest
 from web_cases import until
 from wire import connect, link
@@ -70,6 +72,24 @@ def test_a_question_is_answered_by_whom_it_was_put_to(page):
         again = other.ask("question", "stop")
         other.send("confirm", number=again["number"])
         assert until(lambda: not session.snapshot.flying)
+
+
+def test_stop_between_two_seeds_ends_the_series_of_its_visitor(page):
+    """The next seed has been asked for, and does not fly yet."""
+    session, series = page.session, page.dashboard._series
+    before = session.snapshot.race
+    with link(page.port) as pilot:
+        held = threading.Event()
+        session.tell(lambda race: held.wait(10) and None)
+        try:
+            pilot.send("start", seeds=5)
+            pilot.send("stop")
+            pilot.ask("runs", "list_runs")  # is answered after what was sent before it
+            assert not series.is_on
+        finally:
+            held.set()
+        assert until(lambda: session.snapshot.race > before and not session.snapshot.flying)
+        assert session.snapshot.race == before + 1
 
 
 @pytest.mark.parametrize(

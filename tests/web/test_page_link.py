@@ -5,7 +5,7 @@ import logging
 import pytest
 from web_cases import until
 from websockets.exceptions import InvalidStatus
-from wire import link
+from wire import link, open_socket
 
 from quadsim.web.page.link import MAX_LINK_BYTES, Message
 from quadsim.web.page.server import serve
@@ -56,6 +56,12 @@ def test_a_message_that_comes_before_the_page_is_built_is_answered_then():
         server.link.open()
         assert linked.got("pong") == {"type": "pong", "count": 2}
     server.stop()
+
+
+def test_the_links_text_is_compressed_and_the_scenes_arrays_are_not(server):
+    with link(server.get_port()) as linked, open_socket(server.get_port()) as scene:
+        assert [each.name for each in linked.socket.protocol.extensions] == ["permessage-deflate"]
+        assert scene.protocol.extensions == []
 
 
 def test_nonsense_is_dropped_and_logged_once(server, caplog):

@@ -210,7 +210,7 @@ def test_the_interval_is_to_the_one_ahead_and_the_gap_to_the_leader(competitors)
     first, second, third = tower_of(at(entries, 1.0)).rows
     assert (first.place, first.interval, first.gap) == (1, "leads", "")
     assert (second.place, second.interval) == (2, second.gap)
-    assert (third.place, third.interval, third.gap) == (3, "+0.00", second.gap)
+    assert (third.place, third.interval, third.gap) == (3, "level", second.gap)
 
 
 def test_the_best_time_of_all_a_runs_own_best_and_another_one_look_different():

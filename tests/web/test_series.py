@@ -58,6 +58,20 @@ def test_one_seed_is_no_series_and_stop_ends_one(tmp_path):
     session.close()
 
 
+def test_a_series_that_ends_between_two_seeds_flies_no_other(tmp_path):
+    gliders = Gliders()
+    session, series = series_of(tmp_path, gliders)
+    series.begin([choices("colored")], [], 5)
+    assert until(lambda: session.snapshot.race == 1 and not session.snapshot.flying)
+    series.turn(session.snapshot)  # keeps the first seed and starts the second
+    assert series.is_on
+    series.end()
+    assert until(lambda: session.snapshot.race == 2 and not session.snapshot.flying)
+    series.turn(session.snapshot)
+    assert (series.is_on, series.done, len(gliders.built)) == (False, 1, 2)
+    session.close()
+
+
 def test_a_race_that_restart_begins_is_not_the_first_of_a_series(tmp_path):
     """START is pressed while the race's thread has still to carry out Restart."""
     gliders = Gliders()

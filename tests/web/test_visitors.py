@@ -187,3 +187,22 @@ def test_a_notice_of_an_event_comes_when_its_time_is_watched():
     late = Screen(sent, sent, sent, Snapshot())
     screen, sent.titles = late, []
     assert watch(replace(s, race=2), 2.0) == ["at once"]
+
+
+def test_who_is_sent_less_gets_tables_with_the_slow_beat():
+    entry = competitor(laps=2)
+    sent = Sent()
+    moments = Moments()
+    s = Snapshot(t=1.0, end=entry.last_t, flown=entry.last_t, competitors=(entry,), race=1)
+    screen = Screen(sent, sent, sent, s)
+    rest = Rest(Head("rest", []), Head("editing", []), tree(""))
+
+    def parts(light, beats):
+        sent.parts.clear()
+        screen.update(Seen(moments.of(s), View(light=light), Stage(), False), rest, beats)
+        return set(sent.parts)
+
+    between = Beats(tables=True, slow=False)
+    assert parts(True, between) == {"now"}
+    assert "head" in parts(True, Beats(tables=True, slow=True))
+    assert "head" in parts(False, between)

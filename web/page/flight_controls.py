@@ -70,6 +70,11 @@ class FlightControls:
         link.on(Confirm, self._confirm)
         link.on_leave(self._forget)
 
+    @property
+    def _is_on(self) -> bool:
+        """Whether something flies, or another seed of a series will."""
+        return self._session.snapshot.flying or self.series.is_on
+
     def _start(self, visitor: LinkVisitor, asked: Start) -> None:
         def act() -> None:
             self.series.begin(self._next.choices, self._next.runs, asked.seeds)
@@ -77,9 +82,14 @@ class FlightControls:
         self._ask_first(visitor, act)
 
     def _stop(self, visitor: LinkVisitor, _: Stop) -> None:
-        """End the present flights, if any."""
-        if self._session.snapshot.flying:
-            self._ask_first(visitor, lambda: self._session.tell(PageRace.end_flights))
+        """End the present flights and the seeds that would follow, if any."""
+
+        def act() -> None:
+            self.series.end()
+            self._session.tell(PageRace.end_flights)
+
+        if self._is_on:
+            self._ask_first(visitor, act)
 
     def _restart(self, visitor: LinkVisitor, _: Restart) -> None:
         """Fly again, or show the visitor a replay from its start."""
@@ -96,7 +106,7 @@ class FlightControls:
             act()
 
         is_own = self._pilot in (None, visitor.number)
-        if not self._session.snapshot.flying or is_own:
+        if not self._is_on or is_own:
             act_as_pilot()
             return
         number = next(self._numbers)

@@ -23,7 +23,7 @@ from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from quadsim.web.page.downloads import Downloads
-from quadsim.web.page.link import Link
+from quadsim.web.page.link import LINK_PATH, Link
 from quadsim.web.page.messages import MAX_BYTES, PageConnection, is_link
 from quadsim.web.page.seats import SEAT, seat_in
 from quadsim.web.page.shell_files import POLICY, own_response
@@ -81,6 +81,7 @@ class Guard:
             create_connection=PageConnection,
             max_size=MAX_BYTES,
             open_timeout=OPEN_TIMEOUT,
+            compression="deflate",
             logger=LOG,
         )
 
@@ -101,9 +102,12 @@ class Guard:
     ) -> Response | None:
         """Answer a request; None lets a websocket connect."""
         response = self.refusal(connection, request)
-        if response is None and request.headers.get("Upgrade") == "websocket":
-            return viser_answers(connection, request)
         path = path_of(request)
+        if response is None and request.headers.get("Upgrade") == "websocket":
+            if path != LINK_PATH:
+                # The link's tables are text. The scene has arrays of floats, which hardly shrink.
+                request.headers.pop("Sec-WebSocket-Extensions", None)
+            return viser_answers(connection, request)
         is_scene = seat_in(path) is not None if self._has_shell else path == "/"
         policy = POLICY
         frames = "DENY"

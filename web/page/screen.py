@@ -35,7 +35,7 @@ class Beats(NamedTuple):
 
     Attributes:
         tables: what follows the time that is shown.
-        slow: spectra, gaps, chatter.
+        slow: spectra, gaps, chatter; for a visitor who is sent less, the tables as well.
     """
 
     tables: bool
@@ -87,7 +87,7 @@ class Screen:
             beats: what is due.
         """
         self._put("now", now_of(seen.moment.s, seen.flies))
-        if beats.tables:
+        if beats.slow if seen.view.light else beats.tables:
             self._update_tables(seen, rest)
         if beats.slow and seen.is_drawn:
             self._update_slow(seen.moment)

@@ -131,7 +131,10 @@ def _interval(s: LapTiming) -> str:
 
 
 def _behind(seconds: float) -> str:
-    return f"{rounded(seconds, 2):+.2f}" if isfinite(seconds) else "-"
+    if not isfinite(seconds):
+        return "-"
+    shown = rounded(seconds, 2)
+    return f"{shown:+.2f}" if shown else "level"
 
 
 def _time(t: float | None, best: float, own: float) -> Time:
