@@ -100,21 +100,22 @@ def alone(command: str, flight: Flight) -> list[str]:
 
 
 def run_campaign(words: Sequence[str], campaign: Path, out: Path) -> dict | None:
-    """Run a `race compare`, and return the JSON value that it prints; None if it failed.
+    """Run a `race compare` or `race sweep`, and return what it prints; None if it failed.
 
     Args:
         words: the command.
         campaign: its file of flights.
         out: the folder of its report.
     """
-    program, *rest = words
     campaign.parent.mkdir(parents=True, exist_ok=True)
+    return run_json([*words, "--campaign", str(campaign), "--out", str(out)])
+
+
+def run_json(words: Sequence[str]) -> dict | None:
+    """Run a command, and return the JSON value that it prints; None if it failed."""
+    program, *rest = words
     done = subprocess.run(
-        [
-            Path(sys.executable).with_name(program),
-            *rest,
-            *("--campaign", str(campaign), "--out", str(out), "--json"),
-        ],
+        [Path(sys.executable).with_name(program), *rest, "--json"],
         stdout=subprocess.PIPE,
         text=True,
         check=False,

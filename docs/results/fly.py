@@ -31,12 +31,13 @@ from docs.results.experiments import (
     write,
     write_file,
 )
-from docs.results.flights import flights, has_flights, number, run_campaign
+from docs.results.flights import flights, has_flights, number, run_campaign, run_json
 from quadsim.campaign.summary_stats import FEWEST_PAIRS
 
 ROOT = Path(__file__).parents[2]
 RUNS = Path("runs/results")
 COMMIT_DIGITS = 8
+PAPER = ["race", "paper"]  # whose runs are kept by commit, as it does not know who flew them
 
 
 def main() -> int:
@@ -86,15 +87,18 @@ def _fly(name: str, experiment: Experiment, jobs: int | None) -> bool:
     """Fly an experiment and write its rows; return whether it is complete."""
     print(f"{name}: {experiment.command}", file=sys.stderr)
     words = shlex.split(experiment.command)
-    if jobs is not None:
+    if jobs is not None and words[:2] != PAPER:
         words += ["--jobs", str(jobs)]
     campaign = _campaign(name, words)
-    found = run_campaign(words, campaign, RUNS / name)
+    if words[:2] == PAPER:
+        found = run_json([*words, "--runs-dir", str(RUNS / _commit())])
+    else:
+        found = run_campaign(words, campaign, RUNS / name)
     if found is None:
         return False
     rows = list(rows_of(found))
     stats = [*found.get("variants", ()), *(point["stats"] for point in found.get("points", ()))]
-    commits = {commit[:COMMIT_DIGITS] for one in stats for commit in one["commits"]}
+    commits = {commit[:COMMIT_DIGITS] for one in stats for commit in one.get("commits", ())}
     flown = Flown(
         command=experiment.command,
         commit=" ".join(sorted(commits)) or _commit(),
@@ -132,9 +136,35 @@ def _machine() -> str:
 
 def rows_of(found: Mapping[str, Any]) -> Iterable[dict[str, str]]:
     """Return the rows of the JSON object that a command has printed."""
+    if "cells" in found:
+        return _table2(found)
     if "points" in found:
         return _sweep(found)
-    return _heats(found) if "settings" in found else _flights(found)
+    if "settings" in found:
+        return _heats(found)
+    return _flights(found) if "pairs" in found else _paper(found)
+
+
+def _table2(found: Mapping[str, Any]) -> Iterable[dict[str, str]]:
+    """Yield the costs of each sampler of `race paper table2`, at one sigma beside the other."""
+    rows: dict[str, dict[str, str]] = {}
+    for cell in found["cells"]:
+        row = rows.setdefault(cell["sampler"], {"variant": cell["sampler"]})
+        numbers = "runs", "mean", "sd", "paper_mean", "paper_sd"
+        row |= {f"{key}_{cell['sigma']:g}": number(cell[key]) for key in numbers}
+    return rows.values()
+
+
+def _paper(found: Mapping[str, Any]) -> Iterable[dict[str, str]]:
+    """Yield the numbers of each sampler of Table I, beside those of the paper."""
+    for one in found["variants"]:
+        row = {"variant": one["sampler"], "attempts": str(one["attempts"])}
+        row |= {"finished": str(one["finished"])}
+        row |= _share("finished", (one["success_low"], one["success_high"]))
+        row |= {f"race_{key}": number(one[key]) for key in ("mean", "sd", "min")}
+        paper = "paper_mean", "paper_sd", "paper_min", "paper_valid", "paper_attempts"
+        others = "thrust_tv", "high_frequency_fraction", "mean_legs"
+        yield row | {key: number(one.get(key)) for key in (*paper, *others)}
 
 
 def _mean(name: str, value: Mapping[str, Any]) -> dict[str, str]:

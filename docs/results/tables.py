@@ -68,6 +68,21 @@ def _percent(name: str) -> Callable[[Row], str]:
     return text
 
 
+def _spread(mean: str, sd: str, digits: int) -> Callable[[Row], str]:
+    """Return a function that writes a mean and its standard deviation, if they are known."""
+
+    def text(row: Row) -> str:
+        return f"{float(row[mean]):.{digits}f} ± {float(row[sd]):.{digits}f}" if row[mean] else ""
+
+    return text
+
+
+def _paper_finished(row: Row) -> str:
+    """Return how many attempts of the paper succeeded, and of how many, if it says so."""
+    of = f" of {row['paper_attempts']}" if row["paper_attempts"] else ""
+    return row["paper_valid"] + of
+
+
 def _above_limit(row: Row) -> str:
     return f"{100.0 * float(row['above_limit']):.1f} %" if row["above_limit"] else ""
 
@@ -99,7 +114,25 @@ COLUMNS: dict[str, Column] = {
     "contact_interval": Column("95 %", _percent("with_contact")),
     "overtakes": Column("overtakes in a race", _interval("overtakes", 2)),
     "heat_race": Column("race [s]", _interval("race", 3)),
+    "race_mean": Column("mean race [s]", _spread("race_mean", "race_sd", 2)),
+    "race_least": Column("fastest [s]", _fixed("race_min", 2)),
+    "high_frequency": Column(
+        "thrust's power above the motors' corner [%]", _fixed("high_frequency_fraction", 1, 100.0)
+    ),
+    "legs": Column("legs of 5 driven", _fixed("mean_legs", 0)),
+    "paper_race": Column("paper: mean [s]", _spread("paper_mean", "paper_sd", 2)),
+    "paper_least": Column("fastest [s]", _fixed("paper_min", 2)),
+    "paper_finished": Column("finished", _paper_finished),
 }
+# The costs of Table II of the paper, here and in the paper, for each of its sigmas
+for _sigma in ("0.5", "1.5", "3"):
+    _key = _sigma.replace(".", "")
+    COLUMNS[f"cost_{_key}"] = Column(
+        f"sigma {_sigma}", _spread(f"mean_{_sigma}", f"sd_{_sigma}", 0)
+    )
+    COLUMNS[f"paper_cost_{_key}"] = Column(
+        "paper", _spread(f"paper_mean_{_sigma}", f"paper_sd_{_sigma}", 0)
+    )
 
 
 # Columns whose texts an experiment may label
