@@ -57,7 +57,9 @@ SENSED = 0.5
 FAR = 1e5  # a time after the end of any race [s]
 HELD = 1e-6  # speed of a flight that is held [race seconds per second]
 SLOW = 0.1  # speed of a flight while a page that watches live is drawn
-RAISED = 1500  # [ms] of rising after a person has taken off
+LOWERED = 1500  # [ms] for which the throttle is lowered before a flight by hand
+RAISED = 820  # [ms] for which it is raised then, to a little more than in hover
+RISEN = 1.0  # time of that flight at which its picture is taken [s]
 CLOSE_NOTICES = "document.querySelectorAll('.notes button').forEach(note => note.click())"
 
 
@@ -211,12 +213,12 @@ def by_hand(session: Session, page: Page) -> None:
     # until then the keys are those of the page
     page.get_by_role("button", name="Let go (Esc)").wait_for()
     page.keyboard.down("s")
-    page.wait_for_timeout(RAISED)
+    page.wait_for_timeout(LOWERED)
     page.keyboard.up("s")
     page.keyboard.down("w")
-    wait(lambda: not session.snapshot.waiting)
     page.wait_for_timeout(RAISED)
     page.keyboard.up("w")
+    wait(lambda: session.snapshot.t > RISEN)
     save(picture_of(page), "hand")
     session.tell(PageRace.end_flights)
 

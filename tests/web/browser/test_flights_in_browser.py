@@ -134,6 +134,10 @@ def test_a_scrubbed_replay_shows_drone_and_estimate_where_the_telemetry_says(
         assert waited(page, lambda at=t: shown_time(page) == at)
         assert waited(page, lambda p=there: np.allclose(drone(scene(page)) or np.inf, p, atol=1e-3))
         assert waited(page, lambda p=ghost: stands_at(page, "ghost", p))
+    for _ in range(2):  # beyond the end: the box shows the end, where it is shown already, too
+        type_time(page, 1e5)
+        assert waited(page, lambda: abs(shown_time(page) - replayed["t"][-1]) < 0.01)
+    type_time(page, 1.7)
     disabled = group(page, "Numbers in flight").locator("input[type=range]:disabled")
     assert waited(page, lambda: disabled.count() == len(SLIDERS))
 

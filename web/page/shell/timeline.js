@@ -118,6 +118,8 @@ export function begin() {
   });
   const box = part(".t");
   box.onfocus = () => box.select();
+  // What was typed may be refused, or be the time that is shown already.
+  box.onblur = () => (box.value = now.t.toFixed(2));
   box.onkeydown = (event) => {
     if (event.key === "Enter") typed(box);
     if (event.key === "Escape") box.blur();
