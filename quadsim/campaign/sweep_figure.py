@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import ceil, isfinite, nan
+from textwrap import fill
 from typing import NamedTuple
 
 from matplotlib import rc_context
@@ -28,6 +29,7 @@ SIDE_BY_SIDE = 4  # most settings side by side
 APART = 0.16
 # Values with more letters than these together are written at an angle.
 LETTERS = 26
+LETTERS_PER_INCH = 11  # of a title
 
 
 class Measured(NamedTuple):
@@ -132,7 +134,9 @@ def _draw_row(
     first_finished.set(ylim=(-4, 104), ylabel="finished [%]")
     first_laps.set_ylabel("change of the lap [s]")
     first_finished.legend(loc="lower left", handlelength=3)
-    figure.suptitle(f"{row[0][0].course}; 95 % intervals", x=0.008, ha="left", fontsize=11)
+    inches = figure.get_figure(root=True).get_figwidth()
+    title = fill(f"{row[0][0].course}; 95 % intervals", int(LETTERS_PER_INCH * inches))
+    figure.suptitle(title, x=0.008, ha="left", fontsize=11)
 
 
 def _label_values(finished: Axes, laps: Axes, curve: DrawnCurve) -> None:
