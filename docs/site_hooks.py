@@ -36,6 +36,12 @@ EQUATION = re.compile(
     re.DOTALL,
 )
 
+CODE = re.compile(r"<pre>(?P<code>.*?)</pre>", re.DOTALL)
+TAG = re.compile("<[^>]*>")
+WIDEST = 120  # characters; what is longer is a command
+# The dash in front of the missing description of a field
+UNDESCRIBED = re.compile(r"–\s*<div class=\"doc-md-description\">\s*</div>")
+
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Link every page to its source if pyproject.toml has the address of the repository."""
@@ -59,8 +65,15 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_content(page_html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Write equations as MathML, which browsers show without a script."""
-    return EQUATION.sub(_mathml, page_html)
+    """Write equations as MathML, which browsers show without a script, and break long commands."""
+    return CODE.sub(_broken, EQUATION.sub(_mathml, UNDESCRIBED.sub("", page_html)))
+
+
+def _broken(found: re.Match[str]) -> str:
+    """Return a block of code, whose lines are broken if one is longer than WIDEST."""
+    text = html.unescape(TAG.sub("", found["code"]))
+    wide = max(map(len, text.splitlines()), default=0) > WIDEST
+    return f'<pre class="broken">{found["code"]}</pre>' if wide else found[0]
 
 
 def _mathml(found: re.Match[str]) -> str:
