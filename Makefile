@@ -82,7 +82,7 @@ fix: $(VENV)/.dev
 
 # The documentation site, into site/: open site/index.html.
 docs: $(VENV)/.dev
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict # with --quiet it would not count warnings
 	@echo "the site is in site/: open site/index.html"
 
 # Fly and draw the figures of README.md and docs/ anew: hours, most of them for the trainings, campaigns and the paper, which

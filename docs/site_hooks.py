@@ -36,6 +36,15 @@ EQUATION = re.compile(
     re.DOTALL,
 )
 
+CODE = re.compile(r"<pre>(?P<code>.*?)</pre>", re.DOTALL)
+TAG = re.compile("<[^>]*>")
+WIDEST = 100  # characters: what fits beside the menus; what is longer is a command
+# Code in a sentence, and a flag in it
+SPAN = re.compile(r"<code>[^<]*</code>")
+FLAG = re.compile(r"--[\w-]+")
+# The dash in front of the missing description of a field
+UNDESCRIBED = re.compile(r"–\s*<div class=\"doc-md-description\">\s*</div>")
+
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Link every page to its source if pyproject.toml has the address of the repository."""
@@ -59,8 +68,22 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_content(page_html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Write equations as MathML, which browsers show without a script."""
-    return EQUATION.sub(_mathml, page_html)
+    """Write equations as MathML, which browsers show without a script, and break lines of code."""
+    page_html = EQUATION.sub(_mathml, UNDESCRIBED.sub("", page_html))
+    page_html = SPAN.sub(_with_whole_flags, page_html)
+    return CODE.sub(_broken, page_html)
+
+
+def _with_whole_flags(found: re.Match[str]) -> str:
+    """Return code of a sentence, whose lines are not broken within a flag."""
+    return FLAG.sub(r'<span class="flag">\g<0></span>', found[0])
+
+
+def _broken(found: re.Match[str]) -> str:
+    """Return a block of code, whose lines are broken if one is longer than WIDEST."""
+    text = html.unescape(TAG.sub("", found["code"]))
+    wide = max(map(len, text.splitlines()), default=0) > WIDEST
+    return f'<pre class="broken">{found["code"]}</pre>' if wide else found[0]
 
 
 def _mathml(found: re.Match[str]) -> str:
