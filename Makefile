@@ -125,7 +125,6 @@ docs-figures: $(VENV)/.dev
 	$(BIN)/python docs/renderers_figure.py # docs/renderers.png
 	$(BIN)/python docs/pixels_figure.py # docs/pixels.png
 	$(BIN)/python docs/network_figure.py # docs/network.png
-	$(BIN)/python docs/sensing_figures.py # docs/sensing_*.png
 	$(BIN)/python docs/dashboard_pictures.py # docs/dashboard_*.png
 
 # Fly the experiments of docs/results/experiments.yaml that the present commit has not flown, and write their CSV files and the

@@ -176,3 +176,21 @@ def test_a_table_has_the_same_flights_of_a_sweep_once(monkeypatch):
         "| dt | .04 | gaussian | 2 of 3 |",
         "|  |  | colored | 2 of 3 |",
     ]
+
+
+def test_the_costs_of_table_two_keep_their_sigma_and_the_papers():
+    numbers = {"runs": 2, "sd": 3.0, "paper_sd": 4.0}
+    cells = [
+        {"sampler": name, "sigma": sigma, "mean": mean, "paper_mean": paper, **numbers}
+        for name, sigma, mean, paper in (
+            ("gaussian", 0.5, 1.0, 5.0),
+            ("own", 0.5, 2.0, None),
+            ("gaussian", 3.0, 6.0, 7.0),
+        )
+    ]
+    first, second = fly.rows_of({"cells": cells})
+    shown = [
+        tables.COLUMNS[f"{what}cost_{sigma}"] for sigma in ("05", "3") for what in ("", "paper_")
+    ]
+    assert [column.text(first) for column in shown] == ["1 ± 3", "5 ± 4", "6 ± 3", "7 ± 4"]
+    assert [column.text(second) for column in shown[:2]] == ["2 ± 3", ""]
