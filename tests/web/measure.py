@@ -122,7 +122,7 @@ class Place:
         """Open some connections in place of those before, on one core or on all."""
         if self._watchers:
             self._watchers.kill()
-            self._watchers.wait()
+            self._watchers.communicate()  # waits, and closes its pipe
             self._watchers = None
         if clients:
             command = [sys.executable, __file__, "watch", str(self.server.get_port()), str(clients)]
