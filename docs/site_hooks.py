@@ -1,4 +1,4 @@
-"""Hooks of MkDocs that add notebooks, recorded races, equations and links to sources to the site.
+"""Hooks of MkDocs that add notebooks, races, equations, and tables of the API to the site.
 
 MkDocs calls the functions `on_...` while it builds the site (`hooks` in mkdocs.yml).
 """
@@ -21,6 +21,8 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
+from docs import api_reference
+from docs.api_reference import Section
 from quadsim.heat.archive import run_folders
 from quadsim.web.competitor import named
 from quadsim.web.page.export import offline_page
@@ -67,10 +69,33 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     return files
 
 
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Add to the overview of the API the names of the other pages of its section of the menu."""
+    if page.file.src_uri != api_reference.OVERVIEW or page.parent is None:
+        return markdown
+    others = (other for other in page.parent.children if isinstance(other, Page))
+    sections = [
+        Section(other.file.src_uri, other.file.content_string)
+        for other in others
+        if other is not page
+    ]
+    handler = config.plugins["mkdocstrings"].get_handler("python")  # pyright: ignore
+    options = handler.get_options({})
+
+    def docstring(path: str) -> str:
+        found = handler.collect(path, options).docstring
+        return "" if found is None else found.value
+
+    return f"{markdown}\n{api_reference.overview(sections, docstring)}"
+
+
 def on_page_content(page_html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
     """Write equations as MathML, which browsers show without a script, and break lines of code."""
     page_html = EQUATION.sub(_mathml, UNDESCRIBED.sub("", page_html))
     page_html = SPAN.sub(_with_whole_flags, page_html)
+    if page.file.src_uri.startswith(api_reference.FOLDER):
+        section = Section(page.file.src_uri, page.file.content_string)
+        page_html = api_reference.with_public_names(page_html, section)
     return CODE.sub(_broken, page_html)
 
 

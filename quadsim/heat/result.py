@@ -39,7 +39,7 @@ class Placing(NamedTuple):
 
 
 class HeatEvent(NamedTuple):
-    """Something that happened between entrants.
+    """An event between entrants: one overtakes, touches another, or is out.
 
     Examples:
         >>> from quadsim.heat.result import HeatEvent

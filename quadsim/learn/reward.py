@@ -34,7 +34,7 @@ class RewardParams(NamedTuple):
 
 @dataclass(frozen=True)
 class RewardWeights:
-    """Weights of the terms.
+    """Weights of the reward's terms.
 
     Raises:
         SettingError: a weight is no number, or out of its range (a ValueError).

@@ -21,7 +21,7 @@ from quadsim.learn.vector_env import RacingVectorEnv
 
 
 class RacingEnv(Env):
-    """A race of one vehicle.
+    """A race of one vehicle, an environment of Gymnasium.
 
     Args:
         render_mode, viewer, settings: see RacingVectorEnv, without num_envs and autoreset_mode.

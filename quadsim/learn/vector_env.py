@@ -42,7 +42,7 @@ MODES = {
 
 
 class RacingVectorEnv(VectorEnv):
-    """Races of many vehicles.
+    """Many races of one vehicle each, a vector environment of Gymnasium.
 
     The same seed gives the same rollout to the last bit, for any number of threads.
 

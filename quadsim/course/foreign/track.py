@@ -22,7 +22,9 @@ Degree = Annotated[float, unit("deg", ge=-360, le=360)]
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """How a foreign file is read. None stands for what is usual in its format.
+    """The axes, units and openings with which a foreign file is read.
+
+    None stands for what is usual in the format.
 
     Examples:
         >>> from quadsim.course.foreign import Reading
