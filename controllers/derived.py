@@ -66,7 +66,7 @@ SMALLEST_ROOM = 0.01
 class Scale(NamedTuple):
     """The properties of a flight from which the numbers are derived."""
 
-    # mean distance between gates [m]
+    # mean distance between gates, at least the size of a frame [m]
     leg: float
     # horizontal acceleration of level flight at full thrust [m/s^2]
     acceleration: float
@@ -103,9 +103,11 @@ class Scale(NamedTuple):
             for gate in course.gates
         ]
         frames = [max(gate.opening) + 2 * gate.frame_width for gate in course.gates]
+        frame = sum(frames) / len(frames)
         return cls(
-            leg=course.lap_length / len(course.gates),
-            frame=sum(frames) / len(frames),
+            # A lap round a single gate has no length, but leads round the frame.
+            leg=max(course.lap_length / len(course.gates), frame),
+            frame=frame,
             acceleration=sqrt(vehicle.thrust_max**2 - GRAVITY**2),
             room=max(min(rooms), SMALLEST_ROOM),
             radius=vehicle.radius,
