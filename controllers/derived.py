@@ -47,6 +47,8 @@ MARGIN_ROOM = 0.7
 STEEP_BELOW = 0.12
 # Frames are in the way of the samples from this size beside a leg on.
 FRAME_SHARE = 0.22
+# Openings are narrow if their room is below this share of a leg; that of the reference is 0.05.
+NARROW_SHARE = 0.035
 # The most samples; more fly hardly faster, see docs/samplers.md
 MOST_SAMPLES = 4096
 # The nose is turned to each gate if the time scale is at least this many lags of the yaw.
@@ -123,6 +125,11 @@ class Scale(NamedTuple):
         """The time scale: that of a leg's length at full acceleration [s]."""
         return sqrt(self.leg / self.acceleration)
 
+    @property
+    def narrowness(self) -> float:
+        """How much narrower the openings are than NARROW_SHARE of a leg; 1 if they are wider."""
+        return max(NARROW_SHARE * self.leg / self.room, 1.0)
+
 
 def derived(reference: Planner, scale: Scale) -> Planner:
     """Return the planner of a flight: that of the reference with the numbers of its scale.
@@ -161,9 +168,9 @@ def horizon_law(scale: Scale) -> float:
     """Return the horizon as a multiple of the time scale [s].
 
     A plan has to brake or turn for what comes after the next gate, which takes a time in proportion
-    to the time scale.
+    to the time scale. A narrow opening is approached at less than full acceleration.
     """
-    return HORIZON * scale.time
+    return HORIZON * scale.time * sqrt(scale.narrowness)
 
 
 def horizon(scale: Scale) -> float:
@@ -259,13 +266,13 @@ def samples(reference: int, scale: Scale) -> int:
     """Return the number of samples, a power of two times the reference's.
 
     Samples turn by the same angles, so they spread in proportion to a leg, and more of them hit a
-    frame that is large beside it. The number grows with the square of that share; and with the time
-    that a control period gives for the steps of the horizon.
+    frame that is large beside it. The number grows with the square of that share; as openings are
+    narrower; and with the time that a control period gives for the steps of the horizon.
     """
     steps = round(horizon(scale) / scale.period)
     crowded = max(scale.frame / scale.leg / FRAME_SHARE, 1.0) ** 2
     time = scale.period / REFERENCE_PERIOD * REFERENCE_STEPS / max(steps, 1)
-    doublings = round(log2(crowded * time))
+    doublings = round(log2(crowded * scale.narrowness * time))
     return max(reference, min(reference * 2 ** max(doublings, 0), MOST_SAMPLES))
 
 
@@ -327,15 +334,16 @@ def derivation(reference: Planner, scale: Scale) -> list[DerivedNumber]:
     seconds = horizon(scale)
     steps = planner.mppi.horizon
     room = f"room {scale.room:.3g} m"
+    narrow = f"max({NARROW_SHARE:g} leg {scale.leg:.3g} m / {room}, 1)"
     flown = min(cost.margin, cost.margin_share * scale.room)
     texts = {
         "horizon": (
-            f"{HORIZON:g} sqrt(leg {scale.leg:.3g} m / {scale.acceleration:.3g} m/s^2) ="
+            f"{HORIZON:g} sqrt(leg {scale.leg:.3g} m / {scale.acceleration:.3g} m/s^2 {narrow}) ="
             f" {horizon_law(scale):.3g} s, at most {LONGEST:g} s, to {GRID:g} s: {seconds:g} s"
         ),
         "samples": (
             f"{reference.mppi.samples} (frame {scale.frame:.3g} m / leg {scale.leg:.3g} m /"
-            f" {FRAME_SHARE:g})^2 (period {scale.period:g} s / {REFERENCE_PERIOD:g} s)"
+            f" {FRAME_SHARE:g})^2 {narrow} (period {scale.period:g} s / {REFERENCE_PERIOD:g} s)"
             f" ({REFERENCE_STEPS} / {steps} steps), by doubling, at most {MOST_SAMPLES}"
         ),
         "sigma": (
