@@ -128,7 +128,7 @@ def test_horizon_and_samples_grow_with_their_causes_and_keep_their_limits():
     counts = [samples(1024, scale) for scale in (open_air, SMALL, SMALL._replace(frame=9.0))]
     assert counts == [1024 * 2, MOST_SAMPLES, MOST_SAMPLES]
     assert samples(1024, open_air._replace(period=0.005)) == 1024, "never fewer"
-    tight = open_air._replace(room=0.3 * SMALL.room)
+    tight = open_air._replace(room=0.1 * SMALL.room)
     assert samples(1024, tight) > samples(1024, open_air)
     assert horizon_law(tight) > horizon_law(open_air)
 
