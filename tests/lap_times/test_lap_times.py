@@ -152,18 +152,18 @@ def test_a_baseline_with_too_few_attempts_to_pass_is_refused(
 
 
 def test_a_stored_distribution_passes_against_itself_and_fails_against_a_slower_racer_s():
-    """The slower racer: on these two courses the Gaussian one, flown on the same seeds, is 10 %
-    slower."""
+    """The slower racer: the Gaussian one, on the same seeds, is 5.5 % slower on paper_flat. On
+    figure8 it is 2.4 % slower, less than the effect."""
     for path in BASELINES:
         baseline = load_baseline(path)
         assert all(v.ok for v in judge(baseline.stored, baseline.stored, baseline.effects)), (
             path.stem
         )
-    for course in ("figure8", "split_s_song"):
+    for course, passes in (("paper_flat", False), ("figure8", True)):
         fast, slow = (
             load_baseline(HERE / f"{course}_{sampler}.yaml") for sampler in ("colored", "gaussian")
         )
-        assert not judge(fast.stored, slow.stored, fast.effects)[1].ok, course
+        assert judge(fast.stored, slow.stored, fast.effects)[1].ok is passes, course
         assert judge(slow.stored, fast.stored, slow.effects)[1].ok, "faster is no failure"
 
 
