@@ -47,7 +47,8 @@ MARGIN_ROOM = 0.7
 STEEP_BELOW = 0.12
 # Frames are in the way of the samples from this size beside a leg on.
 FRAME_SHARE = 0.22
-# Openings are narrow if their room is below this share of a leg; that of the reference is 0.05.
+# Openings are narrow if their room is below this share of a leg. On the courses of the reference it
+# is 0.05 and more.
 NARROW_SHARE = 0.035
 # The most samples; more fly hardly faster, see docs/samplers.md
 MOST_SAMPLES = 4096
@@ -266,8 +267,9 @@ def samples(reference: int, scale: Scale) -> int:
     """Return the number of samples, a power of two times the reference's.
 
     Samples turn by the same angles, so they spread in proportion to a leg, and more of them hit a
-    frame that is large beside it. The number grows with the square of that share; as openings are
-    narrower; and with the time that a control period gives for the steps of the horizon.
+    frame that is large beside it. The number grows with the square of that share, with the
+    narrowness of the openings, and with the time that a control period gives for the steps of the
+    horizon.
     """
     steps = round(horizon(scale) / scale.period)
     crowded = max(scale.frame / scale.leg / FRAME_SHARE, 1.0) ** 2
@@ -334,16 +336,17 @@ def derivation(reference: Planner, scale: Scale) -> list[DerivedNumber]:
     seconds = horizon(scale)
     steps = planner.mppi.horizon
     room = f"room {scale.room:.3g} m"
-    narrow = f"max({NARROW_SHARE:g} leg {scale.leg:.3g} m / {room}, 1)"
+    is_narrow = scale.narrowness > 1.0
+    narrow = f"({NARROW_SHARE:g} leg {scale.leg:.3g} m / {room}) " if is_narrow else ""
     flown = min(cost.margin, cost.margin_share * scale.room)
     texts = {
         "horizon": (
-            f"{HORIZON:g} sqrt(leg {scale.leg:.3g} m / {scale.acceleration:.3g} m/s^2 {narrow}) ="
+            f"{HORIZON:g} sqrt({narrow}leg {scale.leg:.3g} m / {scale.acceleration:.3g} m/s^2) ="
             f" {horizon_law(scale):.3g} s, at most {LONGEST:g} s, to {GRID:g} s: {seconds:g} s"
         ),
         "samples": (
-            f"{reference.mppi.samples} (frame {scale.frame:.3g} m / leg {scale.leg:.3g} m /"
-            f" {FRAME_SHARE:g})^2 {narrow} (period {scale.period:g} s / {REFERENCE_PERIOD:g} s)"
+            f"{reference.mppi.samples} {narrow}(frame {scale.frame:.3g} m / leg {scale.leg:.3g} m /"
+            f" {FRAME_SHARE:g})^2 (period {scale.period:g} s / {REFERENCE_PERIOD:g} s)"
             f" ({REFERENCE_STEPS} / {steps} steps), by doubling, at most {MOST_SAMPLES}"
         ),
         "sigma": (

@@ -87,7 +87,8 @@ class Screen:
             beats: what is due.
         """
         self._put("now", now_of(seen.moment.s, seen.flies))
-        if beats.slow if seen.view.light else beats.tables:
+        tables_are_due = beats.slow if seen.view.light else beats.tables
+        if tables_are_due:
             self._update_tables(seen, rest)
         if beats.slow and seen.is_drawn:
             self._update_slow(seen.moment)
