@@ -2,39 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from time import perf_counter
-from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from quadsim.controllers.costs import Weight
 from quadsim.controllers.deadline import next_samples
 from quadsim.controllers.plan import PlannerSnapshot, PlanStats
 from quadsim.controllers.presets import Planner
 from quadsim.dynamics.estimate import Estimate
+from quadsim.dynamics.expected_path import ExpectedPath
 
 if TYPE_CHECKING:
     from quadsim.controllers.mppi import MPPI
 
 
-class Change(Protocol):
+class Change(NamedTuple):
     """A change of a planner's numbers at some time of its flight."""
 
-    @property
-    def t(self) -> float:
-        """Time of the first plan with the new numbers [s]."""
-        ...
+    # time of the first plan with the new numbers [s]
+    t: float
+    # returns the new numbers from those before
+    after: Callable[[Planner], Planner]
 
 
-def _no_changes(change: Change, planner: Planner) -> Planner:
-    """Stand for the numbers after a change of a flight without changes."""
-    raise NotImplementedError("expected a function `after` beside the changes of a flight")
-
-
-AnyChange = TypeVar("AnyChange", bound=Change)
-
-
-class PlannerInFlight(Generic[AnyChange]):
+class PlannerInFlight:
     """A planner whose numbers may change between two plans, and whose samples follow a deadline.
 
     It is a controller, see quadsim.racing.flight.Controller.
@@ -48,8 +42,7 @@ class PlannerInFlight(Generic[AnyChange]):
         planner: MPPI,
         numbers: Planner,
         make: Callable[[Planner], MPPI],
-        changes: Sequence[AnyChange] = (),
-        after: Callable[[AnyChange, Planner], Planner] = _no_changes,
+        changes: Iterable[Change] = (),
         deadline_ms: float | None = None,
         time: Callable[[], float] = perf_counter,
     ):
@@ -60,7 +53,6 @@ class PlannerInFlight(Generic[AnyChange]):
             numbers: its numbers.
             make: function that makes a planner of this flight with other numbers.
             changes: changes to make in flight, in the order of their times.
-            after: function that returns a planner's numbers after a change.
             deadline_ms: time allowed for one plan [ms], which the number of samples follows; None:
                 there is no deadline.
             time: function that returns the time since any instant [s].
@@ -69,7 +61,6 @@ class PlannerInFlight(Generic[AnyChange]):
         self._numbers = numbers
         self._make = make
         self._coming = iter(changes)
-        self._after = after
         self._next = next(self._coming, None)
         self._deadline_ms = deadline_ms
         self._time = time
@@ -79,6 +70,11 @@ class PlannerInFlight(Generic[AnyChange]):
     def rest(self) -> np.ndarray:
         """The control at rest, which is applied until the first plan is ready.  (n_u,)"""
         return self.planner.rest
+
+    @property
+    def is_cached(self) -> bool:
+        """Whether the loops of the present planner were compiled on this machine before."""
+        return self.planner.is_cached
 
     def control(self, estimate: Estimate, /) -> tuple[np.ndarray, PlanStats]:
         """Make the changes that are due, and return the control and statistics of the plan."""
@@ -94,6 +90,10 @@ class PlannerInFlight(Generic[AnyChange]):
         self._is_first = False
         return answer
 
+    def set_numbers(self, term: str, **numbers: Weight) -> None:
+        """Use other numbers of one term of the cost from the next plan on, see MPPI.set_numbers."""
+        self.planner.set_numbers(term, **numbers)
+
     def change(self, numbers: Planner) -> None:
         """Plan with other numbers from the next plan on, which begins with the last one."""
         planner = self._make(numbers)
@@ -103,6 +103,18 @@ class PlannerInFlight(Generic[AnyChange]):
             planner.temperature = self.planner.temperature
         self.planner = planner
         self._numbers = numbers
+
+    def planned_path(self, estimate: Estimate) -> ExpectedPath:
+        """Return the path of the present plan, in the time of the race.
+
+        Args:
+            estimate: the estimate from which it was planned.
+        """
+        from quadsim.controllers.sampled_trajectories import (
+            planned_path,  # here: it loads the compiler
+        )
+
+        return planned_path(self.planner, estimate)
 
     def snapshot(self) -> PlannerSnapshot | None:
         """Return the snapshot of the last plan that is stored with the run; None before it."""
@@ -119,4 +131,4 @@ class PlannerInFlight(Generic[AnyChange]):
             due = self._next
             self._next = next(self._coming, None)
         if due is not None:
-            self.change(self._after(due, self._numbers))
+            self.change(due.after(self._numbers))

@@ -12,6 +12,8 @@ from quadsim.controllers.lanes.lanes import Rollout, Trajectories
 from quadsim.controllers.lanes.layout import LANES, chunks, sample
 from quadsim.controllers.mppi import MPPI, Iteration
 from quadsim.controllers.plan import PlannerSnapshot
+from quadsim.dynamics.estimate import Estimate
+from quadsim.dynamics.expected_path import ExpectedPath
 
 MOST = LANES - 1  # samples; the updated plan takes the last lane of the block
 
@@ -160,3 +162,16 @@ def take_snapshot(mppi: MPPI, samples: int = 8, points: int = 16) -> PlannerSnap
     if seen is None:
         return None
     return PlannerSnapshot(best=np.round(seen.paths, 2), terms=seen.terms)
+
+
+def planned_path(planner: MPPI, estimate: Estimate) -> ExpectedPath:
+    """Return the path of a planner's present plan, in the time of the race.
+
+    Args:
+        planner: the planner.
+        estimate: the estimate from which it has planned.
+    """
+    v = planner.clipped(planner.plan).T[None]  # (1, n_u, T)
+    found = planner.rollout.trajectories(estimate.x, v, estimate.target)
+    positions = np.vstack([estimate.x[:3], found.states[0, :, :3]])  # (T + 1, 3)
+    return ExpectedPath(estimate.begins, planner.config.dt, positions.astype(float))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 
-from quadsim.config.build import build, launched
+from quadsim.config.build import build
 from quadsim.config.changes import changeable_numbers
 from quadsim.controllers.in_flight import PlannerInFlight
 from quadsim.controllers.presets import Planner
@@ -220,17 +220,16 @@ class LiveFlight:
         """Build plant, planner and referee. Return the frames of the flight."""
         parts = build(self._spec)
         self._plant = parts.plant
-        steps = launched(self._spec, parts)
         if self._spec.clock == "wall":
-            steps = replace(steps, clock=PlanningClock())
-        self._navigation = steps.navigation
+            parts = replace(parts, clock=PlanningClock())
+        self._navigation = parts.navigation
         # None: a learned pilot or a person flies, without numbers to change
         self._planner: PlannerInFlight | None = None
         self.is_cached = True
-        if isinstance(steps.controller, PlannerInFlight):
-            self._planner = steps.controller
+        if isinstance(parts.controller, PlannerInFlight):
+            self._planner = parts.controller
             self.is_cached = self._planner.planner.is_cached
-        return simulate(**steps.arguments)
+        return simulate(parts)
 
     def _replan(self, numbers: Planner) -> None:
         """Use these numbers from the next plan on."""
@@ -246,7 +245,7 @@ class LiveFlight:
 
     def _corners(self) -> Corners | None:
         """Return the corners in the last picture, if the vehicle has a gate camera."""
-        return self._navigation.corners
+        return self._navigation.corners if self._navigation else None
 
     def _samples_to_draw(self) -> int | None:
         """Return the number of samples of the next plan; None for a learned pilot."""

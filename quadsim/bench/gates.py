@@ -15,10 +15,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from quadsim.config.build import build, launch, with_threads
+from quadsim.config.build import build, with_threads
 from quadsim.config.spec import Spec
 from quadsim.course import Course, parse_course
 from quadsim.racing.events import Frame
+from quadsim.racing.flight import simulate
 
 GATES = (10, 200)
 APART = 12.0  # distance between gates [m]
@@ -75,7 +76,7 @@ def _in_turn(specs: Sequence[Spec], repetition: int) -> Iterator[list[StepTime]]
         for spec in specs:
             parts = build(spec)
             stack.enter_context(closing(parts.plant))
-            flights.append(launch(spec, parts))
+            flights.append(simulate(parts))
         for step in count(repetition):
             order = range(len(flights)) if step % 2 else reversed(range(len(flights)))
             times = {i: _timed(flights[i]) for i in order}

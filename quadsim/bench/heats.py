@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from quadsim.bench.cases import QUADROTOR, WARM_UP, median_ms, paper_case, starting
-from quadsim.config.build import planner_in_flight, planner_of
+from quadsim.config.build import in_flight, planner_of
 from quadsim.config.spec import Spec
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.expected_path import ExpectedPath
@@ -121,7 +121,7 @@ class Case:
         terms = keep_clear_terms(heat, 0)
         flown = with_terms(spec, terms)
         self._planner = AwarePlanner(
-            planner_in_flight(flown, planner_of(flown)),
+            in_flight(flown, planner_of(flown)),
             Perception(0, self._traffic, 0.0, spec.course),
             expectation_of(heat, 0, self._traffic),
             terms,

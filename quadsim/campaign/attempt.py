@@ -16,9 +16,10 @@ from functools import lru_cache
 from hashlib import sha256
 from typing import NotRequired, TypedDict, TypeVar
 
-from quadsim.config.build import build, launch
+from quadsim.config.build import build
 from quadsim.config.parts import fault_in_flight, runs_own_code
 from quadsim.config.spec import Spec
+from quadsim.racing.flight import simulate
 from quadsim.record.metrics import chatter, motor_use
 from quadsim.record.provenance import provenance
 from quadsim.record.run import CRASHES, ERROR, PlanTime, RecordedRun, Recorder, canonical
@@ -106,7 +107,7 @@ def fly_attempt(spec: Spec) -> Flown:
     fault = None
     with closing(parts.plant):
         try:
-            for frame in launch(spec, parts):
+            for frame in simulate(parts):
                 recorder.add(replace(frame, snapshot=None))
         except Exception as error:
             # The user's own parts may raise anything.

@@ -21,7 +21,7 @@ from quadsim.cli.flags import (
 )
 from quadsim.cli.progress import Progress
 from quadsim.cli.report import present
-from quadsim.config.build import build, launch, with_threads
+from quadsim.config.build import build, with_threads
 from quadsim.config.checks import expect_new_log
 from quadsim.config.recorded import recorded_spec, sorted_settings
 from quadsim.config.settings import SETTINGS, FlightSettings
@@ -32,7 +32,7 @@ from quadsim.files.strict_yaml import FileError
 from quadsim.firmware.process import FirmwareError
 from quadsim.firmware.translation import translated
 from quadsim.racing.events import Frame
-from quadsim.racing.flight import Controller
+from quadsim.racing.flight import Controller, simulate
 from quadsim.record.archive import RunFolder, find_run, load_reportable, remove_unfinished
 from quadsim.record.run import (
     RecordedRun,
@@ -88,7 +88,7 @@ def fly(
     with end_of_plant, RunFolder.open(spec.runs_dir, record) as folder:
         _complain_before(spec, parts.controller, settings or {})
         with settings_as_flags():  # a user's own sampler may return invalid values
-            recorder, ended = _recorded(launch(spec, parts), spec, quiet=json)
+            recorder, ended = _recorded(simulate(parts), spec, quiet=json)
         run = recorder.run(record)
         failure: RunError | FileError | None = None
         unwritten: FirmwareError | None = None

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 from numpy.random import SeedSequence
 
@@ -18,32 +18,27 @@ from quadsim.config.parts import made
 from quadsim.config.settings import SETTINGS, SettingError
 from quadsim.config.spec import Spec
 from quadsim.controllers.excitation import Excitation
-from quadsim.controllers.in_flight import PlannerInFlight
+from quadsim.controllers.in_flight import Change, PlannerInFlight
 from quadsim.controllers.learned.pilot import PilotController
-from quadsim.controllers.plan import PlannerSnapshot
 from quadsim.controllers.presets import Planner
 from quadsim.files.values import checked
 from quadsim.physics.faults import CommandLoss
 from quadsim.physics.plant import (
     Arena,
     LossyLink,
-    Plant,
 )
-from quadsim.racing.clock import CLOCKS, Clock
+from quadsim.racing.clock import CLOCKS
 from quadsim.racing.events import Frame
 from quadsim.racing.flight import (
     Controller,
     FlightParts,
     PlainController,
     RefereeProtocol,
+    rest_of,
     simulate,
 )
 from quadsim.racing.own_parts import check_counts, checked_control
 from quadsim.racing.referee import Referee
-from quadsim.record.schema import NumberChange
-from quadsim.sensing.navigation import (
-    Navigation,
-)
 
 if TYPE_CHECKING:
     from quadsim.controllers.mppi import MPPI
@@ -76,7 +71,7 @@ def use_threads_of(given: object) -> None:
 def build(
     spec: Spec, arena: Arena | None = None, referee: RefereeProtocol | None = None
 ) -> FlightParts:
-    """Return the plant, the controller and the referee of one flight. The caller closes the plant.
+    """Return the parts of one flight, which `simulate` takes. The caller closes the plant.
 
     Args:
         spec: specification of the flight.
@@ -87,13 +82,29 @@ def build(
         SettingError: an object of the user's own cannot take its part (a ValueError).
         ValueError: course, laps and vehicle do not fit together.
     """
+    from quadsim.controllers.mppi import MPPI  # here: it loads the compiler
+
     referee = referee or referee_of(spec)
     controller = controller_of(spec)
+    snapshot = None
+    if isinstance(controller, MPPI):
+        controller = in_flight(spec, controller)
+        snapshot = controller.snapshot
     plant = plant_of(spec, arena)
     losses = [fault for fault in spec.drawn_faults if isinstance(fault, CommandLoss)]
     if losses:
         plant = LossyLink(plant, losses)
-    return FlightParts(plant, controller, referee)
+    return FlightParts(
+        plant=plant,
+        controller=controller,
+        referee=referee,
+        period=spec.planner.mppi.dt,
+        navigation=navigation_of(spec, plant, referee, rest_of(controller)),
+        clock=CLOCKS[spec.clock](),
+        snapshot=snapshot,
+        # The racing referee has this limit of its own.
+        time_limit=None if spec.referee is None else spec.timeout,
+    )
 
 
 def controller_of(spec: Spec) -> Controller:
@@ -171,78 +182,18 @@ def planner_of(spec: Spec, stream: SeedSequence | None = None) -> MPPI:
     return MPPI(system_of(spec), cost, sampling, spec.planner.mppi, stream, partial(cost_on, spec))
 
 
-@dataclass(frozen=True)
-class Launched:
-    """The parts of a flight that is about to begin, and what `simulate` needs beside them."""
-
-    plant: Plant
-    # a PlannerInFlight[NumberChange] if the controller is an MPPI
-    controller: Controller
-    referee: RefereeProtocol
-    period: float  # [s]
-    clock: Clock
-    snapshot: Callable[[], PlannerSnapshot | None] | None
-    navigation: Navigation
-    time_limit: float | None  # [s]
-
-    @property
-    def arguments(self) -> dict[str, Any]:
-        """The arguments of `simulate`, by name."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
-
-
-def launch(spec: Spec, parts: FlightParts, navigation: Navigation | None = None) -> Iterator[Frame]:
-    """Return the frames of a flight with the parts that `build` returned.
-
-    Args:
-        spec: specification of the flight.
-        parts: the parts, which serve for one flight only.
-        navigation: source of the controller's estimates; None: the spec's.
-    """
-    return simulate(**launched(spec, parts, navigation).arguments)
-
-
-def launched(spec: Spec, parts: FlightParts, navigation: Navigation | None = None) -> Launched:
-    """Return what `simulate` needs for a flight; see `launch` for the arguments."""
-    from quadsim.controllers.mppi import MPPI  # here: it loads the compiler
-
-    plant, controller, referee = parts
-    navigation = navigation or navigation_of(spec, parts)
-    snapshot = None
-    if isinstance(controller, MPPI):
-        controller = planner_in_flight(spec, controller)
-        snapshot = controller.snapshot
-    return Launched(
-        plant=plant,
-        controller=controller,
-        referee=referee,
-        period=spec.planner.mppi.dt,
-        clock=CLOCKS[spec.clock](),
-        snapshot=snapshot,
-        navigation=navigation,
-        # The racing referee has this limit of its own.
-        time_limit=None if spec.referee is None else spec.timeout,
-    )
-
-
-def planner_in_flight(spec: Spec, planner: MPPI) -> PlannerInFlight[NumberChange]:
+def in_flight(spec: Spec, planner: MPPI) -> PlannerInFlight:
     """Return the planner of a flight with the changes and the deadline of the spec."""
 
     def make(numbers: Planner) -> MPPI:
         return planner_of(replace(spec, planner=numbers))
 
-    return PlannerInFlight(
-        planner=planner,
-        numbers=spec.planner,
-        make=make,
-        changes=spec.changes,
-        after=planner_after,
-        deadline_ms=spec.deadline_ms,
-    )
+    changes = [Change(change.t, partial(planner_after, change)) for change in spec.changes]
+    return PlannerInFlight(planner, spec.planner, make, changes, spec.deadline_ms)
 
 
 def flight_frames(spec: Spec) -> Iterator[Frame]:
     """Build and simulate a flight; yield a Frame per control step, the last with the outcome."""
     parts = build(spec)
     with closing(parts.plant):
-        yield from launch(spec, parts)
+        yield from simulate(parts)

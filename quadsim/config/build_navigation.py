@@ -2,21 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from quadsim.config.settings import SettingError
 from quadsim.config.spec import Spec
 from quadsim.course.frames import frames
 from quadsim.physics.faults import BiasJump, SensorFault
 from quadsim.physics.link import command_latency
-from quadsim.physics.plant import (
-    Plant,
-)
-from quadsim.racing.flight import (
-    FlightParts,
-    RefereeProtocol,
-    rest_of,
-)
+from quadsim.physics.plant import Plant
+from quadsim.racing.flight import RefereeProtocol
 from quadsim.sensing import Sensing
 from quadsim.sensing.config import RotorConfig
 from quadsim.sensing.estimation.body_rates import BodyRates
@@ -38,18 +30,24 @@ from quadsim.sensing.sensors import WARM_UP, Sensors
 from quadsim.streams import sensor_streams
 from quadsim.vehicle import Vehicle
 
-if TYPE_CHECKING:
-    pass
-
 LEAST_ROTOR_STD = 0.05  # least standard deviation of the thrust from rotor speeds [m/s^2]
 
 
-def navigation_of(spec: Spec, parts: FlightParts) -> Navigation:
-    """Return the navigation of a flight, which makes the estimates for the controller."""
+def navigation_of(
+    spec: Spec, plant: Plant, referee: RefereeProtocol, rest: tuple[float, ...]
+) -> Navigation:
+    """Return the navigation of a flight, which makes the estimates for the controller.
+
+    Args:
+        spec: specification of the flight.
+        plant: its plant, at the start.
+        referee: its referee, which may count the gates.
+        rest: the control that acts until the first one is given  (n_u,).
+    """
     return Navigation(
-        source=_state_source(spec, parts.plant),
-        gates=_gate_count(spec, parts.referee),
-        commands=Commands(rest_of(parts.controller), _latency(spec), spec.link.period),
+        source=_state_source(spec, plant),
+        gates=_gate_count(spec, referee),
+        commands=Commands(rest, _latency(spec), spec.link.period),
         dt=spec.planner.mppi.dt,
         nominal=spec.model,
         predicts=spec.predict,

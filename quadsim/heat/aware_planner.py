@@ -15,7 +15,7 @@ from quadsim.controllers.plan import PlanStats
 from quadsim.course import Course
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.expected_path import ExpectedPath, OtherVehicle
-from quadsim.heat.expectations import Expectation, Perceived, planned_path
+from quadsim.heat.expectations import Expectation, Perceived
 from quadsim.heat.patience import Patience
 from quadsim.heat.traffic import Sighting, Traffic
 from quadsim.racing.along import Along
@@ -152,10 +152,10 @@ class AwarePlanner:
             shares = weight_share, keep_share
             if shares != self._shares.get(m, (1.0, 1.0)):
                 self._shares[m] = shares
-                self._planner.planner.set_numbers(term.name, **term.scaled(*shares))
+                self._planner.set_numbers(term.name, **term.scaled(*shares))
 
     def _own_path(self) -> ExpectedPath | None:
         """Return the path of the last plan; None before the first one."""
         if self._last is None:
             return None
-        return planned_path(self._planner.planner, self._last)
+        return self._planner.planned_path(self._last)

@@ -165,6 +165,10 @@ class OwnPlans:
         others = tuple(OtherVehicle(n, around[n]) for n in around)
         estimate = Estimate(seen.t, np.array(x), seen.passed, others=others)
         opponent.planner.control(estimate)
+        from quadsim.controllers.sampled_trajectories import (
+            planned_path,  # here: it loads the compiler
+        )
+
         return planned_path(opponent.planner, estimate)
 
     def _seen_to_act(self, m: int, seen: Sighting, planned: Control, model: ModelParams) -> Control:
@@ -200,16 +204,3 @@ def straight(seen: Sighting) -> ExpectedPath:
     """Return the path at constant velocity."""
     here = np.array(seen.position)
     return ExpectedPath(seen.t, 1.0, np.array([here, here + np.array(seen.velocity)]))
-
-
-def planned_path(planner: MPPI, estimate: Estimate) -> ExpectedPath:
-    """Return the path of a planner's present plan, in the time of the race.
-
-    Args:
-        planner: the planner.
-        estimate: the estimate from which it has planned.
-    """
-    v = planner.clipped(planner.plan).T[None]  # (1, n_u, T)
-    found = planner.rollout.trajectories(estimate.x, v, estimate.target)
-    positions = np.vstack([estimate.x[:3], found.states[0, :, :3]])  # (T + 1, 3)
-    return ExpectedPath(estimate.begins, planner.config.dt, positions.astype(float))

@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import partial
 from typing import assert_never, cast
 
-from quadsim.config.build import Launched, build, flight_frames, launched, planner_of
+from quadsim.config.build import build, flight_frames, planner_of
 from quadsim.config.parts import fault_in_flight
 from quadsim.config.spec import Spec
 from quadsim.controllers.costs.keep_clear import Clearance, KeepClear
@@ -42,7 +42,7 @@ from quadsim.heat.traffic import Traffic
 from quadsim.physics.downwash import Downwash
 from quadsim.physics.plant import Arena, new_arena
 from quadsim.racing.clock import PlanningClock
-from quadsim.racing.flight import flight
+from quadsim.racing.flight import FlightParts, flight
 from quadsim.racing.referee import Referee
 from quadsim.streams import opponent_stream, sighting_stream
 
@@ -128,16 +128,14 @@ def _start(heat: HeatSpec, k: int, arena: Arena, traffic: Traffic, referee: Heat
     terms = keep_clear_terms(heat, k)
     spec = with_terms(heat.flown_spec(k), terms)
     parts = build(spec, arena, referee)
-    steps = launched(spec, parts)
-
     others = _no_others
-    if isinstance(steps.controller, PlannerInFlight):
-        planner = aware_planner(heat, k, steps.controller, traffic, terms)
+    if isinstance(parts.controller, PlannerInFlight):
+        planner = aware_planner(heat, k, parts.controller, traffic, terms)
         others = planner.last_others
-        steps = _with_planner(steps, planner, spec.clock)
+        parts = _with_planner(parts, planner, spec.clock)
     # The plants of an arena can be pushed.
     plant = cast(PlantInArena, parts.plant)
-    return Started(plant, flight(**steps.arguments), others)
+    return Started(plant, flight(parts), others)
 
 
 def _no_others() -> tuple[OtherVehicle, ...]:
@@ -145,11 +143,11 @@ def _no_others() -> tuple[OtherVehicle, ...]:
     return ()
 
 
-def _with_planner(steps: Launched, planner: AwarePlanner, clock: str) -> Launched:
+def _with_planner(parts: FlightParts, planner: AwarePlanner, clock: str) -> FlightParts:
     """Return a flight with this planner, which pays for its own planning time alone."""
     if clock == "wall":
-        return replace(steps, controller=planner, clock=PlanningClock())
-    return replace(steps, controller=planner)
+        return replace(parts, controller=planner, clock=PlanningClock())
+    return replace(parts, controller=planner)
 
 
 def aware_planner(

@@ -9,7 +9,7 @@ each ODOMETRY (HIGHRES_IMU where that is not sent) until a command has come.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any, Literal
 
@@ -234,12 +234,13 @@ class Server:
         Args:
             parts: the parts of the race; the controller is a MavlinkClient.
         """
-        plant, controller, referee = parts
+        plant = parts.plant
+        controller = parts.controller
         assert isinstance(controller, MavlinkClient)
         spec = self._spec
         period = spec.planner.mppi.dt
         rest = tuple(controller.rest.tolist())
-        navigation = exact_navigation(plant.state, referee, rest, period)
+        navigation = exact_navigation(plant.state, parts.referee, rest, period)
         self._begin(parts)
         if self._served.lock_step:
             self._let_answers_pass()
@@ -255,8 +256,9 @@ class Server:
         self._origin = perf_counter() - starts
         self._status = RaceStatus(round(1e3 * starts), round(1e3 * starts), -1, 0, -1)
         self._tell_state(plant.state)
-        limit = spec.timeout if spec.referee is not None else None
-        for step in flight(plant, controller, referee, period, None, None, navigation, limit):
+        # The client has sensors of its own, or the true state.
+        parts = replace(parts, navigation=navigation, clock=None)
+        for step in flight(parts):
             if isinstance(step, Planning):
                 if not self._takes_up_commands():
                     self.was_silent = True

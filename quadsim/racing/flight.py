@@ -13,6 +13,7 @@ world.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import count
 from math import inf
 from time import perf_counter
@@ -171,12 +172,23 @@ class RefereeProtocol(Protocol):
 SNAPSHOT_EVERY = 10
 
 
-class FlightParts(NamedTuple):
-    """The plant, the controller and the referee of one flight. Their owner closes the plant."""
+@dataclass(frozen=True)
+class FlightParts:
+    """The parts of one flight, which serve for that flight only. Their owner closes the plant."""
 
     plant: Plant
     controller: Controller
     referee: RefereeProtocol
+    # control period, a whole multiple of the plant's step [s]
+    period: float
+    # source of the controller's estimates; None: the true state and the referee's count of gates
+    navigation: Navigation | None = None
+    # returns when a plan is ready; None: the simulated clock, on which it is at once
+    clock: Clock | None = None
+    # called every SNAPSHOT_EVERY periods; the result is stored in the frame
+    snapshot: Callable[[], PlannerSnapshot | None] | None = None
+    # longest flight, for a referee without a time limit of its own; the outcome is "timeout" [s]
+    time_limit: float | None = None
 
 
 class Plan(NamedTuple):
@@ -267,16 +279,7 @@ class PhysicsStep(NamedTuple):
     u: tuple[float, ...]
 
 
-def simulate(
-    plant: Plant,
-    controller: Controller,
-    referee: RefereeProtocol,
-    period: float,
-    clock: Clock | None = None,
-    snapshot: Callable[[], PlannerSnapshot | None] | None = None,
-    navigation: Navigation | None = None,
-    time_limit: float | None = None,
-) -> Iterator[Frame]:
+def simulate(parts: FlightParts) -> Iterator[Frame]:
     """Simulate until the referee ends the flight, and yield a Frame for each control step.
 
     The last frame has the outcome and the last control applied.
@@ -285,52 +288,37 @@ def simulate(
     planning step starts one period after this one started, or when this plan is ready if that is
     later. With the default clock, planning takes no simulated time.
 
-    Args:
-        plant, controller, referee: the parts, which serve for one flight only.
-        period: control period [s], a whole multiple of the plant's step.
-        clock: returns when a plan is ready; None: the simulated clock, on which it is at once.
-        snapshot: called every SNAPSHOT_EVERY periods; the result is stored in the frame.
-        navigation: source of the controller's estimates; None: the true state and the referee's
-            count of gates.
-        time_limit: longest flight [s], for a referee that has no time limit of its own; the outcome
-            is then "timeout".
-
     Raises:
         ValueError: the period is not a whole multiple of the plant's step.
         SettingError: a part returns an invalid value, or the plant's time does not advance (a
             ValueError).
         Exception: what a part of the user's own raises.
     """
-    parts = (plant, controller, referee)
-    for step in flight(*parts, period, clock, snapshot, navigation, time_limit):
+    for step in flight(parts):
         if isinstance(step, Planning):
             step.run()
         elif isinstance(step, PhysicsStep):
-            plant.step(step.u)
+            parts.plant.step(step.u)
         else:
             yield step
 
 
-def flight(
-    plant: Plant,
-    controller: Controller,
-    referee: RefereeProtocol,
-    period: float,
-    clock: Clock | None = None,
-    snapshot: Callable[[], PlannerSnapshot | None] | None = None,
-    navigation: Navigation | None = None,
-    time_limit: float | None = None,
-) -> Iterator[Frame | Planning | PhysicsStep]:
+def flight(parts: FlightParts) -> Iterator[Frame | Planning | PhysicsStep]:
     """Yield the frames of a flight, and between them a request for each plan and physics step.
 
-    The caller runs the plan, or steps the plant once, before it asks for the next item. Arguments
-    and errors are the same as for `simulate`.
+    The caller runs the plan, or steps the plant once, before it asks for the next item. The errors
+    are those of `simulate`.
     """
+    plant = parts.plant
+    controller = parts.controller
+    referee = parts.referee
+    period = parts.period
+    time_limit = parts.time_limit
     whole_multiple(period, plant.dt)
     began = perf_counter()
     rest = rest_of(controller)
-    clock = clock or Clock()
-    navigation = navigation or exact_navigation(plant.state, referee, rest, period)
+    clock = parts.clock or Clock()
+    navigation = parts.navigation or exact_navigation(plant.state, referee, rest, period)
     plan = Plan(rest, PlanStats(cost=0.0, ess=0.0, temperature=0.0), 0.0)
     events: list[Event] = []
 
@@ -357,7 +345,8 @@ def flight(
                 plan = planning.plan
         # The clock is read before the frame is yielded, as its consumer may take a while.
         ready = clock.ready(state.t, 0.0 if k == 0 else plan.spent)
-        taken = snapshot() if snapshot and flying and k % SNAPSHOT_EVERY == 0 else None
+        wants_snapshot = flying and k % SNAPSHOT_EVERY == 0
+        taken = parts.snapshot() if parts.snapshot and wants_snapshot else None
         navigation.commanded(state.t, ready, plan.u)
 
         # Yield the events up to now, and the control that acts from now on.

@@ -154,12 +154,12 @@ def test_an_attempt_is_the_same_run_wherever_it_flies():
 def test_a_planner_that_raises_an_error_in_flight_is_a_crash_with_its_reason(monkeypatch):
     (spec,) = specs(1)
 
-    def stall(spec, parts):
-        yield from flights(spec, parts)
+    def stall(parts):
+        yield from flights(parts)
         raise FloatingPointError("no finite cost")
 
-    flights = attempt.launch
-    monkeypatch.setattr(attempt, "launch", stall)
+    flights = attempt.simulate
+    monkeypatch.setattr(attempt, "simulate", stall)
     flight = fly_attempt(spec)
     assert flight.run.outcome == "crashed"
     assert flight.fault.startswith("FloatingPointError: no finite cost (test_store.py, line ")

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from quadsim.config.build import build, launched
+from quadsim.config.build import build
 from quadsim.config.reference import reference_of, stored_reference
 from quadsim.config.spec import Spec
 from quadsim.controllers.costs import evaluate
@@ -113,7 +113,7 @@ def test_a_flight_keeps_to_the_path_and_the_planner_without_it_does_not(sampler)
         # Without snapshots, whose loop would be compiled for this flight alone
         parts = build(spec)
         with closing(parts.plant):
-            frames = list(simulate(**launched(spec, parts).arguments | {"snapshot": None}))
+            frames = list(simulate(replace(parts, snapshot=None)))
         path = reference_of(LIMIT, SWIFT, DT).x[:, :3]
         return max(np.linalg.norm(path[:200] - frame.x[:3], axis=1).min() for frame in frames)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from quadsim.config.build import build, launch
+from quadsim.config.build import build
 from quadsim.config.spec import Spec
 from quadsim.controllers.costs.race import TERMS
 from quadsim.controllers.sampled_trajectories import controls, sampled_trajectories, take_snapshot
@@ -16,14 +16,14 @@ def flight():
     """A flight of few samples over a few frames, closed afterwards."""
     # Nothing is drawn before the first plan, and no model is learned, as `simulate` has none.
     spec = Spec.of(sampler="colored", overshoot=0.0, adapt=False, first_iterations=2, **SMALL)
-    plant, mppi, referee = build(spec)
-    yield spec, plant, mppi, referee
-    plant.close()
+    parts = build(spec)
+    yield spec, parts, parts.controller.planner
+    parts.plant.close()
 
 
 def flown(flight, frames=3):
-    spec, plant, mppi, referee = flight
-    stream = launch(spec, FlightParts(plant, mppi, referee))
+    _, parts, mppi = flight
+    stream = simulate(parts)
     return [next(stream) for _ in range(frames)], mppi
 
 
@@ -77,8 +77,8 @@ def test_a_cheapest_sample_flown_again_costs_what_it_cost(flight):
 
 @pytest.mark.compiled
 def test_samples_of_an_earlier_iteration_are_drawn_again(flight):
-    spec, plant, mppi, referee = flight
-    stream = launch(spec, FlightParts(plant, mppi, referee))
+    _, parts, mppi = flight
+    stream = simulate(parts)
     next(stream)
     earlier = mppi.last
     some = np.array([0, 63, 64, 127])
@@ -101,11 +101,11 @@ def test_looking_changes_nothing(flight):
 
 @pytest.mark.compiled
 def test_a_flight_with_snapshots_is_the_flight_without(flight):
-    spec, plant, mppi, referee = flight
+    spec, parts, _ = flight
     seen = flown(flight, 12)[0]
-    plant.close()
-    plant, mppi, referee = build(spec)
-    blind = simulate(plant, mppi, referee, spec.planner.mppi.dt)
+    parts.plant.close()
+    again = build(spec)
+    blind = simulate(FlightParts(again.plant, again.controller, again.referee, again.period))
     for a, b in zip(seen, (next(blind) for _ in range(12)), strict=True):
         assert (a.x, a.u, a.cost) == (b.x, b.u, b.cost)
 

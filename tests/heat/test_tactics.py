@@ -66,7 +66,7 @@ def kept(tactics):
     term = KeepClear(1, "clear_of_1", Clearance(200.0, 0.6, 0.8, 0.4), horizon=4)
     mppi = Numbers(term)
     planner = AwarePlanner(
-        SimpleNamespace(planner=mppi, control=lambda estimate: None),
+        SimpleNamespace(set_numbers=mppi.set_numbers, control=lambda estimate: None),
         Perception(0, traffic, 0.0, COURSE),
         ConstantVelocity(),
         {1: term},

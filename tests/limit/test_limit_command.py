@@ -336,7 +336,7 @@ def test_the_advice_for_a_preset_that_follows_a_path_is_a_command_that_works(
 ):
     """Course and vehicle are named as they were given: by their files."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(fly_command, "launch", lambda spec, parts: iter(()))
+    monkeypatch.setattr(fly_command, "simulate", lambda parts: iter(()))
     (tmp_path / "my course.yaml").write_text(COURSE)
     (tmp_path / "v.yaml").write_text((VEHICLES / "swift.yaml").read_text())
     flown = ("--vehicle", "v.yaml", "--thrust-to-weight", "3", "--runs-dir", "X")

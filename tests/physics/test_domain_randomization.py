@@ -61,9 +61,9 @@ def test_randomization_changes_neither_the_planners_samples_nor_its_nominal_mode
     calm, rough = spec(randomize=0.0), spec(randomize=2.0)
     z = []
     for one in (calm, rough):
-        plant, controller, _ = build(one)
-        z.append(controller.sampler.sample(1).copy())
-        plant.close()
+        parts = build(one)
+        z.append(parts.controller.planner.sampler.sample(1).copy())
+        parts.plant.close()
     assert np.array_equal(*z)
     assert rough.model == ModelParams.of(rough.vehicle) == ModelParams.of(load_vehicle("swift"))
 

@@ -11,7 +11,7 @@ from quadsim.controllers.plan import PlanStats
 from quadsim.dynamics import System
 from quadsim.dynamics.control_periods import ControlPeriods
 from quadsim.racing.clock import Clock, WallClock
-from quadsim.racing.flight import simulate
+from quadsim.racing.flight import FlightParts, simulate
 
 DT, PERIOD = 0.0025, 0.01  # four physics steps in a control period
 
@@ -85,7 +85,8 @@ def flown(durations, end, clock=None):
         "counter", Counter, Number, count, (), DT, low=(0.0,), high=(1e9,), rest=(0.0,)
     )
     plant = ModelPlant(counter, (0.0, 0.0, 0.0))
-    list(simulate(plant, planner, watch, PERIOD, clock or WallClock(time, time.pass_by)))
+    clock = clock or WallClock(time, time.pass_by)
+    list(simulate(FlightParts(plant, planner, watch, PERIOD, clock=clock)))
     return planner.begun, planner.elapsed, watch.controls
 
 

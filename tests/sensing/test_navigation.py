@@ -19,7 +19,6 @@ from quadsim.dynamics.quadrotor import Control, ModelParams, State
 from quadsim.files.strict_yaml import FileError
 from quadsim.physics.domain_randomization import Displacement, displaced
 from quadsim.physics.plant import RigidPlant
-from quadsim.racing.flight import FlightParts
 from quadsim.record.estimate_metrics import estimate_errors, sensing_numbers
 from quadsim.record.run import RecordedRun
 from quadsim.record.run_format import read_npz, write_npz
@@ -136,8 +135,9 @@ def test_gates_are_moved_by_the_seed_within_the_size():
 def test_the_planner_keeps_farther_from_a_gate_whose_place_is_uncertain(moved):
     """Seen from the vehicle, which does not know where it is either."""
     spec = Spec.of("split_s_swift", sensing="gates", displace_gates=moved, **FLIGHT)
-    plant, controller, _ = build(spec)
-    plant.close()
+    parts = build(spec)
+    parts.plant.close()
+    controller = parts.controller.planner
     margin = GateTarget(*controller.cost.targets[0]).margin
     estimator = Estimator(spec.sensing, frames(spec.course.gates), spec.course.start, 0.0, moved)
     course, state = CourseEstimate(spec.course), estimator.state
@@ -157,10 +157,9 @@ def test_the_planner_keeps_farther_from_a_gate_whose_place_is_uncertain(moved):
 @pytest.mark.compiled
 def test_the_estimate_has_the_sensed_places_of_gates():
     spec = Spec.of("split_s_swift", sensing="gates", displace_gates=0.15, **FLIGHT)
-    plant, controller, referee = build(spec)
-    with closing(plant):
-        navigation = navigation_of(spec, FlightParts(plant, controller, referee))
-        estimate = navigation.estimate(0.0)
+    parts = build(spec)
+    with closing(parts.plant):
+        estimate = parts.navigation.estimate(0.0)
     assert estimate.course is not None
     assert all(isinstance(gate, EstimatedGate) and gate.std > 0.0 for gate in estimate.course.gates)
     assert estimate.model is not None, (
@@ -173,10 +172,10 @@ def test_exact_knowledge_is_the_true_state_and_the_referees_count():
     """A flight without sensors and latency is flown, and recorded, as it was before there were
     any."""
     spec = Spec.of("split_s_swift", **FLIGHT)
-    plant, controller, _ = build(spec)
+    plant = build(spec).plant
     plant.close()
     assert not {"sensing", "displace_gates"} & spec.record().keys()
-    at_once = navigation_of(spec, FlightParts(plant, controller, SimpleNamespace(passed=3)))
+    at_once = navigation_of(spec, plant, SimpleNamespace(passed=3), REST)
     estimate = at_once.estimate(0.0)
     assert (tuple(estimate.x), estimate.target, estimate.course) == (plant.state.x, 3, None)
     assert at_once.record(plant.state) == ()
@@ -188,10 +187,10 @@ def test_exact_knowledge_is_the_true_state_and_the_referees_count():
 def test_where_commands_act_late_the_state_is_predicted_and_gates_are_counted_on_board(change):
     """By latency, or by the planner's own time on the wall clock."""
     spec = Spec.of("split_s_swift", **FLIGHT | change)
-    plant, controller, _ = build(spec)
+    plant = build(spec).plant
     counted = SimpleNamespace(passed=3)
     with closing(plant):
-        navigation = navigation_of(spec, FlightParts(plant, controller, counted))
+        navigation = navigation_of(spec, plant, counted, REST)
         x = tuple(plant.state.x)
         assert navigation.estimate(0.0).target == 0
         for k in range(1, 11):  # at full thrust, each plan taking 5 ms where time passes

@@ -9,8 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from quadsim.config.build import build, launch, planner_of
-from quadsim.config.build_navigation import navigation_of
+from quadsim.config.build import build, planner_of
 from quadsim.config.spec import Spec
 from quadsim.course import load_course
 from quadsim.dynamics.estimate import Estimate
@@ -18,6 +17,7 @@ from quadsim.dynamics.quadrotor import Control, ModelParams, State, quadrotor
 from quadsim.physics.domain_randomization import Randomization, gusts
 from quadsim.physics.plant import PLANTS, default_plant, start_state
 from quadsim.physics.rotorpy_plant import RotorpyPlant
+from quadsim.racing.flight import simulate
 from quadsim.rotation import to_body, turned
 from quadsim.sensing.config import ImuConfig
 from quadsim.sensing.estimation.body_rates import BodyRates
@@ -188,10 +188,10 @@ def test_a_flight_with_a_vehicle_too_heavy_learns_it():
         seed=8,
     )
     parts = build(spec)
-    mppi = parts.controller
-    navigation = navigation_of(spec, parts)
+    mppi = parts.controller.planner
+    navigation = parts.navigation
     with closing(parts.plant):
-        *_, last = launch(spec, parts, navigation)
+        *_, last = simulate(parts)
     mass = spec.record()["variation"]["mass"]
     assert mass > 0.03
     assert last.t == pytest.approx(1.5)
@@ -210,7 +210,7 @@ def test_a_flight_with_a_vehicle_too_heavy_learns_it():
 def test_a_planner_that_does_not_adapt_is_given_no_model():
     spec = Spec.of("paper_flat", vehicle="swift", preset="race", adapt=False, **SMALL)
     parts = build(spec)
-    navigation = navigation_of(spec, parts)
+    navigation = parts.navigation
     parts.plant.close()
     assert navigation.learner is None
     estimate = navigation.estimate(0.0)
