@@ -106,7 +106,9 @@ class RacingBulletEnv(Env):
         number = seed
         if seed is None or seed > LARGEST_SEED:
             number = int(self.np_random.integers(LARGEST_SEED))
-        self._plant, _, self._referee = build(replace(self._spec, seed=number))
+        parts = build(replace(self._spec, seed=number))
+        self._plant = parts.plant
+        self._referee = parts.referee
         self._last = normalised(self._system.rest, self._system.low, self._system.high)
         self._way = self._way_left()
         self._renderer.update(self._state_rows)
