@@ -9,7 +9,7 @@ from quadsim.config.recorded import spec_of_record
 from quadsim.config.spec import Spec
 from quadsim.heat.archive import read_heat, spec_of_heat
 from quadsim.heat.spec import HeatSpec
-from quadsim.record.archive import load_reportable
+from quadsim.record.archive import read_run
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class AgainChoices:
             RunError: the run is damaged.
             ValueError: the page cannot fly the run; the message is one line.
         """
-        run = load_reportable(self.folder)
+        run = read_run(self.folder)
         return spec_of_record(run.spec, self.root)
 
     def flown(self, base: Spec) -> Spec:

@@ -25,7 +25,7 @@ from quadsim.record.archive import PART, read_run
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.preset_changes import changed_numbers
 from quadsim.record.run import RunError, canonical
-from quadsim.record.schema import AnyRun, ListedEntrant, ListedHeat
+from quadsim.record.schema import ListedHeat, RunSpec, StoredRecord
 from quadsim.results.stored_runs import LARGEST_RECORD, flown_at, read_row
 from quadsim.sensing import PERFECT
 from quadsim.web.plain_text import plain
@@ -283,7 +283,7 @@ def _without_folder(error: Exception, path: Path) -> str:
 def _run(path: Path, data: bytes) -> _Read:
     """Return the row of a run. data: its run.json."""
     run = read_row(path, data)
-    spec = msgspec.json.decode(data, type=AnyRun).spec
+    spec = msgspec.json.decode(data, type=StoredRecord).spec
     row = RunRow(
         name=path.name,
         when=_text(run.when),
@@ -307,7 +307,7 @@ def _race(name: str, when: datetime, data: bytes) -> _Read:
     """Return the row of a race of several: the time is the winner's. data: its heat.json."""
     race = msgspec.json.decode(data, type=ListedHeat)
     specs = {entrant.name: entrant.spec for entrant in race.spec.entrants}
-    shown = [msgspec.convert(spec, ListedEntrant) for spec in specs.values()]
+    shown = [msgspec.convert(spec, RunSpec) for spec in specs.values()]
     winner = race.order[0]
     finished = sum(placing.time is not None for placing in race.order)
     row = RunRow(

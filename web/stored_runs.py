@@ -10,11 +10,11 @@ from quadsim.controllers.samplers import SAMPLERS
 from quadsim.course import Course, parse_course
 from quadsim.heat.archive import is_heat, runs_of_heat
 from quadsim.racing.along import Legs
-from quadsim.record.archive import load_reportable
+from quadsim.record.archive import read_run
 from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.preset_changes import usual_planner
-from quadsim.record.run import RecordedRun, RunError, flown_by
-from quadsim.record.schema import ReplayedPlanner, ReplayedSpec
+from quadsim.record.run import RecordedRun, flown_by
+from quadsim.record.schema import ReplayedPlanner
 from quadsim.web.competitor import Competitor
 from quadsim.web.numbers import numbers_of
 from quadsim.web.plain_text import plain
@@ -33,14 +33,10 @@ def stored_competitor(path: Path) -> Competitor:
     """Load a run from the disk.
 
     Raises:
-        RunError: the run is damaged, or its spec lacks displayed parts.
+        RunError: the run is damaged.
         FileError: the course cannot be read.
     """
-    run = load_reportable(path)
-    try:
-        msgspec.convert(run.spec, ReplayedSpec)
-    except msgspec.ValidationError as error:
-        raise RunError(f"{path}: its spec lacks what the page shows: {error}") from error
+    run = read_run(path)
     course = parse_course(run.spec["course_text"], run.spec["course"])
     return run_competitor(run, course, path)
 

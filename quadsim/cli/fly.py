@@ -33,7 +33,7 @@ from quadsim.firmware.process import FirmwareError
 from quadsim.firmware.translation import translated
 from quadsim.racing.events import Frame
 from quadsim.racing.flight import Controller, simulate
-from quadsim.record.archive import RunFolder, find_run, load_reportable, remove_unfinished
+from quadsim.record.archive import RunFolder, find_run, read_run, remove_unfinished
 from quadsim.record.run import (
     RecordedRun,
     Recorder,
@@ -196,7 +196,7 @@ def complain_beside_controllers(command: str, specs: Sequence[Spec], given: Iter
 
 def stored_run(name: str, settings: Mapping[str, Any]) -> RecordedRun:
     """Return the stored run to repeat. Raises RunError."""
-    return load_reportable(find_run(name, settings.get("runs_dir") or FlightSettings.runs_dir))
+    return read_run(find_run(name, settings.get("runs_dir") or FlightSettings.runs_dir))
 
 
 def spec_again(before: RecordedRun, settings: Mapping[str, Any]) -> Spec:

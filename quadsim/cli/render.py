@@ -22,7 +22,7 @@ from quadsim.course import course_names, load_course, parse_course
 from quadsim.files.data_files import SUFFIXES
 from quadsim.files.extras import needs_extra
 from quadsim.files.yaml_errors import did_you_mean
-from quadsim.record.archive import find_run, load_reportable
+from quadsim.record.archive import find_run, read_run
 from quadsim.record.run import RunError
 from quadsim.record.whole_files import expect_file, try_writing
 from quadsim.render.folder import annotate, claimed, whole, write_mp4
@@ -193,7 +193,7 @@ def _asked(
         except ValueError as error:
             raise UsageError(str(error)) from None
         return _Asked(Pictures(course.name, course.text, camera, seed, vary, "drawn"), poses)
-    run = load_reportable(_run_folder(target, runs_dir))
+    run = read_run(_run_folder(target, runs_dir))
     poses = flown_poses(run.telemetry, camera.rate)[:frames]
     name = run.spec["course"]
     text = run.spec["course_text"]
@@ -223,7 +223,7 @@ def _film(
     expect_file(path)
     try_writing(path.parent)
     lens = load_camera(camera) if camera else film.CAMERA
-    run = load_reportable(_run_folder(target, runs_dir))
+    run = read_run(_run_folder(target, runs_dir))
     course = parse_course(run.spec["course_text"], run.spec["course"])
     count = len(flown_poses(run.telemetry, lens.rate)[:frames])
     radius = run.spec["vehicle"]["radius"]

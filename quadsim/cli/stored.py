@@ -21,7 +21,7 @@ from quadsim.heat.archive import (
     run_folders,
     with_whole_races,
 )
-from quadsim.record.archive import find_run, load_reportable, read_run
+from quadsim.record.archive import find_run, read_run
 from quadsim.record.exchange import telemetry_csv
 from quadsim.record.mcap_file import mcap_bytes
 from quadsim.record.preset_changes import changed_numbers, number_text, recorded_derivation
@@ -97,7 +97,7 @@ def show(
             emit(*heat.renderables(), "", f"[dim]stored in {escape(str(race))}[/]")
         return 0
     folder = find_run(run, runs_dir)
-    found = load_reportable(folder)
+    found = read_run(folder)
     if numbers:
         _show_numbers(found.spec, json)
     else:
@@ -150,7 +150,7 @@ def plot(
         figure = Heat.load(folder).plot()
     else:
         folder = find_run(run, runs_dir)
-        flown = load_reportable(folder)
+        flown = read_run(folder)
         # Imported here, so that --help does not load matplotlib
         from quadsim.figures.run_figure import draw
 
@@ -250,7 +250,7 @@ def _mcap_data(folders: list[Path]) -> bytes:
     """Return the bytes of an MCAP file, see `_data`."""
     if len(folders) > 1:
         raise UsageError(f"--mcap: expected one run, got {len(folders)}")
-    run = load_reportable(folders[0])
+    run = read_run(folders[0])
     try:
         return mcap_bytes(run)
     except ModuleNotFoundError as error:

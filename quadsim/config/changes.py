@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import msgspec
+
 from quadsim.config.parts import is_registered, plain
 from quadsim.controllers.presets import Planner
-from quadsim.files.exact_json import exactly
 from quadsim.record.schema import ChangedPlanner, NumberChange
 
 
@@ -22,8 +23,8 @@ def planner_after(change: NumberChange, planner: Planner) -> Planner:
     Raises:
         msgspec.ValidationError: the change was read from a file that is damaged.
     """
-    numbers = exactly(change.planner, ChangedPlanner)
+    numbers = msgspec.convert(change.planner, ChangedPlanner)
     sampling = planner.sampling
     if is_registered(sampling):
-        sampling = exactly(numbers.sampling, type(sampling))
+        sampling = msgspec.convert(numbers.sampling, type(sampling))
     return replace(planner, sampling=sampling, mppi=numbers.mppi)

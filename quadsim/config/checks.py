@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import get_args
 
 from quadsim.config.parts import check_part, is_registered
-from quadsim.config.settings import CONTROL_UNITS, LINK, PlantName, SettingError
+from quadsim.config.settings import CONTROL_UNITS, PlantName, SettingError
 from quadsim.controllers.costs import Cost
 from quadsim.controllers.learned.pilot import Pilot
 from quadsim.controllers.presets import Planner
@@ -21,6 +21,7 @@ from quadsim.firmware.process import MAIN_LOOP
 from quadsim.firmware.text import Text
 from quadsim.physics.crazyflow_plant import before_scipy
 from quadsim.physics.faults import CommandLoss, RotorFault, parse_fault, sensor_key
+from quadsim.physics.link import SETTINGS as LINK_SETTINGS
 from quadsim.physics.link import WIRE, LinkConfig
 from quadsim.physics.randomization_file import RandomizationRanges, check_randomization
 from quadsim.racing.flight import whole_multiple
@@ -257,7 +258,7 @@ def check_link(link: LinkConfig, plant: object, plant_dt: float) -> None:
     if link == WIRE:
         return
     if plant not in PLANTS_WITH_ROTORS:
-        name = next(name for name, number in LINK.items() if getattr(link, number))
+        name = next(name for name, number in LINK_SETTINGS.items() if getattr(link, number))
         wanted = f"expected plant {' or '.join(PLANTS_WITH_ROTORS)} for a link"
         raise SettingError(name, f"{wanted}, got {plant_name(plant)}")
     if link.rate and link.rate * plant_dt > 1.0 + ROUNDING:

@@ -21,8 +21,8 @@ from quadsim.config.parts import (
     terms_of,
 )
 from quadsim.config.reference import followed_problem, followed_reference
-from quadsim.config.settings import LINK, SETTINGS, FlightNumbers, HostSettings
-from quadsim.config.spec import ALWAYS, Spec
+from quadsim.config.settings import SETTINGS, FlightNumbers, HostSettings
+from quadsim.config.spec import Spec
 from quadsim.controllers.costs.race import RaceWeights
 from quadsim.controllers.costs.reference import ReferenceWeights
 from quadsim.controllers.excitation import EXCITE
@@ -31,13 +31,12 @@ from quadsim.controllers.presets import Planner
 from quadsim.controllers.samplers import SAMPLERS, Sampling
 from quadsim.course import Course, parse_course
 from quadsim.course.checks import problems
-from quadsim.files.exact_json import exactly
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.values import SettingError, checked
 from quadsim.firmware.text import Text
 from quadsim.racing.hand import HAND
 from quadsim.record.run import canonical, hostless, own_parts
-from quadsim.record.schema import FlownSpec, NumberChange
+from quadsim.record.schema import NumberChange, RunSpec
 
 WHAT = "the record of a flight, such as run.spec"
 # Settings that change no flight
@@ -95,12 +94,12 @@ def spec_of_record(record: Mapping[str, Any], runs_dir: str | None = None, **own
         raise RecordError(
             "heat: the run flew among others; fly the race again with race heat --from its folder"
         )
-    if HAND in record:
+    if record.get(HAND):
         raise RecordError("hand: a person flew the run, which cannot be flown again: replay it")
     try:
-        read = exactly(dict(record), FlownSpec)
+        read = msgspec.convert(dict(record), RunSpec)
         _check_own(set(read.own), {role: own[role] for role in own.keys() - {"pilot"}})
-        numbers = _numbers(record, read)
+        numbers = vars(msgspec.convert(dict(record), FlightNumbers))
         folders = [runs_dir or read.host.runs_dir, read.host.runs_dir]
         spec = _built(read, numbers, own, list(dict.fromkeys(folders)))
     except msgspec.ValidationError as error:
@@ -191,25 +190,8 @@ def _own_controller(given: object, described: object) -> object:
     return one if describe(one) == described else found
 
 
-def _numbers(record: Mapping[str, Any], read: FlownSpec) -> dict[str, Any]:
-    """Return the settings of FlightNumbers as a record has them.
-
-    Raises:
-        RecordError: one that every record has is missing.
-        msgspec.ValidationError: one is of another type or out of range.
-    """
-    for field in fields(FlightNumbers):
-        if field.name in ALWAYS and field.name not in record:
-            raise RecordError(f"expected {WHAT}: no `{field.name}`")
-    numbers = vars(exactly(dict(record), FlightNumbers))
-    # Those that a record has in another form
-    link = {name: getattr(read.link, number) for name, number in LINK.items()}
-    firmware = "betaflight" if read.betaflight else "ideal"
-    return numbers | link | {"fault": read.faults, "flight_controller": firmware}
-
-
 def _built(
-    read: FlownSpec, numbers: dict[str, Any], own: Mapping[str, Any], folders: Sequence[str]
+    read: RunSpec, numbers: dict[str, Any], own: Mapping[str, Any], folders: Sequence[str]
 ) -> Spec:
     """Return the Spec of a record that has been read.
 
@@ -252,7 +234,7 @@ def _built(
     )
 
 
-def _check_ranges(read: FlownSpec, course: Course) -> None:
+def _check_ranges(read: RunSpec, course: Course) -> None:
     """Check the parts of a record that come from files by the rules of these files.
 
     Raises:
@@ -279,7 +261,7 @@ def _plant(name: str) -> Any:
     return name
 
 
-def _planner(read: FlownSpec, own: Mapping[str, Any]) -> Planner:
+def _planner(read: RunSpec, own: Mapping[str, Any]) -> Planner:
     """Return the planner of a record."""
     stored = read.planner
     if "sampler" in own:
@@ -292,7 +274,7 @@ def _planner(read: FlownSpec, own: Mapping[str, Any]) -> Planner:
         vehicle=stored.vehicle,
         sampling=sampling,
         mppi=stored.mppi,
-        cost=exactly(stored.cost, cost_class),
+        cost=msgspec.convert(stored.cost, cost_class),
         preset=read.preset,
     )
 
@@ -307,14 +289,14 @@ def _sampling(name: str, numbers: Any) -> Sampling:
         name = names[0] if names else name
     if name not in SAMPLERS:
         raise RecordError(f"sampler: expected one of {', '.join(SAMPLERS)}, got {name!r}")
-    return exactly(numbers, SAMPLERS[name])
+    return msgspec.convert(numbers, SAMPLERS[name])
 
 
 def _field_names(kind: type) -> set[str]:
     return {field.name for field in fields(kind)}
 
 
-def _pilot(read: FlownSpec, own: Mapping[str, Any]) -> Pilot | None:
+def _pilot(read: RunSpec, own: Mapping[str, Any]) -> Pilot | None:
     """Return the pilot of a record: the given one, or the pilot of its file. Raises FileError."""
     if read.pilot is None:
         return None
@@ -327,7 +309,7 @@ def _pilot(read: FlownSpec, own: Mapping[str, Any]) -> Pilot | None:
     return replace(pilot, name=read.pilot.name)
 
 
-def _changes(read: FlownSpec, planner: Planner) -> tuple[NumberChange, ...]:
+def _changes(read: RunSpec, planner: Planner) -> tuple[NumberChange, ...]:
     """Return the changes that were made in flight, all of which can be made again.
 
     Raises:
@@ -339,26 +321,17 @@ def _changes(read: FlownSpec, planner: Planner) -> tuple[NumberChange, ...]:
 
 
 def _check_same(record: Mapping[str, Any], spec: Spec) -> None:
-    """Raise RecordError unless a Spec has the record that it was made from.
-
-    It may have more: settings that are younger than the record, which are at their defaults.
-    """
-    asked = hostless(dict(record))
-    found = hostless(json.loads(canonical(spec.record())))
-    for key, value in asked.items():
-        if _has(found.get(key), value):
+    """Raise RecordError unless a Spec has the record that it was made from."""
+    asked = json.loads(canonical(hostless(dict(record))))
+    found = json.loads(canonical(hostless(spec.record())))
+    for key in sorted(asked.keys() | found.keys()):
+        if key in asked and key in found and asked[key] == found[key]:
             continue
         if key == "own":
-            _check_same_parts(value, found.get(key, {}))
+            _check_same_parts(asked.get(key, {}), found[key])
         wanted = "expected what this version of quadsim flies with"
-        raise RecordError(f"{key}: {wanted}, got another in the record: it cannot be flown again")
-
-
-def _has(found: Any, asked: Any) -> bool:
-    """Return whether a value has all that another one has."""
-    if isinstance(asked, dict) and isinstance(found, dict):
-        return all(name in found and _has(found[name], value) for name, value in asked.items())
-    return found == asked
+        got = "another" if key in asked else "none"
+        raise RecordError(f"{key}: {wanted}, got {got} in the record: it cannot be flown again")
 
 
 def _check_same_parts(asked: Mapping[str, Any], found: Mapping[str, Any]) -> None:

@@ -218,13 +218,6 @@ class FlightSettings(HostSettings, FlightNumbers, PartSettings):
     """The settings of a flight apart from its planner's."""
 
 
-# Setting of the link -> its number in a LinkConfig
-LINK = {
-    "link_hz": "rate",
-    "link_latency": "latency",
-    "link_loss": "loss",
-    "link_burst": "burst",
-}
 # The settings that a Spec holds as they are given
 HELD = tuple(f.name for f in (*fields(FlightNumbers), *fields(HostSettings)))
 

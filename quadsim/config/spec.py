@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import InitVar, asdict, dataclass, field, fields, is_dataclass, replace
+from dataclasses import InitVar, dataclass, field, fields, replace
 from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Unpack, cast
+from typing import TYPE_CHECKING, Any, Unpack
 
 import msgspec
 
@@ -62,7 +62,6 @@ from quadsim.config.resolve import (
 )
 from quadsim.config.settings import (
     HELD,
-    LINK,
     FlightNumbers,
     HostSettings,
     LapCount,
@@ -95,7 +94,7 @@ from quadsim.physics.faults import (
     first_lap,
     parse_fault,
 )
-from quadsim.physics.link import WIRE, LinkConfig
+from quadsim.physics.link import LinkConfig
 from quadsim.physics.plant import Plant, default_plant
 from quadsim.physics.randomization_file import (
     OUTDOOR,
@@ -111,42 +110,10 @@ from quadsim.record.run import INTERACTIVE, flown_by
 from quadsim.record.schema import NumberChange
 from quadsim.sensing import PERFECT, Sensing, load_sensing
 from quadsim.streams import Streams, quadrotor_streams
-from quadsim.vehicle import Vehicle, load_vehicle, vehicle_record, with_thrust_to_weight
+from quadsim.vehicle import Vehicle, load_vehicle, with_thrust_to_weight
 
 if TYPE_CHECKING:
     from quadsim.config.keywords import CourseLike, Keywords
-
-# Settings that every record has under their own names. Any other is left out at its default, so
-# that records and their hashes stay the same when a setting is added.
-ALWAYS = (
-    "seed",
-    "penalties",
-    "plant_dt",
-    "randomize",
-    "clock",
-    "deadline_ms",
-    "threads",
-    "runs_dir",
-)
-# Settings that a record has in another form -> its key there
-OTHER_FORMS = {
-    "fault": "faults",
-    "flight_controller": "betaflight",
-    **dict.fromkeys(LINK, "link"),
-}
-# Numbers of the model, of MPPI, of samplers, of an inertial unit and of a gate camera that were
-# added later; older runs lack them
-ADDED = (
-    "yaw_first",
-    "rate_lag",
-    "delay",
-    "cutoff",
-    "gyro_scale",
-    "gyro_misalignment_deg",
-    "accelerometer_scale",
-    "accelerometer_misalignment_deg",
-    *("dropouts", "dropout", "blind_within", "miss_burst", "vibration", "vibration_hz"),
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -300,7 +267,7 @@ class Spec(FlightNumbers, HostSettings):
     @property
     def link(self) -> LinkConfig:
         """The link that carries the commands."""
-        return LinkConfig(**{number: getattr(self, name) for name, number in LINK.items()})
+        return LinkConfig.of(vars(self))
 
     @property
     def flown_course(self) -> Course:
@@ -342,53 +309,39 @@ class Spec(FlightNumbers, HostSettings):
         return drawn(self.faults, self.streams.faults, latest)
 
     def record(self) -> dict[str, Any]:
-        """Return the spec as JSON, as a run stores it."""
-        record = {
+        """Return the spec as JSON, as a run stores it: every number, at its default or not."""
+        return {
             "system": "quadrotor",
             "course": self.course.name,
             "course_text": self.course.text,
-            "vehicle": vehicle_record(self.vehicle),
+            "vehicle": plain(self.vehicle),
             "sampler": self.sampler,
             "preset": self.preset,
             "planner": {
-                "vehicle": self.vehicle.name,
-                "sampling": _without_added(self.planner.sampling),
-                "mppi": _without_added(self.planner.mppi),
+                "vehicle": self.planner.vehicle,
+                "sampling": plain(self.planner.sampling),
+                "mppi": plain(self.planner.mppi),
                 "cost": plain(self.planner.cost),
             },
-            "model": _without_added(self.model),
+            "model": plain(self.model),
             "laps": self.laps,
             "timeout": self.timeout,
-            "plant": self.plant if isinstance(self.plant, str) else "own",
-            "variation": _of_variation(self.variation),
-            "host": self._host(),
-        }
-        # Parts that a flight does not use are left out.
-        used = {
             "start": plain(self.start),
-            "sensing": _of_sensing(self.sensing),
-            "randomization": _of_randomization(self.randomization),
+            "sensing": plain(self.sensing),
+            "randomization": plain(self.randomization),
             "view_weight": self.view_weight,
-            "faults": [str(fault) for fault in self.faults],
-            "drawn_faults": [str(fault) for fault in self.drawn_faults],
+            "plant": self.plant if isinstance(self.plant, str) else "own",
             "pilot": self.pilot.record() if self.pilot else None,
             HAND: self.hand.record() if self.hand else None,
             "betaflight": _of_firmware(self.betaflight),
-            "link": None if self.link == WIRE else plain(self.link),
             "reference": _followed(self.reference),
             "own": self._own_parts(),
             INTERACTIVE: msgspec.to_builtins(self.changes),
-        }
-        parts = record | {name: value for name, value in used.items() if value}
-        return parts | self._recorded(FlightNumbers)
-
-    def _recorded(self, settings: type) -> dict[str, Any]:
-        """Return the settings of a dataclass that a record has under their own names."""
-        return {
-            f.name: plain(getattr(self, f.name))
-            for f in fields(settings)
-            if f.name not in OTHER_FORMS
-            and (f.name in ALWAYS or getattr(self, f.name) != f.default)
+            **{f.name: plain(getattr(self, f.name)) for f in fields(FlightNumbers)},
+            # What the seed has drawn
+            "variation": plain(self.variation),
+            "drawn_faults": [str(fault) for fault in self.drawn_faults],
+            "host": self._host(),
         }
 
     def own_objects(self) -> dict[str, object]:
@@ -425,60 +378,13 @@ class Spec(FlightNumbers, HostSettings):
 
     def _host(self) -> dict[str, Any]:
         """Return the threads and the files of this machine, which do not change the flight."""
-        pilot = {"pilot": self.pilot.place} if self.pilot else {}
-        return self._recorded(HostSettings) | pilot
+        settings = {f.name: plain(getattr(self, f.name)) for f in fields(HostSettings)}
+        return settings | {"pilot": self.pilot.place if self.pilot else None}
 
 
 def _followed(reference: StoredSolution | None) -> dict[str, str] | None:
     """Return the key and the hash of the solution that a planner follows, as a record has them."""
     return {"key": reference.key, "sha256": reference.digest} if reference else None
-
-
-def _without_added(part: object) -> Any:
-    """Return the numbers of a part as a record has them.
-
-    Numbers in ADDED are left out at their defaults, so that records and their hashes stay the
-    same.
-    """
-    recorded: Any = plain(part)
-    if not is_dataclass(part) or not isinstance(recorded, dict):
-        return recorded
-    nominal = {f.name: plain(f.default) for f in fields(part) if f.name in ADDED}
-    numbers = cast(dict[str, Any], recorded)
-    return {name: number for name, number in numbers.items() if number != nominal.get(name, ...)}
-
-
-def _of_variation(variation: Randomization) -> dict[str, Any]:
-    """Return what a seed has drawn as a record has it; changes of later versions only if any."""
-    record = asdict(variation)
-    nominal = Randomization()
-    later = ("inertia", "force", "command_noise")
-    return {k: v for k, v in record.items() if k not in later or v != getattr(nominal, k)}
-
-
-def _of_randomization(ranges: RandomizationRanges) -> dict[str, Any] | None:
-    """Return what is drawn as a record has it, None for the default."""
-    return None if ranges == OUTDOOR else plain(ranges)
-
-
-def _of_sensing(sensing: Sensing | None) -> dict[str, Any] | None:
-    """Return the sensors as a record has them."""
-    if sensing is None:
-        return None
-    record: dict[str, Any] = plain(sensing)
-    if sensing.imu is not None:
-        record["imu"] = _without_added(sensing.imu)
-    if sensing.camera is not None:
-        record["camera"] = _without_added(sensing.camera)
-    # Records of versions without them have no such keys.
-    if sensing.pixels is not None:
-        record["pixels"] = _without_added(sensing.pixels)
-        if sensing.pixels.network is None:
-            del record["pixels"]["network"]
-    for added in ("pixels", "barometer"):
-        if record[added] is None:
-            del record[added]
-    return record
 
 
 def _of_firmware(text: Text | None) -> dict[str, Any] | None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 from quadsim.config.spec import Spec
 from quadsim.dynamics.quadrotor import Control, State
 from quadsim.limit.verify import referee_of
 from quadsim.racing.events import Event, Frame
 from quadsim.record.limits import LimitProblem, StoredSolution
 from quadsim.record.run import RecordedRun, Recorder
-from quadsim.vehicle import vehicle_record
 
 # Rate of the referee's steps [Hz], and number of steps between two frames
 RATE = 1000.0
@@ -55,7 +56,7 @@ def _spec(problem: LimitProblem) -> dict:
     """Return the spec of the replay: the spec of the race, with the solution as its controller."""
     spec = Spec.of(problem.course, laps=problem.laps).record()
     return spec | {
-        "vehicle": vehicle_record(problem.vehicle),
+        "vehicle": asdict(problem.vehicle),
         "plant": problem.model,
         "sampler": "limit",
         "preset": "limit",

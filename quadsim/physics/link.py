@@ -19,9 +19,9 @@ Losses are independent with L = 1 / (1 - p).
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.random import SeedSequence, default_rng
@@ -34,6 +34,15 @@ HOVER = Control(wx=0.0, wy=0.0, wz=0.0, thrust=GRAVITY)
 ROUNDING = 1e-6
 
 
+# Setting of a flight -> its number in a LinkConfig
+SETTINGS = {
+    "link_hz": "rate",
+    "link_latency": "latency",
+    "link_loss": "loss",
+    "link_burst": "burst",
+}
+
+
 @dataclass(frozen=True)
 class LinkConfig:
     """The numbers of a link; the default is a wire that carries a frame in each physics step."""
@@ -42,6 +51,11 @@ class LinkConfig:
     latency: float = 0.0  # in addition to the vehicle's latency [s]
     loss: float = 0.0  # share of the frames that are lost
     burst: float | None = None  # mean number of frames lost in a row; None: lost independently
+
+    @classmethod
+    def of(cls, settings: Mapping[str, Any]) -> LinkConfig:
+        """Return the link of a flight's settings `link_hz`, `link_latency` and so on."""
+        return cls(**{number: settings[name] for name, number in SETTINGS.items()})
 
     def __str__(self) -> str:
         """Return a short description, such as "link of 40 Hz losing 10 %"."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from itertools import pairwise
+from typing import Any
 
 from quadsim.controllers.plan import PlannerSnapshot
 from quadsim.sensing.kept import Kept
@@ -59,13 +60,9 @@ class Event:
             return f"gate {self.gate}"
         return ""
 
-    def record(self) -> dict:
-        """Return the event as JSON, without "obstacle" and "vehicle" if there is none."""
-        record = asdict(self)
-        for key in ("obstacle", "vehicle"):
-            if not record[key]:
-                del record[key]
-        return record
+    def record(self) -> dict[str, Any]:
+        """Return the event as JSON."""
+        return asdict(self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

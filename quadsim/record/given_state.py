@@ -18,19 +18,19 @@ def given_state(spec: dict[str, Any]) -> str:
     Returns:
         One line, "" if commands act at once or a person flew.
     """
-    link = LinkConfig(**spec["link"]) if spec.get("link") else WIRE
+    link = LinkConfig.of(spec)
     latency = command_latency(
-        vehicle=spec["vehicle"].get("latency", 0.0),
+        vehicle=spec["vehicle"]["latency"],
         link=link.latency,
-        model=spec["model"].get("delay", 0.0),
+        model=spec["model"]["delay"],
     )
     late = [f"{1e3 * latency:.3g} ms"] if latency else []
     if link.rate:
         late.append(f"the wait of up to {1e3 * link.period:.3g} ms for a frame")
-    if spec.get("clock") == "wall":
+    if spec["clock"] == "wall":
         late.append("the planning time")
-    is_predicted = spec.get("predict", True)
-    if spec.get(HAND) or (is_predicted and not late):
+    is_predicted = spec["predict"]
+    if spec[HAND] or (is_predicted and not late):
         return ""
     if is_predicted:
         return f"state given {' plus '.join(late)} ahead of the measurement"
@@ -55,7 +55,8 @@ def conditions(specs: Mapping[str, dict[str, Any]]) -> list[str]:
 
 def _link(spec: dict[str, Any]) -> str:
     """Return the link of a flight as text, "" if it has none."""
-    return str(LinkConfig(**spec["link"])) if spec.get("link") else ""
+    link = LinkConfig.of(spec)
+    return "" if link == WIRE else str(link)
 
 
 def together(texts: Mapping[str, str], without: str) -> str:

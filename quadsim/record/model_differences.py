@@ -11,7 +11,6 @@ from typing import NamedTuple
 from rich.console import RenderableType
 
 from quadsim.console import plain_table
-from quadsim.vehicle.vehicle import NO_LEAD
 
 UNITS = {
     "rate_lag": "s",
@@ -87,7 +86,7 @@ def _compared(spec: dict) -> dict[str, Pair]:
     vehicle = spec["vehicle"]
     rotors = vehicle["rotors"]
     # In the model the lag of a rate loop with a lead is the sum of both.
-    lead = vehicle.get("rate_lead", NO_LEAD)
+    lead = vehicle["rate_lead"]
     lags = [tau + ahead for tau, ahead in zip(vehicle["rate_tau"], lead, strict=True)]
     return {
         "rate_lag": Pair(model["rate_tau"], lags),

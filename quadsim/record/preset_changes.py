@@ -8,7 +8,6 @@ from functools import lru_cache
 from typing import Any
 
 import msgspec
-from msgspec import Struct
 
 from quadsim.controllers.derived import DERIVED, DerivedNumber, Scale, derivation, derived
 from quadsim.controllers.presets import PRESETS, Planner, with_period
@@ -16,8 +15,6 @@ from quadsim.controllers.samplers import SAMPLERS
 from quadsim.course import Course, parse_course
 from quadsim.files.strict_yaml import FileError
 from quadsim.physics.domain_randomization import Displacement
-from quadsim.physics.randomization_file import OUTDOOR, RandomizationRanges
-from quadsim.vehicle import Vehicle
 
 # Numbers that are shown, at most
 MOST = 4
@@ -70,31 +67,6 @@ def _changes(spec: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
                 yield name, number_text(value)
 
 
-class ScaledMPPI(Struct):
-    """The key of MPPI's numbers that belongs to the scale."""
-
-    dt: float
-
-
-class ScaledPlanner(Struct):
-    """The key of a planner's numbers that belongs to the scale."""
-
-    mppi: ScaledMPPI
-
-
-class ScaledSpec(Struct):
-    """The keys of a spec from which the scale of a flight follows."""
-
-    course: str
-    course_text: str
-    vehicle: Vehicle
-    planner: ScaledPlanner
-    randomization: RandomizationRanges = OUTDOOR
-    randomize: float = 0.0
-    displace_gates: float = 0.0
-    known_from: float | None = None
-
-
 def usual_planner(spec: Mapping[str, Any]) -> Planner | None:
     """Return the planner of a recorded flight with the numbers of its preset alone.
 
@@ -132,7 +104,7 @@ def recorded_scale(spec: Mapping[str, Any]) -> Scale | None:
         spec: the record of a Spec, see Spec.record.
     """
     try:
-        read = msgspec.convert(dict(spec), ScaledSpec)
+        read = msgspec.convert(dict(spec), RunSpec)
         course = _course(read.course_text, read.course)
     except (msgspec.ValidationError, FileError):
         return None

@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.padding import Padding
 
 from quadsim.course import parse_course
+from quadsim.physics.randomization_file import OUTDOOR
 from quadsim.record.drawn_sensing import drawn_imu_errors, drawn_imu_text
 from quadsim.record.estimate_metrics import lost_estimate, sensing_numbers
 from quadsim.record.given_state import given_state
@@ -73,10 +74,10 @@ def _head(run: RecordedRun, limit: StoredSolution | None) -> Iterator[str]:
         yield lost
     flown = [escape(flown_with(spec))]
     if spec.get("randomize"):
-        drawn = spec.get("randomization")
-        by = f" by {escape(drawn['name'])}" if drawn else ""
+        drawn = spec["randomization"]["name"]
+        by = "" if drawn == OUTDOOR.name else f" by {escape(drawn)}"
         flown.append(f"randomized {spec['randomize']:g}{by}")
-    if spec.get("map_scale"):
+    if spec.get("map_scale", 1.0) != 1.0:
         flown.append(f"a map of {spec['map_scale']:g} of the course's size")
     if spec.get("displace_gates"):
         flown.append(f"gates up to {spec['displace_gates']:g} m off the map")

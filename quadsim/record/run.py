@@ -21,7 +21,7 @@ from quadsim.console import plain
 from quadsim.controllers.excitation import EXCITE
 from quadsim.controllers.plan import PlannerSnapshot
 from quadsim.dynamics.quadrotor import CONTROL_UNITS, STATE_UNITS
-from quadsim.physics.link import LinkConfig
+from quadsim.physics.link import WIRE, LinkConfig
 from quadsim.physics.plant_state import MOTOR_UNITS
 from quadsim.racing.events import Event, Frame, flown_laps, lap_penalties
 from quadsim.racing.hand import HAND
@@ -288,8 +288,9 @@ def flown_with(spec: dict[str, Any]) -> str:
     sensing = spec.get("sensing")
     if sensing:
         parts.append(f"sensing {sensing['name']}")
-    if spec.get("link"):
-        parts.append(str(LinkConfig(**spec["link"])))
+    link = LinkConfig.of(spec)
+    if link != WIRE:
+        parts.append(str(link))
     if controlled.endswith("sampling") and preset_changes(spec):
         parts.append(preset_changes(spec))
     faults = spec.get("drawn_faults")
@@ -331,13 +332,25 @@ def not_comparable(spec: dict[str, Any]) -> str:
 
 
 def canonical(value: object) -> bytes:
-    """Return the one JSON text of a value.
+    """Return the one JSON text of a value. A whole number is written without a point: 60.0 is 60.
 
     Raises:
         ValueError: the value holds a nan.
         TypeError: the value holds what JSON cannot hold.
     """
-    return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
+    same = _whole_numbers_alike(value)
+    return json.dumps(same, sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
+
+
+def _whole_numbers_alike(value: object) -> object:
+    """Return the value with an int for each float that is whole; tuples become lists."""
+    if isinstance(value, float) and value.is_integer():
+        return int(value)
+    if isinstance(value, Mapping):
+        return {key: _whole_numbers_alike(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_whole_numbers_alike(item) for item in value]
+    return value
 
 
 class Recorder:
@@ -412,7 +425,7 @@ class Recorder:
             known = ", ".join(get_args(Outcome))
             raise ValueError(f"referee: expected an outcome of {known}, got {outcome!r}")
         # Tuples become lists now, so that loading gives back the same
-        spec = json.loads(canonical(spec))
+        spec = json.loads(json.dumps(spec, allow_nan=False))
         telemetry = {
             name: column.astype(int if name in COUNTS else float)
             for name, column in self.views(columns_of(spec)).items()

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable
 from hashlib import sha256
 from operator import itemgetter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -31,9 +31,8 @@ from quadsim.record.schema import (
     CHANGE_COLUMNS,
     RUN_FORMAT,
     Header,
-    ReportedSpec,
+    RunSpec,
     StoredRecord,
-    StoredSpec,
 )
 from quadsim.sensing.kept import ACCELEROMETER_BIAS, GATES, GYRO_BIAS, TABLES
 
@@ -61,20 +60,6 @@ CSV_COLUMNS = (
     "obstacle",
     "vehicle",
 )
-
-
-def expect_reportable(run: RecordedRun, path: object) -> None:
-    """Check that a report can be made of a run, whose spec may have been written by hand.
-
-    Raises:
-        RunError: a key of the spec is missing or of another type.
-    """
-    try:
-        spec = msgspec.convert(run.spec, ReportedSpec)
-        for text in spec.drawn_faults:
-            parse_fault(text)
-    except (msgspec.ValidationError, ValueError) as error:
-        raise RunError(f"{path}: spec: expected the spec of a flight: {error}") from error
 
 
 def write_json(run: RecordedRun, provenance: dict) -> bytes:
@@ -117,20 +102,30 @@ def read_json(data: bytes, path: object) -> StoredRecord:
         record = msgspec.json.decode(data, type=StoredRecord)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise RunError(f"{path}: damaged: {error}") from error
-    try:
-        msgspec.convert(record.spec, StoredSpec)
-    except msgspec.ValidationError as error:
-        raise RunError(f"{path}: spec: expected the spec of a flight: {error}") from error
+    check_spec(record.spec, path)
     return record
+
+
+def check_spec(spec: dict[str, Any], path: object) -> None:
+    """Check that a spec has all that pictures, reports and replays read.
+
+    Raises:
+        RunError: a key is missing or of another type, as a spec may have been written by hand.
+    """
+    try:
+        for text in msgspec.convert(spec, RunSpec).drawn_faults:
+            parse_fault(text)
+    except (msgspec.ValidationError, ValueError) as error:
+        raise RunError(f"{path}: spec: expected the spec of a flight: {error}") from error
 
 
 def _other_format(header: Header) -> str:
     """Return the error for a run in another format than this version's."""
-    wanted = f"expected format {RUN_FORMAT!r}"
-    if header.format is not None:
-        return f"{wanted}, got {header.format!r}: the version of quadsim that wrote it can read it"
-    commit = f", commit {header.git}" if header.git else ""
-    return f"{wanted}, got none: a quadsim from before the formats{commit} flew it and can read it"
+    got = repr(header.format) if header.format else "none"
+    commit = f", commit {header.git}," if header.git else ""
+    return (
+        f"expected format {RUN_FORMAT!r}, got {got}: the quadsim{commit} that wrote it can read it"
+    )
 
 
 def write_npz(run: RecordedRun) -> bytes:

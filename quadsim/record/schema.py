@@ -1,16 +1,8 @@
 """The keys of run.json and heat.json that this version reads.
 
-A file has more keys than these, which follow from them or are for people. Each reader decodes the
-smallest struct that has what it needs, so that a list of runs has a row for a run whose planner
-this version cannot fly:
-
-    ListedSpec    a row of a list
-    StoredSpec    a run that is opened, and its pictures
-    ReportedSpec  a report
-    ReplayedSpec  a replay on the page
-    FlownSpec     a flight that is flown again; quadsim.config.recorded makes a Spec of it
-
-A number keeps its kind: 60 in a file is not 60.0, as the digest of a run tells them apart.
+A file has more keys than these, which follow from them or are for people. RunSpec is the spec of a
+run with all its keys: lists, pictures, reports, the page and a flight that is flown again read it.
+A file of another format is refused by the number in its key `format`.
 """
 
 from __future__ import annotations
@@ -22,15 +14,14 @@ from msgspec import Meta, Struct, field
 from quadsim.controllers.config import MPPIConfig
 from quadsim.course import Start
 from quadsim.dynamics.quadrotor import ModelParams
-from quadsim.physics.link import WIRE, LinkConfig
-from quadsim.physics.randomization_file import OUTDOOR, RandomizationRanges
+from quadsim.physics.randomization_file import RandomizationRanges
 from quadsim.racing.events import Event
 from quadsim.record.run import Outcome, PlanTime
 from quadsim.sensing import Sensing
 from quadsim.vehicle import Vehicle
 
-RUN_FORMAT = "quadsim run 1"
-HEAT_FORMAT = "quadsim heat 1"
+RUN_FORMAT = "quadsim run 2"
+HEAT_FORMAT = "quadsim heat 2"
 # columns of events.csv that only runs with changes in flight have
 CHANGE_COLUMNS = ("number", "from", "to")
 
@@ -55,23 +46,20 @@ class Named(Struct):
 # The parts of a spec
 
 
-class ReportedPlanner(Struct):
-    """The part of a planner's numbers that a report reads."""
+class ChangedPlanner(Struct):
+    """The planner's numbers that a change in flight may differ in."""
 
+    # numbers of a registered sampler; of the user's own, whatever describes it
+    sampling: Any
     mppi: MPPIConfig
 
 
-class ChangedPlanner(ReportedPlanner):
-    """The planner's numbers that a change in flight may differ in."""
-
-    sampling: Any  # numbers of a registered sampler; of the user's own, whatever describes it
-
-
-class FlownPlanner(ChangedPlanner):
+class RecordedPlanner(ChangedPlanner):
     """All numbers of a planner."""
 
     vehicle: str
-    cost: dict[str, Any]  # which class they are of, a reference decides
+    # which class they are of, a reference decides
+    cost: dict[str, Any]
 
 
 class ReplayedSampling(Struct):
@@ -81,10 +69,12 @@ class ReplayedSampling(Struct):
     gamma: list[float] = []
 
 
-class ReplayedPlanner(ReportedPlanner):
+class ReplayedPlanner(Struct):
     """A planner's numbers that a replay shows."""
 
-    sampling: ReplayedSampling | str | None = None  # a text describes the user's own sampler
+    mppi: MPPIConfig
+    # a text describes the user's own sampler
+    sampling: ReplayedSampling | str | None = None
 
 
 class NumberChange(Struct, frozen=True):
@@ -102,20 +92,20 @@ class NumberChange(Struct, frozen=True):
         return dict(zip(("t", "kind", *CHANGE_COLUMNS), values, strict=True))
 
 
-class FlownPilot(Named):
+class RecordedPilot(Named):
     """The learned pilot that flew."""
 
     sha256: str
 
 
-class FlownReference(Struct):
+class RecordedReference(Struct):
     """The solution of `race limit` that the planner followed."""
 
     key: str
     sha256: str
 
 
-class FlownFirmware(Struct):
+class RecordedFirmware(Struct):
     """The configuration of the firmware; a flight that is made again compares the firmware."""
 
     name: str
@@ -179,82 +169,46 @@ class FlownAmong(Struct):
 # The spec of a run
 
 
-class ListedSpec(Struct, kw_only=True):
-    """The keys of a spec that a row of a list shows."""
-
-    course: str
-    vehicle: Named
-    sampler: str
-    preset: str
-    seed: int
-    laps: int
-    pilot: Named | None = None
-    sensing: Named | None = None
-    interactive: list[dict[str, Any]] = []
-    own: dict[str, OwnPart | list[OwnTerm]] = {}
-
-
-class StoredSpec(ListedSpec, kw_only=True):
-    """The keys of a spec that pictures read."""
+class RunSpec(Struct, kw_only=True):
+    """The spec of a run, see quadsim.config.spec.Spec.record."""
 
     course: PlainText
     course_text: str
-    laps: LapCount
-    penalties: bool
-    plant: str
-    clock: str
-    planner: dict[str, Any]
-    model: dict[str, Any]
-    host: dict[str, Any]
-    faults: list[str] = []
-    drawn_faults: list[str] = []
-    betaflight: dict[str, Any] | None = None
-    link: LinkConfig | None = None
-    heat: FlownAmong | None = None
-
-
-class ReportedSpec(StoredSpec, kw_only=True):
-    """A spec with all that a report reads, to the last number."""
-
-    vehicle: Vehicle
-    model: ModelParams
-    planner: ReportedPlanner
-    randomize: float
-
-
-class ReplayedSpec(ReportedSpec, kw_only=True):
-    """A spec with all that the page shows."""
-
-    planner: ReplayedPlanner
-    hand: FlownByHand | None = None
-    interactive: list[NumberChange] = []
-
-
-class FlownSpec(Struct, kw_only=True):
-    """The keys of a spec that a flight is made from, beside the numbers of FlightNumbers."""
-
-    course: str
-    course_text: str
     vehicle: Vehicle
     sampler: str
     preset: str
-    planner: FlownPlanner
+    planner: RecordedPlanner
     model: ModelParams
-    laps: int
+    laps: LapCount
     timeout: float
+    start: Start | None
+    sensing: Sensing | None
+    randomization: RandomizationRanges
+    view_weight: float
     plant: str
-    host: Host = field(default_factory=Host)
-    start: Start | None = None
-    sensing: Sensing | None = None
-    randomization: RandomizationRanges = OUTDOOR
-    view_weight: float = 0.0
-    faults: tuple[str, ...] = ()
-    pilot: FlownPilot | None = None
-    betaflight: FlownFirmware | None = None
-    link: LinkConfig = WIRE
-    reference: FlownReference | None = None
-    own: dict[str, Any] = {}
-    interactive: list[NumberChange] = []
+    pilot: RecordedPilot | None
+    hand: FlownByHand | None
+    betaflight: RecordedFirmware | None
+    reference: RecordedReference | None
+    own: dict[str, OwnPart | list[OwnTerm]]
+    interactive: list[NumberChange]
+    seed: int
+    randomize: float
+    displace_gates: float
+    known_from: float | None
+    map_scale: float
+    penalties: bool
+    predict: bool
+    excite: bool
+    clock: str
+    deadline_ms: float | None
+    link_hz: float | None
+    link_latency: float
+    link_loss: float
+    link_burst: float | None
+    drawn_faults: list[str]
+    host: Host
+    heat: FlownAmong | None = None
 
 
 # run.json
@@ -265,7 +219,7 @@ class ListedRun(Struct):
 
     outcome: Outcome
     laps: list[float]
-    spec: ListedSpec
+    spec: RunSpec
 
 
 class StoredRecord(Struct):
@@ -279,12 +233,6 @@ class StoredRecord(Struct):
     digest: str
     # The error that ended the flight, "" where none did
     fault: str = ""
-
-
-class AnyRun(Struct):
-    """A run.json with any spec."""
-
-    spec: dict[str, Any]
 
 
 # heat.json, and the result of a race in the file of a campaign
@@ -345,15 +293,3 @@ class ListedHeat(TitledHeat):
     """The keys of a heat.json that a row of a list shows."""
 
     spec: StoredHeatSpec
-
-
-class ListedEntrant(Struct):
-    """The keys of an entrant's spec that a row of a list shows."""
-
-    vehicle: Named
-    sampler: str
-    preset: str
-    laps: int
-    pilot: Named | None = None
-    sensing: Named | None = None
-    own: dict[str, OwnPart | list[OwnTerm]] = {}

@@ -16,7 +16,7 @@ from quadsim.record.limits import StoredSolution, limit_of, limits_folder
 from quadsim.record.mcap_file import mcap_bytes
 from quadsim.record.report import report
 from quadsim.record.run import RecordedRun, columns_of
-from quadsim.record.run_format import CSV_COLUMNS, event_row, expect_reportable
+from quadsim.record.run_format import CSV_COLUMNS, check_spec, event_row
 from quadsim.record.run_metrics import RunMetrics, run_metrics
 from quadsim.record.run_text import paragraph
 from quadsim.record.whole_files import write_whole
@@ -95,7 +95,7 @@ class Run(RecordedRun):
         Raises:
             RunError: the run is stored by an older version, and its spec lacks what a report reads.
         """
-        expect_reportable(self, "this run")
+        check_spec(self.spec, "this run")
         return as_text(*report(self, self._limit(), columns), columns=columns)
 
     def to_pandas(self) -> DataFrame:

@@ -18,7 +18,7 @@ from quadsim.files.extras import imported
 from quadsim.files.strict_yaml import FileError
 from quadsim.record.archive import HEAT, list_heats, list_runs, read_run
 from quadsim.record.run import own_parts
-from quadsim.record.schema import ListedEntrant, ListedHeat, ListedRun, ListedSpec
+from quadsim.record.schema import ListedHeat, ListedRun, RunSpec
 from quadsim.results.heat import Heat
 from quadsim.results.run import Run
 from quadsim.sensing import PERFECT
@@ -370,7 +370,7 @@ def read_heat_row(path: Path) -> StoredHeat:
     """
     data = read_bytes(path / HEAT, "the record of a race", LARGEST_RECORD)
     found = msgspec.json.decode(data, type=ListedHeat)
-    specs = [msgspec.convert(entrant.spec, ListedEntrant) for entrant in found.spec.entrants]
+    specs = [msgspec.convert(entrant.spec, RunSpec) for entrant in found.spec.entrants]
     controllers = [_controller(spec) for spec in specs]
     winner = found.order[0]
     values = {
@@ -402,7 +402,7 @@ def read_heat_row(path: Path) -> StoredHeat:
     )
 
 
-def _controller(spec: ListedSpec | ListedEntrant) -> str | None:
+def _controller(spec: RunSpec) -> str | None:
     """Return the class of the user's own controller, None if none flew."""
     return own_parts({"own": msgspec.to_builtins(spec.own)}).get("controller")
 

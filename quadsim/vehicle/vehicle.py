@@ -255,22 +255,6 @@ class Vehicle:
         return written(_as_yaml(self), path)
 
 
-def vehicle_record(vehicle: Vehicle) -> dict[str, Any]:
-    """Return a vehicle as records have it: nested dictionaries.
-
-    A response of the rotors, an uncertainty and a lead are left out if there is none, so that the
-    records of other vehicles, and their hashes, are as before there was one.
-    """
-    record = dataclass_dict(vehicle)
-    if record["rotors"] and record["rotors"]["response"] is None:
-        del record["rotors"]["response"]
-    if record["uncertainty"] is None:
-        del record["uncertainty"]
-    if vehicle.rate_lead == NO_LEAD:
-        del record["rate_lead"]
-    return record
-
-
 def scale_thrust(vehicle: Vehicle, factor: float) -> Vehicle:
     """Return the vehicle with stronger or weaker propellers.
 

@@ -135,17 +135,6 @@ def test_a_run_of_a_preset_that_is_no_more_flies_with_the_numbers_it_has():
     assert spec.but(seed=7).planner == spec.planner
 
 
-def test_a_units_younger_numbers_are_recorded_only_where_they_are_used():
-    """So that records of flights on sensors, and their hashes, stay what they were."""
-    plain = Spec.of("figure8", sensing="mocap")
-    assert "gyro_scale" not in plain.record()["sensing"]["imu"]
-    scaled = plain.sensing.but(name="scaled", imu={"gyro_scale": 0.02})
-    record = as_stored(Spec.of("figure8", sensing=scaled).record())
-    assert record["sensing"]["imu"]["gyro_scale"] == 0.02
-    assert "gyro_misalignment_deg" not in record["sensing"]["imu"]
-    assert spec_of_record(record).sensing == scaled
-
-
 @pytest.mark.compiled
 def test_the_digest_of_a_stored_run_tells_flights_apart():
     run = quadsim.fly("figure8", **BRIEF)

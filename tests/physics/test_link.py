@@ -129,7 +129,7 @@ def test_each_number_of_a_link_changes_the_flight():
 def test_a_flight_over_a_link_is_flown_again_from_its_record():
     settings = {"link_hz": 50.0, "link_latency": 0.02, "link_loss": 0.2, "link_burst": 3.0}
     run = quadsim.fly("figure8", **FLIGHT | settings)
-    assert run.spec["link"] == {"rate": 50.0, "latency": 0.02, "loss": 0.2, "burst": 3.0}
+    assert {name: run.spec[name] for name in settings} == settings
     assert quadsim.fly(run.spec).digest() == run.digest()
 
 

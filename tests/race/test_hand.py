@@ -79,7 +79,7 @@ def test_a_run_keeps_who_flew_and_what_was_asked_for(run, tmp_path):
     assert run.telemetry["wx"][-1] > 0.5 * asked.wx
     assert run.spec["sampler"] == HAND
     assert run.spec[HAND]["roll"] == {**RATES.roll._asdict()}
-    assert "own" not in run.spec
+    assert run.spec["own"] == {}
     folder = run.save(tmp_path)
     (row,) = quadsim.runs(tmp_path)
     assert (row.sampler, row.path) == (HAND, folder)

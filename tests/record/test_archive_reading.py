@@ -30,7 +30,7 @@ BEST = np.zeros((2, 8, 5, 3), np.float32)
 
 
 def cut_json(path):
-    (path / "run.json").write_text('{"format": "quadsim run 1", "spec"')
+    (path / "run.json").write_text('{"format": "quadsim run 2", "spec"')
 
 
 def binary_json(path):

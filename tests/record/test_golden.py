@@ -1,4 +1,4 @@
-"""A run of format 1, stored once: every later version reads it, shows it, draws it and flies it.
+"""A run of format 2, stored once: every later version reads it, shows it, draws it and flies it.
 
 It was written by `race fly figure8 --laps 1 --samples 512 --seed 1 --randomize 1`.
 """
@@ -30,22 +30,22 @@ def run():
 
 def test_it_is_read(run):
     record = json.loads((GOLDEN / "run.json").read_text())
-    assert record["format"] == "quadsim run 1"
+    assert record["format"] == "quadsim run 2"
     assert run.digest() == record["digest"], "nothing that the digest covers has changed"
-    assert run.laps == [4.573423091311024]
+    assert run.laps == [4.430911951186431]
     assert len(run.gates) == 8
 
 
 def test_it_is_shown(capsys):
     assert race(["show", str(GOLDEN)]) == 0
-    assert "4.573" in capsys.readouterr().out
+    assert "4.431" in capsys.readouterr().out
     assert race(["show", str(GOLDEN), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["laps"] == [4.573423091311024]
+    assert json.loads(capsys.readouterr().out)["laps"] == [4.430911951186431]
 
 
 def test_it_is_drawn(run):
     assert "figure8" in draw(run).get_suptitle()
-    assert stored_competitor(GOLDEN).laps == (4.573423091311024,)
+    assert stored_competitor(GOLDEN).laps == (4.430911951186431,)
 
 
 @needs_bullet

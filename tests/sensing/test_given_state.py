@@ -116,9 +116,7 @@ def test_in_a_race_of_several_each_has_the_state_that_it_asked_for():
         assert (law.heights == true.tolist()) == (name == "now")
 
 
-def test_the_setting_is_recorded_only_where_it_is_not_the_default():
-    """So that records and their hashes stay what they were."""
-    assert "predict" not in quadsim.Spec.of("figure8").record()
+def test_the_setting_is_flown_again():
     record = json.loads(canonical(quadsim.Spec.of("figure8", predict=False).record()))
     assert record["predict"] is False
     assert spec_of_record(record).predict is False

@@ -19,7 +19,7 @@ from urllib.parse import urlencode
 from msgspec import Meta
 
 from quadsim.heat.archive import is_heat
-from quadsim.record.archive import load_reportable
+from quadsim.record.archive import read_run
 from quadsim.record.run import RunError, why_not_repeatable
 from quadsim.results.stored_runs import UNREADABLE, read_row
 from quadsim.tables.wording import Wording, heat_wording, wording
@@ -290,7 +290,7 @@ class RunsPanel:
     def _take_over(self, visitor: LinkVisitor, name: str) -> None:
         """Add a competitor for each run of a row. Raises ValueError, RunError."""
         for run in runs_at(self._path(name)):
-            found = self._start.take_over(load_reportable(run).spec)
+            found = self._start.take_over(read_run(run).spec)
             if found.differs:
                 differs = ", ".join(found.differs)
                 remark = f"taken over; the race keeps its own settings: the run had {differs}"
@@ -317,7 +317,7 @@ class RunsPanel:
             if is_heat(folder):
                 texts: Wording = heat_wording(folder)
             else:
-                run = load_reportable(folder)
+                run = read_run(folder)
                 texts = wording(run.spec, folder)
                 remark = why_not_repeatable(run)
             self._wordings[name] = RunWording(name, texts.command, texts.python, remark)
