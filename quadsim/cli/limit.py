@@ -8,19 +8,20 @@ from dataclasses import replace
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Annotated
 
-from msgspec import Meta
+from msgspec import Meta, to_builtins
 from rich.console import Console
 from rich.markup import escape
 
 from quadsim.cli.commands import EXIT
 from quadsim.cli.flags import Help, Json, RunsDir, Stored, Switch, course_help, vehicle_help
+from quadsim.config.spec import Spec
 from quadsim.console import UsageError, complain, emit, emit_json, plain, uninterrupted
 from quadsim.course import load_course
 from quadsim.files.extras import needs_extra
 from quadsim.files.strict_yaml import unit
+from quadsim.limit.keeper import Keeper
+from quadsim.limit.limits import LimitProblem, ModelName, StoredSolution, limits_folder
 from quadsim.record.archive import RunFolder, find_run, read_run
-from quadsim.record.keeper import Keeper
-from quadsim.record.limits import LimitProblem, ModelName, StoredSolution, limits_folder
 from quadsim.record.whole_files import try_writing
 from quadsim.vehicle import load_vehicle, with_thrust_to_weight
 
@@ -128,7 +129,8 @@ def _show_known(problem: LimitProblem, runs_dir: str, json: bool) -> int:
         # Imported here, as it loads the referee
         from quadsim.limit.replay import replayed
 
-        run = replayed(best, problem)
+        flown = Spec.of(problem.course, laps=problem.laps).record()
+        run = replayed(best, problem, flown)
         with RunFolder.open(runs_dir, run.spec) as claimed:
             folder = claimed.save(run)
     if json:
@@ -230,13 +232,13 @@ def _summary(
         "margin_kept": _margin_kept(problem),
         "reserve": problem.reserve,
         "time": known.time if known else None,
-        "lap_times": known.lap_times if known else [],
+        "lap_times": list(known.lap_times) if known else [],
         "nodes": len(known.solution.t) if known else None,
         "starts": [
             {"start": a.start, "nodes": a.nodes, "time": a.time, "broken": a.broken}
             for a in attempts
         ],
-        "verified": known.verified if known else None,
+        "verified": to_builtins(known.verified) if known else None,
     }
 
 
@@ -272,10 +274,10 @@ def _report(
         yield "found before, and not slower than what was found now"
     yield f"[dim]laps[/]  {'  '.join(f'{t:.3f}' for t in known.lap_times)} s"
     checked = known.verified
-    residual = f"{1e3 * checked['residual']:.1g} mm"
-    worth = f"{1e3 * checked['worth']:.1g} ms"
-    passes = checked["events"].get("pass", 0)
+    residual = f"{1e3 * checked.residual:.1g} mm"
+    worth = f"{1e3 * checked.worth:.1g} ms"
+    passes = checked.events.get("pass", 0)
     yield (
         f"[dim]checked[/]  {len(known.solution.t)} nodes, {residual} at most from the fine "
-        f"integration, worth {worth}; referee: {checked['outcome']}, {passes} gates"
+        f"integration, worth {worth}; referee: {checked.outcome}, {passes} gates"
     )

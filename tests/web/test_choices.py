@@ -12,7 +12,7 @@ from wire import link, press_start
 from quadsim.config.reference import followed_problem
 from quadsim.controllers.presets import PRESETS
 from quadsim.course import load_course
-from quadsim.record.limits import dump, limits_folder, load
+from quadsim.limit.limits import dump, limits_folder, load
 from quadsim.vehicle import load_vehicle
 from quadsim.web.choices import PILOT, Choices, HeatChoices
 from quadsim.web.live_flight import LiveFlight
@@ -79,7 +79,7 @@ def solve(hall, runs_dir, sooner=0.0):
     )
     (shipped,) = narrow.files()
     solution = load(shipped)
-    times = [time - sooner for time in solution.lap_times]
+    times = tuple(time - sooner for time in solution.lap_times)
     folder = limits_folder(runs_dir)
     folder.mkdir(parents=True, exist_ok=True)
     stored = replace(solution, course=wide.course.name, lap_times=times, key=wide.key)

@@ -15,6 +15,7 @@ from quadsim.controllers.samplers import SAMPLERS
 from quadsim.course import Course, parse_course
 from quadsim.files.strict_yaml import FileError
 from quadsim.physics.domain_randomization import Displacement
+from quadsim.record.schema import RunSpec
 
 # Numbers that are shown, at most
 MOST = 4
