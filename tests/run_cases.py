@@ -4,25 +4,18 @@ from math import pi, sin
 
 import numpy as np
 
+from quadsim.config.spec import Spec
 from quadsim.controllers.plan import PlannerSnapshot
 from quadsim.racing.events import Event, Frame
 from quadsim.record.archive import RunFolder
 from quadsim.record.run import RecordedRun
+from quadsim.vehicle import load_vehicle
 
-SPEC = {
+PROBE = load_vehicle("swift").but(name="probe", drag=(0.1, 0.1, 0.1), rotors={"motor_tau": 0.05})
+# The record of a flight, with the text of a course that has no gates
+SPEC = Spec.of("figure8", vehicle=PROBE, seed=3, laps=2, threads=2).record() | {
     "course": "test course",
     "course_text": "name: test course\n",
-    "vehicle": {"name": "probe", "drag": (0.1, 0.1, 0.1), "rotors": {"tau": 0.05}},
-    "sampler": "colored",
-    "preset": "race",
-    "seed": 3,
-    "laps": 2,
-    "penalties": False,
-    "plant": "bullet",
-    "clock": "simulated",
-    "planner": {},
-    "model": {},
-    "host": {"threads": 2},
 }
 
 

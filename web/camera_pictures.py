@@ -194,7 +194,7 @@ def camera_of(entry: Competitor) -> Camera:
     """Return the camera of a vehicle; if it has none, the default camera of `race render`."""
     sensing = entry.spec.get("sensing") or {}
     try:
-        if "pixels" in sensing:
+        if sensing.get("pixels"):
             return msgspec.convert(sensing["pixels"], PixelCameraConfig)
         return msgspec.convert(sensing.get("camera"), GateCameraConfig)
     except msgspec.ValidationError:  # no camera, or a record edited by hand

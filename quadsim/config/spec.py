@@ -318,7 +318,7 @@ class Spec(FlightNumbers, HostSettings):
             "sampler": self.sampler,
             "preset": self.preset,
             "planner": {
-                "vehicle": self.planner.vehicle,
+                "vehicle": self.vehicle.name,
                 "sampling": plain(self.planner.sampling),
                 "mppi": plain(self.planner.mppi),
                 "cost": plain(self.planner.cost),

@@ -11,7 +11,7 @@ from quadsim.config.settings import FlightNumbers, HostSettings
 from quadsim.config.spec import Spec
 from quadsim.controllers.samplers import SAMPLERS, Colored
 from quadsim.racing.events import Event
-from quadsim.record.preset_changes import preset_changes
+from quadsim.report.preset_changes import preset_changes
 from quadsim.sensing import load_sensing, sensing_names
 from quadsim.vehicle import vehicle_names
 

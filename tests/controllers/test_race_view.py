@@ -81,7 +81,7 @@ def test_it_is_flown_where_a_camera_has_to_find_gates():
     cost = cost_on(spec, spec.course)
     assert cost.term_names[-1] == "view"
     assert cost.terms[-1].weight == 2.0
-    assert Spec.of("split_s_swift", sensing="gates").record().get("view_weight") is None
+    assert Spec.of("split_s_swift", sensing="gates").view_weight == 0.0
     displaced = {"sensing": "gates", "displace_gates": 0.15}
     assert Spec.of("split_s_swift", **displaced).view_weight == 1.0
     assert Spec.of("split_s_swift", **displaced, view_weight=0.0).view_weight == 0.0

@@ -1,6 +1,6 @@
 """Randomizations: what a file lists is drawn as widely as it says, and nothing else is."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
@@ -117,13 +117,6 @@ def test_the_noise_of_a_command_is_held_for_a_control_period():
     periods = rows.reshape(-1, 10, 4)
     assert (periods == periods[:, :1]).all()
     np.testing.assert_allclose(periods[:, 0].std(axis=0), (0.1, 0.2, 0.0, 0.4), rtol=0.1)
-
-
-def test_the_default_randomization_leaves_records_as_they_were():
-    record = Spec.of("figure8", randomize=1.0).record()
-    assert "randomization" not in record
-    later = {"inertia", "force", "command_noise"}
-    assert set(record["variation"]) == {f.name for f in fields(Randomization)} - later
 
 
 @pytest.mark.parametrize(

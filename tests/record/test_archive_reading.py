@@ -56,8 +56,8 @@ def changed_npz(**changes):
 
 # Name -> what harms the folder, and what the error names
 DAMAGE = {
-    "newer": (changed_json(format="quadsim run 2"), "got 'quadsim run 2'"),
-    "before the formats": (changed_json(format=None), "got none: a quadsim from before"),
+    "newer": (changed_json(format="quadsim run 3"), "got 'quadsim run 3'"),
+    "no format": (changed_json(format=None), "got none: the quadsim"),
     "format": (changed_json(format=1), "damaged"),
     "no laps": (changed_json(spec={"course": "x"}), "spec: expected the spec of a flight"),
     "outcome": (changed_json(outcome="won"), "'won'"),
