@@ -1,8 +1,8 @@
 """The numbers of the preset `race`, which follow from vehicle, course and control period.
 
-The numbers in quadsim.controllers.presets are those of the reference: gates some 10 to 20 m apart
+The numbers in quadsim.controllers.presets hold for the reference: gates some 10 to 20 m apart
 with openings of 1.5 m and more, racing vehicles, a control period of 10 ms. The laws of this module
-give other numbers where a flight has another scale. Everything in the planner that is a length, a
+give other numbers if a flight has another scale. Everything in the planner that is a length, a
 time or a rate is scaled with the flight, so that two flights that are similar (lengths times k,
 times times sqrt(k), accelerations alike, as gravity is) have similar plans. docs/derived.md has
 each law with its reason, and the flights that show it.
@@ -43,7 +43,7 @@ MARGIN_RADII = 0.8
 LARGEST_SHARE = 0.5
 # The largest margin as a share of the narrowest half opening; it also bounds that to the ground.
 MARGIN_ROOM = 0.7
-# The margin from which on its weight is that of the reference [m]; below, weight x margin^2 stays
+# A margin of this or more has the weight of the reference [m]; below, weight x margin^2 stays
 STEEP_BELOW = 0.12
 # Frames are in the way of the samples from this size beside a leg on.
 FRAME_SHARE = 0.22
@@ -130,7 +130,7 @@ class Scale(NamedTuple):
 
     @property
     def time(self) -> float:
-        """The time scale: that of a leg's length at full acceleration [s]."""
+        """The time scale, the root of a leg's length over the full acceleration [s]."""
         return sqrt(self.leg / self.acceleration)
 
     @property
@@ -152,7 +152,7 @@ class Scale(NamedTuple):
 
 
 def derived(reference: Planner, scale: Scale) -> Planner:
-    """Return the planner of a flight: that of the reference with the numbers of its scale.
+    """Return the planner of a flight: the reference's planner with the numbers of its scale.
 
     At a scale of the reference it is the reference, to the last digit. The horizon is in steps of
     the reference's control period, see `with_period` in quadsim.controllers.presets.
@@ -231,7 +231,7 @@ def sampling(reference: Sampling, scale: Scale) -> Any:
     kept = (rates, rates, rates * yaw_factor(kind.sigma, scale), 1.0)
     factors = [by * density(gamma, steps) for by, gamma in zip(kept, gammas, strict=True)]
     if isinstance(reference, Smooth):
-        # Its sigma is that of the controls' derivatives, which act for one control period.
+        # Its sigma is the derivatives' of the controls, which act for one control period.
         factors = [factor * REFERENCE_PERIOD / scale.period for factor in factors]
     if isinstance(reference, LogNormal):
         pairs = zip(reference.sigma, factors, strict=True)
@@ -259,11 +259,11 @@ def cutoff_text(reference: Colored, scale: Scale) -> str:
 
 
 def yaw_factor(sigma: Sequence[float], scale: Scale) -> float:
-    """Return the factor on the noise of the yaw rate beside those of roll and pitch.
+    """Return the factor on the noise of the yaw rate, beside the factor on roll and pitch.
 
     A race does not ask for yaw, and rotors near full thrust have no torque for it. A vehicle whose
-    rotors yaw well makes use of it where room is short. At most the noise is the same share of the
-    rate's limit as that of roll.
+    rotors yaw well makes use of it if room is short. At most the noise is the same share of the
+    rate's limit as the noise of roll.
 
     Args:
         sigma: standard deviations of the reference.
@@ -276,8 +276,8 @@ def yaw_factor(sigma: Sequence[float], scale: Scale) -> float:
 def density(gamma: float, steps: int) -> float:
     """Return the factor on sigma that keeps the density of the noise at low frequencies.
 
-    sigma^2 is spread over all frequencies up to that of the control steps. With fewer steps in the
-    horizon there are fewer, and more of it would be at each.
+    sigma^2 is spread over all frequencies up to the frequency of the control steps. A horizon of
+    fewer steps has fewer frequencies, and each would have more of it.
 
     Args:
         gamma: exponent of the power spectral density, 0 for white noise.
@@ -350,7 +350,7 @@ def margin_share(reference: float, scale: Scale) -> Law:
 def clearance(reference: RaceWeights, scale: Scale) -> Law:
     """Return the weight of the margin.
 
-    The term is a shortfall times a length, both of which are small where the margin is. So its
+    The term is a shortfall times a length, both of which are small if the margin is. So its
     weight grows with the inverse square of a small margin, and its largest value stays.
     """
     wanted = margin(reference.margin, scale).value
@@ -363,7 +363,7 @@ def clearance(reference: RaceWeights, scale: Scale) -> Law:
 
 
 def view_weight(reference: float, scale: Scale) -> float:
-    """Return the weight of the view term: none where the nose lags behind the gates."""
+    """Return the weight of the view term: 0 if the nose lags behind the gates."""
     return reference if scale.time >= YAW_LAGS * scale.yaw_lag else 0.0
 
 

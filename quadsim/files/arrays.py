@@ -283,7 +283,7 @@ def listed(names: Iterable[str]) -> str:
 
 
 def _one_line(error: Exception) -> str:
-    """Return the message of a library on one line, without control characters, cut where long."""
+    """Return the message of a library on one line, cut if long, without control characters."""
     text = " ".join(str(error).split()) or type(error).__name__
     if len(text) > LONGEST:
         text = text[: LONGEST - 3] + "..."

@@ -1,4 +1,4 @@
-"""The numbers of a recorded planner that differ from those of its preset, as text."""
+"""The numbers in which a recorded planner differs from its preset, as text."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MOST = 4
 def preset_changes(spec: dict[str, Any]) -> str:
     """Return the numbers that differ from the preset, such as "samples 256, horizon 60".
 
-    It is empty where none does, and where the preset is a file or no preset of this version.
+    It is empty if none does, and if the preset is a file or no preset of this version.
 
     Args:
         spec: the record of a Spec, see Spec.record.
