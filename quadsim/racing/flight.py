@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count
-from math import inf
 from time import perf_counter
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -27,14 +26,6 @@ from quadsim.dynamics.estimate import Estimate
 from quadsim.physics.plant import Plant, PlantState
 from quadsim.racing.clock import Clock
 from quadsim.racing.events import Event, Frame
-from quadsim.racing.own_parts import (
-    check_counts,
-    check_step,
-    check_time,
-    checked_control,
-    checked_events,
-    checked_plan,
-)
 from quadsim.rotation import Vec3
 from quadsim.sensing.estimation.prediction import Commands
 from quadsim.sensing.navigation import Navigation, RefereeCount, TrueState
@@ -84,34 +75,6 @@ class ControlLaw(Protocol):
     def control(self, x: np.ndarray, /) -> ArrayLike:
         """Return the control u (n_u,) at the state x (n_x,)."""
         ...
-
-
-class PlainController:
-    """Adapts a controller that has only `control(x) -> u` to the Controller protocol."""
-
-    def __init__(self, inner: ControlLaw, rest: Sequence[float]):
-        """Wrap a control law.
-
-        Args:
-            inner: the control law.
-            rest: the control that acts until the first one is ready  (n_u,).
-        """
-        self._inner = inner
-        self.rest = np.array(rest)
-
-    def control(self, estimate: Estimate, /) -> tuple[np.ndarray, PlanStats]:
-        """Return the control at the estimated state, with empty statistics."""
-        try:
-            answer = self._inner.control(estimate.x)
-        except AttributeError as error:
-            if isinstance(error.obj, np.ndarray):
-                error.add_note(
-                    "controller: control() is given the state x, an array, as the controller has no"
-                    " `rest`; one that has it is given an Estimate, with x, t and target"
-                )
-            raise
-        u = checked_control(self._inner, answer, len(self.rest), "control")
-        return u, PlanStats(cost=0.0, ess=0.0, temperature=0.0)
 
 
 class RefereeProtocol(Protocol):
@@ -219,7 +182,6 @@ class Planning:
         controller: Controller,
         navigation: Navigation,
         t: float,
-        controls: int,
         is_first: bool = False,
     ):
         """Prepare a request.
@@ -228,14 +190,12 @@ class Planning:
             controller: the controller.
             navigation: source of the estimate.
             t: time now [s].
-            controls: n_u.
             is_first: whether this is the first plan of the flight.
         """
         self.is_first = is_first
         self._controller = controller
         self._navigation = navigation
         self._t = t
-        self._controls = controls
         self.ends_flight = False
         self.error: Exception | None = None
         self._plan: Plan | None = None
@@ -247,21 +207,19 @@ class Planning:
         """
         before = perf_counter()
         try:
-            answer = self._controller.control(self._navigation.estimate(self._t))
+            u, stats = self._controller.control(self._navigation.estimate(self._t))
             spent = perf_counter() - before
-            u, stats = checked_plan(self._controller, answer, self._controls)
         except Exception as error:
             # A controller of the user's own may raise anything.
             self.error = error
         else:
-            self._plan = Plan(u, stats, spent)
+            self._plan = Plan(tuple(u.tolist()), stats, spent)
 
     @property
     def plan(self) -> Plan:
         """The finished plan.
 
         Raises:
-            SettingError: the controller has not returned a control and PlanStats.
             Exception: what the controller has raised.
             RuntimeError: the plan has not been made.
         """
@@ -290,8 +248,6 @@ def simulate(parts: FlightParts) -> Iterator[Frame]:
 
     Raises:
         ValueError: the period is not a whole multiple of the plant's step.
-        SettingError: a part returns an invalid value, or the plant's time does not advance (a
-            ValueError).
         Exception: what a part of the user's own raises.
     """
     for step in flight(parts):
@@ -322,12 +278,8 @@ def flight(parts: FlightParts) -> Iterator[Frame | Planning | PhysicsStep]:
     plan = Plan(rest, PlanStats(cost=0.0, ess=0.0, temperature=0.0), 0.0)
     events: list[Event] = []
 
-    before = -inf
     for k in count():
         state = plant.state
-        check_time(plant, before, state.t)
-        before = state.t
-        check_counts(referee)
         outcome = referee.outcome
         if outcome is None and time_limit is not None and state.t > time_limit - plant.dt / 2:
             outcome = "timeout"
@@ -336,7 +288,7 @@ def flight(parts: FlightParts) -> Iterator[Frame | Planning | PhysicsStep]:
 
         # Plan from the present estimate.
         if flying:
-            planning = Planning(controller, navigation, state.t, len(rest), is_first=k == 0)
+            planning = Planning(controller, navigation, state.t, is_first=k == 0)
             yield planning
             if planning.ends_flight:
                 outcome = "crashed"
@@ -381,12 +333,8 @@ def flight(parts: FlightParts) -> Iterator[Frame | Planning | PhysicsStep]:
 
 
 def rest_of(controller: Controller) -> tuple[float, ...]:
-    """Return the control at rest of a controller  (n_u,).
-
-    Raises:
-        SettingError: it is not a row of finite numbers.
-    """
-    return tuple(checked_control(controller, controller.rest, None, "rest").tolist())
+    """Return the control at rest of a controller  (n_u,)."""
+    return tuple(controller.rest.tolist())
 
 
 def exact_navigation(
@@ -427,9 +375,6 @@ def apply_control(
 
     Returns:
         The events of these steps, in order.
-
-    Raises:
-        SettingError: as for `control_steps`.
     """
     steps = control_steps(plant, referee, u, until)
     while True:
@@ -458,10 +403,6 @@ def control_steps(
 
     Returns:
         The events of these steps, in order.
-
-    Raises:
-        SettingError: the duration of a step differs from the plant's dt, or the referee returns no
-            list of events.
     """
     events: list[Event] = []
     dt = plant.dt
@@ -470,11 +411,10 @@ def control_steps(
     while before.t < until - dt / 2 and referee.outcome is None:
         yield request
         after = plant.state
-        check_step(plant, before.t, after.t, dt)
         if navigation:
             navigation.watch(after)
-        found = referee.observe(before.t, before.position, after.t, after.position, after.contacts)
-        events += checked_events(referee, found)
+        step = (before.t, before.position, after.t, after.position)
+        events += referee.observe(*step, after.contacts)
         before = after
     return events
 
