@@ -23,10 +23,8 @@ from quadsim.controllers.learned.pilot import PilotController
 from quadsim.controllers.presets import Planner
 from quadsim.files.values import checked
 from quadsim.physics.faults import CommandLoss
-from quadsim.physics.plant import (
-    Arena,
-    LossyLink,
-)
+from quadsim.physics.link import CommandLosses
+from quadsim.physics.plant import Arena
 from quadsim.racing.clock import CLOCKS
 from quadsim.racing.events import Frame
 from quadsim.racing.flight import (
@@ -90,8 +88,6 @@ def build(
         snapshot = controller.snapshot
     plant = plant_of(spec, arena)
     losses = [fault for fault in spec.drawn_faults if isinstance(fault, CommandLoss)]
-    if losses:
-        plant = LossyLink(plant, losses)
     return FlightParts(
         plant=plant,
         controller=controller,
@@ -100,6 +96,7 @@ def build(
         navigation=navigation_of(spec, plant, referee, rest_of(controller)),
         clock=CLOCKS[spec.clock](),
         snapshot=snapshot,
+        losses=CommandLosses(losses) if losses else None,
         # The racing referee has this limit of its own.
         time_limit=None if spec.referee is None else spec.timeout,
     )

@@ -14,8 +14,7 @@ from quadsim.course import Course, Start
 from quadsim.dynamics.quadrotor import State
 from quadsim.physics.actuators import Actuators, Wrench
 from quadsim.physics.crazyflow_plant import CrazyflowPlant
-from quadsim.physics.faults import CommandLoss, RotorFault
-from quadsim.physics.link import HOVER
+from quadsim.physics.faults import RotorFault
 from quadsim.physics.plant_state import MotorUse, PlantState, start_state
 from quadsim.physics.rigid_body import RigidArena, RigidBody
 from quadsim.physics.rotorpy_plant import RotorpyPlant
@@ -331,60 +330,3 @@ def has_bullet() -> bool:
 def default_plant() -> PlantName:
     """Return the default plant: "bullet" if PyBullet is installed, else "rigid"."""
     return "bullet" if has_bullet() else "rigid"
-
-
-class LossyLink:
-    """A plant with losses of commands; during a loss, the last received command stays in force."""
-
-    def __init__(self, plant: Plant, losses: Sequence[CommandLoss]):
-        """Wrap a plant, which hovers until the first command arrives.
-
-        Args:
-            plant: the plant of a quadrotor.
-            losses: faults of the link, with times.
-        """
-        self._plant = plant
-        self._losses = losses
-        self._arrived: Sequence[float] = HOVER
-        self.name = getattr(plant, "name", type(plant).__name__)
-        self.dt = plant.dt
-        self.velocity_lag = getattr(plant, "velocity_lag", 0.0)
-
-    @property
-    def state(self) -> PlantState[Any]:
-        """The state after the last physics step."""
-        return self._plant.state
-
-    def step(self, u: Sequence[float]) -> PlantState[Any]:
-        """Advance by one physics step under the last received command.
-
-        Args:
-            u: command sent now, in the order of Control  (4,).
-        """
-        return self._plant.step(self._carried(u))
-
-    def push(self, u: Sequence[float], disturbance: Vec3 | None = None) -> None:
-        """Apply the forces of the next physics step, as RigidPlant does."""
-        assert isinstance(self._plant, RigidPlant)
-        self._plant.push(self._carried(u), disturbance)
-
-    def arrive(self) -> PlantState[State]:
-        """Return the state after a physics step of the world, as RigidPlant does."""
-        assert isinstance(self._plant, RigidPlant)
-        return self._plant.arrive()
-
-    def remove(self) -> None:
-        """Remove the vehicle from its arena, as SharedPlant does."""
-        assert isinstance(self._plant, SharedPlant)
-        self._plant.remove()
-
-    def _carried(self, u: Sequence[float]) -> Sequence[float]:
-        """Return the command in force when u is sent."""
-        t = self._plant.state.t
-        if not any(loss.window.active(t) for loss in self._losses):
-            self._arrived = u
-        return self._arrived
-
-    def close(self) -> None:
-        """Release the resources of the plant."""
-        self._plant.close()
