@@ -3,7 +3,7 @@
 import matplotlib.pyplot as plt
 
 import quadsim
-from quadsim.record.metrics import chatter
+from quadsim.report.metrics import chatter
 
 gammas = (0.0, 0.5, 1.0, 2.0, 4.0)
 laps = []  # [s]

@@ -18,8 +18,8 @@ import quadsim
 from quadsim.cli.cli import race
 from quadsim.console import complain, emit, plain_table, progress_console
 from quadsim.figures.notebook_figure import NotebookFigure
-from quadsim.record.metrics import chatter, splits
 from quadsim.record.run import columns_of
+from quadsim.report.metrics import chatter, splits
 from tests.small import SHORT
 
 # A text that would be an element of HTML, and one that would move a terminal's cursor

@@ -13,10 +13,10 @@ import numpy as np
 
 from quadsim.controllers.plan import PlannerSnapshot
 from quadsim.course import Course
+from quadsim.limit.limits import StoredSolution
 from quadsim.palette import Style, style, styles_on_dark
 from quadsim.racing.along import Legs
 from quadsim.racing.events import Event
-from quadsim.record.limits import StoredSolution
 from quadsim.record.planner_snapshot import PlannerSnapshots
 from quadsim.record.run import INTERACTIVE, flown_by, has_planner
 from quadsim.web.differences import distinct_names

@@ -15,8 +15,8 @@ import numpy as np
 from quadsim.course import Course, parse_course
 from quadsim.course.course import summary
 from quadsim.files.strict_yaml import FileError
+from quadsim.limit.limits import LimitError, LimitProblem, StoredSolution, limits_folder
 from quadsim.racing.fits import misfit
-from quadsim.record.limits import LimitError, LimitProblem, StoredSolution, limits_folder
 from quadsim.vehicle import load_vehicle
 from quadsim.web.course_draft import Draft, Item
 from quadsim.web.course_folder import CourseFolder

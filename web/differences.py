@@ -11,8 +11,8 @@ from itertools import combinations
 from typing import Any, NamedTuple
 
 from quadsim.dynamics.quadrotor import Control
-from quadsim.record.preset_changes import changed_numbers, number_text
 from quadsim.record.run import canonical, flown_by, has_planner
+from quadsim.report.preset_changes import changed_numbers, number_text
 from quadsim.sensing import PERFECT
 from quadsim.web.plain_text import plain
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from quadsim.racing.events import Event, sector_times
-from quadsim.record.metrics import total_variation
+from quadsim.report.metrics import total_variation
 from quadsim.web.competitor import CRASHES, MISSES, Competitor
 from quadsim.web.snapshot import Snapshot
 from quadsim.web.standings import Standing, Way, standings_at

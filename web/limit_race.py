@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 
 from quadsim.dynamics.quadrotor import STATE, VELOCITY
+from quadsim.limit.limits import StoredSolution
 from quadsim.racing.events import Event
-from quadsim.record.limits import StoredSolution
 from quadsim.vehicle import Vehicle
 from quadsim.web.competitor import Competitor
 

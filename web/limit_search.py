@@ -16,8 +16,8 @@ from multiprocessing.connection import Connection
 from typing import NamedTuple
 
 from quadsim.files.extras import needs_extra
-from quadsim.record.keeper import Keeper
-from quadsim.record.limits import LimitProblem, limits_folder
+from quadsim.limit.keeper import Keeper
+from quadsim.limit.limits import LimitProblem, limits_folder
 from quadsim.record.run import RunError
 from quadsim.record.whole_files import try_writing
 

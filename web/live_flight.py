@@ -13,12 +13,12 @@ from quadsim.config.build import build
 from quadsim.config.changes import changeable_numbers
 from quadsim.controllers.in_flight import PlannerInFlight
 from quadsim.controllers.presets import Planner
+from quadsim.limit.limits import limit_of, limits_folder
 from quadsim.racing.along import Legs
 from quadsim.racing.clock import PlanningClock
 from quadsim.racing.events import Event, Frame, flown_laps, lap_penalties
 from quadsim.racing.flight import simulate
 from quadsim.record.archive import RunFolder, remove_unfinished
-from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import INTERACTIVE, Recorder, columns_of
 from quadsim.record.schema import NumberChange
 from quadsim.web.again import AgainChoices

@@ -11,9 +11,9 @@ from quadsim.heat.archive import entrant_folder
 from quadsim.heat.launch import heat_frames, is_compiled
 from quadsim.heat.loop import HeatFrame
 from quadsim.heat.result import HeatRecorder, run_records
+from quadsim.limit.limits import limit_of, limits_folder
 from quadsim.racing.along import Legs
 from quadsim.record.archive import remove_unfinished
-from quadsim.record.limits import limit_of, limits_folder
 from quadsim.record.run import columns_of
 from quadsim.results.heat import Heat
 from quadsim.web.again import HeatAgainChoices

@@ -10,7 +10,7 @@ from quadsim.config.settings import FlightSettings
 from quadsim.controllers.costs.reference import ReferenceWeights
 from quadsim.controllers.presets import PRESETS
 from quadsim.course import Course
-from quadsim.record.limits import LimitProblem, limits_folder
+from quadsim.limit.limits import LimitProblem, limits_folder
 from quadsim.vehicle import load_vehicle
 
 

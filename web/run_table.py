@@ -21,11 +21,11 @@ import msgspec
 from quadsim.files.arrays import read_bytes
 from quadsim.files.strict_yaml import FileError
 from quadsim.heat.archive import HEAT, is_heat, read_heat
+from quadsim.limit.limits import limit_of, limits_folder
 from quadsim.record.archive import PART, read_run
-from quadsim.record.limits import limit_of, limits_folder
-from quadsim.record.preset_changes import changed_numbers
 from quadsim.record.run import RunError, canonical
 from quadsim.record.schema import AnyRun, ListedEntrant, ListedHeat
+from quadsim.report.preset_changes import changed_numbers
 from quadsim.results.stored_runs import LARGEST_RECORD, flown_at, read_row
 from quadsim.sensing import PERFECT
 from quadsim.web.plain_text import plain

@@ -9,8 +9,8 @@ from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
-from quadsim.record.metrics import total_variation
-from quadsim.record.statistics import Mean, mean_interval
+from quadsim.report.metrics import total_variation
+from quadsim.statistics import Mean, mean_interval
 from quadsim.web.choices import Choices, HeatChoices
 from quadsim.web.competitor import Competitor
 from quadsim.web.race import AnyChoices

@@ -9,12 +9,12 @@ import msgspec
 from quadsim.controllers.samplers import SAMPLERS
 from quadsim.course import Course, parse_course
 from quadsim.heat.archive import is_heat, runs_of_heat
+from quadsim.limit.limits import limit_of, limits_folder
 from quadsim.racing.along import Legs
 from quadsim.record.archive import load_reportable
-from quadsim.record.limits import limit_of, limits_folder
-from quadsim.record.preset_changes import usual_planner
 from quadsim.record.run import RecordedRun, RunError, flown_by
 from quadsim.record.schema import ReplayedPlanner, ReplayedSpec
+from quadsim.report.preset_changes import usual_planner
 from quadsim.web.competitor import Competitor
 from quadsim.web.numbers import numbers_of
 from quadsim.web.plain_text import plain

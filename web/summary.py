@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quadsim.record.metrics import total_variation
-from quadsim.record.preset_changes import preset_changes
-from quadsim.record.run import not_comparable
+from quadsim.report.metrics import total_variation
+from quadsim.report.preset_changes import preset_changes
+from quadsim.report.run_text import not_comparable
 from quadsim.web.competitor import Competitor
 from quadsim.web.differences import compared
 from quadsim.web.standings import Standing, standings_at

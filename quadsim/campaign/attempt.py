@@ -20,10 +20,10 @@ from quadsim.config.build import build
 from quadsim.config.own import fault_in_flight, runs_own_code
 from quadsim.config.spec import Spec
 from quadsim.racing.flight import simulate
-from quadsim.record.metrics import chatter, motor_use
 from quadsim.record.provenance import provenance
 from quadsim.record.run import CRASHES, ERROR, PlanTime, RecordedRun, Recorder, canonical
-from quadsim.record.turning_back import TurnedBack, turned_back
+from quadsim.report.metrics import chatter, motor_use
+from quadsim.report.turning_back import TurnedBack, turned_back
 
 LABELS = ("host", "preset")  # keys of a spec's record that do not decide the flight
 # keys that differ between the attempts of one variant
@@ -158,7 +158,7 @@ class Variation(TypedDict):
 
 
 class MotorNumbers(TypedDict):
-    """What a firmware asked of the motors: see quadsim.record.run_metrics.RunMetrics."""
+    """What a firmware asked of the motors: see quadsim.report.run_metrics.RunMetrics."""
 
     variation: float  # [1/s]
     thrust_lost: float  # [m/s^2]

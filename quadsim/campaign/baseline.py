@@ -35,7 +35,7 @@ from quadsim.config.setting_texts import Settings, parse_parts, resolve
 from quadsim.files.data_files import read_text
 from quadsim.files.strict_yaml import parse, unit
 from quadsim.record.run import ERROR, RunError
-from quadsim.record.statistics import false_alarm, proportion_difference, upper_bound
+from quadsim.statistics import false_alarm, proportion_difference, upper_bound
 
 CONFIDENCE = 0.95
 MOST_ATTEMPTS = 10_000

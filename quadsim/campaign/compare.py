@@ -47,9 +47,9 @@ from quadsim.files.json_values import without_nan
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import did_you_mean
 from quadsim.physics.randomization_file import OUTDOOR
-from quadsim.record.given_state import conditions
 from quadsim.record.run import RunError, canonical
 from quadsim.record.whole_files import write_whole
+from quadsim.report.given_state import conditions
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -38,8 +38,8 @@ from quadsim.console import as_text
 from quadsim.figures import html
 from quadsim.figures.style import save_figure
 from quadsim.heat.line_up import Entrants, parse_heat_variants
-from quadsim.record.given_state import conditions
 from quadsim.record.run import RunError
+from quadsim.report.given_state import conditions
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -25,7 +25,7 @@ from quadsim.files.yaml_errors import cut
 from quadsim.palette import MARK, SPARE, Style, styles
 from quadsim.record.archive import read_run
 from quadsim.record.run import RunError
-from quadsim.record.statistics import mean_interval
+from quadsim.statistics import mean_interval
 
 PATHS = 6  # number of paths of each variant on the map
 JITTER = 0.1  # vertical, of the dots of a variant

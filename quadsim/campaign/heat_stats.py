@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from quadsim.campaign.rating import HeadToHead, bradley_terry
 from quadsim.files.json_values import without_nan
 from quadsim.record.schema import StoredPlacing, StoredResult
-from quadsim.record.statistics import (
+from quadsim.statistics import (
     Mean,
     clustered_mean,
     clustered_wilson,

@@ -13,7 +13,7 @@ from rich.markup import escape
 from quadsim.campaign.heat_stats import EntrantStats, HeatsSummary
 from quadsim.campaign.paired_heats import FlownHeats, HeatsDifference
 from quadsim.campaign.tables import TextTable, as_table
-from quadsim.record.statistics import Mean
+from quadsim.statistics import Mean
 
 
 def entrants_table(found: HeatsSummary) -> TextTable:

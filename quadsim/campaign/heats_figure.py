@@ -13,7 +13,7 @@ from quadsim.campaign.paired_heats import FlownHeats
 from quadsim.figures.notebook_figure import NotebookFigure
 from quadsim.figures.style import STYLE
 from quadsim.palette import Style, styles
-from quadsim.record.statistics import Mean
+from quadsim.statistics import Mean
 
 
 def draw_heats(flown: Sequence[FlownHeats], title: str) -> Figure:

@@ -15,7 +15,7 @@ from quadsim.heat.line_up import Entrants, heats_of, line_up
 from quadsim.heat.spec import HeatSpec
 from quadsim.record.run import RunError
 from quadsim.record.schema import StoredResult
-from quadsim.record.statistics import Mean, clustered_mean, mcnemar, mean_interval
+from quadsim.statistics import Mean, clustered_mean, mcnemar, mean_interval
 
 
 class HeatVariant(NamedTuple):

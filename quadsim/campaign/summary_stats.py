@@ -16,8 +16,8 @@ from statistics import fmean, median
 
 from quadsim.campaign.store import Row
 from quadsim.course import Course
-from quadsim.record.limits import limit_of, limits_folder
-from quadsim.record.statistics import (
+from quadsim.limit.limits import limit_of, limits_folder
+from quadsim.statistics import (
     Mean,
     detectable,
     fisher,

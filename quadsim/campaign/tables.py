@@ -14,7 +14,7 @@ from quadsim.campaign.summary_stats import FEWEST_PAIRS, CorrectedP, PairStats, 
 from quadsim.console import plain_table, width
 from quadsim.figures import html
 from quadsim.record.run import ERROR
-from quadsim.record.statistics import Mean
+from quadsim.statistics import Mean
 
 COMMIT_DIGITS = 7  # hex digits of a commit that are shown
 DIRTY = "-dirty"  # ends the name of a commit whose files had been changed

@@ -14,13 +14,14 @@ from rich.markup import escape
 
 from quadsim.cli.commands import EXIT
 from quadsim.cli.flags import Help, Json, RunsDir, Stored, Switch, course_help, vehicle_help
+from quadsim.config.spec import Spec
 from quadsim.console import UsageError, complain, emit, emit_json, plain, uninterrupted
 from quadsim.course import load_course
 from quadsim.files.extras import needs_extra
 from quadsim.files.strict_yaml import unit
+from quadsim.limit.keeper import Keeper
+from quadsim.limit.limits import LimitProblem, ModelName, StoredSolution, limits_folder
 from quadsim.record.archive import RunFolder, find_run, read_run
-from quadsim.record.keeper import Keeper
-from quadsim.record.limits import LimitProblem, ModelName, StoredSolution, limits_folder
 from quadsim.record.whole_files import try_writing
 from quadsim.vehicle import load_vehicle, with_thrust_to_weight
 
@@ -128,7 +129,8 @@ def _show_known(problem: LimitProblem, runs_dir: str, json: bool) -> int:
         # Imported here, as it loads the referee
         from quadsim.limit.replay import replayed
 
-        run = replayed(best, problem)
+        flown = Spec.of(problem.course, laps=problem.laps).record()
+        run = replayed(best, problem, flown)
         with RunFolder.open(runs_dir, run.spec) as claimed:
             folder = claimed.save(run)
     if json:

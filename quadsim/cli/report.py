@@ -9,13 +9,13 @@ from rich.console import RenderableType
 from rich.markup import escape
 
 from quadsim.console import complain, emit, emit_json, width
-from quadsim.record.estimate_metrics import sensing_numbers
-from quadsim.record.limits import StoredSolution, limit_of, limits_folder
-from quadsim.record.metrics import chatter, missed_deadlines, splits
-from quadsim.record.model_differences import differing
-from quadsim.record.report import report as run_report
+from quadsim.limit.limits import StoredSolution, limit_of, limits_folder
 from quadsim.record.run import INTERACTIVE, RecordedRun, flown_by, own_parts
-from quadsim.record.turning_back import turned_back
+from quadsim.report.estimate_metrics import sensing_numbers
+from quadsim.report.metrics import chatter, missed_deadlines, splits
+from quadsim.report.model_differences import differing
+from quadsim.report.report import report as run_report
+from quadsim.report.turning_back import turned_back
 
 
 def present(

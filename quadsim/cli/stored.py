@@ -24,8 +24,8 @@ from quadsim.heat.archive import (
 from quadsim.record.archive import find_run, load_reportable, read_run
 from quadsim.record.exchange import telemetry_csv
 from quadsim.record.mcap_file import mcap_bytes
-from quadsim.record.preset_changes import changed_numbers, number_text, recorded_derivation
 from quadsim.record.whole_files import expect_new_file, write_whole
+from quadsim.report.preset_changes import changed_numbers, number_text, recorded_derivation
 from quadsim.results.heat import Heat
 from quadsim.results.stored_runs import stored_runs
 

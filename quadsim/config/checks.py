@@ -19,12 +19,12 @@ from quadsim.files.strict_yaml import FileError
 from quadsim.files.yaml_errors import shown_value
 from quadsim.firmware.process import MAIN_LOOP
 from quadsim.firmware.text import Text
+from quadsim.limit.limits import LimitProblem, StoredSolution
 from quadsim.physics.crazyflow_plant import before_scipy
 from quadsim.physics.faults import CommandLoss, RotorFault, parse_fault, sensor_key
 from quadsim.physics.link import WIRE, LinkConfig
 from quadsim.physics.randomization_file import RandomizationRanges, check_randomization
 from quadsim.racing.flight import whole_multiple
-from quadsim.record.limits import LimitProblem, StoredSolution
 from quadsim.sensing import PERFECT, Sensing
 from quadsim.sensing.pixels.network import load_network
 from quadsim.vehicle import Vehicle, check_vehicle

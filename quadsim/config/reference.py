@@ -15,7 +15,7 @@ import numpy as np
 from quadsim.controllers.costs.reference import Reference, ReferenceWeights
 from quadsim.course import Course, load_course
 from quadsim.files.strict_yaml import FileError
-from quadsim.record.limits import LimitProblem, StoredSolution, limits_folder
+from quadsim.limit.limits import LimitProblem, StoredSolution, limits_folder
 from quadsim.vehicle import Vehicle, vehicle_names
 
 

@@ -81,6 +81,7 @@ from quadsim.files.values import checked, kinds_of
 from quadsim.firmware.identified import model_behind
 from quadsim.firmware.package import built_firmware
 from quadsim.firmware.text import Text
+from quadsim.limit.limits import StoredSolution
 from quadsim.physics.domain_randomization import (
     Displacement,
     Randomization,
@@ -105,7 +106,6 @@ from quadsim.physics.randomization_file import (
 from quadsim.racing.events import NO_PROGRESS, NO_PROGRESS_BY_HAND
 from quadsim.racing.flight import ControlLaw, Controller, RefereeProtocol
 from quadsim.racing.hand import HAND, Hand
-from quadsim.record.limits import StoredSolution
 from quadsim.record.run import INTERACTIVE, flown_by
 from quadsim.record.schema import NumberChange
 from quadsim.sensing import PERFECT, Sensing, load_sensing

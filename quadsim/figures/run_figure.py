@@ -21,12 +21,13 @@ from quadsim.figures.course import (
 )
 from quadsim.figures.notebook_figure import NotebookFigure
 from quadsim.figures.style import STYLE, line
+from quadsim.limit.limits import StoredSolution
 from quadsim.palette import FINE, HIT, INK, LIMIT, MARK, SPARE, style
 from quadsim.physics.faults import parse_fault
-from quadsim.record.estimate_metrics import estimate_errors
-from quadsim.record.limits import StoredSolution
-from quadsim.record.metrics import motor_corner, motor_tau, speed, thrust_psd
-from quadsim.record.run import RecordedRun, flown_by, flown_with, not_comparable
+from quadsim.record.run import RecordedRun, flown_by
+from quadsim.report.estimate_metrics import estimate_errors
+from quadsim.report.metrics import motor_corner, motor_tau, speed, thrust_psd
+from quadsim.report.run_text import flown_with, not_comparable
 
 
 class Mark(NamedTuple):

@@ -8,16 +8,18 @@ from quadsim.course import parse_course
 from quadsim.figures.html import block, facts, image, paragraph, text
 from quadsim.figures.run_figure import draw_map
 from quadsim.files.strict_yaml import FileError
-from quadsim.record.estimate_metrics import lost_estimate
-from quadsim.record.given_state import given_state
-from quadsim.record.run import RecordedRun, flown_with, not_comparable
-from quadsim.record.run_metrics import RunMetrics
-from quadsim.record.run_text import (
+from quadsim.record.run import RecordedRun
+from quadsim.report.estimate_metrics import lost_estimate
+from quadsim.report.given_state import given_state
+from quadsim.report.run_metrics import RunMetrics
+from quadsim.report.run_text import (
     chatter_text,
     crash_place,
+    flown_with,
     lap_times,
     limit_text,
     motor_text,
+    not_comparable,
     planning_text,
 )
 

@@ -19,8 +19,8 @@ import numpy as np
 from quadsim.course import Box, Gate
 from quadsim.course.opening import half_depth, outer_half_sizes
 from quadsim.dynamics.quadrotor import POSITION
+from quadsim.limit.limits import Solution
 from quadsim.limit.route import MARGIN, Route, Segment
-from quadsim.record.limits import Solution
 
 # Axes of a gate's frame: passage, left and up. Axes of a box's frame: x, y and z
 ALONG, LEFT, UP = 0, 1, 2

@@ -12,8 +12,8 @@ import numpy as np
 
 from quadsim.dynamics.quadrotor import ATTITUDE, STATE, VELOCITY, State
 from quadsim.limit.dynamics import Dynamics
+from quadsim.limit.limits import Solution
 from quadsim.limit.route import INSIDE, Route, Segment, segments
-from quadsim.record.limits import Solution
 from quadsim.vehicle import GRAVITY
 
 # Least duration of a leg of straight lines [s]

@@ -2,21 +2,40 @@
 
 from __future__ import annotations
 
-from quadsim.config.spec import Spec
+from typing import Any
+
 from quadsim.dynamics.quadrotor import Control, State
-from quadsim.limit.verify import referee_of
+from quadsim.limit.limits import LimitProblem, StoredSolution
 from quadsim.racing.events import Event, Frame
-from quadsim.record.limits import LimitProblem, StoredSolution
+from quadsim.racing.referee import Referee
 from quadsim.record.run import RecordedRun, Recorder
 from quadsim.vehicle import vehicle_record
 
 # Rate of the referee's steps [Hz], and number of steps between two frames
 RATE = 1000.0
 EVERY = 10
+# Time limit of the referee, which no solution reaches [s]
+TIMEOUT = 1e4
 
 
-def replayed(stored: StoredSolution, problem: LimitProblem) -> RecordedRun:
-    """Return a solution as a run: 100 frames a second, with the referee's events."""
+def referee_of(problem: LimitProblem) -> Referee:
+    """Return a new referee that continues after a hit, to report all hits of a race.
+
+    Raises:
+        ValueError: laps on an open course, or a gate too small for the vehicle.
+    """
+    radius = problem.vehicle.radius
+    return Referee(problem.course, radius, problem.laps, TIMEOUT, penalties=True)
+
+
+def replayed(stored: StoredSolution, problem: LimitProblem, spec: dict[str, Any]) -> RecordedRun:
+    """Return a solution as a run: 100 frames a second, with the referee's events.
+
+    Args:
+        stored: the solution.
+        problem: its race.
+        spec: the record of a flight of this race. Vehicle and controller are set to the solution's.
+    """
     referee = referee_of(problem)
     path = stored.path(RATE)
     times = path[:, 0].tolist()
@@ -48,13 +67,12 @@ def replayed(stored: StoredSolution, problem: LimitProblem) -> RecordedRun:
         )
         recorder.add(frame)
         events = []
-    return recorder.run(_spec(problem))
+    return recorder.run(spec | _solution_as_controller(problem))
 
 
-def _spec(problem: LimitProblem) -> dict:
-    """Return the spec of the replay: the spec of the race, with the solution as its controller."""
-    spec = Spec.of(problem.course, laps=problem.laps).record()
-    return spec | {
+def _solution_as_controller(problem: LimitProblem) -> dict[str, Any]:
+    """Return the keys of a spec that name the vehicle, and the solution as the controller."""
+    return {
         "vehicle": vehicle_record(problem.vehicle),
         "plant": problem.model,
         "sampler": "limit",

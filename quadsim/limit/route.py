@@ -10,7 +10,7 @@ from typing import Literal
 
 from quadsim.course import Gate, Obstacle, Start
 from quadsim.course.opening import HalfSizes, free_half_sizes, half_depth, margin_inside
-from quadsim.record.limits import LimitProblem
+from quadsim.limit.limits import LimitProblem
 from quadsim.rotation import Vec3
 
 # Margin to frames, ground and bounds, as the path is curved between two nodes [m]

@@ -13,11 +13,12 @@ from quadsim.course import Cylinder
 from quadsim.limit.detours import Detour, Hit, detours
 from quadsim.limit.dynamics import dynamics
 from quadsim.limit.guess import Flight, Guess, flown, line_speeds, solved, straight
+from quadsim.limit.limits import LimitProblem, Solution, StoredSolution
+from quadsim.limit.replay import referee_of
 from quadsim.limit.route import Route, segments
 from quadsim.limit.solve import NotSolvedError, Show, solve
-from quadsim.limit.verify import Verified, referee_of, verify
+from quadsim.limit.verify import Verified, verify
 from quadsim.racing.events import Event, flown_laps
-from quadsim.record.limits import LimitProblem, Solution, StoredSolution
 
 # Makes the callback of each iteration from a guess's name and the number of nodes
 Progress = Callable[[str, int], Show]

@@ -11,9 +11,9 @@ import numpy as np
 from quadsim.limit.detours import Detour
 from quadsim.limit.dynamics import Dynamics
 from quadsim.limit.guess import Guess
+from quadsim.limit.limits import Solution
 from quadsim.limit.route import Route
 from quadsim.limit.transcription import Program, Shooting, shooting, state_scale
-from quadsim.record.limits import Solution
 
 ITERATIONS = 1500
 SOLVED = ("Solve_Succeeded", "Solved_To_Acceptable_Level")

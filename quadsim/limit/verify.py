@@ -12,9 +12,9 @@ import numpy as np
 
 from quadsim.dynamics.quadrotor import ATTITUDE, BODY_RATES, POSITION
 from quadsim.limit.dynamics import Dynamics
+from quadsim.limit.limits import Solution
 from quadsim.racing.events import Event
 from quadsim.racing.referee import Referee
-from quadsim.record.limits import LimitProblem, Solution
 
 # Largest accepted gap between a node and the integrated end of the interval before it [m]
 RESIDUAL = 5e-3
@@ -33,8 +33,6 @@ SPARE = -1e-2
 CONTROL_SHARE = 1e-4
 # Events that a faultless race does not have
 FOUL = ("hit", "ground", "bounds", "timeout")
-# Time limit of the referee, which no solution reaches [s]
-TIMEOUT = 1e4
 
 
 @dataclass
@@ -59,16 +57,6 @@ class Verified:
         """Return the findings as JSON, with the number of events of each kind."""
         counts = Counter(event.kind for event in self.events)
         return asdict(replace(self, events=())) | {"events": dict(counts)}
-
-
-def referee_of(problem: LimitProblem) -> Referee:
-    """Return a new referee that continues after a hit, to report all hits of a race.
-
-    Raises:
-        ValueError: laps on an open course, or a gate too small for the vehicle.
-    """
-    radius = problem.vehicle.radius
-    return Referee(problem.course, radius, problem.laps, TIMEOUT, penalties=True)
 
 
 def verify(solution: Solution, model: Dynamics, referee: Referee | None = None) -> Verified:

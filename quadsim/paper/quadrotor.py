@@ -28,8 +28,8 @@ from quadsim.palette import INK, style
 from quadsim.paper.result import Result, write_csv
 from quadsim.paper.table1 import MotionAttempt, draw_paths, table1, table1_row
 from quadsim.record.archive import read_run
-from quadsim.record.metrics import chatter
 from quadsim.record.run import RecordedRun, RunError
+from quadsim.report.metrics import chatter
 
 COURSE = "paper_flat"
 SAMPLERS = ("gaussian", "colored")

@@ -13,7 +13,7 @@ from matplotlib.collections import LineCollection
 from rich.table import Table
 
 from quadsim.console import plain_table
-from quadsim.record.statistics import mean_interval, wilson
+from quadsim.statistics import mean_interval, wilson
 
 
 class Published(NamedTuple):

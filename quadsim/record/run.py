@@ -17,16 +17,13 @@ from typing import Any, Literal, TypedDict, get_args
 
 import numpy as np
 
-from quadsim.console import plain
 from quadsim.controllers.excitation import EXCITE
 from quadsim.controllers.plan import PlannerSnapshot
 from quadsim.dynamics.quadrotor import CONTROL_UNITS, STATE_UNITS
-from quadsim.physics.link import LinkConfig
 from quadsim.physics.plant_state import MOTOR_UNITS
 from quadsim.racing.events import Event, Frame, flown_laps, lap_penalties
 from quadsim.racing.hand import HAND
 from quadsim.record.planner_snapshot import PlannerSnapshots
-from quadsim.record.preset_changes import preset_changes
 from quadsim.sensing.estimate_record import ESTIMATE_UNITS
 from quadsim.sensing.kept import Kept, kept_arrays
 
@@ -91,7 +88,7 @@ def columns_of(spec: dict[str, Any]) -> dict[str, str]:
     return columns
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RecordedRun:
     """A flight as it is kept and reported.
 
@@ -112,12 +109,6 @@ class RecordedRun:
     measurements: dict[str, np.ndarray] | None = None
     # The error that ended the flight, on one line; "" where none did
     fault: str = ""
-
-    def __repr__(self) -> str:
-        """Return one line: course, outcome, laps, time, and what the run was flown with."""
-        laps = f"{len(self.laps)} of {self.spec['laps']} laps"
-        head = f"{self.spec['course']}: {self.outcome}, {laps}, {self.duration:.3f} s"
-        return plain(f"<Run {head}, {flown_with(self.spec)}>")
 
     @classmethod
     def from_frames(cls, spec: dict[str, Any], frames: Iterable[Frame]) -> RecordedRun:
@@ -264,70 +255,9 @@ def flown_by(spec: Mapping[str, Any]) -> str:
     return own["controller"] if "controller" in own else spec["sampler"]
 
 
-def flown_with(spec: dict[str, Any]) -> str:
-    """Return in one line what controlled a flight, and how.
-
-    It names the vehicle, the plant, the flight controller, the seed, the sensors, the link, the
-    numbers of the planner that differ from its preset, and the faults.
-    """
-    controlled = _controlled_by(spec)
-    parts = [controlled]
-    if has_planner(spec):
-        parts.append(f"preset {spec['preset']}")
-    behind = " behind Betaflight" if spec.get("betaflight") else ""
-    parts.append(f"vehicle {spec['vehicle']['name']}{behind}")
-    # The other plants have the same dynamics
-    if spec.get("plant") in ("rotorpy", "crazyflow"):
-        parts.append(f"plant {spec['plant']}")
-    parts.append(f"seed {spec['seed']}")
-    heat = spec.get("heat")
-    if heat:
-        parts.append(
-            f"{heat['name']} among {len(heat['names'])}, rules {heat['settings']['rules']}"
-        )
-    sensing = spec.get("sensing")
-    if sensing:
-        parts.append(f"sensing {sensing['name']}")
-    if spec.get("link"):
-        parts.append(str(LinkConfig(**spec["link"])))
-    if controlled.endswith("sampling") and preset_changes(spec):
-        parts.append(preset_changes(spec))
-    faults = spec.get("drawn_faults")
-    if faults:
-        parts.append(f"fault{'s' if len(faults) > 1 else ''} {' and '.join(faults)}")
-    return ", ".join(parts)
-
-
-def _controlled_by(spec: dict[str, Any]) -> str:
-    """Return what controlled a flight, in words."""
-    own = own_parts(spec)
-    pilot = spec.get("pilot")
-    if "controller" in own:
-        return f"controller {own['controller']}"
-    if pilot:
-        return f"pilot {pilot['name']}"
-    if spec.get(HAND):
-        return "the sticks of a person"
-    if spec.get(EXCITE):
-        return "manoeuvres that excite the vehicle"
-    return f"{spec['sampler']} sampling"
-
-
 def hostless(spec: dict[str, Any]) -> dict:
     """Return the part of a spec that decides a flight."""
     return {key: value for key, value in spec.items() if key != "host"}
-
-
-def not_comparable(spec: dict[str, Any]) -> str:
-    """Return a remark for a run whose planner was changed in flight, empty for any other run.
-
-    The remark is shown wherever the run stands beside others.
-    """
-    changes = len(spec.get(INTERACTIVE, ()))
-    if not changes:
-        return ""
-    plural = "s" if changes > 1 else ""
-    return f"interactive, not comparable: {changes} change{plural} in flight"
 
 
 def canonical(value: object) -> bytes:

@@ -13,11 +13,9 @@ import numpy as np
 
 from quadsim.files.arrays import Declared, arrays_of, npz_bytes
 from quadsim.files.csv_rows import csv_text
-from quadsim.files.json_values import without_nan
 from quadsim.files.strict_yaml import FileError
 from quadsim.physics.faults import parse_fault
 from quadsim.racing.events import Event
-from quadsim.record.metrics import chatter
 from quadsim.record.number_changes import changes_of
 from quadsim.record.planner_snapshot import BEST, FRAMES, TERM, PlannerSnapshots
 from quadsim.record.run import (
@@ -86,7 +84,6 @@ def write_json(run: RecordedRun, provenance: dict) -> bytes:
         "penalties": run.penalties,
         "gates": run.gates,
         "events": [event.record() for event in run.events],
-        "chatter": without_nan(chatter(run)),
         **run.wall,
         "spec": run.spec,
         "course_sha256": sha256(run.spec["course_text"].encode()).hexdigest(),

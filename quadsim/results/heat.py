@@ -25,7 +25,7 @@ from quadsim.heat.result import (
     placings,
 )
 from quadsim.heat.spec import HeatSpec
-from quadsim.record.given_state import conditions
+from quadsim.report.given_state import conditions
 from quadsim.results.run import Run
 
 if TYPE_CHECKING:

@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING, Any
 
 from quadsim.console import as_text, plain
 from quadsim.files.extras import imported
+from quadsim.limit.limits import StoredSolution, limit_of, limits_folder
 from quadsim.racing.events import Frame
 from quadsim.record.archive import RunFolder
 from quadsim.record.exchange import telemetry_csv
-from quadsim.record.limits import StoredSolution, limit_of, limits_folder
 from quadsim.record.mcap_file import mcap_bytes
-from quadsim.record.report import report
 from quadsim.record.run import RecordedRun, columns_of
 from quadsim.record.run_format import CSV_COLUMNS, event_row, expect_reportable
-from quadsim.record.run_metrics import RunMetrics, run_metrics
-from quadsim.record.run_text import paragraph
 from quadsim.record.whole_files import write_whole
+from quadsim.report.report import report
+from quadsim.report.run_metrics import RunMetrics, run_metrics
+from quadsim.report.run_text import one_line, paragraph
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -70,6 +70,10 @@ class Run(RecordedRun):
     def from_frames(cls, spec: dict[str, Any], frames: Iterable[Frame]) -> Run:
         """Collect the frames of a flight."""
         return cls.of(super().from_frames(spec, frames))
+
+    def __repr__(self) -> str:
+        """Return one line: course, outcome, laps, time, and what the run was flown with."""
+        return plain(f"<Run {one_line(self)}>")
 
     def __str__(self) -> str:
         """Return a paragraph: outcome, laps, conditions, distance to the limit, chatter."""

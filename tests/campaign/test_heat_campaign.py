@@ -30,7 +30,7 @@ from quadsim.heat.line_up import heats_of, line_up, parse_heat_variants
 from quadsim.heat.spec import HeatSpec
 from quadsim.record.run import RunError
 from quadsim.record.schema import StoredEvent, StoredPlacing, StoredResult
-from quadsim.record.statistics import clustered_mean, mean_interval, wilson
+from quadsim.statistics import clustered_mean, mean_interval, wilson
 from tests.campaign_cases import RACE
 from tests.small import SHORT, flags
 

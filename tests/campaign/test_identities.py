@@ -16,7 +16,7 @@ from quadsim.campaign.store import Store
 from quadsim.config.settings import SettingError
 from quadsim.config.spec import Spec
 from quadsim.controllers.learned.pilot import PILOTS
-from quadsim.record.limits import SOLUTIONS
+from quadsim.limit.limits import SOLUTIONS
 from tests.campaign_cases import COURSE, SETTINGS
 
 ROOT = Path(quadsim.__file__).parents[1]
@@ -180,7 +180,7 @@ def test_a_campaign_refuses_a_part_that_cannot_be_told(tmp_path):
 def test_another_pilot_or_solution_of_one_name_is_another_attempt(tmp_path, monkeypatch):
     """It is known by what is in its file."""
     (solution,) = SOLUTIONS.glob("split_s_swift_swift_3_rates_margin*.npz")
-    monkeypatch.setattr("quadsim.record.limits.SOLUTIONS", tmp_path / "none")
+    monkeypatch.setattr("quadsim.limit.limits.SOLUTIONS", tmp_path / "none")
     (tmp_path / "limits").mkdir()
     cases = [
         (PILOTS / "split_s_swift.npz", tmp_path / "mine.npz", "layer_5"),

@@ -7,7 +7,7 @@ import pytest
 
 from quadsim.campaign.summary_stats import against, all_pairs, pair_stats, variant_stats
 from quadsim.campaign.tables import as_markdown, comparison_tables, notes
-from quadsim.record.statistics import holm
+from quadsim.statistics import holm
 from tests.campaign_cases import row
 
 LIMIT = 20.0  # of a lap [s]

@@ -15,9 +15,8 @@ from quadsim.config.spec import Spec
 from quadsim.course import parse_course
 from quadsim.dynamics.quadrotor import STATE
 from quadsim.figures.run_figure import draw
-from quadsim.racing.events import Event, Frame
-from quadsim.record import limits
-from quadsim.record.limits import (
+from quadsim.limit import limits
+from quadsim.limit.limits import (
     LIMITS,
     LimitProblem,
     Solution,
@@ -25,6 +24,7 @@ from quadsim.record.limits import (
     dump,
     limit_of,
 )
+from quadsim.racing.events import Event, Frame
 from quadsim.record.run import RecordedRun
 from quadsim.vehicle import load_vehicle
 

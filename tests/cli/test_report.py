@@ -13,10 +13,10 @@ from quadsim.config.spec import Spec
 from quadsim.dynamics.quadrotor import STATE
 from quadsim.figures.run_figure import title
 from quadsim.racing.events import Event, Frame
-from quadsim.record.metrics import splits
-from quadsim.record.model_differences import differing
-from quadsim.record.report_tables import lap_tables
 from quadsim.record.run import RecordedRun
+from quadsim.report.metrics import splits
+from quadsim.report.model_differences import differing
+from quadsim.report.tables import lap_tables
 
 GATES, LAPS = 7, 3
 

@@ -18,7 +18,7 @@ from quadsim.controllers.learned.pilot import PILOTS
 from quadsim.course import load_course
 from quadsim.dynamics.quadrotor import CONTROL_UNITS
 from quadsim.files.strict_yaml import FileError
-from quadsim.record.limits import SOLUTIONS
+from quadsim.limit.limits import SOLUTIONS
 from quadsim.record.run import canonical, hostless, why_not_repeatable
 from quadsim.record.schema import NumberChange
 from quadsim.vehicle import load_vehicle
@@ -316,7 +316,7 @@ def test_a_solution_that_was_followed_is_in_the_record_and_has_to_be_there(tmp_p
 
     followed = record()["reference"]
     source = next(path for path in SOLUTIONS.glob(f"*_{followed['key']}.npz"))
-    monkeypatch.setattr("quadsim.record.limits.SOLUTIONS", tmp_path / "none")
+    monkeypatch.setattr("quadsim.limit.limits.SOLUTIONS", tmp_path / "none")
 
     limits = tmp_path / "runs" / "limits"
     runs_dir = str(tmp_path / "runs")

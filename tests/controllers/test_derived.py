@@ -25,7 +25,7 @@ from quadsim.controllers.derived import (
 from quadsim.controllers.presets import PRESETS, contradictions, with_period
 from quadsim.controllers.samplers.colored import spectrum
 from quadsim.course import course_names, load_course
-from quadsim.record.preset_changes import preset_changes, recorded_derivation
+from quadsim.report.preset_changes import preset_changes, recorded_derivation
 from quadsim.vehicle import load_vehicle, vehicle_names
 
 RACE = PRESETS["race"]

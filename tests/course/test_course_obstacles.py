@@ -11,7 +11,7 @@ import pytest
 from quadsim.course import Box, Cylinder, load_course, parse_course
 from quadsim.course.swept_obstacles import SweptObstacle, SweptObstacles
 from quadsim.files.strict_yaml import FileError
-from quadsim.record.limits import SOLUTIONS, LimitProblem, load
+from quadsim.limit.limits import SOLUTIONS, LimitProblem, load
 from quadsim.vehicle import load_vehicle
 
 PLAIN = """\

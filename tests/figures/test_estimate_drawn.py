@@ -5,7 +5,7 @@ import pytest
 
 import quadsim
 from quadsim.figures.run_figure import draw
-from quadsim.record.estimate_metrics import estimate_errors
+from quadsim.report.estimate_metrics import estimate_errors
 
 
 class Climb:

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quadsim.record.limits import load
+from quadsim.limit.limits import load
 
 OLD = b"an older file, whole"
 # The smallest part of a tmpfs [bytes].

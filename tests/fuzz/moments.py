@@ -25,7 +25,7 @@ from math import inf
 from pathlib import Path
 
 from quadsim.controllers.learned.pilot import load_pilot
-from quadsim.record.limits import load
+from quadsim.limit.limits import load
 from tests.fuzz.flags import commands
 from tests.fuzz.left import PAGE, State, half, left_behind
 from tests.fuzz.undisturbed import (

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from quadsim.record.limits import SOLUTIONS
+from quadsim.limit.limits import SOLUTIONS
 from tests.fuzz.arrays import arrays_in, damage_place, damaged_npz, npz
 from tests.fuzz.base import SHORT, base
 from tests.fuzz.harness import Case, Outcome

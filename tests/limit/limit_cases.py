@@ -16,6 +16,7 @@ from quadsim.course import Start
 from quadsim.dynamics.quadrotor import POSITION, VELOCITY
 from quadsim.limit.dynamics import Dynamics, dynamics
 from quadsim.limit.guess import SHORT, straight
+from quadsim.limit.limits import Solution
 from quadsim.limit.solve import minimise
 from quadsim.limit.transcription import (
     FASTEST,
@@ -28,7 +29,6 @@ from quadsim.limit.transcription import (
     state_scale,
 )
 from quadsim.physics.plant_state import start_state
-from quadsim.record.limits import Solution
 from quadsim.vehicle import Rotors, Vehicle
 
 HALL = ((-40.0, 40.0), (-40.0, 40.0), (0.0, 20.0))

@@ -13,10 +13,11 @@ from quadsim.dynamics.quadrotor import ATTITUDE, VELOCITY
 from quadsim.limit.detours import Hit, detours
 from quadsim.limit.dynamics import YAW_MAX, dynamics
 from quadsim.limit.guess import solved, straight
+from quadsim.limit.limits import LimitProblem, StoredSolution
+from quadsim.limit.replay import referee_of
 from quadsim.limit.route import PAST, Route, segments
 from quadsim.limit.solve import solve
-from quadsim.limit.verify import referee_of, verify
-from quadsim.record.limits import LimitProblem, StoredSolution
+from quadsim.limit.verify import verify
 from quadsim.vehicle import GRAVITY, load_vehicle
 from tests.limit.limit_cases import HALL, without_lag
 

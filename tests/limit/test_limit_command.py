@@ -19,13 +19,9 @@ from quadsim.cli import limit as command
 from quadsim.cli.cli import race
 from quadsim.config.spec import Spec
 from quadsim.course import parse_course
+from quadsim.limit import keeper
 from quadsim.limit.dynamics import dynamics
-from quadsim.limit.route import MARGIN
-from quadsim.limit.search import Search, SolveAttempt, Solved
-from quadsim.limit.verify import referee_of, verify
-from quadsim.record import keeper
-from quadsim.record.archive import read_run
-from quadsim.record.limits import (
+from quadsim.limit.limits import (
     LimitError,
     LimitProblem,
     dump,
@@ -33,6 +29,11 @@ from quadsim.record.limits import (
     limits_folder,
     load,
 )
+from quadsim.limit.replay import referee_of
+from quadsim.limit.route import MARGIN
+from quadsim.limit.search import Search, SolveAttempt, Solved
+from quadsim.limit.verify import verify
+from quadsim.record.archive import read_run
 from quadsim.record.run import RunError
 from quadsim.vehicle import load_vehicle, with_thrust_to_weight
 from quadsim.vehicle.vehicle import VEHICLES

@@ -9,10 +9,11 @@ from quadsim.course import load_course
 from quadsim.course.opening import free_half_sizes, margin_inside
 from quadsim.dynamics.quadrotor import ATTITUDE
 from quadsim.limit.dynamics import dynamics
+from quadsim.limit.limits import SOLUTIONS, LimitProblem, dump, load
+from quadsim.limit.replay import referee_of
 from quadsim.limit.route import MARGIN
-from quadsim.limit.verify import referee_of, verify
+from quadsim.limit.verify import verify
 from quadsim.racing.events import flown_laps
-from quadsim.record.limits import SOLUTIONS, LimitProblem, dump, load
 from quadsim.vehicle import load_vehicle, with_thrust_to_weight
 
 FILES = sorted(SOLUTIONS.glob("*.npz"))

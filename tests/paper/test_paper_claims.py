@@ -20,8 +20,8 @@ from quadsim.paper.exploration import SAMPLES, paths
 from quadsim.paper.noise import perturbations
 from quadsim.paper.offroad import DriveTask
 from quadsim.paper.table2 import TABLE2, Motion, MotionTask, accumulated_cost, move, samplings
-from quadsim.record.metrics import chatter
 from quadsim.record.run import RecordedRun
+from quadsim.report.metrics import chatter
 from tests.small import SMALL
 
 

@@ -13,11 +13,11 @@ from plant_cases import SKY
 
 import quadsim
 from quadsim.cli.cli import race
+from quadsim.limit.limits import limit_of
 from quadsim.physics import crazyflow_plant
 from quadsim.physics.crazyflow_plant import CrazyflowPlant
 from quadsim.physics.link import CommandNoise
 from quadsim.physics.plant import RigidPlant
-from quadsim.record.limits import limit_of
 from quadsim.streams import quadrotor_streams
 from quadsim.vehicle import GRAVITY, load_vehicle
 from tests.small import SMALL, flags

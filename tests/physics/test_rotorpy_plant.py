@@ -14,10 +14,10 @@ from race_cases import course, gate
 import quadsim
 from quadsim.cli.cli import race
 from quadsim.dynamics.quadrotor import STATE
+from quadsim.limit.limits import limit_of
 from quadsim.physics.plant import RigidPlant
 from quadsim.physics.rotorpy_plant import LIFT, PARASITIC, RotorpyPlant
-from quadsim.record.limits import limit_of
-from quadsim.record.run import flown_with
+from quadsim.report.run_text import flown_with
 from quadsim.vehicle import GRAVITY, load_vehicle
 from tests.small import SMALL, flags
 

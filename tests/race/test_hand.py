@@ -10,7 +10,7 @@ from quadsim.config.recorded import RecordError, spec_of_record
 from quadsim.dynamics.quadrotor import Control
 from quadsim.racing.events import NO_PROGRESS
 from quadsim.racing.hand import HAND, SILENCE, SINKING, Hand, HandRates, Rates, Sticks
-from quadsim.record.report import report
+from quadsim.report.report import report
 from quadsim.vehicle import GRAVITY, load_vehicle
 
 SWIFT = load_vehicle("swift")

@@ -41,7 +41,6 @@ def test_plant_that_blew_up_is_saved_with_its_nan(tmp_path):
     run.telemetry["a"][-1] = np.nan
     path = save(tmp_path, run)
     assert same(read_run(path), run)
-    assert json.loads((path / "run.json").read_text())["chatter"]["delivered"]["thrust_tv"] is None
 
 
 def test_run_json_says_what_flew_and_where(tmp_path):
@@ -52,7 +51,6 @@ def test_run_json_says_what_flew_and_where(tmp_path):
     assert record["laps"] == run.laps
     assert record["units"] == COLUMNS
     assert record["digest"] == run.digest()
-    assert record["chatter"]["commanded"]["thrust_tv"] > 0.0
     assert record["versions"].keys() == {
         "python",
         "quadsim",

@@ -19,9 +19,9 @@ from quadsim.dynamics.quadrotor import Control, ModelParams, State
 from quadsim.files.strict_yaml import FileError
 from quadsim.physics.domain_randomization import Displacement, displaced
 from quadsim.physics.plant import RigidPlant
-from quadsim.record.estimate_metrics import estimate_errors, sensing_numbers
 from quadsim.record.run import RecordedRun
 from quadsim.record.run_format import read_npz, write_npz
+from quadsim.report.estimate_metrics import estimate_errors, sensing_numbers
 from quadsim.sensing import load_sensing, parse_sensing, sensing_names
 from quadsim.sensing.estimation.estimator import Estimator
 from quadsim.sensing.estimation.prediction import (

@@ -33,7 +33,7 @@ def race_of(competitors, t=1.0):
 
 def limited(entry):
     """The same flight with the best known limit of its race."""
-    from quadsim.record.limits import limit_of
+    from quadsim.limit.limits import limit_of
 
     return replace(entry, limit=limit_of(entry.spec))
 

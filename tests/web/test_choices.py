@@ -12,7 +12,7 @@ from wire import link, press_start
 from quadsim.config.reference import followed_problem
 from quadsim.controllers.presets import PRESETS
 from quadsim.course import load_course
-from quadsim.record.limits import dump, limits_folder, load
+from quadsim.limit.limits import dump, limits_folder, load
 from quadsim.vehicle import load_vehicle
 from quadsim.web.choices import PILOT, Choices, HeatChoices
 from quadsim.web.live_flight import LiveFlight

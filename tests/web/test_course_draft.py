@@ -9,7 +9,7 @@ from web_cases import until
 
 from quadsim.cli.listing import examine
 from quadsim.course import course_names, load_course, parse_course
-from quadsim.record.limits import limits_folder
+from quadsim.limit.limits import limits_folder
 from quadsim.rotation import from_euler
 from quadsim.web.course_draft import BOUNDS, MOST, START, Draft, Item, Pose
 from quadsim.web.course_edit import CourseEdit

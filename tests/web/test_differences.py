@@ -6,7 +6,7 @@ import pytest
 from web_cases import choices, competitor
 
 from quadsim.controllers.presets import PRESETS
-from quadsim.record.preset_changes import number_text
+from quadsim.report.preset_changes import number_text
 from quadsim.web.competitor import named
 from quadsim.web.differences import brief, compared, differences, distinct_names
 

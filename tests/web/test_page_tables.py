@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from web_cases import COURSE, choices, competitor
 
+from quadsim.limit.limits import limit_of
 from quadsim.palette import STYLES
 from quadsim.racing.events import sector_times
-from quadsim.record.limits import limit_of
 from quadsim.web.commands import ChooseRace, SetNumber, apply
 from quadsim.web.competitor import named
 from quadsim.web.lap_timing import lap_timings

@@ -10,7 +10,7 @@ from run_cases import SPEC, save, two_laps
 from web_cases import Glider, choices, run_of, store, stored
 
 import quadsim
-from quadsim.record.limits import limit_of
+from quadsim.limit.limits import limit_of
 from quadsim.web import run_table
 from quadsim.web.campaign_reports import CampaignReports, Report
 from quadsim.web.run_table import RunTable

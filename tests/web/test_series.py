@@ -4,7 +4,7 @@ from threading import Event
 
 from web_cases import Gliders, choices, until
 
-from quadsim.record.statistics import mean_interval
+from quadsim.statistics import mean_interval
 from quadsim.web.page.seeds_table import seeds_of
 from quadsim.web.race import PageRace
 from quadsim.web.series import Flown, Series, SeriesRow

@@ -10,8 +10,8 @@ import pytest
 from web_cases import COURSE, PERIOD, Clock, Glider, Gliders, choices, stored, until
 
 from quadsim.files.values import checked
+from quadsim.limit.limits import limit_of
 from quadsim.record.archive import list_runs, read_run
-from quadsim.record.limits import limit_of
 from quadsim.web.choices import Choices, planner_settings, preset_of
 from quadsim.web.numbers import SLIDERS, Change, with_change
 from quadsim.web.pace import Pace

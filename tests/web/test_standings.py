@@ -7,7 +7,7 @@ import pytest
 from web_cases import SPEED, Glider, choices, competitor, run_of
 
 from quadsim.heat.result import placings
-from quadsim.record.metrics import chatter
+from quadsim.report.metrics import chatter
 from quadsim.web.competitor import named
 from quadsim.web.lap_timing import at_place_of_first, lap_timings
 from quadsim.web.snapshot import Snapshot

@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from quadsim.record.metrics import motor_corner, motor_tau, thrust_psd
+from quadsim.report.metrics import motor_corner, motor_tau, thrust_psd
 from quadsim.web.competitor import Competitor
 from quadsim.web.lap_timing import LapTiming, best_lap, lap_of
 from quadsim.web.limit_race import limit_race

@@ -8,7 +8,7 @@ from typing import Literal
 import msgspec
 
 from quadsim.palette import styles_on_dark
-from quadsim.record.run import not_comparable
+from quadsim.report.run_text import not_comparable
 from quadsim.web.differences import compared
 from quadsim.web.lap_timing import LapTiming, order
 from quadsim.web.line_up import LineUp

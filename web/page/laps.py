@@ -11,9 +11,9 @@ import numpy as np
 
 from quadsim.palette import BEST, FASTER
 from quadsim.racing.events import sector_times
-from quadsim.record.metrics import high_frequency_fraction, motor_corner, motor_tau, total_variation
-from quadsim.record.run import not_comparable
-from quadsim.record.statistics import mean_interval
+from quadsim.report.metrics import high_frequency_fraction, motor_corner, motor_tau, total_variation
+from quadsim.report.run_text import not_comparable
+from quadsim.statistics import mean_interval
 from quadsim.web.competitor import Competitor
 from quadsim.web.page.html import (
     DIM,

@@ -6,7 +6,7 @@ from math import isfinite
 
 import msgspec
 
-from quadsim.record.statistics import Mean
+from quadsim.statistics import Mean
 from quadsim.web.series import Series
 
 

@@ -6,7 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 from tempfile import mkdtemp
 
-from quadsim.record.limits import LimitError, LimitProblem, StoredSolution, dump
+from quadsim.limit.limits import LimitError, LimitProblem, StoredSolution, dump
 from quadsim.record.run import RunError
 from quadsim.record.whole_files import write_whole
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from quadsim.course import load_course, parse_course
-from quadsim.record.limits import SOLUTIONS, load
+from quadsim.limit.limits import SOLUTIONS, load
 from quadsim.record.run import COLUMNS, RecordedRun
-from quadsim.record.turning_back import turned_back, turns
+from quadsim.report.turning_back import turned_back, turns
 from tests.run_cases import two_laps
 
 COURSE = """\

@@ -9,8 +9,8 @@ import quadsim
 from quadsim.cli.cli import race
 from quadsim.config.recorded import spec_of_record
 from quadsim.controllers.plan import PlanStats
-from quadsim.record.given_state import conditions, given_state
 from quadsim.record.run import canonical
+from quadsim.report.given_state import conditions, given_state
 
 FLIGHT = {"laps": 1, "timeout": 1.0}
 LATE = {"link_latency": 0.1}

@@ -6,7 +6,8 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 
-from quadsim.record.metrics import (
+from quadsim.record.run import RecordedRun
+from quadsim.report.metrics import (
     MOTOR_TAU,
     chatter,
     high_frequency_fraction,
@@ -16,7 +17,6 @@ from quadsim.record.metrics import (
     thrust_psd,
     total_variation,
 )
-from quadsim.record.run import RecordedRun
 from tests.run_cases import SPEC, frame, two_laps
 
 DT = 0.01

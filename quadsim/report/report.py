@@ -11,27 +11,21 @@ from rich.markup import escape
 from rich.padding import Padding
 
 from quadsim.course import parse_course
-from quadsim.record.drawn_sensing import drawn_imu_errors, drawn_imu_text
-from quadsim.record.estimate_metrics import lost_estimate, sensing_numbers
-from quadsim.record.given_state import given_state
-from quadsim.record.limits import StoredSolution
-from quadsim.record.metrics import missed_deadlines
-from quadsim.record.model_differences import model_table
-from quadsim.record.report_tables import (
+from quadsim.limit.limits import StoredSolution
+from quadsim.record.run import RecordedRun, has_planner, why_not_repeatable
+from quadsim.report.drawn_sensing import drawn_imu_errors, drawn_imu_text
+from quadsim.report.estimate_metrics import lost_estimate, sensing_numbers
+from quadsim.report.given_state import given_state
+from quadsim.report.metrics import missed_deadlines
+from quadsim.report.model_differences import model_table
+from quadsim.report.run_text import crash_place, flown_with, not_comparable
+from quadsim.report.tables import (
     chatter_table,
     incident_table,
     lap_tables,
     published_table,
 )
-from quadsim.record.run import (
-    RecordedRun,
-    flown_with,
-    has_planner,
-    not_comparable,
-    why_not_repeatable,
-)
-from quadsim.record.run_text import crash_place
-from quadsim.record.turning_back import turned_back
+from quadsim.report.turning_back import turned_back
 
 # Colour of an outcome; any other is yellow
 COLOUR = {"finished": "green", "crashed": "red", "error": "red"}

@@ -13,8 +13,8 @@ from rich.table import Table
 from quadsim.console import plain_table
 from quadsim.course import Course
 from quadsim.racing.events import Event
-from quadsim.record.metrics import chatter, speed, splits
 from quadsim.record.run import RecordedRun
+from quadsim.report.metrics import chatter, speed, splits
 
 # Columns of the terminal for lap, time, top speed and the word "gate"; and for penalties
 LEFT = 23

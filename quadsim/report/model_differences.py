@@ -1,7 +1,7 @@
 """The parameters of the planner's model that differ from those of the vehicle it controls.
 
 The vehicle's latency is none of them: the state is predicted to the time at which a command acts,
-see quadsim.record.given_state.
+see quadsim.report.given_state.
 """
 
 from __future__ import annotations

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from quadsim.record.estimate_metrics import sensing_numbers
-from quadsim.record.limits import StoredSolution
-from quadsim.record.metrics import (
+from quadsim.limit.limits import StoredSolution
+from quadsim.record.run import RecordedRun
+from quadsim.report.estimate_metrics import sensing_numbers
+from quadsim.report.metrics import (
     commanded_rates,
     delivered_rates,
     motor_use,
@@ -15,7 +16,6 @@ from quadsim.record.metrics import (
     splits,
     total_variation,
 )
-from quadsim.record.run import RecordedRun
 
 
 @dataclass(frozen=True)

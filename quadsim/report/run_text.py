@@ -1,20 +1,30 @@
-"""A run in words: the paragraph that `print(run)` shows."""
+"""A run as text: one line, and the paragraph that `print(run)` shows."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from typing import Any
 
 from quadsim.controllers.excitation import EXCITE
+from quadsim.physics.link import LinkConfig
 from quadsim.racing.hand import HAND
-from quadsim.record.estimate_metrics import lost_estimate
-from quadsim.record.given_state import given_state
-from quadsim.record.run import CRASHES, ERROR, RecordedRun, flown_with, not_comparable
-from quadsim.record.run_metrics import RunMetrics
+from quadsim.record.run import CRASHES, ERROR, INTERACTIVE, RecordedRun, has_planner, own_parts
+from quadsim.report.estimate_metrics import lost_estimate
+from quadsim.report.given_state import given_state
+from quadsim.report.preset_changes import preset_changes
+from quadsim.report.run_metrics import RunMetrics
 
 # Lap times in the paragraph, at most
 LAPS = 6
 # Kind of a crash -> what the vehicle did; a hit names the gate or the obstacle
 ENDS = {"hit": "hit", "ground": "hit the ground", "bounds": "left the bounds", "wall": "hit a wall"}
+
+
+def one_line(run: RecordedRun) -> str:
+    """Return course, outcome, laps, time, and what a run was flown with, on one line."""
+    laps = f"{len(run.laps)} of {run.spec['laps']} laps"
+    head = f"{run.spec['course']}: {run.outcome}, {laps}, {run.duration:.3f} s"
+    return f"{head}, {flown_with(run.spec)}"
 
 
 def paragraph(run: RecordedRun, metrics: RunMetrics) -> str:
@@ -94,3 +104,64 @@ def motor_text(metrics: RunMetrics) -> str:
 def planning_text(metrics: RunMetrics) -> str:
     """Return the time that a control step took to compute, as text."""
     return f"{metrics.plan_ms_p50:.1f} ms (p95 {metrics.plan_ms_p95:.1f} ms)"
+
+
+def flown_with(spec: dict[str, Any]) -> str:
+    """Return in one line what controlled a flight, and how.
+
+    It names the vehicle, the plant, the flight controller, the seed, the sensors, the link, the
+    numbers of the planner that differ from its preset, and the faults.
+    """
+    controlled = _controlled_by(spec)
+    parts = [controlled]
+    if has_planner(spec):
+        parts.append(f"preset {spec['preset']}")
+    behind = " behind Betaflight" if spec.get("betaflight") else ""
+    parts.append(f"vehicle {spec['vehicle']['name']}{behind}")
+    # The other plants have the same dynamics
+    if spec.get("plant") in ("rotorpy", "crazyflow"):
+        parts.append(f"plant {spec['plant']}")
+    parts.append(f"seed {spec['seed']}")
+    heat = spec.get("heat")
+    if heat:
+        parts.append(
+            f"{heat['name']} among {len(heat['names'])}, rules {heat['settings']['rules']}"
+        )
+    sensing = spec.get("sensing")
+    if sensing:
+        parts.append(f"sensing {sensing['name']}")
+    if spec.get("link"):
+        parts.append(str(LinkConfig(**spec["link"])))
+    if controlled.endswith("sampling") and preset_changes(spec):
+        parts.append(preset_changes(spec))
+    faults = spec.get("drawn_faults")
+    if faults:
+        parts.append(f"fault{'s' if len(faults) > 1 else ''} {' and '.join(faults)}")
+    return ", ".join(parts)
+
+
+def _controlled_by(spec: dict[str, Any]) -> str:
+    """Return what controlled a flight, in words."""
+    own = own_parts(spec)
+    pilot = spec.get("pilot")
+    if "controller" in own:
+        return f"controller {own['controller']}"
+    if pilot:
+        return f"pilot {pilot['name']}"
+    if spec.get(HAND):
+        return "the sticks of a person"
+    if spec.get(EXCITE):
+        return "manoeuvres that excite the vehicle"
+    return f"{spec['sampler']} sampling"
+
+
+def not_comparable(spec: dict[str, Any]) -> str:
+    """Return a remark for a run whose planner was changed in flight, empty for any other run.
+
+    The remark is shown wherever the run stands beside others.
+    """
+    changes = len(spec.get(INTERACTIVE, ()))
+    if not changes:
+        return ""
+    plural = "s" if changes > 1 else ""
+    return f"interactive, not comparable: {changes} change{plural} in flight"

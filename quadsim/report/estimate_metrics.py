@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from quadsim.record.drawn_sensing import drawn_imu_errors
 from quadsim.record.run import RecordedRun
+from quadsim.report.drawn_sensing import drawn_imu_errors
 from quadsim.sensing.estimate_record import ERRORS
 
 # An estimate that is off by more is lost: [m], about half an opening, and [deg].

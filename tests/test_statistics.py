@@ -6,7 +6,7 @@ from math import isnan, nan
 import numpy as np
 import pytest
 
-from quadsim.record.statistics import (
+from quadsim.statistics import (
     clustered_mean,
     clustered_wilson,
     detectable,

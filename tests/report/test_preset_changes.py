@@ -4,8 +4,8 @@ import json
 
 from quadsim.config.spec import Spec
 from quadsim.controllers.presets import PRESETS
-from quadsim.record.preset_changes import preset_changes
-from quadsim.record.run import flown_with
+from quadsim.report.preset_changes import preset_changes
+from quadsim.report.run_text import flown_with
 
 
 def recorded(**settings):

@@ -10,7 +10,7 @@ import pytest
 from quadsim.config.spec import Spec
 from quadsim.course import load_course, parse_course
 from quadsim.files.arrays import npz_bytes
-from quadsim.record.limits import SOLUTIONS, LimitError, LimitProblem, dump, limit_of, load
+from quadsim.limit.limits import SOLUTIONS, LimitError, LimitProblem, dump, limit_of, load
 from quadsim.vehicle import load_vehicle
 
 (ORIGINAL,) = SOLUTIONS.glob("figure8_swift_3_rotors_*.npz")

@@ -19,7 +19,7 @@ class Mean:
     """A mean with its Student t-interval from `low` to `high`.
 
     Examples:
-        >>> from quadsim.record.statistics import mean_interval
+        >>> from quadsim.statistics import mean_interval
         >>> mean_interval([1.0, 2.0, 3.0]).mean
         2.0
     """
@@ -106,7 +106,7 @@ def holm(ps: Sequence[float]) -> list[float]:
         ps: p-values of the tests of one family.
 
     Examples:
-        >>> from quadsim.record.statistics import holm
+        >>> from quadsim.statistics import holm
         >>> holm([0.01, 0.04, 0.03, 0.005])
         [0.03, 0.06, 0.06, 0.02]
     """
