@@ -7,8 +7,9 @@ from typing import Any
 
 import msgspec
 
-from quadsim.config.parts import is_registered, plain
 from quadsim.controllers.presets import Planner
+from quadsim.controllers.samplers import is_registered
+from quadsim.files.json_values import plain
 from quadsim.record.schema import ChangedPlanner, NumberChange
 
 

@@ -194,7 +194,7 @@ class StoredSolution:
         """Return the mass-normalised thrust at the nodes [m/s^2].  (nodes,)"""
         s = self.solution
         controls = np.vstack([s.u, s.u[-1:]])
-        # The model's states beside those of the rigid body
+        # The states that the model has beside the rigid body's
         lagging = s.x[:, RIGID_BODY.stop :]
         rotors = vehicle.rotors
         if s.model == "rotors" and rotors:
@@ -307,7 +307,7 @@ class LimitProblem:
         except LimitError as error:
             raise LimitError(f"{error}: {ADVICE}") from None
         if stored.key != self.key:
-            other = f"that of {shown(stored.course)} with {shown(stored.vehicle)}"
+            other = f"the race of {shown(stored.course)} with {shown(stored.vehicle)}"
             wanted = f"expected {WHAT} with the key {self.key}"
             raise LimitError(f"{path}: {wanted}, got {stored.key}, {other}: {ADVICE}")
         return stored
