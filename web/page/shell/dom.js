@@ -1,16 +1,24 @@
 // Elements by name, and the trees of tree.py. Whatever is shown is set as text, never parsed as HTML.
 const SVG = "http://www.w3.org/2000/svg";
-const TAGS = new Set("div span b i p br code img table tbody thead tr th td svg g line rect circle polygon polyline path text title button".split(" "));
+const TAGS = new Set(
+  "div span b i p br code img table tbody thead tr th td svg g line rect circle polygon polyline path text title button".split(
+    " ",
+  ),
+);
 // The parser of tree.py writes names in lower case.
 const NAMES = { viewbox: "viewBox", preserveaspectratio: "preserveAspectRatio" };
 const ATTRIBUTES = new Set(
-  ("class title alt colspan viewbox preserveaspectratio x y x1 x2 y1 y2 cx cy r width height d points fill stroke " +
-    "stroke-width stroke-dasharray stroke-linecap opacity text-anchor font-size font-weight").split(" "),
+  (
+    "class title alt colspan viewbox preserveaspectratio x y x1 x2 y1 y2 cx cy r width height d points fill stroke " +
+    "stroke-width stroke-dasharray stroke-linecap opacity text-anchor font-size font-weight"
+  ).split(" "),
 );
 // Sizes and families of letters are those of the page.
 const STYLES = new Set(
-  ("color background opacity text-align width height flex display gap align-items justify-content flex-wrap position left top margin " +
-    "margin-top margin-bottom border-radius overflow white-space word-break font-weight text-transform letter-spacing font-variant-numeric").split(" "),
+  (
+    "color background opacity text-align width height flex display gap align-items justify-content flex-wrap position left top margin " +
+    "margin-top margin-bottom border-radius overflow white-space word-break font-weight text-transform letter-spacing font-variant-numeric"
+  ).split(" "),
 );
 
 export function make(tag, properties = {}, ...children) {

@@ -22,7 +22,9 @@ function at(element, t) {
 function lane({ name, colour, end, marks }) {
   const flown = at(make("i", { className: end === null ? "flown live" : "flown" }), end ?? 0);
   flown.style.background = colour;
-  const found = marks.map(([t, kind, title]) => at(make("i", { className: `mark ${kind}`, title: `${name}: ${title}` }), t));
+  const found = marks.map(([t, kind, title]) =>
+    at(make("i", { className: `mark ${kind}`, title: `${name}: ${title}` }), t),
+  );
   return make("div", { className: "lane", title: name }, flown, ...found);
 }
 
@@ -64,7 +66,8 @@ function set(found) {
 
 // A speed that was asked for otherwise is in the list as well.
 function offer(speed, wanted) {
-  if (![...speed.options].some((option) => Number(option.value) === wanted)) speed.append(new Option(`${wanted} x`, wanted));
+  if (![...speed.options].some((option) => Number(option.value) === wanted))
+    speed.append(new Option(`${wanted} x`, wanted));
   if (document.activeElement !== speed) speed.value = String(wanted);
 }
 
