@@ -26,12 +26,12 @@ from quadsim.render.eye import CourseEye
 from quadsim.render.poses import Pose, drawn_poses
 from quadsim.rotation import Vec3, turned
 from quadsim.sensing import load_sensing
-from quadsim.sensing.estimation.error_state import FilterState
-from quadsim.sensing.estimation.nominal import Nominal
 from quadsim.sensing.measurements import Corners, Photo
+from quadsim.sensing.nominal import Nominal
 from quadsim.sensing.pixel_camera import row_poses
 from quadsim.sensing.pixels.network import FoundGate, GateNetwork, load_network
 from quadsim.sensing.pixels.tracker import Tracker
+from quadsim.sensing.state import FilterState
 from quadsim.sensing.visibility import hidden_corners
 
 CAMERA = load_sensing("pixels").pixels

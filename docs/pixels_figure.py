@@ -19,11 +19,11 @@ from quadsim.render.eye import CourseEye
 from quadsim.render.poses import Pose, drawn_poses
 from quadsim.rotation import turned
 from quadsim.sensing import load_sensing
-from quadsim.sensing.estimation.error_state import FilterState
-from quadsim.sensing.estimation.nominal import Nominal
 from quadsim.sensing.measurements import Photo
+from quadsim.sensing.nominal import Nominal
 from quadsim.sensing.pixel_camera import Moment, row_poses
 from quadsim.sensing.pixels.tracker import Tracked, Tracker
+from quadsim.sensing.state import FilterState
 from quadsim.sensing.visibility import hidden_corners
 
 COURSE = load_course("split_s_swift")

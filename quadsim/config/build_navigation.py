@@ -18,6 +18,7 @@ from quadsim.sensing.estimation.vehicle_learner import VehicleLearner
 from quadsim.sensing.known_course import KnownCourse
 from quadsim.sensing.navigation import (
     CourseEstimate,
+    Estimators,
     GateCount,
     Navigation,
     RefereeCount,
@@ -26,6 +27,7 @@ from quadsim.sensing.navigation import (
     TrueState,
 )
 from quadsim.sensing.pixel_camera import Eye
+from quadsim.sensing.pixels.tracker import Tracker
 from quadsim.sensing.sensors import WARM_UP, Sensors
 from quadsim.streams import sensor_streams
 from quadsim.vehicle import Vehicle
@@ -104,19 +106,23 @@ def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> S
 
     # A learned pilot flies by the map.
     course = None if spec.pilot else CourseEstimate(spec.course)
+    gates = frames(spec.course.gates)
     estimator = Estimator(
         sensing,
-        gates=frames(spec.course.gates),
+        gates=gates,
         start=spec.start or spec.course.start,
         t=-WARM_UP,
         displaced=spec.displacement.gates,
     )
     state = SensedState(
         sensors=_sensors(spec, sensing, plant),
-        estimator=estimator,
-        body_rates=BodyRates(spec.model, dt, imu),
-        learner=VehicleLearner.for_sensors(spec.model, dt, imu),
-        course=course,
+        estimators=Estimators(
+            estimator=estimator,
+            tracker=Tracker(sensing.pixels, gates) if sensing.pixels else None,
+            body_rates=BodyRates(spec.model, dt, imu),
+            learner=VehicleLearner.for_sensors(spec.model, dt, imu),
+            course=course,
+        ),
         dt=dt,
         adapt=adapts,
         rotor_std=rotor_std(sensing.rotors, spec.vehicle),

@@ -22,14 +22,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import cos, radians, sin
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from quadsim.course import Gate
 from quadsim.files.data_files import locate, names, read_text
 from quadsim.files.strict_yaml import FileError, load, setting, unit
-from quadsim.rotation import Quaternion, Vec3, to_world
+from quadsim.rotation import Quaternion, Vec3, exp, matrix, to_world
 
 CAMERAS = Path(__file__).parent / "cameras"
 BODY_AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -39,12 +39,57 @@ Focal = Annotated[float, unit("px", gt=0, le=1e5)]
 Metre = Annotated[float, unit("m", ge=-2, le=2)]
 Distortion = Annotated[float, unit("1", ge=-10, le=10)]
 
+# [m] least depth along the optical axis; sensors and estimator do not see what is nearer
+NEAREST = 0.1
+
 # Steps of Newton's method from a distorted ray to the ray outside of the lens
 NEWTON_STEPS = 20
 # Longest distance of a ray from the axis for which a lens is checked: 79 degrees
 MOST_DISTANCE = 5.0
 # Derivative of the distorted distance from the axis, below which a lens is refused
 LEAST_SLOPE = 0.05
+
+
+class View(NamedTuple):
+    """A pose of a camera."""
+
+    # [m]  (3,)
+    eye: np.ndarray
+    # rotation world from camera  (3, 3)
+    axes: np.ndarray
+
+    def local(self, points: np.ndarray) -> np.ndarray:
+        """Return points of the world (n, 3) in the frame of the camera [m]."""
+        return (points - self.eye) @ self.axes
+
+
+class BodyPose(NamedTuple):
+    """A pose of the vehicle that carries a camera."""
+
+    # [m]  (3,)
+    position: np.ndarray
+    # rotation world from body  (3, 3)
+    body: np.ndarray
+
+    def corrected(self, error: np.ndarray) -> BodyPose:
+        """Return the pose after a correction by an error.
+
+        Args:
+            error: of the position [m], then the turn in the body frame [rad]  (6,).
+        """
+        turned = self.body @ matrix(exp(error[3:].tolist()))
+        return BodyPose(self.position + error[:3], turned)
+
+
+class Seen(NamedTuple):
+    """Points in a picture, and how they move in it with the error of the vehicle's pose."""
+
+    # [px]  (n, 2)
+    pixels: np.ndarray
+    # along the optical axis [m]  (n,)
+    depth: np.ndarray
+    # [px/m] for the position, [px/rad] for the turn in the body frame  (n, 2, 6)
+    moves: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -73,18 +118,20 @@ class Camera:
         s = sin(radians(self.tilt_deg))
         return np.array([[0.0, s, c], [-1.0, 0.0, 0.0], [0.0, -c, s]])
 
-    def pose(self, p: Vec3, q: Quaternion) -> tuple[np.ndarray, np.ndarray]:
+    def pose(self, p: Vec3, q: Quaternion) -> View:
         """Return the camera's pose, given the pose of its vehicle.
 
         Args:
             p: position of the vehicle [m].
             q: attitude of the vehicle, wxyz.
-
-        Returns:
-            The position [m] (3,), and the rotation world from camera (3, 3).
         """
         body = np.array([to_world(q, axis) for axis in BODY_AXES]).T  # world from body
-        return np.asarray(p, float) + body @ np.asarray(self.position), body @ self.axes
+        return self.carried(BodyPose(np.asarray(p, float), body))
+
+    def carried(self, pose: BodyPose) -> View:
+        """Return the camera's pose on a vehicle with a pose."""
+        position = pose.position + pose.body @ np.asarray(self.position)
+        return View(position, pose.body @ self.axes)
 
     def project(self, points: np.ndarray, p: Vec3, q: Quaternion) -> tuple[np.ndarray, np.ndarray]:
         """Project points of the world to pixels, and return their depth.
@@ -98,8 +145,7 @@ class Camera:
             Pixels (u, v) (n, 2), nan if the depth is not positive, as such a point is not in
             front of the camera; and the depth along the optical axis [m] (n,).
         """
-        position, axes = self.pose(p, q)
-        return self.to_pixels((points - position) @ axes)
+        return self.to_pixels(self.pose(p, q).local(points))
 
     def to_pixels(self, local: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return pixels and depth as `project` does, for points of the camera frame.
@@ -114,6 +160,35 @@ class Camera:
             pixels = local[:, :2] * focal / depth[:, None] + centre
         pixels[depth <= 0.0] = np.nan
         return pixels, depth
+
+    def seen(self, points: np.ndarray, pose: BodyPose) -> Seen:
+        """Return where a pinhole shows points, and how the error of a pose moves them there.
+
+        A point with less depth than NEAREST, or behind the camera, is projected as if it had that
+        depth.
+
+        Args:
+            points: in the world [m]  (n, 3).
+            pose: of the vehicle.
+        """
+        body = (points - pose.position) @ pose.body
+        local = (body - np.asarray(self.position)) @ self.axes
+        depth = local[:, 2].copy()
+        local[:, 2] = np.maximum(depth, NEAREST)
+        pixels, _ = Camera.to_pixels(self, local)
+
+        # Pixels move with the point in the frame of the camera, and so in the frame of the body.
+        x, y, z = local.T
+        by_local = np.zeros((len(points), 2, 3))
+        by_local[:, 0, 0] = self.fx / z
+        by_local[:, 1, 1] = self.fy / z
+        by_local[:, 0, 2] = -self.fx * x / z**2
+        by_local[:, 1, 2] = -self.fy * y / z**2
+        by_body = by_local @ self.axes.T
+        # The error dtheta turns a point b of the body frame by -dtheta, to b + b x dtheta: a row a
+        # of `by_body` gives a x b.
+        by_turn = np.cross(by_body, body[:, None])
+        return Seen(pixels, depth, np.concatenate([-by_body @ pose.body.T, by_turn], axis=2))
 
     def in_picture(self, pixels: np.ndarray) -> np.ndarray:
         """Return which pixels (n, 2) lie within the picture; nan counts as outside.  (n,) bool"""

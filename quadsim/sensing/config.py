@@ -13,7 +13,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from quadsim.files.strict_yaml import setting, unit
-from quadsim.sensing.camera import Camera
+from quadsim.sensing.camera import NEAREST, Camera
 
 Rate = Annotated[float, unit("Hz", ge=1, le=2000)]
 Latency = Annotated[float, unit("s", ge=0, le=0.5)]
@@ -23,9 +23,6 @@ ScaleError = Annotated[float, unit("1", ge=0, le=0.5)]
 BurstLength = Annotated[float, unit("1", ge=1, le=1e4)]
 Tilt = Annotated[float, unit("deg", ge=0, le=30)]
 EndOfLife = Annotated[float, unit("s", ge=0, le=1e5)]
-
-# [m] along the optical axis; nearer points are not projected
-NEAREST = 0.1
 
 
 @dataclass(frozen=True)
@@ -196,11 +193,7 @@ class CornerCamera(Camera):
     latency: Annotated[Latency, setting("time from exposure to corners [s]")] = 0.0
     noise: Annotated[float, setting("noise of a found corner [px]", unit="px", ge=0, le=1000)] = 1.0
 
-    def local(self, points: np.ndarray) -> np.ndarray:
-        """Return points of the body frame in the camera frame [m].  (n, 3)"""
-        return (points - self.position) @ self.axes
-
-    def seen(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def in_view(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the pixels of points, and whether each is in front and in the picture.
 
         Args:
@@ -209,7 +202,7 @@ class CornerCamera(Camera):
         Returns:
             Pixels (n, 2), and the mask (n,).
         """
-        pixels, depth = self.to_pixels(self.local(points))
+        pixels, depth = self.to_pixels((points - self.position) @ self.axes)
         return pixels, (depth > NEAREST) & self.in_picture(pixels)
 
 

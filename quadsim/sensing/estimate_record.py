@@ -15,8 +15,8 @@ import numpy as np
 from quadsim.dynamics.quadrotor import State
 from quadsim.physics.plant_state import PlantState
 from quadsim.rotation import between
-from quadsim.sensing.estimation.nominal import Nominal
 from quadsim.sensing.estimation.updates import Innovation
+from quadsim.sensing.nominal import Nominal
 
 ESTIMATE_UNITS = {
     **dict.fromkeys(("est_px", "est_py", "est_pz"), "m"),

@@ -68,7 +68,7 @@ class GateCamera:
         # Corners in front of the camera, in the picture and in range.
         position = np.array(state.x.position)
         points = self._corners.reshape(-1, 3) - position
-        pixels, seen = self._config.seen(points @ matrix(state.x.attitude))
+        pixels, seen = self._config.in_view(points @ matrix(state.x.attitude))
         apart = (points**2).sum(axis=1)
         seen &= apart <= self._config.range**2
         if self._config.blind_within:

@@ -35,14 +35,15 @@ from quadsim.physics.plant_state import PlantState
 from quadsim.rotation import Vec3
 from quadsim.sensing.estimate_record import estimate_row
 from quadsim.sensing.estimation.body_rates import BodyRates
-from quadsim.sensing.estimation.error_state import FilterState
 from quadsim.sensing.estimation.estimator import Estimator
 from quadsim.sensing.estimation.prediction import Commands, Piece, mean_command, predict
 from quadsim.sensing.estimation.vehicle_learner import Acted, VehicleLearner
 from quadsim.sensing.kept import Kept
 from quadsim.sensing.known_course import KnownCourse
 from quadsim.sensing.measurements import Corners, Inertial, Measurement, Photo, RotorThrust
+from quadsim.sensing.pixels.tracker import Tracker
 from quadsim.sensing.sensors import Sensors
+from quadsim.sensing.state import FilterState
 
 # [m] change of a gate's estimated position or standard deviation that makes a new course
 MOVED = 0.01
@@ -208,16 +209,28 @@ class TrueState:
         return round(periods) if abs(periods - round(periods)) <= WHOLE else periods
 
 
+class Estimators(NamedTuple):
+    """The estimators of a flight with sensors."""
+
+    # position, velocity, attitude and gate positions
+    estimator: Estimator
+    # finds corners of gates in pictures; None without pictures
+    tracker: Tracker | None
+    # body rates and angular accelerations
+    body_rates: BodyRates
+    # the thrust and the vehicle's parameters
+    learner: VehicleLearner
+    # None: the controller uses the map
+    course: CourseEstimate | None
+
+
 class SensedState:
     """The state, the vehicle parameters and the course, estimated from measurements."""
 
     def __init__(
         self,
         sensors: Sensors,
-        estimator: Estimator,
-        body_rates: BodyRates,
-        learner: VehicleLearner,
-        course: CourseEstimate | None,
+        estimators: Estimators,
         dt: float,
         adapt: bool,
         rotor_std: float,
@@ -226,19 +239,17 @@ class SensedState:
 
         Args:
             sensors: sensors after their warm-up, at the flight's first state.
-            estimator: estimator of position, velocity, attitude and gate positions.
-            body_rates: observer of body rates and angular accelerations.
-            learner: estimator of the thrust and the vehicle's parameters.
-            course: the estimated course; None: the controller uses the map.
+            estimators: the estimators, at the flight's first state.
             dt: control period [s].
             adapt: whether the planner uses the estimated vehicle parameters.
             rotor_std: standard deviation of the thrust from rotor speeds [m/s^2].
         """
         self._sensors = sensors
-        self._estimator = estimator
-        self._body_rates = body_rates
-        self.learner = learner
-        self._course = course
+        self._estimator = estimators.estimator
+        self._tracker = estimators.tracker
+        self._body_rates = estimators.body_rates
+        self.learner = estimators.learner
+        self._course = estimators.course
         self._dt = dt
         self._adapt = adapt
         self._rotor_std = rotor_std
@@ -249,7 +260,7 @@ class SensedState:
         self.corners: Corners | None = None
         self._picture = PictureCount(in_view=0, found=0)
         # the last estimate, and its time [s]
-        self._nominal = estimator.state.nominal
+        self._nominal = self._estimator.state.nominal
         self._t = self._nominal.t
         # duration of the last call of `now` [ms]
         self._spent = 0.0
@@ -323,8 +334,7 @@ class SensedState:
         self._rotors = None
         self._estimator.innovations.clear()
         for arrived in self._sensors.arrived(t):
-            is_photo = isinstance(arrived, Photo)
-            measurement = self._estimator.corners_of(arrived) if is_photo else arrived
+            measurement = self._corners(arrived) if isinstance(arrived, Photo) else arrived
             if self._kept is not None:
                 self._kept.append(measurement)
             match measurement:
@@ -340,6 +350,11 @@ class SensedState:
             self._estimator.take(measurement)
         self._nominal = self._estimator.at(t)
         self._t = t
+
+    def _corners(self, photo: Photo) -> Corners:
+        """Return the corners of a picture, found near where the state at its time expects them."""
+        assert self._tracker
+        return self._tracker(photo, *self._estimator.seen_at(photo.t))
 
     def _follow_vehicle(self, t: float, u: Control, periods: int) -> None:
         """Update body rates, thrust and vehicle parameters to t.

@@ -8,7 +8,16 @@ import pytest
 
 from quadsim.course import load_course
 from quadsim.files.strict_yaml import FileError
-from quadsim.sensing.camera import Camera, LensCamera, camera_names, load_camera, parse_camera
+from quadsim.rotation import from_euler, matrix
+from quadsim.sensing.camera import (
+    NEAREST,
+    BodyPose,
+    Camera,
+    LensCamera,
+    camera_names,
+    load_camera,
+    parse_camera,
+)
 from quadsim.sensing.whole_gates import gates_alike, whole_from
 
 LEVEL = (1.0, 0.0, 0.0, 0.0)
@@ -158,3 +167,28 @@ def test_a_gate_is_whole_from_where_its_lower_edge_comes_into_the_picture():
 def test_gates_of_one_size_and_pitch_are_a_group():
     gates = load_course("aigp_physical").gates
     assert gates_alike(gates) == [list(range(1, 12))]
+
+
+AWAY = np.array([[4.0, 1.0, 0.5], [2.0, -0.7, 0.9], [9.0, 3.0, -2.0]])
+TILTED = Camera(640, 360, 320.0, 300.0, tilt_deg=20.0, position=(0.1, 0.0, 0.02))
+
+
+def test_seen_points_are_projected_and_move_by_their_derivatives():
+    p, q = (-1.0, 0.3, 0.2), from_euler(0.2, -0.1, 0.3)
+    pose = BodyPose(np.array(p), matrix(q))
+    seen = TILTED.seen(AWAY, pose)
+    pixels, depth = TILTED.project(AWAY, p, q)
+    np.testing.assert_allclose(seen.pixels, pixels)
+    np.testing.assert_allclose(seen.depth, depth)
+    for k in range(6):
+        small = 1e-5 * np.eye(6)[k]
+        ends = [TILTED.seen(AWAY, pose.corrected(s * small)).pixels for s in (1.0, -1.0)]
+        np.testing.assert_allclose((ends[0] - ends[1]) / 2e-5, seen.moves[:, :, k], rtol=1e-4)
+
+
+def test_a_point_nearer_than_the_least_depth_is_seen_as_if_it_had_that_depth():
+    pose = BodyPose(np.zeros(3), np.eye(3))
+    near, at = (CAMERA.seen(np.array([[x, 0.2, 0.1]]), pose) for x in (-1.0, NEAREST))
+    np.testing.assert_allclose(near.pixels, at.pixels)
+    np.testing.assert_allclose(near.moves[:, :, :3], at.moves[:, :, :3])
+    assert (near.depth, at.depth) == (-1.0, NEAREST)

@@ -9,14 +9,15 @@ import pytest
 from quadsim.course import Start
 from quadsim.rotation import between, matrix
 from quadsim.sensing import load_sensing, sensing_names
+from quadsim.sensing.camera import BodyPose
 from quadsim.sensing.config import BarometerConfig, GateCameraConfig, PoseConfig
 from quadsim.sensing.estimate_record import ESTIMATE_UNITS, estimate_row
-from quadsim.sensing.estimation.error_state import MOVING, FilterState
 from quadsim.sensing.estimation.estimator import Estimator
-from quadsim.sensing.estimation.nominal import Nominal
 from quadsim.sensing.estimation.updates import LEAST_POSITION, CornerUpdate
 from quadsim.sensing.measurements import Corners, RotorThrust
+from quadsim.sensing.nominal import Nominal
 from quadsim.sensing.sensors import Sensors
+from quadsim.sensing.state import MOVING, FilterState
 from quadsim.vehicle import load_vehicle
 from tests.sensing.truth_cases import GATES, circle, states
 
@@ -108,11 +109,12 @@ def test_corners_move_as_the_jacobian_predicts():
 
     def pixels(b):
         points = update._map[which, corner] + b.gates[which]
-        return camera.seen((points - b.nominal.position) @ matrix(b.nominal.attitude))[0].ravel()
+        body = (points - b.nominal.position) @ matrix(b.nominal.attitude)
+        return camera.in_view(body)[0].ravel()
 
-    R = matrix(x[6:10])
-    body = (update._map[which, corner] - x[0:3]) @ R
-    H = update._jacobian(state, R, body, camera.local(body), which)
+    pose = BodyPose(np.array(x[0:3]), matrix(x[6:10]))
+    seen = camera.seen(update._map[which, corner], pose)
+    H = update._jacobian(state, seen.moves, which)
     steps = 1e-6 * np.eye(MOVING + 6)
     columns = [
         (pixels(state.corrected(d, state.P)) - pixels(state.corrected(-d, state.P))) / 2e-6
@@ -134,7 +136,7 @@ def test_a_gate_that_is_not_found_yet_is_moved_by_no_lone_corner(corners, known,
     state = FilterState(Nominal(0.0, x[0:3], x[3:6], x[6:10]), np.zeros(0), np.zeros((2, 3)), P)
     which = np.ones(len(corners), int)
     points = update._map[which, corners] + (0.1, 0.0, 0.0)
-    pixels, _ = camera.seen((points - x[0:3]) @ matrix(x[6:10]))
+    pixels, _ = camera.in_view((points - x[0:3]) @ matrix(x[6:10]))
     after, innovation = update(state, Corners(0.0, which, np.array(corners), pixels, len(corners)))
     assert (innovation.used > 0) == moves
     assert (np.hypot(*after.gates[1, :2]) > 0.005) == moves

@@ -14,6 +14,7 @@ from quadsim.files.strict_yaml import FileError
 from quadsim.render.eye import CourseEye
 from quadsim.rotation import from_yaw, matrix, turned
 from quadsim.sensing import load_sensing
+from quadsim.sensing.camera import BodyPose
 from quadsim.sensing.pixel_camera import Moment, row_poses
 from quadsim.sensing.pixels import network as networks
 from quadsim.sensing.pixels import network_pose, tracker
@@ -57,7 +58,7 @@ def place_at(p, q):
     """Return the pose of a filter that knows that it is lost."""
     P = np.diag(np.repeat([MOVED**2, TURNED**2], 3))
     late = np.zeros((len(GATES), 4, 2))
-    return Place(Frames(GATES), CAMERA, np.array(p), matrix(q), P, late)
+    return Place(Frames(GATES), CAMERA, BodyPose(np.array(p), matrix(q)), P, late)
 
 
 @pytest.mark.parametrize(("p", "yaw"), SEEN)

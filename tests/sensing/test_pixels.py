@@ -12,11 +12,11 @@ from quadsim.course.frames import frames
 from quadsim.render.eye import CourseEye
 from quadsim.rotation import exp, from_yaw, product, turned
 from quadsim.sensing import load_sensing
-from quadsim.sensing.estimation.error_state import FilterState
-from quadsim.sensing.estimation.nominal import Nominal
 from quadsim.sensing.measurements import Photo
+from quadsim.sensing.nominal import Nominal
 from quadsim.sensing.pixel_camera import Moment, row_poses
 from quadsim.sensing.pixels.tracker import Tracker
+from quadsim.sensing.state import FilterState
 
 pytestmark = pytest.mark.compiled
 

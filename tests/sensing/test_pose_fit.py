@@ -1,4 +1,6 @@
-"""The pose that fits lines: derivatives, and lines that are something else."""
+"""The pose that fits lines, and lines that are something else."""
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -6,8 +8,9 @@ from quadsim.course import load_course
 from quadsim.course.frames import frames
 from quadsim.rotation import from_yaw, matrix
 from quadsim.sensing import load_sensing
-from quadsim.sensing.pixels.edges import Frames, visible_points
-from quadsim.sensing.pixels.pose_fit import Guess, fitted, line_ends, normal_moves, pixel_moves
+from quadsim.sensing.camera import BodyPose, View
+from quadsim.sensing.pixels.edges import Frames, seen_well, visible_points
+from quadsim.sensing.pixels.pose_fit import Guess, fitted, line_ends, normal_moves
 
 CONFIG = load_sensing("pixels").pixels
 assert CONFIG
@@ -15,22 +18,14 @@ GATES = frames(load_course("split_s_swift").gates)
 POSITION_STD = 0.1
 TURN_STD = 0.02
 P = np.diag(np.repeat([POSITION_STD**2, TURN_STD**2], 3))
-GUESS = Guess(np.array([-5.0, 4.7, 0.9]), matrix(from_yaw(-0.8)), P, np.zeros(len(GATES)))
-POINTS = visible_points(Frames(GATES), GUESS.view(CONFIG), CONFIG, CONFIG.range, border=4.0)
+POSE = BodyPose(np.array([-5.0, 4.7, 0.9]), matrix(from_yaw(-0.8)))
+GUESS = Guess(POSE, P, np.zeros(len(GATES)))
+POINTS = visible_points(Frames(GATES), CONFIG.carried(POSE), CONFIG, CONFIG.range, border=4.0)
 
 
 def pixels(guess):
     """Return the pixels of the points from a pose.  (n, 2)"""
-    view = guess.view(CONFIG)
-    return CONFIG.to_pixels((POINTS.position - view.eye) @ view.axes)[0]
-
-
-def test_pixels_move_by_their_derivatives():
-    J = pixel_moves(POINTS.position, CONFIG, GUESS)
-    for k in range(6):
-        small = 1e-5 * np.eye(6)[k]
-        moved = pixels(GUESS.corrected(small, P)) - pixels(GUESS.corrected(-small, P))
-        assert np.allclose(moved / 2e-5, J[:, :, k], atol=1e-3, rtol=1e-4)
+    return CONFIG.to_pixels(CONFIG.carried(guess.pose).local(POINTS.position))[0]
 
 
 def errors_of_fits(share, rng):
@@ -44,7 +39,7 @@ def errors_of_fits(share, rng):
         off = 15.0 * rng.choice([-1.0, 1.0], (len(GATES), 8))
         shift += np.where(wrong, off, 0.0)[POINTS.gate, POINTS.edge]
         fit = fitted(GUESS, CONFIG, POINTS, shift).guess
-        found.append(np.linalg.norm(fit.body - true.body))
+        found.append(np.linalg.norm(fit.pose.body - true.pose.body))
     return np.array(found)
 
 
@@ -64,7 +59,7 @@ def test_the_spread_of_a_pixel_is_that_of_poses_drawn_from_the_covariance():
     draws = rng.multivariate_normal(np.zeros(6), 0.01 * P, 400)
     drawn = np.array([pixels(GUESS.corrected(error, P)) for error in draws])
     along = ((drawn - POINTS.pixel) * POINTS.normal).sum(axis=2)
-    J = normal_moves(POINTS, CONFIG, GUESS)
+    J = normal_moves(POINTS, CONFIG, POSE)
     expected = np.sqrt(GUESS._replace(P=0.01 * P).spread(J, POINTS.gate)[:, 0, 0])
     assert np.allclose(along.std(axis=0), expected, rtol=0.15)
     # A gate that may stand elsewhere may be seen farther away.
@@ -80,3 +75,12 @@ def test_the_ends_of_a_line_are_its_first_and_its_last_point():
         used[mine] = True
         ends |= {*mine[:1].tolist(), *mine[-1:].tolist()}
     assert line_ends(POINTS, used).tolist() == sorted(ends)
+
+
+def test_a_thin_frame_is_seen_from_nearer_to_its_plane_than_a_thick_one():
+    thin = replace(GATES[0], frame_depth=0.02)
+    thick = replace(GATES[0], frame_depth=0.1)
+    # 5 cm before the plane of the gate
+    eye = np.array(thin.position) - 0.05 * np.array(thin.axes[0])
+    view = View(eye, np.eye(3))
+    assert seen_well(Frames([thin, thick]), view, longest=10.0).tolist() == [True, False]

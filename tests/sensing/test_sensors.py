@@ -52,7 +52,7 @@ def test_an_instant_is_sampled_once_at_the_step_at_or_after_it():
 def test_a_unit_without_noise_gives_back_the_flight():
     """Its samples, integrated, lead from the first state to the last: by the estimator's own
     nominal state."""
-    from quadsim.sensing.estimation.nominal import Nominal
+    from quadsim.sensing.nominal import Nominal
 
     first, last = LONG[0], LONG[-1]
     nominal = Nominal(first.t, first.x.position, first.x.velocity, first.x.attitude)
@@ -221,11 +221,11 @@ AXIS = CAMERA.axes[:, 2]
 
 def test_a_point_on_the_optical_axis_is_in_the_middle():
     far = 3.0 * np.array([AXIS, np.add(AXIS, (0.0, 0.2, 0.0))])
-    pixels, seen = CAMERA.seen(far)
+    pixels, seen = CAMERA.in_view(far)
     # what is to the left is left
     np.testing.assert_allclose(pixels, [(320, 180), (320 - 320 * 0.2, 180)])
     assert seen.all()
-    assert not CAMERA.seen(-far)[1].any()
+    assert not CAMERA.in_view(-far)[1].any()
 
 
 def test_a_camera_without_noise_finds_every_corner_where_it_is():
@@ -235,7 +235,7 @@ def test_a_camera_without_noise_finds_every_corner_where_it_is():
         assert len(picture.pixels) == picture.in_view > 0
         for gate, corner, pixel in zip(picture.gates, picture.corners, picture.pixels, strict=True):
             body = (GATES[gate].corners()[corner] - x.position) @ matrix(x.attitude)
-            np.testing.assert_allclose(pixel, CAMERA.seen(body[None])[0][0], atol=1e-9)
+            np.testing.assert_allclose(pixel, CAMERA.in_view(body[None])[0][0], atol=1e-9)
 
 
 def test_a_frame_hides_the_corners_behind_it():
@@ -262,7 +262,7 @@ def test_misses_outliers_and_false_associations_come_as_often_as_configured():
         corners = np.array(
             [GATES[g].corners()[c] for g, c in zip(picture.gates, picture.corners, strict=True)]
         )
-        pixels, _ = config.seen((corners - x[0:3]) @ matrix(x[6:10]))
+        pixels, _ = config.in_view((corners - x[0:3]) @ matrix(x[6:10]))
         wrong += int((abs(pixels - picture.pixels).max(axis=1) > 1e-6).sum())
     assert found / seen == pytest.approx(0.9, abs=0.01)
     # one swap in eight is with itself

@@ -13,18 +13,18 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import radians, sqrt
-from typing import assert_never
+from typing import NamedTuple, assert_never
 
 import numpy as np
 
 from quadsim.course import Gate, Start
-from quadsim.rotation import exp
-from quadsim.sensing.estimation.error_state import MOVING, FilterState, Motion
-from quadsim.sensing.estimation.nominal import Nominal
+from quadsim.rotation import Vec3, exp
+from quadsim.sensing.estimation.motion import Motion
 from quadsim.sensing.estimation.updates import CornerUpdate, HeightUpdate, Innovation, PoseUpdate
-from quadsim.sensing.measurements import Aiding, Corners, Height, Inertial, Photo, Pose
-from quadsim.sensing.pixels.tracker import Tracker
+from quadsim.sensing.measurements import Aiding, Corners, Height, Inertial, Pose
+from quadsim.sensing.nominal import Nominal
 from quadsim.sensing.sensing_file import Sensing
+from quadsim.sensing.state import MOVING, FilterState
 
 # Initial standard deviations at the start pose: position [m], roll and pitch [deg], heading
 # [deg], velocity [m/s].
@@ -47,6 +47,14 @@ class Applied:
     measurement: Aiding
     state: FilterState
     innovation: Innovation
+
+
+class StateSeen(NamedTuple):
+    """The filter's state at one instant, and how fast the vehicle turns."""
+
+    state: FilterState
+    # body rates [rad/s]
+    rates: Vec3
 
 
 class Estimator:
@@ -79,7 +87,6 @@ class Estimator:
         self._height = HeightUpdate(sensing.barometer) if sensing.barometer else None
         camera = sensing.corner_camera
         self._corners = CornerUpdate(camera, gates, unmapped > 0) if camera else None
-        self._tracker = Tracker(sensing.pixels, gates) if sensing.pixels else None
         self._latest = sensing.latest
         self._samples: deque[Inertial] = deque()
         self.state = _set_down(sensing, start, t, drifts, unmapped, displaced)
@@ -117,14 +124,13 @@ class Estimator:
             nominal = nominal.moved(self._samples[-1], t)
         return nominal
 
-    def corners_of(self, photo: Photo) -> Corners:
-        """Return the corners of a picture, found near where the state at its time expects them."""
-        assert self._tracker
-        earlier = [one.state for one in self._applied if one.measurement.t <= photo.t]
-        state = self._moved(photo.t, earlier[-1] if earlier else self._oldest)
-        sample = next((one for one in self._samples if one.t >= photo.t), None)
+    def seen_at(self, t: float) -> StateSeen:
+        """Return the state of the filter and the body rates at t [s], the time of a picture."""
+        earlier = [one.state for one in self._applied if one.measurement.t <= t]
+        state = self._moved(t, earlier[-1] if earlier else self._oldest)
+        sample = next((one for one in self._samples if one.t >= t), None)
         rates = state.nominal.rates(sample) if sample else (0.0, 0.0, 0.0)
-        return self._tracker(photo, state, rates)
+        return StateSeen(state, rates)
 
     def covariance(self, t: float) -> np.ndarray:
         """Return the error covariance at t [s], propagated in one step.  (n, n)"""

@@ -17,9 +17,10 @@ import numpy as np
 
 from quadsim.course import Gate
 from quadsim.rotation import between, matrix
-from quadsim.sensing.config import NEAREST, BarometerConfig, CornerCamera, PoseConfig
-from quadsim.sensing.estimation.error_state import DRIFT, POSITION, TURN, VELOCITY, FilterState
+from quadsim.sensing.camera import NEAREST, BodyPose
+from quadsim.sensing.config import BarometerConfig, CornerCamera, PoseConfig
 from quadsim.sensing.measurements import Corners, Height, Pose
+from quadsim.sensing.state import DRIFT, POSITION, TURN, VELOCITY, FilterState
 
 # .999 quantiles of chi-square, by its degrees of freedom
 GATE = {1: 10.8, 2: 13.8, 3: 16.3}
@@ -130,35 +131,28 @@ class CornerUpdate:
         """
         self._config = config
         self._free = free
-        # rotation camera from body  (3, 3)
-        self._to_camera = config.axes.T
         self._map = np.array([gate.corners() for gate in gates])  # (gates, 4, 3)
 
     def __call__(self, state: FilterState, found: Corners) -> tuple[FilterState, Innovation]:
         """Return the state after the update by the corners of a picture, and its statistics."""
         camera = self._config
 
-        # Expected corners in the frames of body and camera.
-        R = matrix(state.nominal.attitude)
+        # Where the corners of the map are expected in the picture.
         points = self._map[found.gates, found.corners]
         if self._free:
             points = points + state.gates[found.gates]
-        body = (points - state.nominal.position) @ R  # (n, 3)
-        # right, down and ahead of the camera  (n, 3)
-        local = camera.local(body)
+        pose = BodyPose(np.array(state.nominal.position), matrix(state.nominal.attitude))
+        expected = camera.seen(points, pose)
 
         # Corners behind the camera are outliers; unconfirmed corners are left out.
-        ahead = np.flatnonzero((local[:, 2] > NEAREST) & self._confirmed(state, found.gates))
+        ahead = np.flatnonzero((expected.depth > NEAREST) & self._confirmed(state, found.gates))
         left_out = 2 * (len(points) - len(ahead))
         if not len(ahead):
             return state, Innovation(0.0, 0, left_out)
 
-        body = body[ahead]
-        local = local[ahead]
-        pixels, _ = camera.to_pixels(local)
-        H = self._jacobian(state, R, body, local, found.gates[ahead])
-        innovation = (found.pixels[ahead] - pixels).ravel()
-        depth = local[:, 2]
+        H = self._jacobian(state, expected.moves[ahead], found.gates[ahead])
+        innovation = (found.pixels[ahead] - expected.pixels[ahead]).ravel()
+        depth = expected.depth[ahead]
         turns = np.trace(state.P[TURN, TURN])
         moves = np.trace(state.P[POSITION, POSITION])
         curved = camera.fx * (turns + moves / depth**2)  # (n,)
@@ -180,50 +174,27 @@ class CornerUpdate:
         variance = np.diag(state.P)[state.first_gate :].reshape(-1, 3).max(axis=1)
         return (variance[gates] < FOUND**2) | (np.bincount(gates)[gates] > 1)
 
-    def _jacobian(
-        self,
-        state: FilterState,
-        R: np.ndarray,
-        body: np.ndarray,
-        local: np.ndarray,
-        gates: np.ndarray,
-    ) -> np.ndarray:
+    def _jacobian(self, state: FilterState, moves: np.ndarray, gates: np.ndarray) -> np.ndarray:
         """Return the Jacobian of the pixels with respect to the error state.
 
-        A corner c in the body frame is R^T (c - p), turned by -dtheta.
+        A gate that moves one way in the picture does what the vehicle does that moves the other.
 
         Args:
-            R: attitude, world from body  (3, 3).
-            body, local: corners in the frames of the body and of the camera [m]  (n, 3).
+            state: the state of the filter.
+            moves: of each corner by the error of the pose, see `Seen`  (n, 2, 6).
             gates: index of each corner's gate  (n,).
 
         Returns:
             (2 n, states)
         """
-        n = len(body)
-        fx = self._config.fx
-        fy = self._config.fy
-        x, y, z = local.T
-        by_local = np.zeros((n, 2, 3))
-        by_local[:, 0, 0] = fx / z
-        by_local[:, 1, 1] = fy / z
-        by_local[:, 0, 2] = -fx * x / z**2
-        by_local[:, 1, 2] = -fy * y / z**2
-        by_body = by_local @ self._to_camera  # (n, 2, 3)
-        by_world = by_body @ R.T
-
+        n = len(moves)
         H = np.zeros((n, 2, len(state.P)))
-        H[:, :, POSITION] = -by_world
-        # For a row a of by_body: a @ [b]_x = a x b.
-        a_x, a_y, a_z = by_body.transpose(2, 0, 1)
-        b_x, b_y, b_z = body.T[:, :, None]
-        H[:, :, TURN] = np.stack(
-            [a_y * b_z - a_z * b_y, a_z * b_x - a_x * b_z, a_x * b_y - a_y * b_x], axis=-1
-        )
+        H[:, :, POSITION] = moves[:, :, :3]
+        H[:, :, TURN] = moves[:, :, 3:]
         if self._free:
             first = state.first_gate + 3 * gates
             for k in range(3):
-                H[np.arange(n), :, first + k] = by_world[:, :, k]
+                H[np.arange(n), :, first + k] = -moves[:, :, k]
         return H.reshape(2 * n, -1)
 
 

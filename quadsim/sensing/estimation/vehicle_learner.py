@@ -43,8 +43,8 @@ from quadsim.dynamics.first_order import remaining, response
 from quadsim.dynamics.quadrotor import Control, ModelParams, State, thrust_axis, tilt_reserve
 from quadsim.rotation import Vec3, matrix
 from quadsim.sensing.config import ImuConfig
-from quadsim.sensing.estimation.nominal import Nominal
 from quadsim.sensing.estimation.prediction import Piece
+from quadsim.sensing.nominal import Nominal
 from quadsim.vehicle import GRAVITY
 from quadsim.vehicle.tolerances import VehicleTolerances
 

@@ -1,6 +1,6 @@
 """The edges of frames that a camera sees against what is behind them, and points on them.
 
-A frame is a box of depth FRAME_DEPTH with an opening. Of each of its four inner and four outer
+A frame is a box with an opening. Of each of its four inner and four outer
 sides, the camera sees the end nearer to it as a change of shade, or not at all, and the one against
 the background as a change of colour. The latter is the farther end of a side that faces the camera,
 and the nearer end of a side that is turned away.
@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from quadsim.course import Gate
-from quadsim.course.opening import FRAME_DEPTH, half_sizes, outer_half_sizes
-from quadsim.sensing.camera import Camera
+from quadsim.course.opening import half_sizes, outer_half_sizes
+from quadsim.sensing.camera import NEAREST, Camera, View
 from quadsim.sensing.visibility import BEFORE
 
 # largest number of points on an edge, and their distance in the picture [px]
@@ -26,8 +26,6 @@ FEW = 6
 NARROWEST = 1.5
 # share of an edge at either end that has no points, as two edges meet there
 ENDS = 0.06
-# [m] parts of edges with less depth are left out
-NEAREST = 0.3
 # [m] by which a line of sight must pass a frame
 BESIDE = 0.03
 # [m] by which a line of sight must enter the frame of a point's own gate to be stopped
@@ -36,15 +34,6 @@ WITHIN = 0.01
 SIDES = ((0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0))
 # Edges of a gate: four inner ones, then four outer ones, in the order of SIDES
 EDGES = 8
-
-
-class View(NamedTuple):
-    """A pose of the camera."""
-
-    # [m]  (3,)
-    eye: np.ndarray
-    # rotation world from camera  (3, 3)
-    axes: np.ndarray
 
 
 class Points(NamedTuple):
@@ -180,8 +169,7 @@ def visible_points(
         border: least distance of a point from the border of the picture [px].
     """
     ends = frames.edges(view.eye)
-    local = (ends.reshape(-1, 3) - view.eye) @ view.axes
-    local = local.reshape(-1, 2, 3)  # (G EDGES, 2, 3)
+    local = view.local(ends.reshape(-1, 3)).reshape(-1, 2, 3)  # (G EDGES, 2, 3)
     gate = np.repeat(np.arange(len(ends)), EDGES)
     edge = np.tile(np.arange(EDGES), len(ends))
     keep = seen_well(frames, view, longest)[gate] & (local[:, :, 2].max(axis=1) > NEAREST)
@@ -244,7 +232,7 @@ def seen_well(frames: Frames, view: View, longest: float) -> np.ndarray:
     """Return which gates are near enough, with an eye that is not in their plane.  (G,) bool"""
     away = np.linalg.norm(frames.centre - view.eye, axis=1)
     ahead = abs(frames.local(view.eye[None])[:, 0, 0])
-    return (away < longest) & (ahead > FRAME_DEPTH)
+    return (away < longest) & (ahead > frames.depth)
 
 
 def _inside(

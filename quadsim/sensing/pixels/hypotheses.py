@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from quadsim.sensing.camera import NEAREST, BodyPose
 from quadsim.sensing.config import CornerCamera
 from quadsim.sensing.pixels.edges import SIDES, Frames
 from quadsim.sensing.pixels.signal import sampled
@@ -22,16 +23,13 @@ ROUNDS = 4
 ON_BAR = 5
 # [px] width over which the signal is averaged in each round
 WIDTHS = (9, 5, 3, 3)
-# [m] parts of gates with less depth are not compared
-NEAREST = 0.4
 
 
 def best_pose(
     signal: np.ndarray,
     frames: Frames,
     camera: CornerCamera,
-    position: np.ndarray,
-    body: np.ndarray,
+    pose: BodyPose,
     P: np.ndarray,
 ) -> np.ndarray:
     """Return the error of a pose, position [m] and turn in the body frame [rad].  (6,)
@@ -40,8 +38,7 @@ def best_pose(
         signal: weight of the gates' colour in each pixel  (height, width).
         frames: the frames of the map.
         camera: the camera.
-        position: of the vehicle, as it is estimated [m]  (3,).
-        body: its attitude, world from body  (3, 3).
+        pose: of the vehicle, as it is estimated.
         P: covariance of position and turn  (6, 6).
     """
     # imported here, as it takes a while
@@ -56,7 +53,7 @@ def best_pose(
         errors = centre + normal @ factor.T
         # The distribution's own centre is among them.
         errors[0] = centre
-        scores = _scores(smooth, bars, beside, camera, position, body, errors)
+        scores = _scores(smooth, bars, beside, camera, pose, errors)
         best = errors[np.argsort(-scores, kind="stable")[:BEST]]
         centre = best[0] if round_ == ROUNDS - 1 else best.mean(axis=0)
         spread = np.cov(best.T) + 1e-8 * np.eye(6)
@@ -103,15 +100,14 @@ def _scores(
     bars: np.ndarray,
     beside: np.ndarray,
     camera: CornerCamera,
-    position: np.ndarray,
-    body: np.ndarray,
+    pose: BodyPose,
     errors: np.ndarray,
 ) -> np.ndarray:
     """Return how well each pose explains the picture.  (n,)"""
-    near = np.linalg.norm(bars - position, axis=1) < camera.range
+    near = np.linalg.norm(bars - pose.position, axis=1) < camera.range
     points = np.concatenate([bars[near, None], beside[near]], axis=1)  # (m, 3, 3)
-    turned = body @ _turns(errors[:, 3:])  # (n, 3, 3)
-    away = points.reshape(-1, 3) - position - errors[:, None, :3]  # (n, 3 m, 3)
+    turned = pose.body @ _turns(errors[:, 3:])  # (n, 3, 3)
+    away = points.reshape(-1, 3) - pose.position - errors[:, None, :3]  # (n, 3 m, 3)
     local = (away @ turned - np.asarray(camera.position)) @ camera.axes
     flat = local.reshape(-1, 3)
     pixels, depth = camera.to_pixels(flat)

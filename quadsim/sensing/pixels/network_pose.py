@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quadsim.rotation import exp, matrix
+from quadsim.sensing.camera import NEAREST, BodyPose
 from quadsim.sensing.config import CornerCamera
 from quadsim.sensing.pixels.edges import Frames
 from quadsim.sensing.pixels.network import FoundGate
@@ -32,8 +32,6 @@ POSSIBLE = {4: 24.0, 6: 28.0, 8: 32.0}
 FEWEST = 3
 # steps of the Gauss-Newton method
 STEPS = 4
-# [m] least depth of a corner
-NEAREST = 0.2
 
 
 class Matched(NamedTuple):
@@ -60,8 +58,7 @@ class Place:
         self,
         frames: Frames,
         camera: CornerCamera,
-        position: np.ndarray,
-        body: np.ndarray,
+        pose: BodyPose,
         P: np.ndarray,
         late: np.ndarray,
     ):
@@ -70,15 +67,13 @@ class Place:
         Args:
             frames: the frames of the map.
             camera: the camera.
-            position: of the vehicle [m]  (3,).
-            body: its attitude, world from body  (3, 3).
+            pose: of the vehicle.
             P: covariance of position and turn  (6, 6).
             late: how far each corner moves until its row is exposed [px]  (gates, 4, 2).
         """
         self._frames = frames
         self._camera = camera
-        self._position = position
-        self._body = body
+        self._pose = pose
         self.late = late.reshape(-1, 4, 2)
         self._late = late.reshape(-1, 2)
         self._points = frames.corners.reshape(-1, 3)
@@ -91,30 +86,16 @@ class Place:
         Returns:
             (gates, 4, 2) and (gates, 4)
         """
-        body, _ = self._local(error, np.arange(len(self._points)))
-        pixels, depth = self._camera.to_pixels(self._camera.local(body))
+        pixels, depth, _ = self._camera.seen(self._points, self._pose.corrected(error))
         pixels = np.where(depth[:, None] > NEAREST, pixels + self._late, np.nan)
         return pixels.reshape(-1, 4, 2), depth.reshape(-1, 4)
 
     def linear(self, error: np.ndarray, matched: Matched) -> tuple[np.ndarray, np.ndarray]:
         """Return innovation and Jacobian of corners at a pose.  (2 n,) and (2 n, 6)"""
         index = 4 * matched.gate + matched.corner
-        body, R = self._local(error, index)
-        local = self._camera.local(body)
-        x, y, z = local.T
-        z = np.maximum(z, NEAREST)
-        at = np.column_stack([x, y]) / z[:, None] * (self._camera.fx, self._camera.fy)
-        at += np.array([self._camera.width, self._camera.height]) / 2 + self._late[index]
-        by_local = np.zeros((len(index), 2, 3))
-        by_local[:, 0, 0] = self._camera.fx / z
-        by_local[:, 1, 1] = self._camera.fy / z
-        by_local[:, 0, 2] = -self._camera.fx * x / z**2
-        by_local[:, 1, 2] = -self._camera.fy * y / z**2
-        by_body = by_local @ self._camera.axes.T
-        # A corner in the body frame, R^T (c - p), is turned by -dtheta: a row a gives a x b.
-        by_turn = np.cross(by_body, body[:, None, :])
-        H = np.concatenate([-by_body @ R.T, by_turn], axis=2).reshape(-1, 6)
-        return (matched.pixel - at).ravel(), H
+        seen = self._camera.seen(self._points[index], self._pose.corrected(error))
+        innovation = matched.pixel - seen.pixels - self._late[index]
+        return innovation.ravel(), seen.moves.reshape(-1, 6)
 
     def fit(self, matched: Matched) -> np.ndarray:
         """Return the likeliest error of the pose, given corners and the filter's covariance.
@@ -145,13 +126,9 @@ class Place:
         return bool(nis < POSSIBLE[len(innovation)])
 
     def _depth(self, matched: Matched) -> np.ndarray:
-        body, _ = self._local(np.zeros(6), 4 * matched.gate + matched.corner)
-        return np.maximum(self._camera.local(body)[:, 2], NEAREST)
-
-    def _local(self, error: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return corners in the body frame [m], and the attitude of a pose."""
-        R = self._body @ matrix(exp(error[3:].tolist()))
-        return (self._points[index] - self._position - error[:3]) @ R, R
+        """Return the depth of corners at the filter's pose [m], at least NEAREST.  (n,)"""
+        seen = self._camera.seen(self._points[4 * matched.gate + matched.corner], self._pose)
+        return np.maximum(seen.depth, NEAREST)
 
 
 def explained(found: Sequence[FoundGate], place: Place) -> Explained | None:

@@ -13,13 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quadsim.rotation import exp, matrix
-from quadsim.sensing.camera import Camera
-from quadsim.sensing.estimation.error_state import POSITION, TURN, FilterState
-from quadsim.sensing.pixels.edges import EDGES, Points, View
+from quadsim.rotation import matrix
+from quadsim.sensing.camera import BodyPose, Camera
+from quadsim.sensing.pixels.edges import EDGES, Points
+from quadsim.sensing.state import POSITION, TURN, FilterState
 
-# [m]
-NEAREST = 0.2
 # [px] standard deviation of an end of a line
 END_STD = 1.0
 # [px] distance from which on a line counts little, in the rounds of the fit
@@ -29,31 +27,21 @@ SCALES = (16.0, 8.0, 4.0, 3.0, 3.0)
 class Guess(NamedTuple):
     """A pose of the vehicle, and what is known of its error."""
 
-    # [m]  (3,)
-    position: np.ndarray
-    # world from body  (3, 3)
-    body: np.ndarray
+    pose: BodyPose
     # covariance of the error of the position [m] and of the turn in the body frame [rad]  (6, 6)
     P: np.ndarray
     # variance of each gate's displacement from the map [m^2]  (G,)
     displaced: np.ndarray
 
-    def view(self, camera: Camera) -> View:
-        """Return the pose of the camera."""
-        return View(
-            self.position + self.body @ np.asarray(camera.position), self.body @ camera.axes
-        )
-
     def corrected(self, error: np.ndarray, P: np.ndarray) -> Guess:
         """Return the pose after a correction by an error  (6,), with another covariance."""
-        turned = self.body @ matrix(exp(error[3:].tolist()))
-        return self._replace(position=self.position + error[:3], body=turned, P=P)
+        return self._replace(pose=self.pose.corrected(error), P=P)
 
     def spread(self, J: np.ndarray, gate: np.ndarray) -> np.ndarray:
         """Return the covariance of pixels that move by J with the error of the pose [px^2].
 
         Args:
-            J: by `pixel_moves`, or along one direction, (n, k, 6).
+            J: as in `Seen`, or along one direction, (n, k, 6).
             gate: of each pixel  (n,).
 
         Returns:
@@ -64,6 +52,12 @@ class Guess(NamedTuple):
         return J @ self.P @ J.transpose(0, 2, 1) + loose
 
 
+def pose_covariance(state: FilterState) -> np.ndarray:
+    """Return the covariance of the errors of position [m] and turn [rad] of a state.  (6, 6)"""
+    block = np.r_[POSITION, TURN]
+    return state.P[np.ix_(block, block)]
+
+
 def guess_of(state: FilterState, gates: int) -> Guess:
     """Return the pose of a filter's state with its covariance.
 
@@ -71,46 +65,19 @@ def guess_of(state: FilterState, gates: int) -> Guess:
         state: the state of the filter.
         gates: number of gates of the map.
     """
-    block = np.r_[POSITION, TURN]
-    P = state.P[np.ix_(block, block)]
+    P = pose_covariance(state)
     # What is beyond the vehicle's own error is the gate's.
     loose = state.gate_std(gates) ** 2 - P.diagonal()[:3].max()
     return Guess(
-        np.array(state.nominal.position),
-        matrix(state.nominal.attitude),
+        BodyPose(np.array(state.nominal.position), matrix(state.nominal.attitude)),
         P,
         np.maximum(loose, 0.0),
     )
 
 
-def pixel_moves(points: np.ndarray, camera: Camera, guess: Guess) -> np.ndarray:
-    """Return how pixels of points move with the error of a pose.
-
-    Args:
-        points: in the world [m]; what is nearer than NEAREST along the optical axis counts as there
-            (n, 3).
-        camera: the camera.
-        guess: the pose.
-
-    Returns:
-        [px/m] for the position, [px/rad] for the turn  (n, 2, 6)
-    """
-    away = (points - guess.position) @ guess.body
-    x, y, z = ((away - np.asarray(camera.position)) @ camera.axes).T
-    z = np.maximum(z, NEAREST)
-    by_place = np.zeros((len(points), 2, 3))
-    by_place[:, 0, 0] = camera.fx / z
-    by_place[:, 1, 1] = camera.fy / z
-    by_place[:, 0, 2] = -camera.fx * x / z**2
-    by_place[:, 1, 2] = -camera.fy * y / z**2
-    by_body = by_place @ camera.axes.T
-    # The body frame turns by t: a point at b in it moves to b + b x t.
-    return np.concatenate([-by_body @ guess.body.T, np.cross(by_body, away[:, None])], axis=2)
-
-
-def normal_moves(points: Points, camera: Camera, guess: Guess) -> np.ndarray:
-    """Return `pixel_moves` along the normals of points on edges.  (n, 1, 6)"""
-    return points.normal[:, None] @ pixel_moves(points.position, camera, guess)
+def normal_moves(points: Points, camera: Camera, pose: BodyPose) -> np.ndarray:
+    """Return how points on edges move along their normals with the error of a pose.  (n, 1, 6)"""
+    return points.normal[:, None] @ camera.seen(points.position, pose).moves
 
 
 class Fit(NamedTuple):
@@ -130,7 +97,7 @@ def fitted(guess: Guess, camera: Camera, points: Points, shift: np.ndarray) -> F
         points: the points at the lines' ends.
         shift: how far each is from where it is expected, along its normal [px]  (n,).
     """
-    moves = normal_moves(points, camera, guess)
+    moves = normal_moves(points, camera, guess.pose)
     J = moves[:, 0]
     loose = guess._replace(P=np.zeros((6, 6))).spread(moves, points.gate)[:, 0, 0]
     before = np.linalg.inv(guess.P + 1e-12 * np.eye(6))

@@ -9,15 +9,14 @@ from typing import NamedTuple
 import numpy as np
 
 from quadsim.course import Gate
-from quadsim.rotation import Vec3, exp, matrix
+from quadsim.rotation import Vec3
+from quadsim.sensing.camera import NEAREST, BodyPose, View
 from quadsim.sensing.config import PixelCameraConfig
-from quadsim.sensing.estimation.error_state import POSITION, TURN, FilterState
 from quadsim.sensing.measurements import Corners, Photo
 from quadsim.sensing.pixels.edges import (
     EDGES,
     Frames,
     Points,
-    View,
     seen_well,
     taken,
     visible_points,
@@ -32,8 +31,10 @@ from quadsim.sensing.pixels.pose_fit import (
     guess_of,
     line_ends,
     normal_moves,
+    pose_covariance,
 )
 from quadsim.sensing.pixels.signal import ORANGE, Signal, Steps, steps
+from quadsim.sensing.state import FilterState
 
 # [px] least and largest distance from the expected place at which an edge is searched for. If it
 # may be farther away, other poses are tried first.
@@ -44,8 +45,6 @@ WITHIN = 3.0
 STEADY = 2.0
 # [m] distance of gates if none is expected in the picture
 TYPICAL = 10.0
-# [m] least depth of a corner that a network's gates are compared with
-CLOSEST = 0.2
 # A gate is looked for by the network if it is nearer than WANTED [m], if at least IN_VIEW of its
 # corners are in view, and if the edges give fewer than ENOUGH of them.
 WANTED = 15.0
@@ -124,13 +123,13 @@ class Tracker:
             best = None
             if self._network:
                 found_gates = self._network(photo.rgb)
-                place = self._place(frames, guess.position, guess.body, state, rates)
+                place = self._place(frames, guess.pose, state, rates)
                 best = explained(found_gates, place)
             # Without a network, or if its gates show no pose, the picture itself is compared.
-            if best:
-                error = best.error
+            if best is None:
+                error = best_pose(signal, frames, config, guess.pose, guess.P)
             else:
-                error = best_pose(signal, frames, config, guess.position, guess.body, guess.P)
+                error = best.error
             guess = guess.corrected(error, guess.P)
             points, _ = self._expected(frames, guess)
             reach = np.full(1, FOUND_REACH)
@@ -151,12 +150,10 @@ class Tracker:
         bad = off > WRONG
         found = without(seen.lines, points.gate[ends[bad]], points.edge[ends[bad]])
 
-        view = guess.view(config)
+        view = config.carried(guess.pose)
         moved = corners(found, points, self._ends(frames, view))
-        expected, depth = config.to_pixels(
-            (frames.corners[moved.gate, moved.corner] - view.eye) @ view.axes
-        )
-        ahead = depth > 0.2
+        expected, depth = config.to_pixels(view.local(frames.corners[moved.gate, moved.corner]))
+        ahead = depth > NEAREST
         pixels = expected + moved.shift
         result = Corners(
             photo.t,
@@ -169,7 +166,7 @@ class Tracker:
         if self._network and self._lacking(result, frames, view):
             if found_gates is None:
                 found_gates = self._network(photo.rgb)
-            place = self._place(frames, guess.position, guess.body, state, rates)
+            place = self._place(frames, guess.pose, state, rates)
             result = self._filled(
                 result, found_gates, frames, place, min(float(reach.max()), LARGEST)
             )
@@ -178,8 +175,7 @@ class Tracker:
     def _place(
         self,
         frames: Frames,
-        position: np.ndarray,
-        body: np.ndarray,
+        pose: BodyPose,
         state: FilterState,
         rates: Vec3,
     ) -> Place:
@@ -187,21 +183,18 @@ class Tracker:
 
         Args:
             frames: the frames of the map.
-            position: of the vehicle [m]  (3,).
-            body: its attitude, world from body  (3, 3).
+            pose: of the vehicle.
             state: the filter's state, for its velocity and covariance.
             rates: body rates [rad/s].
         """
-        view = self._view(position, body)
         corners = frames.corners.reshape(-1, 3)
-        pixel, depth = self._config.to_pixels((corners - view.eye) @ view.axes)
-        pixel[depth < CLOSEST] = np.nan
+        pixel, depth = self._config.to_pixels(self._config.carried(pose).local(corners))
+        pixel[depth < NEAREST] = np.nan
         number = np.zeros(len(corners), int)
         points = Points(number, number, corners, pixel, pixel, np.zeros(len(corners)))
-        late = self._late(points, position, body, np.array(state.nominal.velocity), rates)
-        block = np.r_[POSITION, TURN]
-        P = state.P[np.ix_(block, block)]
-        return Place(frames, self._config, position, body, P, np.nan_to_num(late))
+        late = self._late(points, pose, np.array(state.nominal.velocity), rates)
+        P = pose_covariance(state)
+        return Place(frames, self._config, pose, P, np.nan_to_num(late))
 
     def _filled(
         self, corners: Corners, found: list[FoundGate], frames: Frames, place: Place, near: float
@@ -239,11 +232,10 @@ class Tracker:
     def _lacking(self, corners: Corners, frames: Frames, view: View) -> bool:
         """Return whether a gate lacks corners of which the camera should see them."""
         points = frames.corners.reshape(-1, 3)
-        local = (points - view.eye) @ view.axes
-        pixels, depth = self._config.to_pixels(local)
+        pixels, depth = self._config.to_pixels(view.local(points))
         gates = len(frames.centre)
         own = np.repeat(np.arange(gates), 4)
-        seen = self._config.in_picture(pixels) & (depth > CLOSEST)
+        seen = self._config.in_picture(pixels) & (depth > NEAREST)
         seen &= ~frames.hide(points, own, view.eye)
         wanted = np.bincount(own[seen], minlength=gates) >= IN_VIEW
         wanted &= seen_well(frames, view, WANTED)
@@ -255,10 +247,10 @@ class Tracker:
         If there are no points, there is one distance that is typical.
         """
         config = self._config
-        view = guess.view(config)
+        view = config.carried(guess.pose)
         points = visible_points(frames, view, config, config.range, border=BORDER)
         if len(points.gate):
-            variance = guess.spread(normal_moves(points, config, guess), points.gate)[:, 0, 0]
+            variance = guess.spread(normal_moves(points, config, guess.pose), points.gate)[:, 0, 0]
         else:
             variances = np.diag(guess.P)
             typical = variances[3:].mean() + variances[:3].mean() / TYPICAL**2
@@ -285,21 +277,15 @@ class Tracker:
             rates: body rates [rad/s].
         """
         velocity = np.array(state.nominal.velocity)
-        late = self._late(points, guess.position, guess.body, velocity, rates)
+        late = self._late(points, guess.pose, velocity, rates)
         reach = np.broadcast_to(np.clip(reach, LEAST, LARGEST), len(points.gate))
         found = steps(signal, points.pixel + late, points.normal, reach)
         return Seen(found, *lines(points, found, len(self._frames.centre)))
 
-    def _view(self, position: np.ndarray, body: np.ndarray) -> View:
-        """Return the pose of the camera."""
-        config = self._config
-        return View(position + body @ np.asarray(config.position), body @ config.axes)
-
     def _late(
         self,
         points: Points,
-        position: np.ndarray,
-        body: np.ndarray,
+        pose: BodyPose,
         velocity: np.ndarray,
         rates: Vec3,
     ) -> np.ndarray:
@@ -308,10 +294,8 @@ class Tracker:
         if not config.readout or not len(points.pixel):
             return np.zeros((len(points.pixel), 2))
         half = 0.5 * config.readout
-        rx, ry, rz = rates
-        turned = body @ matrix(exp((rx * half, ry * half, rz * half)))
-        later = self._view(position + half * velocity, turned)
-        pixel, _ = config.to_pixels((points.position - later.eye) @ later.axes)
+        moved = pose.corrected(half * np.array([*velocity, *rates]))
+        pixel, _ = config.to_pixels(config.carried(moved).local(points.position))
         # per unit of (v / height - 1 / 2)
         flow = 2.0 * (pixel - points.pixel)
         share = points.pixel[:, 1] / config.height - 0.5
@@ -324,19 +308,19 @@ class Tracker:
 
         Both are on the picture of the edge between its ends; parts behind the camera have no ends.
         """
-        local = (frames.edges(view.eye).reshape(-1, 3) - view.eye) @ view.axes
+        local = view.local(frames.edges(view.eye).reshape(-1, 3))
         pixels, depth = self._config.to_pixels(local)
         pixels = pixels.reshape(-1, EDGES, 2, 2)
         length = np.linalg.norm(pixels[:, :, 1] - pixels[:, :, 0], axis=-1)
-        ahead = (depth.reshape(-1, EDGES, 2) > 0.3).all(axis=-1)
+        ahead = (depth.reshape(-1, EDGES, 2) > NEAREST).all(axis=-1)
         half = np.where(ahead, 0.5 * length, np.nan)
         return np.stack([-half, half], axis=-1)
 
     def _in_view(self, frames: Frames, view: View) -> int:
         """Return how many corners are expected in the picture."""
-        local = (frames.corners.reshape(-1, 3) - view.eye) @ view.axes
+        local = view.local(frames.corners.reshape(-1, 3))
         pixels, depth = self._config.to_pixels(local)
-        inside = self._config.in_picture(pixels) & (depth > 0.1)
+        inside = self._config.in_picture(pixels) & (depth > NEAREST)
         near = np.linalg.norm(local, axis=1) < self._config.range
         own = np.repeat(np.arange(len(frames.centre)), 4)
         points = frames.corners.reshape(-1, 3)
