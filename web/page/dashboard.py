@@ -19,7 +19,7 @@ from quadsim.web.next_start import NextStart
 from quadsim.web.offered_presets import offered_presets
 from quadsim.web.page.board import EVERYBODY, Board
 from quadsim.web.page.camera import Camera, set_initial_camera
-from quadsim.web.page.charts import Charts
+from quadsim.web.page.charts import answer_signals
 from quadsim.web.page.competitor_forms import ChooseRow, CompetitorForm, NumbersForm
 from quadsim.web.page.course_editor import CourseEditor
 from quadsim.web.page.due import Beat, Due
@@ -121,8 +121,8 @@ class Dashboard:
         self._camera = Camera(server)
         self.board = Board(link, seats, self._camera)
         Playback(link, session, viewing, seats, self._camera)
-        self._joining = Joining(link, session.cockpit, viewing, seats, self._camera)
-        self._charts = Charts(link, viewing)
+        self._joining = Joining(self.board, session.cockpit, viewing, seats, self._camera)
+        answer_signals(link, viewing)
         self._pictures = Pictures(self.board)
         self._editor = CourseEditor(session, self.start)
         self._competitors = CompetitorForm(self.desk)
@@ -205,7 +205,7 @@ class Dashboard:
             self._update_shared(s, state)
         for number, visitor in visitors.items():
             if number not in self._screens:
-                self._screens[number] = Screen(self.board, self._charts, visitor, s)
+                self._screens[number] = Screen(self.board, visitor, s)
             self._screens[number].update(seen[number], self._rest, beats)
         self._update_pictures({number: seen[number] for number in visitors})
         self._moments.forget_others()

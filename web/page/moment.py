@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from quadsim.web.lap_timing import LapTiming, at_place_of_first, lap_timings
 from quadsim.web.limit_race import limit_race
-from quadsim.web.page.charts import Curves, curves_of
+from quadsim.web.page.charts import RaceCurves, curves_of
 from quadsim.web.page.laps import chatter, laps
 from quadsim.web.page.sectors import sectors
 from quadsim.web.page.timing import events, planner
@@ -60,9 +60,9 @@ class Moment:
         return tree(planner(self.timings[0]))
 
     @cached_property
-    def curves(self) -> list[Curves]:
+    def curves(self) -> RaceCurves:
         """The charts that are not over time."""
-        return curves_of(self.timings)
+        return curves_of(self.s.race, self.timings)
 
     @cached_property
     def chatter(self) -> Element:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from quadsim.web.page.board import Board, PartName
-from quadsim.web.page.charts import Charts
 from quadsim.web.page.head import Head, head_of
 from quadsim.web.page.link import LinkVisitor
 from quadsim.web.page.moment import Moment
@@ -71,9 +70,8 @@ class Screen:
         s: the race when the visitor came; its notices are not shown any more.
     """
 
-    def __init__(self, board: Board, charts: Charts, visitor: LinkVisitor, s: Snapshot):
+    def __init__(self, board: Board, visitor: LinkVisitor, s: Snapshot):
         self._board = board
-        self._charts = charts
         self._visitor = visitor
         self._told = {notice.number for notice in s.notices}
         self._shown: dict[str, object] = {}
@@ -97,7 +95,6 @@ class Screen:
     def forget(self) -> None:
         """Forget the visitor, who has left."""
         self._board.forget(self._visitor.number)
-        self._charts.forget(self._visitor.number)
 
     def _update_tables(self, seen: Seen, rest: Rest) -> None:
         """Show head, map, tower and the tables that are open."""
@@ -129,9 +126,9 @@ class Screen:
             self._put("laps", moment.laps if is_drawn else tree(""))
 
     def _update_slow(self, moment: Moment) -> None:
-        """Show the curves that are not over time, and the chatter."""
-        if self._is_new("curves", moment):
-            self._charts.put(self._visitor.number, moment.s.race, moment.curves)
+        """Show the curves that are not over time, and the chatter, if their tabs are open."""
+        if self._is_wanted("curves") and self._is_new("curves", moment):
+            self._put("curves", moment.curves)
         if self._is_wanted("chatter") and self._is_new("chatter", moment):
             self._put("chatter", moment.chatter)
 
