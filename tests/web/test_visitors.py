@@ -10,12 +10,12 @@ from wire import link, visit
 
 from quadsim.web.competitor import POSITION
 from quadsim.web.notices import Notices
+from quadsim.web.page.elements import EMPTY
 from quadsim.web.page.head import Head
 from quadsim.web.page.moment import Moments
 from quadsim.web.page.playback import FLIES
 from quadsim.web.page.screen import Beats, Rest, Screen, Seen
 from quadsim.web.page.stage import Stage
-from quadsim.web.page.tree import tree
 from quadsim.web.playhead import Playhead
 from quadsim.web.race import PageRace
 from quadsim.web.snapshot import Snapshot
@@ -171,7 +171,7 @@ def test_a_notice_of_an_event_comes_when_its_time_is_watched():
     sent = Sent()
     moments = Moments()
     screen = Screen(sent, sent, s)
-    rest = Rest(Head("rest", []), Head("editing", []), tree(""))
+    rest = Rest(Head("rest", []), Head("editing", []), EMPTY)
     notices.add("error", "at once", "")
     notices.add("lap", "of one second", "", 1.0)
     s = replace(s, notices=notices.recent)
@@ -197,7 +197,7 @@ def test_who_is_sent_less_gets_tables_with_the_slow_beat():
     moments = Moments()
     s = Snapshot(t=1.0, end=entry.last_t, flown=entry.last_t, competitors=(entry,), race=1)
     screen = Screen(sent, sent, s)
-    rest = Rest(Head("rest", []), Head("editing", []), tree(""))
+    rest = Rest(Head("rest", []), Head("editing", []), EMPTY)
 
     def parts(light, beats):
         sent.parts.clear()
@@ -219,7 +219,7 @@ def test_what_stands_in_a_hidden_tab_is_neither_made_nor_sent(shows, made):
     sent = Sent(shows)
     s = Snapshot(t=1.0, end=entry.last_t, flown=entry.last_t, competitors=(entry,), race=1)
     screen = Screen(sent, sent, s)
-    rest = Rest(Head("rest", []), Head("editing", []), tree(""))
+    rest = Rest(Head("rest", []), Head("editing", []), EMPTY)
     moment = Moments().of(s)
     stage = Stage(entry.course, 1, (entry,))
     screen.update(Seen(moment, View(), stage, False), rest, Beats(True, True))

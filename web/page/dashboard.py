@@ -23,6 +23,7 @@ from quadsim.web.page.charts import answer_signals
 from quadsim.web.page.competitor_forms import ChooseRow, CompetitorForm, NumbersForm
 from quadsim.web.page.course_editor import CourseEditor
 from quadsim.web.page.due import Beat, Due
+from quadsim.web.page.elements import EMPTY
 from quadsim.web.page.export_form import ExportForm
 from quadsim.web.page.flight_controls import FlightControls
 from quadsim.web.page.flight_numbers import FlightNumbersForm
@@ -40,7 +41,6 @@ from quadsim.web.page.seeds_table import seeds_of
 from quadsim.web.page.server import PageServer
 from quadsim.web.page.stage import Stage
 from quadsim.web.page.time_line import time_line_of
-from quadsim.web.page.tree import tree
 from quadsim.web.page.view_form import ViewForm
 from quadsim.web.page.visitor_scene import VisitorScene
 from quadsim.web.race import PageRace
@@ -101,7 +101,7 @@ class Dashboard:
         self._scenes: dict[int, VisitorScene] = {}  # by the numbers of viser's visitors
         self._screens: dict[int, Screen] = {}  # by the numbers of the link's visitors
         self._moments = Moments()
-        self._rest = Rest(Head("rest", []), Head("editing", []), tree(""))
+        self._rest = Rest(Head("rest", []), Head("editing", []), EMPTY)
         self._race = 0  # number of the last race
         self._passed_over: Course | None = None  # course that was chosen during that race
         self._factor = self.desk.state.factor  # race seconds per second that flights have
@@ -325,9 +325,9 @@ class Dashboard:
         if self._coming_due((line_up, state.world, state.race.course)):
             self._rest = replace(self._rest, head=coming_head(state, line_up))
         if self._edited_due(self._editor.shown):
-            said = tree(self._editor.said())
+            said = self._editor.said()
             self._rest = replace(
                 self._rest,
                 edited=Head("editing", [Word("Course editor")], more=said),
-                edited_map=tree(self._editor.map()),
+                edited_map=self._editor.map(),
             )

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from quadsim.web.page.board import Board, PartName
+from quadsim.web.page.elements import EMPTY, Element
 from quadsim.web.page.head import Head, head_of
 from quadsim.web.page.link import LinkVisitor
 from quadsim.web.page.moment import Moment
@@ -13,7 +14,6 @@ from quadsim.web.page.playback import Shown
 from quadsim.web.page.stage import Stage
 from quadsim.web.page.time_line import now_of
 from quadsim.web.page.tower import Tower
-from quadsim.web.page.tree import Element, tree
 from quadsim.web.snapshot import SAME, Snapshot
 from quadsim.web.view import View
 
@@ -112,7 +112,7 @@ class Screen:
         if is_drawn:
             drawn = moment.drawn(by_place)
             name = ("map", by_place)
-            self._put("map", moment.once(name, lambda: tree(stage.map.draw(drawn))))
+            self._put("map", moment.once(name, lambda: stage.map.draw(drawn)))
             self._put("tower", moment.tower)
         elif not stage.race:
             self._put("map", stage.plain_map)
@@ -123,7 +123,7 @@ class Screen:
         if "events" in wanted and self._is_new("events", past):
             self._put("events", moment.events)
         if "laps" in wanted and self._is_new("laps", past):
-            self._put("laps", moment.laps if is_drawn else tree(""))
+            self._put("laps", moment.laps if is_drawn else EMPTY)
 
     def _update_slow(self, moment: Moment) -> None:
         """Show the curves that are not over time, and the chatter, if their tabs are open."""
