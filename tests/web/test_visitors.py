@@ -222,7 +222,8 @@ def test_what_stands_in_a_hidden_tab_is_neither_made_nor_sent(shows, made):
     rest = Rest(Head("rest", []), Head("editing", []), EMPTY)
     moment = Moments().of(s)
     stage = Stage(entry.course, 1, (entry,))
-    screen.update(Seen(moment, View(), stage, False), rest, Beats(True, True))
+    # a tab that has just been opened waits for no slow beat
+    screen.update(Seen(moment, View(), stage, False), rest, Beats(tables=True, slow=False))
     assert set(sent.parts) == {"now", "head", "map", "tower"} | made
     assert ("curves" in vars(moment)) == ("curves" in made)
 

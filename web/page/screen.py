@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -17,7 +18,9 @@ from quadsim.web.page.tower import Tower
 from quadsim.web.snapshot import SAME, Snapshot
 from quadsim.web.view import View
 
-TABLES: tuple[PartName, ...] = ("planner", "events", "laps")  # that are made while they are shown
+# Parts that are made while they are shown; the slow ones once a second
+TABLES: tuple[PartName, ...] = ("planner", "events", "laps")
+SLOW: tuple[PartName, ...] = ("curves", "chatter")
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +78,7 @@ class Screen:
         self._visitor = visitor
         self._told = {notice.number for notice in s.notices}
         self._shown: dict[str, object] = {}
+        self._slow: set[PartName] = set()  # slow parts whose tab was open at the last update
 
     def update(self, seen: Seen, rest: Rest, beats: Beats) -> None:
         """Show what has changed.
@@ -88,8 +92,11 @@ class Screen:
         tables_are_due = beats.slow if seen.view.light else beats.tables
         if tables_are_due:
             self._update_tables(seen, rest)
-        if beats.slow and seen.is_drawn:
-            self._update_slow(seen.moment)
+        # Whoever opens the tab of a slow part does not wait for the next beat.
+        slow = {name for name in SLOW if self._is_wanted(name)}
+        if seen.is_drawn and (beats.slow or slow - self._slow):
+            self._update_slow(seen.moment, slow)
+        self._slow = slow
         self._notify(seen.moment.s)
 
     def forget(self) -> None:
@@ -125,11 +132,11 @@ class Screen:
         if "laps" in wanted and self._is_new("laps", past):
             self._put("laps", moment.laps if is_drawn else EMPTY)
 
-    def _update_slow(self, moment: Moment) -> None:
+    def _update_slow(self, moment: Moment, wanted: Container[PartName]) -> None:
         """Show the curves that are not over time, and the chatter, if their tabs are open."""
-        if self._is_wanted("curves") and self._is_new("curves", moment):
+        if "curves" in wanted and self._is_new("curves", moment):
             self._put("curves", moment.curves)
-        if self._is_wanted("chatter") and self._is_new("chatter", moment):
+        if "chatter" in wanted and self._is_new("chatter", moment):
             self._put("chatter", moment.chatter)
 
     def _notify(self, s: Snapshot) -> None:
