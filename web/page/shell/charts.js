@@ -3,6 +3,7 @@
 // replay; the wheel zooms; a double click shows everything, or follows the race again.
 import { make } from "./dom.js";
 import { on, send } from "./link.js";
+import { alsoShows, show } from "./parts.js";
 import { extent, rowsIn, scale, text, ticks, valueAt, zoomed, zoomedInTime } from "./scales.js";
 
 const ASK = 100; // [ms] between two questions while the race moves
@@ -20,9 +21,9 @@ const HINT = "press or drag: move the time; Ctrl + wheel: zoom; double click: al
 const GRID = "#2c3038";
 const TEXT = "#b4bcc8";
 
-let race = { race: 0, lines: [], frames: [], laps: [], t: 0, end: 0, curves: 0 };
+let race = { race: 0, lines: [], frames: [], laps: [], t: 0, end: 0 }; // of the charts over time
 let signals = [];
-let curves = [];
+let curves = { race: 0, lines: [], charts: [] }; // of the others
 const off = new Set(); // titles of the signals that are not shown
 const hidden = new Set(); // names of the competitors that are not shown
 let time = { from: 0, span: SPAN, follows: true }; // the window of all charts over time
@@ -31,11 +32,13 @@ let pointer = null; // { key, x }: the place of the pointer, on all charts over 
 let pressed = false;
 let waiting = 0; // since when an answer is waited for [ms]; 0: none is
 
+// Whether the charts of a tab can be seen; what cannot be seen is not asked for.
+const isSeen = (tab) => document.querySelector(`[data-charts="${tab}"]`).clientWidth > 0;
+
 function ask() {
-  const open = document.querySelector("[data-charts]") && !document.hidden;
-  if (open && Date.now() - waiting > PATIENCE) {
+  if (isSeen("Signals") && !document.hidden && Date.now() - waiting > PATIENCE) {
     const frames = race.frames.map((columns) => columns.t.length);
-    const sent = send({ type: "ask_charts", race: race.race, frames, curves: race.curves });
+    const sent = send({ type: "ask_signals", race: race.race, frames });
     waiting = sent ? Date.now() : 0;
   }
   setTimeout(ask, race.is_playing ? ASK : REST);
@@ -59,9 +62,14 @@ function received(answer) {
       for (const value of values) frames[k][name].push(value);
     }
   });
-  if (answer.charts) curves = answer.charts;
   race = { ...answer, frames, lines: toldApart(answer.lines) };
   follow();
+  draw();
+}
+
+function receivedCurves(found) {
+  if (found.race !== curves.race) hidden.clear();
+  curves = { ...found, lines: toldApart(found.lines) };
   draw();
 }
 
@@ -85,7 +93,7 @@ function follow() {
 
 // The charts of an element, as they are now: each has a title, lines and a window.
 function chartsOf(tab) {
-  if (tab !== "Signals") return curves.filter((curve) => curve.tab === tab).map(overPlace);
+  if (tab !== "Signals") return curves.charts.filter((curve) => curve.tab === tab).map(overPlace);
   return race.lines.length ? signals.filter(([title]) => !off.has(title)).map(overTime) : [];
 }
 
@@ -111,11 +119,10 @@ function overTime([title, column, command], k) {
 }
 
 function overPlace(curve) {
-  const lines = race.lines.map((line, k) => ({ ...line, what: "", width: 2, x: curve.x, y: curve.y[k] ?? [] }));
+  const lines = curves.lines.map((line, k) => ({ ...line, what: "", width: 2, x: curve.x, y: curve.y[k] ?? [] }));
   const window = zooms[curve.title] ?? [curve.x[0], curve.x.at(-1)];
   const begins = curve.seeks_from;
-  const canSeek = begins !== null && race.can_seek;
-  const seek = canSeek ? (place) => ({ type: "seek_place", place: place + begins }) : null;
+  const seek = begins !== null ? (place) => ({ type: "seek_place", place: place + begins }) : null;
   return {
     key: curve.x_title,
     title: curve.title,
@@ -275,7 +282,7 @@ function tools() {
     ["lap", lapSpan()],
     ["all", null],
   ].map(([label, span]) =>
-    make("button", { textContent: label, ariaLabel: `Show ${label}`, onclick: () => show(span) }),
+    make("button", { textContent: label, ariaLabel: `Show ${label}`, onclick: () => showSpan(span) }),
   );
   const closer = [
     ["–", 1.5],
@@ -296,7 +303,7 @@ function lapSpan() {
   return Math.max(b - a, 1);
 }
 
-function show(span) {
+function showSpan(span) {
   if (span === null) time = { from: 0, span: Math.max(race.end, 1), follows: false };
   else time = { from: Math.max(race.t - span * (1 - AHEAD), 0), span, follows: true };
   draw();
@@ -339,9 +346,9 @@ function drawIn(place) {
 function build(place, tab, charts) {
   const wanted = JSON.stringify([
     tab,
-    race.race,
+    (tab === "Signals" ? race : curves).race,
     charts.map(({ title }) => title),
-    race.lines.map(({ name }) => name),
+    (tab === "Signals" ? race : curves).lines.map(({ name }) => name),
     [...hidden],
   ]);
   if (place.built === wanted && place.childElementCount) return;
@@ -397,7 +404,7 @@ function listen(canvas) {
     { passive: false },
   );
   canvas.addEventListener("dblclick", () => {
-    if (chart().key === "t") show(time.follows ? null : SPAN);
+    if (chart().key === "t") showSpan(time.follows ? null : SPAN);
     else delete zooms[chart().title];
     draw();
   });
@@ -427,7 +434,9 @@ function seek(chart, x) {
 
 export function begin() {
   on("open", () => (waiting = 0));
-  on("charts", received);
+  on("signals", received);
+  show("curves", receivedCurves);
+  alsoShows(() => (["Gap", "Spectrum"].some(isSeen) ? ["curves"] : []));
   // Another tab, or another size
   addEventListener("resize", draw);
   new ResizeObserver(draw).observe(document.querySelector(".panes"));

@@ -3,6 +3,7 @@
 import { make } from "./dom.js";
 import * as keys from "./keys.js";
 import { on, send } from "./link.js";
+import * as parts from "./parts.js";
 import { seat } from "./scene.js";
 
 const PERIOD = 12; // [ms] between two positions of the sticks
@@ -32,6 +33,7 @@ let number = null; // of this visitor, once the sticks were asked for
 let asked = false; // whether this visitor wants the sticks
 let lost = false; // whether the link was lost while this visitor flew
 let state = { phase: "none", hover: 0.5 };
+let instruments = { speed: 0, height: 0, roll: 0, pitch: 0 };
 let sticks = { roll: 0, pitch: 0, yaw: 0, throttle: 0 };
 let latency = null; // [ms]
 let ticking = null;
@@ -239,11 +241,12 @@ function show() {
   button.textContent = mine() ? "Let go (Esc)" : "Take the sticks";
   button.hidden = state.phase === "over";
   button.disabled = !mine() && state.pilot !== null && state.pilot !== undefined;
+  numbers.hidden = !mine();
   numbers.textContent =
-    `${state.speed.toFixed(1)} m/s · ${state.height.toFixed(1)} m high · ` +
+    `${instruments.speed.toFixed(1)} m/s · ${instruments.height.toFixed(1)} m high · ` +
     `throttle ${Math.round(100 * sticks.throttle)}\u00a0%`;
   // Turned about the middle by roll, and moved by pitch: 1 unit a degree.
-  sky.setAttribute("transform", `rotate(${-state.roll}) translate(0 ${limited(state.pitch, -90, 90)})`);
+  sky.setAttribute("transform", `rotate(${-instruments.roll}) translate(0 ${limited(instruments.pitch, -90, 90)})`);
   const input = pad ? `gamepad ${pad.id.slice(0, 40)}: ${STICKS}` : `keyboard: ${KEYBOARD}`;
   const delay = latency === null ? "-" : latency.toFixed(0);
   linkLine.textContent = `link ${delay} ms both ways · behind ${state.behind} · ${input}`;
@@ -295,7 +298,11 @@ export function begin() {
     if (!answer.yours) letGo();
   });
   on("instruments", (shown) => {
-    state = shown;
+    instruments = shown;
+    show();
+  });
+  parts.show("by_hand", (found) => {
+    state = found;
     show();
   });
   // The focus may go to the frame of the scene, whose keys fly as well.

@@ -1,4 +1,4 @@
-// The tabs beside the scene: charts, and the tables and the map that the server writes, see tree.py.
+// The tabs beside the scene: charts, and the tables and the map that the server writes, see elements.py.
 import { grown, make } from "./dom.js";
 import { alsoShows, show } from "./parts.js";
 import * as seeds from "./seeds.js";
