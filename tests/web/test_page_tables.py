@@ -14,6 +14,7 @@ from quadsim.web.commands import ChooseRace, SetNumber, apply
 from quadsim.web.competitor import named
 from quadsim.web.lap_timing import lap_timings
 from quadsim.web.line_up import line_up_of
+from quadsim.web.page.camera import MODES
 from quadsim.web.page.course_map import Map
 from quadsim.web.page.elements import DIM, RED, SHEET, Element, element, label, table, to_html
 from quadsim.web.page.head import coming_head, head_of
@@ -318,6 +319,12 @@ def test_every_class_that_is_written_is_in_the_style_sheet_and_no_style_is(compe
 def test_the_colours_of_the_scene_and_of_pictures_are_those_of_the_style_sheet():
     own = dict(re.findall(r"--([a-z-]+): (#[0-9a-f]{6});", SHEET.read_text()))
     assert (own["dim"], own["bad"], own["next"]) == (DIM, RED, NEXT)
+
+
+def test_the_page_has_a_button_for_each_mode_of_the_camera_and_the_speeds_of_flights():
+    document = SHEET.with_name("index.html").read_text()
+    assert tuple(re.findall(r'data-camera="(.*?)"', document)) == MODES
+    assert time_line_of([]).speeds == (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 
 
 def test_the_page_builds_each_tag_and_attribute_that_is_written(competitors):
