@@ -93,7 +93,7 @@ class Screen:
         if tables_are_due:
             self._update_tables(seen, rest)
         # Whoever opens the tab of a slow part does not wait for the next beat.
-        slow = {name for name in SLOW if self._is_wanted(name)}
+        slow: set[PartName] = {name for name in SLOW if self._is_wanted(name)}
         if seen.is_drawn and (beats.slow or slow - self._slow):
             self._update_slow(seen.moment, slow)
         self._slow = slow
