@@ -17,7 +17,8 @@ from quadsim.web.competitor import POSITION, QUATERNION, VELOCITY
 from quadsim.web.lap_timing import LapTiming, order
 
 Mode = Literal["free", "chase", "top", "FPV"]
-FREE, CHASE, TOP, FPV = MODES = get_args(Mode)
+MODES: tuple[Mode, ...] = get_args(Mode)
+FREE, CHASE, TOP, FPV = MODES
 FOV = 0.9  # vertical [rad]
 NEAR = 0.01  # nothing nearer is drawn [m]
 CHASE_NEAR = 1.5  # the same for the chasing camera, which comes into the frames of gates [m]
