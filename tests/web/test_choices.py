@@ -20,7 +20,7 @@ from quadsim.web.menu import Menu
 from quadsim.web.notices import Notices
 from quadsim.web.numbers import SLIDERS, Change
 from quadsim.web.offered_presets import offered_presets
-from quadsim.web.page.html import rounded
+from quadsim.web.page.elements import rounded
 from tests.small import SMALL
 
 QUICK = SMALL | {"samples": 512}  # more than the fewest that a deadline leaves
@@ -79,7 +79,7 @@ def solve(hall, runs_dir, sooner=0.0):
     )
     (shipped,) = narrow.files()
     solution = load(shipped)
-    times = [time - sooner for time in solution.lap_times]
+    times = tuple(time - sooner for time in solution.lap_times)
     folder = limits_folder(runs_dir)
     folder.mkdir(parents=True, exist_ok=True)
     stored = replace(solution, course=wide.course.name, lap_times=times, key=wide.key)
