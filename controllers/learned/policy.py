@@ -12,7 +12,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, get_args
@@ -40,7 +40,7 @@ from quadsim.files.atomic import replace_file
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.values import SettingError, checked_object, kinds_of
 from quadsim.files.yaml_errors import shown_value
-from quadsim.vehicle import Vehicle, load_vehicle, vehicle_record
+from quadsim.vehicle import Vehicle, load_vehicle
 
 if TYPE_CHECKING:
     from quadsim.course import Course
@@ -140,7 +140,7 @@ def save_pilot(
 
 def vehicle_digest(vehicle: Vehicle) -> str:
     """Return the sha256 [hex] of a vehicle's numbers, as a pilot's file has it."""
-    return hashlib.sha256(json.dumps(vehicle_record(vehicle)).encode()).hexdigest()
+    return hashlib.sha256(json.dumps(asdict(vehicle)).encode()).hexdigest()
 
 
 def _environment(vehicle: Vehicle, dt: float) -> System:

@@ -111,7 +111,7 @@ from quadsim.record.run import INTERACTIVE, flown_by
 from quadsim.record.schema import NumberChange
 from quadsim.sensing import PERFECT, Sensing, load_sensing
 from quadsim.streams import Streams, quadrotor_streams
-from quadsim.vehicle import Vehicle, load_vehicle, vehicle_record, with_thrust_to_weight
+from quadsim.vehicle import Vehicle, load_vehicle, with_thrust_to_weight
 
 if TYPE_CHECKING:
     from quadsim.config.keywords import CourseLike, Keywords
@@ -347,7 +347,7 @@ class Spec(FlightNumbers, HostSettings):
             "system": "quadrotor",
             "course": self.course.name,
             "course_text": self.course.text,
-            "vehicle": vehicle_record(self.vehicle),
+            "vehicle": asdict(self.vehicle),
             "sampler": self.sampler,
             "preset": self.preset,
             "planner": {

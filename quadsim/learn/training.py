@@ -27,7 +27,6 @@ from quadsim.learn.ppo_config import PPOConfig
 from quadsim.learn.task import LearningTask
 from quadsim.racing.events import flown_laps
 from quadsim.record.whole_files import write_whole
-from quadsim.vehicle import vehicle_record
 
 if TYPE_CHECKING:
     from quadsim.learn.ppo import Learner
@@ -64,7 +63,7 @@ class Training:
         task = self.task
         return {
             "courses": [course.text for course in task.courses],
-            "vehicle": vehicle_record(task.vehicle),
+            "vehicle": asdict(task.vehicle),
             "model": asdict(ModelParams.of(task.vehicle)),
             "seed": self.seed,
             "laps": task.laps,

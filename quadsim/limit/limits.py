@@ -40,7 +40,7 @@ from quadsim.dynamics.quadrotor import (
 from quadsim.files.arrays import TEXT, Declared, arrays_of, npz_bytes, read_bytes, record_of
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.yaml_errors import shown
-from quadsim.vehicle import Vehicle, vehicle_record
+from quadsim.vehicle import Vehicle
 
 # Folder of the solutions that come with the project
 SOLUTIONS = Path(__file__).parent / "solutions"
@@ -222,7 +222,7 @@ class StoredSolution:
         rotors = vehicle.rotors
         if s.model == "rotors" and rotors:
             # The states are rotor speeds; without lag, the controls are thrusts
-            thrusts: Any = rotors.thrust(lagging) if rotors.tau > 0.0 else controls  # pyright: ignore[reportArgumentType]
+            thrusts: Any = rotors.thrust(lagging) if rotors.motor_tau > 0.0 else controls  # pyright: ignore[reportArgumentType]
             return np.sum(thrusts, axis=1) / vehicle.mass
         if lagging.shape[1]:
             return State(*s.x.T).thrust  # pyright: ignore[reportReturnType]
@@ -252,7 +252,7 @@ class LimitProblem:
     def lags(self) -> bool:
         """True if the rotors lag, so that the thrust they deliver is a part of the state."""
         rotors = self.vehicle.rotors
-        return rotors is not None and rotors.tau > 0.0
+        return rotors is not None and rotors.motor_tau > 0.0
 
     @classmethod
     def of(cls, course: Course, vehicle: Vehicle, laps: int) -> LimitProblem:
@@ -275,7 +275,7 @@ class LimitProblem:
     @cached_property
     def key(self) -> str:
         """The sha256 of all that decides the limit [16 hex digits]."""
-        decided = asdict(self) | {"vehicle": vehicle_record(self.vehicle)}
+        decided = asdict(self) | {"vehicle": asdict(self.vehicle)}
         # Numbers at their defaults do not enter the key.
         for name in ("margin", "reserve"):
             if not decided[name]:
@@ -388,13 +388,13 @@ def _beyond_vehicle(problem: LimitProblem, solution: Solution) -> str:
     vehicle = problem.vehicle
     rotors = vehicle.rotors
     if problem.model == "rates":
-        high = np.array(Control(*vehicle.rate_max, thrust=vehicle.thrust_max))
+        high = np.array(Control(*vehicle.omega_max, thrust=vehicle.thrust_max))
         low = -high
         low[-1] = 0.0
     else:
         full = 0.0
         if rotors:
-            full = rotors.omega_max if problem.lags else rotors.thrust(rotors.omega_max)
+            full = rotors.motor_omega_max if problem.lags else rotors.thrust(rotors.motor_omega_max)
         high = np.full(CONTROLS, full)
         low = np.zeros(CONTROLS)
     room = CONTROL_SHARE * high

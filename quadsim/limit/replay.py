@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 from quadsim.dynamics.quadrotor import Control, State
@@ -9,7 +10,6 @@ from quadsim.limit.limits import LimitProblem, StoredSolution
 from quadsim.racing.events import Event, Frame
 from quadsim.racing.referee import Referee
 from quadsim.record.run import RecordedRun, Recorder
-from quadsim.vehicle import vehicle_record
 
 # Rate of the referee's steps [Hz], and number of steps between two frames
 RATE = 1000.0
@@ -73,7 +73,7 @@ def replayed(stored: StoredSolution, problem: LimitProblem, spec: dict[str, Any]
 def _solution_as_controller(problem: LimitProblem) -> dict[str, Any]:
     """Return the keys of a spec that name the vehicle, and the solution as the controller."""
     return {
-        "vehicle": vehicle_record(problem.vehicle),
+        "vehicle": asdict(problem.vehicle),
         "plant": problem.model,
         "sampler": "limit",
         "preset": "limit",

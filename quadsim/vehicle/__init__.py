@@ -12,7 +12,6 @@ from quadsim.vehicle.vehicle import (
     scale_thrust,
     unlikely_inertia,
     vehicle_names,
-    vehicle_record,
     with_thrust_to_weight,
 )
 
@@ -28,6 +27,5 @@ __all__ = [
     "scale_thrust",
     "unlikely_inertia",
     "vehicle_names",
-    "vehicle_record",
     "with_thrust_to_weight",
 ]

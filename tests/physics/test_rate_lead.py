@@ -8,7 +8,7 @@ from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.values import SettingError
 from quadsim.physics.domain_randomization import Randomization
 from quadsim.physics.plant import RigidPlant
-from quadsim.vehicle import GRAVITY, load_vehicle, parse_vehicle, vehicle_record
+from quadsim.vehicle import GRAVITY, load_vehicle, parse_vehicle
 
 # without an equation of its own for its rotors, whose lag is then that of the model
 LED = load_vehicle("cf21b_500").but(rotors={"motor_response": None})
@@ -46,12 +46,10 @@ def test_the_plant_follows_as_the_planners_model_of_it_does():
     assert abs(rates(without) - of_the_model(LED)).max() > 0.2
 
 
-def test_a_vehicle_without_a_lead_has_its_model_and_its_record_as_before():
+def test_a_vehicle_without_a_lead_has_the_model_of_its_lag():
     swift = load_vehicle("swift")
     assert ModelParams.of(swift).rate_lag is None
     assert ModelParams.of(swift).rate_tau == swift.rate_tau
-    assert "rate_lead" not in vehicle_record(swift)
-    assert vehicle_record(LED)["rate_lead"] == LED.rate_lead
 
 
 def test_a_file_keeps_its_lead_and_randomized_lags_too():
