@@ -19,7 +19,7 @@ from urllib.parse import urlsplit
 
 from quadsim.campaign.attempt import Flown, fly_attempt
 from quadsim.config.build_cost import one_line
-from quadsim.config.library_code import place_in_own_code
+from quadsim.config.identity import place_in_own_code
 from quadsim.config.spec import Spec
 from quadsim.console import complain
 from quadsim.files.extras import needs_extra

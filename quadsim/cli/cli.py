@@ -80,7 +80,7 @@ def _run(argv: list[str]) -> int:
     except Exception as error:
         # What the user's own code has raised is the user's to mend. Anything else is a fault of
         # this program, whose traceback helps.
-        from quadsim.config.library_code import error_text, place_in_own_code
+        from quadsim.config.identity import error_text, place_in_own_code
 
         if place_in_own_code(error) is None:
             raise

@@ -15,7 +15,7 @@ from cyclopts import Group, Parameter
 from msgspec import Meta, inspect
 
 from quadsim.config.competition import competition_names
-from quadsim.config.library_code import error_text
+from quadsim.config.identity import error_text
 from quadsim.config.settings import (
     SETTINGS,
     FlightSettings,

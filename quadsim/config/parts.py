@@ -18,9 +18,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from quadsim.config.first_names import first_name
-from quadsim.config.identity import IdentityError, identity_of
-from quadsim.config.library_code import error_text
+from quadsim.config.identity import IdentityError, error_text, identity_of, main_name
 from quadsim.config.settings import SettingError
 from quadsim.controllers.costs import Term, Weight, is_weight
 from quadsim.controllers.samplers import SAMPLERS, PlainSampler, Sampling
@@ -360,7 +358,7 @@ def qualified_name(kind: Any) -> str:
         kind = kind.func
     if not hasattr(kind, "__qualname__"):
         kind = type(kind)
-    return f"{first_name(kind.__module__)}.{kind.__qualname__}"
+    return f"{main_name(kind.__module__)}.{kind.__qualname__}"
 
 
 def _is_maker(part: object) -> bool:

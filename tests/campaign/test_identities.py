@@ -171,7 +171,7 @@ def test_a_campaign_refuses_a_part_that_cannot_be_told(tmp_path):
     variants = {"mine": {"sampler": Locked(1.0)}}
     with pytest.raises(
         SettingError,
-        match=r"^campaign: expected a sampler that can be told from others, got Locked.lock: the",
+        match=r"^campaign: expected a sampler that can be told from others, got Locked: its ",
     ) as error:
         quadsim.compare(COURSE, variants, 1, campaign=tmp_path / "c", **SETTINGS)
     assert "\n" not in str(error.value)
