@@ -1,9 +1,11 @@
 """Check a release: the versions that the files name, and that the built files can be installed.
 
-    python .ci/release.py versions v0.2.0   # pyproject.toml, CITATION.cff, CHANGELOG.md: 0.2.0?
+    python .ci/release.py versions          # do pyproject.toml, CITATION.cff, CHANGELOG.md agree?
+    python .ci/release.py versions v0.2.0   # and do they name 0.2.0?
     python .ci/release.py install dist/*    # install each file in a bare environment, and fly
 
-`make release` and the workflow that publishes run both. They need nothing but Python.
+Between releases the version is that of the next one with .dev0, and the changes stand under
+"Unreleased". `make release` and the workflow that publishes run both. They need nothing but Python.
 """
 
 from __future__ import annotations
@@ -24,6 +26,8 @@ ROOT = Path(__file__).resolve().parents[1]
 HEADING = re.compile(r"^## (\d+\.\d+\.\d+)(?: \((\d{4}-\d{2}-\d{2})\))?$", re.MULTILINE)
 # An entry under "## Unreleased"
 UNRELEASED = re.compile(r"^## Unreleased\n+(?!## )(?=\S)", re.MULTILINE)
+# Ends the version of pyproject.toml and CITATION.cff between releases
+DEV = ".dev0"
 # "version: 0.2.0" and "date-released: 2026-11-27"
 CITED_VERSION = re.compile(r"^version: (\S+)$", re.MULTILINE)
 CITED_DATE = re.compile(r"^date-released: (\S+)$", re.MULTILINE)
@@ -70,9 +74,11 @@ def problems(root: Path, tag: str | None = None) -> list[str]:
     version = project_version(root)
     changes = newest_change(root)
     citation = cited(root)
+    if tag is None and version.endswith(DEV):
+        return _problems_between_releases(version, changes, citation)
     found = []
     if tag is not None and tag != f"v{version}":
-        found.append(f"tag: expected v{version}, the version of pyproject.toml, got {tag}")
+        found.append(f"pyproject.toml: expected the version of the tag {tag}, got {version}")
     if tag is not None and UNRELEASED.search((root / "CHANGELOG.md").read_text(encoding="utf-8")):
         found.append(
             "CHANGELOG.md: expected the entries under a version, got some under Unreleased"
@@ -81,6 +87,22 @@ def problems(root: Path, tag: str | None = None) -> list[str]:
         found.append(f"CHANGELOG.md: expected '## {version} (YYYY-MM-DD)', got {changes}")
     if citation != changes:
         found.append(f"CITATION.cff: expected {changes} as in CHANGELOG.md, got {citation}")
+    return found
+
+
+def _problems_between_releases(version: str, changes: Named, citation: Named) -> list[str]:
+    """Return one line for each file that does not fit a version that is not released yet.
+
+    Args:
+        version: the version of pyproject.toml, which ends in DEV.
+        changes: the newest version that CHANGELOG.md has a heading of.
+        citation: what CITATION.cff names.
+    """
+    found = []
+    if changes.version == version.removesuffix(DEV):
+        found.append(f"CHANGELOG.md: expected 'Unreleased' until a tag is made, got {changes}")
+    if citation != Named(version, ""):
+        found.append(f"CITATION.cff: expected {version} without a date, got {citation}")
     return found
 
 

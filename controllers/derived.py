@@ -1,8 +1,8 @@
 """The numbers of the preset `race`, which follow from vehicle, course and control period.
 
-The numbers in quadsim.controllers.presets are those of the reference: gates some 10 to 20 m apart
+The numbers in quadsim.controllers.presets hold for the reference: gates some 10 to 20 m apart
 with openings of 1.5 m and more, racing vehicles, a control period of 10 ms. The laws of this module
-give other numbers where a flight has another scale. Everything in the planner that is a length, a
+give other numbers if a flight has another scale. Everything in the planner that is a length, a
 time or a rate is scaled with the flight, so that two flights that are similar (lengths times k,
 times times sqrt(k), accelerations alike, as gravity is) have similar plans. docs/derived.md has
 each law with its reason, and the flights that show it.
@@ -29,8 +29,8 @@ from quadsim.vehicle import GRAVITY, Vehicle
 DERIVED = ("race",)
 # Ratio of the horizon to the time scale. With it lsy_track has the 1 s that were tuned there.
 HORIZON = 3.3
-# The longest horizon [s], that of the reference: longer ones spread the samples over a future that
-# changes anyway.
+# The longest horizon [s], which is the horizon of the reference. The samples of a longer one would
+# spread over a future that changes anyway.
 LONGEST = 1.5
 # The reference's control period [s], and the number of them in its horizon
 REFERENCE_PERIOD = 0.01
@@ -43,7 +43,7 @@ MARGIN_RADII = 0.8
 LARGEST_SHARE = 0.5
 # The largest margin as a share of the narrowest half opening; it also bounds that to the ground.
 MARGIN_ROOM = 0.7
-# The margin from which on its weight is that of the reference [m]; below, weight x margin^2 stays
+# A margin of this or more has the weight of the reference [m]; below, weight x margin^2 stays
 STEEP_BELOW = 0.12
 # Frames are in the way of the samples from this size beside a leg on.
 FRAME_SHARE = 0.22
@@ -64,6 +64,13 @@ LARGEST_SIGMA = 1000.0
 SMALLEST_YAW_COST = 1e-3
 # Smallest room that the laws reckon with [m]: the vehicle may be wider than an opening.
 SMALLEST_ROOM = 0.01
+
+
+class Law(NamedTuple):
+    """The number that a law gives, and its formula with the numbers of the flight."""
+
+    value: Any
+    text: str
 
 
 class Scale(NamedTuple):
@@ -123,7 +130,7 @@ class Scale(NamedTuple):
 
     @property
     def time(self) -> float:
-        """The time scale: that of a leg's length at full acceleration [s]."""
+        """The time scale, the root of a leg's length over the full acceleration [s]."""
         return sqrt(self.leg / self.acceleration)
 
     @property
@@ -131,9 +138,21 @@ class Scale(NamedTuple):
         """How much narrower the openings are than NARROW_SHARE of a leg; 1 if they are wider."""
         return max(NARROW_SHARE * self.leg / self.room, 1.0)
 
+    @property
+    def narrowness_text(self) -> str:
+        """The narrowness as a factor of a formula, "" if the openings are wider."""
+        if self.narrowness <= 1.0:
+            return ""
+        return f"({NARROW_SHARE:g} leg {self.leg:.3g} m / {self.room_text}) "
+
+    @property
+    def room_text(self) -> str:
+        """The room in a formula."""
+        return f"room {self.room:.3g} m"
+
 
 def derived(reference: Planner, scale: Scale) -> Planner:
-    """Return the planner of a flight: that of the reference with the numbers of its scale.
+    """Return the planner of a flight: the reference's planner with the numbers of its scale.
 
     At a scale of the reference it is the reference, to the last digit. The horizon is in steps of
     the reference's control period, see `with_period` in quadsim.controllers.presets.
@@ -143,17 +162,16 @@ def derived(reference: Planner, scale: Scale) -> Planner:
         scale: the scale of the flight.
     """
     assert isinstance(reference.cost, RaceWeights)
-    seconds = horizon(scale)
     mppi = replace(
         reference.mppi,
-        horizon=round(seconds / reference.mppi.dt),
-        samples=samples(reference.mppi.samples, scale),
+        horizon=round(horizon(scale).value / reference.mppi.dt),
+        samples=samples(reference.mppi.samples, scale).value,
     )
     cost = replace(
         reference.cost,
-        margin=margin(reference.cost.margin, scale),
-        margin_share=margin_share(reference.cost.margin_share, scale),
-        clearance=clearance(reference.cost, scale),
+        margin=margin(reference.cost.margin, scale).value,
+        margin_share=margin_share(reference.cost.margin_share, scale).value,
+        clearance=clearance(reference.cost, scale).value,
     )
     planner = replace(
         reference,
@@ -174,15 +192,28 @@ def horizon_law(scale: Scale) -> float:
     return HORIZON * scale.time * sqrt(scale.narrowness)
 
 
-def horizon(scale: Scale) -> float:
+def horizon(scale: Scale) -> Law:
     """Return the horizon that is flown [s]: the law's, within its limits and on the grid."""
-    steps = round(min(horizon_law(scale), LONGEST) / GRID)
-    return GRID * max(steps, 1)
+    wanted = horizon_law(scale)
+    seconds = GRID * max(round(min(wanted, LONGEST) / GRID), 1)
+    root = f"{scale.narrowness_text}leg {scale.leg:.3g} m / {scale.acceleration:.3g} m/s^2"
+    limits = f"at most {LONGEST:g} s, to {GRID:g} s: {seconds:g} s"
+    return Law(seconds, f"{HORIZON:g} sqrt({root}) = {wanted:.3g} s, {limits}")
+
+
+def steps_of(scale: Scale) -> int:
+    """Return the number of control steps in the horizon that is flown."""
+    return round(horizon(scale).value / scale.period)
 
 
 def stretch(scale: Scale) -> float:
     """Return the ratio of the reference's horizon to the flown one, by which rates are scaled."""
-    return LONGEST / horizon(scale)
+    return LONGEST / horizon(scale).value
+
+
+def stretch_text(scale: Scale) -> str:
+    """Return that ratio in a formula."""
+    return f"{LONGEST:g} s / horizon {horizon(scale).value:g} s"
 
 
 def sampling(reference: Sampling, scale: Scale) -> Any:
@@ -194,13 +225,13 @@ def sampling(reference: Sampling, scale: Scale) -> Any:
     so that the control period does not change what is sampled there.
     """
     kind: Any = reference
-    steps = round(horizon(scale) / scale.period)
+    steps = steps_of(scale)
     gammas = getattr(reference, "gamma", (0.0,) * len(kind.sigma))
     rates = stretch(scale)
     kept = (rates, rates, rates * yaw_factor(kind.sigma, scale), 1.0)
     factors = [by * density(gamma, steps) for by, gamma in zip(kept, gammas, strict=True)]
     if isinstance(reference, Smooth):
-        # Its sigma is that of the controls' derivatives, which act for one control period.
+        # Its sigma is the derivatives' of the controls, which act for one control period.
         factors = [factor * REFERENCE_PERIOD / scale.period for factor in factors]
     if isinstance(reference, LogNormal):
         pairs = zip(reference.sigma, factors, strict=True)
@@ -213,12 +244,26 @@ def sampling(reference: Sampling, scale: Scale) -> Any:
     return changed
 
 
+def sigma_text(reference: Sampling, scale: Scale) -> str:
+    """Return the formula of `sampling` for the standard deviations of the noise."""
+    kind: Any = reference
+    yaw = f"yaw x {yaw_factor(kind.sigma, scale):.3g}"
+    spectra = f"each by its spectrum for {steps_of(scale)} in place of {REFERENCE_STEPS} steps"
+    return f"body rates x {stretch_text(scale)}, {yaw}; {spectra}"
+
+
+def cutoff_text(reference: Colored, scale: Scale) -> str:
+    """Return the formula of `sampling` for the frequencies of the cut-off."""
+    frequencies = " ".join(f"{f:g}" for f in dict.fromkeys(reference.cutoff))
+    return f"{frequencies} Hz x {stretch_text(scale)}"
+
+
 def yaw_factor(sigma: Sequence[float], scale: Scale) -> float:
-    """Return the factor on the noise of the yaw rate beside those of roll and pitch.
+    """Return the factor on the noise of the yaw rate, beside the factor on roll and pitch.
 
     A race does not ask for yaw, and rotors near full thrust have no torque for it. A vehicle whose
-    rotors yaw well makes use of it where room is short. At most the noise is the same share of the
-    rate's limit as that of roll.
+    rotors yaw well makes use of it if room is short. At most the noise is the same share of the
+    rate's limit as the noise of roll.
 
     Args:
         sigma: standard deviations of the reference.
@@ -231,8 +276,8 @@ def yaw_factor(sigma: Sequence[float], scale: Scale) -> float:
 def density(gamma: float, steps: int) -> float:
     """Return the factor on sigma that keeps the density of the noise at low frequencies.
 
-    sigma^2 is spread over all frequencies up to that of the control steps. With fewer steps in the
-    horizon there are fewer, and more of it would be at each.
+    sigma^2 is spread over all frequencies up to the frequency of the control steps. A horizon of
+    fewer steps has fewer frequencies, and each would have more of it.
 
     Args:
         gamma: exponent of the power spectral density, 0 for white noise.
@@ -263,7 +308,7 @@ def three_digits(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-def samples(reference: int, scale: Scale) -> int:
+def samples(reference: int, scale: Scale) -> Law:
     """Return the number of samples, a power of two times the reference's.
 
     Samples turn by the same angles, so they spread in proportion to a leg, and more of them hit a
@@ -271,44 +316,54 @@ def samples(reference: int, scale: Scale) -> int:
     narrowness of the openings, and with the time that a control period gives for the steps of the
     horizon.
     """
-    steps = round(horizon(scale) / scale.period)
+    steps = max(steps_of(scale), 1)
     crowded = max(scale.frame / scale.leg / FRAME_SHARE, 1.0) ** 2
-    time = scale.period / REFERENCE_PERIOD * REFERENCE_STEPS / max(steps, 1)
+    time = scale.period / REFERENCE_PERIOD * REFERENCE_STEPS / steps
     doublings = round(log2(crowded * scale.narrowness * time))
-    return max(reference, min(reference * 2 ** max(doublings, 0), MOST_SAMPLES))
+    value = max(reference, min(reference * 2 ** max(doublings, 0), MOST_SAMPLES))
+    share = f"(frame {scale.frame:.3g} m / leg {scale.leg:.3g} m / {FRAME_SHARE:g})^2"
+    periods = f"(period {scale.period:g} s / {REFERENCE_PERIOD:g} s)"
+    factors = f"{scale.narrowness_text}{share} {periods} ({REFERENCE_STEPS} / {steps} steps)"
+    return Law(value, f"{reference} {factors}, by doubling, at most {MOST_SAMPLES}")
 
 
-def margin(reference: float, scale: Scale) -> float:
-    """Return the margin in metres, which also bounds that to the ground.
+def margin(reference: float, scale: Scale) -> Law:
+    """Return the margin in metres, which also bounds the margin to the ground.
 
     It is the reference's, unless the openings are smaller.
     """
-    return min(reference, three_digits(MARGIN_ROOM * scale.room))
+    value = min(reference, three_digits(MARGIN_ROOM * scale.room))
+    return Law(value, f"{MARGIN_ROOM:g} x {scale.room_text}, at most {reference:g} m")
 
 
-def margin_share(reference: float, scale: Scale) -> float:
+def margin_share(reference: float, scale: Scale) -> Law:
     """Return the margin as a share of half the free opening.
 
     It is the reference's, unless the margin were less than a part of the vehicle's radius.
     """
     least = three_digits(MARGIN_RADII * scale.radius / scale.room)
-    return min(max(reference, least), LARGEST_SHARE)
+    value = min(max(reference, least), LARGEST_SHARE)
+    share = f"{MARGIN_RADII:g} x radius {scale.radius:g} m / {scale.room_text}"
+    return Law(value, f"{share}, from {reference:g} to {LARGEST_SHARE:g}")
 
 
-def clearance(reference: RaceWeights, scale: Scale) -> float:
+def clearance(reference: RaceWeights, scale: Scale) -> Law:
     """Return the weight of the margin.
 
-    The term is a shortfall times a length, both of which are small where the margin is. So its
+    The term is a shortfall times a length, both of which are small if the margin is. So its
     weight grows with the inverse square of a small margin, and its largest value stays.
     """
-    wanted = margin(reference.margin, scale)
-    flown = min(wanted, margin_share(reference.margin_share, scale) * scale.room)
+    wanted = margin(reference.margin, scale).value
+    flown = min(wanted, margin_share(reference.margin_share, scale).value * scale.room)
     steep = max(STEEP_BELOW / flown, 1.0) ** 2
-    return min(three_digits(reference.clearance * steep), LARGEST_WEIGHT)
+    value = min(three_digits(reference.clearance * steep), LARGEST_WEIGHT)
+    usual = f"{reference.clearance:g}"
+    ratio = f"({STEEP_BELOW:g} m / margin {flown:.3g} m)^2"
+    return Law(value, f"{usual} {ratio}, at least {usual}")
 
 
 def view_weight(reference: float, scale: Scale) -> float:
-    """Return the weight of the view term: none where the nose lags behind the gates."""
+    """Return the weight of the view term: 0 if the nose lags behind the gates."""
     return reference if scale.time >= YAW_LAGS * scale.yaw_lag else 0.0
 
 
@@ -329,46 +384,23 @@ def derivation(reference: Planner, scale: Scale) -> list[DerivedNumber]:
     """
     planner = with_period(derived(reference, scale), scale.period)
     usual = reference.cost
-    cost = planner.cost
-    kind: Any = reference.sampling
     assert isinstance(usual, RaceWeights)
-    assert isinstance(cost, RaceWeights)
-    seconds = horizon(scale)
-    steps = planner.mppi.horizon
-    room = f"room {scale.room:.3g} m"
-    is_narrow = scale.narrowness > 1.0
-    narrow = f"({NARROW_SHARE:g} leg {scale.leg:.3g} m / {room}) " if is_narrow else ""
-    flown = min(cost.margin, cost.margin_share * scale.room)
     texts = {
-        "horizon": (
-            f"{HORIZON:g} sqrt({narrow}leg {scale.leg:.3g} m / {scale.acceleration:.3g} m/s^2) ="
-            f" {horizon_law(scale):.3g} s, at most {LONGEST:g} s, to {GRID:g} s: {seconds:g} s"
-        ),
-        "samples": (
-            f"{reference.mppi.samples} {narrow}(frame {scale.frame:.3g} m / leg {scale.leg:.3g} m /"
-            f" {FRAME_SHARE:g})^2 (period {scale.period:g} s / {REFERENCE_PERIOD:g} s)"
-            f" ({REFERENCE_STEPS} / {steps} steps), by doubling, at most {MOST_SAMPLES}"
-        ),
-        "sigma": (
-            f"body rates x {LONGEST:g} s / horizon {seconds:g} s, yaw x"
-            f" {yaw_factor(kind.sigma, scale):.3g}; each by its spectrum for {steps} in place of"
-            f" {REFERENCE_STEPS} steps"
-        ),
-        "cutoff": f"5 Hz x {LONGEST:g} s / horizon {seconds:g} s",
-        "margin": f"{MARGIN_ROOM:g} x {room}, at most {usual.margin:g} m",
-        "margin_share": (
-            f"{MARGIN_RADII:g} x radius {scale.radius:g} m / {room}, from {usual.margin_share:g} to"
-            f" {LARGEST_SHARE:g}"
-        ),
-        "clearance": (
-            f"{usual.clearance:g} ({STEEP_BELOW:g} m / margin {flown:.3g} m)^2, at least"
-            f" {usual.clearance:g}"
-        ),
+        "horizon": horizon(scale).text,
+        "samples": samples(reference.mppi.samples, scale).text,
+        "sigma": sigma_text(reference.sampling, scale),
+    }
+    if isinstance(reference.sampling, Colored):
+        texts["cutoff"] = cutoff_text(reference.sampling, scale)
+    texts |= {
+        "margin": margin(usual.margin, scale).text,
+        "margin_share": margin_share(usual.margin_share, scale).text,
+        "clearance": clearance(usual, scale).text,
     }
     if scale.seen_late:
         late = "gates stand off the map and are known only from nearby"
         texts |= dict.fromkeys(("first_noise", "news_iterations", "caution"), late)
-    numbers = vars(planner.sampling) | vars(planner.mppi) | vars(cost)
+    numbers = vars(planner.sampling) | vars(planner.mppi) | vars(planner.cost)
     return [
         DerivedNumber(name, numbers[name], law) for name, law in texts.items() if name in numbers
     ]

@@ -32,7 +32,7 @@ class Mean:
 
 
 def mean_interval(values: Sequence[float], confidence: float = 0.95) -> Mean:
-    """Return mean and mean -+ t sd / sqrt(n); nan where n is too small to tell.
+    """Return mean and mean -+ t sd / sqrt(n); nan if n is too small to tell.
 
     Of paired differences this is the paired t-interval.
     """
@@ -72,7 +72,8 @@ def clustered_mean(groups: Sequence[Sequence[float]], confidence: float = 0.95) 
 def ratio_interval(pairs: Sequence[tuple[float, float]]) -> Mean:
     """Return the geometric mean of b / a over the pairs (a, b) of positive numbers.
 
-    Its sd is that of the logarithms. Pairs with a number that is not positive are left out.
+    Its sd is the standard deviation of the logarithms. Pairs with a number that is not positive are
+    left out.
     """
     logs = mean_interval([log(b / a) for a, b in pairs if a > 0 < b])
     return Mean(exp(logs.mean), exp(logs.low), exp(logs.high), logs.n, logs.sd)

@@ -4,6 +4,7 @@ import os
 import signal
 from collections import Counter
 from functools import cache
+from pathlib import Path
 
 # Otherwise the threads of BLAS spin against those of the compiled loops. The library reads it when
 # it is loaded, here and in child processes.
@@ -13,6 +14,8 @@ os.environ["TERM"] = "xterm-256color"
 
 import numpy as np
 import pytest
+
+from tests.skipped import FOLDER, reasons_of, write_outcomes
 
 pytest_plugins = ["tests.fence"]
 
@@ -67,7 +70,8 @@ def on_threads():
 
 def pytest_terminal_summary(terminalreporter) -> None:
     """Say once for each reason how many tests were skipped for it."""
-    skipped = terminalreporter.stats.get("skipped", [])
-    reasons = Counter(report.longrepr[2].removeprefix("Skipped: ") for report in skipped)
-    for reason, count in reasons.most_common():
+    reasons = reasons_of(terminalreporter.stats.get("skipped", []))
+    for reason, count in Counter(reasons.values()).most_common():
         terminalreporter.write_line(f"{count} skipped: {reason}")
+    if FOLDER in os.environ:
+        write_outcomes(Path(os.environ[FOLDER]), terminalreporter.stats)

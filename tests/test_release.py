@@ -49,7 +49,18 @@ def test_files_that_agree_can_be_tagged(tmp_path):
 @pytest.mark.parametrize(
     ("file", "old", "new", "start"),
     [
-        ("pyproject.toml", "1.2.0", "1.3.0", "tag: expected v1.3.0"),
+        (
+            "pyproject.toml",
+            "1.2.0",
+            "1.3.0",
+            "pyproject.toml: expected the version",
+        ),
+        (
+            "pyproject.toml",
+            "1.2.0",
+            "1.2.0.dev0",
+            "pyproject.toml: expected the version of the tag",
+        ),
         ("CITATION.cff", "\nversion: 1.2.0", "\nversion: 1.1.0", "CITATION.cff: expected 1.2.0"),
         ("CITATION.cff", "-27", "-26", "CITATION.cff: expected 1.2.0 (2026-11-27)"),
         ("CHANGELOG.md", " (2026-11-27)", "", "CHANGELOG.md: expected '## 1.2.0 (YYYY-MM-DD)'"),
@@ -61,6 +72,26 @@ def test_files_that_agree_can_be_tagged(tmp_path):
 def test_a_file_that_differs_is_named(tmp_path, file, old, new, start):
     found = RELEASE.problems(written(tmp_path, file, old, new), "v1.2.0")
     assert any(line.startswith(start) for line in found)
+
+
+BETWEEN = {
+    "pyproject.toml": '[project]\nversion = "1.3.0.dev0"\n',
+    "CITATION.cff": "cff-version: 1.2.0\nversion: 1.3.0.dev0\n",
+}
+
+
+def test_between_releases_the_next_version_is_named_and_none_is_released(tmp_path):
+    root = written(tmp_path)
+    for name, text in BETWEEN.items():
+        (root / name).write_text(text)
+    assert RELEASE.problems(root) == []
+    (root / "CHANGELOG.md").write_text("# Changelog\n\n## 1.3.0 (2026-12-01)\n")
+    assert [line.split(":")[0] for line in RELEASE.problems(root)] == ["CHANGELOG.md"]
+    (root / "CITATION.cff").write_text(FILES["CITATION.cff"])
+    assert [line.split(":")[0] for line in RELEASE.problems(root)] == [
+        "CHANGELOG.md",
+        "CITATION.cff",
+    ]
 
 
 def test_entries_without_a_version_are_no_problem_between_releases(tmp_path):

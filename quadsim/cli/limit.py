@@ -8,7 +8,7 @@ from dataclasses import replace
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Annotated
 
-from msgspec import Meta
+from msgspec import Meta, to_builtins
 from rich.console import Console
 from rich.markup import escape
 
@@ -232,13 +232,13 @@ def _summary(
         "margin_kept": _margin_kept(problem),
         "reserve": problem.reserve,
         "time": known.time if known else None,
-        "lap_times": known.lap_times if known else [],
+        "lap_times": list(known.lap_times) if known else [],
         "nodes": len(known.solution.t) if known else None,
         "starts": [
             {"start": a.start, "nodes": a.nodes, "time": a.time, "broken": a.broken}
             for a in attempts
         ],
-        "verified": known.verified if known else None,
+        "verified": to_builtins(known.verified) if known else None,
     }
 
 
@@ -274,10 +274,10 @@ def _report(
         yield "found before, and not slower than what was found now"
     yield f"[dim]laps[/]  {'  '.join(f'{t:.3f}' for t in known.lap_times)} s"
     checked = known.verified
-    residual = f"{1e3 * checked['residual']:.1g} mm"
-    worth = f"{1e3 * checked['worth']:.1g} ms"
-    passes = checked["events"].get("pass", 0)
+    residual = f"{1e3 * checked.residual:.1g} mm"
+    worth = f"{1e3 * checked.worth:.1g} ms"
+    passes = checked.events.get("pass", 0)
     yield (
         f"[dim]checked[/]  {len(known.solution.t)} nodes, {residual} at most from the fine "
-        f"integration, worth {worth}; referee: {checked['outcome']}, {passes} gates"
+        f"integration, worth {worth}; referee: {checked.outcome}, {passes} gates"
     )

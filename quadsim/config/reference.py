@@ -102,7 +102,7 @@ def followed_reference(
 
     Args:
         problem: the problem that it solves.
-        digest: sha256 of its file.
+        digest: sha256 of its content, as StoredSolution has it.
         folders: folders of runs, which are searched as well as the solutions that quadsim brings.
 
     Raises:

@@ -9,23 +9,21 @@ import zipfile
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from fnmatch import fnmatchcase
-from math import inf, prod
+from math import inf
 from pathlib import Path
-from typing import IO, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import msgspec
 import numpy as np
-from numpy.lib import format as npy
 
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.yaml_errors import shown
 
 LARGEST = 500_000_000  # [bytes], of a file and of all of its arrays together
 SUFFIX = ".npy"  # ends an array's name within the archive
-# Lengths of what an error shows: names of arrays, characters of a library's message and of a shape
+# Lengths of what an error shows: names of arrays, characters of a library's message
 NAMES = 5
 LONGEST = 160
-LONGEST_SHAPE = 40
 
 Schema = TypeVar("Schema")
 
@@ -37,9 +35,8 @@ class Declared(NamedTuple):
     # Lengths of the dimensions. A name stands for any length, which is the same
     # wherever the name occurs among the arrays of a file.
     shape: tuple[int | str, ...] = ()
-    finite: bool = False  # whether infinities and NaN are refused
     required: bool = True
-    # The greatest absolute value allowed. Where there is one, numbers are finite too.
+    # The greatest absolute value allowed. If there is one, infinities and NaN are refused too.
     most: float = inf
 
 
@@ -119,8 +116,11 @@ def arrays_of(
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             members = _members(archive, declared, largest)
-            lengths: dict[str, int] = {}
-            return {name: _array(archive, name, m, lengths) for name, m in members.items()}
+            arrays = {name: _array(archive, member.entry) for name, member in members.items()}
+        lengths: dict[str, int] = {}
+        for name, member in members.items():
+            _check(name, arrays[name], member.wanted, lengths)
+        return arrays
     except ArrayError as error:
         problem = str(error)
     # a damaged archive fails in a dozen ways
@@ -198,66 +198,48 @@ def _name(entry: zipfile.ZipInfo) -> str:
     return entry.filename.removesuffix(SUFFIX)
 
 
-def _array(
-    archive: zipfile.ZipFile, name: str, member: _Member, lengths: dict[str, int]
-) -> np.ndarray:
-    """Return one array, whose numbers are not read before its type and its shape are known.
+def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> np.ndarray:
+    """Return one array of the archive.
+
+    Raises:
+        ArrayError: the member is no array, or an array of Python objects. NumPy's message, which
+            advises to trust the file, is left out.
+    """
+    content = io.BytesIO(archive.read(entry))
+    try:
+        # A warning, as of a file from Python 2, counts as an error
+        with warnings.catch_warnings(action="error"):
+            array = np.load(content, allow_pickle=False)
+        if isinstance(array, np.ndarray) and not content.read(1):
+            return array
+    except Exception:
+        pass
+    raise ArrayError(f"{_name(entry)}: expected an array, got content that is none")
+
+
+def _check(name: str, array: np.ndarray, wanted: Declared, lengths: dict[str, int]) -> None:
+    """Check an array against its declaration.
 
     Args:
-        archive: the archive.
         name: the array's name.
-        member: the array, and how it was declared.
+        array: the array.
+        wanted: how it was declared.
         lengths: the lengths of named dimensions so far; new ones are added.
 
     Raises:
         ArrayError: the array is not as it was declared.
     """
-    entry, wanted = member
-    with archive.open(entry) as file:
-        shape, by_columns, dtype = _header(file, name)
-        is_text = wanted.dtype == "str" and dtype.kind == "U"
-        fits = is_text or dtype == np.dtype(wanted.dtype)
-        if not fits or not _has_shape(shape, wanted, lengths):
-            known = tuple(lengths.get(str(length), length) for length in wanted.shape)
-            described = _described(wanted._replace(shape=known))
-            raise ArrayError(f"{name}: expected {described}, got {_kind(dtype, shape)}")
-
-        # a header may claim any size
-        size = dtype.itemsize * prod(shape)
-        there = entry.file_size - file.tell()
-        if there == size:
-            content = file.read()
-            there = len(content)
-        if there != size:
-            raise ArrayError(f"{name}: expected {size:,} bytes, got {there:,}")
-    order = "F" if by_columns else "C"
-    array = np.ndarray(shape, dtype, bytearray(content), order=order)
-
-    if (wanted.finite or wanted.most < inf) and not np.isfinite(array).all():
-        raise ArrayError(f"{name}: expected finite numbers")
+    is_text = wanted.dtype == "str" and array.dtype.kind == "U"
+    fits = is_text or array.dtype == np.dtype(wanted.dtype)
+    if not fits or not _has_shape(array.shape, wanted, lengths):
+        known = tuple(lengths.get(str(length), length) for length in wanted.shape)
+        described = _described(wanted._replace(shape=known))
+        raise ArrayError(f"{name}: expected {described}, got {_kind(array)}")
     if wanted.most < inf:
         greatest = float(np.abs(array).max(initial=0.0))
-        if greatest > wanted.most:
+        # NaN is not smaller than any number
+        if not greatest <= wanted.most:
             raise ArrayError(f"{name}: expected numbers up to {wanted.most:g}, got {greatest:g}")
-    return array
-
-
-def _header(file: IO[bytes], name: str) -> tuple[tuple[int, ...], bool, np.dtype]:
-    """Return the shape of an array, whether it is stored by columns, and its type.
-
-    Raises ArrayError, without NumPy's message, which advises to trust the file.
-    """
-    try:
-        # a warning, as of a file from Python 2, counts as an error
-        with warnings.catch_warnings(action="error"):
-            version = npy.read_magic(file)
-            if version == (1, 0):
-                return npy.read_array_header_1_0(file)
-            if version in ((2, 0), (3, 0)):
-                return npy.read_array_header_2_0(file)
-            raise ValueError(version)
-    except Exception:
-        raise ArrayError(f"{name}: expected an array, got a header that cannot be read") from None
 
 
 def _has_shape(shape: tuple[int, ...], wanted: Declared, lengths: dict[str, int]) -> bool:
@@ -268,7 +250,7 @@ def _has_shape(shape: tuple[int, ...], wanted: Declared, lengths: dict[str, int]
         wanted: how the array was declared.
         lengths: the lengths of named dimensions so far; new ones are added.
     """
-    if len(shape) != len(wanted.shape) or min(shape, default=0) < 0:
+    if len(shape) != len(wanted.shape):
         return False
     for length, dimension in zip(shape, wanted.shape, strict=True):
         expected = dimension
@@ -287,15 +269,10 @@ def _described(wanted: Declared) -> str:
     return f"{kind} ({dimensions}{comma})"
 
 
-def _kind(dtype: np.dtype, shape: tuple[int, ...]) -> str:
-    """Return a found type and shape as an error shows them: "float32 (4, 3)"."""
-    size = str(shape)
-    if len(size) > LONGEST_SHAPE:
-        size = f"({len(shape)} dimensions)"
-    if dtype.hasobject:
-        return f"Python objects {size}"
-    kind = {"U": "text", "V": "records"}.get(dtype.kind, str(dtype))
-    return f"{kind} {size}"
+def _kind(array: np.ndarray) -> str:
+    """Return the type and shape of an array as an error shows them: "float32 (4, 3)"."""
+    kind = {"U": "text", "V": "records"}.get(array.dtype.kind, str(array.dtype))
+    return f"{kind} {array.shape}"
 
 
 def listed(names: Iterable[str]) -> str:
@@ -306,7 +283,7 @@ def listed(names: Iterable[str]) -> str:
 
 
 def _one_line(error: Exception) -> str:
-    """Return the message of a library on one line, without control characters, cut where long."""
+    """Return the message of a library on one line, cut if long, without control characters."""
     text = " ".join(str(error).split()) or type(error).__name__
     if len(text) > LONGEST:
         text = text[: LONGEST - 3] + "..."

@@ -115,7 +115,7 @@ def kinds_of(cls: type) -> dict[str, Kind]:
 
 
 def _is_annotated(hint: Any) -> bool:
-    """Return whether a type, or one of those that it unites, has metadata of a setting."""
+    """Return whether a type, or a type that it unites, has metadata of a setting."""
     united = (hint, *get_args(hint))
     return any(isinstance(m, Meta) for one in united for m in getattr(one, "__metadata__", ()))
 

@@ -46,7 +46,7 @@ def value(node: yaml.Node, kind: Any, path: str = "", unit: str = "") -> Any:
         node: a node of PyYAML's tree.
         kind: a type of msgspec.inspect.
         path: the key of the node, such as "gates[3].yaw_deg".
-        unit: the unit of its numbers; that of a list is handed down to its items.
+        unit: the unit of its numbers; a list hands its unit down to its items.
 
     Raises:
         Misfit: the node is none of this type.
@@ -155,7 +155,7 @@ def descend(node: yaml.Node, path: str) -> yaml.Node:
 
 
 def _within_range(number: float, node: yaml.Node, kind: Any, path: str, unit: str) -> float:
-    """Return the number. Raises Misfit where it is out of its range."""
+    """Return the number. Raises Misfit if it is out of its range."""
     if not is_in_range(number, kind):
         wanted = f"expected {expected(kind, unit)} {limits(kind)}"
         raise Misfit(node.start_mark, path, f"{wanted}, got {node.value[:LONGEST]}")

@@ -31,6 +31,7 @@ from quadsim.dynamics.quadrotor import (
     quadrotor,
     step,
 )
+from quadsim.limit.limits import ModelName
 from quadsim.physics.actuators import gyroscopic
 from quadsim.physics.allocation import mixer
 from quadsim.rotation import quaternion_rate, to_body, to_world
@@ -59,7 +60,7 @@ class Dynamics(ABC):
     States x and controls u are tuples of scalars, numbers or CasADi's symbols, or of rows.
     """
 
-    name: str
+    name: ModelName
     # Limits of the state (n_x,); the route sets the limits of position and velocity
     low: np.ndarray
     high: np.ndarray

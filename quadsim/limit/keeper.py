@@ -17,14 +17,14 @@ class Keeper:
     def __init__(self, problem: LimitProblem, folder: Path, best: StoredSolution | None):
         """Take the race, the folder of its file, and the best solution known before."""
         self.best = best
-        # The fastest that was found now, where it is faster than those known before
+        # The fastest solution of this search, None if one that was known before is faster
         self.found: StoredSolution | None = None
         self._problem = problem
         self._path = folder / problem.file_name
         self._failure: RunError | None = None
 
     def keep(self, found: StoredSolution | None) -> None:
-        """Keep a solution where it is the fastest; `finish` tells whether it could be written."""
+        """Keep a solution if it is the fastest; `finish` tells whether it could be written."""
         if found is None or not self._is_fastest(found):
             return
         self.best = self.found = found
@@ -51,7 +51,7 @@ class Keeper:
         raise RunError(f"{self._failure}: {advice}")
 
     def _is_fastest(self, found: StoredSolution) -> bool:
-        """Return whether a solution is faster than all others, those of other processes too."""
+        """Return whether a solution is faster than all others, also of other processes."""
         with suppress(LimitError):
             newest = self._problem.best_known(self._path.parent)
             if newest and (self.best is None or newest.time < self.best.time):

@@ -103,7 +103,7 @@ class Search:
             vehicle=problem.vehicle.name,
             laps=problem.laps,
             closed=problem.closed,
-            lap_times=flown_laps(verified.events, problem.laps),
+            lap_times=tuple(flown_laps(verified.events, problem.laps)),
             verified=verified.summary(),
             solution=solution,
             margin=problem.margin,

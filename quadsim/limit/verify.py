@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field
 from math import hypot
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from quadsim.dynamics.quadrotor import ATTITUDE, BODY_RATES, POSITION
 from quadsim.limit.dynamics import Dynamics
-from quadsim.limit.limits import Solution
+from quadsim.limit.limits import Check, Solution
 from quadsim.racing.events import Event
 from quadsim.racing.referee import Referee
 
@@ -46,17 +46,24 @@ class Verified:
     # Largest | |q| - 1 |
     attitude: float = 0.0
     # Largest body rates about x, y and z [rad/s]
-    body_rate: tuple[float, ...] = (0.0, 0.0, 0.0)
+    body_rate: tuple[float, float, float] = (0.0, 0.0, 0.0)
     # Events of the referee, if there is one
     outcome: str | None = None
     events: tuple[Event, ...] = ()
     # One line for each fault
     broken: list[str] = field(default_factory=list)
 
-    def summary(self) -> dict[str, Any]:
-        """Return the findings as JSON, with the number of events of each kind."""
-        counts = Counter(event.kind for event in self.events)
-        return asdict(replace(self, events=())) | {"events": dict(counts)}
+    def summary(self) -> Check:
+        """Return the findings as they are stored, with the number of events of each kind."""
+        return Check(
+            residual=self.residual,
+            worth=self.worth,
+            attitude=self.attitude,
+            body_rate=self.body_rate,
+            outcome=self.outcome,
+            events=dict(Counter(event.kind for event in self.events)),
+            broken=tuple(self.broken),
+        )
 
 
 def verify(solution: Solution, model: Dynamics, referee: Referee | None = None) -> Verified:
@@ -81,7 +88,8 @@ def verify(solution: Solution, model: Dynamics, referee: Referee | None = None) 
         # The largest values in between
         found.attitude = max(found.attitude, *(abs(hypot(*p[ATTITUDE]) - 1.0) for p in path))
         rates = np.abs([found.body_rate, *(p[BODY_RATES] for p in path)])
-        found.body_rate = tuple(rates.max(axis=0).tolist())
+        roll, pitch, yaw = rates.max(axis=0).tolist()
+        found.body_rate = (roll, pitch, yaw)
 
         if referee:
             # The gap at the node belongs to the last step

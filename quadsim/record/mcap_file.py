@@ -237,7 +237,7 @@ class _Schemas:
         return self._new("Color", r=red, g=green, b=blue, a=1.0)
 
     def transform(self, time: int, position: Sequence[float], wxyz: Sequence[float]) -> Any:
-        """Return where the vehicle's frame is in the world."""
+        """Return the pose of the vehicle's frame in the world."""
         return self._new(
             "FrameTransform",
             timestamp=self._stamp(time),
@@ -272,7 +272,7 @@ class _Schemas:
         return self._new("PosesInFrame", timestamp=self._stamp(0), frame_id=WORLD, poses=poses)
 
     def log(self, time: int, event: Event) -> Any:
-        """Return an event in words: an error where it ends a flight, else information."""
+        """Return an event as text: an error if it ends a flight, else information."""
         where = f" {event.place}" if event.place else ""
         text = f"lap {event.lap}: {event.kind.replace('_', ' ')}{where} at {event.speed:.1f} m/s"
         level = "ERROR" if event.kind in CRASHES else "INFO"

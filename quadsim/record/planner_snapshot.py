@@ -31,7 +31,7 @@ class PlannerSnapshots:
 
     @classmethod
     def of(cls, taken: Sequence[tuple[int, PlannerSnapshot]]) -> PlannerSnapshots | None:
-        """Collect pairs of frame and snapshot; return None where there are none."""
+        """Collect pairs of frame and snapshot; return None if there are none."""
         if not taken:
             return None
         frames = [frame for frame, _ in taken]
@@ -58,7 +58,7 @@ class PlannerSnapshots:
 
     @classmethod
     def taken_out_of(cls, arrays: dict[str, np.ndarray]) -> PlannerSnapshots | None:
-        """Remove the snapshots from the arrays of a file and return them; None where it has none.
+        """Remove the snapshots from the arrays of a file and return them; None if it has none.
 
         Arrays that are only a part of snapshots stay where they are.
         """

@@ -78,7 +78,7 @@ class RunError(Exception):
 def columns_of(spec: dict[str, Any]) -> dict[str, str]:
     """Return the telemetry columns of a run, name -> unit, in order.
 
-    There are more where it has sensors, and where a firmware commands the motors.
+    There are more if it has sensors, and if a firmware commands the motors.
     """
     columns = dict(COLUMNS)
     if spec.get("sensing"):
@@ -107,7 +107,7 @@ class RecordedRun:
     snapshots: PlannerSnapshots | None = None
     # Arrays of quadsim.sensing.kept by name, if the flight kept its sensing
     measurements: dict[str, np.ndarray] | None = None
-    # The error that ended the flight, on one line; "" where none did
+    # The error that ended the flight, on one line; "" if none did
     fault: str = ""
 
     @classmethod
@@ -212,7 +212,7 @@ def own_parts(spec: dict[str, Any]) -> dict[str, str]:
 
 
 def why_not_repeatable(run: RecordedRun) -> str:
-    """Return why the spec alone does not give the same run again, "" where it does."""
+    """Return why the spec alone does not give the same run again, "" if it does."""
     spec = run.spec
     if run.outcome == "interrupted":
         return "the flight was interrupted"
@@ -330,7 +330,7 @@ class Recorder:
         return dict(zip(names, rows.T, strict=True))
 
     def run(self, spec: dict[str, Any]) -> RecordedRun:
-        """Return the flight so far, interrupted where its last frame has no outcome.
+        """Return the flight so far, interrupted if its last frame has no outcome.
 
         Raises:
             ValueError: the referee's outcome is none of Outcome.

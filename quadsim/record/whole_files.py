@@ -16,7 +16,7 @@ PROBE = 4096
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all, see replace_file; make its folder where it is missing.
+    """Write a file whole or not at all, see replace_file; make its folder if it is missing.
 
     Raises:
         RunError: the file cannot be written.
@@ -45,7 +45,7 @@ def expect_new_file(path: Path) -> None:
 
 
 def expect_writable(folder: Path) -> None:
-    """Raise RunError where the folder, or the one it would be made in, cannot be written."""
+    """Raise RunError if the folder, or the folder it would be made in, cannot be written."""
     above = [place for place in (folder, *folder.parents, Path()) if place.exists()]
     nearest = above[0]
     if not nearest.is_dir():
@@ -55,9 +55,9 @@ def expect_writable(folder: Path) -> None:
 
 
 def try_writing(folder: Path) -> None:
-    """Write a file in a folder and remove it, so that long work does not end where nothing is kept.
+    """Write a file in a folder and remove it, so that a long search does not end unsaved.
 
-    A folder that is missing is made, and stays only where something is written later.
+    A folder that is missing is made, and stays only if something is written there later.
 
     Raises:
         RunError: the folder cannot be made, or a file cannot be written there.

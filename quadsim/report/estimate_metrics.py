@@ -1,16 +1,23 @@
-"""The accuracy of the estimate in a flight with sensors: short pure functions of a RecordedRun."""
+"""The sensing of a flight: the accuracy of the estimate, and the errors that the seed has drawn."""
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
+import msgspec
 import numpy as np
 
 from quadsim.record.run import RecordedRun
-from quadsim.report.drawn_sensing import drawn_imu_errors
+from quadsim.sensing.config import ImuConfig
 from quadsim.sensing.estimate_record import ERRORS
+from quadsim.sensing.imu import drawn_mixing
+from quadsim.streams import quadrotor_streams, sensor_streams
 
 # An estimate that is off by more is lost: [m], about half an opening, and [deg].
 LOST = 0.5
 TURNED = 5.0
+# Elements beside the diagonal
+BESIDE = ~np.eye(3, dtype=bool)
 
 
 def estimate_errors(run: RecordedRun) -> np.ndarray:
@@ -56,7 +63,7 @@ def lost_estimate(run: RecordedRun) -> str:
 
 
 def sensing_numbers(run: RecordedRun) -> dict | None:
-    """Return numbers about the estimate, None where the planner was given the true state.
+    """Return numbers about the estimate, None if the planner was given the true state.
 
     Returns:
         sensing: name of the set of sensors.
@@ -66,7 +73,7 @@ def sensing_numbers(run: RecordedRun) -> dict | None:
         nis: normalised innovation squared per degree of freedom of the measurements used.
         refused: share of the measurements taken for outliers.
         in_view: mean number of corners in a picture that showed any.
-        found: share of those corners that was found.
+        found: share of the corners in view that was found.
         unaided: time at the end since the last measurement was used, inertial ones aside [s].
         drawn: constant errors of gyroscope and accelerometer, see `drawn_imu_errors`.
         estimate_ms: time that an estimate took, wall clock, p50 and p95 [ms].
@@ -117,3 +124,58 @@ def _unaided(run: RecordedRun) -> float:
 
 def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
+
+
+class UnitErrors(NamedTuple):
+    """The errors of a gyroscope or an accelerometer that are constant in a flight."""
+
+    scale: list[float]  # error of the scale factor of x, y and z, a share
+    # angles between true and measured axes [deg]: of x towards y and z, of y towards x and z, of z
+    # towards x and y
+    misalignment_deg: list[float]
+
+
+def drawn_imu_errors(spec: dict[str, Any]) -> dict[str, UnitErrors]:
+    """Return the constant errors of a flight's gyroscope and accelerometer, by name.
+
+    They are drawn anew, as the seed determines them.
+
+    Args:
+        spec: the spec of the run.
+
+    Returns:
+        Empty if the unit has exact scales and axes, or the flight has no unit.
+    """
+    sensing = spec.get("sensing") or {}
+    if not sensing.get("imu"):
+        return {}
+    config = msgspec.convert(sensing["imu"], ImuConfig)
+    imu = sensor_streams(quadrotor_streams(spec["seed"]).sensors).imu
+    mixing = drawn_mixing(config, imu)
+    if mixing is None:
+        return {}
+    errors = mixing - np.eye(6)
+    return {"gyro": _of_unit(errors[:3, :3]), "accelerometer": _of_unit(errors[3:, 3:])}
+
+
+def _of_unit(errors: np.ndarray) -> UnitErrors:
+    """Return the errors of one unit.
+
+    Args:
+        errors: from true to measured numbers, less the identity  (3, 3).
+    """
+    return UnitErrors(errors.diagonal().tolist(), np.degrees(errors[BESIDE]).tolist())
+
+
+def drawn_imu_text(drawn: dict[str, UnitErrors]) -> str:
+    """Return the errors that `drawn_imu_errors` returns on one line, "" if there are none."""
+    parts = []
+    for name, errors in drawn.items():
+        if any(errors.scale):
+            each = ", ".join(f"{100 * share:+.2g}" for share in errors.scale)
+            parts.append(f"{name} scale {each} %")
+        if any(errors.misalignment_deg):
+            parts.append(
+                f"{name} axes {max(map(abs, errors.misalignment_deg)):.2g} deg off at most"
+            )
+    return f"drawn: {', '.join(parts)}" if parts else ""

@@ -85,7 +85,7 @@ def speed(run: RecordedRun) -> np.ndarray:
 def motor_use(run: RecordedRun) -> MotorUse | None:
     """Return what a flight asked of its motors per second of its time [1/s], [m/s^2].
 
-    None where no firmware commanded them.
+    None if no firmware commanded them.
     """
     x = run.telemetry
     if not run.spec.get("betaflight"):
@@ -104,7 +104,7 @@ def path_length(run: RecordedRun) -> float:
 
 
 def motor_tau(vehicle: dict) -> float:
-    """Return the motors' lag in a spec's vehicle, MOTOR_TAU where it has no rotors [s]."""
+    """Return the motors' lag in a spec's vehicle, MOTOR_TAU if it has no rotors [s]."""
     rotors = vehicle.get("rotors")
     return float(rotors["motor_tau"]) if rotors else MOTOR_TAU
 
@@ -145,7 +145,7 @@ def motor_residual(t: np.ndarray, u: np.ndarray, tau: float) -> float:
 def smoothness(t: np.ndarray, u: np.ndarray) -> float:
     """Return 2/(n f_s) sum M_i f_i over the n frequencies f_i > 0 with amplitudes M_i [unit of u].
 
-    The measure is that of CAPS (Mysore et al. 2021); f_s is the rate of the samples.
+    CAPS (Mysore et al. 2021) has this measure; f_s is the rate of the samples.
     """
     rate = (len(t) - 1) / (t[-1] - t[0])
     frequencies = np.fft.rfftfreq(len(u), 1.0 / rate)[1:]

@@ -1,7 +1,7 @@
-"""The parameters of the planner's model that differ from those of the vehicle it controls.
+"""The parameters in which the planner's model differs from the vehicle that it controls.
 
-The vehicle's latency is none of them: the state is predicted to the time at which a command acts,
-see quadsim.report.given_state.
+The latency is left out: the state is predicted to the time at which a command acts, see
+ quadsim.report.given_state.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def model_table(spec: dict) -> RenderableType:
 
 
 def _limits(spec: dict) -> str:
-    """Return the limits below those of the vehicle in words, "" if there are none."""
+    """Return the model's limits that are lower than the vehicle's as text, "" without any."""
     rows = differing(spec)
     limits = [
         f"{name.replace('_limit', '')} to {' '.join(f'{x:.4g}' for x in rows[name]['model'])}"
@@ -99,7 +99,7 @@ def _compared(spec: dict) -> dict[str, Pair]:
 
 
 def _axes(numbers: Number) -> list[float]:
-    """Return one number where all axes have the same.
+    """Return one number if all axes have the same.
 
     Numbers are rounded: a mean of three may differ in its last digit.
     """

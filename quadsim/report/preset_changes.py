@@ -1,4 +1,4 @@
-"""The numbers of a recorded planner that differ from those of its preset, as text."""
+"""The numbers in which a recorded planner differs from its preset, as text."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MOST = 4
 def preset_changes(spec: dict[str, Any]) -> str:
     """Return the numbers that differ from the preset, such as "samples 256, horizon 60".
 
-    It is empty where none does, and where the preset is a file or no preset of this version.
+    It is empty if none does, and if the preset is a file or no preset of this version.
 
     Args:
         spec: the record of a Spec, see Spec.record.
@@ -103,12 +103,11 @@ def usual_planner(spec: Mapping[str, Any]) -> Planner | None:
     Args:
         spec: the record of a Spec, see Spec.record.
     """
-    of_samplers = PRESETS.get(spec.get("preset", ""), {})
-    found = of_samplers.get(spec.get("sampler", ""), of_samplers.get("colored"))
-    if found is None or spec["preset"] not in DERIVED:
-        return found
+    reference = _reference(spec)
+    if reference is None or spec["preset"] not in DERIVED:
+        return reference
     scale = recorded_scale(spec)
-    return found if scale is None else with_period(derived(found, scale), scale.period)
+    return reference if scale is None else with_period(derived(reference, scale), scale.period)
 
 
 def recorded_derivation(spec: Mapping[str, Any]) -> list[DerivedNumber]:
@@ -117,12 +116,20 @@ def recorded_derivation(spec: Mapping[str, Any]) -> list[DerivedNumber]:
     Args:
         spec: the record of a Spec, see Spec.record.
     """
-    of_samplers = PRESETS.get(spec.get("preset", ""), {})
-    found = of_samplers.get(spec.get("sampler", ""), of_samplers.get("colored"))
+    reference = _reference(spec)
     scale = recorded_scale(spec)
-    if found is None or scale is None or spec["preset"] not in DERIVED:
+    if reference is None or scale is None or spec["preset"] not in DERIVED:
         return []
-    return derivation(found, scale)
+    return derivation(reference, scale)
+
+
+def _reference(spec: Mapping[str, Any]) -> Planner | None:
+    """Return the planner of a preset as it stands, None if this version has no such preset.
+
+    A sampler of the user's own flies with the numbers of colored sampling.
+    """
+    of_samplers = PRESETS.get(spec.get("preset", ""), {})
+    return of_samplers.get(spec.get("sampler", ""), of_samplers.get("colored"))
 
 
 def recorded_scale(spec: Mapping[str, Any]) -> Scale | None:

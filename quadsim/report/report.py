@@ -13,8 +13,12 @@ from rich.padding import Padding
 from quadsim.course import parse_course
 from quadsim.limit.limits import StoredSolution
 from quadsim.record.run import RecordedRun, has_planner, why_not_repeatable
-from quadsim.report.drawn_sensing import drawn_imu_errors, drawn_imu_text
-from quadsim.report.estimate_metrics import lost_estimate, sensing_numbers
+from quadsim.report.estimate_metrics import (
+    drawn_imu_errors,
+    drawn_imu_text,
+    lost_estimate,
+    sensing_numbers,
+)
 from quadsim.report.given_state import given_state
 from quadsim.report.metrics import missed_deadlines
 from quadsim.report.model_differences import model_table
@@ -128,7 +132,7 @@ def _planning(run: RecordedRun) -> str:
 
 
 def _sensing(run: RecordedRun) -> str:
-    """Return the estimate's errors as text; empty where the planner was given the truth."""
+    """Return the estimate's errors as text; empty if the planner was given the true state."""
     n = sensing_numbers(run)
     if n is None:
         return ""

@@ -20,7 +20,7 @@ from quadsim.report.metrics import (
 
 @dataclass(frozen=True)
 class RunMetrics:
-    """The numbers of one run; None where a number is not known.
+    """The numbers of one run; None if a number is not known.
 
     Attributes:
         laps: times of the completed laps, penalties included [s].
@@ -28,8 +28,8 @@ class RunMetrics:
         splits: flown times from gate to gate, one tuple for each lap, the last of which may be
             unfinished [s].
         best_lap: the fastest completed lap [s]; None without one.
-        race_time: all laps from the standing start [s]; None where the race was not finished.
-        limit: the best known limit of the race [s]; None where none is known.
+        race_time: all laps from the standing start [s]; None if the race was not finished.
+        limit: the best known limit of the race [s]; None if none is known.
         above_limit: by how much the race time exceeds the limit, as a share of the limit.
         top_speed: [m/s].
         mean_speed: the path length over the time flown [m/s].
@@ -45,7 +45,7 @@ class RunMetrics:
             greatest command, mass-normalised [m/s^2]; None without a firmware.
         plan_ms_p50: median of the planning times, wall clock [ms].
         plan_ms_p95: 95th percentile of the planning times, wall clock [ms].
-        nees: mean normalised estimation error squared, 9 for a consistent estimate; None where the
+        nees: mean normalised estimation error squared, 9 for a consistent estimate; None if the
             planner was given the true state.
         position_rms: distance from the estimated to the true position, RMS [m]; None as for nees.
 

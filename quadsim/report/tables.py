@@ -83,7 +83,7 @@ def lap_tables(run: RecordedRun, gates: int, width: int) -> Iterator[Table | str
 
 
 def _whole_laps(run: RecordedRun, laps: int) -> dict[str, list[str]]:
-    """Return time and top speed of each lap, and the penalties in it where there are any."""
+    """Return time and top speed of each lap, and the penalties in it if there are any."""
     v = speed(run)
     unfinished = [None] * (laps - len(run.laps))
     columns = {"time\n[s]": _times([*run.laps, *unfinished])}

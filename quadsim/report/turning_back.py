@@ -1,11 +1,11 @@
 """Flights that overshoot a gate and return to it, found in positions and gates alone.
 
-So stored runs can be asked too. In front of a gate the vehicle flies forward, along the passage,
-until it has passed. It has turned back where, after flying forward in front of its next gate and
-coming close, it flies backward by one opening and has still not passed: it missed the opening, or
-could not make the turn and fell back. Manoeuvres that a course asks for are not counted: the swing
-out of a gate just passed, the way round one that faces away and the loop to a gate beside begin
-with no approach.
+So stored runs can be examined too. In front of a gate the vehicle flies forward, along the passage,
+until it has passed. It has turned back if, after it came close to its next gate in forward flight,
+it flies backward by one opening before it has passed: it missed the opening, or could not make the
+turn and fell back. Manoeuvres that a course asks for are not counted, as they begin without an
+approach: the swing out of a gate just passed, the way round a gate that faces away, and the loop to
+a gate beside.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ CLOSE = 3.0
 
 
 class TurnedBack(TypedDict):
-    """A place where a flight turned back: gate and lap, from 1, and when [s].
+    """A place where a flight turned back: gate and lap, from 1, and time [s].
 
-    The time is that at which it was an opening behind its farthest point.
+    At that time the vehicle was an opening behind its farthest point.
     """
 
     gate: int
@@ -73,7 +73,7 @@ def _turned(gate: Gate, p: np.ndarray) -> np.ndarray:
     opening = approach_length(gate.opening)
     along = gate.to_local_rows(p).along
     distance = np.linalg.norm(p - gate.position, axis=1)
-    # It has approached where it was an opening in front of the gate before, and has flown forward
+    # It has approached if it was an opening in front of the gate before, and has flown forward
     # by one since
     farthest_back = np.minimum.accumulate(along)
     approached = (farthest_back <= -opening) & (along - farthest_back >= opening)

@@ -65,7 +65,7 @@ def _cells(flight: Flight) -> list[str]:
         f"`{flight.vehicle}` on `{flight.course}`",
         f"{1.0 / flight.period:g}",
         f"{scale.time:.2f}",
-        f"{horizon(scale):g}",
+        f"{horizon(scale).value:g}",
         f"{planner.mppi.samples}",
         f"{sampling.sigma[0]:g}",
         f"{sampling.cutoff[0]:g}",

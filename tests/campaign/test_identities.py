@@ -16,7 +16,7 @@ from quadsim.campaign.store import Store
 from quadsim.config.settings import SettingError
 from quadsim.config.spec import Spec
 from quadsim.controllers.learned.pilot import PILOTS
-from quadsim.limit.limits import SOLUTIONS
+from quadsim.limit.limits import SOLUTIONS, dump, load
 from tests.campaign_cases import COURSE, SETTINGS
 
 ROOT = Path(quadsim.__file__).parents[1]
@@ -182,25 +182,26 @@ def test_another_pilot_or_solution_of_one_name_is_another_attempt(tmp_path, monk
     (solution,) = SOLUTIONS.glob("split_s_swift_swift_3_rates_margin*.npz")
     monkeypatch.setattr("quadsim.limit.limits.SOLUTIONS", tmp_path / "none")
     (tmp_path / "limits").mkdir()
-    cases = [
-        (PILOTS / "split_s_swift.npz", tmp_path / "mine.npz", "layer_5"),
-        (solution, tmp_path / "limits" / solution.name, "x"),
-    ]
-    settings = [
-        {"pilot": str(tmp_path / "mine.npz")},
-        {"preset": "race_informed", "runs_dir": str(tmp_path)},
-    ]
-    for (source, file, array), named in zip(cases, settings, strict=True):
-        arrays = dict(np.load(source))
 
-        def key(file=file, arrays=arrays, named=named):
-            np.savez_compressed(file, **arrays)
-            return attempt_key(Spec.of("split_s_swift", **named).record())
+    def pilot(moved):
+        arrays = dict(np.load(PILOTS / "split_s_swift.npz"))
+        arrays["layer_5"][..., 0] += np.float32(moved)
+        np.savez_compressed(tmp_path / "mine.npz", **arrays)
+        return {"pilot": str(tmp_path / "mine.npz")}
 
-        first = key()
-        assert key() == first
-        arrays[array][..., 0] += np.float32(0.01)
-        assert key() != first
+    def informed(moved):
+        nodes = load(solution).solution
+        stored = replace(load(solution), solution=replace(nodes, x=nodes.x + moved))
+        (tmp_path / "limits" / solution.name).write_bytes(dump(stored))
+        return {"preset": "race_informed", "runs_dir": str(tmp_path)}
+
+    for written in (pilot, informed):
+        first, again, other = (
+            attempt_key(Spec.of("split_s_swift", **written(moved)).record())
+            for moved in (0.0, 0.0, 0.01)
+        )
+        assert first == again
+        assert first != other
 
 
 SCRIPT = """

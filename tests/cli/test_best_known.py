@@ -18,6 +18,7 @@ from quadsim.figures.run_figure import draw
 from quadsim.limit import limits
 from quadsim.limit.limits import (
     LIMITS,
+    Check,
     LimitProblem,
     Solution,
     StoredSolution,
@@ -35,15 +36,7 @@ gates:
 """
 BEST = 0.8  # [s]
 # The summary of a check
-FOUND = {
-    "residual": 0.0,
-    "worth": 0.0,
-    "attitude": 0.0,
-    "body_rate": [0.0, 0.0, 0.0],
-    "outcome": "finished",
-    "events": {"pass": 1},
-    "broken": [],
-}
+FOUND = Check(0.0, 0.0, 0.0, (0.0, 0.0, 0.0), "finished", {"pass": 1}, broken=())
 
 
 def spec(**settings):
@@ -91,7 +84,7 @@ def limit():
         costate=np.zeros((2, 17)),
         target=np.zeros(2, int),
     )
-    return StoredSolution("mine", "swift", 1, False, [BEST], FOUND, nodes)
+    return StoredSolution("mine", "swift", 1, False, (BEST,), FOUND, nodes)
 
 
 @pytest.fixture
@@ -101,7 +94,7 @@ def runs(tmp_path, monkeypatch):
     folder = tmp_path / "runs" / LIMITS
     folder.mkdir(parents=True)
     known = LimitProblem.of(parse_course(COURSE, "mine.yaml"), load_vehicle("swift"), 1)
-    (folder / known.file_name).write_bytes(dump(limit()))
+    (folder / known.file_name).write_bytes(dump(replace(limit(), key=known.key)))
     return tmp_path / "runs"
 
 

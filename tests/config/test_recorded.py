@@ -18,7 +18,7 @@ from quadsim.controllers.learned.pilot import PILOTS
 from quadsim.course import load_course
 from quadsim.dynamics.quadrotor import CONTROL_UNITS
 from quadsim.files.strict_yaml import FileError
-from quadsim.limit.limits import SOLUTIONS
+from quadsim.limit.limits import SOLUTIONS, dump, load
 from quadsim.record.run import canonical, hostless, why_not_repeatable
 from quadsim.record.schema import NumberChange
 from quadsim.vehicle import load_vehicle
@@ -304,10 +304,11 @@ def test_a_course_changed_in_python_is_a_part_of_ones_own():
 def copied(path, folder, sink=0.0):
     """Copy a solution, with the path lowered by some metres."""
     folder.mkdir(parents=True, exist_ok=True)
-    arrays = dict(np.load(path))
-    arrays["x"][:, 2] -= np.float32(sink)
-    np.savez_compressed(folder / path.name, **arrays)
-    return folder / path.name
+    stored = load(path)
+    x = stored.solution.x.copy()
+    x[:, 2] -= sink
+    lowered = replace(stored, solution=replace(stored.solution, x=x))
+    (folder / path.name).write_bytes(dump(lowered))
 
 
 def test_a_solution_that_was_followed_is_in_the_record_and_has_to_be_there(tmp_path, monkeypatch):

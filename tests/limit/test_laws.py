@@ -17,7 +17,7 @@ from quadsim.limit.limits import LimitProblem, StoredSolution
 from quadsim.limit.replay import referee_of
 from quadsim.limit.route import PAST, Route, segments
 from quadsim.limit.solve import solve
-from quadsim.limit.verify import verify
+from quadsim.limit.verify import Verified, verify
 from quadsim.vehicle import GRAVITY, load_vehicle
 from tests.limit.limit_cases import HALL, without_lag
 
@@ -183,7 +183,7 @@ def test_a_u_turn_behind_a_gate_goes_around_its_frame():
 def touched(solution, gate):
     """Return when the path between nodes touches the frame [s]."""
     swept = SweptGate(gate, 0, SWIFT.radius)
-    path = StoredSolution("", "", 1, False, [], {}, solution).path(1000.0)
+    path = StoredSolution("", "", 1, False, (), Verified().summary(), solution).path(1000.0)
     local = [gate.to_local(tuple(p)) for p in path[:, 1:]]
     pairs = zip(path[:, 0], pairwise(local), strict=False)
     return [t for t, (a, b) in pairs if swept.touch(a, b) is not None]

@@ -179,7 +179,7 @@ def test_a_slower_solution_does_not_replace_a_faster_one(place, found_again, tmp
     limits_folder(tmp_path).mkdir()
     file = limits_folder(tmp_path) / mine().file_name
     nodes = replace(stored.solution, t=stored.solution.t * faster / told["time"])
-    file.write_bytes(dump(replace(stored, lap_times=[faster], solution=nodes)))
+    file.write_bytes(dump(replace(stored, lap_times=(faster,), solution=nodes)))
     words = ("limit", str(folder / "mine.yaml"), "--nodes", "8", "--runs-dir", str(tmp_path))
     code, out, _ = run(capsys, *words)
     assert code == 0

@@ -1,7 +1,5 @@
 """The solutions that come with the project hold: read back, integrated finely and judged."""
 
-from hashlib import sha256
-
 import numpy as np
 import pytest
 
@@ -59,7 +57,6 @@ def test_a_solution_knows_its_file_and_its_problem():
         stored = load(path)
         problem = problem_of(stored)
         assert path.name == problem.file_name, "the course or the vehicle has changed"
-        assert stored.digest == sha256(path.read_bytes()).hexdigest(), path.stem
         assert stored.key == problem.key, path.stem
         assert path.stat().st_size <= 100_000, path.stem
 

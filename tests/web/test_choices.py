@@ -79,7 +79,7 @@ def solve(hall, runs_dir, sooner=0.0):
     )
     (shipped,) = narrow.files()
     solution = load(shipped)
-    times = [time - sooner for time in solution.lap_times]
+    times = tuple(time - sooner for time in solution.lap_times)
     folder = limits_folder(runs_dir)
     folder.mkdir(parents=True, exist_ok=True)
     stored = replace(solution, course=wide.course.name, lap_times=times, key=wide.key)
