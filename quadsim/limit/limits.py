@@ -245,28 +245,8 @@ class LimitProblem:
 
     @cached_property
     def key(self) -> str:
-<<<<<<< HEAD
-        """The sha256 of all that decides the limit [16 hex digits]."""
-        decided = asdict(self) | {"vehicle": asdict(self.vehicle)}
-        # Numbers at their defaults do not enter the key.
-        for name in ("margin", "reserve"):
-            if not decided[name]:
-                del decided[name]
-        for part in ("course", "vehicle"):
-            for name in NAMES:
-                decided[part].pop(name, None)
-        # How well a vehicle is known does not change what it can do.
-        decided["vehicle"].pop("uncertainty", None)
-        if not decided["course"]["obstacles"]:
-            del decided["course"]["obstacles"]
-        for gate in decided["course"]["gates"]:
-            if gate["frame_depth"] == FRAME_DEPTH:
-                del gate["frame_depth"]
-        text = json.dumps(_rounded(decided), sort_keys=True)
-=======
         """The sha256 of the numbers that decide the limit [16 hex digits]."""
         text = json.dumps(_rounded(self._numbers()), sort_keys=True)
->>>>>>> rooms
         return sha256(text.encode()).hexdigest()[:16]
 
     def _numbers(self) -> dict[str, Any]:
@@ -359,22 +339,6 @@ def _vehicle_numbers(vehicle: Vehicle) -> dict[str, Any]:
         "drag": vehicle.drag,
     }
     rotors = vehicle.rotors
-<<<<<<< HEAD
-    if problem.model == "rates":
-        high = np.array(Control(*vehicle.omega_max, thrust=vehicle.thrust_max))
-        low = -high
-        low[-1] = 0.0
-    else:
-        full = 0.0
-        if rotors:
-            full = rotors.motor_omega_max if problem.lags else rotors.thrust(rotors.motor_omega_max)
-        high = np.full(CONTROLS, full)
-        low = np.zeros(CONTROLS)
-    room = CONTROL_SHARE * high
-    if (solution.u < low - room).any() or (solution.u > high + room).any():
-        return "u: expected commands within the vehicle's limits, got one beyond"
-    return ""
-=======
     if rotors is None:
         return numbers
     return numbers | {
@@ -385,7 +349,6 @@ def _vehicle_numbers(vehicle: Vehicle) -> dict[str, Any]:
         "motor_tau": rotors.motor_tau,
         "kappa": rotors.kappa,
     }
->>>>>>> rooms
 
 
 def _rounded(value: Any) -> Any:
