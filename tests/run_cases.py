@@ -12,7 +12,7 @@ from quadsim.record.run import RecordedRun
 SPEC = {
     "course": "test course",
     "course_text": "name: test course\n",
-    "vehicle": {"name": "probe", "drag": (0.1, 0.1, 0.1), "rotors": {"tau": 0.05}},
+    "vehicle": {"name": "probe", "drag": (0.1, 0.1, 0.1), "rotors": {"motor_tau": 0.05}},
     "sampler": "colored",
     "preset": "race",
     "seed": 3,
