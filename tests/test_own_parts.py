@@ -19,7 +19,7 @@ from quadsim.cli.flags import settings_as_flags
 from quadsim.config.build import planner_of
 from quadsim.config.build_cost import cost_on
 from quadsim.config.build_plant import start_of, system_of
-from quadsim.config.parts import made
+from quadsim.config.own import OwnController, OwnPlant, OwnReferee, made
 from quadsim.console import UsageError
 from quadsim.controllers.costs import Term
 from quadsim.controllers.lanes.planner_loops import module_source
@@ -27,16 +27,8 @@ from quadsim.controllers.plan import PlanStats
 from quadsim.controllers.samplers import build_lanes
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import State, quadrotor
-from quadsim.physics.plant import NamedPlant, PlantState
+from quadsim.physics.plant import PlantState
 from quadsim.racing.events import Event
-from quadsim.racing.flight import PlainController
-from quadsim.racing.own_parts import (
-    check_counts,
-    check_step,
-    checked_control,
-    checked_events,
-    checked_plan,
-)
 from tests.small import SHORT, flags
 
 FLIGHT = {**SHORT, "first_iterations": 10}
@@ -191,23 +183,25 @@ def refused(role, **parts):
     return one_line(role, lambda: quadsim.fly("figure8", **FLIGHT | parts))
 
 
-def stepped(plant):
-    """Step a plant of one's own once, as a flight does."""
-    checked = NamedPlant(plant)
-    before = checked.state.t
-    check_step(checked, before, checked.step(HOVER).t, checked.dt)
-
-
 NAN = float("nan")
+
+
+def with_state(broken):
+    """Return a plant whose states after each step are broken."""
+
+    class Mine(Free):
+        def step(self, u):
+            return broken(super().step(u))
+
+    return Mine(SPEC)
+
+
 BROKEN_STATES = {
     "backwards": (lambda s: replace(s, t=-s.t), "a state 0.0025 s after t = 0, got t = -0.0025"),
     "still": (lambda s: replace(s, t=0.0), "a state 0.0025 s after t = 0, got t = 0.0"),
     "slow": (lambda s: replace(s, t=1e-9 * s.t), "a state 0.0025 s after t = 0, got t = 2.5"),
     "no time": (lambda s: replace(s, t=NAN), "a finite time t [s], got nan"),
-    "not finite": (
-        lambda s: replace(s, x=(NAN,) * 17),
-        "a state of 17 finite numbers, got px = nan",
-    ),
+    "not finite": (lambda s: replace(s, x=(NAN,) * 17), "17 finite numbers, got px = nan"),
     "too short": (lambda s: replace(s, x=s.x[:3]), "a state of 17 finite numbers, got 3"),
     "no numbers": (lambda s: replace(s, x="x" * 17), "a state of 17 finite numbers, got px = 'x'"),
     "no state": (lambda s: None, "a quadsim.physics.plant.PlantState, got None"),
@@ -218,40 +212,60 @@ BROKEN_STATES = {
 @pytest.mark.parametrize("fault", BROKEN_STATES)
 def test_a_plant_with_a_broken_state_is_named(fault):
     broken, problem = BROKEN_STATES[fault]
-
-    class Mine(Free):
-        def step(self, u):
-            self.state = broken(super().step(u))
-            return self.state
-
-    assert f"plant: Mine.step: expected {problem}" in one_line("plant", stepped, Mine(SPEC))
+    text = one_line("plant", OwnPlant(with_state(broken)).step, HOVER)
+    assert text.startswith("plant: Mine.step: expected ")
+    assert problem in text
 
 
-def test_a_plant_whose_time_does_not_go_on_ends_its_flight():
-    """It kept the flight going for ever."""
+IN_FLIGHT = {  # what -> the part of a flight that breaks, the text of its error
+    "a plant whose time does not go on": (
+        {"plant": lambda spec: with_state(lambda s: replace(s, t=0.0))},
+        "plant: Mine.step: expected a state 0.0025 s after t = 0, got t = 0.0",
+    ),
+    "a plant that touches what the course does not have": (
+        {"plant": lambda spec: with_state(lambda s: replace(s, contacts=("gate 99",)))},
+        "got 'gate 99'",
+    ),
+    "a law": (
+        {"controller": lambda spec: Law(np.zeros(3))},
+        "controller: Law.control: expected a control of 4 numbers",
+    ),
+    "a controller": (
+        {"controller": lambda spec: Answers((np.zeros(3), STATS))},
+        "controller: Answers.control: expected a control of 4 numbers",
+    ),
+    "a control at rest": (
+        {"controller": lambda spec: Answers(None, rest=np.zeros(3))},
+        "controller: Answers.rest: expected a control of 4 numbers",
+    ),
+    "events": (
+        {"referee": lambda spec: observing(lambda *step: None)},
+        "referee: Timed.observe: expected a list of events, got None",
+    ),
+    "an outcome": (
+        {"referee": lambda spec: observing(lambda *step: [], outcome="won")},
+        "referee: Timed.outcome: expected None or one of finished",
+    ),
+}
 
-    class Mine(Free):
-        def step(self, u):
-            return replace(super().step(u), t=0.0)
 
-    text = refused("plant", plant=Mine, controller=Hover(10.5))
-    assert "plant: Mine.step: expected a state 0.0025 s after t = 0, got t = 0.0" in text
+@pytest.mark.parametrize("what", IN_FLIGHT)
+def test_a_flight_checks_what_its_parts_return(what):
+    part, problem = IN_FLIGHT[what]
+    assert problem in refused(*part, **{"controller": Hover(10.5)} | part)
 
 
-@pytest.mark.parametrize("contact", ["gate 99", "gate x", "obstacle 1"])
+@pytest.mark.parametrize("contact", ["gate x", "obstacle 1"])
 def test_a_plant_touches_only_what_the_course_has(contact):
-    class Mine(Free):
-        def step(self, u):
-            return replace(super().step(u), contacts=(contact,))
-
-    assert f"got '{contact}'" in refused("plant", plant=Mine, controller=Hover(10.5))
+    plant = with_state(lambda s: replace(s, contacts=(contact,)))
+    assert f"got '{contact}'" in refused("plant", plant=plant, controller=Hover(10.5))
 
 
 def test_a_plants_step_has_a_range():
     plant = Free(SPEC)
     for dt in (0, -1, NAN, None, "x", 1e-9, 10, True, 10**400):
         plant.dt = dt
-        text = one_line("plant", NamedPlant, plant)
+        text = one_line("plant", OwnPlant, plant)
         assert "plant: Free.dt: expected a number [s] >= 1e-06 and <= 1" in text, dt
 
 
@@ -262,11 +276,7 @@ def test_a_plant_without_a_member_is_refused(member):
             members = {"dt": 0.0025, "state": Free(SPEC).state, "step": print, "close": print}
             vars(self).update({name: x for name, x in members.items() if name != member})
 
-    assert f"plant: Mine: expected a member '{member}'" in one_line("plant", NamedPlant, Mine())
-
-
-NO_CONTROLS = (None, np.zeros(3), np.zeros(5), np.zeros((4, 1)), "abcd", [NAN] * 4, [[1, 2], [3]])
-NO_CONTROLS = (*NO_CONTROLS, np.ones(4) * 1j, [True] * 4, 3, {}, np.full(4, 1e300))
+    assert f"plant: Mine: expected a member '{member}'" in one_line("plant", OwnPlant, Mine())
 
 
 class Law:
@@ -279,41 +289,86 @@ class Law:
         return self.answer
 
 
+class Answers(Law):
+    """A controller that answers the same to any estimate."""
+
+    def __init__(self, answer, rest=HOVER):
+        super().__init__(answer)
+        self.rest = rest
+
+
+STATS = PlanStats(cost=0.0, ess=1.0, temperature=1.0)
+AT_START = Estimate(0.0, np.zeros(17))
+NO_CONTROLS = (None, np.zeros(3), np.zeros(5), np.zeros((4, 1)), "abcd", [NAN] * 4, [[1, 2], [3]])
+NO_CONTROLS = (*NO_CONTROLS, np.ones(4) * 1j, [True] * 4, 3, {}, np.full(4, 1e300))
+
+
 def test_a_controller_that_returns_no_control_is_named():
-    stats = PlanStats(cost=0.0, ess=1.0, temperature=1.0)
     for answer in NO_CONTROLS:
-        law = PlainController(Law(answer), HOVER)
-        text = one_line("controller", law.control, Estimate(0.0, np.zeros(17)))
-        assert "controller: Law.control: expected a control of 4 numbers" in text, answer
-        text = one_line("controller", checked_plan, Hover(10.0), (answer, stats), 4)
-        assert "controller: Hover.control: expected a control of 4 numbers" in text, answer
-
-
-def test_a_flight_checks_what_its_controller_returns():
-    class Mine(Hover):
-        def control(self, estimate):
-            return np.zeros(3), PlanStats(cost=0.0, ess=1.0, temperature=1.0)
-
-    for controller in (Law(np.zeros(3)), Mine(10.0)):
-        name = type(controller).__name__
-        text = refused("controller", controller=controller)
-        assert f"controller: {name}.control: expected a control of 4 numbers" in text
+        for inner in (Law(answer), Answers((answer, STATS))):
+            text = one_line("controller", OwnController(inner, HOVER).control, AT_START)
+            name = type(inner).__name__
+            assert f"controller: {name}.control: expected a control of 4 numbers" in text, answer
+        text = one_line("controller", OwnController, Answers(None, rest=answer), HOVER)
+        assert "controller: Answers.rest: expected a control of 4 numbers" in text, answer
 
 
 def test_a_controller_returns_its_statistics():
     for stats in (None, 3, PlanStats(None, None, None)):
-        text = one_line("controller", checked_plan, Hover(10.0), (np.array(HOVER), stats), 4)
-        assert "controller: Hover.control: expected a control and its PlanStats" in text, stats
+        controller = OwnController(Answers((np.array(HOVER), stats)), HOVER)
+        text = one_line("controller", controller.control, AT_START)
+        assert "controller: Answers.control: expected a control and its PlanStats" in text, stats
 
 
-def test_a_controllers_rest_is_a_control():
-    controller = Hover(10.0)
-    problem = "controller: Hover.rest: expected a control of 4 numbers"
-    for rest in (None, np.zeros(3), np.full(4, NAN), "abcd", 3):
-        text = one_line("controller", checked_control, controller, rest, 4, "rest")
-        assert problem in text, rest
-    controller.rest = np.zeros(3)
-    assert problem in refused("controller", controller=controller)
+def test_a_state_that_is_taken_for_an_estimate_is_explained():
+    class Mine:
+        def control(self, estimate):
+            return estimate.x
+
+    with pytest.raises(AttributeError) as caught:
+        OwnController(Mine(), HOVER).control(AT_START)
+    (note,) = caught.value.__notes__
+    assert "is given the state x" in note
+
+
+def observing(observe, **after):
+    """Return a referee with this answer to a step, and with these attributes after it."""
+    referee = Timed(0.1)
+
+    def answer(*step):
+        vars(referee).update(after)
+        return observe(*step)
+
+    referee.observe = answer
+    return referee
+
+
+OBSERVED = (0.0, (0.0, 0.0, 0.0), 0.0025, (0.0, 0.0, 0.0))
+
+
+def test_a_referee_returns_a_list_of_events():
+    for answer in (None, (), [1], 3, Event(0, "pass", 1, 1, (0, 0), 0, (0, 0, 0))):
+        referee = OwnReferee(observing(lambda *step, answer=answer: answer))
+        text = one_line("referee", referee.observe, *OBSERVED)
+        assert "referee: Timed.observe: expected a list of events, got" in text, answer
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "problem"),
+    [
+        ("outcome", ("won", "", 3, True, np.zeros(2)), "expected None or one of finished"),
+        ("passed", (None, -1, 1.5, "1"), "expected a whole number"),
+        ("lap", (None, -1, 1.5, "1"), "expected a whole number"),
+        ("next_gate", (None, -1, 1.5, "1"), "expected a whole number"),
+    ],
+)
+def test_a_referee_has_a_known_outcome_and_counts_gates_and_laps(name, values, problem):
+    for value in values:
+        referee = Timed(0.1)
+        setattr(referee, name, value)
+        assert f"Timed.{name}: {problem}" in one_line("referee", OwnReferee, referee), value
+        later = OwnReferee(observing(lambda *step: [], **{name: value}))
+        assert f"Timed.{name}: {problem}" in one_line("referee", later.observe, *OBSERVED), value
 
 
 NO_SAMPLES = {
@@ -337,36 +392,6 @@ def test_a_sampler_that_returns_no_samples_is_named(fault, key):
 
     text = one_line("sampler", build_lanes(Mine(), 4, 128, 40, key, 0.01).sample, 1)
     assert "sampler: Mine.sample: expected finite numbers of shape (128, 40, 4)" in text
-
-
-def test_a_referee_returns_a_list_of_events():
-    for answer in (None, (), [1], 3, Event(0, "pass", 1, 1, (0, 0), 0, (0, 0, 0))):
-        text = one_line("referee", checked_events, Timed(0.1), answer)
-        assert "referee: Timed.observe: expected a list of events, got" in text, answer
-    referee = Timed(0.1)
-    referee.observe = lambda *arguments: None
-    text = refused("referee", controller=Hover(10.5), referee=referee)
-    assert "referee: Timed.observe: expected a list of events, got None" in text
-
-
-def test_a_referee_gives_a_known_outcome():
-    referee = Timed(0.1)
-    problem = "Timed.outcome: expected None or one of finished"
-    for outcome in ("won", "", 3, True):
-        referee.outcome = outcome
-        assert problem in one_line("referee", check_counts, referee), outcome
-    referee = Timed(0.1)
-    referee.observe = lambda *arguments: setattr(referee, "outcome", "won") or []
-    assert problem in refused("referee", controller=Hover(10.5), referee=referee)
-
-
-@pytest.mark.parametrize("count", ["passed", "lap", "next_gate"])
-def test_a_referee_counts_gates_and_laps(count):
-    for number in (None, -1, 1.5, "1"):
-        referee = Timed(0.1)
-        setattr(referee, count, number)
-        text = one_line("referee", check_counts, referee)
-        assert f"referee: Timed.{count}: expected a whole number" in text, number
 
 
 def test_a_referee_that_never_ends_a_flight_has_the_time_limit_of_the_flight():
@@ -758,14 +783,3 @@ def test_an_error_of_a_maker_says_what_it_was_called_for():
     (note,) = caught.value.__notes__
     assert "was called with a Spec" in note
     assert "quadsim.PolicyController(policy)" in note
-
-
-def test_a_state_that_is_taken_for_an_estimate_is_explained():
-    class Law:
-        def control(self, estimate):
-            return estimate.x
-
-    with pytest.raises(AttributeError) as caught:
-        PlainController(Law(), HOVER).control(Estimate(0.0, np.zeros(17)))
-    (note,) = caught.value.__notes__
-    assert "is given the state x" in note

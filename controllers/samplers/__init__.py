@@ -6,6 +6,8 @@ perturbations for MPPI.
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import numpy as np
 
 from quadsim.controllers.samplers.colored import Colored
@@ -24,6 +26,17 @@ SAMPLERS: dict[str, type[Sampling]] = {
     "smooth": Smooth,
     "smooth_star": SmoothStar,
 }
+
+
+def is_registered(sampler: object) -> bool:
+    """Return whether a sampler is one of SAMPLERS, not the user's own."""
+    return type(sampler) in SAMPLERS.values()
+
+
+def sampler_name(sampler: object) -> str:
+    """Return the name of a registered sampler, or the class name of the user's own."""
+    names = {kind: name for name, kind in SAMPLERS.items()}
+    return names.get(cast(Any, type(sampler)), type(sampler).__name__)
 
 
 def build_lanes(

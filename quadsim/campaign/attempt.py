@@ -17,7 +17,7 @@ from hashlib import sha256
 from typing import NotRequired, TypedDict, TypeVar
 
 from quadsim.config.build import build
-from quadsim.config.parts import fault_in_flight, runs_own_code
+from quadsim.config.own import fault_in_flight, runs_own_code
 from quadsim.config.spec import Spec
 from quadsim.racing.flight import simulate
 from quadsim.record.provenance import provenance

@@ -12,7 +12,7 @@ import msgspec
 
 from quadsim.campaign.attempt import LIBRARIES, this_provenance
 from quadsim.campaign.database import Database, code_of
-from quadsim.config.parts import runs_own_code
+from quadsim.config.own import runs_own_code
 from quadsim.heat.archive import heat_key
 from quadsim.heat.spec import HeatSpec
 from quadsim.record.run import canonical

@@ -16,7 +16,7 @@ from typing import cast
 
 from quadsim.campaign.attempt import Flown, Result, attempt_key, result, variant_key
 from quadsim.campaign.database import SCHEMA_VERSION, Database, code_of, database_errors
-from quadsim.config.parts import runs_own_code
+from quadsim.config.own import runs_own_code
 from quadsim.config.spec import Spec
 from quadsim.record.archive import RunFolder, remove_unfinished
 from quadsim.record.run import ERROR, Outcome, flown_by

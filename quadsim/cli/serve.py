@@ -116,7 +116,7 @@ class _Race:
         self._server = server
         self._record = spec.record()
         # The client's command belongs to one race.
-        client = MavlinkClient(served, server.sensing)
+        self._client = MavlinkClient(served, server.sensing)
         with settings_as_flags():
             referee = Referee(
                 spec.flown_course,
@@ -126,7 +126,7 @@ class _Race:
                 penalties=spec.penalties,
                 stuck_after=NO_PROGRESS_BY_HAND,
             )
-            self._parts = build(replace(spec, controller=client), referee=referee)
+            self._parts = build(replace(spec, controller=self._client), referee=referee)
         self._end = ExitStack()
         self._end.enter_context(closing(self._parts.plant))
         self._recorder = Recorder()
@@ -144,7 +144,7 @@ class _Race:
     def flies(self) -> str:
         """Fly and record the race, and return its outcome."""
         with suppress(KeyboardInterrupt):
-            for frame in self._server.race(self._parts):
+            for frame in self._server.race(self._parts, self._client):
                 self._recorder.add(frame)
         if not len(self._recorder):
             raise KeyboardInterrupt("race serve: interrupted, nothing to keep")

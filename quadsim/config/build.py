@@ -14,7 +14,7 @@ from quadsim.config.build_cost import check_cost, cost_on
 from quadsim.config.build_navigation import navigation_of
 from quadsim.config.build_plant import plant_of, system_of
 from quadsim.config.changes import planner_after
-from quadsim.config.parts import made
+from quadsim.config.own import OwnController, OwnReferee, made
 from quadsim.config.settings import SETTINGS, SettingError
 from quadsim.config.spec import Spec
 from quadsim.controllers.excitation import Excitation
@@ -23,21 +23,17 @@ from quadsim.controllers.learned.pilot import PilotController
 from quadsim.controllers.presets import Planner
 from quadsim.files.values import checked
 from quadsim.physics.faults import CommandLoss
-from quadsim.physics.plant import (
-    Arena,
-    LossyLink,
-)
+from quadsim.physics.link import CommandLosses
+from quadsim.physics.plant import Arena
 from quadsim.racing.clock import CLOCKS
 from quadsim.racing.events import Frame
 from quadsim.racing.flight import (
     Controller,
     FlightParts,
-    PlainController,
     RefereeProtocol,
     rest_of,
     simulate,
 )
-from quadsim.racing.own_parts import check_counts, checked_control
 from quadsim.racing.referee import Referee
 
 if TYPE_CHECKING:
@@ -92,8 +88,6 @@ def build(
         snapshot = controller.snapshot
     plant = plant_of(spec, arena)
     losses = [fault for fault in spec.drawn_faults if isinstance(fault, CommandLoss)]
-    if losses:
-        plant = LossyLink(plant, losses)
     return FlightParts(
         plant=plant,
         controller=controller,
@@ -102,6 +96,7 @@ def build(
         navigation=navigation_of(spec, plant, referee, rest_of(controller)),
         clock=CLOCKS[spec.clock](),
         snapshot=snapshot,
+        losses=CommandLosses(losses) if losses else None,
         # The racing referee has this limit of its own.
         time_limit=None if spec.referee is None else spec.timeout,
     )
@@ -114,21 +109,19 @@ def controller_of(spec: Spec) -> Controller:
         SettingError: the user's controller has no control at rest of 4 numbers, or a deadline is
             given that it cannot keep.
     """
-    own = made("controller", spec.controller, spec)
-    if own is None and spec.excite:
-        return Excitation(spec.vehicle, spec.course)
-    if own is None:
-        return pilot_of(spec) or planner_of(spec)
-    rest = system_of(spec).rest
-    controller = own if isinstance(own, Controller) else PlainController(own, rest)
-    checked_control(controller, controller.rest, len(rest), "rest")
-    if spec.deadline_ms is not None:
-        from quadsim.controllers.mppi import MPPI  # here: it loads the compiler
+    from quadsim.controllers.mppi import MPPI  # here: it loads the compiler
 
-        if not isinstance(controller, MPPI):
-            wanted = f"expected none for {type(own).__name__}, as only MPPI keeps it by its samples"
-            raise SettingError("deadline_ms", f"{wanted}, got {spec.deadline_ms:g}")
-    return controller
+    if spec.controller is None:
+        if spec.excite:
+            return Excitation(spec.vehicle, spec.course)
+        return pilot_of(spec) or planner_of(spec)
+    own = made("controller", spec.controller, spec)
+    if isinstance(own, MPPI):
+        return own
+    if spec.deadline_ms is not None:
+        wanted = f"expected none for {type(own).__name__}, as only MPPI keeps it by its samples"
+        raise SettingError("deadline_ms", f"{wanted}, got {spec.deadline_ms:g}")
+    return OwnController(own, system_of(spec).rest)
 
 
 def referee_of(spec: Spec) -> RefereeProtocol:
@@ -138,10 +131,8 @@ def referee_of(spec: Spec) -> RefereeProtocol:
         SettingError: the user's referee has no counts or no outcome.
         ValueError: course, laps and vehicle do not fit together.
     """
-    own = made("referee", spec.referee, spec)
-    if own is not None:
-        check_counts(own)
-        return own
+    if spec.referee is not None:
+        return OwnReferee(made("referee", spec.referee, spec))
     radius = spec.vehicle.radius
     return Referee(
         spec.flown_course,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from quadsim.config.build_plant import start_of, system_of
-from quadsim.config.parts import called
+from quadsim.config.own import called
 from quadsim.config.reference import reference_of
 from quadsim.config.settings import SettingError
 from quadsim.config.spec import Spec

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from quadsim.config.checks import expect_new_log
-from quadsim.config.parts import made
+from quadsim.config.own import OwnPlant, made
 from quadsim.config.spec import Spec
 from quadsim.dynamics import System
 from quadsim.dynamics.quadrotor import State, quadrotor
@@ -29,7 +29,6 @@ from quadsim.physics.link import CommandNoise, Link
 from quadsim.physics.plant import (
     PLANTS,
     Arena,
-    NamedPlant,
     Plant,
     PlantName,
     SharedPlant,
@@ -65,7 +64,7 @@ def plant_of(spec: Spec, arena: Arena | None = None) -> Plant:
         arena: the world that the vehicle shares with others; None: a world of its own.
     """
     if not isinstance(spec.plant, str):
-        return NamedPlant(made("plant", spec.plant, spec))
+        return OwnPlant(made("plant", spec.plant, spec))
     plant = partial(SharedPlant, arena) if arena else PLANTS[cast(PlantName, spec.plant)]
     course = spec.flown_course
     faults = [fault for fault in spec.drawn_faults if isinstance(fault, RotorFault)]

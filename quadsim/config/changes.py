@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from quadsim.config.parts import is_registered, plain
 from quadsim.controllers.presets import Planner
+from quadsim.controllers.samplers import is_registered
 from quadsim.files.exact_json import exactly
+from quadsim.files.json_values import plain
 from quadsim.record.schema import ChangedPlanner, NumberChange
 
 

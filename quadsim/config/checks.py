@@ -7,13 +7,13 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import get_args
 
-from quadsim.config.parts import check_part, is_registered
+from quadsim.config.own import check_part
 from quadsim.config.settings import CONTROL_UNITS, LINK, PlantName, SettingError
 from quadsim.controllers.costs import Cost
 from quadsim.controllers.learned.pilot import Pilot
 from quadsim.controllers.presets import Planner
 from quadsim.controllers.presets import contradictions as contradictions_of_planner
-from quadsim.controllers.samplers import Sampling
+from quadsim.controllers.samplers import Sampling, is_registered
 from quadsim.dynamics.quadrotor import Control
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.yaml_errors import shown_value

@@ -155,9 +155,10 @@ def _ufunc(value: np.ufunc) -> object:
 @_written.register
 def _module(value: types.ModuleType) -> object:
     """Return a library's name and version, or all that one of the user's own modules has."""
-    names = {} if is_library_module(value) else vars(value)
-    held = {name: names[name] for name in sorted(names) if not name.startswith("__")}
-    return ("module", _with_version(value.__name__), held)
+    if is_library_module(value):
+        return ("module", _with_version(value.__name__))
+    names = sorted(name for name in vars(value) if not name.startswith("__"))
+    return ("module", {name: vars(value)[name] for name in names})
 
 
 @_written.register
@@ -294,12 +295,7 @@ def _with_version(module: str | None) -> str:
     if module is None:
         return "unknown"
     package = sys.modules.get(module.partition(".")[0])
-    return f"{main_name(module)} {getattr(package, '__version__', '')}"
-
-
-def main_name(module: str) -> str:
-    """Return the name of a module; in a worker process, the script has another name."""
-    return "__main__" if module == "__mp_main__" else module
+    return f"{module} {getattr(package, '__version__', '')}"
 
 
 @cache
@@ -322,7 +318,7 @@ def is_library_file(file: str) -> bool:
 
 def is_library(name: str | None) -> bool:
     """Return whether the module of a name is Python's, an installed package's or this project's."""
-    if name is None or main_name(name) == "__main__":
+    if name is None or name in ("__main__", "__mp_main__"):
         return False
     package = name.partition(".")[0]
     loaded = sys.modules.get(name) or sys.modules.get(package)

@@ -13,7 +13,7 @@ import msgspec
 
 from quadsim.config.changes import planner_after
 from quadsim.config.checks import PLANTS, check_numbers
-from quadsim.config.parts import (
+from quadsim.config.own import (
     describe,
     own_controller,
     own_sampler,
@@ -241,7 +241,7 @@ def _built(
         view_weight=read.view_weight,
         plant=own.get("plant") or _plant(read.plant),
         betaflight=Text(read.betaflight.name, read.betaflight.lines) if read.betaflight else None,
-        terms=terms_of(own.get("terms", ())),
+        terms=terms_of(own["terms"]) if "terms" in own else (),
         cost=own.get("cost"),
         controller=own.get("controller"),
         referee=own.get("referee"),

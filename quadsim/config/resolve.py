@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from quadsim.config.checks import check_numbers, check_type
-from quadsim.config.parts import is_registered, own_sampler, sampler_name
+from quadsim.config.own import own_sampler
 from quadsim.config.presets import PresetSource
 from quadsim.config.settings import (
     SETTINGS,
@@ -21,7 +21,7 @@ from quadsim.config.settings import (
 from quadsim.controllers.config import MPPIConfig
 from quadsim.controllers.derived import Scale
 from quadsim.controllers.presets import Planner, with_period
-from quadsim.controllers.samplers import SAMPLERS, Colored
+from quadsim.controllers.samplers import SAMPLERS, Colored, is_registered, sampler_name
 from quadsim.course import Course
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.values import checked
@@ -196,7 +196,7 @@ def planner_source(
         SettingError: a planner is given beside a sampler or a preset, or a part is none.
         FileError: the file of a preset cannot be read.
     """
-    sampling = own_sampler(given["sampler"]) if given.get("sampler") is not None else None
+    sampling = _given_sampler(given.get("sampler"))
     planner = given.get("planner")
     if planner is not None:
         for name in ("sampler", "preset"):
@@ -219,6 +219,20 @@ def planner_source(
         sampler = sampler_name(sampling) if is_registered(sampling) else FlightSettings.sampler
     firmware = flight.flight_controller != "ideal"
     return PlannerSource(planner, preset, sampler, sampling, firmware)
+
+
+def _given_sampler(given: object) -> Any:
+    """Return a sampler that was given as an object or as "package.module:Class".
+
+    Returns:
+        The sampler, or None for the name of a registered one and if none was given.
+
+    Raises:
+        SettingError: there is no such sampler.
+    """
+    if given is None or (isinstance(given, str) and given in SAMPLERS):
+        return None
+    return given if is_registered(given) else own_sampler(given)
 
 
 def is_seen_late(flight: FlightSettings, randomization: RandomizationRanges) -> bool:

@@ -30,14 +30,11 @@ from quadsim.config.checks import (
     check_view,
 )
 from quadsim.config.competition import with_competition
-from quadsim.config.parts import (
+from quadsim.config.own import (
     check_part,
     describe,
     describe_term,
-    is_registered,
     own_controller,
-    plain,
-    sampler_name,
     term_of_text,
     terms_of,
 )
@@ -75,9 +72,11 @@ from quadsim.controllers.costs.reference import ReferenceWeights
 from quadsim.controllers.excitation import EXCITE
 from quadsim.controllers.learned.pilot import Pilot, load_pilot
 from quadsim.controllers.presets import Planner
+from quadsim.controllers.samplers import is_registered, sampler_name
 from quadsim.course import Course, Start, load_course
 from quadsim.course.course import is_described
 from quadsim.dynamics.quadrotor import ModelParams
+from quadsim.files.json_values import plain
 from quadsim.files.values import checked, kinds_of
 from quadsim.firmware.identified import model_behind
 from quadsim.firmware.package import built_firmware
@@ -537,13 +536,14 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
     given = with_excitation(with_competition(asked, read))
     flight = flight_settings(given)
     plant = given.get("plant")
-    own_terms = given.get("terms")
+    own_terms = () if given.get("terms") is None else terms_of(given["terms"])
 
     course = loaded_part(given, "course", Course, load_course, DEFAULT_COURSE, read)
     own_pilot = given.get("pilot")
     pilot = None if own_pilot is None else given_part("pilot", own_pilot, Pilot, load_pilot, read)
-    controller = own_controller(given.get("controller"))
+    controller = given.get("controller")
     if controller is not None:
+        controller = own_controller(controller)
         read["controller"] = controller
     sensing = loaded_part(given, "sensing", Sensing, load_sensing, PERFECT, read)
     randomization = loaded_part(
@@ -584,7 +584,7 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
         view_weight=view_weight,
         plant=default_plant() if plant is None else plant,
         betaflight=configuration,
-        terms=(*terms_of(() if own_terms is None else own_terms), *map(term_of_text, flight.term)),
+        terms=(*own_terms, *map(term_of_text, flight.term)),
         cost=given.get("cost"),
         controller=controller,
         referee=given.get("referee"),

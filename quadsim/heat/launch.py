@@ -9,7 +9,7 @@ from functools import partial
 from typing import assert_never, cast
 
 from quadsim.config.build import build, flight_frames, planner_of
-from quadsim.config.parts import fault_in_flight
+from quadsim.config.own import fault_in_flight
 from quadsim.config.spec import Spec
 from quadsim.controllers.costs.keep_clear import Clearance, KeepClear
 from quadsim.controllers.in_flight import PlannerInFlight

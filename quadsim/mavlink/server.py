@@ -225,21 +225,20 @@ class Server:
 
     # A race.
 
-    def race(self, parts: FlightParts) -> Iterator[Frame]:
+    def race(self, parts: FlightParts, client: MavlinkClient) -> Iterator[Frame]:
         """Fly a race by the client's commands, and yield its frames.
 
         It ends as every flight does, or without an outcome if the client resets it, or is silent in
         lock step.
 
         Args:
-            parts: the parts of the race; the controller is a MavlinkClient.
+            parts: the parts of the race, whose controller is the client.
+            client: the controller, which gets the commands.
         """
         plant = parts.plant
-        controller = parts.controller
-        assert isinstance(controller, MavlinkClient)
         spec = self._spec
         period = spec.planner.mppi.dt
-        rest = tuple(controller.rest.tolist())
+        rest = tuple(client.rest.tolist())
         navigation = exact_navigation(plant.state, parts.referee, rest, period)
         self._begin(parts)
         if self._served.lock_step:
@@ -265,7 +264,7 @@ class Server:
                     return
                 if self._setpoint is not None:
                     command = control_of(self._setpoint, plant.state.x, spec.vehicle)
-                    controller.command = np.array(command)
+                    client.command = np.array(command)
                 step.run()
             elif isinstance(step, PhysicsStep):
                 t = plant.state.t + plant.dt

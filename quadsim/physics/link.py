@@ -27,6 +27,7 @@ import numpy as np
 from numpy.random import SeedSequence, default_rng
 
 from quadsim.dynamics.quadrotor import Control
+from quadsim.physics.faults import CommandLoss
 from quadsim.vehicle import GRAVITY
 
 HOVER = Control(wx=0.0, wy=0.0, wz=0.0, thrust=GRAVITY)
@@ -86,6 +87,21 @@ class Received(NamedTuple):
 
     command: Control  # the last command that has arrived
     is_new: bool  # whether a frame has arrived in this step
+
+
+class CommandLosses:
+    """Losses of commands as faults; during one, the last command that arrived stays in force."""
+
+    def __init__(self, losses: Sequence[CommandLoss]):
+        """Begin with the command of hovering, which is in force until the first one arrives."""
+        self._losses = losses
+        self._arrived: tuple[float, ...] = HOVER
+
+    def carried(self, t: float, u: tuple[float, ...]) -> tuple[float, ...]:
+        """Return the command in force when u is sent at t [s]."""
+        if not any(loss.window.active(t) for loss in self._losses):
+            self._arrived = u
+        return self._arrived
 
 
 class CommandNoise:

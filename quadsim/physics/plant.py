@@ -8,18 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from importlib.util import find_spec
-from math import isfinite
-from numbers import Real
 from typing import Any, Literal, Protocol
 
 from quadsim.course import Course, Start
 from quadsim.dynamics.quadrotor import State
-from quadsim.files.values import SettingError
-from quadsim.files.yaml_errors import shown_value
 from quadsim.physics.actuators import Actuators, Wrench
 from quadsim.physics.crazyflow_plant import CrazyflowPlant
-from quadsim.physics.faults import CommandLoss, RotorFault
-from quadsim.physics.link import HOVER
+from quadsim.physics.faults import RotorFault
 from quadsim.physics.plant_state import MotorUse, PlantState, start_state
 from quadsim.physics.rigid_body import RigidArena, RigidBody
 from quadsim.physics.rotorpy_plant import RotorpyPlant
@@ -335,141 +330,3 @@ def has_bullet() -> bool:
 def default_plant() -> PlantName:
     """Return the default plant: "bullet" if PyBullet is installed, else "rigid"."""
     return "bullet" if has_bullet() else "rigid"
-
-
-class NamedPlant:
-    """A wrapper of a user's own plant that checks its states and names their numbers.
-
-    The states of a user's plant may be plain tuples of 17 numbers in the order of `State`. Sensors
-    and records read numbers by name, so the wrapper converts a tuple to a `State`.
-    """
-
-    # [s] shortest and longest physics step
-    SHORTEST = 1e-6
-    LONGEST = 1.0
-
-    def __init__(self, plant: Plant):
-        """Wrap the user's plant.
-
-        plant: plant with states in the order of State.
-
-        Raises:
-            SettingError: a member of the plant is missing or no number, or its state is no state.
-        """
-        self._plant = plant
-        # name of the user's class, for errors
-        self.name = type(plant).__name__
-        for member in ("dt", "state", "step", "close"):
-            if not hasattr(plant, member):
-                raise self._error("", f"expected a member {member!r}, got none")
-        self.dt = plant.dt
-        if not (_is_finite(self.dt) and self.SHORTEST <= self.dt <= self.LONGEST):
-            wanted = f"expected a number [s] >= {self.SHORTEST:g} and <= {self.LONGEST:g}"
-            raise self._error(".dt", f"{wanted}, got {shown_value(self.dt)}")
-        self.velocity_lag = getattr(plant, "velocity_lag", 0.0)
-        if not _is_finite(self.velocity_lag):
-            wanted = "expected a finite number [s]"
-            raise self._error(".velocity_lag", f"{wanted}, got {shown_value(self.velocity_lag)}")
-        self.state = self._named(".state", plant.state)
-
-    def step(self, u: Sequence[float]) -> PlantState[State]:
-        """Advance by one physics step under a command in the order of Control  (4,).
-
-        Raises:
-            SettingError: the state after the step is no state, or not finite.
-        """
-        self.state = self._named(".step", self._plant.step(u))
-        return self.state
-
-    def _named(self, member: str, state: Any) -> PlantState[State]:
-        """Return the state with its numbers by name. Raises SettingError."""
-        wanted = f"expected a state of {len(State._fields)} finite numbers"
-        if not isinstance(state, PlantState):
-            wanted = "expected a quadsim.physics.plant.PlantState"
-            raise self._error(member, f"{wanted}, got {shown_value(state)}")
-        if not _is_finite(state.t):
-            raise self._error(member, f"expected a finite time t [s], got {shown_value(state.t)}")
-        contacts = state.contacts
-        if not (isinstance(contacts, tuple | list) and all(isinstance(c, str) for c in contacts)):
-            raise self._error(member, f"expected contacts of texts, got {shown_value(contacts)}")
-        try:
-            x = tuple(state.x)
-        except TypeError:
-            raise self._error(member, f"{wanted}, got {shown_value(state.x)}") from None
-        if len(x) != len(State._fields):
-            raise self._error(member, f"{wanted}, got {len(x)}")
-        for name, number in zip(State._fields, x, strict=True):
-            if not _is_finite(number):
-                raise self._error(member, f"{wanted}, got {name} = {shown_value(number)}")
-        return state if isinstance(state.x, State) else PlantState(state.t, State(*x), contacts)
-
-    def _error(self, member: str, problem: str) -> SettingError:
-        return SettingError("plant", f"{self.name}{member}: {problem}")
-
-    def close(self) -> None:
-        """Release the resources of the plant."""
-        self._plant.close()
-
-
-class LossyLink:
-    """A plant with losses of commands; during a loss, the last received command stays in force."""
-
-    def __init__(self, plant: Plant, losses: Sequence[CommandLoss]):
-        """Wrap a plant, which hovers until the first command arrives.
-
-        Args:
-            plant: the plant of a quadrotor.
-            losses: faults of the link, with times.
-        """
-        self._plant = plant
-        self._losses = losses
-        self._arrived: Sequence[float] = HOVER
-        self.name = getattr(plant, "name", type(plant).__name__)
-        self.dt = plant.dt
-        self.velocity_lag = getattr(plant, "velocity_lag", 0.0)
-
-    @property
-    def state(self) -> PlantState[Any]:
-        """The state after the last physics step."""
-        return self._plant.state
-
-    def step(self, u: Sequence[float]) -> PlantState[Any]:
-        """Advance by one physics step under the last received command.
-
-        Args:
-            u: command sent now, in the order of Control  (4,).
-        """
-        return self._plant.step(self._carried(u))
-
-    def push(self, u: Sequence[float], disturbance: Vec3 | None = None) -> None:
-        """Apply the forces of the next physics step, as RigidPlant does."""
-        assert isinstance(self._plant, RigidPlant)
-        self._plant.push(self._carried(u), disturbance)
-
-    def arrive(self) -> PlantState[State]:
-        """Return the state after a physics step of the world, as RigidPlant does."""
-        assert isinstance(self._plant, RigidPlant)
-        return self._plant.arrive()
-
-    def remove(self) -> None:
-        """Remove the vehicle from its arena, as SharedPlant does."""
-        assert isinstance(self._plant, SharedPlant)
-        self._plant.remove()
-
-    def _carried(self, u: Sequence[float]) -> Sequence[float]:
-        """Return the command in force when u is sent."""
-        t = self._plant.state.t
-        if not any(loss.window.active(t) for loss in self._losses):
-            self._arrived = u
-        return self._arrived
-
-    def close(self) -> None:
-        """Release the resources of the plant."""
-        self._plant.close()
-
-
-def _is_finite(number: object) -> bool:
-    try:
-        return isinstance(number, Real) and not isinstance(number, bool) and isfinite(number)
-    except OverflowError:  # a whole number beyond the range of float
-        return False

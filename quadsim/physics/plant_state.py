@@ -37,7 +37,7 @@ class PlantState(Generic[X]):
     """The state after a physics step.
 
     The plants of quadsim return a `State`. A user's own plant may return a tuple in the same order,
-    see `quadsim.physics.plant.NamedPlant`.
+    see `quadsim.config.own.OwnPlant`.
 
     Examples:
         >>> from quadsim.physics.plant_state import PlantState

@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count
-from math import inf
 from time import perf_counter
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -24,17 +23,10 @@ from numpy.typing import ArrayLike
 
 from quadsim.controllers.plan import PlannerSnapshot, PlanStats
 from quadsim.dynamics.estimate import Estimate
+from quadsim.physics.link import CommandLosses
 from quadsim.physics.plant import Plant, PlantState
 from quadsim.racing.clock import Clock
 from quadsim.racing.events import Event, Frame
-from quadsim.racing.own_parts import (
-    check_counts,
-    check_step,
-    check_time,
-    checked_control,
-    checked_events,
-    checked_plan,
-)
 from quadsim.rotation import Vec3
 from quadsim.sensing.estimation.prediction import Commands
 from quadsim.sensing.navigation import Navigation, RefereeCount, TrueState
@@ -84,34 +76,6 @@ class ControlLaw(Protocol):
     def control(self, x: np.ndarray, /) -> ArrayLike:
         """Return the control u (n_u,) at the state x (n_x,)."""
         ...
-
-
-class PlainController:
-    """Adapts a controller that has only `control(x) -> u` to the Controller protocol."""
-
-    def __init__(self, inner: ControlLaw, rest: Sequence[float]):
-        """Wrap a control law.
-
-        Args:
-            inner: the control law.
-            rest: the control that acts until the first one is ready  (n_u,).
-        """
-        self._inner = inner
-        self.rest = np.array(rest)
-
-    def control(self, estimate: Estimate, /) -> tuple[np.ndarray, PlanStats]:
-        """Return the control at the estimated state, with empty statistics."""
-        try:
-            answer = self._inner.control(estimate.x)
-        except AttributeError as error:
-            if isinstance(error.obj, np.ndarray):
-                error.add_note(
-                    "controller: control() is given the state x, an array, as the controller has no"
-                    " `rest`; one that has it is given an Estimate, with x, t and target"
-                )
-            raise
-        u = checked_control(self._inner, answer, len(self.rest), "control")
-        return u, PlanStats(cost=0.0, ess=0.0, temperature=0.0)
 
 
 class RefereeProtocol(Protocol):
@@ -187,6 +151,8 @@ class FlightParts:
     clock: Clock | None = None
     # called every SNAPSHOT_EVERY periods; the result is stored in the frame
     snapshot: Callable[[], PlannerSnapshot | None] | None = None
+    # losses of commands on their way to the plant; None: all of them arrive
+    losses: CommandLosses | None = None
     # longest flight, for a referee without a time limit of its own; the outcome is "timeout" [s]
     time_limit: float | None = None
 
@@ -219,7 +185,6 @@ class Planning:
         controller: Controller,
         navigation: Navigation,
         t: float,
-        controls: int,
         is_first: bool = False,
     ):
         """Prepare a request.
@@ -228,14 +193,12 @@ class Planning:
             controller: the controller.
             navigation: source of the estimate.
             t: time now [s].
-            controls: n_u.
             is_first: whether this is the first plan of the flight.
         """
         self.is_first = is_first
         self._controller = controller
         self._navigation = navigation
         self._t = t
-        self._controls = controls
         self.ends_flight = False
         self.error: Exception | None = None
         self._plan: Plan | None = None
@@ -247,21 +210,19 @@ class Planning:
         """
         before = perf_counter()
         try:
-            answer = self._controller.control(self._navigation.estimate(self._t))
+            u, stats = self._controller.control(self._navigation.estimate(self._t))
             spent = perf_counter() - before
-            u, stats = checked_plan(self._controller, answer, self._controls)
         except Exception as error:
             # A controller of the user's own may raise anything.
             self.error = error
         else:
-            self._plan = Plan(u, stats, spent)
+            self._plan = Plan(tuple(u.tolist()), stats, spent)
 
     @property
     def plan(self) -> Plan:
         """The finished plan.
 
         Raises:
-            SettingError: the controller has not returned a control and PlanStats.
             Exception: what the controller has raised.
             RuntimeError: the plan has not been made.
         """
@@ -290,8 +251,6 @@ def simulate(parts: FlightParts) -> Iterator[Frame]:
 
     Raises:
         ValueError: the period is not a whole multiple of the plant's step.
-        SettingError: a part returns an invalid value, or the plant's time does not advance (a
-            ValueError).
         Exception: what a part of the user's own raises.
     """
     for step in flight(parts):
@@ -313,6 +272,7 @@ def flight(parts: FlightParts) -> Iterator[Frame | Planning | PhysicsStep]:
     controller = parts.controller
     referee = parts.referee
     period = parts.period
+    losses = parts.losses
     time_limit = parts.time_limit
     whole_multiple(period, plant.dt)
     began = perf_counter()
@@ -322,12 +282,8 @@ def flight(parts: FlightParts) -> Iterator[Frame | Planning | PhysicsStep]:
     plan = Plan(rest, PlanStats(cost=0.0, ess=0.0, temperature=0.0), 0.0)
     events: list[Event] = []
 
-    before = -inf
     for k in count():
         state = plant.state
-        check_time(plant, before, state.t)
-        before = state.t
-        check_counts(referee)
         outcome = referee.outcome
         if outcome is None and time_limit is not None and state.t > time_limit - plant.dt / 2:
             outcome = "timeout"
@@ -336,7 +292,7 @@ def flight(parts: FlightParts) -> Iterator[Frame | Planning | PhysicsStep]:
 
         # Plan from the present estimate.
         if flying:
-            planning = Planning(controller, navigation, state.t, len(rest), is_first=k == 0)
+            planning = Planning(controller, navigation, state.t, is_first=k == 0)
             yield planning
             if planning.ends_flight:
                 outcome = "crashed"
@@ -374,19 +330,15 @@ def flight(parts: FlightParts) -> Iterator[Frame | Planning | PhysicsStep]:
 
         # Apply the previous control until the plan is ready, then the new one to the period's end,
         # or to when the plan is ready if that is later.
-        events = yield from control_steps(plant, referee, previous.u, ready, navigation)
+        events = yield from control_steps(plant, referee, previous.u, ready, navigation, losses)
         next_time = max(state.t + period, plant.state.t)
         clock.wait(next_time)
-        events += yield from control_steps(plant, referee, plan.u, next_time, navigation)
+        events += yield from control_steps(plant, referee, plan.u, next_time, navigation, losses)
 
 
 def rest_of(controller: Controller) -> tuple[float, ...]:
-    """Return the control at rest of a controller  (n_u,).
-
-    Raises:
-        SettingError: it is not a row of finite numbers.
-    """
-    return tuple(checked_control(controller, controller.rest, None, "rest").tolist())
+    """Return the control at rest of a controller  (n_u,)."""
+    return tuple(controller.rest.tolist())
 
 
 def exact_navigation(
@@ -427,9 +379,6 @@ def apply_control(
 
     Returns:
         The events of these steps, in order.
-
-    Raises:
-        SettingError: as for `control_steps`.
     """
     steps = control_steps(plant, referee, u, until)
     while True:
@@ -446,6 +395,7 @@ def control_steps(
     u: tuple[float, ...],
     until: float,
     navigation: Navigation | None = None,
+    losses: CommandLosses | None = None,
 ) -> Generator[PhysicsStep, None, list[Event]]:
     """Yield requests for physics steps with a constant control; referee and sensors follow them.
 
@@ -455,26 +405,21 @@ def control_steps(
         u: control  (n_u,).
         until: end time [s]; the last physics step ends nearest to this time.
         navigation: navigation whose sensors sample every state; None: no sensors.
+        losses: losses of commands on their way to the plant; None: all of them arrive.
 
     Returns:
         The events of these steps, in order.
-
-    Raises:
-        SettingError: the duration of a step differs from the plant's dt, or the referee returns no
-            list of events.
     """
     events: list[Event] = []
     dt = plant.dt
     before = plant.state
-    request = PhysicsStep(u)
     while before.t < until - dt / 2 and referee.outcome is None:
-        yield request
+        yield PhysicsStep(losses.carried(before.t, u) if losses else u)
         after = plant.state
-        check_step(plant, before.t, after.t, dt)
         if navigation:
             navigation.watch(after)
-        found = referee.observe(before.t, before.position, after.t, after.position, after.contacts)
-        events += checked_events(referee, found)
+        step = (before.t, before.position, after.t, after.position)
+        events += referee.observe(*step, after.contacts)
         before = after
     return events
 

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from quadsim.config.identity import IdentityError, identity_of
-from quadsim.config.parts import qualified_name
 from quadsim.controllers.costs.race import RaceWeights
+from quadsim.files.json_values import qualified_name
 
 
 class Held:

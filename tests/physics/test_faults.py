@@ -19,9 +19,7 @@ from quadsim.physics.faults import (
     first_lap,
     parse_fault,
 )
-from quadsim.physics.link import HOVER
-from quadsim.physics.plant import LossyLink, RigidPlant
-from quadsim.physics.plant_state import PlantState
+from quadsim.physics.link import HOVER, CommandLosses
 from quadsim.streams import quadrotor_streams
 from quadsim.vehicle import GRAVITY, Vehicle, load_vehicle
 
@@ -212,37 +210,8 @@ def test_the_time_of_the_first_lap_is_near_the_time_it_takes():
     assert np.isfinite(first_lap(SKY, weak))
 
 
-class Receiver:
-    """A plant that notes the commands that arrive."""
-
-    def __init__(self):
-        self.dt = 0.1
-        self.state = PlantState(0.0, (), ())
-        self.arrived = []
-
-    def step(self, u):
-        """Note the command u."""
-        self.arrived.append(u)
-        self.state = PlantState(len(self.arrived) * self.dt, (), ())
-        return self.state
-
-    def close(self):
-        """Release nothing, as nothing is held."""
-
-
 def test_the_last_command_that_arrived_stays_in_force_while_others_are_lost():
-    receiver = Receiver()
-    link = LossyLink(receiver, [CommandLoss(Window(0.0, 0.2)), CommandLoss(Window(0.5, 0.3))])
-    for k in range(10):
-        link.step((float(k),))
-    assert receiver.arrived[:2] == [HOVER, HOVER]
-    assert [u for (u,) in receiver.arrived[2:]] == [2, 3, 4, 4, 4, 4, 8, 9]
-
-
-def test_a_link_without_loss_changes_nothing_of_a_plant():
-    vehicle = load_vehicle("swift")
-    plain, linked = RigidPlant(SKY, vehicle), RigidPlant(SKY, vehicle)
-    link = LossyLink(linked, [CommandLoss(Window(9.0))])
-    assert (link.dt, link.velocity_lag) == (plain.dt, plain.velocity_lag)
-    for u in np.random.default_rng(0).uniform((-5, -5, -2, 2), (5, 5, 2, 30), (50, 4)):
-        assert link.step(u) == plain.step(u)
+    losses = CommandLosses([CommandLoss(Window(0.0, 0.2)), CommandLoss(Window(0.5, 0.3))])
+    arrived = [losses.carried(0.1 * k, (float(k),)) for k in range(10)]
+    assert arrived[:2] == [HOVER, HOVER]
+    assert [u for (u,) in arrived[2:]] == [2, 3, 4, 4, 4, 4, 8, 9]
