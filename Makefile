@@ -10,7 +10,7 @@ PYTEST := $(BIN)/pytest -n 2 --dist worksteal
 # Plain Python and NumPy: tests/fence.py fails a test that does more without its mark.
 QUICK  := not (slow or compiled or process or socket or browser or firmware or docs or page or regression)
 
-.PHONY: race web bench quick test firmware page docs-check regression fuzz coverage lint fix docs docs-figures results \
+.PHONY: race web bench quick test firmware page docs-check regression fuzz coverage lint lint-page fix docs docs-figures results \
 	refly docs-version notebooks constraints release clean
 
 race: $(VENV)/.app
@@ -67,11 +67,22 @@ regression: $(VENV)/.dev
 coverage: $(VENV)/.dev
 	$(PYTEST) --ignore tests/web/browser --cov=quadsim --cov-report=term:skip-covered
 
+# The page's scripts and style sheets are checked by Biome, which npm installs as package-lock.json says.
+BIOME := node_modules/.bin/biome
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/pyright
 	$(BIN)/lint-imports
+	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory lint-page; \
+	else echo "no npm on this machine: the page's scripts and style sheets are not checked"; fi
+
+lint-page: $(BIOME)
+	$(BIOME) check
+
+$(BIOME): package.json package-lock.json
+	npm ci --silent
+	touch $@
 
 # Write what is made from settings, then mend what ruff can: order of imports, simple rewrites, layout.
 fix: $(VENV)/.dev
@@ -79,6 +90,7 @@ fix: $(VENV)/.dev
 	$(BIN)/python -m quadsim.tables.write_tables
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+	@if command -v npm >/dev/null; then $(MAKE) --no-print-directory $(BIOME) && $(BIOME) check --write; fi
 
 # The documentation site, into site/: open site/index.html.
 docs: $(VENV)/.dev
@@ -194,4 +206,4 @@ $(VENV)/.dev: pyproject.toml constraints-dev.txt | $(VENV)/.made
 	touch $(VENV)/.app $@
 
 clean:
-	rm -rf $(VENV) dist site .pytest_cache .ruff_cache
+	rm -rf $(VENV) node_modules dist site .pytest_cache .ruff_cache

@@ -111,9 +111,10 @@ class _CodePickler(pickle.Pickler):
 def _object(value: Any) -> object:
     """Return the class and the state of an object, None for an object of a library."""
     kind: type = type(value)
-    if kind.__module__ == "typing":
+    module = str(getattr(kind, "__module__", ""))
+    if module == "typing":
         return ("typing", repr(value))
-    if kind.__module__.partition(".")[0] == "numba":
+    if module.partition(".")[0] == "numba":
         return _compiled(value)
     if is_of_library(kind):
         return ("record", kind, _state(value)) if dataclasses.is_dataclass(kind) else None
@@ -343,20 +344,21 @@ def is_library_module(module: types.ModuleType) -> bool:
 
 def is_of_library(made: Any) -> bool:
     """Return whether a class or function is a library's."""
-    if not isinstance(made.__module__, str | None):  # a class that is written in C
+    name = getattr(made, "__module__", None)
+    if not isinstance(name, str | None):  # a class that is written in C
         return True
     # `make_dataclass` says that the classes it makes are of the module `types`
-    if made.__module__ == "types" and not hasattr(types, made.__name__):
+    if name == "types" and not hasattr(types, made.__name__):
         return False
     if isinstance(made, types.FunctionType):
-        return is_library(made.__module__) and not _is_own_code(made, made)
-    if made.__module__ == "builtins":
+        return is_library(name) and not _is_own_code(made, made)
+    if name == "builtins":
         # A class of `exec(code, {})` says that it is a builtin
         is_static = not made.__flags__ & HEAP_TYPE
         return is_static or getattr(builtins, made.__qualname__, None) is made
-    if not is_library(made.__module__):
+    if not is_library(name):
         return False
-    if _found(made.__module__, made.__qualname__) is made:
+    if _found(name, made.__qualname__) is made:
         return True
     # A class that was given a library's name has methods of the user's
     methods = [value for value in vars(made).values() if isinstance(value, types.FunctionType)]

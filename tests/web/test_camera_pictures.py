@@ -13,7 +13,8 @@ from quadsim.config.spec import Spec
 from quadsim.sensing.config import GateCameraConfig
 from quadsim.sensing.measurements import Corners
 from quadsim.web.camera_pictures import At, CameraPictures, camera_of, moment_of, pose_at, smaller
-from quadsim.web.page.pictures import picture_html
+from quadsim.web.page.elements import to_html
+from quadsim.web.page.pictures import shown_picture
 
 A, B, C = 1, 2, 3  # visitors
 T = 0.203  # between two frames [s]
@@ -78,7 +79,7 @@ def test_corners_that_were_found_lie_on_the_gates_of_the_picture(entry, pictures
             orange.append(red > 1.3 * green > 1.3 * blue)
     assert len(orange) >= 2
     assert np.mean(orange) > 0.6
-    html = picture_html(picture)
+    html = to_html(shown_picture(picture))
     assert html.count("<line") == 2 * len(found.pixels)
     u, v = found.pixels[0]
     assert f'x1="{u - 6:.1f}" y1="{v - 6:.1f}"' in html
@@ -134,7 +135,7 @@ def test_a_process_that_was_killed_is_said_and_replaced(entry, pictures):
 
     assert until(is_said)
     assert "has ended" in pictures.last[A].problem
-    assert "has ended" in picture_html(pictures.last[A])
+    assert "has ended" in to_html(shown_picture(pictures.last[A]))
     assert taken(pictures, entry, 0.6).jpeg
 
 

@@ -20,7 +20,7 @@ from quadsim.web.menu import Menu
 from quadsim.web.notices import Notices
 from quadsim.web.numbers import SLIDERS, Change
 from quadsim.web.offered_presets import offered_presets
-from quadsim.web.page.html import rounded
+from quadsim.web.page.elements import rounded
 from tests.small import SMALL
 
 QUICK = SMALL | {"samples": 512}  # more than the fewest that a deadline leaves

@@ -65,10 +65,7 @@ def test_the_address_opens_the_page_one_click_flies_and_ctrl_c_keeps_what_was_fl
             linked.send("start")
 
             def is_behind_a_gate():
-                return (
-                    linked.ask("charts", "ask_charts", race=0, frames=[], curves=0)["t"]
-                    > first_gate
-                )
+                return linked.ask("signals", "ask_signals", race=0, frames=[])["t"] > first_gate
 
             assert until(is_behind_a_gate)
             program.send_signal(signal.SIGINT)

@@ -1,10 +1,11 @@
 """Claims about flying by hand, without a browser: who has the sticks, and when a flight begins."""
 
 import json
+from dataclasses import replace
 from functools import partial
 
 import pytest
-from web_cases import COURSE, PERIOD, Clock, until
+from web_cases import COURSE, PERIOD, Clock, competitor, until
 from wire import link
 
 from quadsim.racing.hand import SILENCE, SINKING, Hand, HandRates, Sticks
@@ -13,9 +14,12 @@ from quadsim.record.run import has_planner
 from quadsim.vehicle import load_vehicle
 from quadsim.web.choices import Choices, HeatChoices
 from quadsim.web.cockpit import ABANDONED, Cockpit
+from quadsim.web.lap_timing import lap_timings
 from quadsim.web.live_flight import LiveFlight
 from quadsim.web.pace import Pace
+from quadsim.web.page.joining import NOBODY, Joining, Take
 from quadsim.web.race import PageRace
+from quadsim.web.snapshot import Snapshot
 from quadsim.web.stored_runs import stored_competitor
 from tests.small import SMALL
 
@@ -224,3 +228,53 @@ def test_sticks_that_no_page_sends_are_dropped(page):
         linked.socket.send(json.dumps(STICKS))
         linked.got("heard")
         assert hand.sticks is not None
+
+
+class Told:
+    """A board with its link, and a visitor: what they are given."""
+
+    number = 1
+
+    def __init__(self):
+        self.link = self
+        self.handlers = {}
+        self.parts = []
+        self.sent = []
+
+    def on(self, form, handler):
+        self.handlers[form] = handler
+
+    def on_leave(self, handler):
+        pass
+
+    def put(self, name, content):
+        if [(name, content)] != self.parts[-1:]:
+            self.parts.append((name, content))
+
+    def send(self, message):
+        self.sent.append(type(message).__name__)
+
+    def client_of(self, seat):
+        return None
+
+    def go_live(self, visitor):
+        pass
+
+
+def test_instruments_are_sent_to_the_visitor_who_took_the_sticks_alone():
+    told = Told()
+    joining = Joining(told, Cockpit(), told, told, None)
+    flown = competitor("colored")
+    entry = replace(flown, spec={**flown.spec, "sampler": "hand"}, live=True, outcome=None)
+    for k in range(10):
+        s = Snapshot(t=0.1 * k, end=9.0, competitors=(entry,), by_hand=True, flying=True)
+        if k == 5:
+            told.handlers[Take](told, Take(seat=""))
+        joining.update(s, lap_timings(s))
+    assert told.sent[0] == "Taken"
+    assert told.sent[1:] == ["Instruments"] * 5
+    # Who flies is a part of every page, which is sent as it changes.
+    assert [content.pilot for _, content in told.parts] == [None, 1]
+    joining.update(Snapshot(), [])
+    assert told.parts[-1] == ("by_hand", NOBODY)
+    assert len(told.sent) == 6

@@ -10,6 +10,7 @@ from quadsim.web.competitor import named
 from quadsim.web.drawn_samples import drawn_samples, late_plans
 from quadsim.web.lap_timing import lap_timings
 from quadsim.web.numbers_in_flight import can_change, has_number, numbers_of_several, remark
+from quadsim.web.page.elements import to_html
 from quadsim.web.page.timing import planner
 from quadsim.web.snapshot import Snapshot
 
@@ -94,7 +95,7 @@ def test_the_table_of_the_planner_says_whose_it_is_and_what_it_has_drawn(two):
     entry = named([competitor("colored", deadline_ms="5"), two[1]])[0]
     s = Snapshot(t=0.5, end=9.0, competitors=(entry,))
     (timing,) = lap_timings(s)
-    page = planner(timing)
+    page = to_html(planner(timing))
     assert "colored" in page
     assert f"at most {MOST} samples" in page
     assert "of 51 plans took longer" in page

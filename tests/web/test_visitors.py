@@ -1,5 +1,6 @@
 """Claims about several visitors of one page, over its protocol: nobody disturbs another one."""
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -9,12 +10,12 @@ from wire import link, visit
 
 from quadsim.web.competitor import POSITION
 from quadsim.web.notices import Notices
+from quadsim.web.page.elements import EMPTY
 from quadsim.web.page.head import Head
 from quadsim.web.page.moment import Moments
 from quadsim.web.page.playback import FLIES
 from quadsim.web.page.screen import Beats, Rest, Screen, Seen
 from quadsim.web.page.stage import Stage
-from quadsim.web.page.tree import tree
 from quadsim.web.playhead import Playhead
 from quadsim.web.race import PageRace
 from quadsim.web.snapshot import Snapshot
@@ -143,11 +144,12 @@ def test_who_flies_by_hand_sees_what_is(page, monkeypatch):
 
 
 class Sent:
-    """A visitor, the board and the charts of a screen: all that they are given."""
+    """A visitor and the board of a screen: all that they are given. shows: the open parts."""
 
     number = 1
 
-    def __init__(self):
+    def __init__(self, shows=()):
+        self.shows = shows
         self.titles = []
         self.parts = {}
 
@@ -157,8 +159,8 @@ class Sent:
     def put(self, name, content, _):
         self.parts[name] = content
 
-    def is_wanted(self, *_):
-        return False
+    def is_wanted(self, name, _):
+        return name in self.shows
 
 
 def test_a_notice_of_an_event_comes_when_its_time_is_watched():
@@ -168,8 +170,8 @@ def test_a_notice_of_an_event_comes_when_its_time_is_watched():
     s = Snapshot(t=entry.last_t, end=entry.last_t, flown=entry.last_t, competitors=(entry,), race=1)
     sent = Sent()
     moments = Moments()
-    screen = Screen(sent, sent, sent, s)
-    rest = Rest(Head("rest", []), Head("editing", []), tree(""))
+    screen = Screen(sent, sent, s)
+    rest = Rest(Head("rest", []), Head("editing", []), EMPTY)
     notices.add("error", "at once", "")
     notices.add("lap", "of one second", "", 1.0)
     s = replace(s, notices=notices.recent)
@@ -184,7 +186,7 @@ def test_a_notice_of_an_event_comes_when_its_time_is_watched():
     assert watch(s, 1.0) == ["at once", "of one second"]
     assert watch(s, 0.5) == watch(s, 2.0) == ["at once", "of one second"]
     # in another race it is told no more
-    late = Screen(sent, sent, sent, Snapshot())
+    late = Screen(sent, sent, Snapshot())
     screen, sent.titles = late, []
     assert watch(replace(s, race=2), 2.0) == ["at once"]
 
@@ -194,8 +196,8 @@ def test_who_is_sent_less_gets_tables_with_the_slow_beat():
     sent = Sent()
     moments = Moments()
     s = Snapshot(t=1.0, end=entry.last_t, flown=entry.last_t, competitors=(entry,), race=1)
-    screen = Screen(sent, sent, sent, s)
-    rest = Rest(Head("rest", []), Head("editing", []), tree(""))
+    screen = Screen(sent, sent, s)
+    rest = Rest(Head("rest", []), Head("editing", []), EMPTY)
 
     def parts(light, beats):
         sent.parts.clear()
@@ -206,3 +208,39 @@ def test_who_is_sent_less_gets_tables_with_the_slow_beat():
     assert parts(True, between) == {"now"}
     assert "head" in parts(True, Beats(tables=True, slow=True))
     assert "head" in parts(False, between)
+
+
+@pytest.mark.parametrize(
+    ("shows", "made"),
+    [((), set()), (("laps",), {"laps"}), (("curves", "chatter"), {"curves", "chatter"})],
+)
+def test_what_stands_in_a_hidden_tab_is_neither_made_nor_sent(shows, made):
+    entry = competitor(laps=2)
+    sent = Sent(shows)
+    s = Snapshot(t=1.0, end=entry.last_t, flown=entry.last_t, competitors=(entry,), race=1)
+    screen = Screen(sent, sent, s)
+    rest = Rest(Head("rest", []), Head("editing", []), EMPTY)
+    moment = Moments().of(s)
+    stage = Stage(entry.course, 1, (entry,))
+    # a tab that has just been opened waits for no slow beat
+    screen.update(Seen(moment, View(), stage, False), rest, Beats(tables=True, slow=False))
+    assert set(sent.parts) == {"now", "head", "map", "tower"} | made
+    assert ("curves" in vars(moment)) == ("curves" in made)
+
+
+@pytest.mark.socket
+def test_a_page_gets_what_it_asks_for_and_no_more(page, root):
+    """In flight, with the tab Laps open: answers alone, and nothing of a flight by hand."""
+    session = page.session
+    with visit(page.port) as (_, linked):
+        session.tell(PageRace.set_speed, 0.2)
+        session.tell(PageRace.start, TWO)
+        assert until(lambda: session.snapshot.t > 0.05)
+        kinds = []
+        for _ in range(12):
+            linked.send("ask", have={}, shows=["laps"])
+            kinds += linked.types_until("parts")
+            time.sleep(0.1)
+        # beside the answers: notices, and the table of runs when it has changed
+        assert set(kinds) <= {"parts", "shown", "runs"}
+        assert kinds.count("parts") == 12

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from math import radians
-from typing import NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 import viser
@@ -16,7 +16,9 @@ from quadsim.racing.hand import HAND
 from quadsim.web.competitor import POSITION, QUATERNION, VELOCITY
 from quadsim.web.lap_timing import LapTiming, order
 
-FREE, CHASE, TOP, FPV = MODES = ("free", "chase", "top", "FPV")
+Mode = Literal["free", "chase", "top", "FPV"]
+MODES: tuple[Mode, ...] = get_args(Mode)
+FREE, CHASE, TOP, FPV = MODES
 FOV = 0.9  # vertical [rad]
 NEAR = 0.01  # nothing nearer is drawn [m]
 CHASE_NEAR = 1.5  # the same for the chasing camera, which comes into the frames of gates [m]

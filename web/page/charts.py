@@ -1,15 +1,14 @@
 """Charts of signals over time, gaps over place and spectra, which charts.js draws.
 
-The page requests missing data: the request names the race, the number of frames that the page has
-of each competitor, and its curves, and the answer has the next ones. So a slow or new page gets
-everything at its own pace. The curves that are not over time are those of the time that a visitor
-watches; pressing a chart moves that time.
+While a page shows signals, it requests missing frames: the request names the race and the number of
+frames that the page has of each competitor, and the answer has the next ones. So a slow or new page
+gets everything at its own pace. The curves that are not over time are a part of the page, of the
+time that a visitor watches; pressing a chart moves that time.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import count
 from typing import Annotated, Any, NamedTuple
 
 import msgspec
@@ -59,12 +58,11 @@ SIGNALS = (
 COLUMNS = tuple(name for one in SIGNALS for name in (one.column, one.command) if name)
 
 
-class AskCharts(Message, tag="ask_charts"):
-    """A request of a page for missing data, with its present data."""
+class AskSignals(Message, tag="ask_signals"):
+    """A request of a page that shows signals for missing frames, with the number of its frames."""
 
     race: Count
     frames: Annotated[list[Count], Meta(max_length=MOST)]
-    curves: Count
 
 
 class Line(msgspec.Struct):
@@ -84,7 +82,7 @@ class Frames(msgspec.Struct):
 
 
 class Curves(msgspec.Struct):
-    """A chart with new curves, one for each competitor."""
+    """A chart that is not over time, with a curve for each competitor."""
 
     title: str
     x_title: str
@@ -97,8 +95,16 @@ class Curves(msgspec.Struct):
     seeks_from: float | None = None
 
 
-class ChartsAnswer(Message, tag="charts"):
-    """The data of the race that a page lacks."""
+class RaceCurves(msgspec.Struct):
+    """The charts of a race that are not over time."""
+
+    race: int
+    lines: list[Line]
+    charts: list[Curves]
+
+
+class SignalsAnswer(Message, tag="signals"):
+    """The frames of the race that a page lacks."""
 
     race: int
     t: float
@@ -108,85 +114,56 @@ class ChartsAnswer(Message, tag="charts"):
     lines: list[Line]
     frames: list[Frames]
     laps: list[float]  # starts and ends of the first competitor's laps [s]
-    # number of the curves, and the curves if the page lacks them
-    curves: int
-    charts: list[Curves] | None = None
     # in the first answer of a race
     signals: list[Signal] | None = None
 
 
-class ShownCurves(NamedTuple):
-    """The curves of a visitor. race: number of their race; number: it differs from those before."""
+def answer_signals(link: Link, viewing: Viewing) -> None:
+    """Answer the requests for signals, of the race that each visitor watches."""
 
-    race: int
-    number: int
-    curves: list[Curves]
+    def send(visitor: LinkVisitor, ask: AskSignals) -> None:
+        visitor.send(answer(viewing.seen_by(visitor.number), ask))
 
-
-NONE = ShownCurves(0, 0, [])
+    link.on(AskSignals, send)
 
 
-class Charts:
-    """Answers the requests of pages; `put` renews the curves that are not over time."""
-
-    def __init__(self, link: Link, viewing: Viewing):
-        self._viewing = viewing
-        self._shown: dict[int, ShownCurves] = {}
-        self._numbers = count(1)
-        link.on(AskCharts, self._answer)
-
-    def put(self, visitor: int, race: int, curves: list[Curves]) -> None:
-        """Show a visitor these curves."""
-        self._shown[visitor] = ShownCurves(race, next(self._numbers), curves)
-
-    def forget(self, visitor: int) -> None:
-        """Forget a visitor who has left; of the thread that puts the curves."""
-        self._shown.pop(visitor, None)
-
-    def _answer(self, visitor: LinkVisitor, ask: AskCharts) -> None:
-        s = self._viewing.seen_by(visitor.number)
-        shown = self._shown.get(visitor.number, NONE)
-        curves = shown.curves if shown.race == s.race else []
-        # None: the page has them
-        lacking = None if curves and ask.curves == shown.number else curves
-        visitor.send(answer(s, ask, shown.number, lacking))
-
-
-def curves_of(timings: Sequence[LapTiming]) -> list[Curves]:
-    """Return the gaps and the spectra at one time of a race."""
+def curves_of(race: int, timings: Sequence[LapTiming]) -> RaceCurves:
+    """Return the gaps and the spectra at one time of a race with this number."""
     limit = limit_race(timings[0].entry)
-    return [*_gaps(timings, limit), *_spectra(timings)]
+    lines = _lines([one.entry for one in timings])
+    return RaceCurves(race, lines, [*_gaps(timings, limit), *_spectra(timings)])
 
 
-def answer(s: Snapshot, ask: AskCharts, number: int, curves: list[Curves] | None) -> ChartsAnswer:
-    """Return the data that a page lacks.
+def answer(s: Snapshot, ask: AskSignals) -> SignalsAnswer:
+    """Return the frames that a page lacks.
 
     Args:
         s: the race.
-        ask: the request with the page's present data.
-        number: number of the present curves.
-        curves: the present curves, None if the page has them.
+        ask: the request with the number of the page's frames.
     """
     entries = s.competitors
     is_new = ask.race != s.race or len(ask.frames) != len(entries)
     starts = [0] * len(entries) if is_new else ask.frames
     frames = [_frames(entry, start) for entry, start in zip(entries, starts, strict=True)]
-    return ChartsAnswer(
+    return SignalsAnswer(
         race=s.race,
         t=s.t,
         end=s.end,
         is_playing=s.playing,
         can_seek=bool(s.race),
-        lines=[
-            Line(one.name, one.style.colour, one.style.dash, is_recorded=not one.live)
-            for one in entries
-        ],
+        lines=_lines(entries),
         frames=frames,
         laps=entries[0].lap_starts if entries else [],
-        curves=number,
-        charts=curves,
         signals=list(SIGNALS) if is_new else None,
     )
+
+
+def _lines(entries: Sequence[Competitor]) -> list[Line]:
+    """Return the looks of competitors."""
+    return [
+        Line(one.name, one.style.colour, one.style.dash, is_recorded=not one.live)
+        for one in entries
+    ]
 
 
 def _frames(entry: Competitor, start: int) -> Frames:

@@ -21,8 +21,8 @@ from quadsim.web.course_numbers import Number
 from quadsim.web.next_start import NextStart
 from quadsim.web.page.course_map import Map
 from quadsim.web.page.edit_scene import EditScene
+from quadsim.web.page.elements import EMPTY, Content, Element, bad, box, heading, small
 from quadsim.web.page.forms import Field, Fields, Form, PressField, SetField, button, note
-from quadsim.web.page.html import RED, box, coloured, heading, small, text
 from quadsim.web.page.link import LinkVisitor
 from quadsim.web.session import Session
 from quadsim.web.snapshot import Snapshot
@@ -103,14 +103,14 @@ class CourseEditor(Form):
         scene.show(self._edit.draft, self._checked.wrong)
         scene.show_limit(limit_path(self._checked.limit))
 
-    def map(self) -> str:
-        """Return the map of the course, "" without gates."""
+    def map(self) -> Element:
+        """Return the map of the course, empty without gates."""
         course = self._edit.draft.drawn()
-        return Map(course).draw([]) if course.gates else ""
+        return Map(course).draw([]) if course.gates else EMPTY
 
-    def said(self) -> str:
-        """Return what the page says of the course that is edited, as HTML."""
-        return box(heading("checks"), self._state(), *self._errors())
+    def said(self) -> Element:
+        """Return what the page says of the course that is edited."""
+        return box(heading("checks"), *self._state(), *self._errors())
 
     def close(self) -> None:
         """End the search of a limit."""
@@ -335,24 +335,25 @@ class CourseEditor(Form):
             self._checked_of = checked_of
             self._checked = self._edit.check(self._course_name, self._start.first_vehicle)
 
-    def _state(self) -> str:
+    def _state(self) -> list[Content]:
         """Return a summary of the course, and its file."""
         checked = self._checked
         if not self._edit.draft.entries.gates:
-            return "no gate yet" + small("add gates in the order of flight")
+            return ["no gate yet", small("add gates in the order of flight")]
         if checked.errors:
             count = len(checked.errors)
             lines = "error" if count == 1 else "errors"
-            return coloured(f"{count} {lines}: not to be flown yet", RED)
+            return [bad(f"{count} {lines}: not to be flown yet")]
         saved = self._edit.saved_as
-        if not saved:
-            return f"ok, {text(checked.summary)}" + small("not saved: START flies another course")
-        return f"ok, {text(checked.summary)}" + small(f"START flies it, or: race fly {text(saved)}")
+        flown = "not saved: START flies another course"
+        if saved:
+            flown = f"START flies it, or: race fly {saved}"
+        return [f"ok, {checked.summary}", small(flown)]
 
-    def _errors(self) -> list[str]:
+    def _errors(self) -> list[Element]:
         """Return the first errors in the wording of `race check`."""
         errors = self._checked.errors if self._edit.draft.entries.gates else ()
-        lines = [small(text(error)) for error in errors[:SHOWN]]
+        lines = [small(error) for error in errors[:SHOWN]]
         if len(errors) > SHOWN:
             lines.append(small(f"and {len(errors) - SHOWN} more"))
         return lines

@@ -19,10 +19,11 @@ from quadsim.web.next_start import NextStart
 from quadsim.web.offered_presets import offered_presets
 from quadsim.web.page.board import EVERYBODY, Board
 from quadsim.web.page.camera import Camera, set_initial_camera
-from quadsim.web.page.charts import Charts
+from quadsim.web.page.charts import answer_signals
 from quadsim.web.page.competitor_forms import ChooseRow, CompetitorForm, NumbersForm
 from quadsim.web.page.course_editor import CourseEditor
 from quadsim.web.page.due import Beat, Due
+from quadsim.web.page.elements import EMPTY
 from quadsim.web.page.export_form import ExportForm
 from quadsim.web.page.flight_controls import FlightControls
 from quadsim.web.page.flight_numbers import FlightNumbersForm
@@ -40,7 +41,6 @@ from quadsim.web.page.seeds_table import seeds_of
 from quadsim.web.page.server import PageServer
 from quadsim.web.page.stage import Stage
 from quadsim.web.page.time_line import time_line_of
-from quadsim.web.page.tree import tree
 from quadsim.web.page.view_form import ViewForm
 from quadsim.web.page.visitor_scene import VisitorScene
 from quadsim.web.race import PageRace
@@ -101,7 +101,7 @@ class Dashboard:
         self._scenes: dict[int, VisitorScene] = {}  # by the numbers of viser's visitors
         self._screens: dict[int, Screen] = {}  # by the numbers of the link's visitors
         self._moments = Moments()
-        self._rest = Rest(Head("rest", []), Head("editing", []), tree(""))
+        self._rest = Rest(Head("rest", []), Head("editing", []), EMPTY)
         self._race = 0  # number of the last race
         self._passed_over: Course | None = None  # course that was chosen during that race
         self._factor = self.desk.state.factor  # race seconds per second that flights have
@@ -121,8 +121,8 @@ class Dashboard:
         self._camera = Camera(server)
         self.board = Board(link, seats, self._camera)
         Playback(link, session, viewing, seats, self._camera)
-        self._joining = Joining(link, session.cockpit, viewing, seats, self._camera)
-        self._charts = Charts(link, viewing)
+        self._joining = Joining(self.board, session.cockpit, viewing, seats, self._camera)
+        answer_signals(link, viewing)
         self._pictures = Pictures(self.board)
         self._editor = CourseEditor(session, self.start)
         self._competitors = CompetitorForm(self.desk)
@@ -205,7 +205,7 @@ class Dashboard:
             self._update_shared(s, state)
         for number, visitor in visitors.items():
             if number not in self._screens:
-                self._screens[number] = Screen(self.board, self._charts, visitor, s)
+                self._screens[number] = Screen(self.board, visitor, s)
             self._screens[number].update(seen[number], self._rest, beats)
         self._update_pictures({number: seen[number] for number in visitors})
         self._moments.forget_others()
@@ -325,9 +325,9 @@ class Dashboard:
         if self._coming_due((line_up, state.world, state.race.course)):
             self._rest = replace(self._rest, head=coming_head(state, line_up))
         if self._edited_due(self._editor.shown):
-            said = tree(self._editor.said())
+            said = self._editor.said()
             self._rest = replace(
                 self._rest,
                 edited=Head("editing", [Word("Course editor")], more=said),
-                edited_map=tree(self._editor.map()),
+                edited_map=self._editor.map(),
             )

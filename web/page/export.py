@@ -22,7 +22,7 @@ from quadsim.record.run import RunError
 from quadsim.web.competitor import Competitor
 from quadsim.web.lap_timing import lap_timings
 from quadsim.web.page.camera import set_initial_camera
-from quadsim.web.page.html import DIM, box, div, element, swatch, text
+from quadsim.web.page.elements import DIM, SHEET, Element, box, element, swatch, to_html
 from quadsim.web.page.laps import chatter, laps
 from quadsim.web.page.race_scene import RaceScene
 from quadsim.web.page.server import serve
@@ -144,35 +144,27 @@ def _record(server: viser.ViserServer, entries: Sequence[Competitor]) -> str:
     return recording.as_html(dark_mode=True)
 
 
-def _coloured_line(line: CompetitorLine) -> str:
-    """Return the line of a competitor in its colour, as HTML."""
+def _coloured_line(line: CompetitorLine) -> Element:
+    """Return the line of a competitor in its colour."""
     style = line.entry.style
-    return div(swatch(style) + element("span", text(line.text), color=style.colour))
+    text = element("span", line.text, look="coloured", values={"colour": style.colour})
+    return element("div", swatch(style), text)
 
 
 def _with_laps(page: str, entries: Sequence[Competitor]) -> str:
     """Return a page with a title and a table of laps in its corner."""
     names = ", ".join(entry.name for entry in entries)
-    title = f"{text(entries[0].course.name)}: {text(names)}"
+    title = f"{entries[0].course.name}: {names}"
     summary = summary_at(entries, inf)
-    said = [element("b", title), text(summary.headline), text(summary.compared)]
-    about = div("".join(div(line) for line in said if line), padding="0 10px", font_size="13px")
-    numbers = box(*(_coloured_line(one) for one in summary.lines))
-    corner = div(
-        about + numbers + laps(entries) + chatter(entries),
-        position="fixed",
-        left="12px",
-        top="12px",
-        z_index=9,
-        max_width="420px",
-        max_height="calc(100% - 24px)",
-        overflow="auto",
-        color="#e6e9ee",
-        background="#1a1c20e6",
-        border_radius="6px",
-        padding_top="8px",
-        font_family="sans-serif",
+    said = [element("b", title), summary.headline, summary.compared]
+    corner = element(
+        "div",
+        element("div", *(element("div", line) for line in said if line), look="about"),
+        box(*(_coloured_line(one) for one in summary.lines)),
+        laps(entries),
+        chatter(entries),
+        look="export-corner",
     )
     head, _, tail = page.rpartition("</body>")
-    whole = f"{head}{corner}</body>{tail}"
-    return whole.replace("<title>Viser</title>", f"<title>{title}</title>", 1)
+    whole = f"{head}<style>{SHEET.read_text()}</style>{to_html(corner)}</body>{tail}"
+    return whole.replace("<title>Viser</title>", f"<title>{to_html(title)}</title>", 1)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from quadsim.palette import FASTER
 from quadsim.web.lap_timing import LapTiming
-from quadsim.web.page.html import RED
+from quadsim.web.page.elements import RED
 
 
 class Result(NamedTuple):

@@ -12,10 +12,9 @@ from quadsim.report.run_text import not_comparable
 from quadsim.web.differences import compared
 from quadsim.web.lap_timing import LapTiming, order
 from quadsim.web.line_up import LineUp
+from quadsim.web.page.elements import Element, rounded
 from quadsim.web.page.flight_result import Result, result
-from quadsim.web.page.html import rounded
 from quadsim.web.page.timing import above_limit
-from quadsim.web.page.tree import Element
 from quadsim.web.snapshot import Snapshot
 from quadsim.web.standings import standings_at
 from quadsim.web.state import PageState

@@ -1,4 +1,4 @@
-"""Whole runs as HTML: a table and a strip of lap times, splits by gate, chatter of the thrust.
+"""Whole runs as elements: a table and a strip of lap times, splits by gate, chatter of the thrust.
 
 The best time is purple, a run's own best green.
 """
@@ -9,26 +9,23 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from quadsim.palette import BEST, FASTER
 from quadsim.racing.events import sector_times
 from quadsim.report.metrics import high_frequency_fraction, motor_corner, motor_tau, total_variation
 from quadsim.report.run_text import not_comparable
 from quadsim.statistics import mean_interval
 from quadsim.web.competitor import Competitor
-from quadsim.web.page.html import (
-    DIM,
-    MARKER_EDGE,
-    RED,
-    TRACK,
+from quadsim.web.page.elements import (
+    EMPTY,
+    Content,
+    Element,
+    bad,
     box,
-    coloured,
+    element,
     heading,
     label,
     small,
-    svg,
     swatch,
     table,
-    text,
 )
 
 # sizes of the strips [px]
@@ -39,35 +36,35 @@ FEW_LAPS = 5  # columns of laps that a race has from its start
 FEWEST = 16  # smallest number of frames for the chatter
 
 
-def laps(entries: Sequence[Competitor], sectors: str = "") -> str:
+def laps(entries: Sequence[Competitor], sectors: Sequence[Content] = ()) -> Element:
     """Return lap times and splits of runs.
 
-    sectors: HTML between the two.
+    sectors: what stands between the two.
     """
     if not any(entry.events for entry in entries):
         return box("no gate passed yet")
-    parts = [heading("laps [s]"), _table(entries)]
+    parts: list[Content] = [heading("laps [s]"), _table(entries)]
     for entry in entries:
         if entry.changes:
-            remark = coloured(not_comparable(entry.spec), RED)
-            parts.append(f"<div>{label(entry)} {remark}</div>")
-    parts.append(_strips(entries))
-    return box(*parts, sectors, heading("splits by gate [s]"), splits(entries))
+            remark = bad(not_comparable(entry.spec))
+            parts.append(element("div", label(entry), " ", remark))
+    parts += _strips(entries)
+    return box(*parts, *sectors, heading("splits by gate [s]"), *splits(entries))
 
 
-def _table(entries: Sequence[Competitor]) -> str:
+def _table(entries: Sequence[Competitor]) -> Element:
     """Return a row for each run: every lap, their sum, the outcome."""
     asked = max(entry.laps_to_fly for entry in entries)
     begun = max(len(entry.laps) for entry in entries) + 1
     # A long race has a column for each lap that has begun, not for all that are to come.
     most = min(asked, max(begun, FEW_LAPS))
     best = min((lap for entry in entries for lap in entry.laps), default=0.0)
-    rows = []
+    rows: list[list[Content]] = []
     for entry in entries:
         times = [coloured_time(lap, best, min(entry.laps)) for lap in entry.laps]
         missing = ["-"] * (most - len(times))
         total = f"{sum(entry.laps):.3f}" if entry.laps else "-"
-        rows.append([label(entry), *times, *missing, total, text(_state(entry))])
+        rows.append([label(entry), *times, *missing, total, _state(entry)])
     return table(["run", *map(str, range(1, most + 1)), "sum", ""], rows)
 
 
@@ -76,12 +73,12 @@ def _state(entry: Competitor) -> str:
     return entry.outcome or ("flying" if entry.live else f"in lap {len(entry.laps) + 1}")
 
 
-def coloured_time(t: float, best: float, own: float, decimals: int = 3) -> str:
+def coloured_time(t: float, best: float, own: float, decimals: int = 3) -> Content:
     """Return a time, purple for the best of all runs, green for a run's own best."""
     shown = f"{t:.{decimals}f}"
     if t == best:
-        return coloured(shown, BEST)
-    return coloured(shown, FASTER) if t == own else shown
+        return element("span", shown, look="best-of-all")
+    return element("span", shown, look="own-best") if t == own else shown
 
 
 class Strips:
@@ -98,42 +95,39 @@ class Strips:
         return 8 + (WIDTH - 16) * share
 
 
-def _strips(entries: Sequence[Competitor]) -> str:
+def _strips(entries: Sequence[Competitor]) -> list[Content]:
     """Return a strip for each run: each lap a dot, the middle half, the mean's 95 % interval."""
     times = [lap for entry in entries for lap in entry.laps]
     if len(times) < 2:
-        return ""
+        return []
     scale = Strips(times)
     height = ROW * len(entries) + 16
-    marks = [_strip(entry, ROW * (k + 0.5), scale) for k, entry in enumerate(entries)]
-    look = {"fill": DIM, "font_size": 12, "text_anchor": "middle"}
-    for t in np.linspace(scale.low, scale.high, 3):
-        marks.append(svg("text", f"{t:.2f}", x=scale.x(t), y=height - 3, **look))
-    style = "width:100%;margin-top:6px"
-    return svg("svg", "".join(marks), viewBox=f"0 0 {WIDTH} {height}", style=style)
+    strips = [_strip(entry, ROW * (k + 0.5), scale) for k, entry in enumerate(entries)]
+    ticks = [
+        element("text", f"{t:.2f}", x=scale.x(t), y=height - 3)
+        for t in np.linspace(scale.low, scale.high, 3).tolist()
+    ]
+    return [element("svg", *strips, *ticks, look="strips", viewBox=f"0 0 {WIDTH} {height}")]
 
 
-def _strip(entry: Competitor, y: float, scale: Strips) -> str:
+def _strip(entry: Competitor, y: float, scale: Strips) -> Element:
     """Return the strip of a run, with its middle at y [px]."""
-    colour = entry.style.colour
-    marks = svg("line", x1=4, x2=WIDTH - 4, y1=y, y2=y, stroke=TRACK)
+    marks = [element("line", look="track", x1=4, x2=WIDTH - 4, y1=y, y2=y)]
     if len(entry.laps) >= 3:
-        low, high = (scale.x(t) for t in np.percentile(entry.laps, [25, 75]))
+        low, high = (scale.x(t) for t in np.percentile(entry.laps, [25, 75]).tolist())
         width = max(high - low, 1.0)
-        marks += svg("rect", x=low, y=y - 8, width=width, height=16, fill=colour, opacity=0.3)
+        marks.append(element("rect", look="half", x=low, y=y - 8, width=width, height=16))
     if len(entry.laps) >= 2:
         interval = mean_interval(entry.laps)
         edges = (interval.low, interval.mean, interval.high)
-        low, mean, high = (min(max(scale.x(t), 2.0), WIDTH - 2.0) for t in edges)
-        line = {"stroke": colour, "stroke_width": 2}
-        marks += svg("line", x1=low, x2=high, y1=y, y2=y, **line)
-        marks += svg("line", x1=mean, x2=mean, y1=y - 9, y2=y + 9, **line)
-    for lap in entry.laps:
-        marks += svg("circle", cx=scale.x(lap), cy=y, r=4, fill=colour, stroke=MARKER_EDGE)
-    return marks
+        low, mean, high = (min(max(scale.x(float(t)), 2.0), WIDTH - 2.0) for t in edges)
+        marks.append(element("line", look="interval", x1=low, x2=high, y1=y, y2=y))
+        marks.append(element("line", look="interval", x1=mean, x2=mean, y1=y - 9, y2=y + 9))
+    marks += [element("circle", cx=scale.x(lap), cy=y, r=4) for lap in entry.laps]
+    return element("g", *marks, values={"colour": entry.style.colour})
 
 
-def splits(entries: Sequence[Competitor]) -> str:
+def splits(entries: Sequence[Competitor]) -> list[Element]:
     """Return the seconds from gate to gate, a row for each lap."""
     gates = entries[0].legs.gates
     sectors = [sector_times(entry.events) for entry in entries]
@@ -141,7 +135,7 @@ def splits(entries: Sequence[Competitor]) -> str:
     parts = []
     for first in range(0, gates, GATES):
         shown = range(first, min(first + GATES, gates))
-        rows = []
+        rows: list[list[Content]] = []
         for entry, laps in zip(entries, sectors, strict=True):
             own = best_sectors(laps, gates)
             for number, times in enumerate(laps, 1):
@@ -151,7 +145,7 @@ def splits(entries: Sequence[Competitor]) -> str:
                 ]
                 rows.append([swatch(entry.style) if number == 1 else "", str(number), *cells])
         parts.append(table(["", "lap", *(f"G{g + 1}" for g in shown)], rows))
-    return "".join(parts)
+    return parts
 
 
 def best_sectors(rows: Sequence[Sequence[float]], gates: int) -> list[float]:
@@ -159,9 +153,9 @@ def best_sectors(rows: Sequence[Sequence[float]], gates: int) -> list[float]:
     return [min((row[g] for row in rows if g < len(row)), default=0.0) for g in range(gates)]
 
 
-def chatter(entries: Sequence[Competitor]) -> str:
+def chatter(entries: Sequence[Competitor]) -> Element:
     """Return the chatter of the run so far, with the numbers of `race show`."""
-    rows = []
+    rows: list[list[Content]] = []
     for entry in entries:
         if len(entry.t) <= FEWEST:
             continue
@@ -174,7 +168,7 @@ def chatter(entries: Sequence[Competitor]) -> str:
         )
         rows.append([label(entry), *(f"{figure:.1f}" for figure in figures)])
     if not rows:
-        return box("")
+        return EMPTY
     note = (
         "thrust chatter: total variation of the thrust, commanded and delivered [m/s²/s]; share of "
         "the commanded thrust's power above the motors' corner frequency [%]"

@@ -8,12 +8,12 @@ from typing import TypeVar
 
 from quadsim.web.lap_timing import LapTiming, at_place_of_first, lap_timings
 from quadsim.web.limit_race import limit_race
-from quadsim.web.page.charts import Curves, curves_of
+from quadsim.web.page.charts import RaceCurves, curves_of
+from quadsim.web.page.elements import Element
 from quadsim.web.page.laps import chatter, laps
 from quadsim.web.page.sectors import sectors
 from quadsim.web.page.timing import events, planner
 from quadsim.web.page.tower import Tower, tower_of
-from quadsim.web.page.tree import Element, tree
 from quadsim.web.snapshot import Snapshot
 
 Made = TypeVar("Made")
@@ -57,29 +57,29 @@ class Moment:
     @cached_property
     def planner(self) -> Element:
         """What the planner of the first competitor does."""
-        return tree(planner(self.timings[0]))
+        return planner(self.timings[0])
 
     @cached_property
-    def curves(self) -> list[Curves]:
+    def curves(self) -> RaceCurves:
         """The charts that are not over time."""
-        return curves_of(self.timings)
+        return curves_of(self.s.race, self.timings)
 
     @cached_property
     def chatter(self) -> Element:
         """The chatter of the thrust so far."""
-        return tree(chatter([entry.until(self.s.t) for entry in self.s.competitors]))
+        return chatter([entry.until(self.s.t) for entry in self.s.competitors])
 
     @cached_property
     def events(self) -> Element:
         """The events so far."""
-        return tree(events(self.s.competitors, self.s.t))
+        return events(self.s.competitors, self.s.t)
 
     @cached_property
     def laps(self) -> Element:
         """The laps so far, and their sectors."""
         past = [entry.until(self.s.t) for entry in self.s.competitors]
         limit = limit_race(self.s.competitors[0])
-        return tree(laps(past, sectors(past, limit)))
+        return laps(past, sectors(past, limit))
 
 
 class Moments:

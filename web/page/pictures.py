@@ -8,11 +8,9 @@ from collections.abc import Mapping
 from quadsim.web.camera_pictures import At, CameraPicture, CameraPictures
 from quadsim.web.lap_timing import LapTiming
 from quadsim.web.page.board import Board
-from quadsim.web.page.html import box, element, small, svg, text
-from quadsim.web.page.tree import tree
+from quadsim.web.page.elements import EMPTY, Element, box, element, small
 
 ARM = 6.0  # half length of a corner's cross, in pixels of the camera
-CORNER = "#00e5ff"
 
 
 class Pictures:
@@ -33,7 +31,7 @@ class Pictures:
         """
         for visitor in [one for one in self._shown if one not in wanted]:
             del self._shown[visitor]
-            self._board.put("picture", tree(""), visitor)
+            self._board.put("picture", EMPTY, visitor)
         if not wanted:
             self.close()
             return
@@ -41,7 +39,7 @@ class Pictures:
         for visitor, picture in self._pictures.last.items():
             if picture is not self._shown.get(visitor):
                 self._shown[visitor] = picture
-                self._board.put("picture", tree(picture_html(picture)), visitor)
+                self._board.put("picture", shown_picture(picture), visitor)
 
     def close(self) -> None:
         """End the drawing process."""
@@ -49,30 +47,34 @@ class Pictures:
         self._pictures.close()
 
 
-def picture_html(picture: CameraPicture) -> str:
+def shown_picture(picture: CameraPicture) -> Element:
     """Return a picture with crosses at the corners found in it."""
     moment = picture.moment
     if picture.problem:
-        return box(small(text(picture.problem)))
+        return box(small(picture.problem))
     caption = f"{moment.name} at {moment.t:.2f} s"
     data = b64encode(picture.jpeg).decode()
     alt = f"What the camera of {caption} sees"
-    image = f'<img src="data:image/jpeg;base64,{data}" alt="{text(alt)}" style="width:100%">'
+    parts = [element("img", src=f"data:image/jpeg;base64,{data}", alt=alt)]
     if moment.corners:
-        image += _crosses(picture)
+        parts.append(_crosses(picture))
         caption += f": {len(moment.corners.pixels)} corners of gates were found"
-    return box(element("div", image, position="relative"), small(text(caption)))
+    return box(element("div", *parts, look="camera-picture"), small(caption))
 
 
-def _crosses(picture: CameraPicture) -> str:
+def _crosses(picture: CameraPicture) -> Element:
     """Return crosses as an overlay of the picture."""
     moment = picture.moment
     width, height = moment.size
-    lines = []
-    for u, v in moment.corners.pixels.tolist() if moment.corners else ():
-        for x, y in ((ARM, ARM), (ARM, -ARM)):
-            ends = {"x1": u - x, "y1": v - y, "x2": u + x, "y2": v + y}
-            lines.append(svg("line", **ends, stroke=CORNER, stroke_width=2))
-    style = "position:absolute;left:0;top:0;width:100%;height:100%"
-    look = {"viewBox": f"0 0 {width} {height}", "preserveAspectRatio": "none", "style": style}
-    return svg("svg", "".join(lines), **look)
+    lines = [
+        element("line", x1=u - x, y1=v - y, x2=u + x, y2=v + y)
+        for u, v in (moment.corners.pixels.tolist() if moment.corners else ())
+        for x, y in ((ARM, ARM), (ARM, -ARM))
+    ]
+    return element(
+        "svg",
+        *lines,
+        look="corners",
+        viewBox=f"0 0 {width} {height}",
+        preserveAspectRatio="none",
+    )

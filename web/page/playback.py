@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from quadsim.web.page.camera import Camera
+from quadsim.web.page.camera import Camera, Mode
 from quadsim.web.page.link import Link, LinkVisitor, Message
 from quadsim.web.page.seats import Seat, Seats
 from quadsim.web.playhead import Playhead
@@ -65,7 +65,7 @@ class ChooseCamera(Message, tag="camera"):
     """A visitor chooses the mode of its camera; None: the next one."""
 
     seat: Seat
-    mode: Literal["free", "chase", "top", "FPV"] | None = None
+    mode: Mode | None = None
 
 
 class FollowNext(Message, tag="follow_next"):

@@ -26,8 +26,8 @@ from quadsim.web.page.drones import (
     array_colour,
     single_colour,
 )
+from quadsim.web.page.elements import RED
 from quadsim.web.page.estimate import EstimateView
-from quadsim.web.page.html import RED
 from quadsim.web.page.limit_ghost import LimitGhost
 
 if TYPE_CHECKING:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from quadsim.web.page.board import Board, PartName
-from quadsim.web.page.charts import Charts
+from quadsim.web.page.elements import EMPTY, Element
 from quadsim.web.page.head import Head, head_of
 from quadsim.web.page.link import LinkVisitor
 from quadsim.web.page.moment import Moment
@@ -14,11 +15,12 @@ from quadsim.web.page.playback import Shown
 from quadsim.web.page.stage import Stage
 from quadsim.web.page.time_line import now_of
 from quadsim.web.page.tower import Tower
-from quadsim.web.page.tree import Element, tree
 from quadsim.web.snapshot import SAME, Snapshot
 from quadsim.web.view import View
 
-TABLES: tuple[PartName, ...] = ("planner", "events", "laps")  # that are made while they are shown
+# Parts that are made while they are shown; the slow ones once a second
+TABLES: tuple[PartName, ...] = ("planner", "events", "laps")
+SLOW: tuple[PartName, ...] = ("curves", "chatter")
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,12 +73,12 @@ class Screen:
         s: the race when the visitor came; its notices are not shown any more.
     """
 
-    def __init__(self, board: Board, charts: Charts, visitor: LinkVisitor, s: Snapshot):
+    def __init__(self, board: Board, visitor: LinkVisitor, s: Snapshot):
         self._board = board
-        self._charts = charts
         self._visitor = visitor
         self._told = {notice.number for notice in s.notices}
         self._shown: dict[str, object] = {}
+        self._slow: set[PartName] = set()  # slow parts whose tab was open at the last update
 
     def update(self, seen: Seen, rest: Rest, beats: Beats) -> None:
         """Show what has changed.
@@ -90,14 +92,16 @@ class Screen:
         tables_are_due = beats.slow if seen.view.light else beats.tables
         if tables_are_due:
             self._update_tables(seen, rest)
-        if beats.slow and seen.is_drawn:
-            self._update_slow(seen.moment)
+        # Whoever opens the tab of a slow part does not wait for the next beat.
+        slow: set[PartName] = {name for name in SLOW if self._is_wanted(name)}
+        if seen.is_drawn and (beats.slow or slow - self._slow):
+            self._update_slow(seen.moment, slow)
+        self._slow = slow
         self._notify(seen.moment.s)
 
     def forget(self) -> None:
         """Forget the visitor, who has left."""
         self._board.forget(self._visitor.number)
-        self._charts.forget(self._visitor.number)
 
     def _update_tables(self, seen: Seen, rest: Rest) -> None:
         """Show head, map, tower and the tables that are open."""
@@ -115,7 +119,7 @@ class Screen:
         if is_drawn:
             drawn = moment.drawn(by_place)
             name = ("map", by_place)
-            self._put("map", moment.once(name, lambda: tree(stage.map.draw(drawn))))
+            self._put("map", moment.once(name, lambda: stage.map.draw(drawn)))
             self._put("tower", moment.tower)
         elif not stage.race:
             self._put("map", stage.plain_map)
@@ -126,13 +130,13 @@ class Screen:
         if "events" in wanted and self._is_new("events", past):
             self._put("events", moment.events)
         if "laps" in wanted and self._is_new("laps", past):
-            self._put("laps", moment.laps if is_drawn else tree(""))
+            self._put("laps", moment.laps if is_drawn else EMPTY)
 
-    def _update_slow(self, moment: Moment) -> None:
-        """Show the curves that are not over time, and the chatter."""
-        if self._is_new("curves", moment):
-            self._charts.put(self._visitor.number, moment.s.race, moment.curves)
-        if self._is_wanted("chatter") and self._is_new("chatter", moment):
+    def _update_slow(self, moment: Moment, wanted: Container[PartName]) -> None:
+        """Show the curves that are not over time, and the chatter, if their tabs are open."""
+        if "curves" in wanted and self._is_new("curves", moment):
+            self._put("curves", moment.curves)
+        if "chatter" in wanted and self._is_new("chatter", moment):
             self._put("chatter", moment.chatter)
 
     def _notify(self, s: Snapshot) -> None:

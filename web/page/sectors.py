@@ -10,7 +10,7 @@ import numpy as np
 from quadsim.racing.along import Legs
 from quadsim.racing.events import sector_times
 from quadsim.web.competitor import Competitor
-from quadsim.web.page.html import DIM, element, heading, label, small, table
+from quadsim.web.page.elements import Content, element, heading, label, small, table
 from quadsim.web.page.laps import best_sectors, coloured_time
 
 SECTORS = 3
@@ -48,7 +48,7 @@ def times_of(entry: Competitor, ends: Sequence[int]) -> list[list[float]]:
     return rows
 
 
-def sectors(entries: Sequence[Competitor], limit: Competitor | None) -> str:
+def sectors(entries: Sequence[Competitor], limit: Competitor | None) -> list[Content]:
     """Return a table of sector times: a row for each lap of each competitor.
 
     Args:
@@ -58,9 +58,9 @@ def sectors(entries: Sequence[Competitor], limit: Competitor | None) -> str:
     ends = sector_ends(entries[0].legs)
     times = [times_of(entry, ends) for entry in entries]
     if not any(row for rows in times for row in rows):
-        return ""
+        return []
     best = best_sectors([row for rows in times for row in rows], len(ends))
-    rows: list[list[str] | str] = []
+    rows: list[list[Content]] = []
     for entry, laps in zip(entries, times, strict=True):
         own = best_sectors(laps, len(ends))
         for number, found in enumerate(laps, 1):
@@ -70,17 +70,21 @@ def sectors(entries: Sequence[Competitor], limit: Competitor | None) -> str:
         cells = [f"{t:.3f}" for t in best]
         rows.append(["best of all", "", *cells, f"{sum(best):.3f}"])
     for number, found in enumerate(times_of(limit, ends) if limit else [], 1):
-        cells = [element("span", f"{t:.3f}", color=DIM) for t in found]
+        cells = [element("span", f"{t:.3f}", look="of-limit") for t in found]
         rows.append(_row("limit" if number == 1 else "", number, cells, found, ends))
     gates = ", ".join(f"S{k} to G{end}" for k, end in enumerate(ends, 1))
     head = ["run", "lap", *(f"S{k}" for k in range(1, len(ends) + 1)), "sum"]
     note = f"{gates}; the sum of a lap without its penalties"
-    return heading("sectors [s]") + table(head, rows) + small(note)
+    return [heading("sectors [s]"), table(head, rows), small(note)]
 
 
 def _row(
-    name: str, number: int, cells: list[str], times: Sequence[float], ends: Sequence[int]
-) -> list[str]:
+    name: Content,
+    number: int,
+    cells: Sequence[Content],
+    times: Sequence[float],
+    ends: Sequence[int],
+) -> list[Content]:
     """Return the row of a lap, whose sum is left out until its last sector is completed."""
     missing = [""] * (len(ends) - len(cells))
     total = "" if missing else f"{sum(times):.3f}"

@@ -8,7 +8,7 @@ from functools import cached_property
 from quadsim.course import Course
 from quadsim.web.competitor import Competitor
 from quadsim.web.page.course_map import Map
-from quadsim.web.page.tree import Element, tree
+from quadsim.web.page.elements import EMPTY, Element
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,4 +36,4 @@ class Stage:
     @cached_property
     def plain_map(self) -> Element:
         """The map of the course without a race; empty without a course."""
-        return tree(self.map.draw([]) if self.course else "")
+        return self.map.draw([]) if self.course else EMPTY

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, get_args
 
 import msgspec
 
 from quadsim.web.competitor import CRASHES, MISSES, Competitor
 from quadsim.web.snapshot import Snapshot
+from quadsim.web.state import Pace
 
 MarkKind = Literal["gate", "lap", "bad"]
+SPEEDS = tuple(float(pace.removesuffix(" x")) for pace in get_args(Pace))  # as flights have them
 
 
 class TimeMark(msgspec.Struct, array_like=True):
@@ -31,10 +33,17 @@ class Lane(msgspec.Struct):
 
 
 class TimeLine(msgspec.Struct):
-    """The time line. laps: starts of the laps of who has flown most, and end of the last [s]."""
+    """The time line.
+
+    Attributes:
+        lanes: the competitors.
+        laps: starts of the laps of the competitor with the most laps, and end of the last [s].
+        speeds: of the playback, which a visitor may choose [race seconds per second].
+    """
 
     lanes: list[Lane]
     laps: list[float]
+    speeds: tuple[float, ...] = SPEEDS
 
 
 class Now(msgspec.Struct):

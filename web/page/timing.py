@@ -1,4 +1,4 @@
-"""Events and the planner of the race at one instant, as HTML."""
+"""Events and the planner of the race at one instant, as elements."""
 
 from __future__ import annotations
 
@@ -7,35 +7,30 @@ from math import degrees
 from typing import NamedTuple
 
 from quadsim.heat.result import Pass, overtakes
-from quadsim.palette import NEXT
 from quadsim.racing.events import Event
 from quadsim.racing.hand import HAND
 from quadsim.web.competitor import CRASHES, Competitor, heat_of
 from quadsim.web.drawn_samples import drawn_samples, late_plans
 from quadsim.web.lap_timing import LapTiming
-from quadsim.web.page.html import (
-    MONO,
-    RED,
-    TEXT,
+from quadsim.web.page.elements import (
+    Content,
+    Element,
+    bad,
     bar,
     box,
-    coloured,
-    div,
     element,
     heading,
     label,
+    line,
     rounded,
     small,
     table,
-    text,
 )
 
 EVENTS = 60  # number of the newest events in the list
 GOOD_SHARE = 0.1  # share of effective samples at which the meter is full
 FEW_SAMPLES = 5  # number of effective samples below which the meter is red
 LEGEND = "in the scene: the plan white; sampled trajectories yellow, the cheapest, to violet"
-LOWERS_COST = NEXT
-RAISES_COST = "#6f86d6"
 
 
 def above_limit(entry: Competitor) -> str:
@@ -58,7 +53,7 @@ class Happening(NamedTuple):
     is_crash: bool = False
 
 
-def events(entries: Sequence[Competitor], t: float) -> str:
+def events(entries: Sequence[Competitor], t: float) -> Element:
     """Return the list of events, newest first; the later events of a replay are dim."""
     found = []
     for entry in entries:
@@ -68,13 +63,13 @@ def events(entries: Sequence[Competitor], t: float) -> str:
             found.append(Happening(change["t"], entry, _change(change)))
     found += _overtakes(entries)
     found.sort(key=lambda happening: -happening.t)
-    rows: list[list[str] | str] = []
+    rows: list[list[Content]] = []
     for happening in found[:EVENTS]:
-        content = happening.content
+        content: Content = happening.content
         if happening.is_crash:
-            content = coloured(content, RED)
+            content = bad(happening.content)
         if happening.t > t + 1e-6:
-            content = element("span", content, opacity=0.65)
+            content = element("span", content, look="later")
         rows.append([f"{happening.t:.3f}", label(happening.entry), content])
     return box(table(["t [s]", "run", "event"], rows, left=3) if rows else "nothing yet")
 
@@ -90,9 +85,7 @@ def _overtakes(entries: Sequence[Competitor]) -> list[Happening]:
     ]
     ends = [entry.last_t for entry in entries]
     return [
-        Happening(
-            event.t, by_name[event.name], f"overtakes {text(event.other)} at gate {event.gate}"
-        )
+        Happening(event.t, by_name[event.name], f"overtakes {event.other} at gate {event.gate}")
         for event in overtakes(list(by_name), passes, ends)
     ]
 
@@ -100,65 +93,74 @@ def _overtakes(entries: Sequence[Competitor]) -> list[Happening]:
 def _event(event: Event) -> str:
     """Return an event in words."""
     place = f" {event.place}" if event.place else ""
-    kind = text(event.kind).replace("_", " ")
+    kind = event.kind.replace("_", " ")
     return f"{kind}{place} · lap {event.lap} · {event.speed:.1f} m/s"
 
 
 def _change(change: Mapping) -> str:
     """Return a change of a number in words."""
-    name = text(change["name"]).replace("_", " ")
+    name = str(change["name"]).replace("_", " ")
     return f"{name} {change['from']:g} → {change['to']:g}"
 
 
-def planner(s: LapTiming) -> str:
+def planner(s: LapTiming) -> Element:
     """Return the planner's statistics: effective sample size, temperature, cost and time."""
     x = s.entry.x
     plan_ms = x["plan_ms"][s.i]
     pilot = s.entry.spec.get("pilot")
     if pilot:
-        flies = f"no plan: the learned pilot {text(pilot['name'])} flies"
-        return box(heading("learned pilot"), _line(f"{flies}, {plan_ms:.2f} ms a command"))
+        flies = f"no plan: the learned pilot {pilot['name']} flies"
+        return box(heading("learned pilot"), line(f"{flies}, {plan_ms:.2f} ms a command"))
     if not s.entry.has_planner:
         rates = s.entry.spec[HAND]
         most = ", ".join(f"{degrees(rates[axis]['most']):.0f}" for axis in ("roll", "pitch", "yaw"))
         return box(
             heading("by hand"),
-            _line(f"no plan: a person flies, with rates up to {most} deg/s (roll, pitch, yaw)"),
+            line(f"no plan: a person flies, with rates up to {most} deg/s (roll, pitch, yaw)"),
         )
     mppi = s.entry.spec["planner"]["mppi"]
     drawn = drawn_samples(s.entry, s.i)
     ess = float(x["ess"][s.i])
     target = mppi.get("target_ess")
     steered = f"target {target:g} of 1024" if target else "temperature fixed"
-    colour = NEXT if ess > FEW_SAMPLES else RED
-    meter = bar(ess / max((drawn.count or drawn.most) * GOOD_SHARE, 1.0), colour, height=8)
-    update = (
-        f"<b>{ess:.0f}</b> effective of {drawn.words}, {steered}; temperature "
-        f"<b>{x['temperature'][s.i]:.3g}</b>, planned in <b>{plan_ms:.1f}</b> ms"
+    meter = bar(
+        ess / max((drawn.count or drawn.most) * GOOD_SHARE, 1.0),
+        "tall" if ess > FEW_SAMPLES else "tall few",
+    )
+    update = line(
+        element("b", f"{ess:.0f}"),
+        f" effective of {drawn.words}, {steered}; temperature ",
+        element("b", f"{x['temperature'][s.i]:.3g}"),
+        ", planned in ",
+        element("b", f"{plan_ms:.1f}"),
+        " ms",
     )
     late = late_plans(s.entry, s.i)
-    deadline = _line(late) if late else ""
-    cost = heading("cost of the plan") + _cost(s)
-    whose = div(label(s.entry), margin_top="2px")
-    return box(whose, heading("effective sample size"), meter, _line(update), deadline, cost)
+    return box(
+        element("div", label(s.entry)),
+        heading("effective sample size"),
+        meter,
+        update,
+        line(late) if late else "",
+        heading("cost of the plan"),
+        *_cost(s),
+    )
 
 
-def _cost(s: LapTiming) -> str:
+def _cost(s: LapTiming) -> list[Element]:
     """Return the cost of the plan by term."""
     terms, when = _terms(s)
     if not terms:
         why = "not kept with this run" if s.entry.outcome else "shown together with the samples"
-        return _line(f"J = {s.entry.x['cost'][s.i]:.3f}; its terms: - ({why})")
+        return [line(f"J = {s.entry.x['cost'][s.i]:.3f}; its terms: - ({why})")]
     most = max(map(abs, terms.values()))
-    rows: list[list[str] | str] = []
+    rows: list[list[Content]] = []
     for name, value in terms.items():
         if value:
-            colour = RAISES_COST if value > 0 else LOWERS_COST
-            rows.append(
-                [text(name), f"{value:+.3f}", bar(abs(value) / most, colour, width="180px")]
-            )
+            look = "short cost" if value > 0 else "short"
+            rows.append([name, f"{value:+.3f}", bar(abs(value) / most, look)])
     total = f"J = {sum(terms.values()):.3f}, the sum{when}; lower is better"
-    return table(["term", "mean", ""], rows) + _line(total) + small(LEGEND)
+    return [table(["term", "mean", ""], rows), line(total), small(LEGEND)]
 
 
 def _terms(s: LapTiming) -> tuple[dict[str, float], str]:
@@ -170,8 +172,3 @@ def _terms(s: LapTiming) -> tuple[dict[str, float], str]:
         return {}, ""
     t, snapshot = found
     return snapshot.terms, f" at {t:.2f} s"
-
-
-def _line(content: str) -> str:
-    """Return a line of numbers."""
-    return div(content, **MONO, font_size=TEXT, margin_top="3px")

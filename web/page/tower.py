@@ -9,8 +9,8 @@ from typing import Literal
 import msgspec
 
 from quadsim.web.lap_timing import LapTiming, order
+from quadsim.web.page.elements import rounded
 from quadsim.web.page.flight_result import result
-from quadsim.web.page.html import rounded
 from quadsim.web.page.laps import best_sectors
 from quadsim.web.standings import standings_at
 

@@ -1,6 +1,7 @@
 // What buttons and keys do. Keys act in the page and in the frame of the scene, but not in a box that is typed into.
 import { make } from "./dom.js";
 import * as drawer from "./drawer.js";
+import * as keys from "./keys.js";
 import { send } from "./link.js";
 import * as notes from "./notes.js";
 import { show } from "./parts.js";
@@ -52,7 +53,8 @@ const KEYS = [
   ["h", "help: these keys", help],
 ];
 const HELP =
-  "Sliders act at the next plan. A flight whose numbers were changed in flight is marked interactive and cannot be compared with others.";
+  "Sliders act at the next plan. A flight whose numbers were changed in flight is marked interactive and cannot be " +
+  "compared with others.";
 
 function present() {
   const on = document.body.classList.toggle("present");
@@ -63,8 +65,14 @@ function present() {
 
 function help() {
   const name = (key) => (key === " " ? "space" : key.toUpperCase());
-  const rows = KEYS.map(([key, what]) => make("tr", {}, make("td", {}, make("kbd", { textContent: name(key) })), make("td", { textContent: what })));
-  notes.openWindow("Keys", [make("table", {}, ...rows), make("p", { className: "note", textContent: HELP })], [["Close", null]]);
+  const rows = KEYS.map(([key, what]) =>
+    make("tr", {}, make("td", {}, make("kbd", { textContent: name(key) })), make("td", { textContent: what })),
+  );
+  notes.openWindow(
+    "Keys",
+    [make("table", {}, ...rows), make("p", { className: "note", textContent: HELP })],
+    [["Close", null]],
+  );
 }
 
 const TYPING = "input:not([type=checkbox]):not([type=radio]), textarea, select, [contenteditable=true]";
@@ -76,7 +84,6 @@ function key(event) {
   if (target.closest?.(TYPING)) return;
   // The space bar presses the button that has the focus.
   if (event.key === " " && target.closest?.(PRESSED)) return;
-  if (notes.isOpen()) return;
   const found = KEYS.find(([name]) => name === event.key.toLowerCase());
   if (!found) return;
   event.preventDefault();
@@ -91,8 +98,9 @@ export function begin() {
     // Clicked with the mouse, a button keeps no focus: the space bar would press it again instead of pausing.
     if (event.detail > 0) event.target.closest("button, summary")?.blur();
   });
-  addEventListener("keydown", key);
-  scene.whenLoaded((frame) => frame.addEventListener("keydown", key));
+  keys.setPage(key);
+  keys.listen(window);
+  scene.whenLoaded(keys.listen);
   // A scene that is opened again, as after an outage, has the camera that was chosen before.
   let chosen = "";
   let isLost = false;
@@ -100,6 +108,7 @@ export function begin() {
     if (mode && isLost && chosen && mode !== chosen) send({ type: "camera", seat: scene.seat(), mode: chosen });
     else if (mode) chosen = mode;
     isLost = !mode;
-    for (const button of document.querySelectorAll("[data-camera]")) button.ariaPressed = String(button.dataset.camera === mode);
+    for (const button of document.querySelectorAll("[data-camera]"))
+      button.ariaPressed = String(button.dataset.camera === mode);
   });
 }

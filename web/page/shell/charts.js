@@ -1,8 +1,10 @@
-// Charts in which one can work, see charts.py: signals over time, gaps over place, spectra. They are drawn on a canvas in
-// each element with data-charts. The pointer shows the values there; pressing and dragging moves the replay; the wheel
-// zooms; a double click shows everything, or follows the race again.
+// Charts in which one can work, see charts.py: signals over time, gaps over place, spectra. They are drawn on a
+// canvas in each element with data-charts. The pointer shows the values there; pressing and dragging moves the
+// replay; the wheel zooms; a double click shows everything, or follows the race again.
 import { make } from "./dom.js";
 import { on, send } from "./link.js";
+import { alsoShows, show } from "./parts.js";
+import { extent, rowsIn, scale, text, ticks, valueAt, zoomed, zoomedInTime } from "./scales.js";
 
 const ASK = 100; // [ms] between two questions while the race moves
 const REST = 500; // [ms] between two while it stands still
@@ -19,9 +21,9 @@ const HINT = "press or drag: move the time; Ctrl + wheel: zoom; double click: al
 const GRID = "#2c3038";
 const TEXT = "#b4bcc8";
 
-let race = { race: 0, lines: [], frames: [], laps: [], t: 0, end: 0, curves: 0 };
+let race = { race: 0, lines: [], frames: [], laps: [], t: 0, end: 0 }; // of the charts over time
 let signals = [];
-let curves = [];
+let curves = { race: 0, lines: [], charts: [] }; // of the others
 const off = new Set(); // titles of the signals that are not shown
 const hidden = new Set(); // names of the competitors that are not shown
 let time = { from: 0, span: SPAN, follows: true }; // the window of all charts over time
@@ -30,11 +32,13 @@ let pointer = null; // { key, x }: the place of the pointer, on all charts over 
 let pressed = false;
 let waiting = 0; // since when an answer is waited for [ms]; 0: none is
 
+// Whether the charts of a tab can be seen; what cannot be seen is not asked for.
+const isSeen = (tab) => document.querySelector(`[data-charts="${tab}"]`).clientWidth > 0;
+
 function ask() {
-  const open = document.querySelector("[data-charts]") && !document.hidden;
-  if (open && Date.now() - waiting > PATIENCE) {
+  if (isSeen("Signals") && !document.hidden && Date.now() - waiting > PATIENCE) {
     const frames = race.frames.map((columns) => columns.t.length);
-    const sent = send({ type: "ask_charts", race: race.race, frames, curves: race.curves });
+    const sent = send({ type: "ask_signals", race: race.race, frames });
     waiting = sent ? Date.now() : 0;
   }
   setTimeout(ask, race.is_playing ? ASK : REST);
@@ -58,9 +62,14 @@ function received(answer) {
       for (const value of values) frames[k][name].push(value);
     }
   });
-  if (answer.charts) curves = answer.charts;
   race = { ...answer, frames, lines: toldApart(answer.lines) };
   follow();
+  draw();
+}
+
+function receivedCurves(found) {
+  if (found.race !== curves.race) hidden.clear();
+  curves = { ...found, lines: toldApart(found.lines) };
   draw();
 }
 
@@ -68,7 +77,9 @@ function received(answer) {
 function toldApart(lines) {
   const recorded = lines.filter((line) => line.is_recorded).length;
   if (!recorded || recorded === lines.length) return lines;
-  return lines.map((line) => (line.is_recorded ? { ...line, dash: RECORDED, kind: "recorded " } : { ...line, dash: [], kind: "live " }));
+  return lines.map((line) =>
+    line.is_recorded ? { ...line, dash: RECORDED, kind: "recorded " } : { ...line, dash: [], kind: "live " },
+  );
 }
 
 // Keep the present time in the window, but not under a hand.
@@ -82,7 +93,7 @@ function follow() {
 
 // The charts of an element, as they are now: each has a title, lines and a window.
 function chartsOf(tab) {
-  if (tab !== "Signals") return curves.filter((curve) => curve.tab === tab).map(overPlace);
+  if (tab !== "Signals") return curves.charts.filter((curve) => curve.tab === tab).map(overPlace);
   return race.lines.length ? signals.filter(([title]) => !off.has(title)).map(overTime) : [];
 }
 
@@ -94,71 +105,34 @@ function overTime([title, column, command], k) {
     lines.push({ ...line, what: command ? "delivered" : "", width: 2, x: t, y: columns[column] ?? [] });
   });
   const window = [time.from, time.from + time.span];
-  return { key: "t", title, lines, window, mark: race.t, unit: "t [s]", bounds: race.laps, namesLaps: k === 0, seek: race.can_seek && ((t) => ({ type: "seek", t })) };
+  return {
+    key: "t",
+    title,
+    lines,
+    window,
+    mark: race.t,
+    unit: "t [s]",
+    bounds: race.laps,
+    namesLaps: k === 0,
+    seek: race.can_seek ? (t) => ({ type: "seek", t }) : null,
+  };
 }
 
 function overPlace(curve) {
-  const lines = race.lines.map((line, k) => ({ ...line, what: "", width: 2, x: curve.x, y: curve.y[k] ?? [] }));
+  const lines = curves.lines.map((line, k) => ({ ...line, what: "", width: 2, x: curve.x, y: curve.y[k] ?? [] }));
   const window = zooms[curve.title] ?? [curve.x[0], curve.x.at(-1)];
   const begins = curve.seeks_from;
-  const seek = begins !== null && race.can_seek && ((place) => ({ type: "seek_place", place: place + begins }));
-  return { key: curve.x_title, title: curve.title, lines, window, mark: curve.mark, unit: curve.x_title, isLog: curve.is_log, seek };
-}
-
-// A scale from values to pixels and back.
-function scale(low, high, from, to, isLog) {
-  const value = isLog ? Math.log10 : (v) => v;
-  const back = isLog ? (v) => 10 ** v : (v) => v;
-  const [a, b] = [value(low), value(high)];
-  const perUnit = (to - from) / (b - a || 1);
-  return { at: (v) => from + (value(v) - a) * perUnit, of: (px) => back(a + (px - from) / perUnit), low, high, isLog };
-}
-
-function ticks({ low, high, isLog }, most) {
-  if (isLog) {
-    const all = [];
-    for (let p = Math.ceil(Math.log10(low)); p <= Math.log10(high); p++) all.push(10 ** p);
-    return all;
-  }
-  const rough = (high - low) / most;
-  const power = 10 ** Math.floor(Math.log10(rough || 1));
-  const step = [1, 2, 5, 10].map((k) => k * power).find((s) => s >= rough) ?? power;
-  const found = [];
-  for (let v = Math.ceil(low / step) * step; v <= high + 1e-9; v += step) found.push(Math.round(v / step) * step);
-  return found;
-}
-
-// Index of the first value that is not less.
-function search(values, wanted) {
-  let [low, high] = [0, values.length];
-  while (low < high) {
-    const middle = (low + high) >> 1;
-    if (values[middle] < wanted) low = middle + 1;
-    else high = middle;
-  }
-  return low;
-}
-
-function rowsIn(line, [from, to]) {
-  return [Math.max(search(line.x, from) - 1, 0), Math.min(search(line.x, to) + 1, Math.min(line.x.length, line.y.length))];
-}
-
-function extent(chart) {
-  let [low, high] = [Infinity, -Infinity];
-  for (const line of chart.lines) {
-    if (hidden.has(line.name)) continue;
-    const [first, last] = rowsIn(line, chart.window);
-    for (let i = first; i < last; i++) {
-      const y = line.y[i];
-      if (y === null) continue;
-      if (y < low) low = y;
-      if (y > high) high = y;
-    }
-  }
-  if (low > high) return chart.isLog ? [0.01, 1] : [0, 1];
-  if (chart.isLog) return [low / 1.5, high * 1.5];
-  const pad = 0.06 * (high - low) || 0.5;
-  return [low - pad, high + pad];
+  const seek = begins !== null ? (place) => ({ type: "seek_place", place: place + begins }) : null;
+  return {
+    key: curve.x_title,
+    title: curve.title,
+    lines,
+    window,
+    mark: curve.mark,
+    unit: curve.x_title,
+    isLog: curve.is_log,
+    seek,
+  };
 }
 
 function paint(canvas, chart) {
@@ -174,7 +148,7 @@ function paint(canvas, chart) {
   const top = MARGIN.top + (chart.namesLaps ? LAPS : 0);
   const [right, bottom] = [width - MARGIN.right, height - MARGIN.bottom];
   const x = scale(...chart.window, MARGIN.left, right, chart.isLog);
-  const y = scale(...extent(chart), bottom, top, chart.isLog);
+  const y = scale(...extent(chart, hidden), bottom, top, chart.isLog);
   canvas.scaleX = x;
   const letters = Math.max(12, 0.8 * parseFloat(getComputedStyle(document.documentElement).fontSize));
   g.font = `${letters}px system-ui, sans-serif`;
@@ -265,45 +239,60 @@ function stroke(g, line, window, x, y) {
   g.globalAlpha = 1;
 }
 
-function text(value) {
-  return String(Number(value.toPrecision(6)));
-}
-
-// The value of a line at a place, from the nearest of its points; empty: it has none there.
-function valueAt(line, at, isExact) {
-  // Over place, a line that ends before the place of the race has its last value.
-  const last = line.y.findLastIndex((value) => value !== null);
-  const x = isExact || last < 0 ? at : Math.min(at, line.x[last]);
-  const i = search(line.x, x);
-  const near = i > 0 && (i >= line.x.length || x - line.x[i - 1] < line.x[i] - x) ? i - 1 : i;
-  const beyond = x < line.x[0] - 0.02 || x > line.x.at(-1) + 0.02;
-  // The last point of a line stands for the places up to the next one.
-  const value = line.y[near] ?? line.y[near - 1];
-  return beyond || value === null || value === undefined ? "" : value.toFixed(Math.abs(value) < 10 ? 3 : 1);
-}
-
 function legend(chart) {
   const at = pointer?.key === chart.key ? pointer.x : chart.mark;
   const shown = chart.lines.filter((line) => !hidden.has(line.name));
-  const items = shown.filter((line) => line.what !== "commanded").map((line) => {
-    const swatch = make("i", { className: "swatch" });
-    swatch.style.borderTop = `${line.width + 1}px ${line.dash.length ? "dashed" : "solid"} ${line.colour}`;
-    const value = (one) => make("b", { textContent: valueAt(one, at, chart.key === "t" || pointer?.key === chart.key) || "–" });
-    const command = shown.find((one) => one.what === "commanded" && one.name === line.name);
-    return make("span", {}, swatch, `${line.kind ?? ""}${line.name} `, value(line), ...(command ? [" commanded ", value(command)] : []));
-  });
-  return [make("span", { className: "at", textContent: chart.unit.replace(/(?: \[(.*)\])?$/, ` ${at.toFixed(2)} $1`).trim() }), ...items];
+  const items = shown
+    .filter((line) => line.what !== "commanded")
+    .map((line) => {
+      const swatch = make("i", { className: "swatch" });
+      swatch.style.borderTop = `${line.width + 1}px ${line.dash.length ? "dashed" : "solid"} ${line.colour}`;
+      const value = (one) =>
+        make("b", { textContent: valueAt(one, at, chart.key === "t" || pointer?.key === chart.key) || "–" });
+      const command = shown.find((one) => one.what === "commanded" && one.name === line.name);
+      return make(
+        "span",
+        {},
+        swatch,
+        `${line.kind ?? ""}${line.name} `,
+        value(line),
+        ...(command ? [" commanded ", value(command)] : []),
+      );
+    });
+  return [
+    make("span", {
+      className: "at",
+      textContent: chart.unit.replace(/(?: \[(.*)\])?$/, ` ${at.toFixed(2)} $1`).trim(),
+    }),
+    ...items,
+  ];
 }
 
 // The choice of signals and competitors, and of the window.
 function tools() {
-  const checks = signals.map(([title]) => check(title.replace(/ \[.*/, ""), !off.has(title), (on) => toggle(off, title, !on)));
-  const names = race.lines.length > 1 ? race.lines.map(({ name }) => check(name, !hidden.has(name), (on) => toggle(hidden, name, !on))) : [];
-  const windows = [["6 s", SPAN], ["lap", lapSpan()], ["all", null]].map(([label, span]) =>
-    make("button", { textContent: label, ariaLabel: `Show ${label}`, onclick: () => show(span) }),
+  const checks = signals.map(([title]) =>
+    check(title.replace(/ \[.*/, ""), !off.has(title), (on) => toggle(off, title, !on)),
   );
-  const closer = [["–", 1.5], ["+", 1 / 1.5]].map(([label, factor]) =>
-    make("button", { textContent: label, ariaLabel: factor < 1 ? "Zoom in" : "Zoom out", onclick: () => zoom(overTime(signals[0]), race.t, factor) }),
+  const names =
+    race.lines.length > 1
+      ? race.lines.map(({ name }) => check(name, !hidden.has(name), (on) => toggle(hidden, name, !on)))
+      : [];
+  const windows = [
+    ["6 s", SPAN],
+    ["lap", lapSpan()],
+    ["all", null],
+  ].map(([label, span]) =>
+    make("button", { textContent: label, ariaLabel: `Show ${label}`, onclick: () => showSpan(span) }),
+  );
+  const closer = [
+    ["–", 1.5],
+    ["+", 1 / 1.5],
+  ].map(([label, factor]) =>
+    make("button", {
+      textContent: label,
+      ariaLabel: factor < 1 ? "Zoom in" : "Zoom out",
+      onclick: () => zoom(overTime(signals[0]), race.t, factor),
+    }),
   );
   const choice = make("details", {}, make("summary", { textContent: "signals" }), ...checks);
   return [...windows, ...closer, ...names, choice];
@@ -314,7 +303,7 @@ function lapSpan() {
   return Math.max(b - a, 1);
 }
 
-function show(span) {
+function showSpan(span) {
   if (span === null) time = { from: 0, span: Math.max(race.end, 1), follows: false };
   else time = { from: Math.max(race.t - span * (1 - AHEAD), 0), span, follows: true };
   draw();
@@ -332,10 +321,12 @@ function toggle(set, name, on) {
   draw();
 }
 
-let due = 0;
+let isDue = false;
 function draw() {
-  due ||= requestAnimationFrame(() => {
-    due = 0;
+  if (isDue) return;
+  isDue = true;
+  requestAnimationFrame(() => {
+    isDue = false;
     document.querySelectorAll("[data-charts]").forEach((place) => place.clientWidth && drawIn(place));
   });
 }
@@ -353,7 +344,13 @@ function drawIn(place) {
 
 // Elements for these charts, made anew where others are wanted.
 function build(place, tab, charts) {
-  const wanted = JSON.stringify([tab, race.race, charts.map(({ title }) => title), race.lines.map(({ name }) => name), [...hidden]]);
+  const wanted = JSON.stringify([
+    tab,
+    (tab === "Signals" ? race : curves).race,
+    charts.map(({ title }) => title),
+    (tab === "Signals" ? race : curves).lines.map(({ name }) => name),
+    [...hidden],
+  ]);
   if (place.built === wanted && place.childElementCount) return;
   place.built = wanted;
   const opened = place.querySelector("details")?.open;
@@ -364,7 +361,13 @@ function build(place, tab, charts) {
     canvas.setAttribute("aria-label", chart.title);
     canvas.title = HINT;
     listen(canvas);
-    return make("div", { className: "race-chart" }, make("h4", { textContent: chart.title }), make("div", { className: "legend" }), canvas);
+    return make(
+      "div",
+      { className: "race-chart" },
+      make("h4", { textContent: chart.title }),
+      make("div", { className: "legend" }),
+      canvas,
+    );
   });
   const above = tab === "Signals" && race.lines.length ? [make("div", { className: "tools" }, ...tools())] : [];
   place.replaceChildren(...above, ...boxes);
@@ -401,22 +404,15 @@ function listen(canvas) {
     { passive: false },
   );
   canvas.addEventListener("dblclick", () => {
-    if (chart().key === "t") show(time.follows ? null : SPAN);
+    if (chart().key === "t") showSpan(time.follows ? null : SPAN);
     else delete zooms[chart().title];
     draw();
   });
 }
 
 function zoom(chart, x, factor) {
-  const [low, high] = chart.window;
-  if (chart.key === "t") {
-    const span = Math.min(Math.max((high - low) * factor, 0.1), Math.max(race.end, SPAN));
-    time = { from: Math.max(x - ((x - low) * span) / (high - low), 0), span, follows: time.follows };
-  } else {
-    const [way, back] = chart.isLog ? [Math.log, Math.exp] : [(v) => v, (v) => v];
-    const [a, b, c] = [way(low), way(high), way(x)];
-    zooms[chart.title] = [back(c - (c - a) * factor), back(c + (b - c) * factor)];
-  }
+  if (chart.key === "t") time = { ...time, ...zoomedInTime(chart.window, x, factor, Math.max(race.end, SPAN)) };
+  else zooms[chart.title] = zoomed(chart.window, x, factor, chart.isLog);
   draw();
 }
 
@@ -424,7 +420,7 @@ function zoom(chart, x, factor) {
 let seeking = 0;
 let wanted = null;
 function seek(chart, x) {
-  wanted = chart.seek && chart.seek(Math.max(x, 0));
+  wanted = chart.seek?.(Math.max(x, 0)) ?? null;
   if (!seeking && wanted) {
     send(wanted);
     wanted = null;
@@ -438,7 +434,9 @@ function seek(chart, x) {
 
 export function begin() {
   on("open", () => (waiting = 0));
-  on("charts", received);
+  on("signals", received);
+  show("curves", receivedCurves);
+  alsoShows(() => (["Gap", "Spectrum"].some(isSeen) ? ["curves"] : []));
   // Another tab, or another size
   addEventListener("resize", draw);
   new ResizeObserver(draw).observe(document.querySelector(".panes"));

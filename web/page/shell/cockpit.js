@@ -1,8 +1,10 @@
 // Flying by hand: reads a gamepad or the keyboard, sends the sticks to the server (joining.py), and shows the
 // instruments of the flight over the scene. Keys of the page do nothing else while this visitor flies.
 import { make } from "./dom.js";
+import * as keys from "./keys.js";
 import { on, send } from "./link.js";
-import { seat, whenLoaded } from "./scene.js";
+import * as parts from "./parts.js";
+import { seat } from "./scene.js";
 
 const PERIOD = 12; // [ms] between two positions of the sticks
 const DEAD = 0.04; // share of a gamepad's stick around its middle that counts as the middle
@@ -12,8 +14,14 @@ const KEY_DEFLECTION = 0.4;
 const KEY_SPEED = 5; // [1/s] of a stick towards its key
 const THROTTLE_SPEED = 1.2; // [1/s]
 const KEYS = {
-  KeyW: ["throttle", 1], KeyS: ["throttle", -1], KeyA: ["yaw", -1], KeyD: ["yaw", 1],
-  ArrowUp: ["pitch", 1], ArrowDown: ["pitch", -1], ArrowLeft: ["roll", -1], ArrowRight: ["roll", 1],
+  KeyW: ["throttle", 1],
+  KeyS: ["throttle", -1],
+  KeyA: ["yaw", -1],
+  KeyD: ["yaw", 1],
+  ArrowUp: ["pitch", 1],
+  ArrowDown: ["pitch", -1],
+  ArrowLeft: ["roll", -1],
+  ArrowRight: ["roll", 1],
 };
 const CHANNELS = ["roll", "pitch", "throttle", "yaw"];
 // Axis of each channel and whether it is reversed: mode 2 of a gamepad, whose sticks count down as positive; and
@@ -25,6 +33,7 @@ let number = null; // of this visitor, once the sticks were asked for
 let asked = false; // whether this visitor wants the sticks
 let lost = false; // whether the link was lost while this visitor flew
 let state = { phase: "none", hover: 0.5 };
+let instruments = { speed: 0, height: 0, roll: 0, pitch: 0 };
 let sticks = { roll: 0, pitch: 0, yaw: 0, throttle: 0 };
 let latency = null; // [ms]
 let ticking = null;
@@ -103,6 +112,7 @@ function fromKeys(dt) {
 
 function take() {
   asked = send({ type: "take", seat: seat() });
+  keys.over(layer);
   sticks = { roll: 0, pitch: 0, yaw: 0, throttle: 0 };
   last = performance.now();
   ticking ??= setInterval(tick, PERIOD);
@@ -111,6 +121,7 @@ function take() {
 function letGo() {
   if (asked) send({ type: "let_go" });
   asked = false;
+  keys.leave(layer);
   latency = null;
   pressed.clear();
   clearInterval(ticking);
@@ -136,16 +147,25 @@ function tick() {
 
 const isTyping = (element) => !!element?.closest?.("input, textarea, select, [contenteditable=true]");
 
-function key(event) {
-  if (!flies() || isTyping(event.target) || event.ctrlKey || event.metaKey || event.altKey) return;
-  const isOurs = event.key.length === 1 || event.code in KEYS || event.key === "Escape";
-  if (!isOurs) return;
-  event.preventDefault();
-  event.stopImmediatePropagation();
-  if (event.key === "Escape") letGo();
-  else if (event.code in KEYS && event.type === "keydown") pressed.add(event.code);
-  else pressed.delete(event.code);
+// Return whether a key flies, or would do something else on the page.
+function isOurs({ target, key, code, ctrlKey, metaKey, altKey }) {
+  if (!flies() || isTyping(target) || ctrlKey || metaKey || altKey) return false;
+  return key.length === 1 || code in KEYS || key === "Escape";
 }
+
+const layer = {
+  down(event) {
+    if (!isOurs(event)) return null;
+    event.preventDefault();
+    if (event.key === "Escape") letGo();
+    else if (event.code in KEYS) pressed.add(event.code);
+    return keys.TAKEN;
+  },
+  up(event) {
+    pressed.delete(event.code);
+    return isOurs(event) ? keys.TAKEN : null;
+  },
+};
 
 // The instruments
 
@@ -159,16 +179,36 @@ function drawn(tag, attributes, ...children) {
 }
 
 const over = make("div", { className: "cockpit", ariaLabel: "Flight by hand" });
-const sky = drawn("g", { class: "sky" }, drawn("path", { d: "M-90 0H-25M25 0H90" }), drawn("path", { class: "scale", d: "M-14-30H14M-14 30H14" }));
+const sky = drawn(
+  "g",
+  { class: "sky" },
+  drawn("path", { d: "M-90 0H-25M25 0H90" }),
+  drawn("path", { class: "scale", d: "M-14-30H14M-14 30H14" }),
+);
 const wings = drawn("path", { class: "wings", d: "M-40 0H-12L0 8L12 0H40" });
 const noteLine = make("div", { className: "note" });
 noteLine.setAttribute("role", "status");
-const channels = make("details", {}, make("summary", { textContent: "Channels of the gamepad" }), make("div", { className: "channels" }));
+const channels = make(
+  "details",
+  {},
+  make("summary", { textContent: "Channels of the gamepad" }),
+  make("div", { className: "channels" }),
+);
 over.append(
-  drawn("svg", { class: "horizon", viewBox: "-100 -100 200 200", role: "img", "aria-label": "Artificial horizon" }, sky, wings),
+  drawn(
+    "svg",
+    { class: "horizon", viewBox: "-100 -100 200 200", role: "img", "aria-label": "Artificial horizon" },
+    sky,
+    wings,
+  ),
   make(
-    "div", { className: "panel" }, make("div", { className: "numbers" }), noteLine,
-    make("div", { className: "buttons" }, make("button", { className: "take", type: "button" })), channels, make("div", { className: "link" }),
+    "div",
+    { className: "panel" },
+    make("div", { className: "numbers" }),
+    noteLine,
+    make("div", { className: "buttons" }, make("button", { className: "take", type: "button" })),
+    channels,
+    make("div", { className: "link" }),
   ),
 );
 const part = (name) => over.querySelector(`.${name}`);
@@ -201,11 +241,12 @@ function show() {
   button.textContent = mine() ? "Let go (Esc)" : "Take the sticks";
   button.hidden = state.phase === "over";
   button.disabled = !mine() && state.pilot !== null && state.pilot !== undefined;
+  numbers.hidden = !mine();
   numbers.textContent =
-    `${state.speed.toFixed(1)} m/s · ${state.height.toFixed(1)} m high · ` +
+    `${instruments.speed.toFixed(1)} m/s · ${instruments.height.toFixed(1)} m high · ` +
     `throttle ${Math.round(100 * sticks.throttle)}\u00a0%`;
   // Turned about the middle by roll, and moved by pitch: 1 unit a degree.
-  sky.setAttribute("transform", `rotate(${-state.roll}) translate(0 ${limited(state.pitch, -90, 90)})`);
+  sky.setAttribute("transform", `rotate(${-instruments.roll}) translate(0 ${limited(instruments.pitch, -90, 90)})`);
   const input = pad ? `gamepad ${pad.id.slice(0, 40)}: ${STICKS}` : `keyboard: ${KEYBOARD}`;
   const delay = latency === null ? "-" : latency.toFixed(0);
   linkLine.textContent = `link ${delay} ms both ways · behind ${state.behind} · ${input}`;
@@ -257,13 +298,13 @@ export function begin() {
     if (!answer.yours) letGo();
   });
   on("instruments", (shown) => {
-    state = shown;
+    instruments = shown;
     show();
   });
-  for (const kind of ["keydown", "keyup"]) {
-    addEventListener(kind, key, true);
-    whenLoaded((frame) => frame.addEventListener(kind, key, true));
-  }
+  parts.show("by_hand", (found) => {
+    state = found;
+    show();
+  });
   // The focus may go to the frame of the scene, whose keys fly as well.
   addEventListener("blur", () => document.activeElement?.tagName !== "IFRAME" && pressed.clear());
   document.querySelector(".viewport").append(over);

@@ -1,16 +1,11 @@
-// Elements by name, and the trees of tree.py. Whatever is shown is set as text, never parsed as HTML.
+// Elements by name, and those of elements.py. Whatever is shown is set as text, never parsed as HTML.
 const SVG = "http://www.w3.org/2000/svg";
-const TAGS = new Set("div span b i p br code img table tbody thead tr th td svg g line rect circle polygon polyline path text title button".split(" "));
-// The parser of tree.py writes names in lower case.
-const NAMES = { viewbox: "viewBox", preserveaspectratio: "preserveAspectRatio" };
+// What elements.py writes, and nothing that acts
+const TAGS = new Set("div span b i img table tr th td svg g line rect circle polygon polyline text title".split(" "));
 const ATTRIBUTES = new Set(
-  ("class title alt colspan viewbox preserveaspectratio x y x1 x2 y1 y2 cx cy r width height d points fill stroke " +
-    "stroke-width stroke-dasharray stroke-linecap opacity text-anchor font-size font-weight").split(" "),
-);
-// Sizes and families of letters are those of the page.
-const STYLES = new Set(
-  ("color background opacity text-align width height flex display gap align-items justify-content flex-wrap position left top margin " +
-    "margin-top margin-bottom border-radius overflow white-space word-break font-weight text-transform letter-spacing font-variant-numeric").split(" "),
+  "class alt colspan viewBox preserveAspectRatio x y x1 x2 y1 y2 cx cy r width height points stroke-dasharray".split(
+    " ",
+  ),
 );
 
 export function make(tag, properties = {}, ...children) {
@@ -57,25 +52,17 @@ export function dashed(element, colour, dash) {
   element.style.background = `linear-gradient(90deg, ${stops.join(", ")}) 0 50% / ${LONG}px 3px no-repeat`;
 }
 
-// The elements of a tree.
+// The nodes of an element of elements.py.
 export function grown(node, inSvg = false) {
   if (typeof node === "string") return document.createTextNode(node);
   if (!TAGS.has(node.tag)) return document.createTextNode("");
   const drawing = inSvg || node.tag === "svg";
   const found = drawing ? document.createElementNS(SVG, node.tag) : document.createElement(node.tag);
-  for (const [name, value] of Object.entries(node.attributes)) {
-    if (name === "style") styled(found, value);
-    else if (name === "src" && value.startsWith("data:image/")) found.src = value;
-    else if (ATTRIBUTES.has(name)) found.setAttribute(NAMES[name] ?? name, value);
+  for (const [name, value] of Object.entries(node.attributes ?? {})) {
+    if (name === "src" && value.startsWith("data:image/")) found.src = value;
+    else if (ATTRIBUTES.has(name)) found.setAttribute(name, value);
   }
-  found.append(...node.children.map((child) => grown(child, drawing)));
+  for (const [name, value] of Object.entries(node.values ?? {})) found.style.setProperty(`--${name}`, value);
+  found.append(...(node.children ?? []).map((child) => grown(child, drawing)));
   return found;
-}
-
-function styled(element, text) {
-  for (const rule of text.split(";")) {
-    const colon = rule.indexOf(":");
-    const name = rule.slice(0, colon).trim();
-    if (STYLES.has(name)) element.style.setProperty(name, rule.slice(colon + 1).trim());
-  }
 }

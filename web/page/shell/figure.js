@@ -4,8 +4,8 @@ import { make } from "./dom.js";
 const GROUND = 0.09; // lightness of white paper
 const POWER = 1.6; // the higher, the lighter colours become
 
-// The figure of a report: a click, or Enter, shows it as a whole, and again in its own size, in which its letters are as
-// large as those of the page.
+// The figure of a report: a click, or Enter, shows it as a whole, and again in its own size, in which its letters are
+// as large as those of the page.
 export function figureOf({ name, figure }) {
   const image = make("img", { alt: `The figure of ${name}`, title: "click: as a whole, or in its own size" });
   const box = make("div", { className: "figure", tabIndex: 0 }, image);
@@ -25,7 +25,10 @@ function darkened(image) {
   const pixels = g.getImageData(0, 0, canvas.width, canvas.height);
   const { data } = pixels;
   for (let i = 0; i < data.length; i += 4) {
-    const [most, least] = [Math.max(data[i], data[i + 1], data[i + 2]) / 255, Math.min(data[i], data[i + 1], data[i + 2]) / 255];
+    const [most, least] = [
+      Math.max(data[i], data[i + 1], data[i + 2]) / 255,
+      Math.min(data[i], data[i + 1], data[i + 2]) / 255,
+    ];
     const light = (most + least) / 2;
     const chroma = most - least;
     const dark = 1 - (1 - GROUND) * light ** POWER;

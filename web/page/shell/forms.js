@@ -1,12 +1,15 @@
-// The drawer of settings: groups that fold, and in each the fields that the server describes, see forms.py. What is typed
-// counts on Enter or when the box is left, and as a whole; what the server cannot take, it says in a line beside the field.
+// The drawer of settings: groups that fold, and in each the fields that the server describes, see forms.py. What is
+// typed counts on Enter or when the box is left, and as a whole; what the server cannot take, it says in a line
+// beside the field.
 import { grown, make, say } from "./dom.js";
+import { FieldValue, text } from "./field_value.js";
 import * as lineUp from "./line_up.js";
 import { on, send } from "./link.js";
 import { alsoShows, ask, show } from "./parts.js";
 
 const REST = 500; // [ms] for which a number in flight has to rest, so that keys held down are one change
-// In which a value that was sent has to come back [ms]; else the server's own is shown again. One in flight acts at a plan.
+// In which a value that was sent has to come back [ms]; else the server's own is shown again. One in flight acts at a
+// plan.
 const PATIENCE = 1500;
 const PATIENCE_IN_FLIGHT = 6000;
 const drawer = document.querySelector(".drawer");
@@ -28,7 +31,12 @@ function groupOf({ name, title, is_open }) {
   const fields = make("div", { className: "fields" });
   const beside = make("div", { className: "beside" });
   const parts = name === "competitors" ? [beside, fields] : [fields, beside];
-  const element = make("details", { className: "group", open: is_open }, make("summary", { textContent: title }), ...parts);
+  const element = make(
+    "details",
+    { className: "group", open: is_open },
+    make("summary", { textContent: title }),
+    ...parts,
+  );
   element.dataset.form = name;
   groups[name] = { name, element, place: fields, beside, fields: {}, of: 0, order: "" };
   return element;
@@ -60,6 +68,7 @@ function build(group, fields) {
     const old = before[field.name];
     const made = old?.kind === field.kind ? old : CONTROLS[field.kind](group, field);
     made.kind = field.kind;
+    made.state ??= new FieldValue();
     group.fields[field.name] = made;
     const place = field.group ? (folds[field.group] ??= foldOf(field.group)) : group.place;
     if (!placed.has(place)) {
@@ -86,48 +95,36 @@ function foldOf(title) {
 
 // The fields. Each is an element, what shows a value, and what has been typed and does not count yet.
 
-const text = (value) => (typeof value === "number" ? String(Number(value.toPrecision(10))) : String(value));
-
 function update(made, field, of) {
-  const isOther = made.of !== undefined && made.of !== of; // of another row
-  made.of = of;
-  if (isOther) {
-    forget(made);
+  if (made.state.turnTo(of)) {
+    stopWaiting(made);
     fail(made, "");
   }
   made.describe?.(field);
-  const old = made.value;
-  made.value = field.value;
-  if (made.sent !== undefined && text(field.value) === made.sent) return; // the value that was sent is not there yet
-  if (made.sent !== undefined || isOther || text(old ?? "") !== text(field.value) || !made.isShown) {
-    clearTimeout(made.waiting);
-    made.sent = undefined;
-    if (!made.isTyped) made.show?.(field.value);
-    made.isShown = true;
-  }
+  const shows = made.state.receive(field.value);
+  if (!made.state.isSent) clearTimeout(made.waiting);
+  if (shows) made.show?.(field.value);
 }
 
-function forget(made) {
+function stopWaiting(made) {
   clearTimeout(made.waiting);
   clearTimeout(made.resting);
-  made.sent = undefined;
-  made.isTyped = false;
 }
 
 // Send a value; until it comes back, or it is refused, what was chosen stays in sight.
 function commit(group, made, field, value) {
-  made.isTyped = false;
+  made.state.send();
   fail(made, "");
-  made.sent = text(made.value);
-  send({ type: "set_field", form: group.name, field: field.name, value, of: made.of });
+  send({ type: "set_field", form: group.name, field: field.name, value, of: made.state.of });
   clearTimeout(made.waiting);
   made.waiting = setTimeout(() => restore(made), made.rests ? PATIENCE_IN_FLIGHT : PATIENCE);
 }
 
 // Show the value that counts.
 function restore(made) {
-  forget(made);
-  made.show?.(made.value);
+  stopWaiting(made);
+  made.state.forget();
+  made.show?.(made.state.value);
 }
 
 function fail(made, problem) {
@@ -161,9 +158,9 @@ function fieldOf(field, ...controls) {
 
 // A box that is typed into: Enter and leaving it make it count, Escape takes it back.
 function typedBox(made, box, act) {
-  box.addEventListener("input", () => (made.isTyped = true));
+  box.addEventListener("input", () => (made.state.isTyped = true));
   box.addEventListener("change", () => {
-    if (text(made.value) === box.value) made.isTyped = false;
+    if (text(made.state.value) === box.value) made.state.isTyped = false;
     else act(box.value);
   });
   box.addEventListener("keydown", (event) => {
@@ -218,7 +215,7 @@ function sliderField(group, field) {
   };
   typedBox(made, box, (value) => commit(group, made, field, value));
   range.addEventListener("input", () => {
-    made.isTyped = true;
+    made.state.isTyped = true;
     box.value = text(Number(range.value));
   });
   range.addEventListener("change", () => {
@@ -240,7 +237,7 @@ function choiceField(group, field) {
     if (wanted === offered) return;
     offered = wanted;
     select.replaceChildren(...(found.choices ?? []).map((value) => new Option(short(value), value)));
-    made.isShown = false;
+    made.state.isShown = false;
   };
   made.show = (value) => {
     // A value that is not offered any more stays in sight.
@@ -281,7 +278,7 @@ function buttonField(group, field) {
   button.dataset.field = field.name;
   button.onclick = () => {
     group.problem?.remove();
-    send({ type: "press", form: group.name, field: field.name, of: made.of });
+    send({ type: "press", form: group.name, field: field.name, of: made.state.of });
   };
   return made;
 }
@@ -295,7 +292,13 @@ function noteField() {
 }
 
 const CONTROLS = {
-  choice: choiceField, text: boxField, number: boxField, slider: sliderField, check: checkField, button: buttonField, note: noteField,
+  choice: choiceField,
+  text: boxField,
+  number: boxField,
+  slider: sliderField,
+  check: checkField,
+  button: buttonField,
+  note: noteField,
 };
 
 // The answer to what was chosen

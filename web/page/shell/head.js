@@ -25,7 +25,10 @@ export function begin() {
     say(part("differs"), head.differs);
     words(part("numbers"), head.numbers);
     say(part("state"), head.state);
-    words(part("warnings"), head.warnings.map((text) => ({ text })));
+    words(
+      part("warnings"),
+      head.warnings.map((text) => ({ text })),
+    );
     editing.replaceChildren(...(head.more ? [grown(head.more)] : []));
     editing.hidden = !head.more;
   });

@@ -8,8 +8,18 @@ function rowOf({ number, name, colour, dash, what, changes }) {
   dashed(line, colour, dash);
   const named = make("b", { textContent: name });
   named.style.color = colour;
-  const said = make("span", { className: "what", textContent: what }, ...(changes ? [make("b", { textContent: ` · ${changes}` })] : []));
-  const found = make("button", { type: "button", className: "row", onclick: () => send({ type: "edit_row", row: number }) }, line, named, said);
+  const said = make(
+    "span",
+    { className: "what", textContent: what },
+    ...(changes ? [make("b", { textContent: ` · ${changes}` })] : []),
+  );
+  const found = make(
+    "button",
+    { type: "button", className: "row", onclick: () => send({ type: "edit_row", row: number }) },
+    line,
+    named,
+    said,
+  );
   found.dataset.row = number;
   return found;
 }
@@ -20,14 +30,19 @@ export function begin(place) {
   place.replaceChildren(rows, remark);
   let now = 0;
   const mark = () => {
-    for (const row of rows.children) row.ariaPressed = String(rows.childElementCount > 1 && Number(row.dataset.row) === now);
+    for (const row of rows.children)
+      row.ariaPressed = String(rows.childElementCount > 1 && Number(row.dataset.row) === now);
   };
-  show("line_up", ({ rows: found, compared, problem }) => {
-    rows.replaceChildren(...found.map(rowOf));
-    remark.className = problem ? "error" : "note";
-    remark.textContent = problem || compared;
-    mark();
-  }, true);
+  show(
+    "line_up",
+    ({ rows: found, compared, problem }) => {
+      rows.replaceChildren(...found.map(rowOf));
+      remark.className = problem ? "error" : "note";
+      remark.textContent = problem || compared;
+      mark();
+    },
+    true,
+  );
   show("competitors", ({ of }) => {
     now = of;
     mark();

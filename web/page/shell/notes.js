@@ -1,6 +1,7 @@
-// Notices for some seconds, in the row above the time line, where they cover nothing; questions, the window of the keys, and
-// the line that says that the connection is lost.
+// Notices for some seconds, in the row above the time line, where they cover nothing; questions, the window of the
+// keys, and the line that says that the connection is lost.
 import { copy, make } from "./dom.js";
+import * as keys from "./keys.js";
 import { on, send } from "./link.js";
 
 const SECONDS = { error: 10, crash: 6, lap: 6, wait: 6, info: 3 };
@@ -14,7 +15,9 @@ export function note(kind, title, text = "") {
   found.setAttribute("role", kind === "error" ? "alert" : "status");
   close.onclick = () => found.remove();
   // A text that is cut at two lines is read as a whole in a window.
-  said.onclick = () => said.scrollHeight > said.clientHeight + 1 && openWindow(title, [make("p", { textContent: text })], [["Close", null]]);
+  said.onclick = () =>
+    said.scrollHeight > said.clientHeight + 1 &&
+    openWindow(title, [make("p", { textContent: text })], [["Close", null]]);
   place.prepend(found);
   while (place.childElementCount > MOST) place.lastChild.remove();
   setTimeout(() => found.remove(), 1000 * SECONDS[kind]);
@@ -23,9 +26,12 @@ export function note(kind, title, text = "") {
 // A window over the page; Escape and a click beside it close it.
 export function openWindow(title, content, answers) {
   const found = make("dialog", { className: "window" });
+  const layer = { down: () => keys.LEFT };
   const buttons = answers.map(([text, act, className = ""]) =>
     make("button", {
-      type: "button", textContent: text, className,
+      type: "button",
+      textContent: text,
+      className,
       onclick: () => {
         found.close();
         act?.();
@@ -34,13 +40,15 @@ export function openWindow(title, content, answers) {
   );
   found.setAttribute("aria-label", title);
   found.append(make("h2", { textContent: title }), ...content, make("div", { className: "answers" }, ...buttons));
-  found.addEventListener("close", () => found.remove());
+  found.addEventListener("close", () => {
+    found.remove();
+    keys.leave(layer);
+  });
   found.addEventListener("click", (event) => event.target === found && found.close());
   document.body.append(found);
   found.showModal();
+  keys.over(layer);
 }
-
-export const isOpen = () => !!document.querySelector("dialog[open]");
 
 const lost = new Set();
 const LOST = "Disconnected: the page shows the last that arrived. It connects again by itself.";
@@ -57,13 +65,24 @@ export function begin() {
   on("shown", ({ kind, title, text }) => note(kind, title, text));
   on("question", ({ number, title, yes, no }) => {
     const confirm = () => send({ type: "confirm", number });
-    openWindow(title, [], [[yes, confirm, "stop"], [no, null]]);
+    openWindow(
+      title,
+      [],
+      [
+        [yes, confirm, "stop"],
+        [no, null],
+      ],
+    );
   });
   on("open", () => connection("link", true));
   on("close", () => connection("link", false));
   on("address", ({ title, address, opens }) => {
     const whole = new URL(address, location.origin).href;
-    const copied = make("button", { type: "button", textContent: "Copy the address", onclick: () => copy(whole, copied) });
+    const copied = make("button", {
+      type: "button",
+      textContent: "Copy the address",
+      onclick: () => copy(whole, copied),
+    });
     const what = make("p", { className: "note", textContent: opens });
     openWindow(title, [make("p", {}, make("code", { textContent: whole })), copied, what], [["Close", null]]);
   });

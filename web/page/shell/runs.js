@@ -3,9 +3,11 @@
 // ?line_up=TEXT sets up the next START.
 import { copy, make } from "./dom.js";
 import { figureOf } from "./figure.js";
+import * as keys from "./keys.js";
 import { on, send } from "./link.js";
 import { show } from "./parts.js";
-import { seat, whenLoaded } from "./scene.js";
+import { fits, order } from "./run_rows.js";
+import { seat } from "./scene.js";
 
 const CAMERAS = ["free", "chase", "top", "FPV"];
 const GHOSTS = ["by time", "by place"];
@@ -18,10 +20,17 @@ const chosen = new Set(); // names of rows
 let opened = null; // name of the row whose texts are shown
 const wordings = {}; // by name
 
-const filter = make("input", { type: "search", placeholder: "filter: words that a row has", ariaLabel: "Filter the runs" });
+const filter = make("input", {
+  type: "search",
+  placeholder: "filter: words that a row has",
+  ariaLabel: "Filter the runs",
+});
 const count = make("span", { className: "count" });
 const compare = make("button", { textContent: "Replay", onclick: () => replay([...chosen]) });
-const against = make("button", { textContent: "Fly against", onclick: () => leave({ type: "fly_against", names: [...chosen] }) });
+const against = make("button", {
+  textContent: "Fly against",
+  onclick: () => leave({ type: "fly_against", names: [...chosen] }),
+});
 const remark = make("div", { className: "remark", role: "status" });
 const table = make("table");
 const reports = make("div", { className: "reports" });
@@ -29,7 +38,12 @@ const sheet = make("section", { className: "race-sheet", hidden: true, ariaLabel
 sheet.setAttribute("role", "dialog");
 const tabs = ["Runs", "Campaigns"].map((name) => make("button", { textContent: name, onclick: () => showTab(name) }));
 const close = make("button", { textContent: "Close", onclick: () => open(false) });
-const runs = make("div", { className: "runs" }, make("div", { className: "tools" }, filter, count, compare, against), make("div", { className: "scroll" }, table));
+const runs = make(
+  "div",
+  { className: "runs" },
+  make("div", { className: "tools" }, filter, count, compare, against),
+  make("div", { className: "scroll" }, table),
+);
 sheet.append(make("div", { className: "tools" }, ...tabs, remark, close), runs, reports);
 
 // Rows are drawn once a visitor pauses: drawing 300 of them at every key held the typing up.
@@ -42,6 +56,8 @@ filter.oninput = () => {
 export function open(on = sheet.hidden) {
   sheet.hidden = !on;
   remark.textContent = "";
+  if (on) keys.over(layer);
+  else keys.leave(layer);
   if (on) filter.focus();
   // What is hidden keeps the focus until the next picture is drawn, and would take the keys pressed until then.
   else if (sheet.contains(document.activeElement)) document.activeElement.blur();
@@ -54,31 +70,19 @@ function showTab(name) {
   if (name === "Campaigns") send({ type: "list_reports" });
 }
 
-// Whether a row has each of the words, in what is shown or in its further settings.
-function fits(row, words) {
-  const text = [...columns.map(({ key }) => row[key]), row.name, row.problem, row.more].join(" ").toLowerCase();
-  return words.every((word) => text.includes(word));
-}
-
-// Rows without a value come last, whatever the direction, and so do those with a problem, but for their time.
-function order(a, b) {
-  if (sort.key !== "when" && !a.problem !== !b.problem) return a.problem ? 1 : -1;
-  const [x, y] = [a[sort.key], b[sort.key]];
-  const [no, none] = [x === null || x === "", y === null || y === ""];
-  if (no || none) return no - none;
-  const ahead = typeof x === "number" ? x - y : x.localeCompare(y, "en", { numeric: true });
-  return sort.down ? -ahead : ahead;
-}
-
 function draw() {
   const words = filter.value.toLowerCase().split(/\s+/);
-  const found = rows.filter((row) => fits(row, words)).sort(order);
+  const found = rows.filter((row) => fits(row, words, columns)).sort(order(sort));
   const shown = found.slice(0, MOST);
-  count.textContent = `${found.length} of ${rows.length}` + (found.length > MOST ? `, the first ${MOST} are shown` : "");
+  count.textContent =
+    `${found.length} of ${rows.length}` + (found.length > MOST ? `, the first ${MOST} are shown` : "");
   compare.textContent = chosen.size > 1 ? `Compare ${chosen.size}` : "Replay";
   compare.disabled = against.disabled = chosen.size === 0;
   const focus = document.activeElement?.dataset?.key;
-  const none = make("td", { colSpan: columns.length + 2, textContent: rows.length ? "No run has all of these words." : "No run is stored yet." });
+  const none = make("td", {
+    colSpan: columns.length + 2,
+    textContent: rows.length ? "No run has all of these words." : "No run is stored yet.",
+  });
   const body = shown.length ? shown.flatMap(drawn) : [make("tr", {}, none)];
   table.replaceChildren(head(), make("tbody", {}, ...body));
   if (focus) table.querySelector(`[data-key="${CSS.escape(focus)}"]`)?.focus();
@@ -104,7 +108,11 @@ function sortBy(key) {
 // The row of a run, and below it its texts where they are asked for.
 function drawn(row) {
   if (row.problem) {
-    const what = make("td", { colSpan: columns.length, className: "problem", textContent: `${row.name}: ${row.problem}` });
+    const what = make("td", {
+      colSpan: columns.length,
+      className: "problem",
+      textContent: `${row.name}: ${row.problem}`,
+    });
     return [make("tr", {}, make("td"), make("td", { textContent: row.when }), what)];
   }
   const pick = make("input", { type: "checkbox", checked: chosen.has(row.name), ariaLabel: `Choose ${row.name}` });
@@ -115,7 +123,11 @@ function drawn(row) {
     const text = value === null ? "" : digits === null ? value : value.toFixed(digits);
     const bad = (key === "changes" && value > 0) || (key === "outcome" && row.time === null && row.vehicles === 1);
     const title = long ? text : "";
-    return make("td", { textContent: text, title, className: (digits === null ? "" : "number") + (bad ? " bad" : "") + (long ? " long" : "") });
+    return make("td", {
+      textContent: text,
+      title,
+      className: (digits === null ? "" : "number") + (bad ? " bad" : "") + (long ? " long" : ""),
+    });
   });
   const acts = make(
     "td",
@@ -125,7 +137,13 @@ function drawn(row) {
     act("fly again", row, () => leave({ type: "fly_again", name: row.name })),
     act("copy ...", row, () => word(row.name)),
   );
-  const line = make("tr", { title: row.name, className: opened === row.name ? "open" : "" }, make("td", {}, pick), ...cells, acts);
+  const line = make(
+    "tr",
+    { title: row.name, className: opened === row.name ? "open" : "" },
+    make("td", {}, pick),
+    ...cells,
+    acts,
+  );
   return opened === row.name ? [line, make("tr", {}, texts(row))] : [line];
 }
 
@@ -140,12 +158,21 @@ function texts(row) {
   const wording = wordings[row.name];
   if (!wording) return Object.assign(cell, { textContent: "..." });
   const address = new URL("?" + new URLSearchParams({ run: row.name }), location.origin + "/").href;
-  const lines = [["command", wording.command], ["Python", wording.python], ["link", address]];
+  const lines = [
+    ["command", wording.command],
+    ["Python", wording.python],
+    ["link", address],
+  ];
   for (const [name, text] of lines) {
-    const copied = make("button", { textContent: "copy", ariaLabel: `Copy the ${name}`, onclick: () => copy(text, copied) });
+    const copied = make("button", {
+      textContent: "copy",
+      ariaLabel: `Copy the ${name}`,
+      onclick: () => copy(text, copied),
+    });
     cell.append(make("div", {}, copied, make("b", { textContent: name }), make("code", { textContent: text })));
   }
-  if (wording.remark) cell.append(make("div", { className: "bad", textContent: `may not give the same bits: ${wording.remark}` }));
+  if (wording.remark)
+    cell.append(make("div", { className: "bad", textContent: `may not give the same bits: ${wording.remark}` }));
   return cell;
 }
 
@@ -187,10 +214,15 @@ function markdown(text) {
 }
 
 function tableOf(lines) {
-  const cells = (line) => line.replace(/^\||\|$/g, "").split("|").map((cell) => cell.trim().replaceAll("**", "").replaceAll("^2", "²"));
+  const cells = (line) =>
+    line
+      .replace(/^\||\|$/g, "")
+      .split("|")
+      .map((cell) => cell.trim().replaceAll("**", "").replaceAll("^2", "²"));
   const body = lines.filter((line) => !/^[|:\-\s]+$/.test(line)).map(cells);
   const side = (text) => (/^[-+\d]/.test(text) ? "number" : "");
-  const row = (tag) => (texts) => make("tr", {}, ...texts.map((textContent) => make(tag, { textContent, className: side(textContent) })));
+  const row = (tag) => (texts) =>
+    make("tr", {}, ...texts.map((textContent) => make(tag, { textContent, className: side(textContent) })));
   return make("table", {}, make("thead", {}, row("th")(body[0])), make("tbody", {}, ...body.slice(1).map(row("td"))));
 }
 
@@ -208,7 +240,10 @@ function follow(asked) {
   const names = asked.getAll("run").slice(0, TOGETHER);
   if (!names.length) return;
   const t = Number(asked.get("t") ?? NaN);
-  const view = { ...(GHOSTS.includes(asked.get("ghosts")) && { ghosts: asked.get("ghosts") }), ...(asked.get("limit") === "1" && { limit: true }) };
+  const view = {
+    ...(GHOSTS.includes(asked.get("ghosts")) && { ghosts: asked.get("ghosts") }),
+    ...(asked.get("limit") === "1" && { limit: true }),
+  };
   send({ type: "replay_runs", names, ...(t >= 0 && { t }), ...view });
   if (asked.get("camera")) chooseCamera(asked.get("camera"));
 }
@@ -223,24 +258,19 @@ function chooseCamera(mode) {
   });
 }
 
-// The keys of the race do not act beneath a table that is over it, wherever the focus is: after a click with the mouse it is
-// on the page. In the capture phase the table comes before all that listens for keys.
-function key(event) {
-  if (sheet.hidden) return;
-  const inside = sheet.contains(event.target);
-  const closes = event.key === "Escape" || (event.key === "t" && !event.target.matches?.("input"));
-  if (closes || !inside) event.stopImmediatePropagation();
-  if (closes) open(false);
-}
+// The keys of the race do not act beneath a table that is over it, wherever the focus is: after a click with the
+// mouse it is on the page.
+const layer = {
+  down(event) {
+    const closes = event.key === "Escape" || (event.key === "t" && !event.target.matches?.("input"));
+    if (closes) open(false);
+    return closes || !sheet.contains(event.target) ? keys.TAKEN : keys.LEFT;
+  },
+};
 
 export function begin() {
   document.body.append(sheet);
   showTab("Runs");
-  addEventListener("keydown", key, true);
-  sheet.addEventListener("keydown", (event) => event.stopPropagation());
-  whenLoaded((frame) => {
-    frame.addEventListener("keydown", key, true);
-  });
   let isFirst = true;
   on("runs", received);
   on("open", () => {
@@ -266,11 +296,15 @@ export function begin() {
       show.dataset.report = row.name;
       return make("div", {}, make("span", { textContent: `${row.when}  ${row.campaign}` }), show);
     });
-    reports.replaceChildren(make("div", { className: "list" }, ...(list.length ? list : [none])), make("div", { className: "report" }));
+    reports.replaceChildren(
+      make("div", { className: "list" }, ...(list.length ? list : [none])),
+      make("div", { className: "report" }),
+    );
   });
   on("report", (message) => {
     const figure = message.figure ? [figureOf(message)] : [];
-    for (const one of reports.querySelectorAll("[data-report]")) one.ariaPressed = String(one.dataset.report === message.name);
+    for (const one of reports.querySelectorAll("[data-report]"))
+      one.ariaPressed = String(one.dataset.report === message.name);
     reports.querySelector(".report").replaceChildren(...figure, ...markdown(message.markdown));
   });
 }

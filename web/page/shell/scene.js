@@ -1,5 +1,5 @@
-// The scene: viser's page in a frame, of which the canvas alone is seen. The page draws the name of its seat there, by which
-// the server knows that both belong to one visitor, see seats.py.
+// The scene: viser's page in a frame, of which the canvas alone is seen. The page draws the name of its seat there,
+// by which the server knows that both belong to one visitor, see seats.py.
 import { on, send } from "./link.js";
 
 const frame = document.getElementById("scene");
@@ -39,7 +39,9 @@ export function load() {
   const asked = new URLSearchParams({ darkMode: "" });
   for (const name of ASKED) if (given.has(name)) asked.set(name, given.get(name));
   const random = crypto.getRandomValues(new Uint8Array(SEAT));
-  name = btoa(String.fromCharCode(...random)).replaceAll("+", "-").replaceAll("/", "_");
+  name = btoa(String.fromCharCode(...random))
+    .replaceAll("+", "-")
+    .replaceAll("/", "_");
   frame.contentWindow.location.replace(`/scene/${name}?${asked}`);
 }
 

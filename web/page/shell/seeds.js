@@ -2,7 +2,8 @@
 import { make } from "./dom.js";
 import { show } from "./parts.js";
 
-const NONE = "Set Seeds beside START to fly several seeds in a row: means with their 95 % intervals stand here as they come in.";
+const NONE =
+  "Set Seeds beside START to fly several seeds in a row: means with their 95 % intervals stand here as they come in.";
 
 function coloured(text, colour) {
   const found = make("b", { textContent: text });
@@ -12,7 +13,12 @@ function coloured(text, colour) {
 
 function tableOf(heads, rows) {
   const row = (tag, cells) => make("tr", {}, ...cells.map((cell) => make(tag, {}, cell)));
-  return make("table", { className: "figures" }, make("thead", {}, row("th", heads)), make("tbody", {}, ...rows.map((cells) => row("td", cells))));
+  return make(
+    "table",
+    { className: "figures" },
+    make("thead", {}, row("th", heads)),
+    make("tbody", {}, ...rows.map((cells) => row("td", cells))),
+  );
 }
 
 export function begin(pane) {
@@ -23,11 +29,19 @@ export function begin(pane) {
     if (rows.length) {
       const means = rows.map((row) => [coloured(row.name, row.colour), row.finished, row.time, row.chatter]);
       parts.push(tableOf(["run", "finished", "time [s]", "chatter [m/s²/s]"], means));
-      const differences = pairs.map(({ names, colours, difference }) => [make("span", {}, coloured(names[0], colours[0]), " − ", coloured(names[1], colours[1])), difference]);
+      const differences = pairs.map(({ names, colours, difference }) => [
+        make("span", {}, coloured(names[0], colours[0]), " − ", coloured(names[1], colours[1])),
+        difference,
+      ]);
       if (differences.length) parts.push(tableOf(["paired by seed", "time [s]"], differences));
       const each = rows.map((row) => [coloured(row.name, row.colour), ...row.times]);
       parts.push(tableOf(["run", ...rows[0].times.map((_, k) => String(k + 1))], each));
-      parts.push(make("p", { className: "note", textContent: "mean ± half of Student's 95 % interval; flights that did not finish count in `finished` alone" }));
+      parts.push(
+        make("p", {
+          className: "note",
+          textContent: "mean ± half of Student's 95 % interval; flights that did not finish count in `finished` alone",
+        }),
+      );
     }
     place.replaceChildren(...parts);
   });

@@ -1,6 +1,6 @@
-// The tabs beside the scene: charts, and the tables and the map that the server writes, see tree.py.
+// The tabs beside the scene: charts, and the tables and the map that the server writes, see elements.py.
 import { grown, make } from "./dom.js";
-import { alsoShows, show } from "./parts.js";
+import { alsoShows, ask, show } from "./parts.js";
 import * as seeds from "./seeds.js";
 
 const CHARTS = ["Signals", "Gap", "Spectrum"];
@@ -19,6 +19,7 @@ function choose(name) {
   }
   open = { ...TABLES, Spectrum: "chatter", Seeds: "seeds" }[name];
   dispatchEvent(new Event("resize")); // charts draw themselves
+  ask();
 }
 
 // A tree into an element, once it can be seen.

@@ -3,13 +3,13 @@ import { make, say } from "./dom.js";
 import { on, send } from "./link.js";
 import { show } from "./parts.js";
 
-const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4]; // race seconds per second
 const PAUSE = 60; // [ms] between two times that are sent while the pointer moves
 const STEP = 0.1; // [s] of an arrow key
 const line = document.querySelector(".time .line");
 const part = (name) => document.querySelector(`.time ${name}`);
 let now = { t: 0, end: 0, can_seek: false };
 let pressed = false;
+let offered = []; // speeds of the playback [race seconds per second]
 
 export const isPlaying = () => now.playing;
 
@@ -22,7 +22,9 @@ function at(element, t) {
 function lane({ name, colour, end, marks }) {
   const flown = at(make("i", { className: end === null ? "flown live" : "flown" }), end ?? 0);
   flown.style.background = colour;
-  const found = marks.map(([t, kind, title]) => at(make("i", { className: `mark ${kind}`, title: `${name}: ${title}` }), t));
+  const found = marks.map(([t, kind, title]) =>
+    at(make("i", { className: `mark ${kind}`, title: `${name}: ${title}` }), t),
+  );
   return make("div", { className: "lane", title: name }, flown, ...found);
 }
 
@@ -62,9 +64,18 @@ function set(found) {
   offer(speed, now.speed);
 }
 
+const speedOption = (speed) => new Option(`${speed} x`, speed);
+
+function setSpeeds(speeds) {
+  if (JSON.stringify(speeds) === JSON.stringify(offered)) return;
+  offered = speeds;
+  part(".speed").replaceChildren(...speeds.map(speedOption));
+  offer(part(".speed"), now.speed ?? 1);
+}
+
 // A speed that was asked for otherwise is in the list as well.
 function offer(speed, wanted) {
-  if (![...speed.options].some((option) => Number(option.value) === wanted)) speed.append(new Option(`${wanted} x`, wanted));
+  if (![...speed.options].some((option) => Number(option.value) === wanted)) speed.append(speedOption(wanted));
   if (document.activeElement !== speed) speed.value = String(wanted);
 }
 
@@ -93,13 +104,15 @@ function typed(box) {
 }
 
 export function begin() {
-  part(".speed").append(...SPEEDS.map((speed) => new Option(`${speed} x`, speed)));
   part(".speed").onchange = ({ target }) => {
     send({ type: "set_speed", speed: Number(target.value) });
     target.blur();
   };
   draw({ lanes: [], laps: [] });
-  show("time_line", draw);
+  show("time_line", (found) => {
+    setSpeeds(found.speeds);
+    draw(found);
+  });
   show("now", set);
   on("close", () => (pressed = false));
   line.addEventListener("pointerdown", (event) => {

@@ -3,9 +3,18 @@ import { dashed, make, say } from "./dom.js";
 import { show } from "./parts.js";
 
 const HEADS = [
-  ["", "place"], ["", "name"], ["lap", "lap"], ["int", "interval", "interval to the one ahead [s]"], ["gap", "gap", "gap to the leader [s]"], ["last", "last", "last lap [s]"],
+  ["", "place"],
+  ["", "name"],
+  ["lap", "lap"],
+  ["int", "interval", "interval to the one ahead [s]"],
+  ["gap", "gap", "gap to the leader [s]"],
+  ["last", "last", "last lap [s]"],
   ["best", "best", "best lap [s]"],
-  ["chatter", "chatter", "total variation of the commanded thrust [m/s²/s]: jumps that no motor can follow; less is better"],
+  [
+    "chatter",
+    "chatter",
+    "total variation of the commanded thrust [m/s²/s]: jumps that no motor can follow; less is better",
+  ],
 ];
 const NOTE = "purple: best of all, green: own best; chatter [m/s²/s]: less is better";
 const WIDE = 480; // width from which there is room for the gap [px]
@@ -21,7 +30,16 @@ function row() {
   const sectors = make("div", { className: "sectors" });
   const progress = make("i");
   const below = make("td", { colSpan: HEADS.length }, sectors, make("div", { className: "progress" }, progress));
-  return { row: make("tr", {}, ...cells), under: make("tr", { className: "under" }, below), below, cells, line, bar, sectors, progress };
+  return {
+    row: make("tr", {}, ...cells),
+    under: make("tr", { className: "under" }, below),
+    below,
+    cells,
+    line,
+    bar,
+    sectors,
+    progress,
+  };
 }
 
 // Hits and misses, where there are any.
@@ -42,7 +60,10 @@ function fill(parts, found) {
   say(interval, found.interval);
   interval.classList.toggle("out", found.is_out);
   say(gap, found.gap);
-  for (const [cell, time] of [[last, found.last], [best, found.best]]) {
+  for (const [cell, time] of [
+    [last, found.last],
+    [best, found.best],
+  ]) {
     say(cell, time.text);
     cell.dataset.mark = time.mark;
   }
@@ -50,7 +71,8 @@ function fill(parts, found) {
   say(chatter.querySelector("span"), found.chatter);
   bar.style.setProperty("--share", found.chatter_share);
   bar.style.background = found.colour;
-  if (sectors.childElementCount !== found.sectors.length) sectors.replaceChildren(...found.sectors.map(() => make("i")));
+  if (sectors.childElementCount !== found.sectors.length)
+    sectors.replaceChildren(...found.sectors.map(() => make("i")));
   found.sectors.forEach(([title, mark], k) => {
     sectors.children[k].title = title;
     sectors.children[k].dataset.mark = mark;
@@ -62,7 +84,9 @@ function fill(parts, found) {
 
 export function begin() {
   const place = document.querySelector(".tower");
-  const heads = HEADS.map(([text, name, title]) => make("th", { className: name, textContent: text, title: title ?? "" }));
+  const heads = HEADS.map(([text, name, title]) =>
+    make("th", { className: name, textContent: text, title: title ?? "" }),
+  );
   const body = make("tbody");
   const note = make("p", { className: "note" });
   const table = make("table", {}, make("thead", {}, make("tr", {}, ...heads)), body);

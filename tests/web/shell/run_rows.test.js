@@ -1,0 +1,49 @@
+// Claims about the rows of the table of runs.
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { fits, order } from "../../../web/page/shell/run_rows.js";
+
+const COLUMNS = [{ key: "when" }, { key: "sampler" }, { key: "time" }];
+const rows = [
+  { name: "a", when: "10:00", sampler: "colored", time: 7.1, more: "gusts 2", problem: "" },
+  { name: "b", when: "11:00", sampler: "gaussian", time: null, more: "", problem: "" },
+  { name: "c", when: "09:00", sampler: "colored 10", time: 6.9, more: "", problem: "" },
+  { name: "d", when: "12:00", sampler: "", time: null, more: "", problem: "no such file" },
+];
+const sorted = (key, down) =>
+  [...rows]
+    .sort(order({ key, down }))
+    .map(({ name }) => name)
+    .join("");
+
+test("a row fits if it has each of the words, in a column or in its further settings", () => {
+  const found = (...words) =>
+    rows
+      .filter((row) => fits(row, words, COLUMNS))
+      .map(({ name }) => name)
+      .join("");
+  assert.equal(found("colored"), "ac");
+  assert.equal(found("colored", "gusts"), "a");
+  assert.equal(found("such"), "d");
+  assert.equal(found(""), "abcd");
+});
+
+test("rows without a value and rows with a problem come last, whatever the direction", () => {
+  assert.equal(sorted("time", false), "cabd");
+  assert.equal(sorted("time", true), "acbd");
+});
+
+test("by time the rows with a problem stand among the others", () => {
+  assert.equal(sorted("when", true), "dbac");
+});
+
+test("numbers in texts count as numbers", () => {
+  const many = [
+    { name: "x", sampler: "s 10" },
+    { name: "y", sampler: "s 9" },
+  ];
+  assert.deepEqual(
+    many.sort(order({ key: "sampler", down: false })).map(({ name }) => name),
+    ["y", "x"],
+  );
+});
