@@ -206,7 +206,7 @@ class Excitation:
         frequency = FIRST_FREQUENCY * exp(growth * since)
         phase = 2.0 * pi * (frequency - FIRST_FREQUENCY) / growth
         amplitude = min(
-            CHIRP_ANGLE * 2.0 * pi * frequency, CHIRP_SHARE * self._vehicle.rate_max[axis]
+            CHIRP_ANGLE * 2.0 * pi * frequency, CHIRP_SHARE * self._vehicle.omega_max[axis]
         )
         return amplitude * cos(phase)
 
@@ -224,7 +224,7 @@ class Excitation:
         """Return the command within the vehicle's limits."""
         roll, pitch, yaw = (
             min(max(rate, -most), most)
-            for rate, most in zip(rates, self._vehicle.rate_max, strict=True)
+            for rate, most in zip(rates, self._vehicle.omega_max, strict=True)
         )
         return Control(roll, pitch, yaw, thrust)
 

@@ -88,8 +88,8 @@ class BatteryMotors(Motors):
         super().__init__(vehicle, rotors, dt)
         self.voltage = FULL
         self.commands: PerRotor = (0.0,) * 4  # 0 to 1
-        self._most = rotors.omega_max
-        self._full_thrust = 4.0 * rotors.thrust(rotors.omega_max)
+        self._most = rotors.motor_omega_max
+        self._full_thrust = 4.0 * rotors.thrust(rotors.motor_omega_max)
         self._loss = FADE * dt  # in a step [V]
         self._charge = FULL  # voltage without thrust [V]
 
@@ -191,12 +191,12 @@ def truths(name: str, flight: Flight) -> dict[str, Truth]:
     assert rotors
     # A fit refers to the median voltage.
     ratio = float(np.median(flight.voltage)) / NOMINAL
-    speed = rotors.omega_max * ratio
+    speed = rotors.motor_omega_max * ratio
     found = {
         f"thrust at {share:.0%}": Truth(4.0 * rotors.thrust(share * speed) / vehicle.mass, 0.02)
         for share in SHARES
     }
-    found["rotors.motor_tau"] = Truth(rotors.tau, 0.02)
+    found["rotors.motor_tau"] = Truth(rotors.motor_tau, 0.02)
     found["motor_delay"] = Truth(LATE, 0.02)
     arm_x, arm_y = rotors.positions[2]
     for axis, moment, arm in zip("xyz", vehicle.inertia, (arm_y, arm_x, rotors.kappa), strict=True):
@@ -243,7 +243,7 @@ def thrusts(fit: VehicleFit) -> Fitted:
     full = fit["thrust_max"]
     found = {}
     for share in SHARES:
-        value = 4.0 * rotors.thrust(share * rotors.omega_max) / fit.vehicle.mass
+        value = 4.0 * rotors.thrust(share * rotors.motor_omega_max) / fit.vehicle.mass
         low, high = (value * limit / full.value for limit in (full.low, full.high))
         found[f"thrust at {share:.0%}"] = (value, low, high, full.source)
     return found

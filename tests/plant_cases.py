@@ -23,12 +23,12 @@ SKY = Course(
 
 FULL = 8.5  # strongest thrust of one rotor [N]
 ROTORS = Rotors(
-    positions=((0.0775, -0.1), (-0.0775, 0.1), (0.0775, 0.1), (-0.0775, -0.1)),
-    spin=(-1, -1, 1, 1),
+    rotor_x=0.0775,
+    rotor_y=0.1,
+    motor_omega_min=0.0,
+    motor_omega_max=3000.0,
+    motor_tau=0.04,
     thrust_map=(FULL / 3000.0**2, 0.0, 0.0),
-    omega_min=0.0,
-    omega_max=3000.0,
-    tau=0.04,
     kappa=0.014,
 )
 

@@ -11,12 +11,10 @@ from dataclasses import dataclass, replace
 from math import acos, cos, degrees, radians, sin
 from typing import Any, Literal, NamedTuple
 
-import msgspec
-from msgspec import Struct
-
 from quadsim.course import Course, Gate
-from quadsim.course.course import OF_FRAMES, course_entries, course_errors, course_of
+from quadsim.course.course import course_entries, course_errors, course_of
 from quadsim.course.course_file import (
+    OF_FRAMES,
     BoxEntry,
     CourseFile,
     CylinderEntry,
@@ -25,6 +23,7 @@ from quadsim.course.course_file import (
     Point,
     StartEntry,
     in_flown_order,
+    written_entries,
 )
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.yaml_text import dump
@@ -103,15 +102,11 @@ class Draft:
         """
         given = in_flown_order(course_entries(course))
         own = [
-            msgspec.structs.replace(
-                gate, **{key: getattr(gate, key) or getattr(given, key) for key in OF_FRAMES}
-            )
+            replace(gate, **{key: getattr(gate, key) or getattr(given, key) for key in OF_FRAMES})
             for gate in given.gates
         ]
         source = f"edited on the page of quadsim, from {course.name}"
-        entries = msgspec.structs.replace(
-            given, name=None, source=source, gates=tuple(own), published=()
-        )
+        entries = replace(given, name=None, source=source, gates=tuple(own), published=())
         return cls(entries, Item("gate", 0))
 
     @property
@@ -153,7 +148,7 @@ class Draft:
 
     def with_course(self, **changed: Any) -> Draft:
         """Return the draft with changed entries of the whole course, such as laps."""
-        return replace(self, entries=msgspec.structs.replace(self.entries, **changed))
+        return replace(self, entries=replace(self.entries, **changed))
 
     # Moves by a handle.
 
@@ -210,7 +205,7 @@ class Draft:
         # Horizontal direction only, so that a gate that points down does not lead below the ground
         position = (x + APART * cos(ahead), y + APART * sin(ahead), max(z, 1.5 * _half(last)))
         rounded = tuple(_stepped(each, STEP) for each in position)
-        gate = msgspec.structs.replace(last, position=rounded, pitch_deg=0.0, roll_deg=0.0)
+        gate = replace(last, position=rounded, pitch_deg=0.0, roll_deg=0.0)
         return self._with_gates((*gates[:index], gate, *gates[index:]), index)
 
     def add_box(self) -> Draft:
@@ -268,13 +263,7 @@ class Draft:
 
     def text(self) -> str:
         """Return the text of the course file, without entries at their defaults."""
-        shared = {key: getattr(self.entries, key) for key in OF_FRAMES}
-        gates = []
-        for gate in self.entries.gates:
-            # An opening and a frame equal to the course's are left out, too
-            as_course = {key: None for key, value in shared.items() if getattr(gate, key) == value}
-            gates.append(msgspec.structs.replace(gate, **as_course))
-        return dump(_written(msgspec.structs.replace(self.entries, gates=tuple(gates))))
+        return dump(written_entries(self.entries))
 
     def errors(self, name: str) -> list[FileError]:
         """Return the errors that `race check` would report for the file, in its order."""
@@ -348,31 +337,10 @@ def _half(gate: GateEntry) -> float:
     return gate.opening[1] / 2 if gate.opening else 0.0
 
 
-def _expect_room(present: Sequence[Struct], what: str) -> None:
+def _expect_room(present: Sequence[object], what: str) -> None:
     """Raise ValueError if the largest number is reached."""
     if len(present) >= MOST:
         raise ValueError(f"{what}: expected at most {MOST} on the page, got {len(present)} already")
-
-
-def _fields(kind: type[Struct]) -> dict[str, Any]:
-    """Return the fields of a record with their defaults, in their order."""
-    return {field.name: field.default for field in msgspec.structs.fields(kind)}
-
-
-def _written(entry: Struct) -> dict[str, Any]:
-    """Return an entry for the file, without fields at their defaults."""
-    defaults = _fields(type(entry))
-    given = {name: getattr(entry, name) for name in defaults}
-    return {name: _plain(value) for name, value in given.items() if value != defaults[name]}
-
-
-def _plain(value: Any) -> Any:
-    """Return a value with records converted to mappings."""
-    if isinstance(value, Struct):
-        return _written(value)
-    if isinstance(value, tuple):
-        return [_plain(item) for item in value]
-    return value
 
 
 def _drawn_gate(gate: Gate) -> Gate:

@@ -7,13 +7,12 @@ and help of its annotation.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from itertools import product
 from typing import Any, NamedTuple
 
 from msgspec import inspect
-from msgspec.structs import replace
 
 from quadsim.config.settings import description, unit_of
 from quadsim.course.course_file import (

@@ -169,5 +169,5 @@ def rotor_std(config: RotorConfig | None, vehicle: Vehicle) -> float:
     if config is None or vehicle.rotors is None:
         return LEAST_ROTOR_STD
     c2, c1, _ = vehicle.rotors.thrust_map
-    per_speed = 2 * c2 * vehicle.rotors.omega_max + c1  # [N s/rad]
+    per_speed = 2 * c2 * vehicle.rotors.motor_omega_max + c1  # [N s/rad]
     return max(LEAST_ROTOR_STD, 2 * config.noise * per_speed / vehicle.mass)

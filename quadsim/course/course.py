@@ -18,19 +18,23 @@ import numpy as np
 
 from quadsim.course.checks import problems
 from quadsim.course.course_file import (
+    OF_FRAMES,
+    BoxEntry,
     CourseFile,
+    CylinderEntry,
     GateEntry,
     ObstacleEntry,
     Published,
+    StartEntry,
     in_flown_order,
     misnumbered,
+    written_entries,
 )
 from quadsim.course.gate import Gate, Start
 from quadsim.course.obstacles import Box, Cylinder, Obstacle
-from quadsim.course.opening import FRAME_DEPTH
 from quadsim.files.strict_yaml import Document, FileError, parse
 from quadsim.files.values import FieldProblem
-from quadsim.files.yaml_text import dump, remade, written
+from quadsim.files.yaml_text import dump, entries_of, remade, written
 
 # [m] of default bounds around start, gates and obstacles
 MARGIN = 10.0
@@ -49,8 +53,6 @@ DECIDE_TIMES = (
     "start",
     "loop",
 )
-# The keys of a course that a gate may have for itself
-OF_FRAMES = ("opening", "frame_width", "frame_depth")
 
 
 class CourseChanges(TypedDict, total=False):
@@ -312,7 +314,7 @@ def _as_yaml(course: Course) -> str:
     """
     if is_described(course):
         return course.text
-    entries = _entries(course)
+    entries = written_entries(_file(course))
     remade(entries, parse_course, course.name)
     return dump(entries)
 
@@ -323,28 +325,31 @@ def _changed(course: Course, changes: Mapping[str, Any]) -> Course:
     Raises:
         SettingError: a value cannot be used.
     """
-    entries = _entries(course)
+    file = _file(course)
+    entries = written_entries(file)
     if any(key in changes for key in DECIDE_TIMES):
         entries.pop("published", None)
-    given = {key: _as_entry(key, value, entries) for key, value in changes.items()}
+    # A gate that is given leaves out what will be the course's
+    defaults = {name: changes.get(name, getattr(file, name)) for name in OF_FRAMES}
+    given = {key: _as_entry(key, value, entries, defaults) for key, value in changes.items()}
     return remade({**entries, **given}, parse_course, str(given.get("name", course.name)))
 
 
-def _as_entry(key: str, value: Any, entries: Mapping[str, Any]) -> Any:
+def _as_entry(key: str, value: Any, entries: Mapping[str, Any], defaults: Mapping[str, Any]) -> Any:
     """Return a changed value as a course file has it.
 
     Args:
         key: its key.
         value: entries of a file, or objects of a Course.
         entries: the entries of the course that is changed.
+        defaults: opening and frame of the changed course.
     """
     match key, value:
         case "start", Mapping():
             return {**entries["start"], **value}
         case "start", Start():
-            return _start_entry(value)
+            return entries_of(_start_entry(value))
         case (("gates" | "obstacles" | "published"), list() | tuple()):
-            defaults = {name: entries.get(name) for name in OF_FRAMES}
             return [_item_entry(item, defaults) for item in value]
     return value
 
@@ -353,66 +358,60 @@ def _item_entry(item: Any, defaults: Mapping[str, Any]) -> Any:
     """Return the entry of a gate, an obstacle or a published time; another value as it is."""
     match item:
         case Gate():
-            return _gate_entry(item, defaults)
+            same = [key for key in OF_FRAMES if np.array_equal(getattr(item, key), defaults[key])]
+            return entries_of(replace(_gate_entry(item), **dict.fromkeys(same)))
         case Box() | Cylinder():
-            return _obstacle_entry(item)
+            return entries_of(_obstacle_entry(item))
         case Published():
-            return {"who": item.who, "time": item.time}
+            return entries_of(item)
     return item
 
 
-def _entries(course: Course) -> dict[str, Any]:
-    """Return the entries of a course file; most entries at their default are left out."""
-    # The opening and the frame that most gates have
-    opening = Counter(gate.opening for gate in course.gates).most_common(1)[0][0]
-    frame_width = Counter(gate.frame_width for gate in course.gates).most_common(1)[0][0]
-    frame_depth = Counter(gate.frame_depth for gate in course.gates).most_common(1)[0][0]
-    of_course = {"opening": opening, "frame_width": frame_width}
-    # Left out at its default, so that the texts of courses are as before there was one
-    if frame_depth != FRAME_DEPTH:
-        of_course["frame_depth"] = frame_depth
-    defaults = {"frame_depth": frame_depth, **of_course}
-    has_own_bounds = course.bounds != _default_bounds(course)
-    optional = {
-        "bounds": course.bounds if has_own_bounds else None,
-        "obstacles": [_obstacle_entry(obstacle) for obstacle in course.obstacles],
-        "published": [_item_entry(published, defaults) for published in course.published],
+def _file(course: Course) -> CourseFile:
+    """Return the course as a file has it; the opening and the frame are those of most gates."""
+    of_most = {
+        name: Counter(getattr(gate, name) for gate in course.gates).most_common(1)[0][0]
+        for name in OF_FRAMES
     }
-    entries: dict[str, Any] = {
-        "name": course.name,
-        "source": course.source,
-        "loop": course.loop,
-        "laps": course.laps,
-        **of_course,
-        "start": _start_entry(course.start),
-        "gates": [_gate_entry(gate, defaults) for gate in course.gates],
-    }
-    return entries | {key: value for key, value in optional.items() if value}
+    x, y, z = course.bounds
+    return CourseFile(
+        name=course.name,
+        source=course.source,
+        loop=course.loop,
+        laps=course.laps,
+        **of_most,
+        bounds=None if course.bounds == _default_bounds(course) else (x, y, z),
+        start=_start_entry(course.start),
+        gates=tuple(map(_gate_entry, course.gates)),
+        obstacles=tuple(map(_obstacle_entry, course.obstacles)),
+        published=course.published,
+    )
 
 
-def _start_entry(start: Start) -> dict[str, Any]:
-    return {"position": start.position, "yaw_deg": in_degrees(start.yaw)}
+def _start_entry(start: Start) -> StartEntry:
+    return StartEntry(position=start.position, yaw_deg=in_degrees(start.yaw))
 
 
-def _gate_entry(gate: Gate, defaults: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the entry of a gate; openings and frames that are the course's are left out."""
-    entry: dict[str, Any] = {"position": gate.position, "yaw_deg": in_degrees(gate.yaw)}
-    if gate.pitch:
-        entry["pitch_deg"] = in_degrees(gate.pitch)
-    if gate.roll:
-        entry["roll_deg"] = in_degrees(gate.roll)
-    own = {name: getattr(gate, name) for name in OF_FRAMES}
-    given = {"frame_depth": FRAME_DEPTH} | {k: v for k, v in defaults.items() if v is not None}
-    return entry | {name: value for name, value in own.items() if value != given.get(name)}
+def _gate_entry(gate: Gate) -> GateEntry:
+    """Return the entry of a gate, with its own opening and frame."""
+    return GateEntry(
+        position=gate.position,
+        yaw_deg=in_degrees(gate.yaw),
+        pitch_deg=in_degrees(gate.pitch),
+        roll_deg=in_degrees(gate.roll),
+        opening=gate.opening,
+        frame_width=gate.frame_width,
+        frame_depth=gate.frame_depth,
+    )
 
 
-def _obstacle_entry(obstacle: Obstacle) -> dict[str, Any]:
+def _obstacle_entry(obstacle: Obstacle) -> ObstacleEntry:
     """Return the entry of an obstacle."""
     if isinstance(obstacle, Cylinder):
-        values = {"base": obstacle.base, "radius": obstacle.radius, "height": obstacle.height}
-        return {"cylinder": values}
+        pole = CylinderEntry(base=obstacle.base, radius=obstacle.radius, height=obstacle.height)
+        return ObstacleEntry(cylinder=pole)
     yaw = in_degrees(obstacle.yaw)
-    return {"box": {"centre": obstacle.centre, "size": obstacle.size, "yaw_deg": yaw}}
+    return ObstacleEntry(box=BoxEntry(centre=obstacle.centre, size=obstacle.size, yaw_deg=yaw))
 
 
 def in_degrees(angle: float) -> float:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
 
-from msgspec import Meta, Struct
-from msgspec.structs import replace
+from msgspec import Meta
 
 from quadsim.course.opening import FRAME_DEPTH
 from quadsim.files.strict_yaml import setting, unit
+from quadsim.files.yaml_text import entries_of
 
 Metre = Annotated[float, unit("m", ge=-1e4, le=1e4)]
 Size = Annotated[float, unit("m", gt=0, le=100)]
@@ -19,8 +19,8 @@ Span = tuple[Metre, Metre]
 # Folders of runs have the name of their course.
 Name = Annotated[str, Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}\Z")]
 Second = Annotated[float, unit("s", gt=0)]
-
-
+# The keys of a course that a gate may have for itself
+OF_FRAMES = ("opening", "frame_width", "frame_depth")
 # Of a gate in the order of flight; `misnumbered` refuses one that no gate has.
 GateNumber = Annotated[int, Meta(ge=-1000, le=1000)]
 
@@ -33,7 +33,8 @@ class Published:
     time: Annotated[float, setting("time on these gates", unit="s", gt=0)]
 
 
-class GateEntry(Struct, frozen=True, kw_only=True):
+@dataclass(frozen=True, kw_only=True)
+class GateEntry:
     """A gate of a course file."""
 
     position: Annotated[Point, setting("centre of the opening: x east, y north, z up")]
@@ -51,14 +52,16 @@ class GateEntry(Struct, frozen=True, kw_only=True):
     ] = None
 
 
-class StartEntry(Struct, frozen=True, kw_only=True):
+@dataclass(frozen=True, kw_only=True)
+class StartEntry:
     """The start of a course file."""
 
     position: Annotated[Point, setting("position at rest")]
     yaw_deg: Annotated[Degree, setting("heading: 0 east, 90 north")]
 
 
-class BoxEntry(Struct, frozen=True, kw_only=True):
+@dataclass(frozen=True, kw_only=True)
+class BoxEntry:
     """A box of a course file."""
 
     centre: Annotated[Point, setting("centre of the box")]
@@ -66,7 +69,8 @@ class BoxEntry(Struct, frozen=True, kw_only=True):
     yaw_deg: Annotated[Degree, setting("direction of the box's x axis")] = 0.0
 
 
-class CylinderEntry(Struct, frozen=True, kw_only=True):
+@dataclass(frozen=True, kw_only=True)
+class CylinderEntry:
     """An upright cylinder of a course file."""
 
     base: Annotated[Point, setting("centre of the lower end")]
@@ -74,14 +78,16 @@ class CylinderEntry(Struct, frozen=True, kw_only=True):
     height: Annotated[Size, setting("height")]
 
 
-class ObstacleEntry(Struct, frozen=True, kw_only=True):
+@dataclass(frozen=True, kw_only=True)
+class ObstacleEntry:
     """An obstacle of a course file: a box or a cylinder."""
 
     box: BoxEntry | None = None
     cylinder: CylinderEntry | None = None
 
 
-class CourseFile(Struct, frozen=True, kw_only=True):
+@dataclass(frozen=True, kw_only=True)
+class CourseFile:
     """The keys of a course file."""
 
     name: Annotated[Name | None, setting("name of the course; default: the file's")] = None
@@ -114,6 +120,19 @@ class CourseFile(Struct, frozen=True, kw_only=True):
     published: Annotated[
         tuple[Published, ...], setting("times that reports show beside yours")
     ] = ()
+
+
+def written_entries(course: CourseFile) -> dict[str, Any]:
+    """Return the entries of a course's file, without those at their default.
+
+    An opening or a frame of a gate is left out, too, if it is the course's.
+    """
+    shared = {key: getattr(course, key) for key in OF_FRAMES}
+    gates = []
+    for gate in course.gates:
+        as_course = [key for key, value in shared.items() if getattr(gate, key) == value]
+        gates.append(replace(gate, **dict.fromkeys(as_course)))
+    return entries_of(replace(course, gates=tuple(gates)))
 
 
 def misnumbered(entries: CourseFile) -> tuple[int, str] | None:

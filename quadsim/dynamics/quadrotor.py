@@ -411,13 +411,13 @@ class ModelParams:
     def of(cls, vehicle: Vehicle) -> ModelParams:
         """Return the nominal model of a vehicle: its own numbers, with the mean of its drag."""
         rotors = vehicle.rotors
-        motor_tau = rotors.tau if rotors else 0.0
+        motor_tau = rotors.motor_tau if rotors else 0.0
         tau, lag = led_rate_loop(vehicle, motor_tau)
         return cls(
             rate_tau=tau,
             motor_tau=motor_tau,
             drag=sum(vehicle.drag) / 3,
-            rate_max=vehicle.rate_max,
+            rate_max=vehicle.omega_max,
             thrust_max=vehicle.thrust_max,
             thrust_min=thrust_min(vehicle),
             tilt_cost=tilt_cost(vehicle) if rotors else (0.0, 0.0),
@@ -458,7 +458,7 @@ def thrust_min(vehicle: Vehicle) -> float:
     rotors = vehicle.rotors
     if rotors is None:
         return 0.0
-    idle = 4 * max(rotors.thrust(rotors.omega_min), 0.0) / vehicle.mass
+    idle = 4 * max(rotors.thrust(rotors.motor_omega_min), 0.0) / vehicle.mass
     return 2 * idle if idle > NEGLIGIBLE_IDLE * vehicle.thrust_max else 0.0
 
 

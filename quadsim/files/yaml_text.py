@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -38,6 +39,28 @@ def dump(entries: Mapping[str, Any]) -> str:
         else:
             lines.append(f"{key}: {_flow(value, key)}")
     return "\n".join(lines) + "\n"
+
+
+def entries_of(record: Any, keys: type | None = None) -> dict[str, Any]:
+    """Return the fields of a dataclass as entries of a file, without those at their default.
+
+    Args:
+        record: an object of a dataclass, whose fields may be such objects or tuples of them.
+        keys: the class whose fields are the keys of the file, if the record has more.
+    """
+    entries = {
+        field.name: getattr(record, field.name)
+        for field in fields(keys or record)
+        if field.default is MISSING or getattr(record, field.name) != field.default
+    }
+    return {key: _entry_of(value) for key, value in entries.items()}
+
+
+def _entry_of(value: Any) -> Any:
+    """Return a value as `dump` takes it."""
+    if isinstance(value, tuple):
+        return [_entry_of(item) for item in value]
+    return entries_of(value) if is_dataclass(value) else value
 
 
 def with_comments(text: str, comments: Mapping[str, str]) -> str:

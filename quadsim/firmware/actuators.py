@@ -181,7 +181,7 @@ class BetaflightActuators:
             frame_every=1 if received.is_new else 0,
         )
         self.use = self._use_after(reply.motors)
-        speeds = (reply.motors[motor] * self._rotors.omega_max for motor in MOTOR_OF_ROTOR)
+        speeds = (reply.motors[motor] * self._rotors.motor_omega_max for motor in MOTOR_OF_ROTOR)
         strengths = rotor_strengths(self._faults, self._steps * self._dt)
         force, torque = self.motors.follow(speeds, strengths)
         self.thrust = force / vehicle.mass
@@ -204,7 +204,7 @@ class BetaflightActuators:
 
         lost = self.use.thrust_lost
         if max(motors) >= FULL:
-            forces = (self._rotors.thrust(motor * self._rotors.omega_max) for motor in motors)
+            forces = (self._rotors.thrust(motor * self._rotors.motor_omega_max) for motor in motors)
             missing = self._commanded.thrust - sum(forces) / self._vehicle.mass
             lost += max(0.0, missing) * self._dt
         return MotorUse(variation, lost)
@@ -258,5 +258,5 @@ class BetaflightActuators:
         if of_each <= lowest:
             return LOW
         return self._configuration.pulse_for_motors(
-            self._rotors.speed(of_each) / self._rotors.omega_max
+            self._rotors.speed(of_each) / self._rotors.motor_omega_max
         )

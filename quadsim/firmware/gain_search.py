@@ -112,7 +112,7 @@ def step_response(
     Raises:
         FirmwareError: the firmware does not run.
     """
-    level = min(RATES[axis], vehicle.rate_max[axis])
+    level = min(RATES[axis], vehicle.omega_max[axis])
     still = Control(0.0, 0.0, 0.0, THRUST * vehicle.thrust_max)
     stepped = still._replace(**{Control._fields[axis]: level})
     push = [0.0, 0.0, 0.0]
@@ -141,7 +141,7 @@ def wanted_response(vehicle: Vehicle, axis: int, dt: float, period: float) -> St
     rotors leaves the ideal one too little damping.
     """
     assert vehicle.rotors
-    slowest = 4.0 * DAMPING**2 * vehicle.rotors.tau
+    slowest = 4.0 * DAMPING**2 * vehicle.rotors.motor_tau
     x, y, z = (max(tau, slowest) for tau in vehicle.rate_tau)
     ideal = replace(vehicle, rate_tau=(x, y, z))
     link = Link(dt, interpolation=period)

@@ -37,7 +37,7 @@ def nominal_behind(vehicle: Vehicle, configuration: Configuration, name: str) ->
     """
     nominal = ModelParams.of(vehicle)
     rates = []
-    for axis, (most, curve) in enumerate(zip(vehicle.rate_max, configuration.rates, strict=True)):
+    for axis, (most, curve) in enumerate(zip(vehicle.omega_max, configuration.rates, strict=True)):
         reached = float(min(abs(curve[0]), abs(curve[-1])))
         if reached <= 0.0:
             wanted = f"expected a stick of {AXIS_NAMES[axis]} that commands body rates"
@@ -80,4 +80,6 @@ def _share_given_up(vehicle: Vehicle, configuration: Configuration, thrust_max: 
 def thrust_of(vehicle: Vehicle, motor: float) -> float:
     """Return the mass-normalised thrust [m/s^2] of a command of all motors, 0..1."""
     assert vehicle.rotors
-    return max(4.0 * vehicle.rotors.thrust(motor * vehicle.rotors.omega_max), 0.0) / vehicle.mass
+    return (
+        max(4.0 * vehicle.rotors.thrust(motor * vehicle.rotors.motor_omega_max), 0.0) / vehicle.mass
+    )

@@ -89,7 +89,7 @@ def first_configuration(vehicle: Vehicle) -> Text:
 
 def plain_configuration(vehicle: Vehicle) -> Text:
     """Return a configuration with linear rates that cover the vehicle's, and Betaflight's gains."""
-    tens = [min(ceil(degrees(rate) / 10.0), LARGEST_RATE) for rate in vehicle.rate_max]
+    tens = [min(ceil(degrees(rate) / 10.0), LARGEST_RATE) for rate in vehicle.omega_max]
     roll, pitch, yaw = (10 * rate for rate in tens)
     lines = [
         f"# Betaflight {FIRMWARE_VERSION}, for the vehicle {vehicle.name}. This text can be pasted "
@@ -125,7 +125,7 @@ class FirmwareBench:
         self.built, self.configuration = firmware_for(vehicle, self.text)
         limits = nominal_behind(vehicle, self.configuration, text.name)
         # Steps stay within what the configuration gives.
-        self.vehicle = replace(vehicle, rate_max=limits.rate_max, thrust_max=limits.thrust_max)
+        self.vehicle = replace(vehicle, omega_max=limits.rate_max, thrust_max=limits.thrust_max)
 
     @property
     def gains(self) -> AxisGains:

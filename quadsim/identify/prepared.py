@@ -169,7 +169,7 @@ def _command(part: Stretch, drive: Drive, base: Vehicle) -> np.ndarray:
         return part.motor_commands
     if drive == "rotor_speeds":
         assert part.rotor_speeds is not None
-        return part.rotor_speeds / base.rotors.omega_max
+        return part.rotor_speeds / base.rotors.motor_omega_max
     if drive == "thrust_setpoint":
         # The flight controller asks each rotor for a quarter, by the prior's thrust map.
         assert part.thrust_setpoint is not None

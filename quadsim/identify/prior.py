@@ -32,13 +32,13 @@ def prior_of(vehicle: Vehicle) -> dict[str, Prior]:
     assert rotors
     model = ModelParams.of(vehicle)
     square, linear, constant = rotors.thrust_map
-    full = rotors.omega_max
+    full = rotors.motor_omega_max
     size = rotors.thrust(full) / vehicle.mass
     inertia_x, inertia_y = model.tilt_cost
     jx, jy, jz = vehicle.inertia
     prior = {
         "delay": Prior(0.0, DELAY, EARLIEST, LARGEST_DELAY),
-        "tau": Prior(rotors.tau, LAG, SHORTEST_LAG, LONGEST_LAG),
+        "tau": Prior(rotors.motor_tau, LAG, SHORTEST_LAG, LONGEST_LAG),
         "c2": Prior(square * full**2 / vehicle.mass, SHARE * size, 1e-3 * size, FACTOR * size),
         "c1": _about(linear * full / vehicle.mass, SHARE * size),
         "c0": _about(constant / vehicle.mass, SHARE * size),

@@ -244,7 +244,7 @@ def from_log(key: str, unit: str, value: float, std: float) -> FittedNumber:
 def speed_map(numbers: Numbers, found: Found, base: Vehicle) -> tuple[float, float, float]:
     """Return c2, c1, c0 of a rotor's thrust over the mass against its speed in rad/s."""
     assert base.rotors
-    scale = found.speed_scale or SpeedScale(base.rotors.omega_max, 0.0)
+    scale = found.speed_scale or SpeedScale(base.rotors.motor_omega_max, 0.0)
     # s = (W - idle) / full
     c2 = numbers.c2 / scale.full**2
     c1 = numbers.c1 / scale.full - 2.0 * c2 * scale.idle
@@ -266,12 +266,13 @@ def fitted_vehicle(
     def value(key: str) -> float:
         return float(f"{by_key[key]:.{DIGITS}g}")
 
-    scale = found.speed_scale or SpeedScale(base.rotors.omega_max, 0.0)
+    scale = found.speed_scale or SpeedScale(base.rotors.motor_omega_max, 0.0)
     full = float(f"{scale.full + scale.idle:.{DIGITS}g}")
     c2, c1, c0 = (value(f"rotors.thrust_map.{c}") for c in ("c2", "c1", "c0"))
     # The thrust has to rise from the idle speed on.
     lowest = max(
-        base.rotors.omega_min * full / base.rotors.omega_max, -c1 / (2.0 * c2) * (1.0 + ABOVE)
+        base.rotors.motor_omega_min * full / base.rotors.motor_omega_max,
+        -c1 / (2.0 * c2) * (1.0 + ABOVE),
     )
     x, y = base.rotors.positions[2]
     return base.but(

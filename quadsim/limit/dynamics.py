@@ -130,18 +130,18 @@ class RotorDynamics(Dynamics):
         self._vehicle = vehicle
         self._rotors = rotors
         self._mixer = mixer(rotors)
-        self._lags = rotors.tau > 0.0
-        self._weakest = max(0.0, rotors.thrust(rotors.omega_min))
-        self._strongest = rotors.thrust(rotors.omega_max)
+        self._lags = rotors.motor_tau > 0.0
+        self._weakest = max(0.0, rotors.thrust(rotors.motor_omega_min))
+        self._strongest = rotors.thrust(rotors.motor_omega_max)
         if self._lags:
             idle = rotors.speed(self._weakest)
-            full = rotors.omega_max
+            full = rotors.motor_omega_max
         else:
             idle = self._weakest
             full = self._strongest
         self.u_low = np.full(4, idle)
         self.u_high = np.full(4, full)
-        body = _body_limits(vehicle.rate_max)
+        body = _body_limits(vehicle.omega_max)
         self.low = np.append(-body, self.u_low if self._lags else [])
         self.high = np.append(body, self.u_high if self._lags else [])
 
@@ -169,7 +169,7 @@ class RotorDynamics(Dynamics):
         ]
         lag = []
         if self._lags:
-            tau = self._rotors.tau
+            tau = self._rotors.motor_tau
             lag = [(command - w) / tau for command, w in zip(u, speeds, strict=True)]
         # q' = q x (0, omega) / 2
         turn = quaternion_rate(q, tuple(0.5 * w for w in omega))

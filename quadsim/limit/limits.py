@@ -199,7 +199,7 @@ class StoredSolution:
         rotors = vehicle.rotors
         if s.model == "rotors" and rotors:
             # The states are rotor speeds; without lag, the controls are thrusts
-            thrusts: Any = rotors.thrust(lagging) if rotors.tau > 0.0 else controls  # pyright: ignore[reportArgumentType]
+            thrusts: Any = rotors.thrust(lagging) if rotors.motor_tau > 0.0 else controls  # pyright: ignore[reportArgumentType]
             return np.sum(thrusts, axis=1) / vehicle.mass
         if lagging.shape[1]:
             return State(*s.x.T).thrust  # pyright: ignore[reportReturnType]
@@ -334,7 +334,7 @@ def _vehicle_numbers(vehicle: Vehicle) -> dict[str, Any]:
         "radius": vehicle.radius,
         "rate_tau": vehicle.rate_tau,
         "rate_lead": vehicle.rate_lead,
-        "rate_max": vehicle.rate_max,
+        "rate_max": vehicle.omega_max,
         "thrust_max": vehicle.thrust_max,
         "drag": vehicle.drag,
     }
@@ -345,8 +345,8 @@ def _vehicle_numbers(vehicle: Vehicle) -> dict[str, Any]:
         "rotors": rotors.positions,
         "spin": rotors.spin,
         "thrust_map": rotors.thrust_map,
-        "omega": (rotors.omega_min, rotors.omega_max),
-        "motor_tau": rotors.tau,
+        "omega": (rotors.motor_omega_min, rotors.motor_omega_max),
+        "motor_tau": rotors.motor_tau,
         "kappa": rotors.kappa,
     }
 

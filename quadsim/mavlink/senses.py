@@ -37,7 +37,7 @@ class Senses:
     def __init__(self, spec: Spec, sensing: Sensing | None, plant: Plant):
         self._is_exact = sensing is None
         if sensing is None:
-            used = Sensing("exact", imu=ImuConfig(rate=IMU_RATE))
+            used = Sensing(name="exact", imu=ImuConfig(rate=IMU_RATE))
         else:
             # The client has pictures in place of the corners of gates.
             used = replace(sensing, camera=None, rotors=None)

@@ -138,7 +138,7 @@ def control_of(setpoint: Setpoint, x: State, vehicle: Vehicle) -> Control:
         control = Control(*setpoint.body_rates, setpoint.thrust)
     rates = (control.wx, control.wy, control.wz)
     wx, wy, wz = (
-        min(max(rate, -most), most) for rate, most in zip(rates, vehicle.rate_max, strict=True)
+        min(max(rate, -most), most) for rate, most in zip(rates, vehicle.omega_max, strict=True)
     )
     return Control(wx, wy, wz, min(max(control.thrust, 0.0), vehicle.thrust_max))
 

@@ -50,7 +50,7 @@ def clamp_command(command: Sequence[float], vehicle: Vehicle) -> Control:
             "command: expected finite body rates [rad/s] and thrust [m/s^2], "
             f"got {wx, wy, wz, thrust}"
         )
-    mx, my, mz = vehicle.rate_max
+    mx, my, mz = vehicle.omega_max
     return Control(
         wx=min(max(wx, -mx), mx),
         wy=min(max(wy, -my), my),
@@ -124,10 +124,10 @@ class Motors:
         self._mixer = mixer(rotors)
         self._share = shares(rotors)
         # A fitted thrust map may go below zero at idle.
-        self._low = max(0.0, rotors.thrust(rotors.omega_min))
-        self._high = rotors.thrust(rotors.omega_max)
+        self._low = max(0.0, rotors.thrust(rotors.motor_omega_min))
+        self._high = rotors.thrust(rotors.motor_omega_max)
         self._dt = dt
-        self._remaining = remaining(rotors.tau, dt)
+        self._remaining = remaining(rotors.motor_tau, dt)
         # [rad/s]
         self.speeds: PerRotor = (rotors.speed(0.25 * vehicle.mass * GRAVITY),) * 4
 
@@ -172,7 +172,7 @@ class Motors:
 
     def _share_left(self, speed: float, command: float) -> float:
         """Return the share of the distance from a speed to its command that a step leaves."""
-        if self._rotors.response is None:
+        if self._rotors.motor_response is None:
             return self._remaining
         return remaining(self._rotors.lag(speed, command), self._dt)
 

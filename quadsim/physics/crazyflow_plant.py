@@ -241,14 +241,14 @@ def _with_numbers(data: Any, vehicle: Vehicle, rotors: Rotors, body: Vehicle) ->
     """
     c2, c1, c0 = rotors.thrust_map
     thrust_map = np.array([c0, c1 * RPM, c2 * RPM**2])
-    lag = 1.0 / max(rotors.tau, 1.0 / data.core.freq)
-    rise, rise_squared, fall, fall_squared = rotors.response or (lag, 0.0, lag, 0.0)
+    lag = 1.0 / max(rotors.motor_tau, 1.0 / data.core.freq)
+    rise, rise_squared, fall, fall_squared = rotors.motor_response or (lag, 0.0, lag, 0.0)
     response = np.array([rise, rise_squared * RPM, fall, fall_squared * RPM])
     arm = abs(rotors.positions[0][0])
     xs, ys = np.sign(rotors.positions).T
     mixing = np.array([ys, -xs, rotors.spin])
-    thrust_min = rotors.thrust(rotors.omega_min)
-    thrust_max = rotors.thrust(rotors.omega_max)
+    thrust_min = rotors.thrust(rotors.motor_omega_min)
+    thrust_max = rotors.thrust(rotors.motor_omega_max)
 
     # The firmware asks for half of its roll and pitch, and all of its yaw, from each rotor.
     torque = np.array(vehicle.inertia) / np.maximum(vehicle.rate_tau, 1.0 / data.core.freq)

@@ -65,8 +65,10 @@ class Randomization:
         rotors = vehicle.rotors
         if rotors:
             slower = 1 + self.motor_lag
-            rates = tuple(rate / slower for rate in rotors.response or ())
-            rotors = replace(rotors, tau=rotors.tau * slower, response=rates or None)
+            rates = tuple(rate / slower for rate in rotors.motor_response or ())
+            rotors = replace(
+                rotors, motor_tau=rotors.motor_tau * slower, motor_response=rates or None
+            )
         varied = replace(vehicle, rate_tau=lags, rotors=rotors, drag=drag)
         return scale_thrust(varied, 1 + self.thrust)
 

@@ -138,7 +138,7 @@ class RotorpyPlant:
 
 def _quadratic(rotors: Rotors) -> Rotors:
     """Return the rotors with a thrust map k W^2 of the same thrust at full speed."""
-    k = rotors.thrust(rotors.omega_max) / rotors.omega_max**2
+    k = rotors.thrust(rotors.motor_omega_max) / rotors.motor_omega_max**2
     return replace(rotors, thrust_map=(k, 0.0, 0.0))
 
 
@@ -159,7 +159,7 @@ def _multirotor(vehicle: Vehicle, rotors: Rotors, body: Vehicle, dt: float) -> A
     mass = vehicle.mass
     jx, jy, jz = body.inertia
     # rotor drag of one rotor per its speed and the vehicle's linear drag
-    per_drag = mass / (4 * rotors.omega_max)
+    per_drag = mass / (4 * rotors.motor_omega_max)
     parameters = {
         "mass": body.mass,
         "Ixx": jx,
@@ -181,9 +181,9 @@ def _multirotor(vehicle: Vehicle, rotors: Rotors, body: Vehicle, dt: float) -> A
         "k_d": per_drag * (vehicle.drag[0] + vehicle.drag[1]) / 2,
         "k_z": per_drag * vehicle.drag[2],
         "k_h": mass * LIFT / 4,
-        "tau_m": max(rotors.tau, LEAST_LAG),
-        "rotor_speed_min": rotors.omega_min,
-        "rotor_speed_max": rotors.omega_max,
+        "tau_m": max(rotors.motor_tau, LEAST_LAG),
+        "rotor_speed_min": rotors.motor_omega_min,
+        "rotor_speed_max": rotors.motor_omega_max,
         "k_w": np.array([response(tau, dt) / dt for tau in vehicle.rate_tau]),
     }
     # One step of third order, whose error is small: 0.01 mm in 2 s, in half the time of RotorPy's

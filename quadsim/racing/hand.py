@@ -64,7 +64,7 @@ class HandRates:
         """Return Betaflight's default rates, limited to the vehicle's body rates."""
         roll, pitch, yaw = (
             Rates(center=min(Rates().center, most), most=min(Rates().most, most))
-            for most in vehicle.rate_max
+            for most in vehicle.omega_max
         )
         return cls(roll, pitch, yaw, vehicle.thrust_max)
 

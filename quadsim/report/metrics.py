@@ -106,7 +106,7 @@ def path_length(run: RecordedRun) -> float:
 def motor_tau(vehicle: dict) -> float:
     """Return the motors' lag in a spec's vehicle, MOTOR_TAU if it has no rotors [s]."""
     rotors = vehicle.get("rotors")
-    return float(rotors["tau"]) if rotors else MOTOR_TAU
+    return float(rotors["motor_tau"]) if rotors else MOTOR_TAU
 
 
 def motor_corner(tau: float) -> float:

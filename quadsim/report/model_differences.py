@@ -90,9 +90,9 @@ def _compared(spec: dict) -> dict[str, Pair]:
     lags = [tau + ahead for tau, ahead in zip(vehicle["rate_tau"], lead, strict=True)]
     return {
         "rate_lag": Pair(model["rate_tau"], lags),
-        "motor_lag": Pair(model["motor_tau"], rotors["tau"] if rotors else 0.0),
+        "motor_lag": Pair(model["motor_tau"], rotors["motor_tau"] if rotors else 0.0),
         "drag": Pair(model["drag"], vehicle["drag"]),
-        "rate_limit": Pair(model["rate_max"], vehicle["rate_max"]),
+        "rate_limit": Pair(model["rate_max"], vehicle["omega_max"]),
         "thrust_limit": Pair(model["thrust_max"], vehicle["thrust_max"]),
     }
 

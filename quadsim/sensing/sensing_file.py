@@ -1,4 +1,4 @@
-"""Sensing files: the sensors of a vehicle with their parameters, read into a Sensing.
+"""Sensing files: the sensors of a vehicle with their parameters. A Sensing has their keys.
 
     imu: {rate: 250, gyro_noise: 0.01}
     pose: {rate: 100, latency: 0.01, position_noise: 0.002, attitude_noise_deg: 0.3}
@@ -9,16 +9,14 @@ With `exact: true` and no sensor the planner is given the true state.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import MISSING, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, TypedDict, Unpack
-
-from msgspec import Struct
 
 from quadsim.files.data_files import locate, names, read_text
 from quadsim.files.strict_yaml import parse, setting
 from quadsim.files.values import FieldProblem
-from quadsim.files.yaml_text import dump, remade, written
+from quadsim.files.yaml_text import dump, entries_of, remade, written
 from quadsim.sensing.config import (
     BarometerConfig,
     CornerCamera,
@@ -47,9 +45,23 @@ class SensingChanges(TypedDict, total=False):
     barometer: Mapping[str, Any] | BarometerConfig | None
 
 
-@dataclass(frozen=True)
-class Sensing:
-    """The sensors of a vehicle; None for each kind that it lacks.
+@dataclass(frozen=True, kw_only=True)
+class SensingFile:
+    """The keys of a sensing file: its source, `exact`, and sensors, None for each that it lacks."""
+
+    source: Annotated[str, setting("origin of the numbers")] = ""
+    exact: Annotated[bool, setting("whether the true state is known, without sensors")] = False
+    imu: ImuConfig | None = None
+    pose: PoseConfig | None = None
+    rotors: RotorConfig | None = None
+    camera: GateCameraConfig | None = None
+    pixels: PixelCameraConfig | None = None
+    barometer: BarometerConfig | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensing(SensingFile):
+    """The sensors of a vehicle: the keys of their file, and its name.
 
     Examples:
         >>> import quadsim
@@ -61,18 +73,6 @@ class Sensing:
     """
 
     name: str
-    source: str = ""
-    imu: ImuConfig | None = None
-    pose: PoseConfig | None = None
-    rotors: RotorConfig | None = None
-    camera: GateCameraConfig | None = None
-    pixels: PixelCameraConfig | None = None
-    barometer: BarometerConfig | None = None
-
-    @property
-    def exact(self) -> bool:
-        """Whether the planner is given the true state."""
-        return self.imu is None
 
     @property
     def corner_camera(self) -> CornerCamera | None:
@@ -97,12 +97,12 @@ class Sensing:
         """
         given: dict[str, Any] = dict(changes)
         name = str(given.pop("name", self.name))
-        entries = _entries(self)
+        entries = entries_of(self, SensingFile)
         for key, value in given.items():
             if isinstance(value, Mapping) and key in SENSORS:
                 given[key] = {**entries.get(key, {}), **value}
             elif isinstance(value, CONFIGS):
-                given[key] = _sensor_entry(value)
+                given[key] = entries_of(value)
         if any(given.get(key) for key in SENSORS):
             entries.pop("exact", None)
         return replace(remade({**entries, **given}, parse_sensing, name), name=name)
@@ -117,22 +117,9 @@ class Sensing:
             SettingError: the sensors do not fit together (a ValueError).
             FileError: the file cannot be written.
         """
-        entries = _entries(self)
+        entries = entries_of(self, SensingFile)
         remade(entries, parse_sensing, self.name)
         return written(dump(entries), path)
-
-
-class SensingFile(Struct, frozen=True, kw_only=True):
-    """The keys of a sensing file. All but the first two are sensors, as in `Sensing`."""
-
-    source: Annotated[str, setting("origin of the numbers")] = ""
-    exact: Annotated[bool, setting("whether the true state is known, without sensors")] = False
-    imu: ImuConfig | None = None
-    pose: PoseConfig | None = None
-    rotors: RotorConfig | None = None
-    camera: GateCameraConfig | None = None
-    pixels: PixelCameraConfig | None = None
-    barometer: BarometerConfig | None = None
 
 
 CONFIGS = (
@@ -143,7 +130,7 @@ CONFIGS = (
     PixelCameraConfig,
     BarometerConfig,
 )
-SENSORS = tuple(key for key in SensingFile.__struct_fields__ if key not in ("source", "exact"))
+SENSORS = tuple(f.name for f in fields(SensingFile) if f.name not in ("source", "exact"))
 
 
 def sensing_names() -> tuple[str, ...]:
@@ -178,49 +165,29 @@ def parse_sensing(text: str, file: str) -> Sensing:
         FileError: the text is not a sensing file.
     """
     document = parse(text, file)
-    entry = document.fill(SensingFile)
-    document.check(_problems(entry))
-    sensors = {key: getattr(entry, key) for key in SENSORS}
-    return Sensing(name=Path(file).stem, source=entry.source, **sensors)
+    sensing = document.fill(SensingFile)
+    document.check(_problems(sensing))
+    return Sensing(name=Path(file).stem, **vars(sensing))
 
 
-def _entries(sensing: Sensing) -> dict[str, Any]:
-    """Return the entries of a sensing file without the ones at their default."""
-    entries: dict[str, Any] = {"source": sensing.source} if sensing.source else {}
-    sensors = {key: getattr(sensing, key) for key in SENSORS}
-    if not any(sensors.values()):
-        entries["exact"] = True
-    return entries | {key: _sensor_entry(config) for key, config in sensors.items() if config}
-
-
-def _sensor_entry(config: Any) -> dict[str, Any]:
-    """Return the entry of one sensor without the numbers at their default."""
-    values = {field: getattr(config, field.name) for field in fields(config)}
-    return {
-        field.name: value
-        for field, value in values.items()
-        if field.default is MISSING or value != field.default
-    }
-
-
-def _problems(entry: SensingFile) -> Iterator[FieldProblem]:
+def _problems(sensing: SensingFile) -> Iterator[FieldProblem]:
     """Yield all faults of a sensing, the most important first."""
-    given = [key for key in SENSORS if getattr(entry, key)]
-    if entry.exact and given:
+    given = [key for key in SENSORS if getattr(sensing, key)]
+    if sensing.exact and given:
         problem = f"expected no sensor beside exact: true, got {given[0]}: remove one"
         yield FieldProblem(given[0], problem)
-    if not entry.exact and entry.imu is None:
+    if not sensing.exact and sensing.imu is None:
         expected = "expected an inertial measurement unit: {rate: 250}, or exact: true"
         yield FieldProblem("imu", f"missing, {expected}")
-    if entry.camera and entry.pixels:
+    if sensing.camera and sensing.pixels:
         yield FieldProblem("pixels", "expected no camera beside it, got one: remove one of the two")
-    if entry.imu and not (entry.pose or entry.camera or entry.pixels):
+    if sensing.imu and not (sensing.pose or sensing.camera or sensing.pixels):
         problem = "expected a pose or a camera beside it, as without one positions run away"
         yield FieldProblem("imu", problem)
-    if entry.pose:
-        yield from _pose_problems(entry.pose)
-    if entry.camera:
-        yield from _camera_problems(entry.camera)
+    if sensing.pose:
+        yield from _pose_problems(sensing.pose)
+    if sensing.camera:
+        yield from _camera_problems(sensing.camera)
 
 
 def _camera_problems(camera: GateCameraConfig) -> Iterator[FieldProblem]:

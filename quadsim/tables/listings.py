@@ -194,9 +194,9 @@ def vehicle_table(vehicles: Sequence[Vehicle]) -> Table:
             vehicle.name,
             f"{vehicle.mass:.3g}",
             f"{vehicle.thrust_to_weight:.2f}",
-            _axes_text(vehicle.rate_max),
+            _axes_text(vehicle.omega_max),
             _axes_text(vehicle.rate_tau),
-            f"{vehicle.rotors.tau:g}" if vehicle.rotors else "[dim]none[/]",
+            f"{vehicle.rotors.motor_tau:g}" if vehicle.rotors else "[dim]none[/]",
             _axes_text(vehicle.drag),
         )
     return table

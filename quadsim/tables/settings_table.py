@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import fields
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_type_hints
 
 from msgspec import inspect
 
@@ -113,7 +113,9 @@ def key_rows(schema: type, parent: str = "") -> Iterator[Row]:
         parent: prefix of the names, such as "gates[].".
     """
     info: Any = inspect.type_info(schema)
-    for field in info.fields:
+    # msgspec has the required fields of a dataclass first
+    order = list(get_type_hints(schema))
+    for field in sorted(info.fields, key=lambda field: order.index(field.name)):
         name = f"{parent}{field.encode_name}"
         kind = bare(field.type)
         inner = kind

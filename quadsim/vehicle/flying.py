@@ -50,13 +50,13 @@ def flying_numbers(vehicle: Vehicle) -> FlyingNumbers:
     rotors = vehicle.rotors
     hover = GRAVITY / vehicle.thrust_max
     if rotors:
-        hover = rotors.speed(0.25 * vehicle.mass * GRAVITY) / rotors.omega_max
+        hover = rotors.speed(0.25 * vehicle.mass * GRAVITY) / rotors.motor_omega_max
     return FlyingNumbers(
         thrust_to_weight=vehicle.thrust_to_weight,
         hover=hover,
         top_speed=top_speed(vehicle),
         rate_tau=vehicle.rate_tau,
-        motor_tau=rotors.tau if rotors else 0.0,
+        motor_tau=rotors.motor_tau if rotors else 0.0,
     )
 
 

@@ -142,7 +142,7 @@ def scaled_vehicle(known: KnownNumbers, name: str) -> ScaledVehicle:
         rotors={
             "arm_l": arm,
             "motor_omega_max": full,
-            "motor_omega_min": _rounded(rotors.omega_min / rotors.omega_max * full),
+            "motor_omega_min": _rounded(rotors.motor_omega_min / rotors.motor_omega_max * full),
             "thrust_map": (square, 0.0, 0.0),
             "kappa": _rounded(rotors.kappa * propeller / base_propeller),
         },

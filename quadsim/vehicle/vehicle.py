@@ -1,40 +1,29 @@
 """Vehicle: the parameters of one quadrotor as plain values, and vehicle files.
 
 A vehicle file has the keys of VehicleFile, with units, ranges and defaults; the names follow
-Flightmare. `parse_vehicle` reads a vehicle file, and `Vehicle.to_yaml` writes one.
+Flightmare. A Vehicle is what such a file says, with a name. `parse_vehicle` reads a vehicle file,
+and `Vehicle.to_yaml` writes one.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict as dataclass_dict
-from dataclasses import dataclass, replace
-from math import isclose, nextafter, sqrt
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
+from math import isclose, sqrt
 from pathlib import Path
-from typing import Annotated, Any, TypedDict, Unpack
-
-from msgspec import Struct
-from msgspec.structs import asdict
+from typing import Annotated, Any, ClassVar, TypedDict, Unpack
 
 from quadsim.files.data_files import locate, names, read_text
 from quadsim.files.strict_yaml import parse, setting, unit
 from quadsim.files.values import FieldProblem, SettingError
-from quadsim.files.yaml_text import dump, remade, written
+from quadsim.files.yaml_text import dump, entries_of, remade, written
 from quadsim.rotation import Vec3
 
 GRAVITY = 9.81  # [m/s^2]
 NO_LEAD: Vec3 = (0.0, 0.0, 0.0)
 VEHICLES = Path(__file__).parent
-# Keys of a vehicle file whose names differ from the attributes of Vehicle and Rotors
-KEYS = {"rate_max": "omega_max"}
-KEYS_OF_ROTORS = {
-    "omega_min": "motor_omega_min",
-    "omega_max": "motor_omega_max",
-    "tau": "motor_tau",
-    "response": "motor_response",
-    "positions": "arm_l, or rotor_x and rotor_y",
-}
 # Name of a vehicle with a changed thrust-to-weight ratio
 SCALED = re.compile(r"(?P<name>[^/.]+)-twr(?P<ratio>\d+(\.\d+)?)")
 LARGEST_RATIO = 20.0
@@ -55,7 +44,7 @@ Moment = Annotated[float, unit("kg m^2", gt=0, le=10)]
 Drag = Annotated[float, unit("1/s", ge=0, le=20)]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Rotors:
     """Four rotors: front-right, back-left, front-left, back-right.
 
@@ -67,22 +56,39 @@ class Rotors:
         2.0
     """
 
-    # x, y in the body frame [m]  (4, 2)
-    positions: tuple[tuple[float, float], ...]
-    # sign of the reaction torque about body z  (4,)
-    spin: tuple[int, ...]
-    # c2 [N s^2], c1 [N s], c0 [N]
-    thrust_map: Vec3
-    # limits of the speed [rad/s]
-    omega_min: float
-    omega_max: float
-    # first-order lag of the speed [s]
-    tau: float
-    # reaction torque per thrust [m]
-    kappa: float
-    # a [1/s] and b [1/rad] of W' = a (c - W) + b (c^2 - W^2) while the speed W rises to its command
-    # c, then a and b while it falls; None: W' = (c - W) / tau
-    response: tuple[float, float, float, float] | None = None
+    arm_l: Annotated[
+        Length | None, setting("centre to rotor, for rotors on the diagonals of a square [m]")
+    ] = None
+    rotor_x: Annotated[Length | None, setting("half the distance front to rear [m]")] = None
+    rotor_y: Annotated[Length | None, setting("half the distance left to right [m]")] = None
+    motor_omega_min: Annotated[Speed, setting("speed at idle [rad/s]")]
+    motor_omega_max: Annotated[Speed, setting("full speed [rad/s]")]
+    motor_tau: Annotated[Lag, setting("lag of the speed [s]")]
+    motor_response: Annotated[
+        tuple[Response, Response, Response, Response] | None,
+        setting(
+            "a, b of the speed's W' = a (c - W) + b (c^2 - W^2) to a command c, rising and falling,"
+            " in place of the lag, which stays that of the planner's model",
+            unit="1/s, 1/rad, 1/s, 1/rad",
+        ),
+    ] = None
+    thrust_map: Annotated[
+        tuple[float, float, float],
+        setting("c2, c1, c0 of the thrust c2 W^2 + c1 W + c0", unit="N s^2, N s, N"),
+    ]
+    kappa: Annotated[float, setting("reaction torque per thrust [m]", unit="m", gt=0, le=1)]
+
+    # Signs of the reaction torques about body z, Flightmare's: the torques of front-right and
+    # back-left turn the body to the left  (4,)
+    spin: ClassVar[tuple[int, ...]] = (1, 1, -1, -1)
+
+    @cached_property
+    def positions(self) -> tuple[tuple[float, float], ...]:
+        """The places of the rotors, x and y in the body frame [m].  (4, 2)"""
+        side = (self.arm_l or 0.0) / sqrt(2)
+        x = self.rotor_x or side
+        y = self.rotor_y or side
+        return (x, -y), (-x, y), (x, y), (-x, -y)
 
     def lag(self, speed: float, command: float) -> float:
         """Return the time constant of the speed on its way to a command [s].
@@ -91,9 +97,9 @@ class Rotors:
             speed: present speed [rad/s].
             command: commanded speed [rad/s].
         """
-        if self.response is None:
-            return self.tau
-        a_up, b_up, a_down, b_down = self.response
+        if self.motor_response is None:
+            return self.motor_tau
+        a_up, b_up, a_down, b_down = self.motor_response
         a, b = (a_up, b_up) if command > speed else (a_down, b_down)
         # a (c - W) + b (c^2 - W^2) = (a + b (c + W)) (c - W)
         return 1.0 / (a + b * (command + speed))
@@ -112,21 +118,72 @@ class Rotors:
         return (sqrt(c1 * c1 + 4.0 * c2 * (thrust - c0)) - c1) / (2.0 * c2)
 
 
-@dataclass(frozen=True)
+Share = Annotated[float, unit("share", ge=0, le=0.5)]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Uncertainty:
     """Standard deviations of a vehicle's numbers, relative to them: 0.02 is 2 %.
 
     Domain randomization draws from them, see quadsim.physics.domain_randomization.
     """
 
-    mass: float
-    # of the full thrust
-    thrust: float
-    # of the lags of the body rates
-    rate_lag: float
-    # of the lag of the rotors
-    motor_lag: float
-    drag: float
+    mass: Annotated[Share, setting("standard deviation of the mass, relative")]
+    thrust: Annotated[Share, setting("standard deviation of the full thrust, relative")]
+    rate_lag: Annotated[Share, setting("standard deviation of the body rates' lags, relative")]
+    motor_lag: Annotated[Share, setting("standard deviation of the rotors' lag, relative")]
+    drag: Annotated[Share, setting("standard deviation of the drag, relative")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class VehicleFile:
+    """The keys of a vehicle file.
+
+    Thrusts and drag are mass-normalised, so the vehicle `paper` needs no mass.
+    """
+
+    source: Annotated[str, setting("origin of the numbers")] = ""
+    mass: Annotated[float, setting("mass [kg]", unit="kg", gt=0, le=100)]
+    inertia: Annotated[
+        tuple[Moment, Moment, Moment], setting("principal moments about x, y, z [kg m^2]")
+    ]
+    # A course keeps a sphere of the largest radius free around its start.
+    radius: Annotated[
+        float, setting("radius of the sphere in contacts [m]", unit="m", gt=0, le=0.25)
+    ]
+    rate_tau: Annotated[tuple[Lag, Lag, Lag], setting("lags of the body rates about x, y, z [s]")]
+    rate_lead: Annotated[
+        tuple[Lag, Lag, Lag],
+        setting(
+            "time by which the rate loop looks ahead at the body rates about x, y, z: the ratio of"
+            " its derivative to its proportional gain [s]"
+        ),
+    ] = NO_LEAD
+    omega_max: Annotated[
+        tuple[Rate, Rate, Rate], setting("limits of the body-rate commands about x, y, z [rad/s]")
+    ]
+    thrust_max: (
+        Annotated[
+            float,
+            setting(
+                "largest mass-normalised thrust of a vehicle without rotors [m/s^2]",
+                unit="m/s^2",
+                gt=0,
+                le=1000,
+            ),
+        ]
+        | None
+    ) = None
+    drag: Annotated[
+        tuple[Drag, Drag, Drag], setting("linear drag along the body's x, y, z [1/s]")
+    ] = (0.0, 0.0, 0.0)
+    latency: Annotated[
+        float, setting("time from command to actuator [s]", unit="s", ge=0, le=0.5)
+    ] = 0.0
+    # None: the thrust acts at once, without limits of single rotors
+    rotors: Rotors | None = None
+    # None: not known
+    uncertainty: Uncertainty | None = None
 
 
 class RotorChanges(TypedDict, total=False):
@@ -161,11 +218,9 @@ class VehicleChanges(TypedDict, total=False):
     uncertainty: Mapping[str, float] | Uncertainty | None
 
 
-@dataclass(frozen=True)
-class Vehicle:
-    """A quadrotor as the plant flies it.
-
-    Thrusts and drag are mass-normalised, so the vehicle `paper` needs no mass.
+@dataclass(frozen=True, kw_only=True)
+class Vehicle(VehicleFile):
+    """A quadrotor as the plant flies it: the keys of its file, and its name.
 
     Examples:
         >>> import quadsim
@@ -177,29 +232,8 @@ class Vehicle:
     """
 
     name: str
-    source: str
-    # [kg]
-    mass: float
-    # principal moments [kg m^2]
-    inertia: Vec3
-    # radius of the sphere that represents the vehicle in contacts [m]
-    radius: float
-    # lags of the first-order rate loop about x, y, z [s]
-    rate_tau: Vec3
-    # limits of the body-rate commands [rad/s]
-    rate_max: Vec3
-    # largest collective thrust, mass-normalised [m/s^2]
-    thrust_max: float
-    # linear drag, body frame [1/s]
-    drag: Vec3
-    # latency from command to actuator [s]
-    latency: float
-    # None: the thrust acts at once, without limits of single rotors
-    rotors: Rotors | None
-    # None: not known
-    uncertainty: Uncertainty | None = None
-    # time by which the rate loop looks ahead at the body rates, by their derivative [s]
-    rate_lead: Vec3 = NO_LEAD
+    # largest collective thrust, mass-normalised, which a file has only without rotors [m/s^2]
+    thrust_max: float = field()
 
     def __repr__(self) -> str:
         """Return one short line; `to_yaml` has all numbers."""
@@ -273,90 +307,6 @@ def with_thrust_to_weight(vehicle: Vehicle, ratio: float) -> Vehicle:
     return replace(scaled, name=f"{vehicle.name}-twr{ratio:g}")
 
 
-class RotorsEntry(Struct, frozen=True, kw_only=True):
-    """The rotors of a vehicle file."""
-
-    arm_l: Annotated[
-        Length | None, setting("centre to rotor, for rotors on the diagonals of a square [m]")
-    ] = None
-    rotor_x: Annotated[Length | None, setting("half the distance front to rear [m]")] = None
-    rotor_y: Annotated[Length | None, setting("half the distance left to right [m]")] = None
-    motor_omega_min: Annotated[Speed, setting("speed at idle [rad/s]")]
-    motor_omega_max: Annotated[Speed, setting("full speed [rad/s]")]
-    motor_tau: Annotated[Lag, setting("lag of the speed [s]")]
-    motor_response: Annotated[
-        tuple[Response, Response, Response, Response] | None,
-        setting(
-            "a, b of the speed's W' = a (c - W) + b (c^2 - W^2) to a command c, rising and falling,"
-            " in place of the lag, which stays that of the planner's model",
-            unit="1/s, 1/rad, 1/s, 1/rad",
-        ),
-    ] = None
-    thrust_map: Annotated[
-        tuple[float, float, float],
-        setting("c2, c1, c0 of the thrust c2 W^2 + c1 W + c0", unit="N s^2, N s, N"),
-    ]
-    kappa: Annotated[float, setting("reaction torque per thrust [m]", unit="m", gt=0, le=1)]
-
-
-Share = Annotated[float, unit("share", ge=0, le=0.5)]
-
-
-class UncertaintyEntry(Struct, frozen=True, kw_only=True):
-    """How well the numbers of a vehicle are known, in a vehicle file."""
-
-    mass: Annotated[Share, setting("standard deviation of the mass, relative")]
-    thrust: Annotated[Share, setting("standard deviation of the full thrust, relative")]
-    rate_lag: Annotated[Share, setting("standard deviation of the body rates' lags, relative")]
-    motor_lag: Annotated[Share, setting("standard deviation of the rotors' lag, relative")]
-    drag: Annotated[Share, setting("standard deviation of the drag, relative")]
-
-
-class VehicleFile(Struct, frozen=True, kw_only=True):
-    """The keys of a vehicle file."""
-
-    source: Annotated[str, setting("origin of the numbers")] = ""
-    mass: Annotated[float, setting("mass [kg]", unit="kg", gt=0, le=100)]
-    inertia: Annotated[
-        tuple[Moment, Moment, Moment], setting("principal moments about x, y, z [kg m^2]")
-    ]
-    # A course keeps a sphere of the largest radius free around its start.
-    radius: Annotated[
-        float, setting("radius of the sphere in contacts [m]", unit="m", gt=0, le=0.25)
-    ]
-    rate_tau: Annotated[tuple[Lag, Lag, Lag], setting("lags of the body rates about x, y, z [s]")]
-    rate_lead: Annotated[
-        tuple[Lag, Lag, Lag],
-        setting(
-            "time by which the rate loop looks ahead at the body rates about x, y, z: the ratio of"
-            " its derivative to its proportional gain [s]"
-        ),
-    ] = NO_LEAD
-    omega_max: Annotated[
-        tuple[Rate, Rate, Rate], setting("limits of the body-rate commands about x, y, z [rad/s]")
-    ]
-    thrust_max: (
-        Annotated[
-            float,
-            setting(
-                "largest mass-normalised thrust of a vehicle without rotors [m/s^2]",
-                unit="m/s^2",
-                gt=0,
-                le=1000,
-            ),
-        ]
-        | None
-    ) = None
-    drag: Annotated[
-        tuple[Drag, Drag, Drag], setting("linear drag along the body's x, y, z [1/s]")
-    ] = (0.0, 0.0, 0.0)
-    latency: Annotated[
-        float, setting("time from command to actuator [s]", unit="s", ge=0, le=0.5)
-    ] = 0.0
-    rotors: RotorsEntry | None = None
-    uncertainty: UncertaintyEntry | None = None
-
-
 def vehicle_names() -> tuple[str, ...]:
     """Return the names of the vehicles that come with the project."""
     return names(VEHICLES)
@@ -394,29 +344,15 @@ def parse_vehicle(text: str, file: str) -> Vehicle:
         FileError: the text is not a vehicle.
     """
     document = parse(text, file)
-    entry = document.fill(VehicleFile)
-    document.check(_problems(entry))
-    rotors = _rotors(entry.rotors) if entry.rotors else None
-    thrust_max = entry.thrust_max
+    numbers = document.fill(VehicleFile)
+    document.check(_problems(numbers))
+    rotors = numbers.rotors
+    thrust_max = numbers.thrust_max
     if rotors:
-        thrust_max = 4 * rotors.thrust(rotors.omega_max) / entry.mass
+        thrust_max = 4 * rotors.thrust(rotors.motor_omega_max) / numbers.mass
     # `_problems` has rejected a vehicle with neither rotors nor thrust_max.
     assert thrust_max is not None
-    return Vehicle(
-        name=Path(file).stem,
-        source=entry.source,
-        mass=entry.mass,
-        inertia=entry.inertia,
-        radius=entry.radius,
-        rate_tau=entry.rate_tau,
-        rate_max=entry.omega_max,
-        thrust_max=thrust_max,
-        drag=entry.drag,
-        latency=entry.latency,
-        rotors=rotors,
-        uncertainty=Uncertainty(**asdict(entry.uncertainty)) if entry.uncertainty else None,
-        rate_lead=entry.rate_lead,
-    )
+    return Vehicle(**vars(numbers) | {"name": Path(file).stem, "thrust_max": thrust_max})
 
 
 def _changed(vehicle: Vehicle, changes: Mapping[str, Any]) -> Vehicle:
@@ -425,7 +361,6 @@ def _changed(vehicle: Vehicle, changes: Mapping[str, Any]) -> Vehicle:
     Raises:
         SettingError: a value cannot be used.
     """
-    _check_keys(changes, KEYS)
     given = dict(changes)
     name = str(given.pop("name", vehicle.name))
     entries = _entries(vehicle)
@@ -438,33 +373,25 @@ def _changed(vehicle: Vehicle, changes: Mapping[str, Any]) -> Vehicle:
         else:
             entries["rotors"] = _changed_rotors(vehicle.rotors, rotors)
     if isinstance(known := given.get("uncertainty"), Uncertainty):
-        given["uncertainty"] = dataclass_dict(known)
+        given["uncertainty"] = asdict(known)
     return replace(remade({**entries, **given}, parse_vehicle, name), name=name)
 
 
 def _changed_rotors(rotors: Rotors | None, changes: Any) -> Any:
     """Return the entry of the rotors with changed values of some keys."""
     if isinstance(changes, Rotors):
-        return _rotors_entry(changes)
+        return entries_of(changes)
     if not isinstance(changes, Mapping):
         return changes
-    _check_keys(changes, KEYS_OF_ROTORS, "rotors.")
-    entry = _rotors_entry(rotors) if rotors else {}
+    entry = entries_of(rotors) if rotors else {}
     sides = {"rotor_x", "rotor_y"}
     if "arm_l" in changes:
         entry = {key: value for key, value in entry.items() if key not in sides}
     elif rotors and sides & changes.keys():
         entry.pop("arm_l", None)
         x, y = rotors.positions[2]
-        entry = {"rotor_x": x, "rotor_y": y, **entry}
+        entry |= {"rotor_x": x, "rotor_y": y}
     return {**entry, **changes}
-
-
-def _check_keys(changes: Mapping[str, Any], keys: Mapping[str, str], parent: str = "") -> None:
-    """Raise SettingError for a name that is no key of a vehicle file."""
-    for name in changes:
-        if name in keys:
-            raise SettingError(f"{parent}{name}", f"a vehicle file has it as {keys[name]}")
 
 
 def check_vehicle(vehicle: Vehicle) -> None:
@@ -474,18 +401,9 @@ def check_vehicle(vehicle: Vehicle) -> None:
         SettingError: a number is out of range, or the numbers do not fit together.
     """
     remade(_entries(vehicle), parse_vehicle, vehicle.name)
-    # The thrust of a vehicle with rotors, and the places of the rotors, are no keys of a file.
+    # The thrust of a vehicle with rotors is no key of a file.
     alone = _entries(replace(vehicle, rotors=None, rate_lead=NO_LEAD))
     remade(alone, parse_vehicle, vehicle.name)
-    if vehicle.rotors is None:
-        return
-    sides = [abs(side) for position in vehicle.rotors.positions for side in position]
-    if len(sides) != 8 or not all(0.0 < side <= LARGEST_ARM for side in sides):
-        wanted = f"expected 4 pairs of numbers within +-{LARGEST_ARM:g} [m], none of them 0"
-        raise SettingError("rotors.positions", f"{wanted}, got {vehicle.rotors.positions}")
-    if sorted(vehicle.rotors.spin) != [-1, -1, 1, 1]:
-        wanted = "expected two rotors of each direction, 1 and -1"
-        raise SettingError("rotors.spin", f"{wanted}, got {vehicle.rotors.spin}")
 
 
 def _as_yaml(vehicle: Vehicle) -> str:
@@ -500,79 +418,15 @@ def _as_yaml(vehicle: Vehicle) -> str:
         wanted = f"expected {again.thrust_max:g} [m/s^2], as rotors and mass give it"
         advice = "change numbers with Vehicle.but"
         raise SettingError("thrust_max", f"{wanted}, got {vehicle.thrust_max:g}: {advice}")
-    if replace(again, name=vehicle.name, thrust_max=vehicle.thrust_max) != vehicle:
-        wanted = "expected rotors on a rectangle, as a vehicle file has them"
-        raise SettingError("rotors", f"{wanted}, got others")
     return dump(entries)
 
 
 def _entries(vehicle: Vehicle) -> dict[str, Any]:
     """Return the entries of a vehicle file without the ones at their default."""
-    entries: dict[str, Any] = {
-        "source": vehicle.source,
-        "mass": vehicle.mass,
-        "inertia": vehicle.inertia,
-        "radius": vehicle.radius,
-        "rate_tau": vehicle.rate_tau,
-        "rate_lead": vehicle.rate_lead,
-        "omega_max": vehicle.rate_max,
-        "thrust_max": None if vehicle.rotors else vehicle.thrust_max,
-        "drag": vehicle.drag,
-        "latency": vehicle.latency,
-        "rotors": _rotors_entry(vehicle.rotors) if vehicle.rotors else None,
-        "uncertainty": dataclass_dict(vehicle.uncertainty) if vehicle.uncertainty else None,
-    }
-    defaults = {"source": "", "thrust_max": None, "drag": (0.0, 0.0, 0.0), "latency": 0.0}
-    defaults |= {"rotors": None, "uncertainty": None, "rate_lead": NO_LEAD}
-    return {
-        key: value
-        for key, value in entries.items()
-        if key not in defaults or value != defaults[key]
-    }
-
-
-def _rotors_entry(rotors: Rotors) -> dict[str, Any]:
-    """Return the entry of the rotors in a vehicle file."""
-    # The third rotor is at front-left.
-    x, y = rotors.positions[2]
-    arm = _arm(x) if x == y else None
-    place = {"rotor_x": x, "rotor_y": y} if arm is None else {"arm_l": arm}
-    return {
-        **place,
-        "motor_omega_min": rotors.omega_min,
-        "motor_omega_max": rotors.omega_max,
-        "motor_tau": rotors.tau,
-        **({"motor_response": rotors.response} if rotors.response else {}),
-        "thrust_map": rotors.thrust_map,
-        "kappa": rotors.kappa,
-    }
-
-
-def _arm(side: float) -> float | None:
-    """Return the arm_l [m] that gives rotors at exactly +-side [m], None if there is none."""
-    arm = side * sqrt(2)
-    near = (round(arm, 6), arm, nextafter(arm, 0.0), nextafter(arm, 1.0))
-    return next((each for each in near if each / sqrt(2) == side), None)
-
-
-def _rotors(entry: RotorsEntry) -> Rotors:
-    """Return the rotors, with Flightmare's directions of rotation.
-
-    The reaction torques of front-right and back-left turn the body to the left (+).
-    """
-    side = (entry.arm_l or 0.0) / sqrt(2)
-    x = entry.rotor_x or side
-    y = entry.rotor_y or side
-    return Rotors(
-        positions=((x, -y), (-x, y), (x, y), (-x, -y)),
-        spin=(1, 1, -1, -1),
-        thrust_map=entry.thrust_map,
-        omega_min=entry.motor_omega_min,
-        omega_max=entry.motor_omega_max,
-        tau=entry.motor_tau,
-        response=entry.motor_response,
-        kappa=entry.kappa,
-    )
+    entries = entries_of(vehicle, VehicleFile)
+    if vehicle.rotors:
+        del entries["thrust_max"]
+    return entries
 
 
 def unlikely_inertia(vehicle: Vehicle) -> str:
@@ -591,41 +445,40 @@ def unlikely_inertia(vehicle: Vehicle) -> str:
     )
 
 
-def _problems(entry: VehicleFile) -> Iterator[FieldProblem]:
+def _problems(vehicle: VehicleFile) -> Iterator[FieldProblem]:
     """Yield all faults of a vehicle, the most important first."""
-    if 2 * max(entry.inertia) > sum(entry.inertia):
+    if 2 * max(vehicle.inertia) > sum(vehicle.inertia):
         expected = "expected each moment at most the sum of the other two [kg m^2]"
-        yield FieldProblem("inertia", f"{expected}, got {_list(entry.inertia)}")
-    if entry.rate_lead != NO_LEAD and not entry.rotors:
-        problem = f"expected none without rotors, which lag, got {_list(entry.rate_lead)}"
+        yield FieldProblem("inertia", f"{expected}, got {_list(vehicle.inertia)}")
+    if vehicle.rate_lead != NO_LEAD and not vehicle.rotors:
+        problem = f"expected none without rotors, which lag, got {_list(vehicle.rate_lead)}"
         yield FieldProblem("rate_lead", problem)
-    if entry.rotors:
-        if entry.thrust_max is not None:
+    if vehicle.rotors:
+        if vehicle.thrust_max is not None:
             problem = "expected none beside rotors, whose thrust_map gives it: remove one"
             yield FieldProblem("thrust_max", problem)
-        yield from _rotor_problems(entry.rotors, entry.mass * GRAVITY)
-    elif entry.thrust_max is None:
+        yield from _rotor_problems(vehicle.rotors, vehicle.mass * GRAVITY)
+    elif vehicle.thrust_max is None:
         yield FieldProblem("thrust_max", "missing, expected a number [m/s^2], or rotors")
-    elif entry.thrust_max <= GRAVITY:
-        problem = f"cannot hover: expected more than {GRAVITY} [m/s^2], got {entry.thrust_max:g}"
+    elif vehicle.thrust_max <= GRAVITY:
+        problem = f"cannot hover: expected more than {GRAVITY} [m/s^2], got {vehicle.thrust_max:g}"
         yield FieldProblem("thrust_max", problem)
 
 
-def _rotor_problems(entry: RotorsEntry, weight: float) -> Iterator[FieldProblem]:
+def _rotor_problems(rotors: Rotors, weight: float) -> Iterator[FieldProblem]:
     """Yield the faults of the rotors.
 
     Args:
-        entry: entry of the file.
+        rotors: the rotors.
         weight: weight of the vehicle [N].
     """
-    sides = [entry.rotor_x is not None, entry.rotor_y is not None]
-    one_way = not any(sides) if entry.arm_l is not None else all(sides)
+    sides = [rotors.rotor_x is not None, rotors.rotor_y is not None]
+    one_way = not any(sides) if rotors.arm_l is not None else all(sides)
     if not one_way:
         yield FieldProblem("rotors", "expected either arm_l [m] or both rotor_x and rotor_y [m]")
 
-    rotors = _rotors(entry)
-    low = rotors.omega_min
-    high = rotors.omega_max
+    low = rotors.motor_omega_min
+    high = rotors.motor_omega_max
     if low >= high:
         problem = f"expected more than motor_omega_min = {low:g} [rad/s], got {high:g}"
         yield FieldProblem("rotors.motor_omega_max", problem)
@@ -634,8 +487,8 @@ def _rotor_problems(entry: RotorsEntry, weight: float) -> Iterator[FieldProblem]
         expected = "expected thrust that rises, ever faster, with the speed"
         yield FieldProblem("rotors.thrust_map", f"{expected}, got {_list(rotors.thrust_map)}")
 
-    if rotors.response:
-        a_up, b_up, a_down, b_down = rotors.response
+    if rotors.motor_response:
+        a_up, b_up, a_down, b_down = rotors.motor_response
         if not (a_up + b_up * low > 0.0 and a_down + b_down * low > 0.0):
             problem = "expected a speed that follows its command, got rates of 0"
             yield FieldProblem("rotors.motor_response", problem)

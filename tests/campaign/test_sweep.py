@@ -72,7 +72,7 @@ def test_a_number_of_the_vehicle_changes_the_vehicle_and_the_planners_model_of_i
         vehicle="swift",
         thrust_to_weight=5,
     ).values()
-    assert strong.vehicle.rotors.tau == 0.06
+    assert strong.vehicle.rotors.motor_tau == 0.06
     assert strong.vehicle.thrust_to_weight == pytest.approx(5.0)
 
 

@@ -112,7 +112,7 @@ def test_the_planners_model_has_lags_that_a_vehicle_file_lacks():
     for numbers, rate_lag in ((lags, (0.07, 0.07, 0.07)), ([], None)):
         found = VehicleFit("mine", vehicle, (*NUMBERS, *numbers), (), ())
         assert found.model.rate_lag == rate_lag
-        assert found.model.motor_tau == vehicle.rotors.tau
+        assert found.model.motor_tau == vehicle.rotors.motor_tau
 
 
 def test_logs_are_given_as_paths_and_as_they_were_read(asked):

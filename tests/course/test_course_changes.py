@@ -1,6 +1,6 @@
 """Courses changed in Python and written as YAML: checked as files are, and read back equal."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from math import radians
 
 import numpy as np
@@ -117,4 +117,4 @@ def test_a_change_that_cannot_be_used_is_one_line_with_its_key(changes, problem)
 
 
 def test_the_keywords_of_a_change_are_the_keys_of_a_file():
-    assert CourseChanges.__optional_keys__ == set(CourseFile.__struct_fields__)
+    assert CourseChanges.__optional_keys__ == {f.name for f in fields(CourseFile)}

@@ -187,26 +187,24 @@ def test_columns_of_a_table_of_states_are_what_a_state_calls_by_the_same_names()
 
 def test_nominal_model_of_a_vehicle_has_all_but_the_axes_of_its_drag():
     rotors = Rotors(
-        ((0.1, -0.1), (-0.1, 0.1), (0.1, 0.1), (-0.1, -0.1)),
-        (1, 1, -1, -1),
-        (1e-6, 0, 0),
-        0,
-        3e3,
-        0.033,
-        0.01,
+        rotor_x=0.1,
+        rotor_y=0.1,
+        motor_omega_min=0.0,
+        motor_omega_max=3e3,
+        motor_tau=0.033,
+        thrust_map=(1e-6, 0.0, 0.0),
+        kappa=0.01,
     )
     plain = Vehicle(
-        "v",
-        "",
-        1.0,
-        (1e-3,) * 3,
-        0.1,
-        (0.1, 0.2, 0.3),
-        (6.0, 7.0, 3.0),
-        30.0,
-        (0.3, 0.6, 0.9),
-        0.01,
-        None,
+        name="v",
+        mass=1.0,
+        inertia=(1e-3,) * 3,
+        radius=0.1,
+        rate_tau=(0.1, 0.2, 0.3),
+        omega_max=(6.0, 7.0, 3.0),
+        thrust_max=30.0,
+        drag=(0.3, 0.6, 0.9),
+        latency=0.01,
     )
     model = ModelParams((0.1, 0.2, 0.3), 0.0, pytest.approx(0.6), (6.0, 7.0, 3.0), 30.0)
     assert ModelParams.of(plain) == model

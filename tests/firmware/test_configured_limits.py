@@ -47,8 +47,8 @@ def test_a_configuration_that_gives_all_that_the_vehicle_has_limits_nothing():
 def test_rates_and_thrust_end_where_the_curves_end():
     assert limits(rates=(3.0, -4.0, 2.0)).rate_max == pytest.approx((2.94, 3.92, 1.96))
     rotors = SWIFT.rotors
-    half = 4.0 * rotors.thrust(0.5 * rotors.omega_max) / SWIFT.mass
-    fifth = 4.0 * rotors.thrust(0.2 * rotors.omega_max) / SWIFT.mass
+    half = 4.0 * rotors.thrust(0.5 * rotors.motor_omega_max) / SWIFT.mass
+    fifth = 4.0 * rotors.thrust(0.2 * rotors.motor_omega_max) / SWIFT.mass
     found = limits(motors=(0.2, 0.7))
     assert found.thrust_min == pytest.approx(fifth)
     assert limits(motors=(0.0, 0.6)).thrust_max == pytest.approx(0.36 * NOMINAL.thrust_max, rel=0.1)

@@ -53,7 +53,7 @@ def test_each_vehicle_with_rotors_has_a_configuration_but_those_without_a_tuned_
 def test_the_sticks_of_a_configuration_cover_the_rates_of_its_vehicle(built, name):
     found = bench(name)
     largest = np.abs(found.configuration.rates).max(axis=1)
-    assert (largest >= np.array(found.vehicle.rate_max) - 1e-6).all()
+    assert (largest >= np.array(found.vehicle.omega_max) - 1e-6).all()
 
 
 @pytest.mark.parametrize("name", WITH_ROTORS)

@@ -64,7 +64,7 @@ def flight(seconds=8.0, yaw=2.0):
         rows.append((x, force, actuators.asked, command))
     states = np.array([row[0] for row in rows])
     force = np.array([rows[0][1]] + [row[1] for row in rows[:-1]])
-    asked = np.array([row[2] for row in rows]) / TRUE.rotors.omega_max
+    asked = np.array([row[2] for row in rows]) / TRUE.rotors.motor_omega_max
     # The motors' commands are logged one latency before they act.
     early = round(LATE / DT)
     asked = np.concatenate([asked[early:], np.repeat(asked[-1:], early, axis=0)])

@@ -29,7 +29,7 @@ def known():
     ("key", "true", "share"),
     [
         ("thrust_max", TRUE.thrust_max, 0.01),
-        ("rotors.motor_tau", TRUE.rotors.tau, 0.02),
+        ("rotors.motor_tau", TRUE.rotors.motor_tau, 0.02),
         ("motor_delay", LATE, 0.02),
         ("latency", LATE, 0.05),
         ("drag.x", TRUE.drag[0], 0.05),

@@ -102,6 +102,6 @@ def test_lags_of_the_rate_loop_do_not_depend_on_the_rate_of_the_log(rows):
     }
     thin = replace(log, **signals, pieces=(slice(0, count),))
     prior = load_vehicle("swift")
-    found = fit_rate_loop(prepare(stretches(thin), prior), TRUE.rotors.tau, prior.rate_tau)
+    found = fit_rate_loop(prepare(stretches(thin), prior), TRUE.rotors.motor_tau, prior.rate_tau)
     assert found is not None
     assert found.numbers.tau == pytest.approx(TRUE.rate_tau, rel=0.02)

@@ -109,21 +109,24 @@ def solved(case: Waypoints, intervals: int) -> Solution:
 
 def without_lag(mass, inertia, arm, kappa, thrust, rate_max, drag) -> Dynamics:
     """A quadrotor whose rotors follow at once, each with up to `thrust` [N], at `arm` [m]."""
-    side = arm / sqrt(2)
-    places = ((side, -side), (-side, side), (side, side), (-side, -side))
-    rotors = Rotors(places, (1, 1, -1, -1), (1.0, 0.0, 0.0), 0.0, sqrt(thrust), 0.0, kappa)
+    rotors = Rotors(
+        arm_l=arm,
+        motor_omega_min=0.0,
+        motor_omega_max=sqrt(thrust),
+        motor_tau=0.0,
+        thrust_map=(1.0, 0.0, 0.0),
+        kappa=kappa,
+    )
     vehicle = Vehicle(
-        "published",
-        "",
-        mass,
-        inertia,
-        0.0,
-        (0.05,) * 3,
-        rate_max,
-        4 * thrust / mass,
-        drag,
-        0.0,
-        rotors,
+        name="published",
+        mass=mass,
+        inertia=inertia,
+        radius=0.0,
+        rate_tau=(0.05,) * 3,
+        omega_max=rate_max,
+        thrust_max=4 * thrust / mass,
+        drag=drag,
+        rotors=rotors,
     )
     return dynamics(vehicle, "rotors")
 

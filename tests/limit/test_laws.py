@@ -152,8 +152,8 @@ def test_a_path_through_a_frame_is_found_out(race):
 
 @optimised
 def test_more_thrust_is_faster_and_lag_slower(race):
-    weak, _ = raced(replace(SWIFT, rotors=replace(SWIFT.rotors, omega_max=2200.0)))
-    slow, _ = raced(replace(SWIFT, rotors=replace(SWIFT.rotors, tau=0.08)))
+    weak, _ = raced(replace(SWIFT, rotors=replace(SWIFT.rotors, motor_omega_max=2200.0)))
+    slow, _ = raced(replace(SWIFT, rotors=replace(SWIFT.rotors, motor_tau=0.08)))
     assert weak.time > race[0].time + 0.01
     assert slow.time > race[0].time + 0.01
 

@@ -128,7 +128,7 @@ def test_each_number_that_the_search_reads_makes_another_race():
         of_vehicle(drag=(0.1, 0.2, 0.3)),
         of_vehicle(radius=0.3),
         of_vehicle(rate_lead=(0.01, 0.0, 0.0)),
-        of_vehicle(rotors=replace(SWIFT.rotors, tau=0.2)),
+        of_vehicle(rotors=replace(SWIFT.rotors, motor_tau=0.2)),
         of_vehicle(rotors=None),
         replace(FIGURE8, laps=2),
         replace(FIGURE8, model="rates"),

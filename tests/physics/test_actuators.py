@@ -19,7 +19,7 @@ POINT = Vehicle(
     inertia=(0.0025, 0.0021, 0.0043),
     radius=0.1,
     rate_tau=(0.25, 0.1, 0.5),
-    rate_max=(10.0, 10.0, 4.0),
+    omega_max=(10.0, 10.0, 4.0),
     thrust_max=36.0,
     drag=REST,
     latency=0.0,
@@ -52,7 +52,7 @@ def test_a_rate_step_is_63_percent_done_at_tau_for_any_dt(axis, dt):
 
 
 def test_commands_are_flown_within_their_limits():
-    actuators, limit = Actuators(POINT, 1 / 400), (*POINT.rate_max, POINT.thrust_max)
+    actuators, limit = Actuators(POINT, 1 / 400), (*POINT.omega_max, POINT.thrust_max)
     wild = actuators.wrench((99.0, 99.0, 99.0, 99.0), REST, REST)
     assert wild == Actuators(POINT, 1 / 400).wrench(limit, REST, REST)
     actuators.wrench((0.0, 0.0, 0.0, -5.0), REST, REST)
@@ -96,7 +96,10 @@ def test_drag_opposes_each_body_axis_by_its_own_coefficient():
 
 def test_rotors_never_pull_downwards():
     idling = replace(
-        ROTORS, thrust_map=(1.33e-6, 0.003836, -1.769), omega_min=150.0, omega_max=2000.0
+        ROTORS,
+        thrust_map=(1.33e-6, 0.003836, -1.769),
+        motor_omega_min=150.0,
+        motor_omega_max=2000.0,
     )
     motors = Actuators(replace(RACER, rotors=idling), 1 / 400).motors
     for _ in range(400):
@@ -109,7 +112,7 @@ def test_rotors_never_pull_downwards():
 def test_rotor_speed_is_63_percent_of_the_way_at_tau():
     motors, dt = Actuators(RACER, 1 / 400).motors, 1 / 400
     before = np.array(motors.speeds)
-    for _ in range(round(ROTORS.tau / dt)):
+    for _ in range(round(ROTORS.motor_tau / dt)):
         motors.drive(4 * 6.0, REST)
     command = ROTORS.speed(6.0)
     np.testing.assert_allclose(

@@ -1,8 +1,6 @@
 """The allocation: what four rotors can give is mixed back exactly, and what they cannot is given up
 in order."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from plant_cases import FULL, ROTORS
@@ -66,13 +64,3 @@ def test_an_impossible_tilt_keeps_its_direction():
     assert roll / pitch == pytest.approx(1.5)
     assert 0.5 < roll < 9.0
     assert yaw == pytest.approx(0.0, abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"positions": ((0.2, -0.1), *ROTORS.positions[1:])}, {"spin": (1, 1, 1, 1)}]
-)
-def test_rotors_that_are_lopsided_or_cannot_yaw_are_refused(wrong):
-    with pytest.raises(
-        ValueError, match=r"rotors: expected four, mirrored .* diagonal pairs of equal spin"
-    ):
-        shares(replace(ROTORS, **wrong))

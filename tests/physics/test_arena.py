@@ -23,17 +23,13 @@ WORLDS = pytest.mark.parametrize("world", ["rigid", BULLET])
 
 def ball(mass=1.0, radius=0.1):
     return Vehicle(
-        "ball",
-        "test",
-        mass,
-        (0.004,) * 3,
-        radius,
-        (0.1,) * 3,
-        (9.0,) * 3,
-        36.0,
-        (0.0,) * 3,
-        0.0,
-        None,
+        name="ball",
+        mass=mass,
+        inertia=(0.004,) * 3,
+        radius=radius,
+        rate_tau=(0.1,) * 3,
+        omega_max=(9.0,) * 3,
+        thrust_max=36.0,
     )
 
 

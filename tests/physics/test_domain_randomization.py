@@ -109,7 +109,7 @@ def test_thrust_to_weight_scales_map_and_limit_alike(name):
     assert v.thrust_max == pytest.approx(3.3 * GRAVITY)
     assert v.name == f"{name}-twr3.3"
     if v.rotors:
-        assert 4 * v.rotors.thrust(v.rotors.omega_max) / v.mass == pytest.approx(v.thrust_max)
+        assert 4 * v.rotors.thrust(v.rotors.motor_omega_max) / v.mass == pytest.approx(v.thrust_max)
 
 
 BESIDE_A_FRAME = """

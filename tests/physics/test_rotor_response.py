@@ -27,7 +27,7 @@ def speeds(command, seconds=0.1):
 
 def integrated(command, seconds=0.1, fine=200):
     """Return the same by a fine explicit integration of W' = a (c - W) + b (c^2 - W^2)."""
-    a_up, b_up, a_down, b_down = CF21B.rotors.response
+    a_up, b_up, a_down, b_down = CF21B.rotors.motor_response
     speed = CF21B.rotors.speed(0.25 * CF21B.mass * 9.81)
     found = [speed]
     for _ in range(round(seconds / DT)):
@@ -44,12 +44,15 @@ def test_a_speed_follows_the_published_equation(command):
     np.testing.assert_allclose(found, wanted, rtol=0.005)
     # The negative control: the lag of the planner's model is not this equation.
     hover = found[0]
-    lagging = command + (hover - command) * np.exp(-np.arange(len(found)) * DT / CF21B.rotors.tau)
+    lagging = command + (hover - command) * np.exp(
+        -np.arange(len(found)) * DT / CF21B.rotors.motor_tau
+    )
     assert np.abs(lagging - wanted).max() > 0.01 * abs(command - hover)
 
 
 def test_a_vehicle_without_a_response_has_its_lag():
-    assert SWIFT.rotors.lag(100.0, 2000.0) == SWIFT.rotors.lag(2000.0, 100.0) == SWIFT.rotors.tau
+    lag = SWIFT.rotors.motor_tau
+    assert SWIFT.rotors.lag(100.0, 2000.0) == SWIFT.rotors.lag(2000.0, 100.0) == lag
 
 
 def test_randomized_motors_are_slower_by_the_drawn_share():
@@ -62,7 +65,7 @@ def test_a_file_keeps_its_response():
     again = parse_vehicle(CF21B.to_yaml(), "cf21b_500.yaml")
     assert again == CF21B
     without = CF21B.but(rotors={"motor_response": None})
-    assert without.rotors == replace(CF21B.rotors, response=None)
+    assert without.rotors == replace(CF21B.rotors, motor_response=None)
 
 
 def test_a_response_that_never_moves_is_refused():

@@ -20,7 +20,13 @@ LEVEL, REST = (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
 MASS, INERTIA = 0.75, (0.0025, 0.0021, 0.0043)
 WEIGHT = (0.0, 0.0, MASS * GRAVITY)
 SPHERE = Vehicle(
-    "sphere", "test", MASS, INERTIA, RADIUS, (0.1,) * 3, (9.0,) * 3, 36.0, REST, 0.0, None
+    name="sphere",
+    mass=MASS,
+    inertia=INERTIA,
+    radius=RADIUS,
+    rate_tau=(0.1,) * 3,
+    omega_max=(9.0,) * 3,
+    thrust_max=36.0,
 )
 GATES = (
     Gate((5.0, 0.0, 2.0), 0.0, 0.0, 0.0, (2.4, 1.6), 0.3),

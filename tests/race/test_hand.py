@@ -29,7 +29,7 @@ class Clock:
 
 def test_full_sticks_turn_as_a_pilot_expects_and_a_vehicle_can():
     right = RATES.control(Sticks(roll=1.0, pitch=1.0, yaw=1.0, throttle=1.0))
-    assert right == pytest.approx((*SWIFT.rate_max[:2], -SWIFT.rate_max[2], SWIFT.thrust_max))
+    assert right == pytest.approx((*SWIFT.omega_max[:2], -SWIFT.omega_max[2], SWIFT.thrust_max))
     left = RATES.control(Sticks(roll=-1.0, pitch=-1.0, yaw=-1.0))
     assert left == pytest.approx((-right.wx, -right.wy, -right.wz, 0.0))
 
@@ -51,7 +51,7 @@ def test_a_vehicle_hovers_before_it_begins_and_sinks_without_sticks():
     hand.move(Sticks(roll=1.0, throttle=1.0))
     assert list(hand.control(None)[0]) == [0.0, 0.0, 0.0, GRAVITY]
     hand.begin()
-    assert hand.control(None)[0][0] == pytest.approx(SWIFT.rate_max[0])
+    assert hand.control(None)[0][0] == pytest.approx(SWIFT.omega_max[0])
     clock.now += 0.99 * SILENCE
     assert hand.sticks is not None
     clock.now += 0.02 * SILENCE

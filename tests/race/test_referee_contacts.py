@@ -23,7 +23,13 @@ from quadsim.physics.world import BulletWorld
 
 GATE = gate((0.0, 0.0, 10.0), yaw=0.7, pitch=-0.4, roll=0.2)
 PROBE = Vehicle(
-    "probe", "", 1.0, (1e-3,) * 3, R, (0.05,) * 3, (10.0,) * 3, 40.0, (0.0,) * 3, 0.0, None
+    name="probe",
+    mass=1.0,
+    inertia=(1e-3,) * 3,
+    radius=R,
+    rate_tau=(0.05,) * 3,
+    omega_max=(10.0,) * 3,
+    thrust_max=40.0,
 )
 HOVER = (0.0, 0.0, GRAVITY * PROBE.mass)  # the probe never turns before it touches, so this is up
 CORNER = (sqrt(3) - 1) * R  # by which a grown box's corner sticks out of a sphere [m]

@@ -19,7 +19,13 @@ from quadsim.vehicle import GRAVITY, Vehicle
 POLE, WALL = Cylinder((-1.0, 0.0, 9.0), 0.1, 2.0), Box((3.0, 0.0, 10.0), (0.5, 2.0, 1.0), 0.4)
 HERE, AWAY = (gate(),), (gate((0.0, 40.0, 10.0)),)
 PROBE = Vehicle(
-    "probe", "", 1.0, (1e-3,) * 3, R, (0.05,) * 3, (10.0,) * 3, 40.0, (0.0,) * 3, 0.0, None
+    name="probe",
+    mass=1.0,
+    inertia=(1e-3,) * 3,
+    radius=R,
+    rate_tau=(0.05,) * 3,
+    omega_max=(10.0,) * 3,
+    thrust_max=40.0,
 )
 
 

@@ -1,5 +1,7 @@
 """Sensings changed in Python and written as YAML: checked as files are, and read back equal."""
 
+from dataclasses import fields
+
 import pytest
 
 from quadsim.files.values import SettingError
@@ -60,4 +62,4 @@ def test_a_change_that_cannot_be_used_is_one_line_with_its_key(changes, problem)
 
 
 def test_the_keywords_of_a_change_are_the_keys_of_a_file():
-    assert SensingChanges.__optional_keys__ == {"name", *SensingFile.__struct_fields__}
+    assert SensingChanges.__optional_keys__ == {"name", *(f.name for f in fields(SensingFile))}

@@ -14,7 +14,7 @@ SWIFT = load_vehicle("swift")
 def test_at_hover_speed_the_rotors_carry_the_weight():
     hover = flying_numbers(SWIFT).hover
     rotors = SWIFT.rotors
-    thrust = 4.0 * rotors.thrust(hover * rotors.omega_max)
+    thrust = 4.0 * rotors.thrust(hover * rotors.motor_omega_max)
     assert thrust == pytest.approx(SWIFT.mass * GRAVITY)
     paper = load_vehicle("paper")
     assert flying_numbers(paper).hover * paper.thrust_max == pytest.approx(GRAVITY)

@@ -42,9 +42,11 @@ def test_inertia_thrust_and_torque_follow_their_laws():
     assert large.rotors.thrust_map[0] == pytest.approx(1.2**4 * one.rotors.thrust_map[0], rel=1e-3)
     assert large.rotors.kappa == pytest.approx(1.2 * one.rotors.kappa, rel=1e-3)
     # Larger propellers turn more slowly for the same thrust.
-    assert large.rotors.omega_max == pytest.approx(one.rotors.omega_max / 1.2**2, rel=1e-3)
-    assert scaled(thrust_to_weight=2.5).rotors.omega_max == pytest.approx(
-        one.rotors.omega_max / sqrt(2.0), rel=1e-3
+    assert large.rotors.motor_omega_max == pytest.approx(
+        one.rotors.motor_omega_max / 1.2**2, rel=1e-3
+    )
+    assert scaled(thrust_to_weight=2.5).rotors.motor_omega_max == pytest.approx(
+        one.rotors.motor_omega_max / sqrt(2.0), rel=1e-3
     )
 
 
@@ -59,7 +61,7 @@ def test_a_shipped_vehicle_that_is_scaled_to_itself_is_that_vehicle(name):
     )
     vehicle = scaled_vehicle(known, name).vehicle
     assert vehicle.rotors.thrust_map == pytest.approx(base.rotors.thrust_map, rel=1e-3)
-    assert vehicle.rotors.omega_max == pytest.approx(base.rotors.omega_max, rel=1e-3)
+    assert vehicle.rotors.motor_omega_max == pytest.approx(base.rotors.motor_omega_max, rel=1e-3)
     assert vehicle.rate_tau == base.rate_tau
     # Rotors stand on a square: inertia about x and y are one.
     mean = 0.5 * (base.inertia[0] + base.inertia[1])
