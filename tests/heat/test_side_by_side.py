@@ -77,7 +77,7 @@ def threads_of_loops(on_threads):
 
 
 def planning(controller, is_first=False) -> Planning:
-    return Planning(controller, Still(), 0.0, 4, is_first)
+    return Planning(controller, Still(), 0.0, is_first)
 
 
 def test_two_plan_at_the_same_time_on_a_thread_each():
