@@ -23,12 +23,12 @@ from websockets.sync.client import connect
 
 from quadsim.racing.hand import HAND
 from quadsim.record.archive import list_runs
-from quadsim.web.choices import PILOT, Choices
-from quadsim.web.menu import Menu
 from quadsim.web.page.dashboard import Dashboard
-from quadsim.web.page.server import address, serve
-from quadsim.web.race import PageRace
-from quadsim.web.session import Session
+from quadsim.web.page.server.page_server import address, serve
+from quadsim.web.race.page_race import PageRace
+from quadsim.web.race.session import Session
+from quadsim.web.state.choices import PILOT, Choices
+from quadsim.web.state.menu import Menu
 
 OUT = Path(__file__).parent
 HOST = "127.0.0.1"

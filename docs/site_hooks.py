@@ -24,9 +24,9 @@ from mkdocs.structure.pages import Page
 from docs import api_reference
 from docs.api_reference import Section
 from quadsim.heat.archive import run_folders
-from quadsim.web.competitor import named
-from quadsim.web.page.export import offline_page
-from quadsim.web.stored_runs import stored_competitor
+from quadsim.web.page.forms.export import offline_page
+from quadsim.web.race.competitor import named
+from quadsim.web.race.stored_competitor import stored_competitor
 
 NOTEBOOKS = Path("examples/notebooks")
 GALLERY = Path("docs/gallery")

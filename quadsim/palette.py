@@ -62,6 +62,7 @@ NEXT = "#009e73"
 HIT = "#d55e00"
 BEST = "#b07cff"
 FASTER = "#2fbf71"
+HIT_ON_DARK = "#ff6b6b"  # as light as text on a dark page has to be
 
 # On white paper
 INK = "#202020"

@@ -15,7 +15,7 @@ from quadsim.cli.cli import race
 from quadsim.heat.line_up import line_up
 from quadsim.record.archive import read_run
 from quadsim.results.stored_runs import LARGEST_RECORD
-from quadsim.web.run_table import RunTable
+from quadsim.web.stored.run_table import RunTable
 
 PILOT = {"name": "ace", "sha256": "0" * 64}
 

@@ -228,9 +228,9 @@ def _data(kind: str, folders: list[Path]) -> bytes:
     if kind == "mcap":
         return _mcap_data(folders)
     # Imported here, so that --help does not load them
-    from quadsim.web.competitor import named
-    from quadsim.web.page.export import offline_page, zipped
-    from quadsim.web.stored_runs import stored_competitor
+    from quadsim.web.page.forms.export import offline_page, zipped
+    from quadsim.web.race.competitor import named
+    from quadsim.web.race.stored_competitor import stored_competitor
 
     if kind == "zip":
         for folder in with_whole_races(folders):

@@ -47,12 +47,12 @@ def web(
         complain(f"race web: {error}: flights of this page cannot be stored")
     paths = [folder for run in runs for folder in run_folders(run, runs_dir)]
     # imported here, as they load numba and viser, which --help does not need
-    from quadsim.web.choices import Choices
-    from quadsim.web.menu import Menu
     from quadsim.web.page.dashboard import Dashboard
-    from quadsim.web.page.server import address, new_token, serve
-    from quadsim.web.race import PageRace
-    from quadsim.web.session import Session
+    from quadsim.web.page.server.page_server import address, new_token, serve
+    from quadsim.web.race.page_race import PageRace
+    from quadsim.web.race.session import Session
+    from quadsim.web.state.choices import Choices
+    from quadsim.web.state.menu import Menu
 
     token = new_token(host)
     try:

@@ -22,9 +22,9 @@ from quadsim.limit.limits import SOLUTIONS, dump, load
 from quadsim.record.run import canonical, hostless, why_not_repeatable
 from quadsim.record.schema import NumberChange
 from quadsim.vehicle import load_vehicle
-from quadsim.web.choices import Choices
-from quadsim.web.live_flight import LiveFlight
-from quadsim.web.numbers import Change
+from quadsim.web.race.live_flight import LiveFlight
+from quadsim.web.state.choices import Choices
+from quadsim.web.state.numbers import Change
 from tests.small import SHORT
 
 # Long enough for a change in flight

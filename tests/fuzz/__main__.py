@@ -65,7 +65,7 @@ LOADED = (
     "quadsim.controllers.lanes.lanes",
     "pybullet",
     "matplotlib.figure",
-    "quadsim.web.page.export",
+    "quadsim.web.page.forms.export",
     "optuna",
 )
 

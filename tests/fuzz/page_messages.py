@@ -16,11 +16,11 @@ from typing import Any
 
 import msgspec
 
-from quadsim.web.choices import Choices
-from quadsim.web.menu import Menu
 from quadsim.web.page.dashboard import Dashboard
-from quadsim.web.page.server import serve
-from quadsim.web.session import Session
+from quadsim.web.page.server.page_server import serve
+from quadsim.web.race.session import Session
+from quadsim.web.state.choices import Choices
+from quadsim.web.state.menu import Menu
 from tests.fuzz.harness import Case
 from tests.web.wire import CAMERA, connect, link
 

@@ -48,7 +48,7 @@ LIBRARIES = (
     "quadsim.controllers.lanes.lanes",
     "pybullet",
     "matplotlib.figure",
-    "quadsim.web.page.export",
+    "quadsim.web.page.forms.export",
     "optuna",
     "quadsim.limit.search",
     "quadsim.learn.training",

@@ -37,7 +37,7 @@ from quadsim.record.archive import read_run
 from quadsim.record.run import RunError
 from quadsim.vehicle import load_vehicle, with_thrust_to_weight
 from quadsim.vehicle.vehicle import VEHICLES
-from quadsim.web.stored_runs import stored_competitor
+from quadsim.web.race.stored_competitor import stored_competitor
 from tests.run_cases import save, two_laps
 from tests.small import SMALL, flags
 

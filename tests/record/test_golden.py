@@ -17,7 +17,7 @@ from quadsim.cli.cli import race
 from quadsim.dynamics.quadrotor import STATE
 from quadsim.figures.run_figure import draw
 from quadsim.record.run import RunError
-from quadsim.web.stored_runs import stored_competitor
+from quadsim.web.race.stored_competitor import stored_competitor
 from tests.small import SHORT
 
 GOLDEN = Path(__file__).parent / "golden"

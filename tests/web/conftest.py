@@ -10,9 +10,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from web_cases import COURSE, MENU, Gliders, served, until
 
-from quadsim.web.choices import Choices
-from quadsim.web.commands import ChooseRace, FlyAgainst, RemoveRow, ResetRow
-from quadsim.web.race import PageRace
+from quadsim.web.race.page_race import PageRace
+from quadsim.web.state.choices import Choices
+from quadsim.web.state.commands import ChooseRace, FlyAgainst, RemoveRow, ResetRow
 
 
 @pytest.fixture

@@ -49,13 +49,13 @@ from web_cases import Gliders
 from wire import CAMERA, PROTOCOL
 
 from quadsim.bench.cases import QUADROTOR, median_ms, paper_case, starting
-from quadsim.web.choices import Choices, HeatChoices
-from quadsim.web.commands import SetView
-from quadsim.web.menu import Menu
 from quadsim.web.page.dashboard import Dashboard
-from quadsim.web.page.server import serve
-from quadsim.web.race import PageRace, TakeOff, take_off
-from quadsim.web.session import Session
+from quadsim.web.page.server.page_server import serve
+from quadsim.web.race.page_race import PageRace, TakeOff, take_off
+from quadsim.web.race.session import Session
+from quadsim.web.state.choices import Choices, HeatChoices
+from quadsim.web.state.commands import SetView
+from quadsim.web.state.menu import Menu
 from tests.small import SMALL
 
 CLIENTS = 3

@@ -6,8 +6,8 @@ import pytest
 from web_cases import until
 from wire import connect, link
 
-from quadsim.web.page.messages import MAX_TEXT
-from quadsim.web.race import PageRace
+from quadsim.web.page.server.messages import MAX_TEXT
+from quadsim.web.race.page_race import PageRace
 
 pytestmark = pytest.mark.socket
 

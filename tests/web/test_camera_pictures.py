@@ -12,9 +12,16 @@ from web_cases import competitor, until
 from quadsim.config.spec import Spec
 from quadsim.sensing.config import GateCameraConfig
 from quadsim.sensing.measurements import Corners
-from quadsim.web.camera_pictures import At, CameraPictures, camera_of, moment_of, pose_at, smaller
-from quadsim.web.page.elements import to_html
-from quadsim.web.page.pictures import shown_picture
+from quadsim.web.page.parts.elements import to_html
+from quadsim.web.page.parts.pictures import shown_picture
+from quadsim.web.race.camera_pictures import (
+    At,
+    CameraPictures,
+    camera_of,
+    moment_of,
+    pose_at,
+    smaller,
+)
 
 A, B, C = 1, 2, 3  # visitors
 T = 0.203  # between two frames [s]
@@ -97,7 +104,7 @@ def test_corners_of_another_moment_are_not_drawn(entry):
 @pytest.mark.process
 def test_whoever_asks_does_not_wait(entry, pictures, monkeypatch):
     """A picture that was asked for is there in one of the calls after that."""
-    monkeypatch.setattr("quadsim.web.camera_pictures.PERIOD", 0.0)
+    monkeypatch.setattr("quadsim.web.race.camera_pictures.PERIOD", 0.0)
     for t in (0.1, 0.2):
         before = pictures.last
         pictures.show({A: At(entry, t)})
@@ -108,7 +115,7 @@ def test_whoever_asks_does_not_wait(entry, pictures, monkeypatch):
 @pytest.mark.process
 def test_each_visitor_has_pictures_of_what_it_watches(entry, pictures, monkeypatch):
     """Two who watch the same share one picture, and nobody waits for ever."""
-    monkeypatch.setattr("quadsim.web.camera_pictures.PERIOD", 0.0)
+    monkeypatch.setattr("quadsim.web.race.camera_pictures.PERIOD", 0.0)
     pictures.last = {}
     wanted = {A: At(entry, 0.3), B: At(entry, 0.4), C: At(entry, 0.3)}
     for _ in range(2):

@@ -8,15 +8,15 @@ import pytest
 from web_cases import choices, competitor, stored, until
 from wire import link
 
-from quadsim.web.competitor import POSITION, VELOCITY, named
-from quadsim.web.lap_timing import lap_timings
-from quadsim.web.limit_race import limit_race
-from quadsim.web.page import charts
-from quadsim.web.page.charts import AskSignals, answer
-from quadsim.web.page.sectors import sector_ends, sectors, times_of
-from quadsim.web.race import PageRace
-from quadsim.web.snapshot import Snapshot
-from quadsim.web.standings import Way, gap
+from quadsim.web.page.parts import charts
+from quadsim.web.page.parts.charts import AskSignals, answer
+from quadsim.web.page.parts.sectors import sector_ends, sectors, times_of
+from quadsim.web.race.competitor import POSITION, VELOCITY, named
+from quadsim.web.race.lap_timing import lap_timings
+from quadsim.web.race.limit_race import limit_race
+from quadsim.web.race.page_race import PageRace
+from quadsim.web.race.snapshot import Snapshot
+from quadsim.web.race.standings import Way, gap
 
 NOTHING = AskSignals(race=0, frames=[])
 

@@ -14,13 +14,13 @@ from quadsim.controllers.presets import PRESETS
 from quadsim.course import load_course
 from quadsim.limit.limits import dump, limits_folder, load
 from quadsim.vehicle import load_vehicle
-from quadsim.web.choices import PILOT, Choices, HeatChoices
-from quadsim.web.live_flight import LiveFlight
-from quadsim.web.menu import Menu
-from quadsim.web.notices import Notices
-from quadsim.web.numbers import SLIDERS, Change
-from quadsim.web.offered_presets import offered_presets
-from quadsim.web.page.elements import rounded
+from quadsim.web.page.parts.elements import rounded
+from quadsim.web.race.live_flight import LiveFlight
+from quadsim.web.race.notices import Notices
+from quadsim.web.state.choices import PILOT, Choices, HeatChoices
+from quadsim.web.state.menu import Menu
+from quadsim.web.state.numbers import SLIDERS, Change
+from quadsim.web.state.offered_presets import offered_presets
 from tests.small import SMALL
 
 QUICK = SMALL | {"samples": 512}  # more than the fewest that a deadline leaves

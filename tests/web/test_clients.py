@@ -11,9 +11,9 @@ from websockets.exceptions import ConnectionClosed
 from wire import connect, link, open_socket, press_start
 
 from quadsim.web.page.dashboard import PAUSE, SCENE, SHARE, pause_after
-from quadsim.web.page.messages import MAX_BYTES
-from quadsim.web.page.viser_private import LoopEvent
-from quadsim.web.race import PageRace
+from quadsim.web.page.server.messages import MAX_BYTES
+from quadsim.web.page.server.viser_private import LoopEvent
+from quadsim.web.race.page_race import PageRace
 
 WRONG = (1e9, -5.0, "much", "nan", "inf", "", True)
 

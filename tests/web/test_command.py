@@ -23,9 +23,9 @@ PROGRAM = f"""
 import sys
 from functools import partial
 sys.path.insert(0, {str(Path(__file__).parent)!r})
-import quadsim.web.session
+import quadsim.web.race.session
 from web_cases import Glider
-quadsim.web.session.Session = partial(quadsim.web.session.Session, take_off=Glider)
+quadsim.web.race.session.Session = partial(quadsim.web.race.session.Session, take_off=Glider)
 from quadsim.cli.cli import main
 main()
 """

@@ -11,11 +11,11 @@ from quadsim.cli.listing import examine
 from quadsim.course import course_names, load_course, parse_course
 from quadsim.limit.limits import limits_folder
 from quadsim.rotation import from_euler
-from quadsim.web.course_draft import BOUNDS, MOST, START, Draft, Item, Pose
-from quadsim.web.course_edit import CourseEdit
-from quadsim.web.course_folder import CourseFolder
-from quadsim.web.course_numbers import FRAME, HEIGHT, OPENING, POSITION, SPANS, YAW
-from quadsim.web.edit_history import TOGETHER, History
+from quadsim.web.course.draft import BOUNDS, MOST, START, Draft, Item, Pose
+from quadsim.web.course.edit import CourseEdit
+from quadsim.web.course.folder import CourseFolder
+from quadsim.web.course.history import TOGETHER, History
+from quadsim.web.course.numbers import FRAME, HEIGHT, OPENING, POSITION, SPANS, YAW
 
 X, Y, Z = POSITION
 

@@ -7,8 +7,8 @@ from web_cases import choices, competitor
 
 from quadsim.controllers.presets import PRESETS
 from quadsim.report.preset_changes import number_text
-from quadsim.web.competitor import named
-from quadsim.web.differences import brief, compared, differences, distinct_names
+from quadsim.web.race.competitor import named
+from quadsim.web.state.differences import brief, compared, differences, distinct_names
 
 USUAL = PRESETS["race"]["colored"]
 T = f"{USUAL.mppi.temperature:g}"

@@ -6,10 +6,10 @@ import pytest
 from viser.transforms import SO3
 
 from quadsim.course import load_course
-from quadsim.web.choices import PILOT, Choices, planner_settings
-from quadsim.web.live_flight import LiveFlight
-from quadsim.web.numbers import Change
-from quadsim.web.page.estimate import ellipsoid, sensed_corners
+from quadsim.web.page.scene.estimate import ellipsoid, sensed_corners
+from quadsim.web.race.live_flight import LiveFlight
+from quadsim.web.state.choices import PILOT, Choices, planner_settings
+from quadsim.web.state.numbers import Change
 
 
 def test_the_half_axes_are_three_standard_deviations_along_the_covariances_own_axes():

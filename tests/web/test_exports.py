@@ -18,11 +18,11 @@ from quadsim.record.archive import read_run
 from quadsim.record.exchange import telemetry_csv
 from quadsim.record.run import COLUMNS, RunError
 from quadsim.record.run_format import write_csv
-from quadsim.web.competitor import named
-from quadsim.web.page.export import picture, picture_name
-from quadsim.web.snapshot import Snapshot
-from quadsim.web.stored_runs import stored_competitor
-from quadsim.web.summary import summary_at
+from quadsim.web.page.forms.export import picture, picture_name
+from quadsim.web.race.competitor import named
+from quadsim.web.race.snapshot import Snapshot
+from quadsim.web.race.stored_competitor import stored_competitor
+from quadsim.web.race.summary import summary_at
 
 
 @pytest.fixture(scope="module")

@@ -12,12 +12,12 @@ from web_cases import Clock
 from websockets.exceptions import InvalidStatus
 from wire import CAMERA, PATIENCE, connect, get
 
-from quadsim.web.page import guard
-from quadsim.web.page.guard import OneLineOfNoFiles
-from quadsim.web.page.messages import MOST_WAITING, problem_of
-from quadsim.web.page.seats import SCENE as SCENES
-from quadsim.web.page.server import new_token, probe, serve
-from quadsim.web.page.wrong_tokens import MOST, MOST_ADDRESSES, SPAN, WrongTokens
+from quadsim.web.page.server import guard
+from quadsim.web.page.server.guard import OneLineOfNoFiles
+from quadsim.web.page.server.messages import MOST_WAITING, problem_of
+from quadsim.web.page.server.page_server import new_token, probe, serve
+from quadsim.web.page.server.seats import SCENE as SCENES
+from quadsim.web.page.server.wrong_tokens import MOST, MOST_ADDRESSES, SPAN, WrongTokens
 
 TOKEN = "a-token-of-this-test"
 SECURITY = Path(__file__).parents[2] / "SECURITY.md"

@@ -12,15 +12,15 @@ from quadsim.racing.hand import SILENCE, SINKING, Hand, HandRates, Sticks
 from quadsim.record.archive import list_runs
 from quadsim.record.run import has_planner
 from quadsim.vehicle import load_vehicle
-from quadsim.web.choices import Choices, HeatChoices
-from quadsim.web.cockpit import ABANDONED, Cockpit
-from quadsim.web.lap_timing import lap_timings
-from quadsim.web.live_flight import LiveFlight
-from quadsim.web.pace import Pace
-from quadsim.web.page.joining import NOBODY, Joining, Take
-from quadsim.web.race import PageRace
-from quadsim.web.snapshot import Snapshot
-from quadsim.web.stored_runs import stored_competitor
+from quadsim.web.page.forms.joining import NOBODY, Joining, Take
+from quadsim.web.race.cockpit import ABANDONED, Cockpit
+from quadsim.web.race.lap_timing import lap_timings
+from quadsim.web.race.live_flight import LiveFlight
+from quadsim.web.race.pace import Pace
+from quadsim.web.race.page_race import PageRace
+from quadsim.web.race.snapshot import Snapshot
+from quadsim.web.race.stored_competitor import stored_competitor
+from quadsim.web.state.choices import Choices, HeatChoices
 from tests.small import SMALL
 
 RATES = HandRates.of(load_vehicle("swift"))
@@ -104,8 +104,8 @@ class HandRace(PageRace):
 @pytest.fixture
 def by_hand(tmp_path, monkeypatch):
     clock = Clock()
-    monkeypatch.setattr("quadsim.web.race.Pace", lambda: Pace(clock))
-    monkeypatch.setattr("quadsim.web.by_hand.Hand", partial(Hand, clock=clock))
+    monkeypatch.setattr("quadsim.web.race.page_race.Pace", lambda: Pace(clock))
+    monkeypatch.setattr("quadsim.web.state.by_hand.Hand", partial(Hand, clock=clock))
     race = HandRace(tmp_path, clock)
     yield race
     race.end_flights()

@@ -7,10 +7,10 @@ import pytest
 import quadsim
 from quadsim.heat.archive import read_heat
 from quadsim.heat.result import heat_digest
-from quadsim.web.choices import Choices, HeatChoices
-from quadsim.web.live_heat import LiveHeat
-from quadsim.web.numbers import Change
-from quadsim.web.race import PageRace
+from quadsim.web.race.live_heat import LiveHeat
+from quadsim.web.race.page_race import PageRace
+from quadsim.web.state.choices import Choices, HeatChoices
+from quadsim.web.state.numbers import Change
 from tests.small import SHORT
 
 ENTRANTS = ("colored", "gaussian")

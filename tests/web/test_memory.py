@@ -10,9 +10,9 @@ import pytest
 from web_cases import COURSE, MENU, Gliders, choices, served, until
 from wire import connect, visit
 
-from quadsim.web.choices import Choices
-from quadsim.web.memory import give_back
-from quadsim.web.race import PageRace
+from quadsim.web.race.memory import give_back
+from quadsim.web.race.page_race import PageRace
+from quadsim.web.state.choices import Choices
 
 GHOST = [choices("colored"), choices("gaussian")]
 FASTER = 20.0  # than the wall clock, for waits of seconds

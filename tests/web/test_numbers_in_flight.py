@@ -6,13 +6,13 @@ import pytest
 from web_cases import Glider, choices, competitor
 
 from quadsim.controllers.presets import PRESETS
-from quadsim.web.competitor import named
-from quadsim.web.drawn_samples import drawn_samples, late_plans
-from quadsim.web.lap_timing import lap_timings
-from quadsim.web.numbers_in_flight import can_change, has_number, numbers_of_several, remark
-from quadsim.web.page.elements import to_html
-from quadsim.web.page.timing import planner
-from quadsim.web.snapshot import Snapshot
+from quadsim.web.page.parts.elements import to_html
+from quadsim.web.page.parts.timing import planner
+from quadsim.web.race.competitor import named
+from quadsim.web.race.drawn_samples import drawn_samples, late_plans
+from quadsim.web.race.lap_timing import lap_timings
+from quadsim.web.race.numbers_in_flight import can_change, has_number, numbers_of_several, remark
+from quadsim.web.race.snapshot import Snapshot
 
 USUAL = PRESETS["race"]["gaussian"].mppi
 MOST = PRESETS["race"]["colored"].mppi.samples

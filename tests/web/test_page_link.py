@@ -7,8 +7,8 @@ from web_cases import until
 from websockets.exceptions import InvalidStatus
 from wire import link, open_socket
 
-from quadsim.web.page.link import MAX_LINK_BYTES, Message
-from quadsim.web.page.server import serve
+from quadsim.web.page.server.link import MAX_LINK_BYTES, Message
+from quadsim.web.page.server.page_server import serve
 
 
 class Ping(Message, tag="ping"):

@@ -8,24 +8,24 @@ import pytest
 from web_cases import COURSE, choices, competitor
 
 from quadsim.limit.limits import limit_of
-from quadsim.palette import NEXT, STYLES
+from quadsim.palette import HIT_ON_DARK, NEXT, STYLES
 from quadsim.racing.events import sector_times
-from quadsim.web.commands import ChooseRace, SetNumber, apply
-from quadsim.web.competitor import named
-from quadsim.web.lap_timing import lap_timings
-from quadsim.web.line_up import line_up_of
-from quadsim.web.page.camera import MODES
-from quadsim.web.page.course_map import Map
-from quadsim.web.page.elements import DIM, RED, SHEET, Element, element, label, table, to_html
-from quadsim.web.page.head import coming_head, head_of
-from quadsim.web.page.laps import FEW_LAPS, chatter, coloured_time, laps, splits
-from quadsim.web.page.line_up_table import table_of
-from quadsim.web.page.sectors import sectors
-from quadsim.web.page.time_line import time_line_of
-from quadsim.web.page.timing import events, planner
-from quadsim.web.page.tower import tower_of
-from quadsim.web.snapshot import Snapshot
-from quadsim.web.state import PageState
+from quadsim.web.page.parts.course_map import Map
+from quadsim.web.page.parts.elements import DIM, SHEET, Element, element, label, table, to_html
+from quadsim.web.page.parts.head import coming_head, head_of
+from quadsim.web.page.parts.laps import FEW_LAPS, chatter, coloured_time, laps, splits
+from quadsim.web.page.parts.line_up_table import table_of
+from quadsim.web.page.parts.sectors import sectors
+from quadsim.web.page.parts.time_line import time_line_of
+from quadsim.web.page.parts.timing import events, planner
+from quadsim.web.page.parts.tower import tower_of
+from quadsim.web.page.scene.camera import MODES
+from quadsim.web.race.competitor import named
+from quadsim.web.race.lap_timing import lap_timings
+from quadsim.web.race.snapshot import Snapshot
+from quadsim.web.state.commands import ChooseRace, SetNumber, apply
+from quadsim.web.state.line_up import line_up_of
+from quadsim.web.state.page_state import PageState
 
 
 @pytest.fixture(scope="module")
@@ -318,7 +318,7 @@ def test_every_class_that_is_written_is_in_the_style_sheet_and_no_style_is(compe
 
 def test_the_colours_of_the_scene_and_of_pictures_are_those_of_the_style_sheet():
     own = dict(re.findall(r"--([a-z-]+): (#[0-9a-f]{6});", SHEET.read_text()))
-    assert (own["dim"], own["bad"], own["next"]) == (DIM, RED, NEXT)
+    assert (own["dim"], own["bad"], own["next"]) == (DIM, HIT_ON_DARK, NEXT)
 
 
 def test_the_page_has_a_button_for_each_mode_of_the_camera_and_the_speeds_of_flights():

@@ -11,9 +11,9 @@ from web_cases import Glider, choices, run_of, store, stored
 
 import quadsim
 from quadsim.limit.limits import limit_of
-from quadsim.web import run_table
-from quadsim.web.campaign_reports import CampaignReports, Report
-from quadsim.web.run_table import RunTable
+from quadsim.web.stored import run_table
+from quadsim.web.stored.campaign_reports import CampaignReports, Report
+from quadsim.web.stored.run_table import RunTable
 from tests.small import SHORT
 
 

@@ -12,14 +12,14 @@ from quadsim.config.spec import Spec
 from quadsim.record.archive import list_runs, read_run
 from quadsim.record.run import same_flight
 from quadsim.record.schema import NumberChange
-from quadsim.web.again import AgainChoices, HeatAgainChoices
-from quadsim.web.commands import AddRow, ChooseRace, SetNumber, apply
-from quadsim.web.line_up_link import line_up_text
-from quadsim.web.live_flight import LiveFlight
-from quadsim.web.live_heat import LiveHeat
-from quadsim.web.page.runs_panel import FLYING, link_to
-from quadsim.web.race import PageRace
-from quadsim.web.view import View
+from quadsim.web.page.forms.runs_panel import FLYING, link_to
+from quadsim.web.race.live_flight import LiveFlight
+from quadsim.web.race.live_heat import LiveHeat
+from quadsim.web.race.page_race import PageRace
+from quadsim.web.state.commands import AddRow, ChooseRace, SetNumber, apply
+from quadsim.web.state.line_up_link import line_up_text
+from quadsim.web.state.view import View
+from quadsim.web.stored.again import AgainChoices, HeatAgainChoices
 from tests.small import SHORT
 
 
@@ -34,7 +34,7 @@ def shown(session):
 
 @pytest.mark.socket
 def test_the_table_comes_when_asked_for_and_again_when_a_run_arrives(page, root, monkeypatch):
-    monkeypatch.setattr("quadsim.web.page.runs_panel.PERIOD", 0.02)
+    monkeypatch.setattr("quadsim.web.page.forms.runs_panel.PERIOD", 0.02)
     wanted = {stored(root).name}
 
     def listed(table):

@@ -8,10 +8,8 @@ from web_cases import Clock, competitor
 
 from quadsim.course import course_names, load_course
 from quadsim.palette import NEXT, STYLES, Style
-from quadsim.web.lap_timing import lap_timings
-from quadsim.web.pace import Pace
-from quadsim.web.page.camera import ASIDE, FOV, fpv, overview, top_view, towards
-from quadsim.web.page.drones import (
+from quadsim.web.page.scene.camera import ASIDE, FOV, fpv, overview, top_view, towards
+from quadsim.web.page.scene.drones import (
     INTO,
     OUT,
     SPAN,
@@ -24,8 +22,10 @@ from quadsim.web.page.drones import (
     segments,
     single_colour,
 )
-from quadsim.web.page.race_scene import arrows, bars_of, visible_scale
-from quadsim.web.snapshot import Snapshot
+from quadsim.web.page.scene.race_scene import arrows, bars_of, visible_scale
+from quadsim.web.race.lap_timing import lap_timings
+from quadsim.web.race.pace import Pace
+from quadsim.web.race.snapshot import Snapshot
 
 
 @pytest.mark.parametrize("name", course_names())

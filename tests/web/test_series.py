@@ -5,10 +5,10 @@ from threading import Event
 from web_cases import Gliders, choices, until
 
 from quadsim.statistics import mean_interval
-from quadsim.web.page.seeds_table import seeds_of
-from quadsim.web.race import PageRace
-from quadsim.web.series import Flown, Series, SeriesRow
-from quadsim.web.session import Session
+from quadsim.web.page.parts.seeds_table import seeds_of
+from quadsim.web.race.page_race import PageRace
+from quadsim.web.race.series import Flown, Series, SeriesRow
+from quadsim.web.race.session import Session
 
 
 def series_of(tmp_path, gliders):

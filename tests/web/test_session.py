@@ -12,12 +12,12 @@ from web_cases import COURSE, PERIOD, Clock, Glider, Gliders, choices, stored, u
 from quadsim.files.values import checked
 from quadsim.limit.limits import limit_of
 from quadsim.record.archive import list_runs, read_run
-from quadsim.web.choices import Choices, planner_settings, preset_of
-from quadsim.web.numbers import SLIDERS, Change, with_change
-from quadsim.web.pace import Pace
-from quadsim.web.race import PageRace
-from quadsim.web.session import Session
-from quadsim.web.stored_runs import stored_competitor
+from quadsim.web.race.pace import Pace
+from quadsim.web.race.page_race import PageRace
+from quadsim.web.race.session import Session
+from quadsim.web.race.stored_competitor import stored_competitor
+from quadsim.web.state.choices import Choices, planner_settings, preset_of
+from quadsim.web.state.numbers import SLIDERS, Change, with_change
 
 
 @pytest.fixture
@@ -154,7 +154,7 @@ def test_planner_snapshots_can_be_replayed_as_soon_as_the_flight_has_ended(sessi
 
 def test_a_flight_neither_outruns_the_clock_nor_falls_behind_it(gliders, tmp_path, monkeypatch):
     clock = Clock()
-    monkeypatch.setattr("quadsim.web.race.Pace", lambda: Pace(clock))
+    monkeypatch.setattr("quadsim.web.race.page_race.Pace", lambda: Pace(clock))
     race = PageRace(str(tmp_path), gliders)
     race.set_speed(0.5)
     race.start([choices()])

@@ -8,10 +8,10 @@ from web_cases import SPEED, Glider, choices, competitor, run_of
 
 from quadsim.heat.result import placings
 from quadsim.report.metrics import chatter
-from quadsim.web.competitor import named
-from quadsim.web.lap_timing import at_place_of_first, lap_timings
-from quadsim.web.snapshot import Snapshot
-from quadsim.web.standings import Way, gap, standings_at, time_at
+from quadsim.web.race.competitor import named
+from quadsim.web.race.lap_timing import at_place_of_first, lap_timings
+from quadsim.web.race.snapshot import Snapshot
+from quadsim.web.race.standings import Way, gap, standings_at, time_at
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,8 @@ import pytest
 from web_cases import COURSE, choices
 
 from quadsim.controllers.presets import PRESETS
-from quadsim.web.choices import Choices, CompetitorChoices, HeatChoices, RaceChoices
-from quadsim.web.commands import (
+from quadsim.web.state.choices import Choices, CompetitorChoices, HeatChoices, RaceChoices
+from quadsim.web.state.commands import (
     MOST_REMOVED,
     AddRow,
     AnyCommand,
@@ -28,11 +28,11 @@ from quadsim.web.commands import (
     TakeOver,
     apply,
 )
-from quadsim.web.desk import Desk
-from quadsim.web.line_up import line_up_of
-from quadsim.web.line_up_link import line_up_text, set_up_of
-from quadsim.web.menu import Menu
-from quadsim.web.state import PageState
+from quadsim.web.state.desk import Desk
+from quadsim.web.state.line_up import line_up_of
+from quadsim.web.state.line_up_link import line_up_text, set_up_of
+from quadsim.web.state.menu import Menu
+from quadsim.web.state.page_state import PageState
 
 A, B = 1, 2  # visitors
 TWO = PageState.of(choices("colored"), choices("gaussian"))

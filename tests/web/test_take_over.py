@@ -6,8 +6,8 @@ import pytest
 from web_cases import choices
 
 from quadsim.record.run import canonical, hostless
-from quadsim.web.choices import Choices, RaceChoices
-from quadsim.web.take_over import taken_over
+from quadsim.web.state.choices import Choices, RaceChoices
+from quadsim.web.stored.take_over import taken_over
 
 
 def recorded(flight):

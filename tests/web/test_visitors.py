@@ -8,18 +8,19 @@ import pytest
 from web_cases import choices, competitor, stored, until
 from wire import link, visit
 
-from quadsim.web.competitor import POSITION
-from quadsim.web.notices import Notices
-from quadsim.web.page.elements import EMPTY
-from quadsim.web.page.head import Head
-from quadsim.web.page.moment import Moments
-from quadsim.web.page.playback import FLIES
+from quadsim.web.page.forms.playback import FLIES
+from quadsim.web.page.parts.elements import EMPTY
+from quadsim.web.page.parts.head import Head
+from quadsim.web.page.parts.moment import Moments
 from quadsim.web.page.screen import Beats, Rest, Screen, Seen
 from quadsim.web.page.stage import Stage
-from quadsim.web.playhead import Playhead
-from quadsim.web.race import PageRace
-from quadsim.web.snapshot import Snapshot
-from quadsim.web.view import View
+from quadsim.web.race.competitor import POSITION
+from quadsim.web.race.notices import Notices
+from quadsim.web.race.page_race import PageRace
+from quadsim.web.race.playhead import seek, watched
+from quadsim.web.race.snapshot import Snapshot
+from quadsim.web.state.page_state import Playhead
+from quadsim.web.state.view import View
 
 TWO = [choices("colored", laps=9), choices("gaussian", laps=9)]
 
@@ -177,7 +178,7 @@ def test_a_notice_of_an_event_comes_when_its_time_is_watched():
     s = replace(s, notices=notices.recent)
 
     def watch(s, t):
-        seen = Playhead().seek(s, 0.0, t).watched(s, 0.0)
+        seen = watched(seek(Playhead(), s, 0.0, t), s, 0.0)
         screen.update(Seen(moments.of(seen), View(), Stage(), False), rest, Beats(True, True))
         return sent.titles
 

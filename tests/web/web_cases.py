@@ -14,13 +14,13 @@ from quadsim.controllers.plan import PlannerSnapshot
 from quadsim.racing.events import Event, Frame
 from quadsim.record.archive import RunFolder
 from quadsim.record.run import RecordedRun
-from quadsim.web.choices import Choices
-from quadsim.web.live_flight import LiveFlight
-from quadsim.web.menu import Menu
 from quadsim.web.page.dashboard import Dashboard
-from quadsim.web.page.server import PageServer, serve
-from quadsim.web.session import Session
-from quadsim.web.stored_runs import run_competitor
+from quadsim.web.page.server.page_server import PageServer, serve
+from quadsim.web.race.live_flight import LiveFlight
+from quadsim.web.race.session import Session
+from quadsim.web.race.stored_competitor import run_competitor
+from quadsim.web.state.choices import Choices
+from quadsim.web.state.menu import Menu
 
 PERIOD = 0.01  # of every preset [s]
 COURSE = "figure8"

@@ -10,44 +10,44 @@ from math import inf
 from time import perf_counter
 
 from quadsim.course import Course
-from quadsim.web.choices import Choices
-from quadsim.web.commands import Leave
-from quadsim.web.desk import Desk
-from quadsim.web.line_up import LineUp, line_up_of
-from quadsim.web.menu import Menu
-from quadsim.web.next_start import NextStart
-from quadsim.web.offered_presets import offered_presets
-from quadsim.web.page.board import EVERYBODY, Board
-from quadsim.web.page.camera import Camera, set_initial_camera
-from quadsim.web.page.charts import answer_signals
-from quadsim.web.page.competitor_forms import ChooseRow, CompetitorForm, NumbersForm
-from quadsim.web.page.course_editor import CourseEditor
 from quadsim.web.page.due import Beat, Due
-from quadsim.web.page.elements import EMPTY
-from quadsim.web.page.export_form import ExportForm
-from quadsim.web.page.flight_controls import FlightControls
-from quadsim.web.page.flight_numbers import FlightNumbersForm
-from quadsim.web.page.forms import Forms
-from quadsim.web.page.head import Head, Word, coming_head
-from quadsim.web.page.joining import Joining
-from quadsim.web.page.line_up_table import table_of
-from quadsim.web.page.moment import Moments
-from quadsim.web.page.pictures import Pictures
-from quadsim.web.page.playback import Playback
-from quadsim.web.page.race_form import RaceForm
-from quadsim.web.page.runs_panel import RunsPanel
+from quadsim.web.page.forms.competitor_forms import ChooseRow, CompetitorForm, NumbersForm
+from quadsim.web.page.forms.course_editor import CourseEditor
+from quadsim.web.page.forms.export_form import ExportForm
+from quadsim.web.page.forms.flight_controls import FlightControls
+from quadsim.web.page.forms.flight_numbers import FlightNumbersForm
+from quadsim.web.page.forms.forms import Forms
+from quadsim.web.page.forms.joining import Joining
+from quadsim.web.page.forms.playback import Playback
+from quadsim.web.page.forms.race_form import RaceForm
+from quadsim.web.page.forms.runs_panel import RunsPanel
+from quadsim.web.page.forms.view_form import ViewForm
+from quadsim.web.page.parts.board import EVERYBODY, Board
+from quadsim.web.page.parts.charts import answer_signals
+from quadsim.web.page.parts.elements import EMPTY
+from quadsim.web.page.parts.head import Head, Word, coming_head
+from quadsim.web.page.parts.line_up_table import table_of
+from quadsim.web.page.parts.moment import Moments
+from quadsim.web.page.parts.pictures import Pictures
+from quadsim.web.page.parts.seeds_table import seeds_of
+from quadsim.web.page.parts.time_line import time_line_of
+from quadsim.web.page.scene.camera import Camera, set_initial_camera
 from quadsim.web.page.screen import Beats, Rest, Screen, Seen
-from quadsim.web.page.seeds_table import seeds_of
-from quadsim.web.page.server import PageServer
+from quadsim.web.page.server.page_server import PageServer
 from quadsim.web.page.stage import Stage
-from quadsim.web.page.time_line import time_line_of
-from quadsim.web.page.view_form import ViewForm
 from quadsim.web.page.visitor_scene import VisitorScene
-from quadsim.web.race import PageRace
-from quadsim.web.session import Session
-from quadsim.web.snapshot import Snapshot
-from quadsim.web.state import PageState
-from quadsim.web.viewing import Viewing
+from quadsim.web.race.next_start import NextStart
+from quadsim.web.race.page_race import PageRace
+from quadsim.web.race.session import Session
+from quadsim.web.race.snapshot import Snapshot
+from quadsim.web.race.viewing import Viewing
+from quadsim.web.state.choices import Choices
+from quadsim.web.state.commands import Leave
+from quadsim.web.state.desk import Desk
+from quadsim.web.state.line_up import LineUp, line_up_of
+from quadsim.web.state.menu import Menu
+from quadsim.web.state.offered_presets import offered_presets
+from quadsim.web.state.page_state import PageState
 
 # periods [s]
 SCENE = 1 / 25  # shortest time between two updates of the page

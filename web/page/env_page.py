@@ -16,10 +16,10 @@ import numpy as np
 from quadsim.course import Course
 from quadsim.dynamics.quadrotor import ATTITUDE, POSITION
 from quadsim.palette import style
-from quadsim.web.page.camera import set_initial_camera
-from quadsim.web.page.drones import ROTOR_COLOUR, SPAN, add_lights, add_quadrotor
-from quadsim.web.page.race_scene import CourseView, visible_scale
-from quadsim.web.page.server import address, serve
+from quadsim.web.page.scene.camera import set_initial_camera
+from quadsim.web.page.scene.drones import ROTOR_COLOUR, SPAN, add_lights, add_quadrotor
+from quadsim.web.page.scene.race_scene import CourseView, visible_scale
+from quadsim.web.page.server.page_server import address, serve
 
 HOST = "127.0.0.1"
 MOST = 32  # largest number of drawn vehicles

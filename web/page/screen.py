@@ -6,17 +6,17 @@ from collections.abc import Container
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from quadsim.web.page.board import Board, PartName
-from quadsim.web.page.elements import EMPTY, Element
-from quadsim.web.page.head import Head, head_of
-from quadsim.web.page.link import LinkVisitor
-from quadsim.web.page.moment import Moment
-from quadsim.web.page.playback import Shown
+from quadsim.web.page.forms.playback import Shown
+from quadsim.web.page.parts.board import Board, PartName
+from quadsim.web.page.parts.elements import EMPTY, Element
+from quadsim.web.page.parts.head import Head, head_of
+from quadsim.web.page.parts.moment import Moment
+from quadsim.web.page.parts.time_line import now_of
+from quadsim.web.page.parts.tower import Tower
+from quadsim.web.page.server.link import LinkVisitor
 from quadsim.web.page.stage import Stage
-from quadsim.web.page.time_line import now_of
-from quadsim.web.page.tower import Tower
-from quadsim.web.snapshot import SAME, Snapshot
-from quadsim.web.view import View
+from quadsim.web.race.snapshot import SAME, Snapshot
+from quadsim.web.state.view import View
 
 # Parts that are made while they are shown; the slow ones once a second
 TABLES: tuple[PartName, ...] = ("planner", "events", "laps")

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from quadsim.course import Course
-from quadsim.web.competitor import Competitor
-from quadsim.web.page.course_map import Map
-from quadsim.web.page.elements import EMPTY, Element
+from quadsim.web.page.parts.course_map import Map
+from quadsim.web.page.parts.elements import EMPTY, Element
+from quadsim.web.race.competitor import Competitor
 
 
 @dataclass(frozen=True, eq=False)

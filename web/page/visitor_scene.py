@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import viser
 
-from quadsim.web.page.camera import Camera
-from quadsim.web.page.course_editor import CourseEditor
 from quadsim.web.page.due import Due
-from quadsim.web.page.edit_scene import EditScene
-from quadsim.web.page.moment import Moment
-from quadsim.web.page.race_scene import RaceScene, preview
+from quadsim.web.page.forms.course_editor import CourseEditor
+from quadsim.web.page.parts.moment import Moment
+from quadsim.web.page.scene.camera import Camera
+from quadsim.web.page.scene.edit_scene import EditScene
+from quadsim.web.page.scene.race_scene import RaceScene, preview
 from quadsim.web.page.stage import Stage
-from quadsim.web.view import View
+from quadsim.web.state.view import View
 
 LIGHT = 1 / 5  # time between two updates of a scene that sends less [s]
 

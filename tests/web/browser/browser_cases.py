@@ -6,8 +6,8 @@ from contextlib import contextmanager
 from web_cases import served
 
 from quadsim.racing.hand import HAND
-from quadsim.web.choices import PILOT, Choices
-from quadsim.web.menu import Menu
+from quadsim.web.state.choices import PILOT, Choices
+from quadsim.web.state.menu import Menu
 
 HELD = 1e-6  # speed of a flight that is held while a page is looked at [race seconds per second]
 SLOW = 120_000  # [ms] a first frame drawn in software, on a busy machine

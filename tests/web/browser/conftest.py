@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from browser_cases import dashboard, opened, waited
 from web_cases import COURSE, Gliders
 
-from quadsim.web.race import PageRace
+from quadsim.web.race.page_race import PageRace
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 SOFTWARE = [

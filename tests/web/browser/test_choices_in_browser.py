@@ -16,8 +16,8 @@ from browser_cases import (
 from web_cases import COURSE
 
 from quadsim.course import load_course
-from quadsim.web.choices import planner_settings
-from quadsim.web.race import PageRace
+from quadsim.web.race.page_race import PageRace
+from quadsim.web.state.choices import planner_settings
 
 pytestmark = [pytest.mark.browser, pytest.mark.page]
 

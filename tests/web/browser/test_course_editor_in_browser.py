@@ -23,7 +23,7 @@ from quadsim.cli.cli import race
 from quadsim.course import load_course
 from quadsim.record.archive import list_runs, read_run
 from quadsim.record.run import same_flight
-from quadsim.web.race import PageRace, take_off
+from quadsim.web.race.page_race import PageRace, take_off
 from tests.small import SMALL, flags
 
 pytestmark = [pytest.mark.browser, pytest.mark.page]

@@ -24,10 +24,10 @@ from browser_cases import (
 )
 
 from quadsim.record.archive import list_runs, read_run
-from quadsim.web.choices import PILOT
-from quadsim.web.numbers import SLIDERS
-from quadsim.web.page.race_scene import visible_scale
-from quadsim.web.race import PageRace, take_off
+from quadsim.web.page.scene.race_scene import visible_scale
+from quadsim.web.race.page_race import PageRace, take_off
+from quadsim.web.state.choices import PILOT
+from quadsim.web.state.numbers import SLIDERS
 from tests.small import SMALL
 
 pytestmark = pytest.mark.browser

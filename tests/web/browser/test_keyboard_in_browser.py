@@ -9,7 +9,7 @@ from browser_cases import (
     waited,
 )
 
-from quadsim.web.race import PageRace
+from quadsim.web.race.page_race import PageRace
 
 pytestmark = [pytest.mark.browser, pytest.mark.page]
 

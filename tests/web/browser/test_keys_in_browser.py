@@ -15,7 +15,7 @@ from browser_cases import (
 )
 from web_cases import choices, stored
 
-from quadsim.web.race import PageRace
+from quadsim.web.race.page_race import PageRace
 
 pytestmark = [pytest.mark.browser, pytest.mark.page]
 

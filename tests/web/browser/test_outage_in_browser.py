@@ -11,7 +11,7 @@ from browser_cases import (
 )
 from web_cases import COURSE, MENU, Gliders, free_port, served
 
-from quadsim.web.choices import Choices
+from quadsim.web.state.choices import Choices
 
 pytestmark = pytest.mark.browser
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import pytest
 from browser_cases import waited
 
-from quadsim.web.page.seats import SCENE as SCENES
+from quadsim.web.page.server.seats import SCENE as SCENES
 
 pytestmark = pytest.mark.browser
 

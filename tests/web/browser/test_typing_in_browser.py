@@ -11,7 +11,7 @@ from browser_cases import (
 )
 
 from quadsim.controllers.presets import PRESETS
-from quadsim.web.race import PageRace
+from quadsim.web.race.page_race import PageRace
 
 pytestmark = [pytest.mark.browser, pytest.mark.page]
 

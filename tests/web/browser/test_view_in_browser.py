@@ -22,7 +22,7 @@ from wire import connect
 from quadsim.palette import STYLES
 from quadsim.racing.events import Event
 from quadsim.record.run import RecordedRun
-from quadsim.web.race import PageRace
+from quadsim.web.race.page_race import PageRace
 
 pytestmark = [pytest.mark.browser, pytest.mark.page]
 

@@ -1,0 +1,237 @@
+"""The forms of the competitors of the next START: each visitor edits a row of its own choice."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Annotated, Any
+
+from msgspec import Meta, inspect
+
+from quadsim.config.settings import SettingValue, bare
+from quadsim.heat.spec import MOST
+from quadsim.racing.hand import HAND
+from quadsim.web.page.forms.forms import (
+    Field,
+    Fields,
+    Form,
+    Kind,
+    PressField,
+    SetField,
+    button,
+    field_of,
+    note,
+)
+from quadsim.web.page.server.link import LinkVisitor, Message
+from quadsim.web.state.by_hand import flight_controller_of
+from quadsim.web.state.choices import Choices, CompetitorChoices, planner_settings
+from quadsim.web.state.commands import (
+    OF_COMPETITOR,
+    AddRow,
+    ChooseNames,
+    EditRow,
+    PutBack,
+    RemoveRow,
+    ResetRow,
+    SetNumber,
+    SetSetting,
+)
+from quadsim.web.state.desk import Desk
+from quadsim.web.state.numbers import SLIDERS, Slider, numbers_of
+from quadsim.web.state.page_state import PageState, Row
+from quadsim.web.state.setting_texts import HAVE_SLIDERS, shown_value
+
+TITLES = {"sampling": "Sampling", "mppi": "MPPI", "cost": "Cost", "model": "Model of the vehicle"}
+ADD, REMOVE, BACK, RESET = "add", "remove", "undo", "reset"
+
+
+class ChooseRow(Message, tag="edit_row"):
+    """A visitor edits another competitor."""
+
+    row: Annotated[int, Meta(ge=0, le=10**9)]
+
+
+class CompetitorForm(Form):
+    """The row that a visitor edits: its names and sliders, and rows that come and go.
+
+    Args:
+        desk: the owner of the state.
+
+    Attributes:
+        presets: of each vehicle, the presets that can fly the race; set by the page's thread.
+    """
+
+    name = "competitors"
+    title = "Competitors"
+    is_open = True
+
+    def __init__(self, desk: Desk):
+        self._desk = desk
+        self.presets: dict[str, tuple[str, ...]] = {}
+
+    def key(self, visitor: int) -> object:
+        """Return the row, and what else decides what can be done."""
+        state = self._desk.state
+        row = state.edited(visitor)
+        presets = self.presets.get(row.choices.vehicle)
+        # Numbers of a preset may follow from the course
+        course = state.race.course
+        return row, course, len(state.rows), bool(state.removed), state.menu, presets
+
+    def fields(self, visitor: int) -> Fields:
+        """Return the buttons of rows, names, sliders."""
+        state = self._desk.state
+        row = state.edited(visitor)
+        fields = [*_row_buttons(state), *self._names(row, state)]
+        fields += [note(f"remark {k}", text) for k, text in enumerate(_remarks(row.choices))]
+        fields += _sliders(Choices.of(state.race, row.choices))
+        fields.append(button(RESET, "Reset to preset"))
+        return Fields(fields, row.number)
+
+    def set(self, visitor: int, asked: SetField) -> None:
+        """Choose a name, or a number of a slider. Raises ValueError."""
+        value = asked.value
+        if asked.field in SLIDERS:
+            self._desk.do(SetNumber(asked.of, asked.field, float(value)))
+            return
+        names = {asked.field: str(value)}
+        menu = self._desk.state.menu
+        if asked.field == "preset" and menu:
+            names["vehicle"] = menu.presets[str(value)]
+        if value == HAND:
+            vehicle = self._desk.state.row(asked.of).choices.vehicle
+            names["flight_controller"] = flight_controller_of(vehicle)
+        self._desk.do(ChooseNames(asked.of, names))
+
+    def press(self, visitor: LinkVisitor, asked: PressField) -> None:
+        """Add a copy, remove the row, put one back, reset the row. Raises ValueError."""
+        pressed = asked.field
+        if pressed == ADD:
+            self._desk.do(AddRow(visitor.number, like=asked.of))
+        elif pressed == REMOVE:
+            self._desk.do(RemoveRow(asked.of))
+        elif pressed == BACK:
+            self._desk.do(PutBack())
+        else:
+            self._desk.do(ResetRow(asked.of))
+
+    def edit(self, visitor: LinkVisitor, asked: ChooseRow) -> None:
+        """Edit another competitor; one that was just removed stays what it is."""
+        with suppress(ValueError):
+            self._desk.do(EditRow(visitor.number, asked.row))
+
+    def _names(self, row: Row, state: PageState) -> list[Field]:
+        """Return the choices of names; presets that cannot fly the race are not offered."""
+        fields = []
+        for name, found in OF_COMPETITOR.items():
+            field = field_of(found, getattr(row.choices, name), state.menu)
+            if name == "preset":
+                field.choices = self.presets.get(row.choices.vehicle, field.choices)
+            fields.append(field)
+        return fields
+
+
+def _row_buttons(state: PageState) -> list[Field]:
+    """Return the buttons to add, remove and put back."""
+    count = len(state.rows)
+    can = {ADD: count < MOST, REMOVE: count > 1, BACK: bool(state.removed) and count < MOST}
+    return [button(name) for name, is_there in can.items() if is_there]
+
+
+def _remarks(choices: CompetitorChoices) -> list[str]:
+    """Return what has to be said of the numbers of a row."""
+    if choices.sampler == HAND:
+        return ["a person flies, by gamepad or keyboard: none of the numbers below"]
+    if not choices.has_planner:
+        return ["a learned pilot has none of the numbers below"]
+    if choices.idle_settings:
+        idle = ", ".join(choices.idle_settings).replace("_", " ")
+        return [f"kept, but {choices.kind} sampling has none: {idle}"]
+    return []
+
+
+def _sliders(choices: Choices) -> list[Field]:
+    """Return the sliders of a row."""
+    known = planner_settings(choices.preset, choices.vehicle, choices.sampler)
+    numbers = numbers_of(choices.planner, choices.base)
+    return [
+        slider_field(name, slider, numbers[name], is_enabled=slider.setting in known)
+        for name, slider in SLIDERS.items()
+    ]
+
+
+def slider_field(name: str, slider: Slider, value: float, is_enabled: bool) -> Field:
+    """Return a slider; a number beyond its range widens it."""
+    return Field(
+        name=name,
+        kind="slider",
+        label=slider.label,
+        value=float(value),
+        help=slider.hint,
+        low=min(slider.low, value),
+        high=max(slider.high, value),
+        step=slider.step,
+        is_enabled=is_enabled,
+    )
+
+
+class NumbersForm(Form):
+    """Every other setting of the planner of the row that a visitor edits."""
+
+    name = "numbers"
+    title = "All numbers"
+
+    def __init__(self, desk: Desk):
+        self._desk = desk
+
+    def key(self, visitor: int) -> object:
+        """Return the row, and the course, from which its numbers may follow."""
+        state = self._desk.state
+        return state.edited(visitor), state.race.course
+
+    def fields(self, visitor: int) -> Fields:
+        """Return a control for each setting, in a fold for each group."""
+        state = self._desk.state
+        row = state.edited(visitor)
+        choices = Choices.of(state.race, row.choices)
+        known = planner_settings(choices.preset, choices.vehicle, choices.sampler)
+        planner = choices.planner
+        parts = {"sampling": planner.sampling, "mppi": planner.mppi, "cost": planner.cost}
+        fields = []
+        for name, found in known.items():
+            if name in HAVE_SLIDERS:
+                continue
+            setting = found.setting
+            if setting.group in parts:
+                value = getattr(parts[setting.group], setting.field)
+            else:
+                value = choices.settings.get(name, found.value)
+            fields.append(_setting_field(name, found, value))
+        if not fields:
+            fields = [note("none", "no planner flies: there are no numbers")]
+        return Fields(fields, row.number)
+
+    def set(self, visitor: int, asked: SetField) -> None:
+        """Set a setting. Raises ValueError."""
+        self._desk.do(SetSetting(asked.of, asked.field, asked.value))
+
+
+def _setting_field(name: str, found: SettingValue, value: Any) -> Field:
+    """Return the control of a setting of the planner."""
+    setting = found.setting
+    bare_kind = bare(found.kind)
+    text = shown_value(value)
+    kind: Kind = "check" if isinstance(text, bool) else "text"
+    choices: tuple[str, ...] = ()
+    if isinstance(bare_kind, inspect.LiteralType):
+        kind = "choice"
+        choices = tuple(map(str, bare_kind.values))
+    return Field(
+        name=name,
+        kind=kind,
+        label=setting.field.replace("_", " ").capitalize(),
+        value=text,
+        unit=setting.unit,
+        help=setting.help,
+        choices=choices,
+        group=TITLES[setting.group],
+    )

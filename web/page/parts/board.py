@@ -1,0 +1,160 @@
+"""Board: the parts of the page around the scene, which pages fetch as they change.
+
+A page asks with the versions of the parts that it has, and gets those that have changed since. So a
+slow or a new page gets the present state at its own pace. The parts of ALWAYS go to every page; the
+others are kept up to date, and sent, while a page shows them. A part is
+everybody's or a visitor's own.
+"""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import count
+from math import inf
+from time import perf_counter
+from typing import Annotated, Any, Literal, get_args
+
+import msgspec
+from msgspec import Meta
+
+from quadsim.web.page.scene.camera import Camera
+from quadsim.web.page.server.link import Link, LinkVisitor, Message
+from quadsim.web.page.server.seats import Seat, Seats
+from quadsim.web.state.page_state import EVERYBODY
+
+PartName = Literal[
+    "head", "now", "tower", "time_line", "map", "groups",
+    "laps", "events", "planner", "curves", "chatter", "seeds", "by_hand",
+    "race", "competitors", "numbers", "in_flight", "view", "editor", "export",
+    "line_up", "picture",
+]  # fmt: skip
+ALWAYS = frozenset(("head", "now", "tower", "time_line", "map", "groups", "by_hand"))
+PARTS: tuple[PartName, ...] = get_args(PartName)
+WANTED = 2.0  # time after a question for which a part that is shown is kept up to date [s]
+MOST_SHOWN = 32  # number of parts that a page shows at once
+
+Key = Callable[[int], object]
+Content = Callable[[int], Any]
+
+
+class Ask(Message, tag="ask"):
+    """A request of a page for the parts that have changed since the versions it has."""
+
+    have: dict[PartName, Annotated[int, Meta(ge=0, le=10**12)]]
+    seat: Seat = ""
+    # the parts that it shows beside those of ALWAYS
+    shows: Annotated[tuple[PartName, ...], Meta(max_length=MOST_SHOWN)] = ()
+
+
+class Part(msgspec.Struct):
+    """A part of the page."""
+
+    version: int
+    content: Any
+
+
+class Parts(Message, tag="parts"):
+    """The parts that a page lacks, and the mode of its camera; empty: it has none yet."""
+
+    parts: dict[str, Part]
+    camera: str
+
+
+@dataclass
+class Own:
+    """A part that was made for one visitor, and what it was made from."""
+
+    key: object
+    part: Part | None
+
+
+class Board:
+    """The present parts of the page. One thread puts them up, the server's event loop answers."""
+
+    def __init__(self, link: Link, seats: Seats, camera: Camera):
+        self.link = link
+        self._seats = seats
+        self._camera = camera
+        self._versions = count(1)
+        # when a visitor last asked for a part [s]
+        self._asked_at: dict[tuple[int, str], float] = {}
+        self._parts: dict[tuple[int, str], Part] = {}
+        self._offered: dict[str, tuple[Key, Content]] = {}
+        self._own: dict[tuple[int, str], Own] = {}
+        link.on(Ask, self._answer)
+        link.on_leave(self._forget)
+
+    def put(self, name: PartName, content: Any, visitor: int = EVERYBODY) -> None:
+        """Show a part; nothing is sent again if it has not changed.
+
+        Args:
+            name: of the part.
+            content: of the part.
+            visitor: number of the visitor whose own it is, or EVERYBODY.
+        """
+        shown = self._parts.get((visitor, name))
+        if shown is None or shown.content != content:
+            self._parts[visitor, name] = Part(next(self._versions), content)
+
+    def offer(self, name: PartName, key: Key, content: Content) -> None:
+        """Make a part for each visitor that shows it.
+
+        Args:
+            name: of the part.
+            key: function of the visitor's number; its result says whether the part is as it was.
+            content: function of the visitor's number.
+        """
+        self._offered[name] = (key, content)
+
+    def is_wanted(self, name: PartName, visitor: int = EVERYBODY) -> bool:
+        """Return whether the page of a visitor, or any page, shows a part."""
+        return perf_counter() - self._asked_at.get((visitor, name), -inf) < WANTED
+
+    def forget(self, visitor: int) -> None:
+        """Forget the parts of a visitor who has left; of the thread that puts them up."""
+        for name in PARTS:
+            self._parts.pop((visitor, name), None)
+            self._asked_at.pop((visitor, name), None)
+
+    def _answer(self, visitor: LinkVisitor, ask: Ask) -> None:
+        now = perf_counter()
+        for name in ask.shows:
+            self._asked_at[EVERYBODY, name] = self._asked_at[visitor.number, name] = now
+        self._seats.relate(visitor, ask.seat)
+        changed = {}
+        for name in (*ALWAYS, *ask.shows):
+            part = self._part_for(visitor.number, name)
+            if part is not None and part.version != ask.have.get(name):  # type: ignore[call-overload]
+                changed[name] = part
+        client = self._seats.client_of(ask.seat)
+        visitor.send(Parts(changed, self._camera.mode_of(client) if client else ""))
+
+    def _part_for(self, visitor: int, name: str) -> Part | None:
+        """Return a part as a visitor sees it; None: there is none yet."""
+        if name not in self._offered:
+            return self._parts.get((visitor, name)) or self._parts.get((EVERYBODY, name))
+        key_of, content_of = self._offered[name]
+        key = key_of(visitor)
+        own = self._own.get((visitor, name))
+        if own is None or own.key != key:
+            before = own.part if own else None
+            own = Own(key, self._made(content_of, visitor, before))
+            self._own[visitor, name] = own
+        return own.part
+
+    def _made(self, content_of: Content, visitor: int, before: Part | None) -> Part | None:
+        """Return a part that is made anew; what cannot be made stays what it was before."""
+        try:
+            content = content_of(visitor)
+        except Exception:
+            # An error in one part must not keep the page from the others.
+            traceback.print_exc()
+            return before
+        is_same = before is not None and before.content == content
+        return before if is_same else Part(next(self._versions), content)
+
+    def _forget(self, visitor: LinkVisitor) -> None:
+        for name in self._offered:
+            self._own.pop((visitor.number, name), None)

@@ -1,0 +1,81 @@
+"""The planner's numbers of flights that are shown: of one competitor, or of several at once.
+
+A number of several competitors is their common one; if they differ, it is named with each value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from quadsim.config.settings import SETTINGS
+from quadsim.web.race.competitor import Competitor
+from quadsim.web.state.numbers import SLIDERS
+
+
+class NumberOfSeveral(NamedTuple):
+    """A number with a slider, of the competitors that have it."""
+
+    name: str  # of SLIDERS
+    values: tuple[float, ...]  # different values, in the order of the competitors
+
+    @property
+    def differs(self) -> bool:
+        """Whether the competitors have different values."""
+        return len(self.values) > 1
+
+    @property
+    def words(self) -> str:
+        """The number in words, such as "temperature 0.2 / 1"."""
+        values = " / ".join(f"{value:g}" for value in self.values)
+        return f"{SLIDERS[self.name].label.lower()} {values}"
+
+
+def numbers_of_several(entries: Sequence[Competitor], t: float) -> list[NumberOfSeveral]:
+    """Return the numbers of competitors at t [s]; numbers that nobody has are left out."""
+    found = []
+    for name in SLIDERS:
+        values = [entry.numbers(t)[name] for entry in entries if has_number(entry, name)]
+        if values:
+            found.append(NumberOfSeveral(name, tuple(dict.fromkeys(values))))
+    return found
+
+
+def has_number(entry: Competitor, name: str) -> bool:
+    """Return whether a competitor's planner has the number of a slider."""
+    if not entry.has_planner:
+        return False
+    setting = SLIDERS[name].setting
+    if SETTINGS[setting].group != "sampling" or setting == "sigma":
+        return True
+    sampling = entry.spec["planner"].get("sampling")
+    return isinstance(sampling, dict) and setting in sampling
+
+
+def can_change(entry: Competitor, name: str) -> bool:
+    """Return whether a number may change in flight, which it cannot in a shared world."""
+    flies = entry.live and entry.outcome is None
+    return flies and has_number(entry, name) and not entry.spec.get("heat")
+
+
+def remark(entries: Sequence[Competitor], t: float) -> str:
+    """Return what the sliders of competitors show, and what moving one does, in one sentence.
+
+    Args:
+        entries: the competitors whose numbers are shown.
+        t: the time of the race [s].
+    """
+    names = ", ".join(entry.name for entry in entries)
+    if not any(entry.has_planner for entry in entries):
+        return f"{names}: a learned pilot, or a person, has none of these numbers"
+    flying = any(entry.live and entry.outcome is None for entry in entries)
+    if not flying:
+        does = f"{names}: the numbers at this time"
+    elif any(entry.spec.get("heat") for entry in entries):
+        does = "in one world the numbers of START stay: they act in flight as ghosts only"
+    else:
+        does = f"a slider acts on the next plan of {names}, and on this flight alone"
+    differing = [number.words for number in numbers_of_several(entries, t) if number.differs]
+    if not differing:
+        return does
+    return f"{does}. They differ: {', '.join(differing)}; the sliders show the first value"

@@ -1,0 +1,57 @@
+"""Snapshot: a race as one visitor sees it, at its latest time or at the time of a playhead."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from quadsim.web.race.competitor import Competitor
+from quadsim.web.race.notices import Notice
+
+SAME = 1e-6  # [s] times that differ by less are one time of the race
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """The race as a page shows it.
+
+    The snapshot of a session is the race at its latest time; quadsim.web.race.playhead makes the
+    snapshot that a visitor watches from it.
+    """
+
+    t: float = 0.0  # race time that is shown [s]
+    end: float = 0.0  # end of the longest competitor so far [s]
+    flown: float = 0.0  # last time that can be shown [s]; `end` may be later with stored runs
+    playing: bool = False  # whether the time that is shown goes on
+    flying: bool = False  # whether a live competitor is still flying
+    factor: float = 0.0  # race time per wall-clock time, of flights as measured
+    competitors: tuple[Competitor, ...] = ()
+    race: int = 0  # number of the race; a page draws a new scene when it changes
+    notices: tuple[Notice, ...] = ()
+    compiling: bool = False  # whether a flight waits for its planner to be compiled
+    by_hand: bool = False  # whether a competitor is flown by hand; the race then runs in real time
+    waiting: bool = False  # whether the race waits for the start of the manual flight
+    speed: float = 1.0  # race seconds per second that are asked for
+    began: float = 0.0  # when the race began, on the wall clock [s]
+    is_live: bool = True  # whether it is the race at its latest time
+
+    @property
+    def is_taking_off(self) -> bool:
+        """Whether flights have begun, and no plan of any of them is ready yet."""
+        live = [entry for entry in self.competitors if entry.live]
+        return self.flying and not any(len(entry.t) for entry in live)
+
+    @property
+    def has_flights(self) -> bool:
+        """Whether the race was flown here; else it is a replay of stored runs."""
+        return any(entry.live for entry in self.competitors)
+
+    @property
+    def next_event(self) -> float | None:
+        """The time of the next event that can be shown [s]; None: there is none."""
+        later = [
+            event.t
+            for entry in self.competitors
+            for event in entry.events
+            if self.t + SAME < event.t <= self.flown
+        ]
+        return min(later, default=None)
