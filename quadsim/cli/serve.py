@@ -19,7 +19,10 @@ from quadsim.config.competition import load_competition
 from quadsim.config.spec import Spec
 from quadsim.console import UsageError, complain, emit, emit_json, uninterrupted, width
 from quadsim.files.values import SettingError
-from quadsim.mavlink.server import SILENCE, MavlinkClient, Round, Served, Server
+from quadsim.mavlink.client import MavlinkClient
+from quadsim.mavlink.commands import SILENCE, Phase
+from quadsim.mavlink.served import Round, Served
+from quadsim.mavlink.server import Server
 from quadsim.physics.faults import BiasJump, SensorFault
 from quadsim.racing.events import NO_PROGRESS_BY_HAND
 from quadsim.racing.referee import Referee
@@ -90,16 +93,17 @@ def serve(
             emit(f"{spec.course.name}, vehicle {spec.vehicle.name}: {_address(served)}")
             complain("race serve: waits until the client arms the vehicle; Ctrl-C ends it")
         while len(found) < races:
-            with closing(_Race(spec, server, served)) as race:
+            with closing(_Race(spec, server)) as race:
                 if not race.waits(limit):
                     break
                 outcome = race.flies()
                 result = race.stored(json, counted(server))
-            if not server.was_reset:
+            phase = server.commands.phase
+            if phase is not Phase.RESET:
                 found.append(result)
-            if server.was_silent:
+            if phase is Phase.SILENT:
                 complain(f"race serve: no packet of the client for {SILENCE:g} s: the race ends")
-            if outcome == "interrupted" and not server.was_reset:
+            if outcome == "interrupted" and phase is not Phase.RESET:
                 break
         if json:
             emit_json({"races": found, **counted(server)})
@@ -111,12 +115,10 @@ def serve(
 class _Race:
     """One race of a server, from the wait for its client to its record."""
 
-    def __init__(self, spec: Spec, server: Server, served: Served):
+    def __init__(self, spec: Spec, server: Server):
         self._spec = spec
         self._server = server
         self._record = spec.record()
-        # The client's command belongs to one race.
-        self._client = MavlinkClient(served, server.sensing)
         with settings_as_flags():
             referee = Referee(
                 spec.flown_course,
@@ -126,7 +128,7 @@ class _Race:
                 penalties=spec.penalties,
                 stuck_after=NO_PROGRESS_BY_HAND,
             )
-            self._parts = build(replace(spec, controller=self._client), referee=referee)
+            self._parts = build(replace(spec, controller=server.client), referee=referee)
         self._end = ExitStack()
         self._end.enter_context(closing(self._parts.plant))
         self._recorder = Recorder()
@@ -144,7 +146,7 @@ class _Race:
     def flies(self) -> str:
         """Fly and record the race, and return its outcome."""
         with suppress(KeyboardInterrupt):
-            for frame in self._server.race(self._parts, self._client):
+            for frame in self._server.race(self._parts):
                 self._recorder.add(frame)
         if not len(self._recorder):
             raise KeyboardInterrupt("race serve: interrupted, nothing to keep")
@@ -200,11 +202,11 @@ def _asked(
 def counted(server: Server) -> dict[str, Any]:
     """Return what a server has sent, received and left out, as JSON."""
     return {
-        "sent": dict(server.wire.sent),
-        "received": dict(server.wire.received),
-        "unanswered": server.unanswered,
-        "lost": server.lost,
-        "skipped": server.skipped,
+        "sent": dict(server.link.sent),
+        "received": dict(server.link.received),
+        "unanswered": server.commands.unanswered,
+        "lost": server.clock.lost,
+        "skipped": server.downlink.skipped,
     }
 
 

@@ -29,17 +29,17 @@ LETTERS = {
 }
 
 
-class Wire(NamedTuple):
+class WireType(NamedTuple):
     """The type of a field on the wire."""
 
-    type: str  # of LETTERS
+    name: str  # of LETTERS
     length: int = 0  # numbers of an array; 0: no array
     extension: bool = False  # whether MAVLink 2 has added the field
 
     @property
     def size(self) -> int:
         """The size of one number [bytes]."""
-        return Struct("<" + LETTERS[self.type]).size
+        return Struct("<" + LETTERS[self.name]).size
 
     @property
     def count(self) -> int:
@@ -47,21 +47,21 @@ class Wire(NamedTuple):
         return self.length or 1
 
 
-U8 = Annotated[int, Wire("uint8_t")]
-U8X = Annotated[int, Wire("uint8_t", extension=True)]
-I8X = Annotated[int, Wire("int8_t", extension=True)]
-I32X = Annotated[int, Wire("int32_t", extension=True)]
-U16 = Annotated[int, Wire("uint16_t")]
-U32 = Annotated[int, Wire("uint32_t")]
-U64 = Annotated[int, Wire("uint64_t")]
-I64 = Annotated[int, Wire("int64_t")]
-F32 = Annotated[float, Wire("float")]
+U8 = Annotated[int, WireType("uint8_t")]
+U8X = Annotated[int, WireType("uint8_t", extension=True)]
+I8X = Annotated[int, WireType("int8_t", extension=True)]
+I32X = Annotated[int, WireType("int32_t", extension=True)]
+U16 = Annotated[int, WireType("uint16_t")]
+U32 = Annotated[int, WireType("uint32_t")]
+U64 = Annotated[int, WireType("uint64_t")]
+I64 = Annotated[int, WireType("int64_t")]
+F32 = Annotated[float, WireType("float")]
 Floats = tuple[float, ...]
-F4 = Annotated[Floats, Wire("float", 4)]
-F21 = Annotated[Floats, Wire("float", 21)]
-F32S = Annotated[Floats, Wire("float", 32)]
-Data253 = Annotated[bytes, Wire("uint8_t", 253)]
-Text50 = Annotated[bytes, Wire("char", 50)]
+F4 = Annotated[Floats, WireType("float", 4)]
+F21 = Annotated[Floats, WireType("float", 21)]
+F32S = Annotated[Floats, WireType("float", 32)]
+Data253 = Annotated[bytes, WireType("uint8_t", 253)]
+Text50 = Annotated[bytes, WireType("char", 50)]
 
 UNKNOWN_COVARIANCE = (float("nan"), *20 * (0.0,))
 
@@ -274,7 +274,7 @@ class Statustext(Message):
     NAME = "STATUSTEXT"
     severity: U8
     text: Text50
-    id: Annotated[int, Wire("uint16_t", extension=True)] = 0
+    id: Annotated[int, WireType("uint16_t", extension=True)] = 0
     chunk_seq: U8X = 0
 
 
@@ -341,7 +341,7 @@ class Layout(NamedTuple):
     """How a message stands on the wire."""
 
     names: tuple[str, ...]  # fields in the order of the wire
-    wires: tuple[Wire, ...]  # their types
+    types: tuple[WireType, ...]  # their types
     struct: Struct
     crc_extra: int
 
@@ -350,24 +350,24 @@ class Layout(NamedTuple):
 def layout(kind: type[Message]) -> Layout:
     """Return the layout of a message."""
     hints = get_type_hints(kind, include_extras=True)
-    found: list[tuple[str, Wire]] = [
+    found: list[tuple[str, WireType]] = [
         (field.name, hints[field.name].__metadata__[0]) for field in fields(kind)
     ]
     # Sorting is stable: fields of one size keep their order.
     base = sorted((f for f in found if not f[1].extension), key=lambda f: -f[1].size)
     ordered = base + [f for f in found if f[1].extension]
-    names, wires = zip(*ordered, strict=True)
-    return Layout(names, wires, Struct("<" + "".join(map(_letters, wires))), _crc_extra(kind, base))
+    names, types = zip(*ordered, strict=True)
+    return Layout(names, types, Struct("<" + "".join(map(_letters, types))), _crc_extra(kind, base))
 
 
-def _letters(wire: Wire) -> str:
+def _letters(field: WireType) -> str:
     """Return a field in the language of `struct`; texts and data are bytes."""
-    if wire.length and wire.type in ("char", "uint8_t"):
-        return f"{wire.length}s"
-    return f"{wire.count}{LETTERS[wire.type]}"
+    if field.length and field.name in ("char", "uint8_t"):
+        return f"{field.length}s"
+    return f"{field.count}{LETTERS[field.name]}"
 
 
-def _crc_extra(kind: type[Message], base: list[tuple[str, Wire]]) -> int:
+def _crc_extra(kind: type[Message], base: list[tuple[str, WireType]]) -> int:
     """Return CRC_EXTRA of a message.
 
     Args:
@@ -375,10 +375,10 @@ def _crc_extra(kind: type[Message], base: list[tuple[str, Wire]]) -> int:
         base: its fields that are no extensions, in the order of the wire.
     """
     crc = x25(kind.NAME.encode() + b" ")
-    for name, wire in base:
-        crc = x25(f"{wire.type} {name} ".encode(), crc)
-        if wire.length:
-            crc = x25(bytes([wire.length]), crc)
+    for name, field in base:
+        crc = x25(f"{field.name} {name} ".encode(), crc)
+        if field.length:
+            crc = x25(bytes([field.length]), crc)
     return (crc & 0xFF) ^ (crc >> 8)
 
 
@@ -417,9 +417,9 @@ def pack(message: Message) -> bytes:
     """Return the payload of a message, without the zeros at its end but one byte or more."""
     numbers: list[Any] = []
     shape = layout(type(message))
-    for name, wire in zip(shape.names, shape.wires, strict=True):
+    for name, field in zip(shape.names, shape.types, strict=True):
         value = getattr(message, name)
-        if wire.length and not isinstance(value, bytes):
+        if field.length and not isinstance(value, bytes):
             numbers += value
         else:
             numbers.append(value)
@@ -432,9 +432,9 @@ def unpack(kind: type[Message], payload: bytes) -> Message:
     size = shape.struct.size
     numbers = iter(shape.struct.unpack(payload[:size].ljust(size, b"\0")))
     values: dict[str, Any] = {}
-    for name, wire in zip(shape.names, shape.wires, strict=True):
-        if wire.length and not _letters(wire).endswith("s"):
-            values[name] = tuple(next(numbers) for _ in range(wire.length))
+    for name, field in zip(shape.names, shape.types, strict=True):
+        if field.length and not _letters(field).endswith("s"):
+            values[name] = tuple(next(numbers) for _ in range(field.length))
         else:
             values[name] = next(numbers)
     return kind(**values)

@@ -23,7 +23,10 @@ QUALITY = 80
 
 
 class Eye:
-    """Takes the pictures of one flight.
+    """Takes the pictures of the flights.
+
+    Attributes:
+        rate: pictures a second [Hz].
 
     Args:
         course: the course as it stands.
@@ -31,6 +34,7 @@ class Eye:
     """
 
     def __init__(self, course: Course, camera: Camera):
+        self.rate = camera.rate
         self._scene = Scene(course, camera)
         self._look = plain_look()
 

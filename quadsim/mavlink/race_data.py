@@ -37,6 +37,9 @@ class RaceStatus(NamedTuple):
     last_gate_ns: int  # race time at the last gate passed; -1: none yet
 
 
+NO_RACE = RaceStatus(boot_ms=0, start_boot_ms=-1, finish_ns=-1, active_gate=0, last_gate_ns=-1)
+
+
 def status_message(status: RaceStatus) -> EncapsulatedData:
     """Return the message of a state of the race."""
     return EncapsulatedData(0, STATUS.pack(RACE_STATUS, *status))
@@ -48,7 +51,7 @@ def track_messages(course: Course, transfer: int, has_poses: bool = True) -> Seq
     Args:
         course: the course, whose gates are numbered from 0.
         transfer: number of the transfer.
-        has_poses: whether the gates' poses are told; otherwise they are zeros.
+        has_poses: whether the gates' poses are sent; otherwise they are zeros.
     """
     data = COUNT.pack(len(course.gates))
     for k, gate in enumerate(course.gates):

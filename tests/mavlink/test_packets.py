@@ -32,17 +32,17 @@ def drawn(kind, rng):
     """Return a message with random numbers that its fields can hold."""
     values = {}
     shape = layout(kind)
-    for name, wire in zip(shape.names, shape.wires, strict=True):
-        if wire.type == "float":
-            numbers = rng.normal(size=wire.count).astype(np.float32).tolist()
+    for name, field in zip(shape.names, shape.types, strict=True):
+        if field.name == "float":
+            numbers = rng.normal(size=field.count).astype(np.float32).tolist()
         else:
-            limit = min(2 ** (8 * wire.size - 1), 2**40)
-            numbers = rng.integers(0, limit, wire.count).tolist()
-        if wire.length and wire.type != "float":
+            limit = min(2 ** (8 * field.size - 1), 2**40)
+            numbers = rng.integers(0, limit, field.count).tolist()
+        if field.length and field.name != "float":
             # texts end at a zero
             values[name] = bytes(1 + n % 126 for n in numbers)
         else:
-            values[name] = tuple(numbers) if wire.length else numbers[0]
+            values[name] = tuple(numbers) if field.length else numbers[0]
     return kind(**values)
 
 

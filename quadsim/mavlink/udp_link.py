@@ -1,4 +1,4 @@
-"""The two UDP sockets: messages to and from a client, and the pictures of the camera."""
+"""A UDP socket for messages to and from a client, and for the pictures of the camera."""
 
 from __future__ import annotations
 
@@ -19,24 +19,27 @@ MOST = 200
 ANY = "0.0.0.0"
 
 
-class Wire:
+class UdpLink:
     """Sends messages to one client, and receives its messages.
 
-    Messages go to the client's address until it has sent one itself, and from then on to where that
-    came from. Datagrams of other machines are counted and not read.
+    The first messages go to the address and port that are given. Once the client has sent a
+    message, all go to the port that it was sent from. Datagrams of other machines are counted
+    and not read.
 
     Attributes:
         sent: messages sent, by name; datagrams of pictures count as "picture".
         received: messages received, by name; packets of other messages count as "unknown",
-            pieces that are no packets as "bad", datagrams of others as "strange".
+            pieces that are no packets as "bad", datagrams of other machines as "strange", setpoints
+            whose numbers cannot be used as "unusable".
 
     Args:
-        host: address of the client; a socket is bound to loopback alone if that is there.
-        port: its port for messages.
-        camera_port: its port for pictures.
+        host: address of the client; if it is a loopback address, the socket receives from there
+            alone.
+        port: port of the client for messages.
+        camera_port: port of the client for pictures.
 
     Raises:
-        SettingError: the client's address is none.
+        SettingError: the host has no address.
     """
 
     def __init__(self, host: str, port: int, camera_port: int):

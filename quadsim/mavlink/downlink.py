@@ -1,0 +1,199 @@
+"""What the client is sent: the state of the vehicle and the race, the track, and pictures."""
+
+from __future__ import annotations
+
+from quadsim.config.spec import Spec
+from quadsim.dynamics.quadrotor import State
+from quadsim.mavlink.clock import SimulatorClock
+from quadsim.mavlink.messages import Collision, Heartbeat, Statustext
+from quadsim.mavlink.pictures import Eye, chunks, jpeg
+from quadsim.mavlink.race_data import NO_RACE, RaceStatus, status_message, track_messages
+from quadsim.mavlink.senses import Senses
+from quadsim.mavlink.served import Served
+from quadsim.mavlink.telemetry import (
+    Motion,
+    attitude_message,
+    imu_message,
+    motors_message,
+    odometry_message,
+    position_message,
+)
+from quadsim.mavlink.udp_link import UdpLink
+from quadsim.physics.plant_state import PlantState
+from quadsim.racing.events import Event, Frame
+from quadsim.sensing.barometer import washed_height
+from quadsim.sensing.timing import Ticks
+
+# Messages a second [Hz], as teams have counted them at the simulator (click-b8/AI-GrandPrix-)
+RATES = {
+    "HEARTBEAT": 10.0,
+    "ATTITUDE": 114.0,
+    "LOCAL_POSITION_NED": 92.0,
+    "ODOMETRY": 73.0,
+    "ACTUATOR_OUTPUT_STATUS": 92.0,
+    "STATUS": 4.0,
+    # The simulator sends the track once; teams have lost it, so it comes again and again here.
+    "TRACK": 1.0,
+}
+# HEARTBEAT: a quadrotor, a generic autopilot, flags of base_mode
+QUADROTOR = 2
+GENERIC = 0
+CUSTOM_MODE = 1
+ARMED = 128
+# COLLISION.id
+GATE = 1001
+ENVIRONMENT = 1002
+TOUCHES = ("hit", "ground", "bounds")
+INFO = 6  # MAV_SEVERITY_INFO
+
+
+class Downlink:
+    """Sends the client what is due at each state of a flight.
+
+    Attributes:
+        resets: races that the client has ended, of which ODOMETRY has the count.
+        skipped: pictures that were left out, as the flight lagged behind the wall clock.
+
+    Args:
+        link: the link to the client.
+        clock: time since the simulator's start.
+        spec: specification of the flights.
+        served: how the flights are served.
+    """
+
+    def __init__(self, link: UdpLink, clock: SimulatorClock, spec: Spec, served: Served):
+        self.resets = 0
+        self.skipped = 0
+        self._link = link
+        self._clock = clock
+        self._spec = spec
+        self._served = served
+        self._eye = Eye(spec.flown_course, served.camera) if served.camera else None
+        self._transfers = 0
+        self._pictures = 0
+        self._ticks: dict[str, Ticks] = {}
+        self._status = NO_RACE
+
+    def begin(self, status: RaceStatus) -> None:
+        """Begin a flight, or the wait for one, at t = 0. status: the state of its race."""
+        self._ticks = {name: Ticks(rate) for name, rate in RATES.items()}
+        if self._eye is not None:
+            self._ticks["picture"] = Ticks(self._eye.rate)
+        self._status = status
+
+    def send_state(self, state: PlantState[State], senses: Senses, is_armed: bool) -> int:
+        """Send the messages that are due at a state of the vehicle.
+
+        Args:
+            state: the state.
+            senses: what is known of the vehicle's motion.
+            is_armed: whether the vehicle is armed.
+
+        Returns:
+            The number of these messages that want a setpoint each, in lock step.
+        """
+        senses.observe(state)
+        t = state.t
+        boot = self._clock.boot
+        send = self._link.send
+
+        # The vehicle and the race.
+        if self._due("HEARTBEAT", t):
+            mode = CUSTOM_MODE | (ARMED if is_armed else 0)
+            send(Heartbeat(QUADROTOR, GENERIC, mode))
+        if self._due("STATUS", t):
+            send(status_message(self._status._replace(boot_ms=round(1e3 * boot))))
+        if self._due("TRACK", t):
+            self.send_track()
+        if self._eye is not None and self._due("picture", t):
+            self._send_picture(self._eye, state)
+
+        # The sensors and the motors.
+        samples = senses.samples()
+        height = senses.height
+        if height is None:
+            height = washed_height(state.x, self._served.baro_wash)
+        for sample in samples:
+            send(imu_message(sample, height, boot - t + sample.t))
+        if self._due("ACTUATOR_OUTPUT_STATUS", t):
+            send(motors_message(state.x.thrust, self._spec.vehicle, boot))
+
+        # The motion, if it is known.
+        motion = senses.motion
+        if motion is None or self._served.round == "second":
+            return len(samples)
+        return self._send_motion(motion, t)
+
+    def _send_motion(self, motion: Motion, t: float) -> int:
+        """Send the messages of the motion that are due at t [s]; return the number of ODOMETRY."""
+        send = self._link.send
+        boot = self._clock.boot
+        if self._due("ATTITUDE", t):
+            send(attitude_message(motion, boot))
+        if self._due("LOCAL_POSITION_NED", t):
+            send(position_message(motion, boot))
+        if not self._due("ODOMETRY", t):
+            return 0
+        send(odometry_message(motion, boot, self.resets))
+        return 1
+
+    def _due(self, name: str, t: float) -> bool:
+        """Return whether a message is due at t [s]."""
+        return self._ticks[name].due(t)
+
+    def send_track(self) -> None:
+        """Send the track."""
+        self._transfers += 1
+        has_poses = self._served.round == "first"
+        transfer = self._transfers % 2**16
+        for message in track_messages(self._spec.course, transfer, has_poses):
+            self._link.send(message)
+
+    def _send_picture(self, eye: Eye, state: PlantState[State]) -> None:
+        """Send a picture, unless the flight lags behind the wall clock by more than its period."""
+        if not self._served.lock_step and self._clock.behind() > 1.0 / eye.rate:
+            self.skipped += 1
+            return
+        file = jpeg(eye.picture(state.x.position, state.x.attitude))
+        self._link.send_picture(chunks(file, self._pictures, self._clock.boot))
+        self._pictures += 1
+
+    def send_race(self, frame: Frame) -> None:
+        """Send what has happened in the race since the last frame."""
+        send = self._link.send
+        for event in frame.events:
+            if event.kind in TOUCHES:
+                send(_collision(event, self._spec.vehicle.mass))
+
+        passes = [event for event in frame.events if event.kind == "pass"]
+        status = self._status._replace(
+            boot_ms=round(1e3 * self._clock.boot), active_gate=max(frame.gate - 1, 0)
+        )
+        if passes:
+            status = status._replace(last_gate_ns=round(1e9 * passes[-1].t))
+        if frame.outcome == "finished":
+            status = status._replace(finish_ns=status.last_gate_ns)
+        self._status = status
+        if passes or frame.outcome:
+            send(status_message(status))
+        if frame.outcome:
+            text = f"race {frame.outcome} after {frame.t:.3f} s"
+            send(Statustext(INFO, text.encode()))
+
+
+def _collision(event: Event, mass: float) -> Collision:
+    """Return COLLISION for a touch, with the momentum of the vehicle as the sample client has it.
+
+    Args:
+        event: the touch.
+        mass: mass of the vehicle [kg].
+    """
+    return Collision(
+        src=0,
+        id=GATE if event.gate and event.kind == "hit" else ENVIRONMENT,
+        action=0,
+        threat_level=2,
+        time_to_minimum_delta=0.0,
+        altitude_minimum_delta=0.0,
+        horizontal_minimum_delta=mass * event.speed,
+    )
