@@ -110,9 +110,8 @@ class PlannerInFlight:
         Args:
             estimate: the estimate from which it was planned.
         """
-        from quadsim.controllers.sampled_trajectories import (
-            planned_path,  # here: it loads the compiler
-        )
+        # here: it loads the compiler
+        from quadsim.controllers.sampled_trajectories import planned_path
 
         return planned_path(self.planner, estimate)
 

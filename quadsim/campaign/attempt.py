@@ -158,7 +158,7 @@ class Variation(TypedDict):
 
 
 class MotorNumbers(TypedDict):
-    """What a firmware asked of the motors: see quadsim.report.run_metrics.RunMetrics."""
+    """The commands that a firmware gave to the motors, see quadsim.report.run_metrics."""
 
     variation: float  # [1/s]
     thrust_lost: float  # [m/s^2]

@@ -146,6 +146,9 @@ class OwnPlans:
             seen: where it is seen.
             around: the paths of the vehicles around it.
         """
+        # here: it loads the compiler
+        from quadsim.controllers.sampled_trajectories import planned_path
+
         opponent = self._opponents.get(m)
         if opponent is None:
             opponent = self._opponents[m] = self._new_opponent(m)
@@ -165,10 +168,6 @@ class OwnPlans:
         others = tuple(OtherVehicle(n, around[n]) for n in around)
         estimate = Estimate(seen.t, np.array(x), seen.passed, others=others)
         opponent.planner.control(estimate)
-        from quadsim.controllers.sampled_trajectories import (
-            planned_path,  # here: it loads the compiler
-        )
-
         return planned_path(opponent.planner, estimate)
 
     def _seen_to_act(self, m: int, seen: Sighting, planned: Control, model: ModelParams) -> Control:

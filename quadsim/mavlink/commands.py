@@ -1,4 +1,4 @@
-"""What the client asks for: its messages are obeyed, and its setpoints fly the vehicle."""
+"""Commands obeys the messages of the client and makes its setpoints fly the vehicle."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the client is sent: the state of the vehicle and the race, the track, and pictures."""
+"""Downlink sends the client the state of the vehicle and the race, the track, and pictures."""
 
 from __future__ import annotations
 

@@ -5,8 +5,8 @@ of every other flight, quadsim.racing.flight: in each control period the last se
 is flown. Physics steps follow the wall clock, or the client: in lock step the time stands still
 after each ODOMETRY (HIGHRES_IMU if that is not sent) until a setpoint has come.
 
-What the client says takes one way: UdpLink receives it, Commands obeys it, and a setpoint becomes
-the law of MavlinkClient, the controller. What the client is sent is in Downlink.
+UdpLink receives the messages of the client, and Commands obeys them: a setpoint becomes the law of
+MavlinkClient, the controller. Downlink sends the client its messages.
 """
 
 from __future__ import annotations

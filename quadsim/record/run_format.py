@@ -119,10 +119,8 @@ def check_spec(spec: dict[str, Any], path: object) -> None:
 def _other_format(header: Header) -> str:
     """Return the error for a run in another format than this version's."""
     got = repr(header.format) if header.format else "none"
-    commit = f", commit {header.git}," if header.git else ""
-    return (
-        f"expected format {RUN_FORMAT!r}, got {got}: the quadsim{commit} that wrote it can read it"
-    )
+    writer = f"commit {header.git} of quadsim" if header.git else "the quadsim that wrote it"
+    return f"expected format {RUN_FORMAT!r}, got {got}: read it with {writer}, or fly it again"
 
 
 def write_npz(run: RecordedRun) -> bytes:

@@ -1,8 +1,8 @@
 """The keys of run.json and heat.json that this version reads.
 
-A file has more keys than these, which follow from them or are for people. RunSpec is the spec of a
-run with all its keys: lists, pictures, reports, the page and a flight that is flown again read it.
-A file of another format is refused by the number in its key `format`.
+The other keys of a file follow from these, or are there for people who open it. Lists, pictures,
+reports, the page and repeated flights read the spec of a run as a RunSpec. A file of another format
+is refused by the number in its key `format`.
 """
 
 from __future__ import annotations

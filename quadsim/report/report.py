@@ -75,7 +75,7 @@ def _head(run: RecordedRun, limit: StoredSolution | None) -> Iterator[str]:
         drawn = spec["randomization"]["name"]
         by = "" if drawn == OUTDOOR.name else f" by {escape(drawn)}"
         flown.append(f"randomized {spec['randomize']:g}{by}")
-    if spec.get("map_scale", 1.0) != 1.0:
+    if spec["map_scale"] != 1.0:
         flown.append(f"a map of {spec['map_scale']:g} of the course's size")
     if spec.get("displace_gates"):
         flown.append(f"gates up to {spec['displace_gates']:g} m off the map")

@@ -57,7 +57,7 @@ def changed_npz(**changes):
 # Name -> what harms the folder, and what the error names
 DAMAGE = {
     "newer": (changed_json(format="quadsim run 3"), "got 'quadsim run 3'"),
-    "no format": (changed_json(format=None), "got none: the quadsim"),
+    "no format": (changed_json(format=None), "got none: read it with commit .* of quadsim"),
     "format": (changed_json(format=1), "damaged"),
     "no laps": (changed_json(spec={"course": "x"}), "spec: expected the spec of a flight"),
     "outcome": (changed_json(outcome="won"), "'won'"),

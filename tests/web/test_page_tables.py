@@ -276,7 +276,7 @@ def texts(content):
 
 
 def read(content):
-    """What an element reads as: the texts of all elements in it, one after another."""
+    """Return the texts of an element and of all elements in it, one after another."""
     if isinstance(content, str):
         return content
     return "".join(map(read, content.children))

@@ -1,4 +1,4 @@
-"""What a visitor watches of a race: its playhead applied to a snapshot.
+"""Apply the playhead of a visitor to a race, which gives what this visitor watches.
 
 As with a recorded broadcast, a visitor watches live, or from any time on at a speed of its own. A
 flight goes on meanwhile. All functions are pure; `now` is the time on the wall clock [s].
@@ -39,10 +39,10 @@ def watched(head: Playhead, s: Snapshot, now: float) -> Snapshot:
 
 
 def of_race(head: Playhead, s: Snapshot) -> Playhead:
-    """Return the playhead of this race, in which it begins anew unless it is of it."""
+    """Return the playhead for this race. A playhead of another race begins anew."""
     if head.race == s.race:
         return head
-    # A visitor who comes later sees a replay from its start, too.
+    # A visitor who opens the page later sees a replay from its start, too.
     began = max(s.began, head.at)
     return Playhead(s.race, is_live=s.has_flights, at=began, speed=head.speed)
 
@@ -90,7 +90,7 @@ def jump(head: Playhead, s: Snapshot, now: float) -> Playhead:
 
 
 def with_speed(head: Playhead, s: Snapshot, now: float, speed: float) -> Playhead:
-    """Go on at another speed. Who watches live and asks for less falls behind."""
+    """Go on at another speed. A visitor who watches live and asks for less falls behind."""
     seen = watched(head, s, now)
     head = replace(of_race(head, s), speed=speed)
     if seen.is_live and not (s.flying and speed < s.speed):
