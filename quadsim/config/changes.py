@@ -9,7 +9,7 @@ import msgspec
 
 from quadsim.controllers.presets import Planner
 from quadsim.controllers.samplers import is_registered
-from quadsim.files.json_values import plain
+from quadsim.files.plain_values import plain
 from quadsim.record.schema import ChangedPlanner, NumberChange
 
 

@@ -26,7 +26,7 @@ from quadsim.controllers.plan import PlanStats
 from quadsim.controllers.samplers import SAMPLERS, PlainSampler, Sampling
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import State
-from quadsim.files.json_values import Json, plain, qualified_name
+from quadsim.files.plain_values import Json, plain, qualified_name
 from quadsim.files.yaml_errors import did_you_mean, shown_value
 from quadsim.firmware.process import FirmwareError
 from quadsim.physics.plant_state import PlantState

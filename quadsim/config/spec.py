@@ -75,7 +75,7 @@ from quadsim.controllers.samplers import is_registered, sampler_name
 from quadsim.course import Course, Start, load_course
 from quadsim.course.course import is_described
 from quadsim.dynamics.quadrotor import ModelParams
-from quadsim.files.json_values import plain
+from quadsim.files.plain_values import plain
 from quadsim.files.values import checked, kinds_of
 from quadsim.firmware.identified import model_behind
 from quadsim.firmware.package import built_firmware

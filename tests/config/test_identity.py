@@ -17,7 +17,7 @@ import pytest
 
 from quadsim.config.identity import IdentityError, identity_of
 from quadsim.controllers.costs.race import RaceWeights
-from quadsim.files.json_values import qualified_name
+from quadsim.files.plain_values import qualified_name
 
 
 class Held:

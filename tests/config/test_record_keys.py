@@ -9,7 +9,7 @@ import pytest
 from quadsim.config.settings import FlightNumbers, HostSettings
 from quadsim.config.spec import Spec
 from quadsim.controllers.samplers import SAMPLERS, Colored
-from quadsim.files.json_values import plain
+from quadsim.files.plain_values import plain
 from quadsim.racing.events import Event
 from quadsim.report.preset_changes import preset_changes
 from quadsim.sensing import load_sensing, sensing_names
