@@ -101,11 +101,20 @@ def test_quick_commands_load_nothing_slow():
         loaded = set(line.split())
         # The special functions of SciPy alone take 60 ms.
         slow = SLOW if argv[0] == "compare" else {*SLOW, "scipy"}
-        # NumPy takes as long as all that the list of commands needs.
-        if argv == ["--help"]:
-            slow = {*slow, "numpy"}
         assert not slow & loaded, argv
         assert "quadsim.cli.cli" in loaded
+
+
+@pytest.mark.process
+def test_the_list_of_commands_loads_no_numpy():
+    """NumPy takes as long as all else that the list needs."""
+    code = "import sys; from quadsim.cli.cli import main; sys.argv = ['race', '--help']; main()"
+    command = [sys.executable, "-X", "importtime", "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0
+    loaded = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
+    assert "quadsim.console" in loaded
+    assert "numpy" not in loaded
 
 
 def test_a_required_flag_that_is_left_out_is_told_from_one_with_too_few_values(capsys):
