@@ -38,7 +38,7 @@ def number(value: float | None) -> str:
 
 def has_flights(words: Sequence[str]) -> bool:
     """Return whether the flights of a command have rows."""
-    return list(words[:2]) == ["race", "compare"] and "--line-up" not in words
+    return list(words[:2]) == ["race", "compare"]
 
 
 def flights(campaign: Path, command: str) -> list[Flight]:

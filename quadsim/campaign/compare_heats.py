@@ -86,12 +86,16 @@ class HeatComparison:
         """Return the tables and lines that show the comparison in a terminal."""
         races = len(self.settings[0].results)
         parts: list[RenderableType] = [
-            f"[bold]{escape(self.course)}[/]  {races} races of each setting"
+            f"[bold]{escape(self.course)}[/]  {races_of(races, len(self.settings))}"
         ]
         for table in self._side_by_side():
             parts += ["", as_table(table)]
         for setting in self.settings:
-            parts += ["", f"[bold]{escape(setting.name)}[/]", *tables_of(setting.summary)]
+            parts += [
+                "",
+                f"[bold]{escape(setting.name)}[/]  {setting.setting}",
+                *tables_of(setting.summary),
+            ]
         return [*parts, *(f"  [dim]{escape(note)}[/]" for note in self.notes())]
 
     def notes(self) -> list[str]:
@@ -148,6 +152,11 @@ class HeatComparison:
         if path is not None:
             save_figure(figure, Path(path))
         return figure
+
+
+def races_of(races: int, settings: int) -> str:
+    """Return how many races there are, of a single setting or of each of several."""
+    return f"{races} races" if settings == 1 else f"{races} races of each setting"
 
 
 def _of_setting(setting: FlownHeats) -> list[TextTable]:

@@ -39,7 +39,7 @@ class HeatStore(Database[HeatRow]):
     row_type = HeatRow
     json_fields = ("entrants", "result")
     table = "heats"
-    made_by = "race compare --line-up"
+    made_by = "race compare-heats"
 
     def _convert_earlier(self) -> None:
         """Read the heats of a file from before version 5, which had neither names nor times."""

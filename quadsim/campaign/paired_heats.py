@@ -37,6 +37,8 @@ class FlownHeats:
     results: list[StoredResult | None]
     # that flew them
     commits: tuple[str, ...] = ()
+    # rules and prediction, for the heading
+    setting: str = ""
 
     @cached_property
     def summary(self) -> HeatsSummary:
@@ -112,6 +114,7 @@ def fly_variants(variants: Sequence[HeatVariant], runner: HeatRunner) -> list[Fl
             complain(f"{variant.name}:")
         rows = runner(variant.heats)
         first = variant.heats[0]
+        of_race = first.settings
         flown.append(
             FlownHeats(
                 name=variant.name,
@@ -119,6 +122,7 @@ def fly_variants(variants: Sequence[HeatVariant], runner: HeatRunner) -> list[Fl
                 gates=len(first.course.gates),
                 results=[row.result if row else None for row in rows],
                 commits=tuple(sorted({row.code for row in rows if row})),
+                setting=f"rules {of_race.rules}, expect {of_race.expect}",
             )
         )
     return flown

@@ -71,6 +71,11 @@ COMMANDS = {
     "compare": Command(
         "quadsim.cli.compare:compare", "compare variants over many flights, paired by seed", True
     ),
+    "compare-heats": Command(
+        "quadsim.cli.compare_heats:compare_heats",
+        "many races of several vehicles: wins, ranks, collisions, by setting",
+        True,
+    ),
     "sweep": Command(
         "quadsim.cli.sweep:sweep", "what each value of a setting costs, paired by seed", True
     ),

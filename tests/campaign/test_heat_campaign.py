@@ -200,8 +200,10 @@ def in_this_process(monkeypatch):
 
 
 @pytest.mark.compiled
-def test_race_compare_flies_each_setting_from_the_same_starts(tmp_path, capsys, in_this_process):
-    line = ["compare", "figure8", "--line-up", "colored", "gaussian", *flags(SETTINGS)]
+def test_race_compare_heats_flies_each_setting_from_the_same_starts(
+    tmp_path, capsys, in_this_process
+):
+    line = ["compare-heats", "figure8", "--entrants", "colored", "gaussian", *flags(SETTINGS)]
     settings = ["--starts=2", "--variants", "expect=velocity,expect=nothing"]
     assert race([*line, *settings, "--campaign", str(tmp_path / "a.sqlite"), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -212,21 +214,6 @@ def test_race_compare_flies_each_setting_from_the_same_starts(tmp_path, capsys, 
     assert written == {".md", ".png", ".svg"}
     with sqlite3.connect(tmp_path / "a.sqlite") as db:
         assert db.execute("SELECT count(*) FROM heats").fetchall() == [(4,)]
-
-
-@pytest.mark.parametrize(
-    ("words", "problem"),
-    [
-        (["--line-up", "colored", "--attempts=3"], "expected --starts in place of --attempts"),
-        (["--starts=4"], "expected --line-up beside it"),
-        (["--line-up", "colored", "colored", "--variants=nonsense"], "no sampler, preset or pilot"),
-    ],
-)
-def test_flags_that_do_not_fit_a_line_up_are_one_line(words, problem, capsys):
-    assert race(["compare", "figure8", *words]) == 2
-    err = capsys.readouterr().err.strip()
-    assert problem in err
-    assert "\n" not in err
 
 
 def small_heats(starts):
@@ -264,7 +251,7 @@ def test_a_campaign_flies_each_race_once_and_the_same_in_parallel(tmp_path):
 def test_a_killed_campaign_is_resumed_with_nothing_lost_and_nothing_twice(
     tmp_path, monkeypatch, capsys, in_this_process
 ):
-    command = ["heat", "figure8", "--starts", "6", *flags(SETTINGS), "--json"]
+    command = ["compare-heats", "figure8", "--starts", "6", *flags(SETTINGS), "--json"]
     file = tmp_path / "campaigns" / "heats.sqlite"
     monkeypatch.chdir(tmp_path)
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
@@ -280,7 +267,7 @@ def test_a_killed_campaign_is_resumed_with_nothing_lost_and_nothing_twice(
     assert race(command) == 0
     out, err = capsys.readouterr()
     assert "are kept from before" in err
-    assert json.loads(out)["races"] == 6
+    assert json.loads(out)["settings"]["race"]["races"] == 6
     assert kept == rows(file)[: len(kept)]
     assert len(rows(file)) == 6
 
