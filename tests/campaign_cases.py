@@ -10,8 +10,8 @@ from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
-from quadsim.campaign.store import Row
-from quadsim.campaign.variants import Variant
+from quadsim.campaign.run.store import Row
+from quadsim.campaign.run.variants import Variant
 from quadsim.config.setting_texts import resolve
 from tests.small import SMALL, flags
 

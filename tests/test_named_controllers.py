@@ -5,8 +5,8 @@ import re
 import pytest
 
 import quadsim
-from quadsim.campaign.compare import write_report
-from quadsim.campaign.variants import make_variants, parse_variants
+from quadsim.campaign.flights.compare import write_report
+from quadsim.campaign.run.variants import make_variants, parse_variants
 from quadsim.cli.cli import race
 from quadsim.heat.line_up import line_up, parts_of
 from quadsim.record.run import canonical

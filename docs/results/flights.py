@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from quadsim.campaign.store import Row, Store
+from quadsim.campaign.run.store import Row, Store
 
 DIGITS = 6  # significant digits of a number in a CSV file
 

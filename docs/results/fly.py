@@ -32,7 +32,7 @@ from docs.results.experiments import (
     write_file,
 )
 from docs.results.flights import flights, has_flights, number, run_campaign, run_json
-from quadsim.campaign.summary_stats import FEWEST_PAIRS
+from quadsim.campaign.flights.stats import FEWEST_PAIRS
 
 ROOT = Path(__file__).parents[2]
 RUNS = Path("runs/results")

@@ -8,9 +8,9 @@ from typing import Annotated
 from msgspec import Meta
 from rich.markup import escape
 
-from quadsim.campaign.compare import check_baseline, comparison, identity, write_report
-from quadsim.campaign.runner import Runner
-from quadsim.campaign.variants import make_variants, parse_variants
+from quadsim.campaign.flights.compare import check_baseline, comparison, identity, write_report
+from quadsim.campaign.run.runner import Runner
+from quadsim.campaign.run.variants import make_variants, parse_variants
 from quadsim.cli.flags import Given, Help, Json, Switch, course_help, settings_as_flags
 from quadsim.cli.fly import complain_beside_controllers
 from quadsim.config.competition import prescribed_courses

@@ -8,10 +8,10 @@ from typing import Annotated
 from msgspec import Meta
 from rich.markup import escape
 
-from quadsim.campaign.compare_heats import fly_comparison
-from quadsim.campaign.heat_report import write_heats_report
-from quadsim.campaign.heat_runner import HeatRunner
-from quadsim.campaign.paired_heats import heat_variants
+from quadsim.campaign.heats.compare import fly_comparison
+from quadsim.campaign.heats.paired import heat_variants
+from quadsim.campaign.heats.report import write_heats_report
+from quadsim.campaign.heats.runner import HeatRunner
 from quadsim.cli.compare import Campaign, Jobs, ReportFolder, Scheduler, ThisCommit
 from quadsim.cli.flags import CourseName, Given, GivenHeat, Help, Json, settings_as_flags
 from quadsim.cli.fly import complain_beside_controllers

@@ -10,9 +10,9 @@ from cyclopts import Token
 from msgspec import Meta
 from rich.markup import escape
 
-from quadsim.campaign.runner import Runner
-from quadsim.campaign.sweep import fly_sweep, plan_sweep, write_sweep_report
-from quadsim.campaign.variants import parse_variants
+from quadsim.campaign.flights.sweep import fly_sweep, plan_sweep, write_sweep_report
+from quadsim.campaign.run.runner import Runner
+from quadsim.campaign.run.variants import parse_variants
 from quadsim.cli.compare import (
     CAMPAIGN,
     VARIANTS,

@@ -12,17 +12,17 @@ import numpy as np
 import pytest
 
 import quadsim
-from quadsim.campaign import rating
-from quadsim.campaign.attempt import this_provenance
-from quadsim.campaign.compare_heats import fly_comparison
-from quadsim.campaign.database import code_of
-from quadsim.campaign.heat_runner import FlownHeat, HeatRunner
-from quadsim.campaign.heat_stats import summary, summary_as_json
-from quadsim.campaign.heat_store import HeatStore, key_of
-from quadsim.campaign.heat_tables import lines_of, overtakers_table, tables_of
-from quadsim.campaign.paired_heats import FlownHeats, HeatVariant, difference
-from quadsim.campaign.pool import Pool
-from quadsim.campaign.rating import bradley_terry
+from quadsim.campaign.heats import rating
+from quadsim.campaign.heats.compare import fly_comparison
+from quadsim.campaign.heats.paired import FlownHeats, HeatVariant, difference
+from quadsim.campaign.heats.rating import bradley_terry
+from quadsim.campaign.heats.runner import FlownHeat, HeatRunner
+from quadsim.campaign.heats.stats import summary, summary_as_json
+from quadsim.campaign.heats.store import HeatStore, key_of
+from quadsim.campaign.heats.tables import lines_of, overtakers_table, tables_of
+from quadsim.campaign.run.attempt import this_provenance
+from quadsim.campaign.run.database import code_of
+from quadsim.campaign.run.pool import Pool
 from quadsim.cli.cli import race
 from quadsim.console import as_text
 from quadsim.files.values import SettingError
@@ -196,7 +196,7 @@ def test_settings_of_races_are_read_with_and_without_names():
 @pytest.fixture
 def in_this_process(monkeypatch):
     """Races are flown here instead of in workers."""
-    monkeypatch.setattr("quadsim.campaign.runner.open_pool", lambda *_: Pool())
+    monkeypatch.setattr("quadsim.campaign.run.runner.open_pool", lambda *_: Pool())
 
 
 @pytest.mark.compiled
@@ -296,7 +296,7 @@ def test_an_interrupted_campaign_says_whether_races_are_kept(ended, tmp_path, mo
             yield heat, fly(heat)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("quadsim.campaign.heat_runner.run_all", interrupted)
+    monkeypatch.setattr("quadsim.campaign.heats.runner.run_all", interrupted)
     with pytest.raises(KeyboardInterrupt) as stop:
         fly_heats(small_heats(2), tmp_path / "a.sqlite", jobs=0)
     assert ("the same command continues" in str(stop.value)) == bool(ended)
@@ -313,7 +313,7 @@ def by_draw(monkeypatch):
             result = stored(heat.names)
             yield heat, FlownHeat(result, heat.record(), this_provenance())
 
-    monkeypatch.setattr("quadsim.campaign.heat_runner.run_all", flown)
+    monkeypatch.setattr("quadsim.campaign.heats.runner.run_all", flown)
     return seeds
 
 
@@ -400,7 +400,7 @@ def test_workers_that_fly_with_other_parts_are_refused(tmp_path, monkeypatch, by
     class Processes(Pool):
         in_this_process = False
 
-    monkeypatch.setattr("quadsim.campaign.runner.open_pool", lambda *_: Processes())
+    monkeypatch.setattr("quadsim.campaign.run.runner.open_pool", lambda *_: Processes())
     made, of_race = line_up("figure8", [{"controller": Level()}, "gaussian"], SETTINGS)
     heats = heats_of(made, of_race, 0, 1)
     assert fly_heats(heats, tmp_path / "same.sqlite", jobs=1)
@@ -416,7 +416,7 @@ def test_workers_that_fly_with_other_parts_are_refused(tmp_path, monkeypatch, by
         for heat in missing:
             yield heat, FlownHeat(stored(heat.names), record(heat), this_provenance())
 
-    monkeypatch.setattr("quadsim.campaign.heat_runner.run_all", flown)
+    monkeypatch.setattr("quadsim.campaign.heats.runner.run_all", flown)
     with pytest.raises(RunError, match="a worker flies with another controller"):
         fly_heats(heats, tmp_path / "other.sqlite", jobs=1)
 

@@ -3,7 +3,7 @@
 import pytest
 
 import quadsim
-from quadsim.campaign.seeds import seeds_remark
+from quadsim.campaign.run.seeds import seeds_remark
 
 FIX = "so intervals are narrow: --randomize 1 also draws start, vehicle and gusts."
 

@@ -10,9 +10,9 @@ from threading import Barrier
 
 import pytest
 
-from quadsim.campaign import attempt
-from quadsim.campaign.attempt import attempt_key, fly_attempt, result
-from quadsim.campaign.store import SCHEMA_VERSION, Store
+from quadsim.campaign.run import attempt
+from quadsim.campaign.run.attempt import attempt_key, fly_attempt, result
+from quadsim.campaign.run.store import SCHEMA_VERSION, Store
 from quadsim.record.archive import RunFolder, list_runs, read_run
 from quadsim.record.run import RunError
 from tests.campaign_cases import specs

@@ -5,8 +5,9 @@ import math
 
 import pytest
 
-from quadsim.campaign.summary_stats import against, all_pairs, pair_stats, variant_stats
-from quadsim.campaign.tables import as_markdown, comparison_tables, notes
+from quadsim.campaign.document import as_markdown
+from quadsim.campaign.flights.stats import against, all_pairs, pair_stats, variant_stats
+from quadsim.campaign.flights.tables import comparison_tables, notes
 from quadsim.statistics import holm
 from tests.campaign_cases import row
 

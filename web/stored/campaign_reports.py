@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import msgspec
 
-from quadsim.campaign.results import COLUMNS, TEXTS, stored
-from quadsim.campaign.store import is_campaign
-from quadsim.campaign.tables import TextTable, as_markdown
+from quadsim.campaign.document import Table, as_markdown
+from quadsim.campaign.flights.results import COLUMNS, TEXTS, stored
+from quadsim.campaign.run.store import is_campaign
 from quadsim.files.arrays import read_bytes
 from quadsim.files.links import is_within
 
@@ -113,7 +113,7 @@ class CampaignReports:
         if not groups:
             return "No attempt has been flown yet."
         texts = tuple(i for i, head in enumerate(COLUMNS) if head in TEXTS)
-        return f"## {path.name}\n\n{as_markdown(TextTable.of(groups, COLUMNS, texts))}\n"
+        return f"## {path.name}\n\n{as_markdown(Table.of(groups, COLUMNS, texts))}\n"
 
     def _found(self) -> Iterator[tuple[float, Path]]:
         """Yield each report with its time of writing [s since 1970]."""

@@ -55,7 +55,7 @@ def attempt_key(
     Args:
         record: record of a Spec.
         versions: versions of libraries by name; None: those of this process.
-        twin: see quadsim.campaign.variants.Variant.
+        twin: see quadsim.campaign.run.variants.Variant.
     """
     used = this_provenance()["versions"] if versions is None else versions
     names = LIBRARIES + LIBRARIES_OF_PLANT.get(record["plant"], ())

@@ -13,11 +13,11 @@ from typing import Any, NamedTuple, Self
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from quadsim.campaign.attempt import LIBRARIES, Flown, attempt_key, this_provenance
-from quadsim.campaign.database import Database, code_of
-from quadsim.campaign.pool import Pool, fly_all, open_pool
-from quadsim.campaign.store import Row, Store
-from quadsim.campaign.variants import Variant, expect_identities, expect_importable
+from quadsim.campaign.run.attempt import LIBRARIES, Flown, attempt_key, this_provenance
+from quadsim.campaign.run.database import Database, code_of
+from quadsim.campaign.run.pool import Pool, fly_all, open_pool
+from quadsim.campaign.run.store import Row, Store
+from quadsim.campaign.run.variants import Variant, expect_identities, expect_importable
 from quadsim.config.spec import Spec
 from quadsim.console import complain, progress_console, uninterrupted
 from quadsim.record.run import RunError

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import Any, NamedTuple
 
-from quadsim.campaign.rating import HeadToHead, bradley_terry
+from quadsim.campaign.heats.rating import HeadToHead, bradley_terry
 from quadsim.files.json_values import without_nan
 from quadsim.record.schema import StoredPlacing, StoredResult
 from quadsim.statistics import (

@@ -16,8 +16,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
-from quadsim.campaign.store import Row
-from quadsim.campaign.summary_stats import FEWEST_PAIRS, FINISHED, Section, mean_lap
+from quadsim.campaign.flights.stats import FEWEST_PAIRS, FINISHED, Section, mean_lap
+from quadsim.campaign.run.store import Row
 from quadsim.figures.notebook_figure import NotebookFigure
 from quadsim.figures.run_figure import arrow_scale, draw_gates, draw_obstacles
 from quadsim.figures.style import STYLE, line

@@ -10,15 +10,15 @@ from math import isnan
 from rich.console import RenderableType
 from rich.markup import escape
 
-from quadsim.campaign.heat_stats import EntrantStats, HeatsSummary
-from quadsim.campaign.paired_heats import FlownHeats, HeatsDifference
-from quadsim.campaign.tables import TextTable, as_table
+from quadsim.campaign.document import Table, as_table
+from quadsim.campaign.heats.paired import FlownHeats, HeatsDifference
+from quadsim.campaign.heats.stats import EntrantStats, HeatsSummary
 from quadsim.statistics import Mean
 
 
-def entrants_table(found: HeatsSummary) -> TextTable:
+def entrants_table(found: HeatsSummary) -> Table:
     """Return the numbers of each entrant."""
-    return TextTable.of(
+    return Table.of(
         found.entrants,
         {
             "entrant": lambda e: e.name,
@@ -32,7 +32,7 @@ def entrants_table(found: HeatsSummary) -> TextTable:
     )
 
 
-def win_matrix(found: HeatsSummary) -> TextTable:
+def win_matrix(found: HeatsSummary) -> Table:
     """Return how often the entrant of a row came in before that of a column, in percent."""
     shares: dict[tuple[str, str], str] = {}
     for pair in found.pairs:
@@ -47,12 +47,12 @@ def win_matrix(found: HeatsSummary) -> TextTable:
     columns = {
         column.name: lambda row, column=column: cell(row, column) for column in found.entrants
     }
-    return TextTable.of(found.entrants, {"ahead of": lambda row: row.name, **columns})
+    return Table.of(found.entrants, {"ahead of": lambda row: row.name, **columns})
 
 
-def overtakers_table(found: HeatsSummary) -> TextTable:
+def overtakers_table(found: HeatsSummary) -> Table:
     """Return how often and how soon one entrant overtook another."""
-    return TextTable.of(
+    return Table.of(
         found.overtakers,
         {
             "overtakes": lambda o: o.name,
@@ -90,9 +90,9 @@ def lines_of(found: HeatsSummary) -> list[str]:
     ]
 
 
-def settings_table(flown: Sequence[FlownHeats]) -> TextTable:
+def settings_table(flown: Sequence[FlownHeats]) -> Table:
     """Return the races of several settings side by side."""
-    return TextTable.of(
+    return Table.of(
         flown,
         {
             "setting": lambda one: one.name,
@@ -115,9 +115,9 @@ def _with_contact(found: HeatsSummary) -> str:
     return f"{found.with_contact}/{found.races} ({_percent(found.contact_ci)})"
 
 
-def differences_table(differences: Sequence[HeatsDifference]) -> TextTable:
+def differences_table(differences: Sequence[HeatsDifference]) -> Table:
     """Return what changes from the first setting to each other one, from the same starts."""
-    return TextTable.of(
+    return Table.of(
         differences,
         {
             "setting": lambda d: f"{d.b} - {d.a}",

@@ -17,15 +17,15 @@ from rich.console import RenderableType
 from rich.markup import escape
 from rich.padding import Padding
 
-from quadsim.campaign.attempts import Attempt, attempts_of
-from quadsim.campaign.compare import NAME_LENGTH, identity, section_of
-from quadsim.campaign.runner import Runner
-from quadsim.campaign.store import Row
-from quadsim.campaign.sweep_curves import Curve, SweepPoint
-from quadsim.campaign.sweep_tables import sweep_notes, sweep_table
-from quadsim.campaign.swept_settings import SweptSetting, swept_settings, swept_variant
-from quadsim.campaign.tables import INDENT, TextTable, as_html, as_markdown, as_table
-from quadsim.campaign.variants import Variant, named_variants, told_apart
+from quadsim.campaign.document import INDENT, Table, as_html, as_markdown, as_table
+from quadsim.campaign.flights.attempts import Attempt, attempts_of
+from quadsim.campaign.flights.compare import NAME_LENGTH, identity, section_of
+from quadsim.campaign.flights.sweep_curves import Curve, SweepPoint
+from quadsim.campaign.flights.sweep_tables import sweep_notes, sweep_table
+from quadsim.campaign.flights.swept_settings import SweptSetting, swept_settings, swept_variant
+from quadsim.campaign.run.runner import Runner
+from quadsim.campaign.run.store import Row
+from quadsim.campaign.run.variants import Variant, named_variants, told_apart
 from quadsim.config.setting_texts import Place, Settings
 from quadsim.console import as_text
 from quadsim.course import Course
@@ -96,7 +96,7 @@ class Sweep:
         Args:
             path: a file to write: .png, .svg or .pdf; None writes nothing.
         """
-        from quadsim.campaign.sweep_figure import draw_sweep  # here: it loads matplotlib
+        from quadsim.campaign.flights.sweep_figure import draw_sweep  # here: it loads matplotlib
 
         figure = draw_sweep(self.curves)
         if path is not None:
@@ -169,7 +169,7 @@ class _Group(NamedTuple):
     course: str
     title: str
     setting: str  # the conditions of the flights
-    table: TextTable
+    table: Table
     notes: list[str]
 
 

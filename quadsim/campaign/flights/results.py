@@ -9,9 +9,10 @@ from math import nan
 from pathlib import Path
 from typing import NamedTuple
 
-from quadsim.campaign.store import Row, Store
-from quadsim.campaign.summary_stats import VariantStats, best_known_time, lap_limit, variant_stats
-from quadsim.campaign.tables import number, short
+from quadsim.campaign.flights.stats import VariantStats, best_known_time, lap_limit, variant_stats
+from quadsim.campaign.flights.tables import number
+from quadsim.campaign.run.commits import short
+from quadsim.campaign.run.store import Row, Store
 from quadsim.console import complain
 from quadsim.record.run import RunError
 

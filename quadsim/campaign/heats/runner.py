@@ -5,16 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, Self
 
-from quadsim.campaign.attempt import (
+from quadsim.campaign.heats.store import HeatRow, HeatStore, key_of, result_of
+from quadsim.campaign.run.attempt import (
     this_provenance,
     use_one_thread_in_a_worker,
     with_fresh_parts,
 )
-from quadsim.campaign.database import code_of
-from quadsim.campaign.heat_store import HeatRow, HeatStore, key_of, result_of
-from quadsim.campaign.pool import run_all
-from quadsim.campaign.runner import CampaignRunner, Tally, expect_same_libraries, expect_same_parts
-from quadsim.campaign.variants import expect_identity, expect_importable
+from quadsim.campaign.run.database import code_of
+from quadsim.campaign.run.pool import run_all
+from quadsim.campaign.run.runner import (
+    CampaignRunner,
+    Tally,
+    expect_same_libraries,
+    expect_same_parts,
+)
+from quadsim.campaign.run.variants import expect_identity, expect_importable
 from quadsim.console import complain, uninterrupted
 from quadsim.heat.spec import HeatSpec
 from quadsim.record.schema import StoredResult

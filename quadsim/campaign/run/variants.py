@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from types import FunctionType
 from typing import Any
 
-from quadsim.campaign.attempt import planner_key
+from quadsim.campaign.run.attempt import planner_key
 from quadsim.config.identity import IdentityError, identity_of
 from quadsim.config.setting_texts import (
     Place,

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
-from quadsim.campaign.attempt import Flown, Result, attempt_key, result, variant_key
-from quadsim.campaign.database import SCHEMA_VERSION, Database, code_of, database_errors
+from quadsim.campaign.run.attempt import Flown, Result, attempt_key, result, variant_key
+from quadsim.campaign.run.database import SCHEMA_VERSION, Database, code_of, database_errors
 from quadsim.config.own import runs_own_code
 from quadsim.config.spec import Spec
 from quadsim.record.archive import RunFolder, remove_unfinished
@@ -86,7 +86,7 @@ class Store(Database[Row]):
             name: name of its variant.
             flown: the flight.
             telemetry: whether to keep its telemetry too.
-            twin: see quadsim.campaign.variants.Variant.
+            twin: see quadsim.campaign.run.variants.Variant.
 
         Returns:
             False if another campaign has stored this attempt meanwhile; its row stays.

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
-from quadsim.campaign.heat_runner import HeatRunner
-from quadsim.campaign.heat_stats import HeatsSummary, summary
+from quadsim.campaign.heats.runner import HeatRunner
+from quadsim.campaign.heats.stats import HeatsSummary, summary
 from quadsim.config.setting_texts import Place, Settings
 from quadsim.console import complain
 from quadsim.heat.line_up import Entrants, heats_of, line_up

@@ -10,8 +10,8 @@ from typing import Any
 
 import msgspec
 
-from quadsim.campaign.attempt import LIBRARIES, this_provenance
-from quadsim.campaign.database import Database, code_of
+from quadsim.campaign.run.attempt import LIBRARIES, this_provenance
+from quadsim.campaign.run.database import Database, code_of
 from quadsim.config.own import runs_own_code
 from quadsim.heat.archive import heat_key
 from quadsim.heat.spec import HeatSpec

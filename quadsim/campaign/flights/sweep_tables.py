@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from math import isfinite
 
-from quadsim.campaign.summary_stats import FEWEST_PAIRS, CrashRate, PairStats, Section
-from quadsim.campaign.sweep_curves import SweepPoint
-from quadsim.campaign.tables import (
-    TextTable,
-    mixed_commits,
+from quadsim.campaign.document import Table
+from quadsim.campaign.flights.stats import FEWEST_PAIRS, CrashRate, PairStats, Section
+from quadsim.campaign.flights.sweep_curves import SweepPoint
+from quadsim.campaign.flights.tables import (
     notes_of_faults,
     number,
     paired,
     shown_p,
     success_interval,
 )
+from quadsim.campaign.run.commits import mixed_commits
 
 
-def sweep_table(title: str, points: Sequence[SweepPoint]) -> TextTable:
+def sweep_table(title: str, points: Sequence[SweepPoint]) -> Table:
     """Return the table of one setting on one course.
 
     Args:
@@ -31,7 +31,7 @@ def sweep_table(title: str, points: Sequence[SweepPoint]) -> TextTable:
     def first(point: SweepPoint) -> str:
         return point.value if of_one_variant else f"{point.value}, {point.variant}"
 
-    return TextTable.of(points, {title: first, **COLUMNS})
+    return Table.of(points, {title: first, **COLUMNS})
 
 
 def sweep_notes(points: Sequence[SweepPoint], sections: Sequence[Section]) -> Iterator[str]:

@@ -15,12 +15,12 @@ from math import inf
 from pathlib import Path
 from statistics import fmean, geometric_mean
 
-from quadsim.campaign.parameters import Parameter, Values, with_parameters
-from quadsim.campaign.runner import Runner
-from quadsim.campaign.search import FlownTrial, Search, TrialStats
-from quadsim.campaign.store import Row
-from quadsim.campaign.summary_stats import VariantStats, lap_limit, variant_stats
-from quadsim.campaign.variants import Variant
+from quadsim.campaign.flights.stats import VariantStats, lap_limit, variant_stats
+from quadsim.campaign.run.runner import Runner
+from quadsim.campaign.run.store import Row
+from quadsim.campaign.run.variants import Variant
+from quadsim.campaign.tune.parameters import Parameter, Values, with_parameters
+from quadsim.campaign.tune.search import FlownTrial, Search, TrialStats
 from quadsim.console import complain
 from quadsim.record.run import ERROR, RunError
 

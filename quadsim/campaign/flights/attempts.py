@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from quadsim.campaign.store import Row
-from quadsim.campaign.summary_stats import FINISHED, Section, mean_lap, where_it_ended
+from quadsim.campaign.flights.stats import FINISHED, Section, mean_lap, where_it_ended
+from quadsim.campaign.run.store import Row
 
 
 @dataclass(frozen=True)

@@ -1,137 +1,26 @@
-"""Tables of text: printed to a terminal, or written as Markdown from the same cells."""
+"""The tables of a comparison, and the notes below them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
 from math import isfinite
-from typing import Self, TypeVar
 
-from rich.console import Group, RenderableType
-from rich.markup import escape
-
-from quadsim.campaign.summary_stats import FEWEST_PAIRS, CorrectedP, PairStats, VariantStats
-from quadsim.console import plain_table, width
-from quadsim.figures import html
+from quadsim.campaign.document import Table
+from quadsim.campaign.flights.stats import FEWEST_PAIRS, CorrectedP, PairStats, VariantStats
+from quadsim.campaign.run.commits import mixed_commits
 from quadsim.record.run import ERROR
 from quadsim.statistics import Mean
 
-COMMIT_DIGITS = 7  # hex digits of a commit that are shown
-DIRTY = "-dirty"  # ends the name of a commit whose files had been changed
-# Columns of the terminal: left of a table, between its columns, and the least width of a text that
-# wraps.
-INDENT = 2
-GAP = 2
-TEXT = 24
 LEAST_P = 1e-9  # p-values that are shown as numbers
 # Most variants of which a table shows all pairs: nine have 36
 ALL_PAIRS = 6
 # Most seeds that a note lists
 MOST_SEEDS = 8
 
-Item = TypeVar("Item")
-
-
-@dataclass(frozen=True)
-class TextTable:
-    """A table of text: columns of text to the left, columns of numbers to the right."""
-
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    texts: tuple[int, ...] = (0,)  # columns of text; those but the first may wrap at spaces
-
-    @classmethod
-    def of(
-        cls,
-        items: Sequence[Item],
-        columns: Mapping[str, Callable[[Item], str]],
-        texts: tuple[int, ...] = (0,),
-    ) -> Self:
-        """Return a table with one row for each item.
-
-        Args:
-            items: what the rows are about.
-            columns: head of each column, and the function that returns its cell for an item.
-            texts: the columns of text.
-        """
-        rows = tuple(tuple(cell(item) for cell in columns.values()) for item in items)
-        return cls(tuple(columns), rows, texts)
-
-
-def as_table(table: TextTable, columns: int | None = None) -> Group:
-    """Return a table in a form that a console prints.
-
-    A table that is too wide becomes several, one below the other, each with the first column. No
-    word is broken.
-
-    Args:
-        table: what to print.
-        columns: the width of the terminal; None: of this one.
-    """
-    room = (width() if columns is None else columns) - INDENT
-    widths = [_least_width(table, i) for i in range(len(table.head))]
-    # The first column has a name, which is broken where it leaves no room for another column.
-    widths[0] = min(widths[0], max(TEXT, room - GAP - max(widths[1:])))
-    shown: list[RenderableType] = []
-    for part in _parts(widths, room):
-        shown += ["", _part_of(table, part, widths)]
-    return Group(*shown[1:])
-
-
-def _least_width(table: TextTable, column: int) -> int:
-    """Return the least width of a column in which no word is broken."""
-    cells = [row[column] for row in table.rows]
-    lines = [*table.head[column].split("\n"), *cells]
-    longest = max(map(len, lines))
-    if column not in table.texts[1:]:
-        return longest
-    words = [len(word) for line in lines for word in line.split()]
-    return min(longest, max(TEXT, *words))
-
-
-def _parts(widths: Sequence[int], room: int) -> list[list[int]]:
-    """Return the columns of each part, which all begin with the first column."""
-    parts = [[0]]
-    for column in range(1, len(widths)):
-        needed = sum(widths[k] + GAP for k in (*parts[-1], column)) - GAP
-        if len(parts[-1]) > 1 and needed > room:
-            parts.append([0])
-        parts[-1].append(column)
-    return parts
-
-
-def _part_of(table: TextTable, part: Sequence[int], widths: Sequence[int]) -> RenderableType:
-    shown = plain_table()
-    for column in part:
-        text = column in table.texts
-        shown.add_column(
-            escape(table.head[column]),
-            justify="left" if text else "right",
-            no_wrap=not text,
-            overflow="fold",
-            min_width=widths[column],
-        )
-    for row in table.rows:
-        shown.add_row(*(escape(row[column]) for column in part))
-    return shown
-
-
-def as_markdown(table: TextTable) -> str:
-    """Return a table as Markdown."""
-    rule = ("---", *["---:"] * (len(table.head) - 1))
-    lines = [[cell.replace("\n", " ") for cell in row] for row in (table.head, rule, *table.rows)]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
-def as_html(table: TextTable) -> str:
-    """Return a table as HTML."""
-    head = [cell.replace("\n", " ") for cell in table.head]
-    return html.table(head, table.rows, table.texts)
-
 
 def comparison_tables(
     variants: Sequence[VariantStats], pairs: Sequence[PairStats]
-) -> Iterator[TextTable]:
+) -> Iterator[Table]:
     """Yield the tables of one course: laps, chatter and pairs.
 
     Args:
@@ -139,15 +28,15 @@ def comparison_tables(
         pairs: comparisons of every two of them, or of each with the baseline.
     """
     above_limit = ABOVE if _limit_known(variants) else {}
-    yield TextTable.of(variants, LAPS | above_limit)
-    yield TextTable.of(variants, CHATTER, texts=(0, len(CHATTER) - 1))
+    yield Table.of(variants, LAPS | above_limit)
+    yield Table.of(variants, CHATTER, texts=(0, len(CHATTER) - 1))
     behind_firmware = [v for v in variants if isfinite(v.motor_variation.mean)]
     if behind_firmware:
-        yield TextTable.of(behind_firmware, MOTORS)
+        yield Table.of(behind_firmware, MOTORS)
     shown = shown_pairs(variants, pairs)
     if shown:
         has_baseline = any(pair.corrected for pair in shown)
-        yield TextTable.of(shown, _against(shown[0].a) if has_baseline else PAIRS)
+        yield Table.of(shown, _against(shown[0].a) if has_baseline else PAIRS)
 
 
 def shown_pairs(
@@ -244,39 +133,8 @@ def _notes_of_pairs(shown: Sequence[PairStats], number: int) -> Iterator[str]:
         )
 
 
-def mixed_commits(by_name: Mapping[str, Sequence[str]]) -> list[str]:
-    """Return what has to be said of the commits that flew some variants.
-
-    Args:
-        by_name: the commits that flew each variant.
-    """
-    found = []
-    commits = {commit for of_variant in by_name.values() for commit in of_variant}
-    if len(commits) > 1:
-        each = "; ".join(f"{name}: {', '.join(map(short, c))}" for name, c in by_name.items())
-        advice = "--this-commit counts only flights of the present commit"
-        found.append(f"MIXED COMMITS: {each}. {advice}.")
-    if any(commit.endswith(DIRTY) for commit in commits):
-        found.append(
-            "Flown from files that differ from their commit (+): the flights cannot be reproduced "
-            "from it."
-        )
-    return found
-
-
 def _limit_known(variants: Sequence[VariantStats]) -> bool:
     return any(isfinite(v.above_limit) for v in variants)
-
-
-def short(code: str) -> str:
-    """Return a commit's first digits, with a + where its files had been changed.
-
-    A version, which has a space in it, is returned as it is.
-    """
-    digits, dirty, _ = code.partition(DIRTY)
-    if " " not in digits:
-        digits = digits[:COMMIT_DIGITS]
-    return f"{digits}+" if dirty else digits
 
 
 def number(value: float, form: str = ".3f") -> str:

@@ -14,7 +14,7 @@ from math import nan
 from pathlib import Path
 from statistics import fmean, median
 
-from quadsim.campaign.store import Row
+from quadsim.campaign.run.store import Row
 from quadsim.course import Course
 from quadsim.limit.limits import limit_of, limits_folder
 from quadsim.statistics import (

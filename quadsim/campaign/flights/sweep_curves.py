@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from quadsim.campaign.summary_stats import PairStats, Section, VariantStats
-from quadsim.campaign.swept_settings import SweptSetting
+from quadsim.campaign.flights.stats import PairStats, Section, VariantStats
+from quadsim.campaign.flights.swept_settings import SweptSetting
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from quadsim.campaign.heat_stats import HeatsSummary
-from quadsim.campaign.paired_heats import FlownHeats
+from quadsim.campaign.heats.paired import FlownHeats
+from quadsim.campaign.heats.stats import HeatsSummary
 from quadsim.figures.notebook_figure import NotebookFigure
 from quadsim.figures.style import STYLE
 from quadsim.palette import Style, styles

@@ -25,12 +25,12 @@ import yaml
 from msgspec import Meta, Struct, to_builtins
 from msgspec.structs import replace
 
-from quadsim.campaign.attempt import Flown, result
-from quadsim.campaign.database import code_of
-from quadsim.campaign.pool import Pool
-from quadsim.campaign.runner import PlannedAttempt, Tally, fly_attempts
-from quadsim.campaign.summary_stats import FINISHED
-from quadsim.campaign.variants import Variant
+from quadsim.campaign.flights.stats import FINISHED
+from quadsim.campaign.run.attempt import Flown, result
+from quadsim.campaign.run.database import code_of
+from quadsim.campaign.run.pool import Pool
+from quadsim.campaign.run.runner import PlannedAttempt, Tally, fly_attempts
+from quadsim.campaign.run.variants import Variant
 from quadsim.config.setting_texts import Settings, parse_parts, resolve
 from quadsim.files.data_files import read_text
 from quadsim.files.strict_yaml import parse, unit

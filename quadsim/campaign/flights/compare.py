@@ -14,11 +14,9 @@ from rich.console import RenderableType
 from rich.markup import escape
 from rich.padding import Padding
 
-from quadsim.campaign.attempts import Attempt, attempts_of
-from quadsim.campaign.runner import Runner
-from quadsim.campaign.seeds import seeds_remark
-from quadsim.campaign.store import Row
-from quadsim.campaign.summary_stats import (
+from quadsim.campaign.document import INDENT, as_html, as_markdown, as_table
+from quadsim.campaign.flights.attempts import Attempt, attempts_of
+from quadsim.campaign.flights.stats import (
     PairStats,
     Section,
     VariantStats,
@@ -28,15 +26,11 @@ from quadsim.campaign.summary_stats import (
     lap_limit,
     variant_stats,
 )
-from quadsim.campaign.tables import (
-    INDENT,
-    as_html,
-    as_markdown,
-    as_table,
-    comparison_tables,
-    notes,
-)
-from quadsim.campaign.variants import Variant, make_variants, named_variants
+from quadsim.campaign.flights.tables import comparison_tables, notes
+from quadsim.campaign.run.runner import Runner
+from quadsim.campaign.run.seeds import seeds_remark
+from quadsim.campaign.run.store import Row
+from quadsim.campaign.run.variants import Variant, make_variants, named_variants
 from quadsim.config.setting_texts import Place, Settings
 from quadsim.console import console_of
 from quadsim.course import Course
@@ -118,7 +112,7 @@ class Comparison:
         Args:
             path: a file to write: .png, .svg or .pdf; None writes nothing.
         """
-        from quadsim.campaign.figure import draw  # here: it loads matplotlib
+        from quadsim.campaign.flights.figure import draw  # here: it loads matplotlib
 
         figure = draw(self.sections)
         if path is not None:

@@ -12,9 +12,18 @@ from typing import TYPE_CHECKING, Any
 from rich.console import RenderableType
 from rich.markup import escape
 
-from quadsim.campaign.heat_runner import HeatRunner
-from quadsim.campaign.heat_stats import plain_fields, summary_as_json
-from quadsim.campaign.heat_tables import (
+from quadsim.campaign.document import Table, as_html, as_markdown, as_table
+from quadsim.campaign.heats.paired import (
+    FlownHeats,
+    HeatsDifference,
+    HeatVariant,
+    difference,
+    fly_variants,
+    heat_variants,
+)
+from quadsim.campaign.heats.runner import HeatRunner
+from quadsim.campaign.heats.stats import plain_fields, summary_as_json
+from quadsim.campaign.heats.tables import (
     differences_table,
     entrants_table,
     lines_of,
@@ -23,16 +32,8 @@ from quadsim.campaign.heat_tables import (
     tables_of,
     win_matrix,
 )
-from quadsim.campaign.paired_heats import (
-    FlownHeats,
-    HeatsDifference,
-    HeatVariant,
-    difference,
-    fly_variants,
-    heat_variants,
-)
-from quadsim.campaign.seeds import seeds_remark
-from quadsim.campaign.tables import TextTable, as_html, as_markdown, as_table, mixed_commits
+from quadsim.campaign.run.commits import mixed_commits
+from quadsim.campaign.run.seeds import seeds_remark
 from quadsim.config.setting_texts import Place, Settings
 from quadsim.console import as_text
 from quadsim.figures import html
@@ -113,7 +114,7 @@ class HeatComparison:
         parts += [f"* {note}" for note in self.notes()]
         return "\n\n".join([*parts, f"![]({picture})"]) + "\n"
 
-    def _side_by_side(self) -> list[TextTable]:
+    def _side_by_side(self) -> list[Table]:
         """Return the tables of several settings, none for a single one."""
         if not self.differences:
             return []
@@ -146,7 +147,7 @@ class HeatComparison:
             path: a file to write: .png, .svg or .pdf; None writes nothing.
         """
         # Imported here, as it loads matplotlib
-        from quadsim.campaign.heats_figure import draw_heats, title_of
+        from quadsim.campaign.heats.figure import draw_heats, title_of
 
         figure = draw_heats(self.settings, title_of(self.course, self.settings[0].summary))
         if path is not None:
@@ -159,7 +160,7 @@ def races_of(races: int, settings: int) -> str:
     return f"{races} races" if settings == 1 else f"{races} races of each setting"
 
 
-def _of_setting(setting: FlownHeats) -> list[TextTable]:
+def _of_setting(setting: FlownHeats) -> list[Table]:
     """Return the tables of one setting."""
     found = setting.summary
     tables = [entrants_table(found), win_matrix(found)]

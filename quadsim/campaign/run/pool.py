@@ -17,7 +17,7 @@ from threading import Thread
 from typing import Any, NamedTuple, Self, TypeVar
 from urllib.parse import urlsplit
 
-from quadsim.campaign.attempt import Flown, fly_attempt
+from quadsim.campaign.run.attempt import Flown, fly_attempt
 from quadsim.config.build_cost import one_line
 from quadsim.config.identity import place_in_own_code
 from quadsim.config.spec import Spec

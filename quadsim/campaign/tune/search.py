@@ -21,8 +21,8 @@ import optuna
 from optuna.distributions import BaseDistribution, FloatDistribution, IntDistribution
 from optuna.trial import FrozenTrial, Trial, TrialState
 
-from quadsim.campaign.database import BUSY_TIMEOUT
-from quadsim.campaign.parameters import Parameter
+from quadsim.campaign.run.database import BUSY_TIMEOUT
+from quadsim.campaign.tune.parameters import Parameter
 from quadsim.files.locks import in_turn
 from quadsim.record.run import RunError
 

@@ -16,8 +16,8 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
-from quadsim.campaign.summary_stats import FEWEST_PAIRS
-from quadsim.campaign.sweep_curves import Curve, SweepPoint
+from quadsim.campaign.flights.stats import FEWEST_PAIRS
+from quadsim.campaign.flights.sweep_curves import Curve, SweepPoint
 from quadsim.figures.notebook_figure import NotebookFigure
 from quadsim.figures.style import STYLE, line
 from quadsim.palette import MARK, Style, styles

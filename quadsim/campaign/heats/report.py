@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
 
-from quadsim.campaign.compare_heats import HeatComparison
-from quadsim.campaign.heat_store import key_of
-from quadsim.campaign.paired_heats import HeatVariant
+from quadsim.campaign.heats.compare import HeatComparison
+from quadsim.campaign.heats.paired import HeatVariant
+from quadsim.campaign.heats.store import key_of
 from quadsim.figures.style import write_figure
 from quadsim.record.whole_files import write_whole
 
@@ -30,7 +30,7 @@ def write_heats_report(
     Raises:
         RunError: the folder cannot be written.
     """
-    from quadsim.campaign.heats_figure import title_of  # here: it loads matplotlib
+    from quadsim.campaign.heats.figure import title_of  # here: it loads matplotlib
 
     names = "_".join([found.course, *(one.name for one in found.settings)])[:NAME_LENGTH]
     stem = f"{re.sub('[/=:]', '-', names)}_{_identity(variants)}"

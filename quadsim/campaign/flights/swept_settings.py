@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from quadsim.campaign.variants import Variant
+from quadsim.campaign.run.variants import Variant
 from quadsim.config.setting_texts import Place, Settings, parse_part, resolve, with_shared
 from quadsim.config.settings import SETTINGS, SettingError
 from quadsim.config.spec import Spec
