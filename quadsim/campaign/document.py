@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import msgspec
 from rich.console import Group, RenderableType
@@ -100,8 +100,7 @@ class Document(msgspec.Struct, frozen=True):
     def renderables(self) -> list[RenderableType]:
         """Return the parts that a console prints, with empty lines between them; no pictures."""
         parts: list[RenderableType] = []
-        printed = [block for block in self.blocks if not isinstance(block, Picture)]
-        for blocks in _paragraphs(printed):
+        for blocks in _paragraphs([b for b in self.blocks if not isinstance(b, Picture)]):
             if parts:
                 parts.append("")
             parts += map(_printed, blocks)
@@ -149,6 +148,10 @@ class Documented(ABC):
         """Return the tables and remarks of the result."""
 
     @abstractmethod
+    def as_json(self) -> dict[str, Any]:
+        """Return the numbers as plain dictionaries; a number that is not known is None."""
+
+    @abstractmethod
     def _drawn(self) -> Figure:
         """Draw the figure of the result."""
 
@@ -162,6 +165,18 @@ class Documented(ABC):
         if path is not None:
             save_figure(figure, Path(path))
         return figure
+
+    def save(self, folder: Path, stem: str) -> list[Path]:
+        """Write the result as Markdown, JSON, PNG and SVG, and return the files.
+
+        Args:
+            folder: folder for the files.
+            stem: name of the files without its ending.
+
+        Raises:
+            RunError: the folder cannot be written.
+        """
+        return self.document().save(folder, stem, self._drawn())
 
     def __str__(self) -> str:
         return as_text(*self.document().renderables())
@@ -184,9 +199,9 @@ def file_stem(names: Sequence[str], digits: str) -> str:
 
 
 def _paragraphs(blocks: Sequence[Block]) -> Iterator[list[Block]]:
-    """Yield lines and notes that follow each other together, and every other block alone."""
-    for is_text, together in groupby(blocks, lambda block: isinstance(block, Line | Note)):
-        if is_text:
+    """Yield lines that follow each other together, notes too, and every other block alone."""
+    for kind, together in groupby(blocks, type):
+        if kind in (Line, Note):
             yield list(together)
         else:
             yield from ([block] for block in together)
@@ -297,8 +312,3 @@ def _part_of(table: Table, part: Sequence[int], widths: Sequence[int]) -> Render
     for row in table.rows:
         shown.add_row(*(escape(row[column]) for column in part))
     return shown
-
-
-def as_html(table: Table) -> str:
-    """Return a table as HTML."""
-    return html.table([cell.replace("\n", " ") for cell in table.head], table.rows, table.texts)

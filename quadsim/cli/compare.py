@@ -1,4 +1,4 @@
-"""`race compare`: a comparison of variants, and the flags that all campaigns share."""
+"""`race compare`: a comparison of variants of flights."""
 
 from __future__ import annotations
 
@@ -6,32 +6,27 @@ from pathlib import Path
 from typing import Annotated
 
 from msgspec import Meta
-from rich.markup import escape
 
-from quadsim.campaign.flights.compare import check_baseline, comparison, identity, write_report
+from quadsim.campaign.flights.compare import check_baseline, comparison, comparison_stem, identity
 from quadsim.campaign.run.runner import Runner
 from quadsim.campaign.run.variants import make_variants, parse_variants
-from quadsim.cli.flags import Given, Help, Json, Switch, course_help, settings_as_flags
+from quadsim.cli.campaigns import (
+    ATTEMPTS,
+    CAMPAIGN,
+    VARIANTS,
+    Campaign,
+    Jobs,
+    ReportFolder,
+    Scheduler,
+    ThisCommit,
+    report_folder,
+    show_and_save,
+)
+from quadsim.cli.flags import Given, Help, Json, course_help, settings_as_flags
 from quadsim.cli.fly import complain_beside_controllers
 from quadsim.config.competition import prescribed_courses
-from quadsim.console import UsageError, emit, emit_json
+from quadsim.console import UsageError
 from quadsim.record.run import ERROR, RunError
-from quadsim.record.whole_files import expect_file, try_writing
-
-CAMPAIGN = "campaigns/race.sqlite"
-VARIANTS = "gaussian,colored"
-ATTEMPTS = 10
-Campaign = Annotated[str, Help("FILE.sqlite where attempts are kept")]
-Jobs = Annotated[
-    Annotated[int, Meta(ge=1)] | None, Help("attempts at once; default: one for each core")
-]
-ThisCommit = Annotated[bool, Switch("count only attempts that this commit has flown")]
-ReportFolder = Annotated[
-    str | None, Help("folder of Markdown and figures; default: beside the campaign")
-]
-Scheduler = Annotated[
-    str | None, Help("tcp://HOST:PORT of a Dask cluster; default: processes of this machine")
-]
 
 
 def compare(
@@ -78,24 +73,15 @@ def compare(
         made = make_variants(courses, named, settings or {})
     complain_beside_controllers("race compare", [one.spec for one in made], settings or {})
     path = Path(campaign)
-    expect_file(path)
-    report = Path(out) if out else path.with_name(f"{path.stem}.report")
-    try_writing(report)
-
+    report = report_folder(path, out)
     with Runner(path, jobs, scheduler, this_commit) as runner:
         rows = runner(made, attempts)
     found = comparison(made, rows, path.parent, baseline=baseline)
     if not found.sections:
         raise RunError("no attempt was flown: nothing to compare")
 
-    # Results are printed first, as drawing may take some seconds.
-    if json:
-        emit_json(found.as_json() | {"campaign": campaign})
-    else:
-        emit(*found.renderables())
-    files = write_report(found, report, identity(made, attempts, baseline))
-    if not json:
-        emit("", *(f"[dim]{escape(str(file))}[/]" for file in files))
+    stem = comparison_stem(found, identity(made, attempts, baseline))
+    show_and_save(found, report, stem, campaign, json)
     complete = all(len(of_variant) == attempts for of_variant in rows)
     # Such attempts are not kept, so that the comparison is not complete either.
     complete = complete and not any(row.outcome == ERROR for of in rows for row in of)

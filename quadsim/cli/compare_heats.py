@@ -6,20 +6,24 @@ from pathlib import Path
 from typing import Annotated
 
 from msgspec import Meta
-from rich.markup import escape
 
-from quadsim.campaign.heats.compare import fly_comparison
+from quadsim.campaign.heats.compare import fly_comparison, heats_stem
 from quadsim.campaign.heats.paired import heat_variants
-from quadsim.campaign.heats.report import write_heats_report
 from quadsim.campaign.heats.runner import HeatRunner
-from quadsim.cli.compare import Campaign, Jobs, ReportFolder, Scheduler, ThisCommit
+from quadsim.cli.campaigns import (
+    Campaign,
+    Jobs,
+    ReportFolder,
+    Scheduler,
+    ThisCommit,
+    report_folder,
+    show_and_save,
+)
 from quadsim.cli.flags import CourseName, Given, GivenHeat, Help, Json, settings_as_flags
 from quadsim.cli.fly import complain_beside_controllers
 from quadsim.cli.heat import ENTRANTS, EntrantTexts
 from quadsim.config.settings import SettingError
-from quadsim.console import emit, emit_json
 from quadsim.heat.line_up import parse_heat_variants
-from quadsim.record.whole_files import expect_file, try_writing
 
 CAMPAIGN = "campaigns/heats.sqlite"
 STARTS = 64
@@ -76,18 +80,9 @@ def compare_heats(
     specs = [entrant.spec for variant in made for entrant in variant.heats[0].entrants]
     complain_beside_controllers("race compare-heats", specs, settings or {})
     path = Path(campaign)
-    expect_file(path)
-    report = Path(out) if out else path.with_name(f"{path.stem}.report")
-    try_writing(report)
-
+    report = report_folder(path, out)
     with HeatRunner(path, jobs, scheduler, this_commit) as runner:
         found = fly_comparison(made, runner)
-    if json:
-        emit_json(found.as_json() | {"campaign": campaign})
-    else:
-        emit(*found.renderables())
-    files = write_heats_report(made, found, report)
-    if not json:
-        emit("", *(f"[dim]{escape(str(file))}[/]" for file in files))
+    show_and_save(found, report, heats_stem(found, made), campaign, json)
     complete = all(result is not None for one in found.settings for result in one.results)
     return 0 if complete else 1

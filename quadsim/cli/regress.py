@@ -23,7 +23,7 @@ from quadsim.campaign.flights.baseline import (
 )
 from quadsim.campaign.run.pool import open_pool
 from quadsim.campaign.run.variants import Variant
-from quadsim.cli.compare import Jobs, Scheduler
+from quadsim.cli.campaigns import Jobs, Scheduler
 from quadsim.cli.flags import Given, Help, Json, Switch, flag, settings_as_flags
 from quadsim.config.setting_texts import Settings
 from quadsim.console import UsageError, emit, emit_json

@@ -16,7 +16,7 @@ from quadsim.campaign.document import Table, as_table
 from quadsim.campaign.flights.results import ABOVE_LIMIT, COLUMNS, TEXTS, Group, find, stored
 from quadsim.campaign.flights.stats import PairStats, pair_stats
 from quadsim.campaign.flights.tables import ALL_PAIRS, PAIRS, notes_of_faults
-from quadsim.cli.compare import CAMPAIGN
+from quadsim.cli.campaigns import CAMPAIGN
 from quadsim.cli.flags import Help, Json, RunsDir
 from quadsim.console import UsageError, emit, emit_json
 

@@ -14,7 +14,7 @@ from rich.markup import escape
 from quadsim.campaign.document import Table, as_table
 from quadsim.campaign.run.variants import Variant
 from quadsim.campaign.tune.parameters import GROUPS, Group, parameters, preset_text, with_parameters
-from quadsim.cli.compare import CAMPAIGN, Campaign, Jobs, Scheduler
+from quadsim.cli.campaigns import CAMPAIGN, Campaign, Jobs, Scheduler
 from quadsim.cli.flags import Given, Help, Json, course_help, settings_as_flags
 from quadsim.config.setting_texts import resolve
 from quadsim.console import UsageError, complain, emit, emit_json

@@ -189,7 +189,7 @@ def test_what_was_flown_before_is_compared_without_flying(campaign, capsys, monk
     assert "colored - gaussian" in out
     assert seeds_flown(campaign) == before
     report = {path.suffix: path for path in (campaign.parent / "c.report").iterdir()}
-    assert set(report) == {".md", ".png", ".svg"}
+    assert set(report) == {".md", ".json", ".png", ".svg"}
     assert "| gaussian | 0/3 |" in report[".md"].read_text()
     assert report[".png"].read_bytes().startswith(b"\x89PNG")
 

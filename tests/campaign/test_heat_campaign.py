@@ -12,19 +12,19 @@ import numpy as np
 import pytest
 
 import quadsim
+from quadsim.campaign.document import Line
 from quadsim.campaign.heats import rating
 from quadsim.campaign.heats.compare import fly_comparison
 from quadsim.campaign.heats.paired import FlownHeats, HeatVariant, difference
 from quadsim.campaign.heats.rating import bradley_terry
 from quadsim.campaign.heats.runner import FlownHeat, HeatRunner
 from quadsim.campaign.heats.stats import summary, summary_as_json
-from quadsim.campaign.heats.store import HeatStore, key_of
-from quadsim.campaign.heats.tables import lines_of, overtakers_table, tables_of
+from quadsim.campaign.heats.store import HeatStore
+from quadsim.campaign.heats.tables import overtakers_table, summary_blocks
 from quadsim.campaign.run.attempt import this_provenance
 from quadsim.campaign.run.database import code_of
 from quadsim.campaign.run.pool import Pool
 from quadsim.cli.cli import race
-from quadsim.console import as_text
 from quadsim.files.values import SettingError
 from quadsim.heat.line_up import heats_of, line_up, parse_heat_variants
 from quadsim.heat.spec import HeatSpec
@@ -151,8 +151,7 @@ def test_what_an_entrant_has_raised_is_in_its_row_and_in_the_report():
     row = msgspec.structs.replace(stored("ab"), faults={"b": fault})
     assert msgspec.json.decode(msgspec.json.encode(row), type=StoredResult) == row
     found = summary(["a", "b"], [stored("ab"), row, row], gates=7)
-    assert lines_of(found)[-1] == f"b was out by an error in 2 of 3 races: {fault}"
-    assert fault in as_text(*tables_of(found))
+    assert summary_blocks(found)[-1] == Line(f"b was out by an error in 2 of 3 races: {fault}")
     assert summary_as_json(found)["faults"] == {"b": [fault, fault]}
 
 
@@ -211,7 +210,7 @@ def test_race_compare_heats_flies_each_setting_from_the_same_starts(
     (pair,) = found["differences"]
     assert (pair["a"], pair["b"], pair["races"]) == ("expect=velocity", "expect=nothing", 2)
     written = {file.suffix for file in (tmp_path / "a.report").iterdir()}
-    assert written == {".md", ".png", ".svg"}
+    assert written == {".md", ".json", ".png", ".svg"}
     with sqlite3.connect(tmp_path / "a.sqlite") as db:
         assert db.execute("SELECT count(*) FROM heats").fetchall() == [(4,)]
 
@@ -336,28 +335,12 @@ def test_a_row_that_cannot_be_read_is_named_and_flown_again(tmp_path, by_draw, c
     assert "the heat of seed 1" in err
 
 
-def test_a_file_of_an_earlier_version_is_read(tmp_path, by_draw):
+def test_a_file_without_a_format_is_refused_in_one_line(tmp_path):
     file = tmp_path / "heats.sqlite"
-    heats = small_heats(2)
-    result = json.dumps(
-        {
-            "order": [
-                {"rank": k, "name": name, "outcome": "finished", "time": 4.0 + k}
-                for k, name in enumerate(heats[0].names, 1)
-            ],
-            "events": [],
-            "digest": "of before",
-        }
-    )
     with sqlite3.connect(file) as db:
-        db.execute(
-            "CREATE TABLE heats (key TEXT PRIMARY KEY, seed INTEGER, rotation INTEGER,"
-            " code TEXT, result TEXT)"
-        )
-        db.execute("INSERT INTO heats VALUES (?, 0, 0, 'abc', ?)", (key_of(heats[0]), result))
-    first, _ = fly_heats(heats, file, jobs=0)
-    assert first.digest == "of before"
-    assert by_draw == [1]
+        db.execute("CREATE TABLE heats (key TEXT PRIMARY KEY, result TEXT)")
+    with pytest.raises(RunError, match="expected a campaign of format 6, got 0; move it away"):
+        fly_heats(small_heats(1), file, jobs=0)
 
 
 def test_heats_of_another_commit_are_named_and_can_be_left_out(tmp_path, by_draw):

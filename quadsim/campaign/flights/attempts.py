@@ -78,7 +78,7 @@ def _attempt(row: Row, variant: str, home: Path) -> Attempt:
     """Return one flight; home: the folder that the paths of telemetry are relative to."""
     result = row.result
     laps = tuple(result["laps"])
-    motors = result.get("motors")
+    motors = result["motors"]
     finished = row.outcome == FINISHED
     return Attempt(
         course=row.course,

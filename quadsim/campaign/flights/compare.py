@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from hashlib import sha256
@@ -10,11 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from rich.console import RenderableType
-from rich.markup import escape
-from rich.padding import Padding
-
-from quadsim.campaign.document import INDENT, as_html, as_markdown, as_table
+from quadsim.campaign.document import Block, Document, Documented, Heading, Note, Picture, file_stem
 from quadsim.campaign.flights.attempts import Attempt, attempts_of
 from quadsim.campaign.flights.stats import (
     PairStats,
@@ -32,17 +27,13 @@ from quadsim.campaign.run.seeds import seeds_remark
 from quadsim.campaign.run.store import Row
 from quadsim.campaign.run.variants import Variant, make_variants, named_variants
 from quadsim.config.setting_texts import Place, Settings
-from quadsim.console import console_of
 from quadsim.course import Course
-from quadsim.figures import html
-from quadsim.figures.style import save_figure, write_figure
 from quadsim.files.extras import imported
 from quadsim.files.json_values import without_nan
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import did_you_mean
 from quadsim.physics.randomization_file import OUTDOOR
 from quadsim.record.run import RunError, canonical
-from quadsim.record.whole_files import write_whole
 from quadsim.report.given_state import conditions
 
 if TYPE_CHECKING:
@@ -50,11 +41,10 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 ID_DIGITS = 6  # hex digits that identify a comparison in the names of its files
-NAME_LENGTH = 120  # most characters in these names that list courses and variants
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Documented):
     """The result of comparing variants; `print` shows it as tables, a notebook also its figure.
 
     Examples:
@@ -106,47 +96,25 @@ class Comparison:
         }
         return without_nan(numbers)
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw laps, success, chatter and paths on one page.
-
-        Args:
-            path: a file to write: .png, .svg or .pdf; None writes nothing.
-        """
+    def _drawn(self) -> Figure:
+        """Draw laps, success, chatter and paths on one page."""
         from quadsim.campaign.flights.figure import draw  # here: it loads matplotlib
 
-        figure = draw(self.sections)
-        if path is not None:
-            save_figure(figure, Path(path))
-        return figure
+        return draw(self.sections)
 
-    def renderables(self) -> list[RenderableType]:
-        """Return the tables and lines that show the comparison in a terminal."""
-        return [part for section in self.sections for part in _shown(section)]
-
-    def markdown(self, picture: str) -> str:
-        """Return the report, with a link to the file of its picture."""
-        parts = [part for section in self.sections for part in _written(section)]
-        return "\n\n".join([*parts, f"![]({picture})"]) + "\n"
+    def document(self) -> Document:
+        """Return the tables and remarks of all courses, and the place of the figure."""
+        blocks = [block for section in self.sections for block in _blocks(section)]
+        if blocks:
+            described = "Lap times, success and chatter of each variant, and the flown paths."
+            blocks.append(Picture(described))
+        return Document(tuple(blocks))
 
     def __repr__(self) -> str:
         """Return one line: courses, variants and the number of flights."""
         courses = ", ".join(section.course.name for section in self.sections)
         variants = ", ".join(dict.fromkeys(variant.name for variant in self.variants))
         return f"<Comparison {courses}: {variants}, {len(self.attempts)} flights>"
-
-    def _repr_html_(self) -> str:
-        """Return what a notebook shows: the tables, their remarks, and the figure."""
-        parts = [part for section in self.sections for part in _as_html(section)]
-        if self.sections:
-            described = "Lap times, success and chatter of each variant, and the flown paths."
-            parts.append(html.image(self.plot(), described))
-        return html.block(*parts)
-
-    def __str__(self) -> str:
-        console = console_of(width=100, color_system=None)
-        with console.capture() as text:
-            console.print(*self.renderables(), sep="\n")
-        return text.get().rstrip()
 
 
 def compare(
@@ -267,34 +235,12 @@ def _notes(section: Section) -> list[str]:
     return [*section.conditions, *([section.remark] if section.remark else []), *found]
 
 
-def _shown(section: Section) -> list[RenderableType]:
-    tables = [
-        Padding(as_table(table), (1, 0, 0, INDENT), expand=False)
-        for table in comparison_tables(section.variants, section.pairs)
-    ]
-    remarks = [f"  [dim]{escape(note)}[/]" for note in _notes(section)]
-    head = f"[bold]{escape(section.course.name)}[/]  {escape(section.setting)}"
-    return [head, *tables, "", *remarks, ""]
-
-
-def _as_html(section: Section) -> list[str]:
-    """Return the tables and remarks of a course as pieces of HTML."""
+def _blocks(section: Section) -> list[Block]:
+    """Return the tables and remarks of a course."""
     return [
-        f"<h4>{html.text(section.course.name)}</h4>",
-        html.paragraph(section.setting),
-        *(as_html(table) for table in comparison_tables(section.variants, section.pairs)),
-        *map(html.paragraph, _notes(section)),
-    ]
-
-
-def _written(section: Section) -> list[str]:
-    """Return the paragraphs of a course's Markdown."""
-    setting = section.setting[0].upper() + section.setting[1:]
-    return [
-        f"## {section.course.name}",
-        f"{setting}.",
-        *(as_markdown(table) for table in comparison_tables(section.variants, section.pairs)),
-        *(f"* {note}" for note in _notes(section)),
+        Heading(section.course.name, section.setting),
+        *comparison_tables(section.variants, section.pairs),
+        *map(Note, _notes(section)),
     ]
 
 
@@ -305,22 +251,8 @@ def identity(variants: Sequence[Variant], attempts: int, baseline: str | None = 
     return sha256(canonical(decides)).hexdigest()[:ID_DIGITS]
 
 
-def write_report(comparison: Comparison, folder: Path, identity: str) -> list[Path]:
-    """Write a comparison as Markdown, PNG and SVG.
-
-    Args:
-        comparison: comparison of at least one section.
-        folder: folder for the files, which are named after courses and variants.
-        identity: ends the files' names.
-
-    Raises:
-        RunError: the folder cannot be written.
-    """
-    courses = [section.course.name for section in comparison.sections]
-    variants = dict.fromkeys(variant.name for variant in comparison.variants)
-    names = re.sub("[/=:]", "-", "_".join([*courses, *variants])[:NAME_LENGTH])
-    stem = f"{names}_{identity}"
-    figures = write_figure(comparison.plot(), folder, stem)
-    text = folder / f"{stem}.md"
-    write_whole(text, comparison.markdown(figures[0].name).encode())
-    return [text, *figures]
+def comparison_stem(found: Comparison, digits: str) -> str:
+    """Return the name of a comparison's files without its ending: courses, variants, `identity`."""
+    courses = [section.course.name for section in found.sections]
+    variants = dict.fromkeys(variant.name for variant in found.variants)
+    return file_stem([*courses, *variants], digits)

@@ -41,7 +41,7 @@ class CrashRate:
     """Crashes per 100 gates: of the gates that flights came to, how many ended a flight?
 
     A flight that crashes has come to one gate more than it has passed. The interval is Wilson's
-    for independent gates; nan without gates, or if they were not counted.
+    for independent gates; nan without gates.
 
     Examples:
         >>> import quadsim
@@ -53,7 +53,7 @@ class CrashRate:
     """
 
     crashes: int
-    passed: int | None  # gates; None: not counted, as an earlier version has stored the attempts
+    passed: int  # gates
     per_100: float
     low: float
     high: float
@@ -177,7 +177,7 @@ def variant_stats(
     lap = mean_interval(laps)
     race_median = _median([sum(r.result["laps"]) for r in done])
     flying = [r.result["laps"][1:] for r in done if len(r.result["laps"]) > 1]
-    motors = [r.result["motors"] for r in rows if "motors" in r.result]
+    motors = [row.result["motors"] for row in rows if row.result["motors"]]
     ends = Counter(where_it_ended(r) for r in rows if not _finished(r))
     return VariantStats(
         course=rows[0].course,
@@ -283,11 +283,7 @@ def against(baseline: str, names: Sequence[str], rows: Sequence[Sequence[Row]]) 
 def _crash_rate(rows: Sequence[Row]) -> CrashRate:
     """Return the crashes of attempts per 100 gates."""
     crashes = sum(row.outcome == CRASHED for row in rows)
-    counts = [row.result.get("gates_passed") for row in rows]
-    counted = [count for count in counts if count is not None]
-    if len(counted) < len(counts):
-        return CrashRate(crashes, None, nan, nan, nan)
-    passed = sum(counted)
+    passed = sum(row.result["gates_passed"] for row in rows)
     reached = passed + crashes
     if not reached:
         return CrashRate(crashes, passed, nan, nan, nan)
@@ -332,7 +328,7 @@ def where_it_ended(row: Row) -> str:
     crash = row.result["crash"]
     if crash is None:
         return row.outcome
-    if "obstacle" in crash:
+    if crash["obstacle"]:
         return f"obstacle {crash['obstacle']}"
     return f"gate {crash['gate']}" if crash["gate"] else crash["kind"]
 

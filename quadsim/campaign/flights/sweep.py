@@ -6,20 +6,15 @@ setting's default are those of the variant as it is, so that several sweeps shar
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rich.console import RenderableType
-from rich.markup import escape
-from rich.padding import Padding
-
-from quadsim.campaign.document import INDENT, Table, as_html, as_markdown, as_table
+from quadsim.campaign.document import Block, Document, Documented, Heading, Note, Picture, file_stem
 from quadsim.campaign.flights.attempts import Attempt, attempts_of
-from quadsim.campaign.flights.compare import NAME_LENGTH, identity, section_of
+from quadsim.campaign.flights.compare import identity, section_of
 from quadsim.campaign.flights.sweep_curves import Curve, SweepPoint
 from quadsim.campaign.flights.sweep_tables import sweep_notes, sweep_table
 from quadsim.campaign.flights.swept_settings import SweptSetting, swept_settings, swept_variant
@@ -27,14 +22,10 @@ from quadsim.campaign.run.runner import Runner
 from quadsim.campaign.run.store import Row
 from quadsim.campaign.run.variants import Variant, named_variants, told_apart
 from quadsim.config.setting_texts import Place, Settings
-from quadsim.console import as_text
 from quadsim.course import Course
-from quadsim.figures import html
-from quadsim.figures.style import save_figure, write_figure
 from quadsim.files.extras import imported
 from quadsim.files.json_values import without_nan
 from quadsim.record.run import RunError
-from quadsim.record.whole_files import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,7 +33,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Sweep:
+class Sweep(Documented):
     """A sweep holds the flights at each value of a setting, and their differences.
 
     `print` shows it as tables, a notebook also its figure.
@@ -90,56 +81,22 @@ class Sweep:
         """Return the numbers of all points as plain dictionaries; None for unknown numbers."""
         return without_nan({"points": [asdict(point) for point in self.points]})
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw success and lap differences over the values of each setting.
-
-        Args:
-            path: a file to write: .png, .svg or .pdf; None writes nothing.
-        """
+    def _drawn(self) -> Figure:
+        """Draw success and lap differences over the values of each setting."""
         from quadsim.campaign.flights.sweep_figure import draw_sweep  # here: it loads matplotlib
 
-        figure = draw_sweep(self.curves)
-        if path is not None:
-            save_figure(figure, Path(path))
-        return figure
+        return draw_sweep(self.curves)
 
-    def renderables(self) -> list[RenderableType]:
-        """Return the tables and lines that show the sweep in a terminal."""
-        parts: list[RenderableType] = []
-        for group in self._groups():
-            notes = [f"  [dim]{escape(note)}[/]" for note in group.notes]
-            head = (
-                f"[bold]{escape(group.course)}: {escape(group.title)}[/]  {escape(group.setting)}"
-            )
-            table = Padding(as_table(group.table), (1, 0, 0, INDENT), expand=False)
-            parts += [head, table, "", *notes, ""]
-        return parts
-
-    def markdown(self, picture: str) -> str:
-        """Return the report, with a link to the file of its picture."""
-        parts = []
-        for group in self._groups():
-            setting = f"{group.setting[0].upper()}{group.setting[1:]}."
-            parts += [f"## {group.course}: {group.title}", setting, as_markdown(group.table)]
-            parts.append("\n".join(f"* {note}" for note in group.notes))
-        return "\n\n".join([*parts, f"![]({picture})"]) + "\n"
-
-    def _groups(self) -> Iterator[_Group]:
-        """Yield what is shown of each setting on each course."""
+    def document(self) -> Document:
+        """Return a table of each setting on each course, its remarks, and the figure's place."""
         by_setting: dict[tuple[str, str], list[Curve]] = {}
         for curve in self.curves:
             place = (curve.section.course.name, curve.swept.name)
             by_setting.setdefault(place, []).append(curve)
-        for (course, _), curves in by_setting.items():
-            points = [point for curve in curves for point in curve.points]
-            sections = [curve.section for curve in curves]
-            yield _Group(
-                course=course,
-                title=curves[0].swept.title,
-                setting=sections[0].setting,
-                table=sweep_table(curves[0].swept.title, points),
-                notes=list(sweep_notes(points, sections)),
-            )
+        blocks = [block for curves in by_setting.values() for block in _blocks(curves)]
+        if blocks:
+            blocks.append(Picture("Success and laps over the values of settings."))
+        return Document(tuple(blocks))
 
     def __repr__(self) -> str:
         """Return one line: courses, settings, variants and the number of points."""
@@ -148,29 +105,21 @@ class Sweep:
         variants = ", ".join(dict.fromkeys(curve.variant for curve in self.curves))
         return f"<Sweep {courses}: {settings}; {variants}; {len(self.points)} points>"
 
-    def _repr_html_(self) -> str:
-        """Return what a notebook shows: the tables, their remarks, and the figure."""
-        parts = []
-        for group in self._groups():
-            parts += [f"<h4>{html.text(f'{group.course}: {group.title}')}</h4>"]
-            parts += [html.paragraph(group.setting), as_html(group.table)]
-            parts += map(html.paragraph, group.notes)
-        if self.curves:
-            parts.append(html.image(self.plot(), "Success and laps over the values of settings."))
-        return html.block(*parts)
 
-    def __str__(self) -> str:
-        return as_text(*self.renderables())
+def _blocks(curves: Sequence[Curve]) -> list[Block]:
+    """Return the table and the remarks of one setting on one course.
 
-
-class _Group(NamedTuple):
-    """The table and notes of one setting on one course."""
-
-    course: str
-    title: str
-    setting: str  # the conditions of the flights
-    table: Table
-    notes: list[str]
+    Args:
+        curves: a curve of each variant.
+    """
+    first = curves[0]
+    points = [point for curve in curves for point in curve.points]
+    sections = [curve.section for curve in curves]
+    return [
+        Heading(f"{first.section.course.name}: {first.swept.title}", first.section.setting),
+        sweep_table(first.swept.title, points),
+        *map(Note, sweep_notes(points, sections)),
+    ]
 
 
 class PlannedCurve(NamedTuple):
@@ -269,27 +218,16 @@ def sweep(
         return fly_sweep(planned, attempts, runner, path.parent, folder)
 
 
-def write_sweep_report(
-    sweep: Sweep, planned: Sequence[PlannedCurve], attempts: int, folder: Path
-) -> list[Path]:
-    """Write a sweep as Markdown, PNG and SVG, named after courses, settings and variants.
+def sweep_stem(found: Sweep, planned: Sequence[PlannedCurve], attempts: int) -> str:
+    """Return the name of a sweep's files without its ending: courses, settings and variants.
 
     Args:
-        sweep: the sweep.
-        planned: what was to be flown, which ends the files' names.
+        found: the sweep.
+        planned: what was to be flown, which ends the name.
         attempts: flights at each value.
-        folder: folder for the files.
-
-    Raises:
-        RunError: the folder cannot be written.
     """
-    courses = dict.fromkeys(curve.section.course.name for curve in sweep.curves)
-    settings = dict.fromkeys(curve.swept.name for curve in sweep.curves)
-    variants = dict.fromkeys(curve.variant for curve in sweep.curves)
-    names = re.sub("[/=:+]", "-", "_".join([*courses, *settings, *variants])[:NAME_LENGTH])
+    courses = dict.fromkeys(curve.section.course.name for curve in found.curves)
+    settings = dict.fromkeys(curve.swept.name for curve in found.curves)
+    variants = dict.fromkeys(curve.variant for curve in found.curves)
     digits = identity([each for curve in planned for each in curve.at_values], attempts)
-    stem = f"sweep_{names}_{digits}"
-    figures = write_figure(sweep.plot(), folder, stem)
-    text = folder / f"{stem}.md"
-    write_whole(text, sweep.markdown(figures[0].name).encode())
-    return [text, *figures]
+    return file_stem(["sweep", *courses, *settings, *variants], digits)

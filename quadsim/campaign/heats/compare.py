@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from rich.console import RenderableType
-from rich.markup import escape
-
-from quadsim.campaign.document import Table, as_html, as_markdown, as_table
+from quadsim.campaign.document import Block, Document, Documented, Heading, Note, Picture, file_stem
 from quadsim.campaign.heats.paired import (
     FlownHeats,
     HeatsDifference,
@@ -23,21 +21,11 @@ from quadsim.campaign.heats.paired import (
 )
 from quadsim.campaign.heats.runner import HeatRunner
 from quadsim.campaign.heats.stats import plain_fields, summary_as_json
-from quadsim.campaign.heats.tables import (
-    differences_table,
-    entrants_table,
-    lines_of,
-    overtakers_table,
-    settings_table,
-    tables_of,
-    win_matrix,
-)
+from quadsim.campaign.heats.store import key_of
+from quadsim.campaign.heats.tables import differences_table, settings_table, summary_blocks
 from quadsim.campaign.run.commits import mixed_commits
 from quadsim.campaign.run.seeds import seeds_remark
 from quadsim.config.setting_texts import Place, Settings
-from quadsim.console import as_text
-from quadsim.figures import html
-from quadsim.figures.style import save_figure
 from quadsim.heat.line_up import Entrants, parse_heat_variants
 from quadsim.record.run import RunError
 from quadsim.report.given_state import conditions
@@ -45,11 +33,11 @@ from quadsim.report.given_state import conditions
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-COLUMNS = 100  # of the text
+ID_DIGITS = 6  # hex digits that tell reports with other flags apart
 
 
 @dataclass(frozen=True)
-class HeatComparison:
+class HeatComparison(Documented):
     """Many heats of one line-up under several settings; `print` shows it as tables.
 
     Attributes:
@@ -83,55 +71,29 @@ class HeatComparison:
         heats = sum(setting.summary.races for setting in self.settings)
         return f"<HeatComparison {self.course}: {names}, {heats} heats>"
 
-    def renderables(self) -> list[RenderableType]:
-        """Return the tables and lines that show the comparison in a terminal."""
-        races = len(self.settings[0].results)
-        parts: list[RenderableType] = [
-            f"[bold]{escape(self.course)}[/]  {races_of(races, len(self.settings))}"
-        ]
-        for table in self._side_by_side():
-            parts += ["", as_table(table)]
+    def document(self) -> Document:
+        """Return the tables and remarks of all settings, and the place of the figure."""
+        blocks: list[Block] = [Heading(self.course, self._races())]
+        if self.differences:
+            blocks += [settings_table(self.settings), differences_table(self.differences)]
         for setting in self.settings:
-            parts += [
-                "",
-                f"[bold]{escape(setting.name)}[/]  {setting.setting}",
-                *tables_of(setting.summary),
+            blocks += [
+                Heading(setting.name, setting.setting, level=2),
+                *summary_blocks(setting.summary),
             ]
-        return [*parts, *(f"  [dim]{escape(note)}[/]" for note in self.notes())]
+        blocks += map(Note, self.notes())
+        described = "Finished flights, contacts, overtakes and times under each setting."
+        return Document((*blocks, Picture(described)))
+
+    def _races(self) -> str:
+        """Return how many races there are, of a single setting or of each of several."""
+        races = f"{len(self.settings[0].results)} races"
+        return races if len(self.settings) == 1 else f"{races} of each setting"
 
     def notes(self) -> list[str]:
         """Return what has to be read with the tables."""
         commits = mixed_commits({setting.name: setting.commits for setting in self.settings})
         return [*self.conditions, *([self.remark] if self.remark else []), *commits]
-
-    def markdown(self, title: str, picture: str) -> str:
-        """Return the report, with a link to the file of its picture."""
-        parts = [f"## {title}", *map(as_markdown, self._side_by_side())]
-        for setting in self.settings:
-            found = setting.summary
-            parts += [f"### {setting.name}", *map(as_markdown, _of_setting(setting))]
-            parts.append("\n".join(f"* {line}" for line in lines_of(found)))
-        parts += [f"* {note}" for note in self.notes()]
-        return "\n\n".join([*parts, f"![]({picture})"]) + "\n"
-
-    def _side_by_side(self) -> list[Table]:
-        """Return the tables of several settings, none for a single one."""
-        if not self.differences:
-            return []
-        return [settings_table(self.settings), differences_table(self.differences)]
-
-    def _repr_html_(self) -> str:
-        """Return what a notebook shows: tables, remarks, and the figure."""
-        parts = [f"<h4>{html.text(self.course)}</h4>", *map(as_html, self._side_by_side())]
-        for setting in self.settings:
-            parts += [html.paragraph(setting.name), *map(as_html, _of_setting(setting))]
-            parts += map(html.paragraph, lines_of(setting.summary))
-        parts += map(html.paragraph, self.notes())
-        described = "Finished flights, contacts, overtakes and times under each setting."
-        return html.block(*parts, html.image(self.plot(), described))
-
-    def __str__(self) -> str:
-        return as_text(*self.renderables(), columns=COLUMNS)
 
     def as_json(self) -> dict[str, Any]:
         """Return the numbers as plain_fields dictionaries; a number that is not known is None."""
@@ -140,31 +102,13 @@ class HeatComparison:
             "differences": [plain_fields(one) for one in self.differences],
         }
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw finished flights, contacts, overtakes and times of each setting.
-
-        Args:
-            path: a file to write: .png, .svg or .pdf; None writes nothing.
-        """
+    def _drawn(self) -> Figure:
+        """Draw finished flights, contacts, overtakes and times of each setting."""
         # Imported here, as it loads matplotlib
-        from quadsim.campaign.heats.figure import draw_heats, title_of
+        from quadsim.campaign.heats.figure import draw_heats
 
-        figure = draw_heats(self.settings, title_of(self.course, self.settings[0].summary))
-        if path is not None:
-            save_figure(figure, Path(path))
-        return figure
-
-
-def races_of(races: int, settings: int) -> str:
-    """Return how many races there are, of a single setting or of each of several."""
-    return f"{races} races" if settings == 1 else f"{races} races of each setting"
-
-
-def _of_setting(setting: FlownHeats) -> list[Table]:
-    """Return the tables of one setting."""
-    found = setting.summary
-    tables = [entrants_table(found), win_matrix(found)]
-    return [*tables, overtakers_table(found)] if found.overtakers else tables
+        names = ", ".join(self.settings[0].entrants)
+        return draw_heats(self.settings, f"{self.course}: {names}; {self._races()}")
 
 
 def fly_comparison(variants: Sequence[HeatVariant], runner: HeatRunner) -> HeatComparison:
@@ -184,6 +128,18 @@ def fly_comparison(variants: Sequence[HeatVariant], runner: HeatRunner) -> HeatC
     differences = [difference(first, other) for other in others]
     remark = seeds_remark(specs, rotated)
     return HeatComparison(course, flown, differences, remark, _conditions(variants))
+
+
+def heats_stem(found: HeatComparison, variants: Sequence[HeatVariant]) -> str:
+    """Return the name of a comparison's files without its ending: course, settings, hex digits.
+
+    Args:
+        found: the comparison.
+        variants: what was to be flown.
+    """
+    keys = [key_of(heat) for variant in variants for heat in variant.heats]
+    digits = sha256("".join(keys).encode()).hexdigest()[:ID_DIGITS]
+    return file_stem([found.course, *(one.name for one in found.settings)], digits)
 
 
 def _conditions(variants: Sequence[HeatVariant]) -> tuple[str, ...]:

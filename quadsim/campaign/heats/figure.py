@@ -9,7 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from quadsim.campaign.heats.paired import FlownHeats
-from quadsim.campaign.heats.stats import HeatsSummary
 from quadsim.figures.notebook_figure import NotebookFigure
 from quadsim.figures.style import STYLE
 from quadsim.palette import Style, styles
@@ -70,9 +69,3 @@ def _draw_mean(axes: Axes, y: float, mean: Mean, look: Style, digits: int) -> No
     axes.annotate(
         f"{mean.mean:.{digits}f}", (mean.mean, y - 0.2), ha="center", va="bottom", fontsize=9
     )
-
-
-def title_of(course: str, found: HeatsSummary) -> str:
-    """Return the title of a figure: course, entrants and number of races."""
-    names = ", ".join(entrant.name for entrant in found.entrants)
-    return f"{course}: {names}; {found.races} races of each setting"

@@ -41,25 +41,6 @@ class HeatStore(Database[HeatRow]):
     table = "heats"
     made_by = "race compare-heats"
 
-    def _convert_earlier(self) -> None:
-        """Read the heats of a file from before version 5, which had neither names nor times."""
-        if self._version() != 0 or not self._has_table():
-            return
-        earlier = "SELECT key, seed, rotation, code, result FROM heats"
-        rows = self._db.execute(earlier).fetchall()
-        self._db.execute("DROP TABLE heats")
-        self._create_table()
-        for key, seed, rotation, code, result in rows:
-            try:
-                order = msgspec.json.decode(result, type=StoredResult).order
-                names = sorted(placing.name for placing in order)
-            except (msgspec.MsgspecError, TypeError):
-                continue  # a damaged row is flown again
-            self._db.execute(
-                "INSERT INTO heats VALUES (?, ?, ?, ?, ?, ?, '', '{}')",
-                (key, code, canonical(names).decode(), seed, rotation, result),
-            )
-
     def label(self, columns: Mapping[str, object]) -> str:
         """Return what a row is of, for a message."""
         return f"the heat of seed {columns['seed']}"

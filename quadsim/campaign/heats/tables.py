@@ -7,10 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from math import isnan
 
-from rich.console import RenderableType
-from rich.markup import escape
-
-from quadsim.campaign.document import Table, as_table
+from quadsim.campaign.document import Block, Line, Table
 from quadsim.campaign.heats.paired import FlownHeats, HeatsDifference
 from quadsim.campaign.heats.stats import EntrantStats, HeatsSummary
 from quadsim.statistics import Mean
@@ -147,14 +144,9 @@ def _mean(mean: Mean, digits: int = 2) -> str:
     return f"{mean.mean:.{digits}f} ({mean.low:.{digits}f} to {mean.high:.{digits}f})"
 
 
-def tables_of(found: HeatsSummary) -> list[RenderableType]:
-    """Return the report of many races under one setting."""
-    return [
-        "",
-        as_table(entrants_table(found)),
-        "",
-        as_table(win_matrix(found)),
-        "",
-        *((as_table(overtakers_table(found)), "") if found.overtakers else ()),
-        *(f"  {escape(line)}" for line in lines_of(found)),
-    ]
+def summary_blocks(found: HeatsSummary) -> list[Block]:
+    """Return the tables and lines of many races under one setting."""
+    tables = [entrants_table(found), win_matrix(found)]
+    if found.overtakers:
+        tables.append(overtakers_table(found))
+    return [*tables, *map(Line, lines_of(found))]

@@ -14,7 +14,7 @@ from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from hashlib import sha256
-from typing import NotRequired, TypedDict, TypeVar
+from typing import TypedDict, TypeVar
 
 from quadsim.config.build import build
 from quadsim.config.own import fault_in_flight, runs_own_code
@@ -145,7 +145,7 @@ class Crash(TypedDict):
 
     kind: str  # of CRASHES, or planner
     gate: int  # 0: none
-    obstacle: NotRequired[int]  # the one that was hit
+    obstacle: int  # the one that was hit; 0: none
     lap: int
     position: list[float]  # [m]
 
@@ -168,13 +168,12 @@ class Result(TypedDict):
     """The numbers of an attempt that reports are made of."""
 
     laps: list[float]  # [s]
-    # Attempts that an earlier version of the project has stored lack it.
-    gates_passed: NotRequired[int]
+    gates_passed: int
     crash: Crash | None
     fault: str | None  # the error that ended the flight
     thrust_tv: Variation  # [m/s^2/s]
     rates_tv: Variation  # of the body rates [rad/s^2]
-    motors: NotRequired[MotorNumbers]  # of flights behind a firmware
+    motors: MotorNumbers | None  # None: no firmware flew
     turned_back: list[TurnedBack]
     plan_ms: PlanTime
     real_time_factor: float
@@ -188,7 +187,8 @@ def result(flown: Flown) -> Result:
     varied = chatter(run)
     commanded = varied["commanded"]
     delivered = varied["delivered"]
-    numbers: Result = {
+    motors = motor_use(run)
+    return {
         "laps": run.laps,
         "gates_passed": len(run.gates),
         "crash": _crash(run) if run.outcome == "crashed" else None,
@@ -201,19 +201,15 @@ def result(flown: Flown) -> Result:
             "commanded": commanded["body_rates_tv"],
             "delivered": delivered["body_rates_tv"],
         },
+        "motors": {"variation": motors.motor_variation, "thrust_lost": motors.thrust_lost}
+        if motors
+        else None,
         "turned_back": turned_back(run),
         "plan_ms": run.wall["plan_ms"],
         "real_time_factor": run.wall["real_time_factor"],
         "cpu": flown.provenance["cpu"],
         "digest": run.digest(),
     }
-    motors = motor_use(run)
-    if motors:
-        numbers["motors"] = {
-            "variation": motors.motor_variation,
-            "thrust_lost": motors.thrust_lost,
-        }
-    return numbers
 
 
 def _crash(run: RecordedRun) -> Crash:
@@ -223,13 +219,11 @@ def _crash(run: RecordedRun) -> Crash:
     if last is None or last.kind not in CRASHES:
         # No event ended the flight: the planner raised an error.
         position = [float(columns[axis][-1]) for axis in ("px", "py", "pz")]
-        return {"kind": "planner", "gate": 0, "lap": lap, "position": position}
-    crash: Crash = {
+        return {"kind": "planner", "gate": 0, "obstacle": 0, "lap": lap, "position": position}
+    return {
         "kind": last.kind,
         "gate": last.gate,
+        "obstacle": last.obstacle,
         "lap": lap,
         "position": list(last.position),
     }
-    if last.obstacle:
-        crash["obstacle"] = last.obstacle
-    return crash

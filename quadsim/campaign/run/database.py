@@ -22,7 +22,7 @@ from quadsim.record.run import RunError, canonical
 from quadsim.record.whole_files import expect_file
 
 BUSY_TIMEOUT = 60.0  # how long another writer's transaction is waited for [s]
-SCHEMA_VERSION = 5
+FORMAT = 6  # of the file; a file of another format is refused
 SQL_TYPES = {"float": "REAL", "int": "INTEGER"}  # of fields; of all others TEXT
 
 
@@ -76,7 +76,7 @@ class Database(Generic[AnyRow]):
             self._db = sqlite3.connect(path, timeout=BUSY_TIMEOUT, isolation_level=None)
             # Bytes that are no UTF-8 become \x.., which JSON does not know: such a row is damaged.
             self._db.text_factory = lambda data: data.decode(errors="backslashreplace")
-            if self._version() != SCHEMA_VERSION or not self._has_table():
+            if self._version() != FORMAT or not self._has_table():
                 self._make_table()
 
     def __enter__(self) -> Self:
@@ -93,26 +93,22 @@ class Database(Generic[AnyRow]):
         return self._db.execute(query, (self.table,)).fetchone() is not None
 
     def _make_table(self) -> None:
-        """Make the table, in one transaction. Raises RunError for files of other versions."""
+        """Make the table, in one transaction. Raises RunError for files of other formats."""
         with self._db:  # commits, or rolls back on an error
             self._db.execute("BEGIN IMMEDIATE")
-            self._convert_earlier()
             version = self._version()
-            if version not in (0, SCHEMA_VERSION):
+            if version != FORMAT and (version or self._has_table()):
                 raise RunError(
-                    f"{self.path}: expected a campaign of version {SCHEMA_VERSION}, got {version}; "
+                    f"{self.path}: expected a campaign of format {FORMAT}, got {version}; "
                     "move it away to begin a new one"
                 )
             # Another process may have made the table meanwhile.
             if not self._has_table():
                 self._create_table()
-            self._db.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
+            self._db.execute(f"PRAGMA user_version = {FORMAT}")
         # This does not wait for another process that holds the file: that one does the same.
         with suppress(sqlite3.OperationalError):
             self._db.execute("PRAGMA journal_mode = WAL")
-
-    def _convert_earlier(self) -> None:
-        """Convert a table of an earlier version, if there is one that can be read."""
 
     def _create_table(self) -> None:
         """Create the table."""

@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import cast
 
 from quadsim.campaign.run.attempt import Flown, Result, attempt_key, result, variant_key
-from quadsim.campaign.run.database import SCHEMA_VERSION, Database, code_of, database_errors
-from quadsim.config.own import runs_own_code
+from quadsim.campaign.run.database import FORMAT, Database, code_of, database_errors
 from quadsim.config.spec import Spec
 from quadsim.record.archive import RunFolder, remove_unfinished
 from quadsim.record.run import ERROR, Outcome, flown_by
@@ -130,10 +129,7 @@ class Store(Database[Row]):
 
     def ended_by_own_error(self, row: Row) -> bool:
         """Return whether an error of the user's own code has ended an attempt."""
-        if row.outcome == ERROR or row.result["fault"] is None:
-            return row.outcome == ERROR
-        # Earlier versions kept such an attempt as crashed.
-        return runs_own_code(self.spec(row.key).get("own", {}))
+        return row.outcome == ERROR
 
     def forgotten(self, row: Row) -> None:
         """Remove the telemetry of an attempt."""
@@ -149,7 +145,7 @@ class Store(Database[Row]):
 
 
 def is_campaign(path: Path) -> bool:
-    """Return whether a file is a campaign of this version. It is not changed."""
+    """Return whether a file is a campaign of this format. It is not changed."""
     try:
         db = sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
     except sqlite3.Error:
@@ -162,4 +158,4 @@ def is_campaign(path: Path) -> bool:
         return False
     finally:
         db.close()
-    return version == SCHEMA_VERSION and tables == 1
+    return version == FORMAT and tables == 1
