@@ -16,9 +16,9 @@ from quadsim.results.run import Run
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from quadsim.campaign.compare import Comparison
-    from quadsim.campaign.compare_heats import HeatComparison
-    from quadsim.campaign.sweep import Sweep
+    from quadsim.campaign.flights.compare import Comparison
+    from quadsim.campaign.flights.sweep import Sweep
+    from quadsim.campaign.heats.compare import HeatComparison
     from quadsim.config.keywords import CourseLike, Keywords
     from quadsim.heat.line_up import Entrants
     from quadsim.identify import VehicleFit
@@ -430,7 +430,7 @@ def compare(
         >>> [variant.finished for variant in comparison.variants]
         [2, 2]
     """
-    from quadsim.campaign.compare import compare as run_comparison
+    from quadsim.campaign.flights.compare import compare as run_comparison
 
     return run_comparison(courses, variants, attempts, jobs, campaign, baseline, settings)
 
@@ -477,7 +477,7 @@ def sweep(
         >>> [point.value for point in swept.points]
         ['0', '0.04']
     """
-    from quadsim.campaign.sweep import sweep as run_sweep
+    from quadsim.campaign.flights.sweep import sweep as run_sweep
 
     return run_sweep(courses, over, variants, attempts, jobs, campaign, settings)
 
@@ -523,6 +523,6 @@ def compare_heats(
         >>> [(change.a, change.b) for change in found.differences]
         [('aware', 'blind')]
     """
-    from quadsim.campaign.compare_heats import compare_heats as run_comparison
+    from quadsim.campaign.heats.compare import compare_heats as run_comparison
 
     return run_comparison(entrants, course, variants, starts, rotate, jobs, campaign, settings)

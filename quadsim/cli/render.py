@@ -15,7 +15,7 @@ from msgspec import Meta
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-from quadsim.campaign.pool import Pool, finished, open_pool
+from quadsim.campaign.run.pool import Pool, finished, open_pool
 from quadsim.cli.flags import Help, Json, RunsDir, Switch, course_help
 from quadsim.console import UsageError, complain, emit, emit_json, progress_console
 from quadsim.course import course_names, load_course

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import quadsim
-from quadsim.campaign.attempt import fly_attempt
+from quadsim.campaign.run.attempt import fly_attempt
 from quadsim.cli.cli import race
 from quadsim.config.build_plant import plant_of
 from quadsim.config.spec import Spec

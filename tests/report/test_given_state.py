@@ -158,7 +158,7 @@ def test_a_comparison_says_how_late_commands_are_and_which_states_were_given():
     found = quadsim.compare("figure8", given, attempts=1, **LATE_LINK)
     text = " ".join(str(found).split())
     assert f"link late by 200 ms ahead: {AHEAD}; as is: {MEASURED}" in text
-    assert f"* ahead: {AHEAD}; as is: {MEASURED}" in found.markdown("x.png")
+    assert f"* ahead: {AHEAD}; as is: {MEASURED}" in found.document().markdown("x.png")
     settings = {"late": {"link_latency": 0.2}, "now": {}}
     line_up = {"one": {"controller": Step}, "two": {"controller": Step}}
     heats = quadsim.compare_heats(
