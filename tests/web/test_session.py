@@ -94,7 +94,7 @@ def changed(glider, *changes):
 
 
 def noted(glider):
-    return [(c["t"], c["name"], c["from"], c["to"]) for c in glider.now.changes]
+    return [(c.t, c.name, c.before, c.after) for c in glider.now.changes]
 
 
 def test_only_numbers_that_a_plan_has_used_are_on_the_record():

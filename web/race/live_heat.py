@@ -16,7 +16,7 @@ from quadsim.racing.along import Legs
 from quadsim.record.archive import remove_unfinished
 from quadsim.record.run import columns_of
 from quadsim.results.heat import Heat
-from quadsim.web.race.competitor import Competitor
+from quadsim.web.race.competitor import Competitor, read_spec
 from quadsim.web.race.live_flight import Flown, laps_so_far
 from quadsim.web.state.choices import HeatChoices
 from quadsim.web.state.numbers import SLIDERS, Change, numbers_of
@@ -62,7 +62,8 @@ class LiveHeat:
         self.entries = tuple(
             Competitor(
                 name=name,
-                spec=record,
+                record=record,
+                spec=read_spec(record),
                 course=spec.course,
                 legs=Legs(spec.course, spec.laps),
                 x=self._recorder.recorders[k].views(self._columns[k]),
@@ -92,7 +93,7 @@ class LiveHeat:
         self._root = root
         limits = limits_folder(root)
         self.entries = tuple(
-            replace(entry, limit=limit_of(entry.spec, limits)) for entry in self.entries
+            replace(entry, limit=limit_of(entry.record, limits)) for entry in self.entries
         )
 
     def turn(self) -> list[Flown]:

@@ -158,7 +158,7 @@ def hand_flight(s: Snapshot, timing: LapTiming | None, cockpit: Cockpit) -> Hand
         silent=phase == "flying" and cockpit.sticks is None,
         was_down=cockpit.was_down,
         hover=cockpit.hover,
-        behind="Betaflight" if entry.spec.get("betaflight") else "an ideal rate loop",
+        behind="Betaflight" if entry.spec.betaflight else "an ideal rate loop",
     )
 
 
