@@ -43,14 +43,6 @@ Rows = int | slice | np.ndarray
 ALL = slice(None)
 
 
-class State(NamedTuple):
-    """A value that changes with anything that is shown of a competitor."""
-
-    frames: int
-    outcome: str | None
-    changes: int
-
-
 class Past(NamedTuple):
     """A value that changes with the events, laps or changes until a given time."""
 
@@ -133,11 +125,6 @@ class Competitor:
     def last_t(self) -> float:
         """The time of the last frame; 0 before the first one [s]."""
         return float(self.t[-1]) if len(self.t) else 0.0
-
-    @property
-    def state(self) -> State:
-        """A value that changes with anything that is shown."""
-        return State(len(self.t), self.outcome, len(self.changes))
 
     @property
     def changes(self) -> list[NumberChange]:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from quadsim.sensing.measurements import Corners
 
 
-class Flown(NamedTuple):
+class FlownFrame(NamedTuple):
     """A flown frame."""
 
     entry: Competitor  # with this frame
@@ -104,10 +104,10 @@ class LiveFlight:
         """Show the flight under another name."""
         (self.now,) = entries
 
-    def turn(self) -> list[Flown]:
+    def turn(self) -> list[FlownFrame]:
         """Fly one period."""
         frame = self.advance()
-        return [Flown(self.now, frame)]
+        return [FlownFrame(self.now, frame)]
 
     def keep_in(self, root: str) -> None:
         """Claim a folder among the runs for the resulting run."""
