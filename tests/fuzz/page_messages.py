@@ -86,7 +86,7 @@ def _problem(rng: random.Random, port: int, page: Dashboard) -> str:
                 return "the scene does not answer any more"
     for row in page.desk.state.rows:
         # What cannot be flown is refused: this raises nothing.
-        _ = row.choices.planner
+        row.choices.planners()
     menu = page.desk.state.menu
     if menu is None or page.desk.state.race.course not in menu.courses:
         return f"the course is {page.desk.state.race.course!r}"

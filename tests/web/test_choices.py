@@ -179,7 +179,7 @@ def test_on_the_wall_clock_planning_takes_time_and_a_pause_does_not():
         assert steps == pytest.approx([0.05] * 3, abs=flight._plant.dt)
     finally:
         flight.end()
-    assert flight.now.spec["clock"] == "wall"
+    assert flight.now.spec.clock == "wall"
 
 
 @pytest.mark.compiled

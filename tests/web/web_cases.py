@@ -129,7 +129,7 @@ def choices(sampler="colored", laps=1, **more):
 
 def run_of(glider):
     """The run of a whole flight."""
-    return RecordedRun.from_frames(glider.now.spec, list(glider.frames()))
+    return RecordedRun.from_frames(glider.now.record, list(glider.frames()))
 
 
 def competitor(sampler="colored", laps=3, **more):

@@ -34,8 +34,8 @@ class DrawnSamples(NamedTuple):
 def drawn_samples(entry: Competitor, i: int) -> DrawnSamples:
     """Return the samples of the plan of frame i."""
     t = float(entry.t[i])
-    most = int(entry.numbers(t).get("samples") or entry.spec["planner"]["mppi"]["samples"])
-    deadline_ms = entry.spec.get("deadline_ms")
+    most = int(entry.numbers(t).get("samples") or entry.spec.planner.mppi.samples)
+    deadline_ms = entry.spec.deadline_ms
     if deadline_ms is None:
         return DrawnSamples(most, most, None)
     is_last = entry.live and i == len(entry.t) - 1
@@ -44,7 +44,7 @@ def drawn_samples(entry: Competitor, i: int) -> DrawnSamples:
 
 def late_plans(entry: Competitor, i: int) -> str:
     """Return how many plans up to frame i took longer than the deadline; empty: there is none."""
-    deadline_ms = entry.spec.get("deadline_ms")
+    deadline_ms = entry.spec.deadline_ms
     if deadline_ms is None:
         return ""
     took = entry.x["plan_ms"][: i + 1]

@@ -48,14 +48,14 @@ def has_number(entry: Competitor, name: str) -> bool:
     setting = SLIDERS[name].setting
     if SETTINGS[setting].group != "sampling" or setting == "sigma":
         return True
-    sampling = entry.spec["planner"].get("sampling")
+    sampling = entry.spec.planner.sampling
     return isinstance(sampling, dict) and setting in sampling
 
 
 def can_change(entry: Competitor, name: str) -> bool:
     """Return whether a number may change in flight, which it cannot in a shared world."""
     flies = entry.live and entry.outcome is None
-    return flies and has_number(entry, name) and not entry.spec.get("heat")
+    return flies and has_number(entry, name) and entry.spec.heat is None
 
 
 def remark(entries: Sequence[Competitor], t: float) -> str:
@@ -71,7 +71,7 @@ def remark(entries: Sequence[Competitor], t: float) -> str:
     flying = any(entry.live and entry.outcome is None for entry in entries)
     if not flying:
         does = f"{names}: the numbers at this time"
-    elif any(entry.spec.get("heat") for entry in entries):
+    elif any(entry.spec.heat for entry in entries):
         does = "in one world the numbers of START stay: they act in flight as ghosts only"
     else:
         does = f"a slider acts on the next plan of {names}, and on this flight alone"

@@ -17,7 +17,7 @@ from typing import Protocol
 from quadsim.racing.hand import Hand
 from quadsim.web.race.cockpit import Cockpit
 from quadsim.web.race.competitor import Competitor, named
-from quadsim.web.race.live_flight import Flown, LiveFlight
+from quadsim.web.race.live_flight import FlownFrame, LiveFlight
 from quadsim.web.race.live_heat import LiveHeat
 from quadsim.web.race.notices import Notices
 from quadsim.web.race.pace import Pace
@@ -65,7 +65,7 @@ class Flyer(Protocol):
         """Store the flights in this folder of runs when they end."""
         ...
 
-    def turn(self) -> list[Flown]:
+    def turn(self) -> list[FlownFrame]:
         """Fly one period."""
         ...
 

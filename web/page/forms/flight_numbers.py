@@ -49,10 +49,8 @@ class FlightNumbersForm(Form):
         if not shown:
             return Fields([note("none", "Stand here once something flies or is replayed.")])
         t = s.t
-        names = [entry.name for entry in shown]
-        options = [*names, EVERYONE] if len(names) > 1 else names
-        asked = self._desk.state.visitor(visitor).of
-        of = asked if asked in options else options[0]
+        options = _options(shown)
+        of = self._of(visitor, options)
         meant = [entry for entry in shown if of in (EVERYONE, entry.name)]
         numbers = {
             **meant[0].numbers(t),
@@ -73,9 +71,14 @@ class FlightNumbersForm(Form):
         if asked.field == OF:
             self._desk.do(Watch(visitor, str(asked.value)))
             return
-        (choice,) = [one for one in self.fields(visitor).fields if one.name == OF]
-        name = "" if choice.value == EVERYONE else str(choice.value)
+        of = self._of(visitor, _options(_shown(self._seen_by(visitor))))
+        name = "" if of == EVERYONE else of
         self._session.tell(PageRace.change, Change(asked.field, float(asked.value)), name)
+
+    def _of(self, visitor: int, options: Sequence[str]) -> str:
+        """Return whose numbers a visitor sees: the first one's, until it chooses another one."""
+        asked = self._desk.state.visitor(visitor).of
+        return asked if asked in options else options[0]
 
     def _seen_by(self, visitor: int) -> Snapshot:
         """Return the race as it flies, or else at the time that a visitor watches."""
@@ -87,3 +90,9 @@ def _shown(s: Snapshot) -> Sequence[Competitor]:
     """Return the competitors that fly, or else those that are shown."""
     flying = [entry for entry in s.competitors if entry.live and entry.outcome is None]
     return flying or s.competitors
+
+
+def _options(shown: Sequence[Competitor]) -> list[str]:
+    """Return whose numbers can be chosen."""
+    names = [entry.name for entry in shown]
+    return [*names, EVERYONE] if len(names) > 1 else names
