@@ -1,4 +1,4 @@
-"""RaceForm: the choices of the race of the next START, which all visitors share."""
+"""Forms of the race of the next START, which all visitors share, and of a visitor's display."""
 
 from __future__ import annotations
 
@@ -18,9 +18,11 @@ from quadsim.web.page.forms.forms import (
 )
 from quadsim.web.page.server.link import LinkVisitor
 from quadsim.web.race.next_start import NextStart
-from quadsim.web.state.commands import OF_RACE, OF_RACE_CHOICES, ChooseRace, FlyAgainst
-from quadsim.web.state.fields import ShownField
+from quadsim.web.state.commands import OF_RACE, OF_RACE_CHOICES, ChooseRace, FlyAgainst, SetView
+from quadsim.web.state.desk import Desk
+from quadsim.web.state.fields import ShownField, shown_fields
 from quadsim.web.state.page_state import TOGETHER, PageState
+from quadsim.web.state.view import View
 
 ALONE = "alone"
 
@@ -74,3 +76,27 @@ class RaceForm(Form):
         own = f"{course.laps}, the course's" if course else "the course's"
         value = "" if field.value == "0" else field.value
         return replace(field, value=value, instead=own)
+
+
+class ViewForm(Form):
+    """The choices of the display: ghosts, trails, what is drawn, how much is sent."""
+
+    name = "view"
+    title = "View"
+
+    def __init__(self, desk: Desk):
+        self._desk = desk
+
+    def key(self, visitor: int) -> object:
+        """Return the choices."""
+        return self._desk.state.visitor(visitor).view
+
+    def fields(self, visitor: int) -> Fields:
+        """Return a control for each choice."""
+        view = self._desk.state.visitor(visitor).view
+        fields = shown_fields(View)
+        return Fields([field_of(found, getattr(view, name)) for name, found in fields.items()])
+
+    def set(self, visitor: int, asked: SetField) -> None:
+        """Change a choice. Raises ValueError."""
+        self._desk.do(SetView(visitor, asked.field, asked.value))  # type: ignore[arg-type]
