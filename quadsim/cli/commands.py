@@ -88,7 +88,7 @@ GROUPS = {
             "quadsim.cli.listing:settings", "all settings: unit, range, default, meaning"
         ),
         "check": Command(
-            "quadsim.cli.listing:check", "check course, vehicle, preset and sensing files"
+            "quadsim.cli.check:check", "check course, vehicle, preset and sensing files"
         ),
         "convert": Command(
             "quadsim.cli.convert:convert", "a course of another simulator as a course file"
