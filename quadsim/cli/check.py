@@ -105,7 +105,7 @@ def examine(name: str) -> dict:
 
 
 def _camera(name: str) -> Camera:
-    """Return the camera of this name or file, or that of a set of sensors.
+    """Return the camera of this name or file, or the camera of a set of sensors.
 
     Raises:
         FileError: there is no such file, or it has no camera.

@@ -13,7 +13,14 @@ from rich.console import RenderableType
 from rich.markup import escape
 
 from quadsim.campaign.document import Table, as_table
-from quadsim.campaign.flights.results import ABOVE_LIMIT, COLUMNS, TEXTS, Group, find, stored
+from quadsim.campaign.flights.results import (
+    ABOVE_LIMIT,
+    COLUMNS,
+    TEXTS,
+    StoredVariant,
+    find,
+    stored,
+)
 from quadsim.campaign.flights.stats import PairStats, pair_stats
 from quadsim.campaign.flights.tables import ALL_PAIRS, PAIRS, notes_of_faults
 from quadsim.cli.campaigns import CAMPAIGN
@@ -79,14 +86,16 @@ def results(
     return 0
 
 
-def _find(groups: Sequence[Group], wanted: str) -> Group:
+def _find(groups: Sequence[StoredVariant], wanted: str) -> StoredVariant:
     try:
         return find(groups, wanted)
     except ValueError as error:
         raise UsageError(str(error)) from None
 
 
-def results_table(groups: Sequence[Group], width: int | None = None) -> Iterator[RenderableType]:
+def results_table(
+    groups: Sequence[StoredVariant], width: int | None = None
+) -> Iterator[RenderableType]:
     """Yield one table, and above it the values common to all groups, to save width.
 
     Args:

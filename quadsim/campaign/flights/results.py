@@ -12,7 +12,7 @@ from typing import NamedTuple
 from quadsim.campaign.flights.stats import VariantStats, best_known_time, lap_limit, variant_stats
 from quadsim.campaign.flights.tables import number
 from quadsim.campaign.run.commits import short
-from quadsim.campaign.run.store import Row, Store
+from quadsim.campaign.run.store import AttemptRow, Store
 from quadsim.console import complain
 from quadsim.record.run import RunError
 
@@ -20,15 +20,15 @@ ID_DIGITS = 6  # hex digits of a variant that are shown
 
 
 @dataclass(frozen=True)
-class Group:
+class StoredVariant:
     """All attempts of one variant that one commit has flown, from all campaigns."""
 
-    rows: tuple[Row, ...]  # by seed
+    rows: tuple[AttemptRow, ...]  # by seed
     limit: float  # [s] a lap
     best_known: float = nan  # limit of the race [s]
 
     @property
-    def first(self) -> Row:
+    def first(self) -> AttemptRow:
         """Return the attempt with the least seed."""
         return self.rows[0]
 
@@ -55,7 +55,7 @@ class Group:
 
 ABOVE_LIMIT = "above [%]"  # the median race, above the best known limit
 # Columns of the table of groups
-COLUMNS: dict[str, Callable[[Group], str]] = {
+COLUMNS: dict[str, Callable[[StoredVariant], str]] = {
     "id": lambda g: g.id,
     "variant": lambda g: g.first.name,
     "course": lambda g: g.first.course,
@@ -76,7 +76,7 @@ class _Limits(NamedTuple):
     race: float  # best known limit [s]
 
 
-def stored(campaigns: Sequence[str], runs_dir: str | Path = "runs") -> list[Group]:
+def stored(campaigns: Sequence[str], runs_dir: str | Path = "runs") -> list[StoredVariant]:
     """Return every group of these campaigns, in the order of its first flight.
 
     Args:
@@ -86,7 +86,7 @@ def stored(campaigns: Sequence[str], runs_dir: str | Path = "runs") -> list[Grou
     Raises:
         RunError: a campaign cannot be read.
     """
-    groups: dict[tuple[str, str], dict[str, Row]] = {}
+    groups: dict[tuple[str, str], dict[str, AttemptRow]] = {}
     limits: dict[str, _Limits] = {}
     for path in campaigns:
         with Store(Path(path), create=False) as store:
@@ -98,12 +98,12 @@ def stored(campaigns: Sequence[str], runs_dir: str | Path = "runs") -> list[Grou
     found = []
     for (variant, _), by_key in groups.items():
         rows = tuple(sorted(by_key.values(), key=lambda row: row.seed))
-        found.append(Group(rows, limits[variant].lap, limits[variant].race))
+        found.append(StoredVariant(rows, limits[variant].lap, limits[variant].race))
     return found
 
 
-def _limits(store: Store, row: Row, runs_dir: str | Path) -> _Limits:
-    """Return the limits of a row's flight; nan where its specification is damaged."""
+def _limits(store: Store, row: AttemptRow, runs_dir: str | Path) -> _Limits:
+    """Return the limits of a row's flight; nan if its specification is damaged."""
     try:
         spec = store.spec(row.key)
         return _Limits(lap_limit(spec), best_known_time(spec, runs_dir))
@@ -116,7 +116,7 @@ def _limits(store: Store, row: Row, runs_dir: str | Path) -> _Limits:
     return _Limits(nan, nan)
 
 
-def find(groups: Sequence[Group], wanted: str) -> Group:
+def find(groups: Sequence[StoredVariant], wanted: str) -> StoredVariant:
     """Return the one group with this id.
 
     Args:

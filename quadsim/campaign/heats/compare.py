@@ -57,7 +57,7 @@ class HeatComparison(Documented):
     course: str
     settings: list[FlownHeats]
     differences: list[HeatsDifference]
-    remark: str = ""  # what the seeds do not draw
+    remark: str = ""  # on what the seeds draw
     # the links of the entrants, and which states their controllers were given
     conditions: tuple[str, ...] = ()
 
@@ -91,12 +91,12 @@ class HeatComparison(Documented):
         return races if len(self.settings) == 1 else f"{races} of each setting"
 
     def notes(self) -> list[str]:
-        """Return what has to be read with the tables."""
+        """Return the remarks on the tables: conditions, seeds and commits."""
         commits = mixed_commits({setting.name: setting.commits for setting in self.settings})
         return [*self.conditions, *([self.remark] if self.remark else []), *commits]
 
     def as_json(self) -> dict[str, Any]:
-        """Return the numbers as plain_fields dictionaries; a number that is not known is None."""
+        """Return the numbers as plain dictionaries; a number that is not known is None."""
         return {
             "settings": {one.name: summary_as_json(one.summary) for one in self.settings},
             "differences": [plain_fields(one) for one in self.differences],
