@@ -36,7 +36,8 @@ if TYPE_CHECKING:
 class Sweep(Documented):
     """A sweep holds the flights at each value of a setting, and their differences.
 
-    `print` shows it as tables, a notebook also its figure.
+    `print` shows it as tables, a notebook also its figure: success and lap differences over the
+    values of each setting.
 
     Examples:
         >>> import quadsim

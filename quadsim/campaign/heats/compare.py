@@ -40,6 +40,8 @@ ID_DIGITS = 6  # hex digits that tell reports with other flags apart
 class HeatComparison(Documented):
     """Many heats of one line-up under several settings; `print` shows it as tables.
 
+    The figure has finished flights, contacts, overtakes and times of each setting.
+
     Attributes:
         course: the name of the course.
         settings: the heats of each setting; `.summary` of one has its numbers.
@@ -87,7 +89,8 @@ class HeatComparison(Documented):
 
     def _races(self) -> str:
         """Return how many races there are, of a single setting or of each of several."""
-        races = f"{len(self.settings[0].results)} races"
+        number = len(self.settings[0].results)
+        races = f"{number} race" + "s" * (number != 1)
         return races if len(self.settings) == 1 else f"{races} of each setting"
 
     def notes(self) -> list[str]:
