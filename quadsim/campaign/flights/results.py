@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import nan
+from math import isfinite, nan
 from pathlib import Path
 from typing import NamedTuple
 
+from quadsim.campaign.document import Block, Line, Table
 from quadsim.campaign.flights.stats import VariantStats, best_known_time, lap_limit, variant_stats
 from quadsim.campaign.flights.tables import number
 from quadsim.campaign.run.commits import short
@@ -69,6 +70,8 @@ COLUMNS: dict[str, Callable[[StoredVariant], str]] = {
     "commit": lambda g: short(g.first.code),
 }
 TEXTS = ("variant", "course", "vehicle")  # columns of text
+# Columns that move above the table if all groups share the cell, with their names there
+SHARED = {"course": "course", "vehicle": "vehicle", "rnd": "randomized", "commit": "commit"}
 
 
 class _Limits(NamedTuple):
@@ -139,3 +142,26 @@ def find(groups: Sequence[StoredVariant], wanted: str) -> StoredVariant:
         f"{wanted!r}: expected the id of one variant, or ID@COMMIT; {len(found)} match; "
         f"there are {known}"
     )
+
+
+def group_blocks(groups: Sequence[StoredVariant]) -> list[Block]:
+    """Return a table with a row for each group, and above it the values common to all, if any.
+
+    Args:
+        groups: groups of flights.
+    """
+    if not groups:
+        return [Line("no stored attempt matches")]
+    left_out = set()
+    above = []
+    for head, name in SHARED.items():
+        cells = {COLUMNS[head](group) for group in groups}
+        if len(cells) == 1:
+            left_out.add(head)
+            above.append(f"{name} {cells.pop()}")
+    if not any(isfinite(group.stats.above_limit) for group in groups):
+        left_out.add(ABOVE_LIMIT)
+    columns = {head: cell for head, cell in COLUMNS.items() if head not in left_out}
+    texts = tuple(i for i, head in enumerate(columns) if head in TEXTS)
+    common = [Line(", ".join(above))] if above else []
+    return [*common, Table.of(groups, columns, texts)]
