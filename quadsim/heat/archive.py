@@ -48,7 +48,7 @@ from quadsim.record.archive import (
 )
 from quadsim.record.provenance import provenance
 from quadsim.record.run import CRASHES, RecordedRun, RunError, canonical, hostless
-from quadsim.record.schema import HEAT_FORMAT, StoredEntrant, StoredHeatSpec, TitledHeat
+from quadsim.record.schema import HEAT_FORMAT, TitledHeat
 from quadsim.record.whole_files import file_errors, write_whole
 
 # Role of a part of the user's own that a text can name -> the form of the text
@@ -62,16 +62,19 @@ AS_TEXT = {
 LARGEST_HEAT = 20_000_000
 
 
-class RecordedEntrant(StoredEntrant):
+class RecordedEntrant(msgspec.Struct):
     """An entrant in heat.json, with all that its flight is made from."""
 
+    name: str
+    spec: dict[str, Any]
     place: int
     awareness: Awareness
 
 
-class RecordedHeatSpec(StoredHeatSpec):
+class RecordedHeatSpec(msgspec.Struct):
     """The specification of a race in heat.json, with all that the race is made from."""
 
+    seed: int
     rotation: int
     settings: HeatSettings
     entrants: list[RecordedEntrant]
