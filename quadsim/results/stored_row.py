@@ -34,7 +34,7 @@ UNREADABLE = (FileError, msgspec.MsgspecError, ValueError, LookupError, Recursio
 
 
 @dataclass(frozen=True)
-class Column:
+class TableColumn:
     """A column of the tables of stored runs.
 
     Attributes:
@@ -60,7 +60,7 @@ class Column:
         return str(value) if self.digits is None else f"{value:.{self.digits}f}"
 
 
-class Flight(NamedTuple):
+class VehicleFlight(NamedTuple):
     """The flight of one vehicle. The filters of a list compare its properties.
 
     Attributes:
@@ -78,7 +78,7 @@ class Flight(NamedTuple):
     record: msgspec.Raw
 
     @classmethod
-    def of(cls, name: str, outcome: str, time: float | None, record: msgspec.Raw) -> Flight:
+    def of(cls, name: str, outcome: str, time: float | None, record: msgspec.Raw) -> VehicleFlight:
         """Return a flight with its spec decoded. Raises msgspec.MsgspecError."""
         return cls(name, outcome, time, msgspec.json.decode(record, type=ListedSpec), record)
 
@@ -171,40 +171,42 @@ class StoredRow:
 
     name: str
     path: Path
-    when: Annotated[datetime, Column("flown", is_in_name=True)]
-    course: Annotated[str, Column("course", is_long=True, is_in_name=True)]
-    flown_by: Annotated[str, Column("flown by", is_long=True)]
-    time: Annotated[float | None, Column("time [s]", digits=3)]
-    outcome: Annotated[str, Column("outcome", is_long=True)]
-    seed: Annotated[int, Column("seed", digits=0, is_in_name=True)]
+    when: Annotated[datetime, TableColumn("flown", is_in_name=True)]
+    course: Annotated[str, TableColumn("course", is_long=True, is_in_name=True)]
+    flown_by: Annotated[str, TableColumn("flown by", is_long=True)]
+    time: Annotated[float | None, TableColumn("time [s]", digits=3)]
+    outcome: Annotated[str, TableColumn("outcome", is_long=True)]
+    seed: Annotated[int, TableColumn("seed", digits=0, is_in_name=True)]
     laps: tuple[float, ...] = ()
     laps_wanted: int
     entrants: tuple[str, ...] = ()
     winner: str | None = None
-    flights: tuple[Flight, ...] = field(repr=False)
+    flights: tuple[VehicleFlight, ...] = field(repr=False)
 
     @property
-    def progress(self) -> Annotated[str, Column("laps")]:
+    def progress(self) -> Annotated[str, TableColumn("laps")]:
         """The completed and the required laps of a run, the required laps of a race."""
         return str(self.laps_wanted) if self.entrants else f"{len(self.laps)}/{self.laps_wanted}"
 
     @property
-    def vehicle(self) -> Annotated[str, Column("vehicle", is_long=True)]:
+    def vehicle(self) -> Annotated[str, TableColumn("vehicle", is_long=True)]:
         """The names of the vehicles, each once."""
         return _each(flight.vehicle for flight in self.flights)
 
     @property
-    def preset(self) -> Annotated[str, Column("preset", is_long=True)]:
+    def preset(self) -> Annotated[str, TableColumn("preset", is_long=True)]:
         """The names of the presets, each once; a pilot's flight has none."""
         return _each(flight.preset for flight in self.flights)
 
     @property
-    def sensing(self) -> Annotated[str, Column("sensing", is_long=True, is_printed=False)]:
+    def sensing(self) -> Annotated[str, TableColumn("sensing", is_long=True, is_printed=False)]:
         """The names of the sets of sensors, each once; "perfect" gave the true state."""
         return _each(flight.sensing for flight in self.flights)
 
     @property
-    def numbers(self) -> Annotated[str, Column("changed numbers", is_long=True, is_printed=False)]:
+    def numbers(
+        self,
+    ) -> Annotated[str, TableColumn("changed numbers", is_long=True, is_printed=False)]:
         """The planner's numbers that differ from the preset; of a race, of each entrant."""
         numbers = {flight.name: flight.numbers for flight in self.flights}
         if not self.entrants:
@@ -212,7 +214,7 @@ class StoredRow:
         return _each(f"{name}: {changed}" for name, changed in numbers.items() if changed)
 
     @property
-    def changes(self) -> Annotated[int, Column("changes", digits=0, is_printed=False)]:
+    def changes(self) -> Annotated[int, TableColumn("changes", digits=0, is_printed=False)]:
         """The number of times that a number of a planner was changed in flight."""
         return sum(len(flight.spec.interactive) for flight in self.flights)
 
@@ -302,7 +304,7 @@ class StoredHeat(StoredRow):
 
 
 @cache
-def columns() -> dict[str, Column]:
+def columns() -> dict[str, TableColumn]:
     """Return the columns by the fields and properties of StoredRow."""
     hints = get_type_hints(StoredRow, include_extras=True)
     for name, read in _properties().items():
@@ -311,7 +313,7 @@ def columns() -> dict[str, Column]:
         name: column
         for name, hint in hints.items()
         for column in getattr(hint, "__metadata__", ())
-        if isinstance(column, Column)
+        if isinstance(column, TableColumn)
     }
 
 
@@ -342,7 +344,7 @@ def _read_run(path: Path) -> StoredRun:
     data = read_bytes(path / RECORD, "the record of a flight", LARGEST_RECORD)
     found = msgspec.json.decode(data, type=ListedRun)
     time = sum(found.laps) if found.outcome == "finished" else None
-    flight = Flight.of(path.name, found.outcome, time, found.spec)
+    flight = VehicleFlight.of(path.name, found.outcome, time, found.spec)
     return StoredRun(
         name=path.name,
         path=path,
@@ -365,7 +367,7 @@ def _read_heat(path: Path) -> StoredHeat:
     placings = {placing.name: placing for placing in found.order}
     entrants = tuple(entrant.name for entrant in found.spec.entrants)
     flights = tuple(
-        Flight.of(entrant.name, placing.outcome, placing.time, entrant.spec)
+        VehicleFlight.of(entrant.name, placing.outcome, placing.time, entrant.spec)
         for entrant in found.spec.entrants
         for placing in (placings[entrant.name],)
     )

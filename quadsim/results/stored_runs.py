@@ -14,10 +14,10 @@ from quadsim.files.extras import imported
 from quadsim.record.archive import list_heats, list_runs
 from quadsim.results.stored_row import (
     UNREADABLE,
-    Column,
-    Flight,
     StoredHeat,
     StoredRun,
+    TableColumn,
+    VehicleFlight,
     columns,
     read_row,
     value_names,
@@ -97,10 +97,10 @@ class StoredRuns(Sequence[Row]):
         printed = _printed_columns().items()
         shown = {name: column for name, column in printed if not column.is_in_name}
         return self._text(
-            {"name": Column("run")} | shown, [{"name": row.name} | row.cells() for row in self]
+            {"name": TableColumn("run")} | shown, [{"name": row.name} | row.cells() for row in self]
         )
 
-    def _text(self, shown: Mapping[str, Column], rows: Sequence[Mapping[str, str]]) -> str:
+    def _text(self, shown: Mapping[str, TableColumn], rows: Sequence[Mapping[str, str]]) -> str:
         """Return a table of these columns, and a line for each damaged folder."""
         table = plain_table(*_titles(shown), left=_texts(shown), no_wrap=True)
         for cells in rows:
@@ -148,7 +148,7 @@ def stored_runs(runs_dir: str | Path, **patterns: str | int | None) -> StoredRun
 
 def _fits_row(row: Row, name: str, wanted: str | int | None) -> bool:
     """Return whether a row is what was asked for; of a race, whether any of its entrants is."""
-    if hasattr(Flight, name):
+    if hasattr(VehicleFlight, name):
         return any(_fits(getattr(flight, name), wanted) for flight in row.flights)
     return _fits(getattr(row, name), wanted)
 
@@ -162,16 +162,16 @@ def _fits(value: Any, wanted: str | int | None) -> bool:
     return value == wanted
 
 
-def _printed_columns() -> dict[str, Column]:
+def _printed_columns() -> dict[str, TableColumn]:
     """Return the columns of printed tables."""
     return {name: column for name, column in columns().items() if column.is_printed}
 
 
-def _titles(shown: Mapping[str, Column]) -> list[str]:
+def _titles(shown: Mapping[str, TableColumn]) -> list[str]:
     """Return the headings of columns."""
     return [column.title for column in shown.values()]
 
 
-def _texts(shown: Mapping[str, Column]) -> list[int]:
+def _texts(shown: Mapping[str, TableColumn]) -> list[int]:
     """Return which of the columns have texts; the others have numbers."""
     return [number for number, column in enumerate(shown.values()) if column.digits is None]

@@ -24,8 +24,8 @@ from quadsim.record.run import RunError, canonical
 from quadsim.results.stored_row import (
     RECORD,
     UNREADABLE,
-    Column,
     StoredRow,
+    TableColumn,
     columns,
     flown_at,
     read_row,
@@ -38,7 +38,7 @@ RECENT = 2.0
 # Parts of a spec that decide the limit of its race
 OF_LIMIT = ("course", "course_text", "vehicle", "laps", "plant", "penalties", "own")
 # Excess of the time over the best known limit, a column of the page alone
-ABOVE = Column("above limit [%]", digits=1)
+ABOVE = TableColumn("above limit [%]", digits=1)
 
 
 class PageRow(msgspec.Struct, frozen=True):
@@ -59,7 +59,7 @@ class PageRow(msgspec.Struct, frozen=True):
     problem: str = ""
 
 
-def page_columns() -> dict[str, Column]:
+def page_columns() -> dict[str, TableColumn]:
     """Return the columns of the page: all of a stored run, and the excess beside the time."""
     found = {}
     for name, column in columns().items():
@@ -274,6 +274,6 @@ def _race(spec: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
     return sha256(canonical(parts)).hexdigest(), parts
 
 
-def _cell(column: Column, value: Any) -> str | float | None:
+def _cell(column: TableColumn, value: Any) -> str | float | None:
     """Return a value as the page gets it: a number, or a text from a file as one line."""
     return plain(column.text(value)) if column.digits is None else value

@@ -21,7 +21,7 @@ from msgspec import Meta
 from quadsim.heat.archive import is_heat
 from quadsim.record.archive import read_run
 from quadsim.record.run import RunError, why_not_repeatable
-from quadsim.results.stored_row import UNREADABLE, Column, read_row
+from quadsim.results.stored_row import UNREADABLE, TableColumn, read_row
 from quadsim.tables.wording import Wording, heat_wording, wording
 from quadsim.web.page.server.link import LinkVisitor, Message
 from quadsim.web.page.server.page_server import PageServer
@@ -117,7 +117,7 @@ class Runs(Message, tag="runs"):
     """
 
     rows: Sequence[PageRow]
-    columns: Mapping[str, Column]
+    columns: Mapping[str, TableColumn]
     together: int = TOGETHER
 
 
