@@ -81,7 +81,7 @@ class RecordedHeatSpec(msgspec.Struct):
     entrants: list[RecordedEntrant]
 
 
-class StoredHeat(msgspec.Struct):
+class HeatFile(msgspec.Struct):
     """The part of heat.json that is read back; the rest follows from the runs."""
 
     spec: dict[str, Any]  # as HeatSpec.record, without the specs of the entrants
@@ -339,7 +339,7 @@ def read_heat(path: str | Path) -> LoadedHeat:
     file = path / HEAT
     try:
         data = read_bytes(file, "the record of a race", LARGEST_HEAT)
-        stored = msgspec.json.decode(data, type=StoredHeat)
+        stored = msgspec.json.decode(data, type=HeatFile)
     except FileError as error:
         raise RunError(str(error)) from None
     except (msgspec.DecodeError, ValueError, RecursionError) as error:

@@ -31,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from quadsim.dynamics.first_order import response
-from quadsim.identify.descent import Limits, descend
+from quadsim.identify.descent import NumberLimits, descend
 from quadsim.identify.intervals import covariances
 from quadsim.identify.prepared import LEAST_SPREAD, Prepared, reference_voltage
 from quadsim.identify.search import LEAST_GAIN, MAD, Linearized
@@ -160,7 +160,7 @@ def _errors(axes: Sequence[_Axis], numbers: LoopNumbers, noise: np.ndarray) -> n
     return np.concatenate([(_residuals(axis, numbers) / noise[axis.axis]).ravel() for axis in axes])
 
 
-def _priors(start: LoopNumbers, searched: Sequence[str]) -> tuple[Limits, np.ndarray]:
+def _priors(start: LoopNumbers, searched: Sequence[str]) -> tuple[NumberLimits, np.ndarray]:
     """Return the priors of the searched numbers, and their standard deviations."""
     mean = np.array([getattr(start, name) for name in searched])
     is_power = np.array([name == "voltage_power" for name in searched])
@@ -168,7 +168,7 @@ def _priors(start: LoopNumbers, searched: Sequence[str]) -> tuple[Limits, np.nda
     std = np.where(is_power, POWER, np.where(is_delay, DELAY, LAG))
     low = np.where(is_power, -LARGEST_POWER, np.where(is_delay, 0.0, SHORTEST))
     high = np.where(is_power, LARGEST_POWER, np.where(is_delay, LONGEST_DELAY, LONGEST))
-    return Limits(mean / std, low / std, high / std), std
+    return NumberLimits(mean / std, low / std, high / std), std
 
 
 def _searched(

@@ -15,7 +15,7 @@ import numpy as np
 from quadsim.identify.delays import answer_time
 from quadsim.identify.geometry import Geometry
 from quadsim.identify.intervals import covariances
-from quadsim.identify.numbers import Numbers, Prior
+from quadsim.identify.numbers import FitNumbers, Prior
 from quadsim.identify.prepared import LEAST_SPREAD, SINGLE_DRIVES, VOLTAGE_DRIVES, Prepared, middle
 from quadsim.identify.problem import DRAG, INERTIA
 from quadsim.identify.search import COARSE_GAIN, Solution, solve
@@ -96,7 +96,7 @@ def search_numbers(
 ) -> Search:
     """Return the numbers that fit best: delays first, then simple models before larger ones."""
     searched = _searchable(parts)
-    start = Numbers(**{name: prior[name].mean for name in Numbers._fields})
+    start = FitNumbers(**{name: prior[name].mean for name in FitNumbers._fields})
     # The time of the answer is known from the correlation, how delay and lag share it is not.
     time = answer_time(parts, geometry)
     square = [name for name in searched if name not in MAP[1:]]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from quadsim.identify.geometry import Geometry
-from quadsim.identify.numbers import Numbers
+from quadsim.identify.numbers import FitNumbers
 from quadsim.identify.prepared import Prepared
 from quadsim.identify.problem import CHANNELS, Channel, single_thrusts
 
@@ -29,7 +29,7 @@ class Trace(NamedTuple):
 
 
 def traces(
-    parts: Sequence[Prepared], numbers: Numbers, geometry: Geometry, turning: Sequence[int]
+    parts: Sequence[Prepared], numbers: FitNumbers, geometry: Geometry, turning: Sequence[int]
 ) -> tuple[Trace, ...]:
     """Return traces of the liveliest seconds of the longest stretch.
 

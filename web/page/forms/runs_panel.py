@@ -22,7 +22,7 @@ from quadsim.campaign.document import Document
 from quadsim.heat.archive import is_heat
 from quadsim.record.archive import read_run
 from quadsim.record.run import RunError, why_not_repeatable
-from quadsim.results.stored_runs import UNREADABLE, read_row
+from quadsim.results.stored_row import UNREADABLE, TableColumn, read_row
 from quadsim.tables.wording import Wording, heat_wording, wording
 from quadsim.web.page.server.link import LinkVisitor, Message
 from quadsim.web.page.server.page_server import PageServer
@@ -37,7 +37,7 @@ from quadsim.web.state.line_up_link import MOST_BYTES
 from quadsim.web.state.view import Ghosts, View
 from quadsim.web.stored.again import AgainChoices, HeatAgainChoices
 from quadsim.web.stored.campaign_reports import CampaignReports, ReportRow
-from quadsim.web.stored.run_table import Column, RunRow, RunTable, columns
+from quadsim.web.stored.run_table import PageRow, RunTable, page_columns
 
 PERIOD = 1.0  # time between two updates from the folder of runs [s]
 CHECKING = 0.05  # time in each period in which rows are compared with their telemetry, at most [s]
@@ -59,12 +59,12 @@ class ReplayRuns(Message, tag="replay_runs"):
     Attributes:
         names: of their folders.
         t: time at which this visitor pauses [s]; None: from the start.
-        ghosts, limit: of this visitor's view; None: as they are.
+        ghosts, limit: of this visitor's view; None, and unknown ghosts: as they are.
     """
 
     names: Annotated[list[Name], Meta(min_length=1, max_length=TOGETHER)]
     t: Annotated[float, Meta(ge=0, le=1e6)] | None = None
-    ghosts: Ghosts | None = None
+    ghosts: str | None = None
     limit: bool | None = None
 
 
@@ -109,10 +109,17 @@ class ShowReport(Message, tag="show_report"):
 
 
 class Runs(Message, tag="runs"):
-    """The table."""
+    """The table.
 
-    rows: Sequence[RunRow]
-    columns: Mapping[str, Column]
+    Attributes:
+        rows: its rows, the latest first.
+        columns: its columns by the keys of the rows' cells.
+        together: largest number of runs that are shown together.
+    """
+
+    rows: Sequence[PageRow]
+    columns: Mapping[str, TableColumn]
+    together: int = TOGETHER
 
 
 class RunWording(Message, tag="run_wording"):
@@ -246,7 +253,7 @@ class RunsPanel:
 
     def _listed(self) -> Runs:
         """Return the latest rows."""
-        return Runs(self._table.rows[:MOST], columns())
+        return Runs(self._table.rows[:MOST], page_columns())
 
     def _path(self, name: str) -> Path:
         """Return the folder of a listed run. Raises ValueError."""
@@ -265,7 +272,8 @@ class RunsPanel:
         """
         folders = [self._path(name) for name in dict.fromkeys(asked.names)]
         self._expect_landed()
-        for name, value in (("ghosts", asked.ghosts), ("limit", asked.limit)):
+        ghosts = asked.ghosts if asked.ghosts in get_args(Ghosts) else None
+        for name, value in (("ghosts", ghosts), ("limit", asked.limit)):
             if value is not None:
                 self._start.desk.do(SetView(visitor, name, value))
         runs = [run for folder in folders for run in runs_at(folder)]
