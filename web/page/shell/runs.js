@@ -9,8 +9,6 @@ import { show } from "./parts.js";
 import { fits, order } from "./run_rows.js";
 import { seat } from "./scene.js";
 
-const CAMERAS = ["free", "chase", "top", "FPV"];
-const GHOSTS = ["by time", "by place"];
 const MOST = 300; // rows that are shown; the filter finds the others
 const TOGETHER = 8; // runs side by side, at most
 let columns = []; // their keys, heads and digits, which the server says
@@ -240,17 +238,20 @@ function follow(asked) {
   const names = asked.getAll("run").slice(0, TOGETHER);
   if (!names.length) return;
   const t = Number(asked.get("t") ?? NaN);
-  const view = {
-    ...(GHOSTS.includes(asked.get("ghosts")) && { ghosts: asked.get("ghosts") }),
-    ...(asked.get("limit") === "1" && { limit: true }),
-  };
-  send({ type: "replay_runs", names, ...(t >= 0 && { t }), ...view });
+  if (asked.get("ghosts")) setView("ghosts", asked.get("ghosts"));
+  if (asked.get("limit") === "1") setView("limit", true);
+  send({ type: "replay_runs", names, ...(t >= 0 && { t }) });
   if (asked.get("camera")) chooseCamera(asked.get("camera"));
+}
+
+// As the form of the view does: the server knows the values, and refuses any other.
+function setView(field, value) {
+  send({ type: "set_field", form: "view", field, value });
 }
 
 // The camera is the visitor's own: it is chosen once the scene has one.
 function chooseCamera(mode) {
-  let isAsked = !CAMERAS.includes(mode);
+  let isAsked = false;
   show("camera", (now) => {
     if (!now || isAsked) return;
     isAsked = true;
