@@ -11,9 +11,15 @@ from quadsim.record.schema import FlownAmong, Rules
 from quadsim.web.page.parts.elements import to_html
 from quadsim.web.page.parts.timing import planner
 from quadsim.web.race.competitor import named
-from quadsim.web.race.drawn_samples import drawn_samples, late_plans
 from quadsim.web.race.lap_timing import lap_timings
-from quadsim.web.race.numbers_in_flight import can_change, has_number, numbers_of_several, remark
+from quadsim.web.race.numbers_in_flight import (
+    can_change,
+    drawn_samples,
+    has_number,
+    late_plans,
+    numbers_of_several,
+    remark,
+)
 from quadsim.web.race.snapshot import Snapshot
 
 USUAL = PRESETS["race"]["gaussian"].mppi

@@ -147,7 +147,7 @@ class Screen:
             self._put("chatter", moment.chatter)
 
     def _notify(self, s: Snapshot) -> None:
-        """Show notices, those of an event once its time is watched."""
+        """Show notices; the notice of an event is shown once its time is watched."""
         for notice in s.notices:
             of_other_race = notice.t is not None and notice.race != s.race
             is_ahead = notice.t is not None and s.t < notice.t - SAME

@@ -30,7 +30,7 @@ from quadsim.web.stored.again import AgainChoices, HeatAgainChoices
 AnyChoices = Choices | HeatChoices | AgainChoices | HeatAgainChoices
 TakeOff = Callable[[AnyChoices], "Flyer"]
 
-REST = 0.02  # wait between two turns while the person who flies is waited for [s]
+REST = 0.02  # wait between two turns before a person raises the throttle [s]
 IDLE = 1.0  # wait while nothing is flown; a command ends it [s]
 TRAJECTORIES_PERIOD = 0.06  # wall-clock time between updates of the sampled trajectories [s]
 

@@ -52,7 +52,7 @@ class SeriesRow:
 
 
 class Pair(NamedTuple):
-    """Two competitors and the time of the second less that of the first, seed by seed [s]."""
+    """Two competitors, and the time of the second less the time of the first, by seed [s]."""
 
     first: SeriesRow
     second: SeriesRow

@@ -102,7 +102,7 @@ class CompetitorChoices:
     ] = PERFECT
     flight_controller: Annotated[
         FlightControllerName,
-        Shown("ideal: a first-order rate loop; betaflight: the firmware, where it is built"),
+        Shown("ideal: a first-order rate loop; betaflight: the firmware, if it is built"),
     ] = "ideal"
     # numbers of quadsim.web.state.numbers.SLIDERS that differ from preset and settings
     numbers: Mapping[str, float] = field(default_factory=dict)
@@ -158,7 +158,7 @@ class CompetitorChoices:
         return source.planner(sampler, firmware=not is_ideal, scale=self._scale(source, sampler))
 
     def _scale(self, source: PresetSource, sampler: str) -> Scale | None:
-        """Return the scale of the flight; None: that of the preset, as no course is known."""
+        """Return the scale of the flight; None: no course is known, so the preset's holds."""
         return None
 
     def _with_numbers(self, base: Planner) -> Planner:

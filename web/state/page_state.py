@@ -35,7 +35,7 @@ class Row:
 
 @dataclass(frozen=True)
 class RemovedRow:
-    """A row that was removed, and where it stood."""
+    """A row that was removed, and its place among the rows."""
 
     row: Row
     index: int

@@ -1,4 +1,4 @@
-"""ExportForm: what is shown as files and addresses, for one visitor."""
+"""ExportForm: makes files and addresses of what a visitor is shown."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Download(Message, tag="download"):
 
 
 class Address(Message, tag="address"):
-    """An address to copy: the part after that of the page. opens: what it does."""
+    """An address to copy, without the address of the page before it. opens: what it does."""
 
     title: str
     address: str

@@ -35,7 +35,7 @@ class FlightNumbersForm(Form):
         self._viewing = viewing
 
     def key(self, visitor: int) -> object:
-        """Return the competitors, whose numbers are shown, and these."""
+        """Return the competitors, and the numbers that are shown."""
         s = self._seen_by(visitor)
         shown = _shown(s)
         numbers = [tuple(entry.numbers(s.t).values()) for entry in shown]
@@ -43,7 +43,7 @@ class FlightNumbersForm(Form):
         return s.race, names, numbers, self._desk.state.visitor(visitor).of
 
     def fields(self, visitor: int) -> Fields:
-        """Return whose numbers they are, what they do, and the sliders."""
+        """Return the choice of a competitor, what its sliders do, and the sliders."""
         s = self._seen_by(visitor)
         shown = _shown(s)
         if not shown:
@@ -56,7 +56,9 @@ class FlightNumbersForm(Form):
             **meant[0].numbers(t),
             **{number.name: number.values[0] for number in numbers_of_several(meant, t)},
         }
-        choice = Field(OF, "choice", "Of", of, choices=options, help="whose numbers these are")
+        choice = Field(
+            OF, "choice", "Of", of, choices=options, help="the competitor whose numbers are shown"
+        )
         sliders = []
         for name, slider in SLIDERS.items():
             can = any(can_change(entry, name) for entry in meant)
@@ -76,7 +78,7 @@ class FlightNumbersForm(Form):
         self._session.tell(PageRace.change, Change(asked.field, float(asked.value)), name)
 
     def _of(self, visitor: int, options: Sequence[str]) -> str:
-        """Return whose numbers a visitor sees: the first one's, until it chooses another one."""
+        """Return the competitor whose numbers a visitor sees: the first one, or the chosen one."""
         asked = self._desk.state.visitor(visitor).of
         return asked if asked in options else options[0]
 
@@ -93,6 +95,6 @@ def _shown(s: Snapshot) -> Sequence[Competitor]:
 
 
 def _options(shown: Sequence[Competitor]) -> list[str]:
-    """Return whose numbers can be chosen."""
+    """Return the names of the competitors whose numbers can be chosen."""
     names = [entry.name for entry in shown]
     return [*names, EVERYONE] if len(names) > 1 else names

@@ -157,7 +157,7 @@ class Forms:
         self._answer(visitor, asked)
 
     def _answer(self, visitor: LinkVisitor, asked: SetField | PressField) -> None:
-        """Carry out what is asked for; the answer says in one line why it cannot be."""
+        """Carry out a request; the answer says in one line why it was refused."""
         problem = ""
         try:
             form = self._forms[asked.form]  # type: ignore[index]

@@ -12,7 +12,7 @@ from quadsim.web.race.snapshot import Snapshot
 from quadsim.web.state.page_state import PaceName
 
 MarkKind = Literal["gate", "lap", "bad"]
-# as flights have them
+# the paces of flights
 SPEEDS = tuple(float(pace.removesuffix(" x")) for pace in get_args(PaceName))
 
 

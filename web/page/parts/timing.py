@@ -24,8 +24,8 @@ from quadsim.web.page.parts.elements import (
     table,
 )
 from quadsim.web.race.competitor import CRASHES, Competitor, heat_of
-from quadsim.web.race.drawn_samples import drawn_samples, late_plans
 from quadsim.web.race.lap_timing import LapTiming
+from quadsim.web.race.numbers_in_flight import drawn_samples, late_plans
 
 EVENTS = 60  # number of the newest events in the list
 GOOD_SHARE = 0.1  # share of effective samples at which the meter is full

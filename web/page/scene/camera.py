@@ -128,7 +128,7 @@ class Camera:
         names: the competitors of the race.
 
         Returns:
-            Whom the camera follows now; empty: nobody flies.
+            Name of the competitor that the camera follows now; empty: there is none.
         """
         if client is None or not names:
             return ""
