@@ -129,7 +129,7 @@ docs-figures: $(VENV)/.dev
 	$(BIN)/race firmware build
 	$(BIN)/python docs/betaflight_figures.py # docs/betaflight_*.png
 	$(BIN)/race heat --entrants colored gaussian careful=colored+margin=.45 pilot=split_s_swift --laps 2 --samples 512 --randomize 1 --plot docs/heat.png --runs-dir $(FIGURES)
-	$(BIN)/race compare split_s_swift --line-up colored colored colored colored --vehicle kolibri --laps 3 --samples 512 --randomize 1 --starts 32 --variants expect=own,expect=velocity --campaign $(FIGURES)/heats.sqlite --out $(FIGURES)/heats
+	$(BIN)/race compare-heats split_s_swift --entrants colored colored colored colored --vehicle kolibri --laps 3 --samples 512 --randomize 1 --starts 32 --variants expect=own,expect=velocity --campaign $(FIGURES)/heats.sqlite --out $(FIGURES)/heats
 	cp $(FIGURES)/heats/*.png docs/heats_expect.png
 	$(BIN)/python docs/pictures_figure.py # docs/pictures.png
 	$(BIN)/python docs/aigp_figure.py # docs/aigp.png

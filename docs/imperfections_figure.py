@@ -14,7 +14,7 @@ FOLDER = Path(__file__).parent
 sys.path.insert(0, str(FOLDER.parent))
 
 from docs.results.experiments import csv_file, experiments, read  # noqa: E402 (no package on the path)
-from quadsim.campaign.sweep_figure import (  # noqa: E402
+from quadsim.campaign.flights.sweep_figure import (  # noqa: E402
     DrawnCurve,
     DrawnPoint,
     Measured,

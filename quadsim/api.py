@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 from quadsim.config.build import flight_frames, with_threads
-from quadsim.config.recorded import recorded_spec
 from quadsim.config.spec import Spec
 from quadsim.files.values import SettingError
 from quadsim.racing.events import Frame
@@ -17,9 +16,9 @@ from quadsim.results.run import Run
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from quadsim.campaign.compare import Comparison
-    from quadsim.campaign.compare_heats import HeatComparison
-    from quadsim.campaign.sweep import Sweep
+    from quadsim.campaign.flights.compare import Comparison
+    from quadsim.campaign.flights.sweep import Sweep
+    from quadsim.campaign.heats.compare import HeatComparison
     from quadsim.config.keywords import CourseLike, Keywords
     from quadsim.heat.line_up import Entrants
     from quadsim.identify import VehicleFit
@@ -174,7 +173,7 @@ def load_heat(heat: str | Path = "last", runs_dir: str = "runs") -> Heat:
 def spec_of(course: CourseLike | Spec | Mapping[str, Any] | None, settings: Keywords) -> Spec:
     """Return the Spec that `fly` flies, with its threads in use."""
     if isinstance(course, Mapping):
-        spec = recorded_spec(course, settings)
+        spec = Spec.of_record(course, **settings)
     elif isinstance(course, Spec):
         spec = course.but(**settings) if settings else course
     else:
@@ -431,7 +430,7 @@ def compare(
         >>> [variant.finished for variant in comparison.variants]
         [2, 2]
     """
-    from quadsim.campaign.compare import compare as run_comparison
+    from quadsim.campaign.flights.compare import compare as run_comparison
 
     return run_comparison(courses, variants, attempts, jobs, campaign, baseline, settings)
 
@@ -478,7 +477,7 @@ def sweep(
         >>> [point.value for point in swept.points]
         ['0', '0.04']
     """
-    from quadsim.campaign.sweep import sweep as run_sweep
+    from quadsim.campaign.flights.sweep import sweep as run_sweep
 
     return run_sweep(courses, over, variants, attempts, jobs, campaign, settings)
 
@@ -524,6 +523,6 @@ def compare_heats(
         >>> [(change.a, change.b) for change in found.differences]
         [('aware', 'blind')]
     """
-    from quadsim.campaign.compare_heats import compare_heats as run_comparison
+    from quadsim.campaign.heats.compare import compare_heats as run_comparison
 
     return run_comparison(entrants, course, variants, starts, rotate, jobs, campaign, settings)

@@ -10,8 +10,8 @@ from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
-from quadsim.campaign.store import Row
-from quadsim.campaign.variants import Variant
+from quadsim.campaign.run.store import Row
+from quadsim.campaign.run.variants import Variant
 from quadsim.config.setting_texts import resolve
 from tests.small import SMALL, flags
 
@@ -67,7 +67,7 @@ def row(
     seed=0, outcome="finished", laps=(5.0, 4.0), gates=7, tv=10.0, code="a" * 40, **changes
 ) -> Row:
     """Return a row as if its attempt had been flown."""
-    crash = {"kind": "hit", "gate": 3, "lap": 1, "position": [1.0, 2.0, 3.0]}
+    crash = {"kind": "hit", "gate": 3, "obstacle": 0, "lap": 1, "position": [1.0, 2.0, 3.0]}
     result = {
         "laps": list(laps) if outcome == "finished" else [],
         "gates_passed": gates,
@@ -75,6 +75,7 @@ def row(
         "fault": None,
         "thrust_tv": {"commanded": tv, "delivered": tv / 2},
         "rates_tv": {"commanded": 30.0, "delivered": 20.0},
+        "motors": None,
         "turned_back": [],
         "plan_ms": {"p50": 1.0, "p95": 2.0},
         "real_time_factor": 3.0,

@@ -5,8 +5,8 @@ import re
 import pytest
 
 import quadsim
-from quadsim.campaign.compare import write_report
-from quadsim.campaign.variants import make_variants, parse_variants
+from quadsim.campaign.flights.compare import comparison_stem
+from quadsim.campaign.run.variants import make_variants, parse_variants
 from quadsim.cli.cli import race
 from quadsim.heat.line_up import line_up, parts_of
 from quadsim.record.run import canonical
@@ -213,5 +213,5 @@ def test_the_record_of_a_flight_is_an_entrant(laws):
 def test_the_files_of_a_report_have_no_colon_of_a_variants_name(tmp_path):
     variants = "controller=laws:Pd,hold=controller=laws:strong"
     found = quadsim.compare("figure8", variants, attempts=1, **SHORT)
-    files = [file.name for file in write_report(found, tmp_path / "report", "id")]
+    files = [file.name for file in found.save(tmp_path / "report", comparison_stem(found, "id"))]
     assert files[0] == "figure8_controller-laws-Pd_hold_id.md"

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import quadsim
-from quadsim.campaign.variants import make_variants, parse_variants
+from quadsim.campaign.run.variants import make_variants, parse_variants
 from quadsim.cli.cli import race
 from quadsim.cli.flags import settings_as_flags
 from quadsim.config.build import planner_of

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from quadsim.campaign.store import Row, Store
+from quadsim.campaign.run.store import Row, Store
 
 DIGITS = 6  # significant digits of a number in a CSV file
 
@@ -38,7 +38,7 @@ def number(value: float | None) -> str:
 
 def has_flights(words: Sequence[str]) -> bool:
     """Return whether the flights of a command have rows."""
-    return list(words[:2]) == ["race", "compare"] and "--line-up" not in words
+    return list(words[:2]) == ["race", "compare"]
 
 
 def flights(campaign: Path, command: str) -> list[Flight]:

@@ -32,7 +32,7 @@ from docs.results.experiments import (
     write_file,
 )
 from docs.results.flights import flights, has_flights, number, run_campaign, run_json
-from quadsim.campaign.summary_stats import FEWEST_PAIRS
+from quadsim.campaign.flights.stats import FEWEST_PAIRS
 
 ROOT = Path(__file__).parents[2]
 RUNS = Path("runs/results")
@@ -121,7 +121,7 @@ def _campaign(name: str, words: Sequence[str]) -> Path:
     """
     if has_flights(words):
         return RUNS / f"{name}.sqlite"
-    return RUNS / ("heats.sqlite" if "--line-up" in words else "flights.sqlite")
+    return RUNS / ("heats.sqlite" if "compare-heats" in words else "flights.sqlite")
 
 
 def _machine() -> str:
@@ -232,7 +232,7 @@ def _lap_change(change: Mapping[str, Any] | None) -> Mapping[str, Any]:
 
 
 def _heats(found: Mapping[str, Any]) -> Iterable[dict[str, str]]:
-    """Yield the numbers of each variant of `race compare --line-up`."""
+    """Yield the numbers of each variant of `race compare-heats`."""
     for name, one in found["settings"].items():
         row = {"variant": name}
         row |= {key: str(one[key]) for key in ("races", "flights", "finished", "contacts")}

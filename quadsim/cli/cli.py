@@ -8,7 +8,7 @@ import sys
 from importlib import metadata
 from typing import Any
 
-from quadsim.cli.commands import COMMANDS
+from quadsim.cli.commands import COMMANDS, GROUPS
 
 HELP = """usage: race COMMAND [FLAGS]
 
@@ -99,9 +99,7 @@ def _about(argv: list[str]) -> int:
     """Handle arguments that are not a command: help, version, completion."""
     name = argv[0]
     if name in ("-h", "--help"):
-        width = max(map(len, COMMANDS))
-        commands = "\n".join(f"  {name:<{width}}  {c.summary}" for name, c in COMMANDS.items())
-        print(HELP.format(commands=commands), end="", flush=True)
+        print(HELP.format(commands=_listed()), end="", flush=True)
         return 0
     if name == "--version":
         print(f"race {metadata.version('quadsim')}", flush=True)
@@ -115,6 +113,16 @@ def _about(argv: list[str]) -> int:
     from quadsim.files.yaml_errors import did_you_mean
 
     return _complain(f"race: no command {name!r}: {did_you_mean(name, COMMANDS)} (race --help)", 2)
+
+
+def _listed() -> str:
+    """Return the commands with their summaries, by group."""
+    width = max(map(len, COMMANDS))
+    groups = []
+    for title, commands in GROUPS.items():
+        lines = [f"  {name:<{width}}  {command.summary}" for name, command in commands.items()]
+        groups.append("\n".join([f"{title}:", *lines]))
+    return "\n\n".join(groups)
 
 
 def _print_completion(words: list[str]) -> int:

@@ -16,85 +16,117 @@ class Command(NamedTuple):
     compiles: bool = False  # whether the command runs the compiled planner
 
 
-COMMANDS = {
-    "fly": Command(
-        "quadsim.cli.fly:fly", "simulate a flight: lap and split times, crashes, chatter", True
-    ),
-    "heat": Command(
-        "quadsim.cli.heat:heat", "a race of several vehicles: places, overtakes, collisions", True
-    ),
-    "runs": Command("quadsim.cli.stored:runs", "the stored runs and races: list, filter"),
-    "show": Command("quadsim.cli.stored:show", "the report of a stored run"),
-    "plot": Command(
-        "quadsim.cli.stored:plot", "a stored run as a picture: path, height, controls, spectrum"
-    ),
-    "web": Command("quadsim.cli.web:web", "watch, tune, race and replay in a browser", True),
-    "serve": Command(
-        "quadsim.cli.serve:serve", "the AI Grand Prix's simulator for a client over MAVLink"
-    ),
-    "render": Command(
-        "quadsim.cli.render:render",
-        "pictures with labels for perception: colour, depth, segmentation",
-    ),
-    "export": Command(
-        "quadsim.cli.stored:export", "a stored run as an offline page, CSV, MCAP or zip"
-    ),
-    "courses": Command("quadsim.cli.listing:courses", "the courses that come with the project"),
-    "vehicles": Command("quadsim.cli.listing:vehicles", "the vehicles that come with the project"),
-    "fit": Command("quadsim.cli.fit:fit", "a vehicle file from flight logs"),
-    "vehicle": Command(
-        "quadsim.cli.vehicle:vehicle", "a vehicle file from mass, thrust-to-weight, arm, propeller"
-    ),
-    "sensings": Command(
-        "quadsim.cli.listing:sensings", "the sets of sensors that come with the project"
-    ),
-    "competitions": Command(
-        "quadsim.cli.listing:competitions",
-        "the competitions that come with the project",
-    ),
-    "presets": Command("quadsim.cli.listing:presets", "the presets, with some of their numbers"),
-    "settings": Command(
-        "quadsim.cli.listing:settings", "all settings: unit, range, default, meaning"
-    ),
-    "firmware": Command(
-        "quadsim.cli.firmware:firmware", "the flight controller Betaflight: what is built, build it"
-    ),
-    "check": Command(
-        "quadsim.cli.listing:check", "check course, vehicle, preset and sensing files"
-    ),
-    "convert": Command(
-        "quadsim.cli.convert:convert", "a course of another simulator as a course file"
-    ),
-    "limit": Command(
-        "quadsim.cli.limit:limit", "the least time in which a vehicle can fly a course"
-    ),
-    "compare": Command(
-        "quadsim.cli.compare:compare", "compare variants over many flights, paired by seed", True
-    ),
-    "sweep": Command(
-        "quadsim.cli.sweep:sweep", "what each value of a setting costs, paired by seed", True
-    ),
-    "results": Command("quadsim.cli.results:results", "stored comparisons: list, filter, compare"),
-    "tune": Command(
-        "quadsim.cli.tune:tune", "search planner parameters for the fastest safe lap", True
-    ),
-    "train": Command(
-        "quadsim.cli.train:train", "learn a pilot for a course, flown by race fly --pilot", True
-    ),
-    "train-pixels": Command(
-        "quadsim.cli.train_pixels:train_pixels",
-        "train the network that finds gates in pictures",
-        True,
-    ),
-    "regress": Command(
-        "quadsim.cli.regress:regress",
-        "regression test for lap times, success and chatter",
-        True,
-    ),
-    "bench": Command(
-        "quadsim.cli.bench:bench",
-        "planning time on this machine; compare with pytorch-mppi and JAX",
-        True,
-    ),
-    "paper": Command("quadsim.cli.paper:paper", "reproduce the paper's tables and figures", True),
+# The commands by name, in the groups of `race --help`
+GROUPS = {
+    "Fly": {
+        "fly": Command(
+            "quadsim.cli.fly:fly", "simulate a flight: lap and split times, crashes, chatter", True
+        ),
+        "heat": Command(
+            "quadsim.cli.heat:heat",
+            "a race of several vehicles: places, overtakes, collisions",
+            True,
+        ),
+        "web": Command("quadsim.cli.web:web", "watch, tune, race and replay in a browser", True),
+        "serve": Command(
+            "quadsim.cli.serve:serve", "the AI Grand Prix's simulator for a client over MAVLink"
+        ),
+    },
+    "Stored runs": {
+        "runs": Command("quadsim.cli.stored:runs", "the stored runs and races: list, filter"),
+        "show": Command("quadsim.cli.stored:show", "the report of a stored run"),
+        "plot": Command(
+            "quadsim.cli.stored:plot", "a stored run as a picture: path, height, controls, spectrum"
+        ),
+        "export": Command(
+            "quadsim.cli.stored:export", "a stored run as an offline page, CSV, MCAP or zip"
+        ),
+        "render": Command(
+            "quadsim.cli.render:render",
+            "labelled pictures for perception: colour, depth, segmentation",
+        ),
+    },
+    "Many flights": {
+        "compare": Command(
+            "quadsim.cli.compare:compare",
+            "compare variants over many flights, paired by seed",
+            True,
+        ),
+        "compare-heats": Command(
+            "quadsim.cli.compare_heats:compare_heats",
+            "many races of several vehicles: wins, ranks, collisions",
+            True,
+        ),
+        "sweep": Command(
+            "quadsim.cli.sweep:sweep", "what each value of a setting costs, paired by seed", True
+        ),
+        "results": Command(
+            "quadsim.cli.results:results", "stored comparisons: list, filter, compare"
+        ),
+        "tune": Command(
+            "quadsim.cli.tune:tune", "search planner parameters for the fastest safe lap", True
+        ),
+        "limit": Command(
+            "quadsim.cli.limit:limit", "the least time in which a vehicle can fly a course"
+        ),
+    },
+    "Courses, vehicles and settings": {
+        "courses": Command("quadsim.cli.listing:courses", "the courses that come with the project"),
+        "vehicles": Command(
+            "quadsim.cli.listing:vehicles", "the vehicles that come with the project"
+        ),
+        "sensings": Command(
+            "quadsim.cli.listing:sensings", "the sets of sensors that come with the project"
+        ),
+        "competitions": Command(
+            "quadsim.cli.listing:competitions", "the competitions that come with the project"
+        ),
+        "presets": Command(
+            "quadsim.cli.listing:presets", "the presets, with some of their numbers"
+        ),
+        "settings": Command(
+            "quadsim.cli.listing:settings", "all settings: unit, range, default, meaning"
+        ),
+        "check": Command(
+            "quadsim.cli.listing:check", "check course, vehicle, preset and sensing files"
+        ),
+        "convert": Command(
+            "quadsim.cli.convert:convert", "a course of another simulator as a course file"
+        ),
+        "vehicle": Command(
+            "quadsim.cli.vehicle:vehicle",
+            "a vehicle file from mass, thrust-to-weight, arm, propeller",
+        ),
+        "fit": Command("quadsim.cli.fit:fit", "a vehicle file from flight logs"),
+    },
+    "Learn": {
+        "train": Command(
+            "quadsim.cli.train:train", "learn a pilot for a course, flown by race fly --pilot", True
+        ),
+        "train-pixels": Command(
+            "quadsim.cli.train_pixels:train_pixels",
+            "train the network that finds gates in pictures",
+            True,
+        ),
+    },
+    "Measure and build": {
+        "firmware": Command(
+            "quadsim.cli.firmware:firmware",
+            "the flight controller Betaflight: what is built, build it",
+        ),
+        "bench": Command(
+            "quadsim.cli.bench:bench",
+            "planning time on this machine, pytorch-mppi and JAX beside it",
+            True,
+        ),
+        "regress": Command(
+            "quadsim.cli.regress:regress",
+            "regression test for lap times, success and chatter",
+            True,
+        ),
+        "paper": Command(
+            "quadsim.cli.paper:paper", "reproduce the paper's tables and figures", True
+        ),
+    },
 }
+COMMANDS = {name: command for group in GROUPS.values() for name, command in group.items()}

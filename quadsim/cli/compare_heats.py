@@ -1,71 +1,88 @@
-"""`race compare --line-up`: a comparison of settings of races."""
+"""`race compare-heats`: many races of the same entrants, under one setting or several."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
-from rich.markup import escape
+from msgspec import Meta
 
-from quadsim.campaign.compare_heats import fly_comparison
-from quadsim.campaign.heat_report import write_heats_report
-from quadsim.campaign.heat_runner import HeatRunner
-from quadsim.campaign.paired_heats import heat_variants
-from quadsim.cli.flags import settings_as_flags
-from quadsim.console import emit, emit_json
+from quadsim.campaign.heats.compare import fly_comparison, heats_stem
+from quadsim.campaign.heats.paired import heat_variants
+from quadsim.campaign.heats.runner import HeatRunner
+from quadsim.cli.campaigns import (
+    Campaign,
+    Jobs,
+    ReportFolder,
+    Scheduler,
+    ThisCommit,
+    report_folder,
+    show_and_save,
+)
+from quadsim.cli.flags import CourseName, Given, GivenHeat, Help, Json, settings_as_flags
+from quadsim.cli.fly import complain_beside_controllers
+from quadsim.cli.heat import ENTRANTS, EntrantTexts
+from quadsim.config.settings import SettingError
 from quadsim.heat.line_up import parse_heat_variants
-from quadsim.record.whole_files import expect_file, try_writing
+
+CAMPAIGN = "campaigns/heats.sqlite"
+STARTS = 64
 
 
 def compare_heats(
-    course: str | None,
-    entrants: list[str],
-    variants: str | None,
-    given: dict[str, Any],
-    starts: int,
-    rotate: bool,
-    campaign: Path,
-    jobs: int | None,
-    scheduler: str | None,
-    this_commit: bool,
-    out: Path | None,
-    json: bool,
+    course: CourseName = None,
+    /,
+    *,
+    entrants: EntrantTexts = None,
+    variants: Annotated[
+        str | None,
+        Help(
+            "settings of the races or of all their flights, flag=value or NAME=flag=value+...,"
+            " joined by commas; default: one setting",
+            show_default=False,
+        ),
+    ] = None,
+    starts: Annotated[
+        int, Meta(ge=1, le=100_000), Help("races of each variant, of consecutive seeds")
+    ] = STARTS,
+    rotate: Annotated[
+        bool,
+        Help("whether entrants change places from race to race", negative="--no-rotate"),
+    ] = True,
+    jobs: Jobs = None,
+    scheduler: Scheduler = None,
+    campaign: Campaign = CAMPAIGN,
+    this_commit: ThisCommit = False,
+    out: ReportFolder = None,
+    json: Json = False,
+    race: GivenHeat = None,
+    settings: Given = None,
 ) -> int:
-    """Fly races of a line-up under several settings and report the differences.
+    """Fly many races of the same entrants: how often do they finish, win, overtake and collide?
 
-    Args:
-        course: a name or a FILE.yaml; None: the default course.
-        entrants: the line-up.
-        variants: settings of the races, see `parse_heat_variants`; None: a single one.
-        given: settings of all races and flights.
-        starts: races of each setting.
-        rotate: whether entrants change places from race to race.
-        campaign: the SQLite file.
-        jobs: the number of workers.
-        scheduler: address of a Dask cluster; None: this machine.
-        this_commit: whether only races of this commit count.
-        out: folder of the report; None: beside the campaign.
-        json: whether one JSON value is printed instead of tables.
+    Finish rates, ranks, wins and a rating have 95 % intervals. With --variants the
+    races are flown under several settings, and the first is compared with each
+    other one: race i of every variant has the same starts. What has been flown
+    before is not flown again.
 
-    Raises:
-        UsageError: a setting or an entrant is invalid.
-        RunError: a file cannot be read or written, or no race was flown.
+    race compare-heats --entrants colored gaussian --randomize 1
+
+    race compare-heats split_s_swift --entrants colored colored colored colored
+    --variants expect=own,expect=velocity --starts 64 --randomize 1
     """
+    given = (race or {}) | (settings or {})
     with settings_as_flags():
-        own = parse_heat_variants(variants) if variants else {"race": {}}
-        made = heat_variants(course, entrants, own, given, starts, rotate)
-    expect_file(campaign)
-    report = out or campaign.with_name(f"{campaign.stem}.report")
-    try_writing(report)
-
-    with HeatRunner(campaign, jobs, scheduler, this_commit) as runner:
+        if given.get("threads"):
+            raise SettingError("threads", "races fly on one thread each; set --jobs")
+        named = parse_heat_variants(variants) if variants else {"race": {}}
+        raced = ENTRANTS if entrants is None else entrants
+        made = heat_variants(course, raced, named, given, starts, rotate)
+    specs = [entrant.spec for variant in made for entrant in variant.heats[0].entrants]
+    complain_beside_controllers("race compare-heats", specs, settings or {})
+    path = Path(campaign)
+    report = report_folder(path, out)
+    with HeatRunner(path, jobs, scheduler, this_commit) as runner:
         found = fly_comparison(made, runner)
-    if json:
-        emit_json(found.as_json() | {"campaign": str(campaign)})
-    else:
-        emit(*found.renderables())
-    files = write_heats_report(made, found, report)
-    if not json:
-        emit("", *(f"[dim]{escape(str(file))}[/]" for file in files))
+    show_and_save(found, report, heats_stem(found, made), campaign, json)
     complete = all(result is not None for one in found.settings for result in one.results)
     return 0 if complete else 1

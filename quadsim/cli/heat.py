@@ -1,4 +1,4 @@
-"""`race heat`: a race of several vehicles in one world, or many such races."""
+"""`race heat`: a race of several vehicles in one world."""
 
 from __future__ import annotations
 
@@ -11,12 +11,6 @@ from msgspec import Meta
 from rich.live import Live
 from rich.markup import escape
 
-from quadsim.campaign.compare_heats import fly_comparison
-from quadsim.campaign.heat_runner import HeatRunner
-from quadsim.campaign.heat_stats import summary_as_json
-from quadsim.campaign.heat_tables import tables_of
-from quadsim.campaign.paired_heats import HeatVariant
-from quadsim.cli.compare import Jobs, Rotate
 from quadsim.cli.flags import (
     CourseName,
     Given,
@@ -27,7 +21,7 @@ from quadsim.cli.flags import (
 )
 from quadsim.cli.fly import complain_beside_controllers
 from quadsim.config.build import use_threads_of
-from quadsim.config.settings import FlightSettings, SettingError
+from quadsim.config.settings import FlightSettings
 from quadsim.console import (
     UsageError,
     complain,
@@ -39,7 +33,7 @@ from quadsim.console import (
 from quadsim.firmware.process import FirmwareError
 from quadsim.heat.archive import find_heat, read_heat, spec_of_heat
 from quadsim.heat.launch import heat_frames
-from quadsim.heat.line_up import heats_of, line_up, parts_of
+from quadsim.heat.line_up import line_up, parts_of
 from quadsim.heat.result import HeatRecorder
 from quadsim.heat.spec import HeatSpec
 from quadsim.record.run import RunError
@@ -49,34 +43,27 @@ from quadsim.results.heat import Heat
 # Default entrants
 ENTRANTS = ("colored", "gaussian")
 PERIOD = 0.1  # race time between two updates of the live line [s]
+EntrantTexts = Annotated[
+    list[str] | None,
+    Help(
+        "samplers, or [NAME=]part+part of presets, samplers and settings; default: colored"
+        " gaussian",
+        consume_multiple=True,
+        show_default=False,
+    ),
+]
 
 
 def heat(
     course: CourseName = None,
     /,
     *,
-    entrants: Annotated[
-        list[str] | None,
-        Help(
-            "samplers, or [NAME=]part+part of presets, samplers and settings; default: colored"
-            " gaussian",
-            consume_multiple=True,
-            show_default=False,
-        ),
-    ] = None,
-    starts: Annotated[
-        int, Meta(ge=1, le=100_000), Help("races, of consecutive seeds and with rotated places")
-    ] = 1,
+    entrants: EntrantTexts = None,
     rotation: Annotated[
-        int, Meta(ge=0, le=7), Help("places by which each entrant starts further on, of one race")
+        int, Meta(ge=0, le=7), Help("places by which each entrant starts further on")
     ] = 0,
-    rotate: Rotate = True,
-    campaign: Annotated[
-        str, Help("FILE.sqlite where many races are kept")
-    ] = "campaigns/heats.sqlite",
-    jobs: Jobs = None,
     plot: Annotated[
-        str | None, Help("FILE.png of a race: places, gaps and paths", show_default=False)
+        str | None, Help("FILE.png: places, gaps and paths", show_default=False)
     ] = None,
     from_: Annotated[
         str | None,
@@ -99,24 +86,20 @@ def heat(
 ) -> int:
     """Race several vehicles in one world: who wins, who overtakes, who collides?
 
-    Each entrant has its own planner or pilot, and perceives the others. With
-    --starts, many races are flown, and finish rates, ranks, wins and a rating
-    have 95 % intervals. What has been flown before is not flown again.
+    Each entrant has its own planner or pilot, and perceives the others.
+    race compare-heats flies many races of the same entrants.
 
     race heat split_s_swift --entrants colored gaussian
 
     race heat --entrants colored pilot=split_s_swift calm=colored+target-ess=200
     --rules physics --laps 1
-
-    race heat --entrants colored colored colored colored --expect plans
-    --starts 64 --randomize 1
     """
     given = dict(settings or {})
     if from_ is not None:
         named = course is not None or entrants is not None
         runs_dir = given.pop("runs_dir", None)
         seed = given.pop("seed", None)
-        if named or given or race or starts > 1 or rotation or plot or not rotate:
+        if named or given or race or rotation or plot:
             flags = "--runs-dir, --seed and --parts"
             wanted = f"neither a course nor other flags than {flags} beside a race"
             raise UsageError(f"--from: expected {wanted}")
@@ -126,35 +109,13 @@ def heat(
             "--parts: expected none without --from; --entrants have parts of their own"
         )
     with settings_as_flags():
-        threads = given.pop("threads", None)
-        if threads and starts > 1:
-            raise SettingError("threads", "races fly on one thread each; set --jobs")
-        use_threads_of(threads)
+        use_threads_of(given.pop("threads", None))
         names = ENTRANTS if entrants is None else entrants
         made, of_race = line_up(course, names, (race or {}) | given)
         complain_beside_controllers("race heat", [one.spec for one in made], given)
         seed = made[0].spec.seed if made else 0
-        heats = heats_of(made, of_race, seed, starts, rotate) if starts > 1 else []
-        one = HeatSpec(made, of_race, seed, rotation) if starts == 1 else None
-    if one is not None:
-        return _one(one, given.get("runs_dir") or FlightSettings.runs_dir, plot, json)
-    if plot or rotation:
-        raise UsageError(f"--{'plot' if plot else 'rotation'}: expected none beside --starts")
-    path = Path(campaign)
-    expect_file(path)
-    with HeatRunner(path, jobs) as runner:
-        found = fly_comparison([HeatVariant("race", heats)], runner)
-    (flown,) = found.settings
-    if json:
-        emit_json(summary_as_json(flown.summary) | {"campaign": campaign})
-    else:
-        setting = f"rules {of_race.rules}, expect {of_race.expect}"
-        emit(
-            f"[bold]{escape(found.course)}[/]  {flown.summary.races} races, {setting}",
-            *tables_of(flown.summary),
-            *(f"  [dim]{escape(note)}[/]" for note in found.notes()),
-        )
-    return 0 if flown.summary.races == starts else 1
+        spec = HeatSpec(made, of_race, seed, rotation)
+    return _one(spec, given.get("runs_dir") or FlightSettings.runs_dir, plot, json)
 
 
 def _one(spec: HeatSpec, runs_dir: str, plot: str | None, json: bool) -> int:

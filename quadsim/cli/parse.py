@@ -17,6 +17,10 @@ from quadsim.console import UsageError
 from quadsim.files.values import checked
 from quadsim.files.yaml_errors import expected
 
+# (command, flag) -> what to use in place of a flag that another command has
+MANY_RACES = "use race compare-heats with --entrants, --starts and --variants for many races"
+MOVED = {("heat", "--starts"): MANY_RACES, ("compare", "--line-up"): MANY_RACES}
+
 
 @cache
 def application() -> App:
@@ -66,6 +70,9 @@ def _line(error: CycloptsError, app: App) -> str:
             given = (error.token.keyword or error.token.value).partition("=")[0]
             arguments = app.assemble_argument_collection()
             known = [n for argument in arguments for n in argument.names if n.startswith("--")]
+            moved = MOVED.get((command, given))
+            if moved:
+                return f"no flag {given}: {moved}"
             near = get_close_matches(given, known, n=1)
             advice = f": did you mean {near[0]!r}?" if near else ""
             return f"no flag {given}{advice} (see race {command} --help)"

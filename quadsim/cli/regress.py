@@ -10,7 +10,8 @@ from typing import Annotated
 
 from rich.markup import escape
 
-from quadsim.campaign.baseline import (
+from quadsim.campaign.document import Table, as_table
+from quadsim.campaign.flights.baseline import (
     Baseline,
     Stored,
     Verdict,
@@ -20,10 +21,9 @@ from quadsim.campaign.baseline import (
     judge,
     load_baseline,
 )
-from quadsim.campaign.pool import open_pool
-from quadsim.campaign.tables import TextTable, as_table
-from quadsim.campaign.variants import Variant
-from quadsim.cli.compare import Jobs, Scheduler
+from quadsim.campaign.run.pool import open_pool
+from quadsim.campaign.run.variants import Variant
+from quadsim.cli.campaigns import Jobs, Scheduler
 from quadsim.cli.flags import Given, Help, Json, Switch, flag, settings_as_flags
 from quadsim.config.setting_texts import Settings
 from quadsim.console import UsageError, emit, emit_json
@@ -141,7 +141,7 @@ def _print(found: Found, settings: Settings) -> None:
         flown += f" with {flags_text(settings)}"
     emit(f"[bold]{escape(str(found.path))}[/]  {escape(flown)}")
     if found.verdicts:
-        emit(as_table(TextTable.of(found.verdicts, COLUMNS)), " ".join(map(_mark, found.verdicts)))
+        emit(as_table(Table.of(found.verdicts, COLUMNS)), " ".join(map(_mark, found.verdicts)))
         emit(*(f"{v.name}: {v.undecided}" for v in found.verdicts if v.undecided), "")
         return
     finished = [lap for lap in found.now.laps if lap is not None]

@@ -12,10 +12,11 @@ from typing import Annotated
 from rich.console import RenderableType
 from rich.markup import escape
 
-from quadsim.campaign.results import ABOVE_LIMIT, COLUMNS, TEXTS, Group, find, stored
-from quadsim.campaign.summary_stats import PairStats, pair_stats
-from quadsim.campaign.tables import ALL_PAIRS, PAIRS, TextTable, as_table, notes_of_faults
-from quadsim.cli.compare import CAMPAIGN
+from quadsim.campaign.document import Table, as_table
+from quadsim.campaign.flights.results import ABOVE_LIMIT, COLUMNS, TEXTS, Group, find, stored
+from quadsim.campaign.flights.stats import PairStats, pair_stats
+from quadsim.campaign.flights.tables import ALL_PAIRS, PAIRS, notes_of_faults
+from quadsim.cli.campaigns import CAMPAIGN
 from quadsim.cli.flags import Help, Json, RunsDir
 from quadsim.console import UsageError, emit, emit_json
 
@@ -70,7 +71,7 @@ def results(
         emit("", *map(escape, faults))
     if pairs:
         shown = pairs if len(groups) <= ALL_PAIRS else [p for p in pairs if p.a == groups[0].label]
-        emit("", as_table(TextTable.of(shown, PAIRS)))
+        emit("", as_table(Table.of(shown, PAIRS)))
         if len(shown) < len(pairs):
             emit("", f"{len(shown)} of {len(pairs)} pairs, those with the first id; --json has all")
         if len({group.first.code for group in groups}) > 1:
@@ -109,4 +110,4 @@ def results_table(groups: Sequence[Group], width: int | None = None) -> Iterator
         left_out.add(ABOVE_LIMIT)
     columns = {head: cell for head, cell in COLUMNS.items() if head not in left_out}
     texts = tuple(i for i, head in enumerate(columns) if head in TEXTS)
-    yield as_table(TextTable.of(groups, columns, texts), width)
+    yield as_table(Table.of(groups, columns, texts), width)

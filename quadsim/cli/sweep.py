@@ -8,12 +8,12 @@ from typing import Annotated, Any
 
 from cyclopts import Token
 from msgspec import Meta
-from rich.markup import escape
 
-from quadsim.campaign.runner import Runner
-from quadsim.campaign.sweep import fly_sweep, plan_sweep, write_sweep_report
-from quadsim.campaign.variants import parse_variants
-from quadsim.cli.compare import (
+from quadsim.campaign.flights.sweep import fly_sweep, plan_sweep, sweep_stem
+from quadsim.campaign.run.runner import Runner
+from quadsim.campaign.run.variants import parse_variants
+from quadsim.cli.campaigns import (
+    ATTEMPTS,
     CAMPAIGN,
     VARIANTS,
     Campaign,
@@ -21,15 +21,14 @@ from quadsim.cli.compare import (
     ReportFolder,
     Scheduler,
     ThisCommit,
+    report_folder,
+    show_and_save,
 )
 from quadsim.cli.flags import Given, Help, Json, course_help, settings_as_flags
 from quadsim.cli.fly import complain_beside_controllers
 from quadsim.config.competition import prescribed_courses
-from quadsim.console import UsageError, emit, emit_json
+from quadsim.console import UsageError
 from quadsim.record.run import ERROR
-from quadsim.record.whole_files import expect_file, try_writing
-
-ATTEMPTS = 10
 
 
 def _apart(kind: Any, tokens: Sequence[Token]) -> list[list[str]]:
@@ -96,21 +95,11 @@ def sweep(
     specs = [variant.spec for curve in planned for variant in curve.at_values]
     complain_beside_controllers("race sweep", specs, settings or {})
     path = Path(campaign)
-    expect_file(path)
-    report = Path(out) if out else path.with_name(f"{path.stem}.report")
-    try_writing(report)
-
+    report = report_folder(path, out)
     with Runner(path, jobs, scheduler, this_commit) as runner:
         found = fly_sweep(planned, attempts, runner, path.parent)
 
-    # Results are printed first, as drawing may take some seconds.
-    if json:
-        emit_json(found.as_json() | {"campaign": campaign})
-    else:
-        emit(*found.renderables())
-    files = write_sweep_report(found, planned, attempts, report)
-    if not json:
-        emit("", *(f"[dim]{escape(str(file))}[/]" for file in files))
+    show_and_save(found, report, sweep_stem(found, planned, attempts), campaign, json)
     flown = sum(point.stats.attempts for point in found.points)
     ended_by_error = any(attempt.outcome == ERROR for attempt in found.attempts)
     return 0 if flown == attempts * len(specs) and not ended_by_error else 1

@@ -11,10 +11,10 @@ from msgspec import Meta
 from rich.console import RenderableType
 from rich.markup import escape
 
-from quadsim.campaign.parameters import GROUPS, Group, parameters, preset_text, with_parameters
-from quadsim.campaign.tables import TextTable, as_table
-from quadsim.campaign.variants import Variant
-from quadsim.cli.compare import CAMPAIGN, Campaign, Jobs, Scheduler
+from quadsim.campaign.document import Table, as_table
+from quadsim.campaign.run.variants import Variant
+from quadsim.campaign.tune.parameters import GROUPS, Group, parameters, preset_text, with_parameters
+from quadsim.cli.campaigns import CAMPAIGN, Campaign, Jobs, Scheduler
 from quadsim.cli.flags import Given, Help, Json, course_help, settings_as_flags
 from quadsim.config.setting_texts import resolve
 from quadsim.console import UsageError, complain, emit, emit_json
@@ -22,8 +22,8 @@ from quadsim.files.extras import needs_extra
 from quadsim.record.whole_files import expect_file, try_writing, write_whole
 
 if TYPE_CHECKING:  # these modules load optuna, which --help does not need
-    from quadsim.campaign.search import FlownTrial
-    from quadsim.campaign.tune import Finalist, Tuned
+    from quadsim.campaign.tune.search import FlownTrial
+    from quadsim.campaign.tune.tune import Finalist, Tuned
 
 COURSE = "split_s_swift"  # if none is given
 
@@ -76,8 +76,8 @@ def tune(
         raise UsageError(f"--search: {' '.join(search)}: nothing to search for {sampler} sampling")
     if find_spec("optuna") is None:
         raise UsageError(needs_extra("optuna", "tune"))
-    from quadsim.campaign.tune import Goal
-    from quadsim.campaign.tune import tune as run_search
+    from quadsim.campaign.tune.tune import Goal
+    from quadsim.campaign.tune.tune import tune as run_search
 
     goal = Goal(trials, attempts, floor)
     tuned = run_search(bases, space, goal, Path(campaign), jobs, scheduler)
@@ -107,7 +107,7 @@ def tune(
 
 def _told(finalist: Finalist) -> str:
     """Return a finalist's numbers on each course in one line."""
-    from quadsim.campaign.tune import summary
+    from quadsim.campaign.tune.tune import summary
 
     return summary(list(finalist.courses.values()))
 
@@ -136,4 +136,4 @@ def _front_table(front: list[FlownTrial], attempts: int) -> RenderableType:
         "thrust": lambda t: f"{t.stats.thrust_tv:.1f}",
         "parameters": given,
     }
-    return as_table(TextTable.of(front, columns, texts=(4,)))
+    return as_table(Table.of(front, columns, texts=(4,)))

@@ -14,10 +14,10 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 
-from quadsim.campaign.attempt import fly_attempt
-from quadsim.campaign.runner import Runner
-from quadsim.campaign.store import Row
-from quadsim.campaign.variants import Variant
+from quadsim.campaign.run.attempt import fly_attempt
+from quadsim.campaign.run.runner import Runner
+from quadsim.campaign.run.store import Row
+from quadsim.campaign.run.variants import Variant
 from quadsim.config.spec import Spec
 from quadsim.console import complain
 from quadsim.course import load_course

@@ -21,7 +21,7 @@ from typing import Any, TypeVar
 import numpy as np
 from rich.progress import track
 
-from quadsim.campaign.pool import Pool, finished, open_pool
+from quadsim.campaign.run.pool import Pool, finished, open_pool
 from quadsim.console import complain, progress_console, uninterrupted
 from quadsim.record.provenance import versions
 from quadsim.record.run import RunError

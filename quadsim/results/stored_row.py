@@ -349,7 +349,7 @@ def _read_run(path: Path) -> StoredRun:
         name=path.name,
         path=path,
         when=flown_at(path),
-        course=flight.spec.course,
+        course=flight.spec.course.name,
         flown_by=flight.flown_by,
         time=time,
         outcome=found.outcome,

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import quadsim
-from quadsim.campaign.compare import Comparison
-from quadsim.campaign.summary_stats import Section, all_pairs, variant_stats
+from quadsim.campaign.flights.compare import Comparison
+from quadsim.campaign.flights.stats import Section, all_pairs, variant_stats
 from tests.campaign_cases import COURSE, SETTINGS, row
 
 NAMES = ("a", "b")

@@ -15,11 +15,11 @@ from pathlib import Path
 import pytest
 
 import quadsim
-from quadsim.campaign import pool
-from quadsim.campaign.compare import identity
-from quadsim.campaign.pool import Pool
-from quadsim.campaign.runner import Runner, Tally
-from quadsim.campaign.store import Store
+from quadsim.campaign.flights.compare import identity
+from quadsim.campaign.run import pool
+from quadsim.campaign.run.pool import Pool
+from quadsim.campaign.run.runner import Runner, Tally
+from quadsim.campaign.run.store import Store
 from quadsim.cli.cli import race
 from tests.campaign_cases import (
     COURSE,
@@ -63,7 +63,7 @@ def compare(campaign, *flags, attempts):
 @pytest.fixture
 def in_this_process(monkeypatch):
     """Attempts fly here instead of in workers."""
-    monkeypatch.setattr("quadsim.campaign.runner.open_pool", lambda *_: Pool())
+    monkeypatch.setattr("quadsim.campaign.run.runner.open_pool", lambda *_: Pool())
 
 
 @pytest.mark.compiled
@@ -148,8 +148,8 @@ def test_two_campaigns_write_at_once_and_each_attempt_is_there_once(tmp_path, fl
 
 FLY_ONE = f"""
 from pathlib import Path
-from quadsim.campaign.runner import Runner
-from quadsim.campaign.variants import Variant
+from quadsim.campaign.run.runner import Runner
+from quadsim.campaign.run.variants import Variant
 from quadsim.config.setting_texts import resolve
 if __name__ == "__main__":
     spec = resolve({COURSE!r}, {SETTINGS!r})
@@ -180,14 +180,16 @@ def test_workers_do_not_import_what_lies_in_the_current_folder(tmp_path):
 
 @pytest.mark.compiled
 def test_what_was_flown_before_is_compared_without_flying(campaign, capsys, monkeypatch):
-    monkeypatch.setattr("quadsim.campaign.runner.open_pool", lambda *_: pytest.fail("flown again"))
+    monkeypatch.setattr(
+        "quadsim.campaign.run.runner.open_pool", lambda *_: pytest.fail("flown again")
+    )
     before = seeds_flown(campaign)
     assert compare(campaign, attempts=3) == 0
     out = capsys.readouterr().out
     assert "colored - gaussian" in out
     assert seeds_flown(campaign) == before
     report = {path.suffix: path for path in (campaign.parent / "c.report").iterdir()}
-    assert set(report) == {".md", ".png", ".svg"}
+    assert set(report) == {".md", ".json", ".png", ".svg"}
     assert "| gaussian | 0/3 |" in report[".md"].read_text()
     assert report[".png"].read_bytes().startswith(b"\x89PNG")
 
@@ -237,7 +239,7 @@ def test_a_comparison_that_lost_all_its_attempts_is_one_line(
     tmp_path, capsys, monkeypatch, in_this_process
 ):
     monkeypatch.setattr(
-        "quadsim.campaign.runner.fly_all", lambda pool, specs: [(spec, None) for spec in specs]
+        "quadsim.campaign.run.runner.fly_all", lambda pool, specs: [(spec, None) for spec in specs]
     )
     assert compare(tmp_path / "c.sqlite", attempts=1) == 2
     assert capsys.readouterr().err.splitlines()[-1].startswith("race compare: ")

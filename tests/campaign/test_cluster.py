@@ -9,7 +9,7 @@ import pytest
 
 distributed = pytest.importorskip("distributed", reason="extra 'cluster'")
 
-from quadsim.campaign.runner import Runner  # noqa: E402
+from quadsim.campaign.run.runner import Runner  # noqa: E402
 from quadsim.cli.cli import race  # noqa: E402
 from tests.campaign_cases import FLIGHT, seeds_flown, variant  # noqa: E402
 

@@ -12,19 +12,19 @@ import numpy as np
 import pytest
 
 import quadsim
-from quadsim.campaign import rating
-from quadsim.campaign.attempt import this_provenance
-from quadsim.campaign.compare_heats import fly_comparison
-from quadsim.campaign.database import code_of
-from quadsim.campaign.heat_runner import FlownHeat, HeatRunner
-from quadsim.campaign.heat_stats import summary, summary_as_json
-from quadsim.campaign.heat_store import HeatStore, key_of
-from quadsim.campaign.heat_tables import lines_of, overtakers_table, tables_of
-from quadsim.campaign.paired_heats import FlownHeats, HeatVariant, difference
-from quadsim.campaign.pool import Pool
-from quadsim.campaign.rating import bradley_terry
+from quadsim.campaign.document import Line
+from quadsim.campaign.heats import rating
+from quadsim.campaign.heats.compare import fly_comparison
+from quadsim.campaign.heats.paired import FlownHeats, HeatVariant, difference
+from quadsim.campaign.heats.rating import bradley_terry
+from quadsim.campaign.heats.runner import FlownHeat, HeatRunner
+from quadsim.campaign.heats.stats import summary, summary_as_json
+from quadsim.campaign.heats.store import HeatStore
+from quadsim.campaign.heats.tables import overtakers_table, summary_blocks
+from quadsim.campaign.run.attempt import this_provenance
+from quadsim.campaign.run.database import code_of
+from quadsim.campaign.run.pool import Pool
 from quadsim.cli.cli import race
-from quadsim.console import as_text
 from quadsim.files.values import SettingError
 from quadsim.heat.line_up import heats_of, line_up, parse_heat_variants
 from quadsim.heat.spec import HeatSpec
@@ -151,8 +151,7 @@ def test_what_an_entrant_has_raised_is_in_its_row_and_in_the_report():
     row = msgspec.structs.replace(stored("ab"), faults={"b": fault})
     assert msgspec.json.decode(msgspec.json.encode(row), type=StoredResult) == row
     found = summary(["a", "b"], [stored("ab"), row, row], gates=7)
-    assert lines_of(found)[-1] == f"b was out by an error in 2 of 3 races: {fault}"
-    assert fault in as_text(*tables_of(found))
+    assert summary_blocks(found)[-1] == Line(f"b was out by an error in 2 of 3 races: {fault}")
     assert summary_as_json(found)["faults"] == {"b": [fault, fault]}
 
 
@@ -196,12 +195,14 @@ def test_settings_of_races_are_read_with_and_without_names():
 @pytest.fixture
 def in_this_process(monkeypatch):
     """Races are flown here instead of in workers."""
-    monkeypatch.setattr("quadsim.campaign.runner.open_pool", lambda *_: Pool())
+    monkeypatch.setattr("quadsim.campaign.run.runner.open_pool", lambda *_: Pool())
 
 
 @pytest.mark.compiled
-def test_race_compare_flies_each_setting_from_the_same_starts(tmp_path, capsys, in_this_process):
-    line = ["compare", "figure8", "--line-up", "colored", "gaussian", *flags(SETTINGS)]
+def test_race_compare_heats_flies_each_setting_from_the_same_starts(
+    tmp_path, capsys, in_this_process
+):
+    line = ["compare-heats", "figure8", "--entrants", "colored", "gaussian", *flags(SETTINGS)]
     settings = ["--starts=2", "--variants", "expect=velocity,expect=nothing"]
     assert race([*line, *settings, "--campaign", str(tmp_path / "a.sqlite"), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -209,24 +210,9 @@ def test_race_compare_flies_each_setting_from_the_same_starts(tmp_path, capsys, 
     (pair,) = found["differences"]
     assert (pair["a"], pair["b"], pair["races"]) == ("expect=velocity", "expect=nothing", 2)
     written = {file.suffix for file in (tmp_path / "a.report").iterdir()}
-    assert written == {".md", ".png", ".svg"}
+    assert written == {".md", ".json", ".png", ".svg"}
     with sqlite3.connect(tmp_path / "a.sqlite") as db:
         assert db.execute("SELECT count(*) FROM heats").fetchall() == [(4,)]
-
-
-@pytest.mark.parametrize(
-    ("words", "problem"),
-    [
-        (["--line-up", "colored", "--attempts=3"], "expected --starts in place of --attempts"),
-        (["--starts=4"], "expected --line-up beside it"),
-        (["--line-up", "colored", "colored", "--variants=nonsense"], "no sampler, preset or pilot"),
-    ],
-)
-def test_flags_that_do_not_fit_a_line_up_are_one_line(words, problem, capsys):
-    assert race(["compare", "figure8", *words]) == 2
-    err = capsys.readouterr().err.strip()
-    assert problem in err
-    assert "\n" not in err
 
 
 def small_heats(starts):
@@ -264,7 +250,7 @@ def test_a_campaign_flies_each_race_once_and_the_same_in_parallel(tmp_path):
 def test_a_killed_campaign_is_resumed_with_nothing_lost_and_nothing_twice(
     tmp_path, monkeypatch, capsys, in_this_process
 ):
-    command = ["heat", "figure8", "--starts", "6", *flags(SETTINGS), "--json"]
+    command = ["compare-heats", "figure8", "--starts", "6", *flags(SETTINGS), "--json"]
     file = tmp_path / "campaigns" / "heats.sqlite"
     monkeypatch.chdir(tmp_path)
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
@@ -280,7 +266,7 @@ def test_a_killed_campaign_is_resumed_with_nothing_lost_and_nothing_twice(
     assert race(command) == 0
     out, err = capsys.readouterr()
     assert "are kept from before" in err
-    assert json.loads(out)["races"] == 6
+    assert json.loads(out)["settings"]["race"]["races"] == 6
     assert kept == rows(file)[: len(kept)]
     assert len(rows(file)) == 6
 
@@ -309,7 +295,7 @@ def test_an_interrupted_campaign_says_whether_races_are_kept(ended, tmp_path, mo
             yield heat, fly(heat)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("quadsim.campaign.heat_runner.run_all", interrupted)
+    monkeypatch.setattr("quadsim.campaign.heats.runner.run_all", interrupted)
     with pytest.raises(KeyboardInterrupt) as stop:
         fly_heats(small_heats(2), tmp_path / "a.sqlite", jobs=0)
     assert ("the same command continues" in str(stop.value)) == bool(ended)
@@ -326,7 +312,7 @@ def by_draw(monkeypatch):
             result = stored(heat.names)
             yield heat, FlownHeat(result, heat.record(), this_provenance())
 
-    monkeypatch.setattr("quadsim.campaign.heat_runner.run_all", flown)
+    monkeypatch.setattr("quadsim.campaign.heats.runner.run_all", flown)
     return seeds
 
 
@@ -349,28 +335,12 @@ def test_a_row_that_cannot_be_read_is_named_and_flown_again(tmp_path, by_draw, c
     assert "the heat of seed 1" in err
 
 
-def test_a_file_of_an_earlier_version_is_read(tmp_path, by_draw):
+def test_a_file_without_a_format_is_refused_in_one_line(tmp_path):
     file = tmp_path / "heats.sqlite"
-    heats = small_heats(2)
-    result = json.dumps(
-        {
-            "order": [
-                {"rank": k, "name": name, "outcome": "finished", "time": 4.0 + k}
-                for k, name in enumerate(heats[0].names, 1)
-            ],
-            "events": [],
-            "digest": "of before",
-        }
-    )
     with sqlite3.connect(file) as db:
-        db.execute(
-            "CREATE TABLE heats (key TEXT PRIMARY KEY, seed INTEGER, rotation INTEGER,"
-            " code TEXT, result TEXT)"
-        )
-        db.execute("INSERT INTO heats VALUES (?, 0, 0, 'abc', ?)", (key_of(heats[0]), result))
-    first, _ = fly_heats(heats, file, jobs=0)
-    assert first.digest == "of before"
-    assert by_draw == [1]
+        db.execute("CREATE TABLE heats (key TEXT PRIMARY KEY, result TEXT)")
+    with pytest.raises(RunError, match="expected a campaign of format 6, got 0; move it away"):
+        fly_heats(small_heats(1), file, jobs=0)
 
 
 def test_heats_of_another_commit_are_named_and_can_be_left_out(tmp_path, by_draw):
@@ -413,7 +383,7 @@ def test_workers_that_fly_with_other_parts_are_refused(tmp_path, monkeypatch, by
     class Processes(Pool):
         in_this_process = False
 
-    monkeypatch.setattr("quadsim.campaign.runner.open_pool", lambda *_: Processes())
+    monkeypatch.setattr("quadsim.campaign.run.runner.open_pool", lambda *_: Processes())
     made, of_race = line_up("figure8", [{"controller": Level()}, "gaussian"], SETTINGS)
     heats = heats_of(made, of_race, 0, 1)
     assert fly_heats(heats, tmp_path / "same.sqlite", jobs=1)
@@ -429,7 +399,7 @@ def test_workers_that_fly_with_other_parts_are_refused(tmp_path, monkeypatch, by
         for heat in missing:
             yield heat, FlownHeat(stored(heat.names), record(heat), this_provenance())
 
-    monkeypatch.setattr("quadsim.campaign.heat_runner.run_all", flown)
+    monkeypatch.setattr("quadsim.campaign.heats.runner.run_all", flown)
     with pytest.raises(RunError, match="a worker flies with another controller"):
         fly_heats(heats, tmp_path / "other.sqlite", jobs=1)
 

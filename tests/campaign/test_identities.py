@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import quadsim
-from quadsim.campaign.attempt import attempt_key
-from quadsim.campaign.store import Store
+from quadsim.campaign.run.attempt import attempt_key
+from quadsim.campaign.run.store import Store
 from quadsim.config.settings import SettingError
 from quadsim.config.spec import Spec
 from quadsim.controllers.learned.pilot import PILOTS

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 import quadsim
-from quadsim.campaign.baseline import fly_baselines
-from quadsim.campaign.pool import Pool
-from quadsim.campaign.variants import Variant, expect_importable
+from quadsim.campaign.flights.baseline import fly_baselines
+from quadsim.campaign.run.pool import Pool
+from quadsim.campaign.run.variants import Variant, expect_importable
 from quadsim.cli.cli import race
 from quadsim.cli.report import summary
 from quadsim.config.spec import Spec

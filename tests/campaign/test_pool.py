@@ -11,7 +11,7 @@ from threading import Lock, Timer
 
 import pytest
 
-from quadsim.campaign.pool import Cluster, Pool, Processes, fly_all, run_all
+from quadsim.campaign.run.pool import Cluster, Pool, Processes, fly_all, run_all
 from quadsim.record.run import RunError
 from tests.campaign_cases import after_a_moment, specs
 

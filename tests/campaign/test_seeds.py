@@ -3,7 +3,7 @@
 import pytest
 
 import quadsim
-from quadsim.campaign.seeds import seeds_remark
+from quadsim.campaign.run.seeds import seeds_remark
 
 FIX = "so intervals are narrow: --randomize 1 also draws start, vehicle and gusts."
 
@@ -40,7 +40,7 @@ def test_a_comparison_says_it_once_in_text_markdown_and_html(randomize):
     variants = {"a": {"controller": Climb()}, "b": {"controller": Climb()}}
     short = {"laps": 1, "timeout": 0.05, "randomize": randomize}
     found = quadsim.compare("figure8", variants, attempts=2, **short)
-    for text in (str(found), found.markdown("x.png"), found._repr_html_()):
+    for text in (str(found), found.document().markdown("x.png"), found._repr_html_()):
         assert " ".join(text.split()).count("so intervals are narrow") == (randomize == 0.0)
 
 

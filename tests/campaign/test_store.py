@@ -10,9 +10,9 @@ from threading import Barrier
 
 import pytest
 
-from quadsim.campaign import attempt
-from quadsim.campaign.attempt import attempt_key, fly_attempt, result
-from quadsim.campaign.store import SCHEMA_VERSION, Store
+from quadsim.campaign.run import attempt
+from quadsim.campaign.run.attempt import attempt_key, fly_attempt, result
+from quadsim.campaign.run.store import FORMAT, Store
 from quadsim.record.archive import RunFolder, list_runs, read_run
 from quadsim.record.run import RunError
 from tests.campaign_cases import specs
@@ -114,12 +114,8 @@ def test_a_damaged_row_is_named_and_flown_again(tmp_path, flown, capsys):
         assert line.startswith(f"{path}: row 1, the attempt mine seed "), case
 
 
-# Numbers that rows of older campaigns lack
-OPTIONAL = {"motors", "gates_passed"}
-
-
 def test_a_row_that_lacks_a_number_is_damaged(tmp_path, flown, capsys):
-    for key in sorted(attempt.Result.__annotations__.keys() - OPTIONAL):
+    for key in sorted(attempt.Result.__annotations__):
         path = tmp_path / f"{key}.sqlite"
         kept_attempt(path, flown)
         change(path, "UPDATE attempts SET result = json_remove(result, ?)", f"$.{key}")
@@ -180,12 +176,12 @@ def test_a_file_that_is_no_campaign_is_one_line(tmp_path):
     assert "\n" not in str(error.value)
 
 
-def test_a_campaign_of_another_version_is_refused_in_one_line_and_left_alone(tmp_path):
-    for version in (1, SCHEMA_VERSION - 1, SCHEMA_VERSION + 1):
+def test_a_campaign_of_another_format_is_refused_in_one_line_and_left_alone(tmp_path):
+    for version in (1, FORMAT - 1, FORMAT + 1):
         path = tmp_path / f"{version}.sqlite"
         change(path, f"PRAGMA user_version = {version}")
         before = path.read_bytes()
-        with pytest.raises(RunError, match=f"version {SCHEMA_VERSION}, got {version}") as error:
+        with pytest.raises(RunError, match=f"format {FORMAT}, got {version}") as error:
             Store(path)
         assert "\n" not in str(error.value)
         assert path.read_bytes() == before

@@ -4,15 +4,15 @@ import json
 
 import pytest
 
-from quadsim.campaign.sweep import fly_sweep, plan_sweep
-from quadsim.campaign.sweep_figure import (
+from quadsim.campaign.flights.sweep import fly_sweep, plan_sweep
+from quadsim.campaign.flights.sweep_figure import (
     SIDE_BY_SIDE,
     DrawnCurve,
     DrawnPoint,
     Measured,
     draw_curves,
 )
-from quadsim.campaign.swept_settings import swept_settings
+from quadsim.campaign.flights.swept_settings import swept_settings
 from quadsim.cli.cli import race
 from quadsim.config.settings import SettingError
 from quadsim.dynamics.quadrotor import ModelParams
@@ -156,7 +156,9 @@ def test_changes_are_those_of_the_same_seeds(tmp_path):
 
 @pytest.mark.compiled
 def test_a_default_value_is_the_flight_of_the_variant_itself(campaign, capsys, monkeypatch):
-    monkeypatch.setattr("quadsim.campaign.runner.open_pool", lambda *_: pytest.fail("flown again"))
+    monkeypatch.setattr(
+        "quadsim.campaign.run.runner.open_pool", lambda *_: pytest.fail("flown again")
+    )
     before = seeds_flown(campaign)
     words = ["sweep", *FLIGHT, "--attempts", "3", "--campaign", str(campaign)]
     over = ["--over", "link-latency", "0", "default", "--over", "randomize", "0", "default"]

@@ -7,9 +7,10 @@ import pytest
 from rich.console import Console
 from rich.padding import Padding
 
-from quadsim.campaign.results import Group
-from quadsim.campaign.summary_stats import all_pairs, variant_stats
-from quadsim.campaign.tables import TextTable, as_markdown, as_table, comparison_tables
+from quadsim.campaign.document import Table, as_markdown, as_table
+from quadsim.campaign.flights.results import Group
+from quadsim.campaign.flights.stats import all_pairs, variant_stats
+from quadsim.campaign.flights.tables import comparison_tables
 from quadsim.cli.results import results_table
 from tests.campaign_cases import row
 
@@ -60,7 +61,7 @@ def test_laps_of_a_hundred_attempts_are_one_table_and_pairs_are_two():
 
 @pytest.mark.parametrize("columns", [60, 80, 200])
 def test_no_word_of_any_table_is_broken(columns):
-    table = TextTable(
+    table = Table(
         ("id", "variant", "course", "lap [s]", "lap difference [s]", "thrust", "ended at"),
         tuple(
             (f"id{i}", name, COURSE, *NUMBERS, ", ".join(f"{n} gate {n}" for n in range(9)))
@@ -77,14 +78,14 @@ def test_no_word_of_any_table_is_broken(columns):
 
 def test_a_name_wider_than_the_terminal_is_wrapped_and_nothing_of_it_is_lost():
     name = "x" * 100
-    text = printed(TextTable(("variant", "lap"), ((name, "5.555"),)))
+    text = printed(Table(("variant", "lap"), ((name, "5.555"),)))
     assert text.count("x") == len(name)
     assert "5.555" in text
 
 
 def test_heads_of_two_lines_are_one_in_markdown():
     assert (
-        as_markdown(TextTable(("variant", "lap\n[s]"), (("a", "5.5"),))).splitlines()[0]
+        as_markdown(Table(("variant", "lap\n[s]"), (("a", "5.5"),))).splitlines()[0]
         == "| variant | lap [s] |"
     )
 

@@ -15,20 +15,20 @@ import pytest
 
 pytest.importorskip("optuna", reason="extra 'tune'")
 
-from quadsim.campaign import search as search_module
-from quadsim.campaign.attempt import fly_attempt
-from quadsim.campaign.parameters import (
+from quadsim.campaign.flights.stats import variant_stats
+from quadsim.campaign.run.attempt import fly_attempt
+from quadsim.campaign.run.pool import Pool
+from quadsim.campaign.run.runner import Runner
+from quadsim.campaign.tune import search as search_module
+from quadsim.campaign.tune.parameters import (
     GROUPS,
     parameters,
     preset_text,
     weights_of,
     with_parameters,
 )
-from quadsim.campaign.pool import Pool
-from quadsim.campaign.runner import Runner
-from quadsim.campaign.search import Search, TrialStats
-from quadsim.campaign.summary_stats import variant_stats
-from quadsim.campaign.tune import Goal, objective, pareto, tune
+from quadsim.campaign.tune.search import Search, TrialStats
+from quadsim.campaign.tune.tune import Goal, objective, pareto, tune
 from quadsim.cli.cli import race
 from quadsim.config.presets import parse_planner
 from quadsim.config.spec import Spec
@@ -234,7 +234,7 @@ def test_a_damaged_search_is_one_line(tmp_path, statement):
 @pytest.fixture
 def in_this_process(monkeypatch):
     """Attempts fly here instead of in workers."""
-    monkeypatch.setattr("quadsim.campaign.runner.open_pool", lambda *_: Pool())
+    monkeypatch.setattr("quadsim.campaign.run.runner.open_pool", lambda *_: Pool())
 
 
 @pytest.fixture
@@ -250,14 +250,14 @@ def all_finish(monkeypatch, in_this_process):
         )
         return replace(flight, run=replace(flight.run, outcome="finished", events=passes))
 
-    monkeypatch.setattr("quadsim.campaign.pool.fly_attempt", finish)
+    monkeypatch.setattr("quadsim.campaign.run.pool.fly_attempt", finish)
 
 
 @pytest.mark.compiled
 def test_tune_started_again_with_more_trials_goes_on(tmp_path, capsys, monkeypatch, all_finish):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("quadsim.campaign.tune.FINALISTS", 1)
-    monkeypatch.setattr("quadsim.campaign.tune.REPEAT", 2)
+    monkeypatch.setattr("quadsim.campaign.tune.tune.FINALISTS", 1)
+    monkeypatch.setattr("quadsim.campaign.tune.tune.REPEAT", 2)
     argv = ["tune", *FLIGHT, "--attempts", "1", "--search", "sigma", "--json"]
     assert race([*argv, "--trials", "2"]) == 0
     capsys.readouterr()

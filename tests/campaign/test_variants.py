@@ -4,8 +4,8 @@ import re
 
 import pytest
 
-from quadsim.campaign.attempt import attempt_key, this_provenance, variant_key
-from quadsim.campaign.variants import Variant, make_variants, named_variants, parse_variants
+from quadsim.campaign.run.attempt import attempt_key, this_provenance, variant_key
+from quadsim.campaign.run.variants import Variant, make_variants, named_variants, parse_variants
 from quadsim.cli.cli import race
 from quadsim.config.setting_texts import named_parts, parse_parts, resolve
 from quadsim.config.settings import SettingError

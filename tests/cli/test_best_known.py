@@ -8,8 +8,8 @@ import pytest
 from campaign_cases import row
 from run_cases import save
 
-from quadsim.campaign.summary_stats import best_known_time, variant_stats
-from quadsim.campaign.tables import comparison_tables, notes
+from quadsim.campaign.flights.stats import best_known_time, variant_stats
+from quadsim.campaign.flights.tables import comparison_tables, notes
 from quadsim.cli.cli import race
 from quadsim.config.spec import Spec
 from quadsim.course import parse_course

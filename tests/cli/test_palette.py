@@ -9,8 +9,8 @@ from campaign_cases import row
 from matplotlib.colors import to_hex
 from test_report import run
 
-from quadsim.campaign import figure as comparison
-from quadsim.campaign.summary_stats import Section, variant_stats
+from quadsim.campaign.flights import figure as comparison
+from quadsim.campaign.flights.stats import Section, variant_stats
 from quadsim.course import load_course
 from quadsim.figures.run_figure import draw
 from quadsim.palette import OTHER, SPARE, STYLES, dotted, style, styles, styles_on_dark

@@ -8,7 +8,7 @@ from PIL import Image
 from run_cases import save, two_laps
 
 from quadsim import Spec
-from quadsim.campaign.pool import Pool
+from quadsim.campaign.run.pool import Pool
 from quadsim.cli import render
 from quadsim.cli.cli import race
 

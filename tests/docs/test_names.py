@@ -7,8 +7,8 @@ import tomllib
 import pytest
 import yaml
 
-from quadsim.campaign.heat_store import HeatStore
-from quadsim.campaign.store import Store
+from quadsim.campaign.heats.store import HeatStore
+from quadsim.campaign.run.store import Store
 from tests.docs import names
 from tests.docs.names import missing_flags, missing_keywords, missing_links, missing_names, pages
 from tests.docs.pages import ROOT

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
 
-from quadsim.campaign.store import Store
+from quadsim.campaign.run.store import Store
 from tests.fuzz.flags import TINY
 from tests.fuzz.harness import Case, forked
 

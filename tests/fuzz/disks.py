@@ -116,7 +116,7 @@ def _nothing_looks_finished(folder: Path, _: Outcome) -> str:
 
 def _campaign_stays(folder: Path, _: Outcome) -> str:
     """Claim that the rows from before are still there."""
-    from quadsim.campaign.store import Store
+    from quadsim.campaign.run.store import Store
 
     try:
         with Store(folder / "campaigns" / "race.sqlite", create=False) as store:

@@ -119,7 +119,7 @@ def test_a_stored_race_is_shown_and_drawn_as_a_whole(stored, tmp_path, capsys):
     assert "entrants" not in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("flags", [["--entrants", "colored"], ["--laps", "1"], ["--no-rotate"]])
+@pytest.mark.parametrize("flags", [["--entrants", "colored"], ["--laps", "1"], ["--rotation", "1"]])
 def test_a_race_that_is_flown_again_takes_no_other_flags(flags, capsys):
     assert race(["heat", "--from", "last", *flags]) == 2
     line = capsys.readouterr().err

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from quadsim.campaign.baseline import (
+from quadsim.campaign.flights.baseline import (
     Effects,
     Stored,
     baseline_text,
@@ -19,7 +19,7 @@ from quadsim.campaign.baseline import (
     judge,
     load_baseline,
 )
-from quadsim.campaign.pool import Pool, Processes
+from quadsim.campaign.run.pool import Pool, Processes
 from quadsim.cli.cli import race
 from tests.campaign_cases import SETTINGS
 

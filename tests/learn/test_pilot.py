@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import quadsim
-from quadsim.campaign.variants import parse_variants
+from quadsim.campaign.run.variants import parse_variants
 from quadsim.cli.cli import race
 from quadsim.controllers.learned.observation import SIZE
 from quadsim.controllers.learned.pilot import About, forward, load_pilot, pilot_bytes, pilot_names

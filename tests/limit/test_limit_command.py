@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from quadsim.campaign.summary_stats import best_known_time
+from quadsim.campaign.flights.stats import best_known_time
 from quadsim.cli import fly as fly_command
 from quadsim.cli import limit as command
 from quadsim.cli.cli import race

@@ -12,8 +12,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from quadsim.campaign import runner
-from quadsim.campaign.pool import Pool
+from quadsim.campaign.run import runner
+from quadsim.campaign.run.pool import Pool
 from quadsim.cli.cli import race
 from quadsim.cli.paper import EXPERIMENTS
 from quadsim.config.spec import Spec

@@ -76,7 +76,7 @@ def test_a_question_is_answered_by_whom_it_was_put_to(page):
 
 def test_stop_between_two_seeds_ends_the_series_of_its_visitor(page):
     """The next seed has been asked for, and does not fly yet."""
-    session, series = page.session, page.dashboard._series
+    session, series = page.session, page.dashboard.controls.series
     before = session.snapshot.race
     with link(page.port) as pilot:
         held = threading.Event()

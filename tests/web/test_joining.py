@@ -105,7 +105,7 @@ class HandRace(PageRace):
 def by_hand(tmp_path, monkeypatch):
     clock = Clock()
     monkeypatch.setattr("quadsim.web.race.page_race.Pace", lambda: Pace(clock))
-    monkeypatch.setattr("quadsim.web.state.by_hand.Hand", partial(Hand, clock=clock))
+    monkeypatch.setattr("quadsim.web.state.choices.Hand", partial(Hand, clock=clock))
     race = HandRace(tmp_path, clock)
     yield race
     race.end_flights()

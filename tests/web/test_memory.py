@@ -10,8 +10,7 @@ import pytest
 from web_cases import COURSE, MENU, Gliders, choices, served, until
 from wire import connect, visit
 
-from quadsim.web.race.memory import give_back
-from quadsim.web.race.page_race import PageRace
+from quadsim.web.race.page_race import PageRace, give_back
 from quadsim.web.state.choices import Choices
 
 GHOST = [choices("colored"), choices("gaussian")]
@@ -34,7 +33,7 @@ def race(page, flights):
     """Begin another race and wait until the page shows it."""
     number = page.session.snapshot.race + 1
     page.session.tell(PageRace.start, flights)
-    assert until(lambda: page.dashboard._raced.race == number)
+    assert until(lambda: page.dashboard.stages.raced.race == number)
 
 
 @pytest.mark.socket

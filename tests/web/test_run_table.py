@@ -5,11 +5,13 @@ import os
 import shutil
 import time
 
+import msgspec
 import pytest
 from run_cases import SPEC, save, two_laps
 from web_cases import Glider, choices, run_of, store, stored
 
 import quadsim
+from quadsim.campaign.document import Document, Heading, Line, Table
 from quadsim.limit.limits import limit_of
 from quadsim.web.stored import run_table
 from quadsim.web.stored.campaign_reports import CampaignReports, Report
@@ -178,10 +180,15 @@ def test_only_a_listed_name_is_a_folder(tmp_path, name):
     assert table.path(name) is None
 
 
+OWN = Document((Line("own"),))
+
+
 def test_reports_beside_the_runs_are_listed_and_read_by_their_listed_names_alone(tmp_path):
     folder = tmp_path / "campaigns" / "race.report"
     folder.mkdir(parents=True)
-    (folder / "a_b.md").write_text("## figure8\n\n| a | b |\n|---|---|\n| 1 | 2 |\n")
+    written = Document((Heading("figure8"), Table(("a", "b"), (("1", "2"),))))
+    (folder / "a_b.json").write_bytes(msgspec.json.encode(written))
+    (folder / "a_b.md").write_text("the same as Markdown")
     (folder / "a_b.png").write_bytes(b"\x89PNG\r\n\x1a\n...")
     (tmp_path / "secret.md").write_text("secret")
     reports = CampaignReports(str(tmp_path / "runs"))
@@ -189,34 +196,37 @@ def test_reports_beside_the_runs_are_listed_and_read_by_their_listed_names_alone
     (row,) = reports.rows
     assert (row.campaign, row.title) == ("race.sqlite", "a_b")
     report = reports.read(row.name)
-    assert "| 1 | 2 |" in report.markdown
+    assert report.document == written
     assert report.figure.startswith("data:image/png;base64,")
     (folder / "a_b.png").write_text("<svg onload=alert(1)>")
     assert reports.read(row.name).figure == ""
     for name in ("secret.md", "campaigns/race.report/../../secret.md", str(tmp_path / "secret.md")):
         with pytest.raises(ValueError, match="expected a report of the list"):
             reports.read(name)
+    (folder / "a_b.json").write_text('{"blocks": 3}')
+    with pytest.raises(ValueError, match=r"^a_b\.json: expected a report of race compare: "):
+        reports.read(row.name)
 
 
 def test_a_report_that_is_a_link_to_another_place_is_not_shown(tmp_path):
     secret = tmp_path / "secret"
     secret.mkdir()
-    (secret / "a.md").write_text("secret")
+    (secret / "a.json").write_text("secret")
     (secret / "a.png").write_bytes(b"\x89PNG\r\n\x1a\nsecret")
     here = tmp_path / "here"
     report = here / "campaigns" / "race.report"
     report.mkdir(parents=True)
-    (report / "link.md").symlink_to(secret / "a.md")
-    (report / "own.md").write_text("own")
+    (report / "link.json").symlink_to(secret / "a.json")
+    (report / "own.json").write_bytes(msgspec.json.encode(OWN))
     (report / "own.png").symlink_to(secret / "a.png")
     (here / "campaigns" / "other.report").symlink_to(secret)
     reports = CampaignReports(str(here / "runs"))
     reports.refresh()
     (row,) = reports.rows
-    assert reports.read(row.name) == Report("own", "")
+    assert reports.read(row.name) == Report(OWN, "")
     # A report that becomes a link after it was listed
-    (report / "own.md").unlink()
-    (report / "own.md").symlink_to(secret / "a.md")
+    (report / "own.json").unlink()
+    (report / "own.json").symlink_to(secret / "a.json")
     with pytest.raises(ValueError, match="got a link to another place"):
         reports.read(row.name)
 
@@ -224,13 +234,13 @@ def test_a_report_that_is_a_link_to_another_place_is_not_shown(tmp_path):
 def test_campaigns_may_lie_on_another_disk(tmp_path):
     report = tmp_path / "disk" / "race.report"
     report.mkdir(parents=True)
-    (report / "own.md").write_text("own")
+    (report / "own.json").write_bytes(msgspec.json.encode(OWN))
     (tmp_path / "here").mkdir()
     (tmp_path / "here" / "campaigns").symlink_to(tmp_path / "disk")
     reports = CampaignReports(str(tmp_path / "here" / "runs"))
     reports.refresh()
     (row,) = reports.rows
-    assert reports.read(row.name).markdown == "own"
+    assert reports.read(row.name).document == OWN
 
 
 @pytest.mark.compiled
@@ -242,6 +252,7 @@ def test_a_campaign_is_shown_as_a_table_and_other_files_are_left_alone(tmp_path)
     reports = CampaignReports(str(tmp_path / "runs"))
     reports.refresh()
     (row,) = reports.rows
-    table = reports.read(row.name).markdown
-    assert "| colored | figure8 | swift | 0 | 0-1 |" in table
+    _, table = reports.read(row.name).document.blocks
+    assert isinstance(table, Table)
+    assert table.rows[0][1:6] == ("colored", "figure8", "swift", "0", "0-1")
     assert foreign.read_bytes() == b""

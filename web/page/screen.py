@@ -14,7 +14,7 @@ from quadsim.web.page.parts.moment import Moment
 from quadsim.web.page.parts.time_line import now_of
 from quadsim.web.page.parts.tower import Tower
 from quadsim.web.page.server.link import LinkVisitor
-from quadsim.web.page.stage import Stage
+from quadsim.web.page.stages import Stage
 from quadsim.web.race.snapshot import SAME, Snapshot
 from quadsim.web.state.view import View
 
@@ -24,8 +24,14 @@ SLOW: tuple[PartName, ...] = ("curves", "chatter")
 
 
 @dataclass(frozen=True, eq=False)
-class Rest:
-    """What is shown where no race is: before the first one, and of a course in work."""
+class NoRace:
+    """What a visitor sees while it watches no race.
+
+    Attributes:
+        head: before the first race.
+        edited: head while the visitor edits a course.
+        edited_map: map of this course.
+    """
 
     head: Head
     edited: Head
@@ -80,18 +86,18 @@ class Screen:
         self._shown: dict[str, object] = {}
         self._slow: set[PartName] = set()  # slow parts whose tab was open at the last update
 
-    def update(self, seen: Seen, rest: Rest, beats: Beats) -> None:
+    def update(self, seen: Seen, no_race: NoRace, beats: Beats) -> None:
         """Show what has changed.
 
         Args:
             seen: what the visitor watches.
-            rest: what is shown where no race is.
+            no_race: what is shown while the visitor watches no race.
             beats: what is due.
         """
         self._put("now", now_of(seen.moment.s, seen.flies))
         tables_are_due = beats.slow if seen.view.light else beats.tables
         if tables_are_due:
-            self._update_tables(seen, rest)
+            self._update_tables(seen, no_race)
         # Whoever opens the tab of a slow part does not wait for the next beat.
         slow: set[PartName] = {name for name in SLOW if self._is_wanted(name)}
         if seen.is_drawn and (beats.slow or slow - self._slow):
@@ -103,19 +109,20 @@ class Screen:
         """Forget the visitor, who has left."""
         self._board.forget(self._visitor.number)
 
-    def _update_tables(self, seen: Seen, rest: Rest) -> None:
+    def _update_tables(self, seen: Seen, no_race: NoRace) -> None:
         """Show head, map, tower and the tables that are open."""
         moment, stage, is_drawn = seen.moment, seen.stage, seen.is_drawn
         s = moment.s
         wanted = [name for name in TABLES if self._is_wanted(name)]
         by_place = seen.view.by_place
-        if not self._is_new("tables", (moment, stage, by_place, rest, wanted)):
+        if not self._is_new("tables", (moment, stage, by_place, no_race, wanted)):
             return
         if stage.is_edited:
-            self._put("head", rest.edited)
-            self._put("map", rest.edited_map)
+            self._put("head", no_race.edited)
+            self._put("map", no_race.edited_map)
             return
-        self._put("head", moment.once(rest, lambda: head_of(s, moment.timings, rest.head)))
+        head = moment.once(no_race, lambda: head_of(s, moment.timings, no_race.head))
+        self._put("head", head)
         if is_drawn:
             drawn = moment.drawn(by_place)
             name = ("map", by_place)

@@ -10,7 +10,7 @@ from quadsim.web.page.parts.moment import Moment
 from quadsim.web.page.scene.camera import Camera
 from quadsim.web.page.scene.edit_scene import EditScene
 from quadsim.web.page.scene.race_scene import RaceScene, preview
-from quadsim.web.page.stage import Stage
+from quadsim.web.page.stages import Stage
 from quadsim.web.state.view import View
 
 LIGHT = 1 / 5  # time between two updates of a scene that sends less [s]

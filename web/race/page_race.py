@@ -8,6 +8,7 @@ Flights are flown in turns on one thread: two threads in numba's parallel loops 
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import perf_counter
@@ -18,7 +19,6 @@ from quadsim.web.race.cockpit import Cockpit
 from quadsim.web.race.competitor import Competitor, named
 from quadsim.web.race.live_flight import Flown, LiveFlight
 from quadsim.web.race.live_heat import LiveHeat
-from quadsim.web.race.memory import give_back
 from quadsim.web.race.notices import Notices
 from quadsim.web.race.pace import Pace
 from quadsim.web.race.snapshot import Snapshot
@@ -332,3 +332,17 @@ class PageRace:
     def _end(self) -> float:
         """The end of the longest competitor [s]."""
         return max((entry.last_t for entry in self._competitors), default=0.0)
+
+
+def give_back() -> None:
+    """Return free memory of the C library's heap to the operating system.
+
+    A race allocates and frees many arrays. glibc keeps free memory between arrays in use, so a page
+    that flies races for hours would grow. C libraries without `malloc_trim` (macOS, Windows, musl)
+    return memory by themselves, or not at all.
+    """
+    try:
+        trim = ctypes.CDLL(None).malloc_trim
+    except (OSError, TypeError, AttributeError):
+        return
+    trim(0)

@@ -12,6 +12,7 @@ from quadsim.web.race.snapshot import Snapshot
 from quadsim.web.state.commands import ComeBack, Leave, SetPlayhead
 from quadsim.web.state.desk import Desk
 from quadsim.web.state.page_state import Playhead
+from quadsim.web.state.view import View
 
 Arguments = ParamSpec("Arguments")
 Moved = Callable[Concatenate[Playhead, Snapshot, float, Arguments], Playhead]
@@ -34,6 +35,10 @@ class Viewing:
     def seen_by(self, visitor: int) -> Snapshot:
         """Return the race as a visitor watches it."""
         return playhead.watched(self._playhead(visitor), self._session.snapshot, self._clock())
+
+    def view_of(self, visitor: int) -> View:
+        """Return the choices of a visitor's display."""
+        return self._desk.state.visitor(visitor).view
 
     def move(
         self,

@@ -16,14 +16,16 @@ from quadsim.course import load_course
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.files.strict_yaml import FileError
 from quadsim.firmware import FlightControllerName
+from quadsim.firmware.package import built_firmware
+from quadsim.firmware.process import FirmwareError
+from quadsim.firmware.text import shipped_configuration
 from quadsim.heat.rules import RulesName
 from quadsim.heat.settings import Expect, HeatSettings
 from quadsim.heat.spec import Entrant, HeatSpec
 from quadsim.physics.randomization_file import load_randomization
-from quadsim.racing.hand import HAND
+from quadsim.racing.hand import HAND, Hand, HandRates
 from quadsim.sensing import PERFECT
 from quadsim.vehicle import load_vehicle
-from quadsim.web.state.by_hand import flown_by_hand
 from quadsim.web.state.differences import numbered
 from quadsim.web.state.fields import Shown
 from quadsim.web.state.menu import PILOT as PILOT
@@ -315,3 +317,22 @@ def planner_settings(preset_name: str, vehicle: str, sampler: str) -> dict[str, 
         return {}
     model = ModelParams.of(load_vehicle(vehicle))
     return values_of(preset(preset_name, sampler), model)
+
+
+def flight_controller_of(vehicle: str) -> FlightControllerName:
+    """Return "betaflight" if it is built and there is a configuration for the vehicle.
+
+    vehicle: a name or a FILE.yaml.
+    """
+    try:
+        built_firmware()
+    except FirmwareError:
+        return "ideal"
+    loaded = load_vehicle(vehicle)
+    has_configuration = loaded.rotors is not None and shipped_configuration(loaded) is not None
+    return "betaflight" if has_configuration else "ideal"
+
+
+def flown_by_hand(spec: Spec) -> Spec:
+    """Return the flight with manual sticks instead of the planner."""
+    return replace(spec, controller=Hand(HandRates.of(spec.vehicle)))

@@ -14,15 +14,16 @@ from typing import NamedTuple
 
 import msgspec
 
-from quadsim.campaign.results import COLUMNS, TEXTS, stored
-from quadsim.campaign.store import is_campaign
-from quadsim.campaign.tables import TextTable, as_markdown
+from quadsim.campaign.document import Document, Heading, Line, Table
+from quadsim.campaign.flights.results import COLUMNS, TEXTS, stored
+from quadsim.campaign.run.store import is_campaign
 from quadsim.files.arrays import read_bytes
 from quadsim.files.links import is_within
 
 # The folder of campaigns beside the folder of runs, as made by `race compare`
 CAMPAIGNS = "campaigns"
 SUFFIX = ".sqlite"
+BLOCKS = ".json"  # the blocks of a report
 PNG = b"\x89PNG\r\n\x1a\n"
 # Largest report and largest figure that are shown [bytes]
 LARGEST_TEXT = 1_000_000
@@ -47,7 +48,7 @@ class ReportRow(msgspec.Struct, frozen=True):
 class Report(NamedTuple):
     """A stored report, or a campaign's table."""
 
-    markdown: str
+    document: Document
     # PNG as a data URI; empty: there is none
     figure: str
 
@@ -98,27 +99,32 @@ class CampaignReports:
             raise ValueError("expected a report of the list, got a link to another place")
         if path.suffix == SUFFIX:
             return Report(self._table(path), "")
-        text = read_bytes(path, "a report", LARGEST_TEXT).decode(errors="replace")
+        try:
+            document = msgspec.json.decode(
+                read_bytes(path, "a report", LARGEST_TEXT), type=Document
+            )
+        except msgspec.MsgspecError as error:
+            raise ValueError(f"{path.name}: expected a report of race compare: {error}") from None
         picture = path.with_suffix(".png")
         figure = ""
         if picture.is_file() and is_within(picture, path.parent):
             data = read_bytes(picture, "the figure of a report", LARGEST_FIGURE)
             if data.startswith(PNG):
                 figure = f"data:image/png;base64,{b64encode(data).decode()}"
-        return Report(text, figure)
+        return Report(document, figure)
 
-    def _table(self, path: Path) -> str:
-        """Return the table of all flights of a campaign as Markdown. Raises RunError."""
+    def _table(self, path: Path) -> Document:
+        """Return the table of all flights of a campaign. Raises RunError."""
         groups = stored([str(path)], self._root)
         if not groups:
-            return "No attempt has been flown yet."
+            return Document((Line("No attempt has been flown yet."),))
         texts = tuple(i for i, head in enumerate(COLUMNS) if head in TEXTS)
-        return f"## {path.name}\n\n{as_markdown(TextTable.of(groups, COLUMNS, texts))}\n"
+        return Document((Heading(path.name), Table.of(groups, COLUMNS, texts)))
 
     def _found(self) -> Iterator[tuple[float, Path]]:
         """Yield each report with its time of writing [s since 1970]."""
         for folder in (self._beside / CAMPAIGNS, self._beside):
-            for path in folder.glob("*.report/*.md"):
+            for path in folder.glob(f"*.report/*{BLOCKS}"):
                 if path.is_file() and path.name.isprintable() and is_within(path, folder):
                     yield path.stat().st_mtime, path
             for path in folder.glob(f"*{SUFFIX}"):

@@ -41,7 +41,7 @@ def dashboard(root, take_off, **first):
     with served(root, take_off, menu, Choices(**first)) as page:
         session = page.session
         session.server = page.server
-        session.camera_modes = page.dashboard._camera._modes.values
+        session.camera_modes = page.dashboard.camera._modes.values
         session.address = f"http://127.0.0.1:{page.port}/{DRAWN}"
         yield session
 

@@ -8,7 +8,7 @@ from quadsim.firmware.package import find_built
 from quadsim.racing.hand import HAND, SINKING
 from quadsim.record.archive import list_runs, read_run
 from quadsim.web.race.page_race import PageRace, take_off
-from quadsim.web.state.by_hand import flight_controller_of
+from quadsim.web.state.choices import flight_controller_of
 
 pytestmark = pytest.mark.browser
 

@@ -10,6 +10,7 @@ from msgspec import Meta, inspect
 from quadsim.config.settings import SettingValue, bare
 from quadsim.heat.spec import MOST
 from quadsim.racing.hand import HAND
+from quadsim.web.page.due import Beat, Due
 from quadsim.web.page.forms.forms import (
     Field,
     Fields,
@@ -22,8 +23,13 @@ from quadsim.web.page.forms.forms import (
     note,
 )
 from quadsim.web.page.server.link import LinkVisitor, Message
-from quadsim.web.state.by_hand import flight_controller_of
-from quadsim.web.state.choices import Choices, CompetitorChoices, planner_settings
+from quadsim.web.race.next_start import NextStart
+from quadsim.web.state.choices import (
+    Choices,
+    CompetitorChoices,
+    flight_controller_of,
+    planner_settings,
+)
 from quadsim.web.state.commands import (
     OF_COMPETITOR,
     AddRow,
@@ -37,10 +43,12 @@ from quadsim.web.state.commands import (
 )
 from quadsim.web.state.desk import Desk
 from quadsim.web.state.numbers import SLIDERS, Slider, numbers_of
+from quadsim.web.state.offered_presets import offered_presets
 from quadsim.web.state.page_state import PageState, Row
 from quadsim.web.state.setting_texts import HAVE_SLIDERS, shown_value
 
 TITLES = {"sampling": "Sampling", "mppi": "MPPI", "cost": "Cost", "model": "Model of the vehicle"}
+SOLUTIONS = 1.0  # time between two looks for solutions that presets follow [s]
 ADD, REMOVE, BACK, RESET = "add", "remove", "undo", "reset"
 
 
@@ -54,25 +62,44 @@ class CompetitorForm(Form):
     """The row that a visitor edits: its names and sliders, and rows that come and go.
 
     Args:
-        desk: the owner of the state.
-
-    Attributes:
-        presets: of each vehicle, the presets that can fly the race; set by the page's thread.
+        start: what the next START flies.
     """
 
     name = "competitors"
     title = "Competitors"
     is_open = True
 
-    def __init__(self, desk: Desk):
-        self._desk = desk
-        self.presets: dict[str, tuple[str, ...]] = {}
+    def __init__(self, start: NextStart):
+        self._start = start
+        self._desk = start.desk
+        # of each vehicle, the presets that can fly the race
+        self._presets: dict[str, tuple[str, ...]] = {}
+        self._presets_due = Due(0.0)
+        self._presets_beat = Beat(SOLUTIONS)
+
+    def update(self) -> None:
+        """Find out which presets can fly the race. The page's own thread calls it."""
+        state = self._desk.state
+        menu, race = state.menu, state.race
+        course = self._start.course()
+        if course is None or menu is None:
+            self._presets = {}
+            return
+        chosen = frozenset(row.choices.preset for row in state.rows)
+        vehicles = frozenset(row.choices.vehicle for row in state.rows)
+        laps = race.laps or course.laps
+        # A solution may be stored at any time.
+        if self._presets_due((chosen, vehicles, course, laps)) or self._presets_beat.strikes():
+            self._presets = {
+                vehicle: offered_presets(menu.presets, chosen, course, vehicle, laps, race.runs_dir)
+                for vehicle in vehicles
+            }
 
     def key(self, visitor: int) -> object:
         """Return the row, and what else decides what can be done."""
         state = self._desk.state
         row = state.edited(visitor)
-        presets = self.presets.get(row.choices.vehicle)
+        presets = self._presets.get(row.choices.vehicle)
         # Numbers of a preset may follow from the course
         course = state.race.course
         return row, course, len(state.rows), bool(state.removed), state.menu, presets
@@ -125,7 +152,7 @@ class CompetitorForm(Form):
         for name, found in OF_COMPETITOR.items():
             field = field_of(found, getattr(row.choices, name), state.menu)
             if name == "preset":
-                field.choices = self.presets.get(row.choices.vehicle, field.choices)
+                field.choices = self._presets.get(row.choices.vehicle, field.choices)
             fields.append(field)
         return fields
 

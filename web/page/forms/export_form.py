@@ -108,7 +108,7 @@ class ExportForm(Form):
         match asked.field:
             case "link":
                 mode = self._camera.mode_of(client) if client else FREE
-                view = self._start.desk.state.visitor(visitor.number).view
+                view = self._viewing.view_of(visitor.number)
                 address = link_to(s.competitors, s.t, mode, view, self._session.root)
                 visitor.send(Address("Link to what is shown", address, OPENS_RUNS))
             case "set-up":

@@ -14,6 +14,7 @@ from quadsim.web.race.next_start import NextStart
 from quadsim.web.race.page_race import PageRace
 from quadsim.web.race.series import MOST_SEEDS, Series
 from quadsim.web.race.session import Session
+from quadsim.web.race.snapshot import Snapshot
 from quadsim.web.race.viewing import Viewing
 
 Act = Callable[[], None]
@@ -62,6 +63,7 @@ class FlightControls:
         self.series = Series(session)
         self._pilot: int | None = None  # number of the visitor who began the flight
         self._numbers = count(1)
+        self._factor = start.desk.state.factor  # race seconds per second that flights have
         # of each visitor the number of its question, and what it asks for
         self._asked: dict[int, tuple[int, Act]] = {}
         link.on(Start, self._start)
@@ -69,6 +71,18 @@ class FlightControls:
         link.on(Restart, self._restart)
         link.on(Confirm, self._confirm)
         link.on_leave(self._forget)
+
+    def turn(self, s: Snapshot) -> None:
+        """Start the next seed once a race has ended, and give flights the pace that was chosen.
+
+        Args:
+            s: the race at its latest time.
+        """
+        self.series.turn(s)
+        factor = self._next.desk.state.factor
+        if factor != self._factor:
+            self._factor = factor
+            self._session.tell(PageRace.set_speed, factor)
 
     @property
     def _is_on(self) -> bool:

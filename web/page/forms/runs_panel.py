@@ -18,6 +18,7 @@ from urllib.parse import urlencode
 
 from msgspec import Meta
 
+from quadsim.campaign.document import Document
 from quadsim.heat.archive import is_heat
 from quadsim.record.archive import read_run
 from quadsim.record.run import RunError, why_not_repeatable
@@ -138,10 +139,10 @@ class Reports(Message, tag="reports"):
 
 
 class ReportShown(Message, tag="report"):
-    """A report: Markdown, and its figure as a data URI."""
+    """A report: its blocks, and its figure as a data URI."""
 
     name: str
-    markdown: str
+    document: Document
     figure: str
 
 

@@ -6,6 +6,7 @@ import { figureOf } from "./figure.js";
 import * as keys from "./keys.js";
 import { on, send } from "./link.js";
 import { show } from "./parts.js";
+import { nodesOf } from "./report_blocks.js";
 import { fits, order } from "./run_rows.js";
 import { seat } from "./scene.js";
 
@@ -197,33 +198,6 @@ function leave(message) {
   send(message);
 }
 
-// The tables and the text of a report. Only what `race compare` writes is read: ##, |, * and pictures.
-function markdown(text) {
-  const parts = [];
-  for (const block of text.split(/\n\s*\n/)) {
-    const lines = block.trim().split("\n");
-    if (lines[0].startsWith("|")) parts.push(tableOf(lines));
-    else if (lines[0].startsWith("#")) parts.push(make("h3", { textContent: lines[0].replace(/^#+\s*/, "") }));
-    else if (!lines[0].startsWith("![")) {
-      parts.push(...lines.map((line) => make("p", { textContent: line.replace(/^\* /, "• ") })));
-    }
-  }
-  return parts;
-}
-
-function tableOf(lines) {
-  const cells = (line) =>
-    line
-      .replace(/^\||\|$/g, "")
-      .split("|")
-      .map((cell) => cell.trim().replaceAll("**", "").replaceAll("^2", "²"));
-  const body = lines.filter((line) => !/^[|:\-\s]+$/.test(line)).map(cells);
-  const side = (text) => (/^[-+\d]/.test(text) ? "number" : "");
-  const row = (tag) => (texts) =>
-    make("tr", {}, ...texts.map((textContent) => make(tag, { textContent, className: side(textContent) })));
-  return make("table", {}, make("thead", {}, row("th")(body[0])), make("tbody", {}, ...body.slice(1).map(row("td"))));
-}
-
 function received(message) {
   rows = message.rows;
   together = message.together;
@@ -304,6 +278,6 @@ export function begin() {
     const figure = message.figure ? [figureOf(message)] : [];
     for (const one of reports.querySelectorAll("[data-report]"))
       one.ariaPressed = String(one.dataset.report === message.name);
-    reports.querySelector(".report").replaceChildren(...figure, ...markdown(message.markdown));
+    reports.querySelector(".report").replaceChildren(...figure, ...message.document.blocks.flatMap(nodesOf));
   });
 }

@@ -1,0 +1,1 @@
+"""Many races of several vehicles: runner, store, statistics and comparison."""

@@ -1,0 +1,1 @@
+"""Flying what a campaign lacks: attempts, workers and the SQLite file."""

@@ -1,0 +1,77 @@
+"""SharedParts: the parts of the page that are the same for all visitors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf
+
+from quadsim.web.page.due import Due
+from quadsim.web.page.forms.course_editor import CourseEditor
+from quadsim.web.page.parts.board import Board
+from quadsim.web.page.parts.elements import EMPTY
+from quadsim.web.page.parts.head import Head, Word, coming_head
+from quadsim.web.page.parts.line_up_table import table_of
+from quadsim.web.page.parts.seeds_table import seeds_of
+from quadsim.web.page.parts.time_line import time_line_of
+from quadsim.web.page.screen import NoRace
+from quadsim.web.race.series import Series
+from quadsim.web.race.snapshot import Snapshot
+from quadsim.web.state.desk import Desk
+from quadsim.web.state.line_up import LineUp, line_up_of
+from quadsim.web.state.page_state import PageState
+
+
+class SharedParts:
+    """Puts up the time line, the seeds, and what the next START flies.
+
+    Attributes:
+        no_race: what a visitor sees while it watches no race.
+    """
+
+    def __init__(self, board: Board, desk: Desk, series: Series, editor: CourseEditor):
+        self._board = board
+        self._desk = desk
+        self._series = series
+        self._editor = editor
+        self._line_up = line_up_of(desk.state)
+        self._line_up_of = _flown_of(desk.state)
+        self._past_due = Due(0.0)
+        self._coming_due = Due(0.0)
+        self._edited_due = Due(0.0)
+        self.no_race = NoRace(Head("rest", []), Head("editing", []), EMPTY)
+
+    def update(self, s: Snapshot) -> None:
+        """Put up what has changed. s: the race at its latest time."""
+        state = self._desk.state
+        line_up = self._line_up_now(state)
+        self._update_no_race(state, line_up)
+        if self._past_due((s.race, [entry.past(inf) for entry in s.competitors])):
+            self._board.put("time_line", time_line_of(s.competitors))
+        self._board.put("seeds", seeds_of(self._series))
+        if self._board.is_wanted("competitors"):
+            self._board.put("line_up", table_of(state, line_up))
+
+    def _line_up_now(self, state: PageState) -> LineUp:
+        """Return what START flies, in words."""
+        flown = _flown_of(state)
+        if flown != self._line_up_of:
+            self._line_up_of = flown
+            self._line_up = line_up_of(state)
+        return self._line_up
+
+    def _update_no_race(self, state: PageState, line_up: LineUp) -> None:
+        """Make the head before a race, and head and map of the course in work, if they changed."""
+        if self._coming_due((line_up, state.world, state.race.course)):
+            self.no_race = replace(self.no_race, head=coming_head(state, line_up))
+        if self._edited_due(self._editor.shown):
+            said = self._editor.said()
+            self.no_race = replace(
+                self.no_race,
+                edited=Head("editing", [Word("Course editor")], more=said),
+                edited_map=self._editor.map(),
+            )
+
+
+def _flown_of(state: PageState) -> object:
+    """Return the part of the state that decides what START flies."""
+    return state.start, state.world
