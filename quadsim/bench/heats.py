@@ -88,7 +88,7 @@ def measure_heats(seconds: float) -> HeatTimes:
 
 
 def others_times() -> Iterator[OthersTime]:
-    """Yield the times of control steps, by what is expected and the number of others."""
+    """Yield the times of control steps, by the kind of prediction and the number of others."""
     alone = PlannerInLine("nothing", 0)
     alone.step_ms()
     for expect in EXPECTED:

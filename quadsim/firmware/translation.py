@@ -74,11 +74,11 @@ class TranslatedLine(NamedTuple):
 
 
 class Translation(NamedTuple):
-    """A text in the words of the version that is simulated, and what became of its lines."""
+    """A text with the names of the version that is simulated, and the treatment of its lines."""
 
     name: str  # of the file
-    version: Version | None  # None: the text names none, and no setting of an older one
-    is_said: bool  # whether a header says so; False: the names of its settings do
+    version: Version | None  # None: neither header nor settings name one
+    is_in_header: bool  # whether a header names the version; False: it follows from settings
     lines: tuple[FirmwareLine, ...]
     entries: tuple[TranslatedLine, ...]
     reversed: FirmwareLine | None = None  # the line that says whether the propellers are reversed
@@ -107,7 +107,7 @@ class Translation(NamedTuple):
         """The version of the text in words."""
         if self.version is None:
             return f"which names no version, read as Betaflight {FIRMWARE_VERSION}"
-        if not self.is_said:
+        if not self.is_in_header:
             return f"which names no version, by its settings of Betaflight {_dotted(self.version)}"
         return f"of Betaflight {_dotted(self.version)}"
 
@@ -133,7 +133,7 @@ class Translation(NamedTuple):
         return shown
 
     def as_json(self) -> dict[str, Any]:
-        """Return the version, and kind, number and text of each line with what it became."""
+        """Return the version, and the kind, number, text and replacement of each line."""
         lines = [
             {
                 "line": entry.line.number,
@@ -580,7 +580,7 @@ class _Reader:
             self._leave(line, Treatment.BOARD)
 
     def _check_mixer(self) -> None:
-        """Check that the mixer is that of the vehicle, four rotors in an X."""
+        """Check that the mixer fits the vehicle, four rotors in an X."""
         why = "the vehicle has four rotors in an X"
         kind = self._mixer.text.split()[1].upper() if self._mixer else "QUADX"
         if self._mixer and kind == "QUADX":
@@ -730,7 +730,7 @@ def _motor_mixes(lines: Sequence[FirmwareLine]) -> dict[int, list[float]] | None
 
 
 def _is_x(mixes: dict[int, list[float]]) -> bool:
-    """Return whether four motors turn the vehicle as those of an X do."""
+    """Return whether four motors turn the vehicle as the motors of an X do."""
     if sorted(mixes) != [0, 1, 2, 3]:
         return False
     return all(

@@ -164,7 +164,7 @@ def _nearest(mass: float | None) -> Vehicle:
 def _tested(
     test: Sequence[FlightLog], fitted: Sequence[Prepared], base: Vehicle, reference: float | None
 ) -> list[Prepared]:
-    """Return the stretches of the tested logs that tell of the rotors what the fitted ones tell."""
+    """Return the stretches of the tested logs that have the same drive as the fitted ones."""
     found = [part for log in test for part in stretches(log)]
     alike = [thinned(part) for part in found if drive_of(part) == fitted[0].drive]
     return prepare(alike, base, reference) if alike else []

@@ -1,4 +1,4 @@
-"""Geometry: what a log does not tell of the torques."""
+"""Geometry: the arms and directions of the rotors, which no log has."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Predictions: flights from many measured states on, open loop, against what was measured.
+"""Predictions: open-loop flights from many measured states, against the measured flight.
 
 A flight of a second begins at each of many rows of a log, at the measured position and velocity,
 and follows the logged commands. With the measured attitude the thrust acts along the attitude of

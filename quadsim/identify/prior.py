@@ -1,4 +1,4 @@
-"""Prior: what a similar vehicle says of the numbers before a log is read."""
+"""Prior: the numbers before a log is read, from a similar vehicle."""
 
 from __future__ import annotations
 

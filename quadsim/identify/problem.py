@@ -1,4 +1,4 @@
-"""The least-squares problem: what the numbers predict of a log, against what it measured.
+"""The least-squares problem: signals as the numbers predict them, against the logged ones.
 
     speed of a rotor      s = lag(command (voltage / reference)^power)
     thrust over mass      a = sum of c2 s^2 + c1 s + c0 over the rotors
@@ -57,7 +57,7 @@ class Channel(NamedTuple):
     piece: float  # duration of an open-loop piece [s]
     # What each piece has of its own: nothing (0), an initial value (1), a constant slope, too (2)
     free: int
-    numbers: tuple[str, ...]  # that the prediction needs, besides those of the rotors
+    numbers: tuple[str, ...]  # that the prediction needs, besides the numbers of the rotors
     # whether the signal is later than the rotors' answer by force_lag
     is_late: bool = False
 

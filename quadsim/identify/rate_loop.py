@@ -116,7 +116,7 @@ class _Axis(NamedTuple):
 def fit_rate_loop(
     parts: Sequence[Prepared], rotor_lag: float, prior: Vec3, reference: float | None = None
 ) -> RateLoopFit | None:
-    """Return the rate loop of a log with setpoints and rates, None if it tells none.
+    """Return the rate loop of a log with setpoints and rates, None if they do not determine it.
 
     Args:
         parts: the log.
@@ -149,7 +149,7 @@ def fit_rate_loop(
 
 
 def _is_certain(found: RateLoopFit, names: Sequence[str], change: np.ndarray) -> bool:
-    """Return whether a log tells beyond doubt that some numbers differ from what they were."""
+    """Return whether some numbers differ from their priors by more than their uncertainty."""
     index = [found.searched.index(name) for name in names]
     covariance = covariances(found.linearized).reported[np.ix_(index, index)]
     return float(change @ np.linalg.solve(covariance, change)) > CERTAIN

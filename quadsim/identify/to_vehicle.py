@@ -69,7 +69,7 @@ class FoundNumbers(NamedTuple):
     numbers: FitNumbers
     covariance: np.ndarray  # of the searched numbers  (k, k)
     searched: tuple[str, ...]
-    untold: tuple[str, ...]  # names of the numbers that the log could have told, but does not
+    untold: tuple[str, ...]  # numbers that the log has signals for, but does not determine
     drive: Drive
     dt: float  # time between two rows [s]
     speed_scale: SpeedScale | None

@@ -1,4 +1,4 @@
-"""Traces: what a log measured beside what the numbers predict, for a picture."""
+"""Traces: logged signals beside the same as the numbers predict them, for a picture."""
 
 from __future__ import annotations
 

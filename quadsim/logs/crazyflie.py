@@ -103,7 +103,7 @@ def _rows(
     good = found["#kind"] == ticks.number
     remarks = []
     if not good.all():
-        # An event of no known length: what follows cannot be told apart
+        # An event of unknown length: the next event cannot be found
         found = found[: int(np.argmin(good))]
         remarks.append("the log is damaged: what follows the damage is left out")
     if len(found) > MOST_ROWS:

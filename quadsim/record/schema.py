@@ -228,7 +228,7 @@ class RunSpec(Struct, kw_only=True):
 class ListedSpec(Struct, kw_only=True):
     """The keys of a RunSpec that a list shows."""
 
-    course: Named
+    course: RecordedCourse
     vehicle: Named
     sampler: str
     preset: str

@@ -556,7 +556,7 @@ def _interleave(red, green, blue, pixels):
 
 @njit(fastmath=FAST, error_model="numpy")
 def _see(f, line, first, end, inverse_depth, seen):
-    """Write what the columns from `first` to `end` see: a face and its 1 / depth."""
+    """Write the face that the columns from `first` to `end` see, and its 1 / depth."""
     q0, q1 = line[0], line[1]
     number = np.int16(f)
     for x in range(np.uint64(first), np.uint64(end)):

@@ -111,7 +111,7 @@ class Heat:
 
     @cached_property
     def events(self) -> list[HeatEvent]:
-        """Overtakes, contacts and who is out, in the order of time."""
+        """Overtakes, contacts and entrants that are out, in the order of time."""
         return heat_events(self.names, self.runs, self.start_times)
 
     def digest(self) -> str:

@@ -1,4 +1,4 @@
-"""StoredRow: what a list says about a stored run or race, read without the telemetry.
+"""StoredRow: a row of the list of stored runs and races, read without the telemetry.
 
 A field or property of StoredRow that is annotated with a Column is a column of every table of
 stored runs: of `race runs`, of notebooks and of the page.

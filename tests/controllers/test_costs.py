@@ -428,8 +428,7 @@ def test_a_step_that_returns_no_state_is_a_line_that_names_it():
         return x.px, x.py, x.vx, x.vy
 
     with pytest.raises(
-        TraceError,
-        match=r"plain: .*test_costs.py:\d+: expected it to return a PointState, got",
+        TraceError, match=r"plain: .*test_costs.py:\d+: expected it to return a PointState, got tup"
     ):
         module_source(replace(SYSTEM, step=plain), COST, np.float32)
 

@@ -50,7 +50,7 @@ def carried_out(*lines, version=None):
 )
 def test_the_version_is_that_of_the_header(line, version):
     found = translated(Text("x", (line, ARM)))
-    assert (found.version, found.is_said) == (version, version is not None)
+    assert (found.version, found.is_in_header) == (version, version is not None)
 
 
 @pytest.mark.parametrize(("old", "new"), list(RENAMED.items()))
