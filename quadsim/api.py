@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
 from quadsim.config.build import flight_frames, with_threads
-from quadsim.config.recorded import recorded_spec
 from quadsim.config.spec import Spec
 from quadsim.files.values import SettingError
 from quadsim.racing.events import Frame
@@ -174,7 +173,7 @@ def load_heat(heat: str | Path = "last", runs_dir: str = "runs") -> Heat:
 def spec_of(course: CourseLike | Spec | Mapping[str, Any] | None, settings: Keywords) -> Spec:
     """Return the Spec that `fly` flies, with its threads in use."""
     if isinstance(course, Mapping):
-        spec = recorded_spec(course, settings)
+        spec = Spec.of_record(course, **settings)
     elif isinstance(course, Spec):
         spec = course.but(**settings) if settings else course
     else:

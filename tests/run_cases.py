@@ -14,8 +14,7 @@ from quadsim.vehicle import load_vehicle
 PROBE = load_vehicle("swift").but(name="probe", drag=(0.1, 0.1, 0.1), rotors={"motor_tau": 0.05})
 # The record of a flight, with the text of a course that has no gates
 SPEC = Spec.of("figure8", vehicle=PROBE, seed=3, laps=2, threads=2).record() | {
-    "course": "test course",
-    "course_text": "name: test course\n",
+    "course": {"name": "test course", "text": "name: test course\n"},
 }
 
 

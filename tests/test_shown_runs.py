@@ -180,8 +180,9 @@ def with_texts(keys):
     """Return a run whose spec has hostile texts, each with its key."""
     run = shown()
     texts = {key: ELEMENT.replace("x", key) + CONTROL for key in keys}
-    if "vehicle" in texts:
-        texts["vehicle"] = run.spec["vehicle"] | {"name": texts["vehicle"]}
+    for part in ("course", "vehicle"):
+        if part in texts:
+            texts[part] = run.spec[part] | {"name": texts[part]}
     return quadsim.Run.of(replace(run, spec=run.spec | texts))
 
 

@@ -24,7 +24,8 @@ PILOT = {"name": "ace", "sha256": "0" * 64}
 def root(tmp_path):
     """A folder with three runs, one of which a pilot flew."""
     save(tmp_path, two_laps())
-    save(tmp_path, two_laps(SPEC | {"course": "other course", "seed": 4}, "timeout"))
+    other = {"name": "other course", "text": ""}
+    save(tmp_path, two_laps(SPEC | {"course": other, "seed": 4}, "timeout"))
     save(tmp_path, two_laps(SPEC | {"seed": 5, "pilot": PILOT}))
     return tmp_path
 

@@ -23,7 +23,7 @@ from quadsim.cli.progress import Progress
 from quadsim.cli.report import present
 from quadsim.config.build import build, with_threads
 from quadsim.config.checks import expect_new_log
-from quadsim.config.recorded import recorded_spec, sorted_settings
+from quadsim.config.recorded import sorted_settings
 from quadsim.config.settings import SETTINGS, FlightSettings
 from quadsim.config.spec import Spec
 from quadsim.console import COMPILING, UsageError, complain, uninterrupted
@@ -207,12 +207,12 @@ def spec_again(before: RecordedRun, settings: Mapping[str, Any]) -> Spec:
         FileError: a file or a part of the run is missing or differs.
     """
     with settings_as_flags():
-        return with_threads(recorded_spec(before.spec, settings))
+        return with_threads(Spec.of_record(before.spec, **settings))
 
 
 def compared(run: RecordedRun, before: RecordedRun, settings: Mapping[str, Any]) -> str:
     """Return one line that says whether a repeated run equals the original."""
-    _, changed = sorted_settings(before.spec, settings)
+    changed = sorted_settings(before.spec, settings).changed
     if changed:
         return f"the stored run was flown with other values of {', '.join(sorted(changed))}"
     if same_flight(run, before):

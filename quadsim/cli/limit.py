@@ -185,7 +185,7 @@ def _flight(problem: LimitProblem, name: str, runs_dir: str) -> Flight:
     run = read_run(find_run(name, runs_dir))
     passes = [gate["t"] for gate in run.gates]
     race = problem.laps * len(problem.course.gates)
-    same_course = run.spec["course"] == problem.course.name
+    same_course = run.course_name == problem.course.name
     if len(passes) != race or not same_course or problem.closed:
         raise UsageError(
             f"--start: expected a finished race of {problem.laps} laps on {problem.course.name}, "

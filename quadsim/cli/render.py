@@ -18,7 +18,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from quadsim.campaign.run.pool import Pool, finished, open_pool
 from quadsim.cli.flags import Help, Json, RunsDir, Switch, course_help
 from quadsim.console import UsageError, complain, emit, emit_json, progress_console
-from quadsim.course import course_names, load_course, parse_course
+from quadsim.course import course_names, load_course
 from quadsim.files.data_files import SUFFIXES
 from quadsim.files.extras import needs_extra
 from quadsim.files.yaml_errors import did_you_mean
@@ -195,9 +195,8 @@ def _asked(
         return _Asked(Pictures(course.name, course.text, camera, seed, vary, "drawn"), poses)
     run = read_run(_run_folder(target, runs_dir))
     poses = flown_poses(run.telemetry, camera.rate)[:frames]
-    name = run.spec["course"]
-    text = run.spec["course_text"]
-    return _Asked(Pictures(name, text, camera, seed, vary, run.digest()), poses)
+    course = run.course
+    return _Asked(Pictures(course.name, course.text, camera, seed, vary, run.digest()), poses)
 
 
 def _film(
@@ -224,7 +223,7 @@ def _film(
     try_writing(path.parent)
     lens = load_camera(camera) if camera else film.CAMERA
     run = read_run(_run_folder(target, runs_dir))
-    course = parse_course(run.spec["course_text"], run.spec["course"])
+    course = run.course
     count = len(flown_poses(run.telemetry, lens.rate)[:frames])
     radius = run.spec["vehicle"]["radius"]
     pictures = []

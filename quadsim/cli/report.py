@@ -87,7 +87,7 @@ def summary(run: RecordedRun, folder: Path | None, runs_dir: str | Path | None =
     """
     spec = run.spec
     return {
-        "course": spec["course"],
+        "course": run.course_name,
         "sampler": flown_by(spec),
         "preset": spec["preset"],
         "vehicle": spec["vehicle"]["name"],

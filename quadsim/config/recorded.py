@@ -1,4 +1,4 @@
-"""Specs of stored flights: the record of a Spec, read back into a Spec that flies the same."""
+"""The record of a flight, read back into the fields of the Spec that flies the same."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from math import isfinite
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import msgspec
 
@@ -22,21 +22,21 @@ from quadsim.config.own import (
 )
 from quadsim.config.reference import followed_problem, followed_reference
 from quadsim.config.settings import SETTINGS, FlightNumbers, HostSettings
-from quadsim.config.spec import Spec
 from quadsim.controllers.costs.race import RaceWeights
 from quadsim.controllers.costs.reference import ReferenceWeights
 from quadsim.controllers.excitation import EXCITE
 from quadsim.controllers.learned.pilot import Pilot, load_pilot
 from quadsim.controllers.presets import Planner
 from quadsim.controllers.samplers import SAMPLERS, Sampling
-from quadsim.course import Course, parse_course
+from quadsim.course import Course
 from quadsim.course.checks import problems
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.values import SettingError, checked
 from quadsim.firmware.text import Text
+from quadsim.limit.limits import StoredSolution
 from quadsim.racing.hand import HAND
 from quadsim.record.run import canonical, hostless, own_parts
-from quadsim.record.schema import NumberChange, RunSpec
+from quadsim.record.schema import RunSpec
 
 WHAT = "the record of a flight, such as run.spec"
 # Settings that change no flight
@@ -67,109 +67,70 @@ class MissingPartError(RecordError):
         super().__init__(f"{self.what}; {how}")
 
 
-def spec_of_record(record: Mapping[str, Any], runs_dir: str | None = None, **own: object) -> Spec:
-    """Return the Spec of a recorded flight, which flies the same to the last bit.
-
-    Files that the flight has followed (a pilot, a solution of `race limit`) are looked for in their
-    recorded places, and have to be the same. A record has the names of the user's own parts and not
-    their code: each is given anew, and has to be the same.
-
-    Args:
-        record: the spec of a run.
-        runs_dir: folder of runs in place of the recorded one.
-        own: {role: part} of the user's own parts that took part in the flight; `pilot`: the pilot,
-            if its file is no longer in its place.
-
-    Raises:
-        RecordError: a file or a part is missing or differs, or the record is not one of a flight.
-
-    Examples:
-        >>> import quadsim
-        >>> from quadsim.config.recorded import spec_of_record
-        >>> run = quadsim.fly("figure8", laps=1, samples=256)
-        >>> spec_of_record(run.spec).sampler
-        'colored'
-    """
-    if "heat" in record:
-        raise RecordError(
-            "heat: the run flew among others; fly the race again with race heat --from its folder"
-        )
-    if record.get(HAND):
-        raise RecordError("hand: a person flew the run, which cannot be flown again: replay it")
-    try:
-        read = msgspec.convert(dict(record), RunSpec)
-        _check_own(set(read.own), {role: own[role] for role in own.keys() - {"pilot"}})
-        numbers = vars(msgspec.convert(dict(record), FlightNumbers))
-        folders = [runs_dir or read.host.runs_dir, read.host.runs_dir]
-        spec = _built(read, numbers, own, list(dict.fromkeys(folders)))
-    except msgspec.ValidationError as error:
-        raise RecordError(f"expected {WHAT}: {error}") from None
-    _check_same(record, spec)
-    return spec
+# The settings beside a record
 
 
-def recorded_spec(record: Mapping[str, Any], settings: Mapping[str, Any]) -> Spec:
-    """Return the Spec of a recorded flight with some of its settings changed.
+class Beside(NamedTuple):
+    """The settings that are given beside the record of a flight."""
+
+    # the user's own parts of the flight by role, and its pilot if its file has moved
+    parts: dict[str, Any]
+    # settings of HostSettings
+    host: dict[str, Any]
+    # settings that make it another flight
+    changed: dict[str, Any]
+
+
+def sorted_settings(record: Mapping[str, Any], settings: Mapping[str, Any]) -> Beside:
+    """Return the settings beside a record by what they do.
 
     Args:
         record: the spec of a run.
-        settings: keywords of `quadsim.fly`. Those that give the user's own parts of the flight, the
-            folder of runs and the threads change no flight; with any other, changes made in flight
-            are not made again.
+        settings: keywords of `quadsim.fly`; None stands for none.
 
     Raises:
-        RecordError: see `spec_of_record`.
-        SettingError: see `Spec.but`.
+        SettingError: a part or a setting of the host is invalid.
+        FileError: the file of a pilot cannot be read.
     """
-    given, changed = sorted_settings(record, settings)
-    own = dict(given)
-    runs_dir = own.pop("runs_dir", None)
-    host = {name: own.pop(name) for name in HOST if name in own}
-    term = own.pop("term", None)
-    if term is not None:
-        texts = [term] if isinstance(term, str) else term
-        own["terms"] = tuple(map(term_of_text, texts))
-    if "controller" in own:
-        own["controller"] = _own_controller(own["controller"], record["own"]["controller"])
-    if runs_dir is not None:
-        runs_dir = str(checked("runs_dir", runs_dir, SETTINGS["runs_dir"].kind))
-    # The pilot that flew may lie somewhere else by now
-    pilot = changed.get("pilot")
-    if isinstance(pilot, str | Path) and isinstance(record.get("pilot"), Mapping):
-        pilot = load_pilot(pilot)
-        if pilot.digest == record["pilot"].get("sha256"):
-            own["pilot"] = pilot
-            del changed["pilot"]
-    spec = replace(spec_of_record(record, runs_dir, **own), **host)
-    return spec.but(**changed) if changed else spec
-
-
-def sorted_settings(
-    record: Mapping[str, Any], settings: Mapping[str, Any]
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the settings that a recorded flight needs anew, and those that change it."""
     described = record.get("own")
-    needed = {*HOST, *(described if isinstance(described, Mapping) else ())}
-    if "terms" in needed:
-        needed.add("term")
+    if not isinstance(described, Mapping):
+        described = {}
     asked = {name: value for name, value in settings.items() if value is not None}
-    given = {name: value for name, value in asked.items() if name in needed}
-    changed = {name: value for name, value in asked.items() if name not in needed}
-    return given, changed
+    parts, host, changed = {}, {}, {}
+    for name, value in asked.items():
+        role = "terms" if name == "term" else name
+        if name in HOST:
+            host[name] = checked(name, value, SETTINGS[name].kind)
+        elif role in described:
+            parts[role] = _own_part(name, value, described[role])
+        elif name == "pilot" and _is_pilot_of(record, pilot := _pilot_of(value)):
+            parts[name] = pilot
+        else:
+            changed[name] = value
+    return Beside(parts, host, changed)
 
 
-def _check_own(described: set[str], own: Mapping[str, object]) -> None:
-    """Raise RecordError unless the user's own parts are the parts that the record has."""
-    for role in sorted(described - own.keys()):
-        how = f"give it again as {role}=..."
-        if role in ("sampler", "terms", "controller"):
-            how += f", or --{role.removesuffix('s')}"
-        if role == "course":
-            # `quadsim.fly` takes the record in the course's place
-            how = "fly spec_of_record(run.spec, course=...) of quadsim.config.recorded"
-        raise MissingPartError(role, how)
-    for role in sorted(own.keys() - described):
-        raise RecordError(f"{role}: expected none, as the recorded flight had none of its own")
+def _own_part(name: str, given: Any, described: object) -> object:
+    """Return a part of the user's own that was given for a recorded one.
+
+    Args:
+        name: the keyword that it was given by.
+        given: the part, or a text that names it.
+        described: the record's description of the part.
+
+    Raises:
+        SettingError: the part is none.
+    """
+    if name == "term":
+        texts = [given] if isinstance(given, str) else given
+        return tuple(map(term_of_text, texts))
+    if name == "terms":
+        return terms_of(given)
+    if name == "sampler":
+        return own_sampler(given)
+    if name == "controller":
+        return _own_controller(given, described)
+    return given
 
 
 def _own_controller(given: object, described: object) -> object:
@@ -190,48 +151,99 @@ def _own_controller(given: object, described: object) -> object:
     return one if describe(one) == described else found
 
 
-def _built(
-    read: RunSpec, numbers: dict[str, Any], own: Mapping[str, Any], folders: Sequence[str]
-) -> Spec:
-    """Return the Spec of a record that has been read.
+def _pilot_of(given: object) -> object:
+    """Return the pilot of a name or a file, and anything else as it is. Raises FileError."""
+    return load_pilot(given) if isinstance(given, str | Path) else given
+
+
+def _is_pilot_of(record: Mapping[str, Any], pilot: object) -> bool:
+    """Return whether a pilot is the one of a recorded flight."""
+    described = record.get("pilot")
+    return (
+        isinstance(pilot, Pilot)
+        and isinstance(described, Mapping)
+        and pilot.digest == described.get("sha256")
+    )
+
+
+# The fields of the Spec
+
+
+def spec_fields(record: Mapping[str, Any], beside: Beside) -> dict[str, Any]:
+    """Return the fields of the Spec of a recorded flight.
 
     Args:
-        read: the record.
-        numbers: its settings of FlightNumbers.
-        own: the user's own parts by role.
-        folders: folders of runs in which to look for a solution that was followed; the first is
-            the folder of the Spec.
+        record: the spec of a run.
+        beside: the settings beside it, of which `changed` has no part in this.
+
+    Raises:
+        RecordError: a file or a part is missing or differs, or the record is not one of a flight.
     """
-    course: Course = own.get("course") or parse_course(read.course_text, read.course)
+    if "heat" in record:
+        raise RecordError(
+            "heat: the run flew among others; fly the race again with race heat --from its folder"
+        )
+    if record.get(HAND):
+        raise RecordError("hand: a person flew the run, which cannot be flown again: replay it")
+    try:
+        read = msgspec.convert(dict(record), RunSpec)
+        numbers = msgspec.convert(dict(record), FlightNumbers)
+        _check_roles(set(read.own), beside.parts.keys() - {"pilot"})
+        return vars(numbers) | _parts(read, beside) | beside.host
+    except msgspec.ValidationError as error:
+        raise RecordError(f"expected {WHAT}: {error}") from None
+
+
+def _check_roles(described: set[str], given: set[str]) -> None:
+    """Check that the user's own parts are given for the roles that the record has.
+
+    Raises:
+        RecordError: one is missing.
+    """
+    for role in sorted(described - given):
+        how = f"give it again as {role}=..."
+        if role in ("sampler", "terms", "controller"):
+            how += f", or --{role.removesuffix('s')}"
+        if role == "course":
+            # `quadsim.fly` takes the record in the course's place
+            how = "fly quadsim.Spec.of_record(run.spec, course=...)"
+        raise MissingPartError(role, how)
+
+
+def _parts(read: RunSpec, beside: Beside) -> dict[str, Any]:
+    """Return the parts of a flight, and the settings that only a Spec holds."""
+    own = beside.parts
+    course: Course = own.get("course") or read.course.course()
     _check_ranges(read, course)
     planner = _planner(read, own)
-    reference = None
-    if read.reference and isinstance(planner.cost, ReferenceWeights):
-        problem = followed_problem(course, read.vehicle, read.laps, planner.cost)
-        reference = followed_reference(problem, read.reference.sha256, folders)
-    return Spec(
-        course=course,
-        vehicle=read.vehicle,
-        planner=planner,
-        model=read.model,
-        laps=read.laps,
-        timeout=read.timeout,
-        start=read.start,
-        sensing=read.sensing,
-        randomization=read.randomization,
-        pilot=_pilot(read, own),
-        view_weight=read.view_weight,
-        plant=own.get("plant") or _plant(read.plant),
-        betaflight=Text(read.betaflight.name, read.betaflight.lines) if read.betaflight else None,
-        terms=terms_of(own["terms"]) if "terms" in own else (),
-        cost=own.get("cost"),
-        controller=own.get("controller"),
-        referee=own.get("referee"),
-        reference=reference,
-        changes=_changes(read, planner),
-        runs_dir=folders[0],
-        **numbers,
-    )
+    firmware = read.betaflight
+    for change in read.interactive:
+        planner_after(change, planner)  # raises if the change cannot be made again
+    # The folder that is given now may hold the solution that the recorded one held
+    runs_dir = beside.host.get("runs_dir", read.host.runs_dir)
+    folders = list(dict.fromkeys([runs_dir, read.host.runs_dir]))
+    return {
+        "course": course,
+        "vehicle": read.vehicle,
+        "planner": planner,
+        "model": read.model,
+        "laps": read.laps,
+        "timeout": read.timeout,
+        "start": read.start,
+        "sensing": read.sensing,
+        "randomization": read.randomization,
+        "pilot": _pilot(read, own),
+        "view_weight": read.view_weight,
+        "plant": own.get("plant") or _plant(read.plant),
+        "betaflight": Text(firmware.name, firmware.lines) if firmware else None,
+        "terms": own.get("terms", ()),
+        "cost": own.get("cost"),
+        "controller": own.get("controller"),
+        "referee": own.get("referee"),
+        "reference": _reference(read, course, planner, folders),
+        "changes": tuple(read.interactive),
+        "runs_dir": runs_dir,
+    }
 
 
 def _check_ranges(read: RunSpec, course: Course) -> None:
@@ -253,7 +265,7 @@ def _check_ranges(read: RunSpec, course: Course) -> None:
             raise RecordError(f"start: {fault.problem if fault else 'expected finite numbers'}")
 
 
-def _plant(name: str) -> Any:
+def _plant(name: str) -> str:
     """Return the name of a plant. Raises RecordError."""
     if name not in PLANTS:
         known = " or ".join(map(repr, PLANTS))
@@ -264,15 +276,12 @@ def _plant(name: str) -> Any:
 def _planner(read: RunSpec, own: Mapping[str, Any]) -> Planner:
     """Return the planner of a record."""
     stored = read.planner
-    if "sampler" in own:
-        sampling = cast(Sampling, own_sampler(own["sampler"]))
-    else:
-        # A flight by a pilot has a planner too, which does not fly
-        sampling = _sampling(read.sampler, stored.sampling)
+    # A flight by a pilot has a planner too, which does not fly
+    sampling = own.get("sampler") or _sampling(read.sampler, stored.sampling)
     cost_class = ReferenceWeights if read.reference else RaceWeights
     return Planner(
         vehicle=stored.vehicle,
-        sampling=sampling,
+        sampling=cast(Sampling, sampling),
         mppi=stored.mppi,
         cost=msgspec.convert(stored.cost, cost_class),
         preset=read.preset,
@@ -309,21 +318,31 @@ def _pilot(read: RunSpec, own: Mapping[str, Any]) -> Pilot | None:
     return replace(pilot, name=read.pilot.name)
 
 
-def _changes(read: RunSpec, planner: Planner) -> tuple[NumberChange, ...]:
-    """Return the changes that were made in flight, all of which can be made again.
+def _reference(
+    read: RunSpec, course: Course, planner: Planner, folders: Sequence[str]
+) -> StoredSolution | None:
+    """Return the solution that the planner followed. Raises FileError."""
+    if not (read.reference and isinstance(planner.cost, ReferenceWeights)):
+        return None
+    problem = followed_problem(course, read.vehicle, read.laps, planner.cost)
+    return followed_reference(problem, read.reference.sha256, folders)
+
+
+# The comparison that makes sure of it
+
+
+def check_same(record: Mapping[str, Any], found: Mapping[str, Any]) -> None:
+    """Check that a Spec has the record that it was made from.
+
+    Args:
+        record: the spec of a run.
+        found: the record of the Spec.
 
     Raises:
-        msgspec.ValidationError: one cannot.
+        RecordError: a key differs; the message has the first.
     """
-    for change in read.interactive:
-        planner_after(change, planner)
-    return tuple(read.interactive)
-
-
-def _check_same(record: Mapping[str, Any], spec: Spec) -> None:
-    """Raise RecordError unless a Spec has the record that it was made from."""
     asked = json.loads(canonical(hostless(dict(record))))
-    found = json.loads(canonical(hostless(spec.record())))
+    found = json.loads(canonical(hostless(dict(found))))
     for key in sorted(asked.keys() | found.keys()):
         if key in asked and key in found and asked[key] == found[key]:
             continue

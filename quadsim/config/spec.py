@@ -38,6 +38,7 @@ from quadsim.config.own import (
     term_of_text,
     terms_of,
 )
+from quadsim.config.recorded import check_same, sorted_settings, spec_fields
 from quadsim.config.reference import followed_problem, stored_reference
 from quadsim.config.resolve import (
     DEFAULT_COURSE,
@@ -199,6 +200,36 @@ class Spec(FlightNumbers, HostSettings):
             given["course"] = course
         return _resolved(given)
 
+    @classmethod
+    def of_record(cls, record: Mapping[str, Any], **settings: Any) -> Spec:
+        """Return the Spec of a recorded flight, which flies the same to the last bit.
+
+        Files that the flight has followed (a pilot, a solution of `race limit`) are looked for in
+        their recorded places, and have to be the same. A record has the names of the user's own
+        parts and not their code: each is given anew, and has to be the same.
+
+        Args:
+            record: `spec` of a run.
+            settings: keywords of `quadsim.fly`. Those that give the user's own parts of the flight,
+                its pilot if the file has moved, the folder of runs and the threads change no
+                flight; with any other, changes made in flight are not made again.
+
+        Raises:
+            RecordError: a file or a part is missing or differs, or the record is not one of a
+                flight (a FileError).
+            SettingError: a setting is invalid.
+
+        Examples:
+            >>> import quadsim
+            >>> run = quadsim.fly("figure8", laps=1, samples=256)
+            >>> quadsim.Spec.of_record(run.spec).sampler
+            'colored'
+        """
+        beside = sorted_settings(record, settings)
+        spec = cls(**spec_fields(record, beside))
+        check_same(record, spec.record())
+        return spec.but(**beside.changed) if beside.changed else spec
+
     def but(self, course: CourseLike | None = None, **changes: Unpack[Keywords]) -> Spec:
         """Return the spec of the same settings with some of them changed.
 
@@ -311,8 +342,7 @@ class Spec(FlightNumbers, HostSettings):
         """Return the spec as JSON, as a run stores it: every number, at its default or not."""
         return {
             "system": "quadrotor",
-            "course": self.course.name,
-            "course_text": self.course.text,
+            "course": {"name": self.course.name, "text": self.course.text},
             "vehicle": plain(self.vehicle),
             "sampler": self.sampler,
             "preset": self.preset,

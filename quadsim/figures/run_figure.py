@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure, SubFigure
 
-from quadsim.course import Course, parse_course
+from quadsim.course import Course
 from quadsim.figures.course import (
     ABOVE,
     arrow_scale,
@@ -66,7 +66,7 @@ def draw(run: RecordedRun, limit: StoredSolution | None = None) -> Figure:
         run: run to draw.
         limit: the best known solution of the race, whose path is drawn as well.
     """
-    course = parse_course(run.spec["course_text"], run.spec["course"])
+    course = run.course
     with rc_context(STYLE):
         figure = NotebookFigure(figsize=(15, 9.5), dpi=130, layout="constrained")
         left, right = figure.subfigures(1, 2, width_ratios=(1.25, 1), squeeze=False)[0]
@@ -104,7 +104,7 @@ def draw_map(run: RecordedRun, course: Course) -> Figure:
 
 def title(run: RecordedRun) -> str:
     """Return the title of a run's figure: outcome, laps, and the main settings."""
-    head = f"{run.spec['course']}: {run.outcome}"
+    head = f"{run.course_name}: {run.outcome}"
     if run.laps:
         laps = ", ".join(f"{t:.3f} s" for t in run.laps[:LAPS])
         more = ", ..." if len(run.laps) > LAPS else ""

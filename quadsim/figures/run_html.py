@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from quadsim.course import parse_course
 from quadsim.figures.html import block, facts, image, paragraph, text
 from quadsim.figures.run_figure import draw_map
 from quadsim.files.strict_yaml import FileError
@@ -26,16 +25,16 @@ from quadsim.report.run_text import (
 
 def run_html(run: RecordedRun, metrics: RunMetrics) -> str:
     """Return a run as HTML, with a picture if the course is readable."""
-    head = f"<b>{text(run.spec['course'])}</b>, {text(flown_with(run.spec))}"
+    head = f"<b>{text(run.course_name)}</b>, {text(flown_with(run.spec))}"
     parts = [head, facts(_facts(run, metrics))]
     remark = not_comparable(run.spec)
     if remark:
         parts.append(paragraph(remark))
     try:
-        course = parse_course(run.spec["course_text"], run.spec["course"])
+        course = run.course
     except FileError:
         return block(*parts)
-    described = f"The flown path on {run.spec['course']} from above, coloured by speed."
+    described = f"The flown path on {run.course_name} from above, coloured by speed."
     return block(*parts, image(draw_map(run, course), described))
 
 

@@ -24,12 +24,11 @@ import msgspec
 from quadsim.config.recorded import (
     MissingPartError,
     RecordError,
-    recorded_spec,
     sorted_settings,
 )
 from quadsim.config.settings import SETTINGS
 from quadsim.config.spec import Spec
-from quadsim.course import Course, parse_course
+from quadsim.course import Course
 from quadsim.files.arrays import read_bytes
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.values import SettingError, checked
@@ -105,8 +104,7 @@ class LoadedHeat(NamedTuple):
     @property
     def course(self) -> Course:
         """The course."""
-        spec = self.runs[0].spec
-        return parse_course(spec["course_text"], spec["course"])
+        return self.runs[0].course
 
 
 def heat_name(heat: HeatSpec, record: Mapping[str, Any]) -> str:
@@ -499,12 +497,11 @@ def _entrant_spec(
         RecordError: a file or a part is missing or differs.
         SettingError: the parts have a setting that would change the flight.
     """
-    _, changed = sorted_settings(one.spec, parts)
-    for name in changed.keys() - {"pilot"}:
+    for name in sorted_settings(one.spec, parts).changed:
         wanted = f"expected parts of your own that flew as {one.name!r}"
         raise SettingError("parts", f"{wanted}, got {name!r}")
     try:
-        return recorded_spec(one.spec, {**settings, **parts})
+        return Spec.of_record(one.spec, **settings, **parts)
     except MissingPartError as error:
         how = f"give it again as parts={{{one.name!r}: {{{error.role!r}: ...}}}}"
         if error.role in AS_TEXT:

@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 
 from msgspec import inspect
 
-from quadsim.config.recorded import recorded_spec
 from quadsim.config.resolve import DEFAULT_COURSE, KEYWORDS
 from quadsim.config.setting_texts import (
     Place,
@@ -215,8 +214,8 @@ def _entrant(
             own = parse_parts(one)
         except ValueError as error:
             raise SettingError("entrants", str(error)) from None
-    elif "course_text" in one:  # `spec` of a recorded run
-        spec = recorded_spec(one, {})
+    elif isinstance(one.get("course"), Mapping):  # `spec` of a recorded run
+        spec = Spec.of_record(one)
         return _Made(name, spec.flown_by, spec, None)
     else:
         own = dict(one)

@@ -240,7 +240,7 @@ class LimitProblem:
         own = {"plant", "referee"} & set(spec.get("own", {}))
         if own or spec.get("plant") in ("rotorpy", "crazyflow") or spec.get("penalties"):
             return None
-        course = parse_course(spec["course_text"], spec["course"])
+        course = parse_course(spec["course"]["text"], spec["course"]["name"])
         return cls.of(course, msgspec.convert(spec["vehicle"], Vehicle), spec["laps"])
 
     @cached_property

@@ -217,7 +217,7 @@ def run_name(spec: dict[str, Any]) -> str:
     The hash is the first 8 hex digits of the sha256 of what decides the flight.
     """
     utc = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
-    names = (spec["course"], flown_by(spec), spec["seed"])
+    names = (spec["course"]["name"], flown_by(spec), spec["seed"])
     course, flown, seed = (re.sub(r"[^\w.-]+", "-", str(name)) for name in names)
     decided = sha256(canonical(hostless(spec))).hexdigest()
     return f"{utc}_{course}_{flown}_s{seed}_{decided[:8]}"

@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from quadsim.course import Course, Gate, parse_course
+from quadsim.course import Course, Gate
 from quadsim.course.obstacles import Box, Obstacle
 from quadsim.files.extras import imported
 from quadsim.palette import FRAME, HIT, NEXT
@@ -91,7 +91,7 @@ def nanoseconds(t: float) -> int:
 def _metadata(run: RecordedRun) -> dict[str, str]:
     spec = run.spec
     facts = {
-        "course": spec["course"],
+        "course": run.course_name,
         "vehicle": spec["vehicle"]["name"],
         "sampler": flown_by(spec),
         "preset": spec["preset"],
@@ -109,7 +109,7 @@ def _metadata(run: RecordedRun) -> dict[str, str]:
 def _messages(run: RecordedRun) -> Iterator[Message]:
     """Yield the messages of all topics, one topic after the other."""
     schemas = _Schemas()
-    course = parse_course(run.spec["course_text"], run.spec["course"])
+    course = run.course
     yield Message(0, "/course", schemas.scene(course))
     yield Message(0, "/gates", schemas.gates(course))
     yield Message(0, "/path", schemas.path(run))

@@ -1,8 +1,8 @@
 """The record of one flight, made from its frames and read by reports.
 
-The spec of a run is a JSON dict. This module and the archive read the keys `course` and `sampler`
-(names), `course_text`, `seed`, `vehicle` (asdict(Vehicle)); `host`, which holds what must not
-change a flight (threads, folders); `interactive`, the changes made in flight (see
+The spec of a run is a JSON dict. This module and the archive read the keys `course` (name and text
+of its file), `sampler` (a name), `seed`, `vehicle` (asdict(Vehicle)); `host`, which holds what must
+not change a flight (threads, folders); `interactive`, the changes made in flight (see
 `not_comparable`); and `own`, the user's own parts. A spec may have more keys.
 """
 
@@ -19,6 +19,7 @@ import numpy as np
 
 from quadsim.controllers.excitation import EXCITE
 from quadsim.controllers.plan import PlannerSnapshot
+from quadsim.course import Course, parse_course
 from quadsim.dynamics.quadrotor import CONTROL_UNITS, STATE_UNITS
 from quadsim.physics.plant_state import MOTOR_UNITS
 from quadsim.racing.events import Event, Frame, flown_laps, lap_penalties
@@ -117,6 +118,16 @@ class RecordedRun:
         for frame in frames:
             recorder.add(frame)
         return recorder.run(spec)
+
+    @cached_property
+    def course(self) -> Course:
+        """The course as the planner knew it. Raises FileError: the record's text is none."""
+        return parse_course(self.spec["course"]["text"], self.course_name)
+
+    @property
+    def course_name(self) -> str:
+        """The name of the course."""
+        return self.spec["course"]["name"]
 
     @cached_property
     def laps(self) -> list[float]:

@@ -71,7 +71,7 @@ def write_json(run: RecordedRun, provenance: dict) -> bytes:
         "events": [event.record() for event in run.events],
         **run.wall,
         "spec": run.spec,
-        "course_sha256": sha256(run.spec["course_text"].encode()).hexdigest(),
+        "course_sha256": sha256(run.spec["course"]["text"].encode()).hexdigest(),
         "units": columns_of(run.spec),
         "repeatable_from_spec": not why_not_repeatable(run),
         **provenance,

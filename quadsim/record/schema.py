@@ -12,7 +12,7 @@ from typing import Annotated, Any
 from msgspec import Meta, Struct, field
 
 from quadsim.controllers.config import MPPIConfig
-from quadsim.course import Start
+from quadsim.course import Course, Start, parse_course
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.physics.randomization_file import RandomizationRanges
 from quadsim.racing.events import Event
@@ -90,6 +90,17 @@ class NumberChange(Struct, frozen=True):
         """Return the change as a row of events.csv; it has no gate and no place."""
         values = (float(self.t), "change", self.name, float(self.before), float(self.after))
         return dict(zip(("t", "kind", *CHANGE_COLUMNS), values, strict=True))
+
+
+class RecordedCourse(Struct):
+    """The course of a flight: its name and its whole file."""
+
+    name: PlainText
+    text: str
+
+    def course(self) -> Course:
+        """Return the course. Raises FileError."""
+        return parse_course(self.text, self.name)
 
 
 class RecordedPilot(Named):
@@ -172,8 +183,7 @@ class FlownAmong(Struct):
 class RunSpec(Struct, kw_only=True):
     """The spec of a run, see quadsim.config.spec.Spec.record."""
 
-    course: PlainText
-    course_text: str
+    course: RecordedCourse
     vehicle: Vehicle
     sampler: str
     preset: str

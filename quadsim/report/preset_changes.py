@@ -113,7 +113,7 @@ def recorded_scale(spec: Mapping[str, Any]) -> Scale | None:
     """
     try:
         read = msgspec.convert(dict(spec), RunSpec)
-        course = _course(read.course_text, read.course)
+        course = _course(read.course.text, read.course.name)
     except (msgspec.ValidationError, FileError):
         return None
     off = Displacement.of(read.randomization, read.randomize, read.displace_gates)

@@ -10,7 +10,6 @@ from rich.console import RenderableType
 from rich.markup import escape
 from rich.padding import Padding
 
-from quadsim.course import parse_course
 from quadsim.limit.limits import StoredSolution
 from quadsim.physics.randomization_file import OUTDOOR
 from quadsim.record.run import RecordedRun, has_planner, why_not_repeatable
@@ -62,7 +61,7 @@ def _head(run: RecordedRun, limit: StoredSolution | None) -> Iterator[str]:
     spec = run.spec
     colour = COLOUR.get(run.outcome, "yellow")
     laps = f"{len(run.laps)} of {spec['laps']} laps"
-    course = escape(spec["course"])
+    course = escape(run.course_name)
     place = crash_place(run).removeprefix("; ")
     yield f"[bold]{course}[/]  [bold {colour}]{run.outcome}[/]  {laps}, {run.duration:.3f} s"
     if place:
@@ -96,7 +95,7 @@ def _head(run: RecordedRun, limit: StoredSolution | None) -> Iterator[str]:
 
 def _parts(run: RecordedRun, columns: int) -> Iterator[RenderableType]:
     """Yield the tables below the head, fitted to the terminal's width in columns."""
-    course = parse_course(run.spec["course_text"], run.spec["course"])
+    course = run.course
     yield from lap_tables(run, len(course.gates), columns)
     yield incident_table(run)
     turns = turned_back(run)

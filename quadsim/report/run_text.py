@@ -23,7 +23,7 @@ ENDS = {"hit": "hit", "ground": "hit the ground", "bounds": "left the bounds", "
 def one_line(run: RecordedRun) -> str:
     """Return course, outcome, laps, time, and what a run was flown with, on one line."""
     laps = f"{len(run.laps)} of {run.spec['laps']} laps"
-    head = f"{run.spec['course']}: {run.outcome}, {laps}, {run.duration:.3f} s"
+    head = f"{run.course_name}: {run.outcome}, {laps}, {run.duration:.3f} s"
     return f"{head}, {flown_with(run.spec)}"
 
 
@@ -34,7 +34,7 @@ def paragraph(run: RecordedRun, metrics: RunMetrics) -> str:
 
 def _sentences(run: RecordedRun, metrics: RunMetrics) -> Iterator[str]:
     laps = f"{len(run.laps)} of {run.spec['laps']} laps in {run.duration:.3f} s"
-    yield f"{run.spec['course']}: {run.outcome}, {laps}{crash_place(run)}."
+    yield f"{run.course_name}: {run.outcome}, {laps}{crash_place(run)}."
     yield f"Flown with {flown_with(run.spec)}."
     for line in (given_state(run.spec), lost_estimate(run)):
         if line:

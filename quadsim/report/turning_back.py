@@ -15,7 +15,7 @@ from typing import TypedDict
 
 import numpy as np
 
-from quadsim.course import Course, Gate, parse_course
+from quadsim.course import Course, Gate
 from quadsim.course.opening import approach_length
 from quadsim.files.strict_yaml import FileError
 from quadsim.record.run import RecordedRun
@@ -44,7 +44,7 @@ def turned_back(run: RecordedRun) -> list[TurnedBack]:
     positions = np.stack([x["px"], x["py"], x["pz"]], axis=1)
     # A plant that blew up has positions beyond all numbers
     with suppress(FileError), np.errstate(all="ignore"):
-        course = parse_course(run.spec["course_text"], run.spec["course"])
+        course = run.course
         return turns(course, x["t"], positions, x["passed"])
     return []
 

@@ -13,7 +13,6 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from quadsim.config.recorded import spec_of_record
 from quadsim.config.settings import FlightNumbers, FlightSettings, values_of
 from quadsim.config.spec import Spec
 from quadsim.controllers.learned.pilot import pilot_names
@@ -73,7 +72,7 @@ def settings_of(record: Mapping[str, Any]) -> dict[str, Any] | None:
         ('figure8', 3, 512)
     """
     try:
-        flown = spec_of_record(record)
+        flown = Spec.of_record(record)
         settings = _named(flown)
         settings |= dict(_differing_flight(flown, Spec.of(**settings)))
         # With them, as numbers of a preset may follow from them

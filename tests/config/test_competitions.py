@@ -11,7 +11,6 @@ from quadsim.config.competition import (
     parse_competition,
     prescribed_courses,
 )
-from quadsim.config.recorded import spec_of_record
 from quadsim.config.settings import SettingError
 from quadsim.config.spec import Spec
 from quadsim.files.strict_yaml import FileError
@@ -26,7 +25,7 @@ def test_a_competition_is_flown_as_it_prescribes(name):
     assert spec.course.name == competition.course
     asked = Spec.of(competition.course, **competition.settings)
     assert spec.record() == asked.record()
-    assert spec_of_record(json.loads(canonical(spec.record()))).record() == spec.record()
+    assert Spec.of_record(json.loads(canonical(spec.record()))).record() == spec.record()
 
 
 def test_lsy_levels_differ_in_what_is_drawn_alone():

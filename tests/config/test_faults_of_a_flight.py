@@ -8,7 +8,6 @@ import pytest
 
 import quadsim
 from quadsim.cli.cli import race
-from quadsim.config.recorded import spec_of_record
 from quadsim.config.settings import SettingError
 from quadsim.config.spec import Spec
 from quadsim.physics.faults import parse_fault
@@ -103,7 +102,7 @@ def test_what_the_seed_drew_can_be_flown_again_as_a_text():
 def test_a_recorded_flight_with_drawn_faults_is_flown_again_by_its_record():
     flown = spec(fault=["rotor=.2@.1", "commands=lost~.1"], seed=3)
     run = quadsim.fly(flown)
-    again = spec_of_record(run.spec)
+    again = Spec.of_record(run.spec)
     assert again.drawn_faults == flown.drawn_faults
     assert quadsim.fly(again).digest() == run.digest()
 

@@ -11,7 +11,7 @@ from run_cases import two_laps
 
 import quadsim
 from quadsim.config.changes import changeable_numbers
-from quadsim.config.recorded import RecordError, recorded_spec, spec_of_record
+from quadsim.config.recorded import RecordError
 from quadsim.config.settings import FlightNumbers, SettingError
 from quadsim.config.spec import Spec
 from quadsim.controllers.learned.pilot import PILOTS
@@ -97,7 +97,7 @@ def test_a_stored_run_flies_again_to_the_last_bit(name):
 
 def test_a_record_of_another_view_weight_gives_it_again():
     spec = Spec.of("split_s_swift", sensing="gates", displace_gates=0.3, view_weight=0.7)
-    assert spec_of_record(as_stored(spec.record())).view_weight == 0.7
+    assert Spec.of_record(as_stored(spec.record())).view_weight == 0.7
 
 
 def test_every_number_of_a_flight_is_recorded_and_read():
@@ -121,7 +121,7 @@ def test_every_number_of_a_flight_is_recorded_and_read():
     }
     # Gates are known from near by only without sensors, which manoeuvres have otherwise.
     spec = Spec.of("split_s_swift", plant="rigid", sensing="perfect", **numbers)
-    again = spec_of_record(as_stored(spec.record()))
+    again = Spec.of_record(as_stored(spec.record()))
     # Not every machine has the firmware, whose configuration is recorded.
     names = {field.name for field in fields(FlightNumbers)} - {"flight_controller"}
     assert names == numbers.keys()
@@ -130,7 +130,7 @@ def test_every_number_of_a_flight_is_recorded_and_read():
 
 def test_a_run_of_a_preset_that_is_no_more_flies_with_the_numbers_it_has():
     record = as_stored(Spec.of("lsy_level2", vehicle="crazyflie", margin=0.08, **SHORT).record())
-    spec = spec_of_record(record | {"preset": "race_small"})
+    spec = Spec.of_record(record | {"preset": "race_small"})
     assert (spec.preset, spec.planner.cost.margin) == ("race_small", 0.08)
     assert spec.but(seed=7).planner == spec.planner
 
@@ -182,7 +182,7 @@ def test_changes_made_on_the_page_are_made_again():
     seen = np.column_stack([run.telemetry[name] for name in CONTROL_UNITS])
     np.testing.assert_array_equal(flown, seen)
     # The whole run of the same spec has the same record, but for the host
-    record = as_stored(recorded_spec(stored(run), {}).record())
+    record = as_stored(Spec.of_record(stored(run)).record())
     assert hostless(record) == hostless(stored(run))
     without = page_flight({0: changes[0]})
     assert not np.array_equal(without.telemetry["a_cmd"], run.telemetry["a_cmd"])
@@ -192,7 +192,7 @@ def test_own_parts_are_given_again_and_have_to_be_the_same():
     parts = {"sampler": Held(table()), "terms": [(calm, 0.5)]}
     record = as_stored(Spec.of("figure8", **BRIEF, **parts).record())
     assert why_not_repeatable(two_laps(record)).startswith("it needs your own ")
-    again = recorded_spec(record, {"sampler": Held(table()), "terms": [(calm, 0.5)]})
+    again = Spec.of_record(record, sampler=Held(table()), terms=[(calm, 0.5)])
     assert hostless(as_stored(again.record())) == hostless(record)
     with pytest.raises(RecordError, match=r"^sampler: the flight had one of your own, whose code"):
         quadsim.fly(record, terms=[(calm, 0.5)])
@@ -230,7 +230,7 @@ def test_a_flight_with_a_sampler_of_ones_own_is_flown_again():
 @pytest.mark.parametrize("kind", [Plain, Named])
 def test_a_sampler_of_any_class_is_given_again(kind):
     record = as_stored(Spec.of("figure8", **BRIEF, sampler=kind()).record())
-    assert isinstance(recorded_spec(record, {"sampler": kind()}).planner.sampling, kind)
+    assert isinstance(Spec.of_record(record, sampler=kind()).planner.sampling, kind)
     with pytest.raises(RecordError, match=r"^sampler: the flight had .*sampler=..., or --sampler"):
         quadsim.fly(record)
     with pytest.raises(
@@ -247,9 +247,9 @@ def test_a_part_that_contains_itself_is_recorded_and_given_again():
         return sampler
 
     record = as_stored(Spec.of("figure8", **BRIEF, sampler=looped(0.5)).record())
-    assert isinstance(recorded_spec(record, {"sampler": looped(0.5)}).planner.sampling, Plain)
+    assert isinstance(Spec.of_record(record, sampler=looped(0.5)).planner.sampling, Plain)
     with pytest.raises(RecordError, match=r"^sampler: expected the Plain that flew"):
-        recorded_spec(record, {"sampler": looped(0.6)})
+        Spec.of_record(record, sampler=looped(0.6))
 
 
 @pytest.mark.compiled
@@ -283,10 +283,10 @@ def test_a_course_changed_in_python_is_a_part_of_ones_own():
     moved = replace(course, gates=(replace(course.gates[0], yaw=0.1), *course.gates[1:]))
     record = as_stored(Spec.of(moved, **BRIEF).record())
     assert list(record["own"]) == ["course"]
-    assert spec_of_record(record, course=moved).course == moved
+    assert Spec.of_record(record, course=moved).course == moved
     with pytest.raises(RecordError, match=r"^course: expected the Course that flew"):
-        spec_of_record(record, course=course)
-    with pytest.raises(RecordError, match=r"^course: .*fly spec_of_record\(run.spec, course="):
+        Spec.of_record(record, course=course)
+    with pytest.raises(RecordError, match=r"^course: .*fly quadsim.Spec.of_record\(run.spec, cour"):
         quadsim.fly(record)
 
 
@@ -312,7 +312,7 @@ def test_a_solution_that_was_followed_is_in_the_record_and_has_to_be_there(tmp_p
     runs_dir = str(tmp_path / "runs")
     copied(source, limits)
     flown = record(runs_dir=runs_dir)
-    assert spec_of_record(flown).record()["reference"] == flown["reference"]
+    assert Spec.of_record(flown).record()["reference"] == flown["reference"]
     copied(source, limits, sink=0.05)
     assert record(runs_dir=runs_dir)["reference"] != flown["reference"]
     wanted = r"_3_rates.*: expected the solution that was followed, with sha256 .*, got 1 of other"
@@ -350,7 +350,7 @@ DAMAGED = {
     "sampler": ({"sampler": "pink"}, "sampler: expected one of"),
     "number": ({"timeout": -1.0}, "timeout: expected"),
     "numbers": ({"model": {"drag": 1}}, r"expected the record of a flight.*model"),
-    "course": ({"course_text": "gates: []"}, "figure8"),
+    "course": ({"course": {"name": "figure8", "text": "gates: []"}}, "figure8"),
     "plant": ({"plant": "gazebo"}, "plant: expected 'bullet'"),
 }
 # A record obeys the ranges of the files that its parts come from: key, value, message

@@ -44,7 +44,7 @@ def test_record_is_json_and_holds_every_number():
     record = json.loads(json.dumps(small().record()))
     assert record["planner"]["mppi"] | SMALL == record["planner"]["mppi"]
     assert record["planner"]["sampling"]["sigma"] == list(PRESETS["race"]["colored"].sampling.sigma)
-    assert record["course_text"].startswith("#")
+    assert record["course"]["text"].startswith("#")
     assert record["vehicle"]["rotors"]["motor_tau"] == 0.033
 
 

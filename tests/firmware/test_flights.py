@@ -10,7 +10,7 @@ import quadsim
 from quadsim.campaign.run.attempt import fly_attempt
 from quadsim.cli.cli import race
 from quadsim.config.build_plant import plant_of
-from quadsim.config.recorded import spec_of_record
+from quadsim.config.spec import Spec
 from quadsim.firmware.process import Firmware, FirmwareError
 from quadsim.physics.plant import RigidPlant
 from quadsim.record.archive import read_run
@@ -74,7 +74,7 @@ def test_a_stored_flight_is_flown_again(built, run, tmp_path):
     loaded = read_run(run.save(tmp_path / "run"))
     assert loaded.digest() == run.digest()
     assert loaded.spec["betaflight"]["firmware"]["firmware"] == built.firmware
-    again = quadsim.fly(spec_of_record(loaded.spec))
+    again = quadsim.fly(Spec.of_record(loaded.spec))
     assert again.digest() == run.digest()
 
 
@@ -280,7 +280,7 @@ def test_a_text_of_an_older_version_flies_and_says_so(built, tmp_path, capsys):
     assert f"race firmware read --betaflight {file}\n" in err
     (run,) = quadsim.runs(tmp_path)
     stored = read_run(run.path)
-    assert spec_of_record(stored.spec).betaflight.lines == tuple(file.read_text().splitlines())
+    assert Spec.of_record(stored.spec).betaflight.lines == tuple(file.read_text().splitlines())
 
 
 def test_a_race_of_which_a_firmware_is_killed_is_kept(built, killed, tmp_path, capsys):

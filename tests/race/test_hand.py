@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import quadsim
-from quadsim.config.recorded import RecordError, spec_of_record
+from quadsim.config.recorded import RecordError
+from quadsim.config.spec import Spec
 from quadsim.dynamics.quadrotor import Control
 from quadsim.racing.events import NO_PROGRESS
 from quadsim.racing.hand import HAND, SILENCE, SINKING, Hand, HandRates, Rates, Sticks
@@ -91,7 +92,7 @@ def test_a_run_keeps_who_flew_and_what_was_asked_for(run, tmp_path):
 
 def test_a_run_of_a_person_cannot_be_flown_again(run):
     with pytest.raises(RecordError, match="hand"):
-        spec_of_record(run.spec)
+        Spec.of_record(run.spec)
 
 
 def test_a_person_has_longer_to_turn_round_than_a_planner(run):

@@ -79,7 +79,7 @@ STRANGE = {
     "a term without a name": {"own": {"terms": [{}]}},
     "a fault that is none": {"drawn_faults": ["rotor9=5@x"]},
     "too many laps": {"laps": 10**7},
-    "a name with control characters": {"course": "\x1b[31mred"},
+    "a name with control characters": {"course": {"name": "\x1b[31mred", "text": ""}},
     "no planner": {"planner": {}},
 }
 

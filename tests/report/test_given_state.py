@@ -7,7 +7,7 @@ import pytest
 
 import quadsim
 from quadsim.cli.cli import race
-from quadsim.config.recorded import spec_of_record
+from quadsim.config.spec import Spec
 from quadsim.controllers.plan import PlanStats
 from quadsim.record.run import canonical
 from quadsim.report.given_state import conditions, given_state
@@ -119,7 +119,7 @@ def test_in_a_race_of_several_each_has_the_state_that_it_asked_for():
 def test_the_setting_is_flown_again():
     record = json.loads(canonical(quadsim.Spec.of("figure8", predict=False).record()))
     assert record["predict"] is False
-    assert spec_of_record(record).predict is False
+    assert Spec.of_record(record).predict is False
 
 
 def test_the_report_says_what_adds_to_the_latency():

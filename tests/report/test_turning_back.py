@@ -93,8 +93,10 @@ def test_a_stored_run_of_any_age_is_asked_by_its_telemetry():
     t, p, passed = way(RUNS["past the gate and round it"][0])
     columns = {name: np.zeros(len(t)) for name in COLUMNS} | {"t": t, "passed": passed}
     columns |= dict(zip(("px", "py", "pz"), p.T, strict=True))
-    flown = replace(run, spec=run.spec | {"course_text": COURSE}, telemetry=columns)
+    spec = run.spec | {"course": {"name": "u", "text": COURSE}}
+    flown = replace(run, spec=spec, telemetry=columns)
     (turn,) = turned_back(flown)
     assert (turn["gate"], turn["lap"]) == (1, 1)
-    assert turned_back(replace(flown, spec=flown.spec | {"course_text": "damaged"})) == []
+    damaged = spec | {"course": {"name": "u", "text": "damaged"}}
+    assert turned_back(replace(flown, spec=damaged)) == []
     assert isinstance(flown, RecordedRun)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import quadsim
-from quadsim.config.recorded import spec_of_record
+from quadsim.config.spec import Spec
 from quadsim.record.run import RunError
 from quadsim.record.run_format import read_npz, write_npz
 from quadsim.sensing.sensors import WARM_UP
@@ -35,7 +35,7 @@ def test_what_is_kept_changes_no_flight(lab):
 
 def test_every_measurement_is_kept_with_its_instant_and_its_arrival(lab):
     kept = lab.measurements
-    sensing = spec_of_record(lab.spec, controller=Climb()).sensing
+    sensing = Spec.of_record(lab.spec, controller=Climb()).sensing
     for name in ("imu", "pose", "rotors"):
         sensor = getattr(sensing, name)
         expected = (WARM_UP + lab.duration - sensor.latency) * sensor.rate
@@ -51,7 +51,7 @@ def test_every_measurement_is_kept_with_its_instant_and_its_arrival(lab):
 
 def test_measurements_are_the_truth_and_noise(lab):
     kept, x = lab.measurements, lab.telemetry
-    noise = spec_of_record(lab.spec, controller=Climb()).sensing
+    noise = Spec.of_record(lab.spec, controller=Climb()).sensing
     roll = np.interp(kept["imu.t"], x["t"], x["wx"])
     flying = kept["imu.t"] > 0.0
     off = (kept["imu.gyro"][:, 0] - roll)[flying]
@@ -62,7 +62,7 @@ def test_measurements_are_the_truth_and_noise(lab):
 
 
 def test_the_estimated_gates_stand_beside_the_true_ones(lab):
-    spec = spec_of_record(lab.spec, controller=Climb())
+    spec = Spec.of_record(lab.spec, controller=Climb())
     mapped, true = (
         np.array([gate.position for gate in course.gates])
         for course in (spec.course, spec.flown_course)

@@ -14,14 +14,16 @@ from quadsim.config.spec import Spec
 from quadsim.course import load_course
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import Control, ModelParams, State, quadrotor
+from quadsim.physics.actuators import Actuators
 from quadsim.physics.domain_randomization import Randomization, gusts
+from quadsim.physics.faults import RotorFault, Window
 from quadsim.physics.plant import PLANTS, default_plant, start_state
 from quadsim.physics.rotorpy_plant import RotorpyPlant
 from quadsim.racing.flight import simulate
 from quadsim.rotation import to_body, turned
 from quadsim.sensing.config import ImuConfig
 from quadsim.sensing.estimation.body_rates import BodyRates
-from quadsim.sensing.estimation.vehicle_learner import FORCE_STD, Acted, VehicleLearner
+from quadsim.sensing.estimation.vehicle_learner import FORCE_STD, Acted, Row, VehicleLearner
 from quadsim.sensing.nominal import Nominal
 from quadsim.vehicle import GRAVITY, load_vehicle
 from quadsim.vehicle.tolerances import VehicleTolerances
@@ -141,6 +143,51 @@ def test_commands_that_change_within_a_period_hide_no_thrust():
     assert learner.model.tilt_first
     assert mistaken.model.thrust_max < 0.98 * NOMINAL.thrust_max
     assert not mistaken.model.tilt_first
+
+
+def flown_at_the_limit(strengths, start=1.0, seconds=4.0, low=0.5):
+    """Return the learner after a flight whose commands are limited by its own estimate.
+
+    Every second the command is low for a fifth of a second.
+
+    Args:
+        strengths: shares of the rotors' thrusts, which the mixer does not know  (4,).
+        start: the first estimate of the highest thrust, as a share of the nominal.
+        low: the low command, as a share of the estimate.
+    """
+    faults = [RotorFault(rotor, share, Window(0.0)) for rotor, share in enumerate(strengths, 1)]
+    actuators = Actuators(SWIFT, DT, faults)
+    learner = VehicleLearner.for_exact_states(NOMINAL, DT)
+    learner._theta[Row.THRUST_MAX] *= start
+    rates, thrust, beta = np.zeros(3), GRAVITY, (0.0, 0.0, 0.0)
+    for i in range(round(seconds / DT)):
+        most = learner.numbers.thrust_max
+        rate = 2.0 * (-1) ** (i // 10)
+        u = Control(rate, -rate, 0.0, low * most if i % 100 < 20 else most)
+        actuators.wrench(u, tuple(rates), (0.0, 0.0, 0.0))
+        before = State.of((0, 0, 0), (0, 0, 0), (1, 0, 0, 0), tuple(rates), thrust, beta)
+        thrust, beta = actuators.thrust, actuators.angular_acceleration
+        rates = rates + np.array(beta) * DT
+        after = State.of((0, 0, 0), (0, 0, 0), (1, 0, 0, 0), tuple(rates), thrust, beta)
+        learner.learn_from_states(before, after, alone(u), DT)
+    return learner
+
+
+@pytest.mark.parametrize("strengths", [(0.9,) * 4, (0.9, 1.0, 1.0, 1.0), (1.0, 1.0, 1.0, 0.7)])
+@pytest.mark.parametrize("low", [0.5, 1.0])
+def test_a_thrust_that_is_short_at_every_level_is_no_limit(strengths, low):
+    learner = flown_at_the_limit(strengths, low=low)
+    assert learner.numbers.thrust_max > 0.94 * NOMINAL.thrust_max
+
+
+def test_an_estimate_of_the_highest_thrust_that_is_too_low_comes_back():
+    learner = flown_at_the_limit((1.0,) * 4, start=0.6)
+    assert learner.numbers.thrust_max > 0.94 * NOMINAL.thrust_max
+
+
+@pytest.mark.parametrize("strengths", [(0.8, 1.0, 1.0, 1.0), (1.0, 1.0, 0.8, 1.0)])
+def test_a_torque_that_was_not_asked_for_is_no_torque_that_is_not_delivered(strengths):
+    assert flown_at_the_limit(strengths).model.tilt_first
 
 
 def learnt_at_full_thrust(plant, vehicle, seconds, tilt=3.0):

@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 
 from quadsim.controllers.samplers import SAMPLERS
-from quadsim.course import Course, parse_course
+from quadsim.course import Course
 from quadsim.heat.archive import is_heat, runs_of_heat
 from quadsim.limit.limits import limit_of, limits_folder
 from quadsim.racing.along import Legs
@@ -37,7 +37,7 @@ def stored_competitor(path: Path) -> Competitor:
         FileError: the course cannot be read.
     """
     run = read_run(path)
-    course = parse_course(run.spec["course_text"], run.spec["course"])
+    course = run.course
     return run_competitor(run, course, path)
 
 

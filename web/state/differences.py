@@ -20,7 +20,6 @@ from quadsim.web.state.plain_text import plain
 LEFT_OUT = {
     "system",
     "host",
-    "course_text",
     "timeout",
     "planner",
     "model",

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from quadsim.config.recorded import spec_of_record
 from quadsim.config.spec import Spec
 from quadsim.heat.archive import read_heat, spec_of_heat
 from quadsim.heat.spec import HeatSpec
@@ -28,7 +27,7 @@ class AgainChoices:
             ValueError: the page cannot fly the run; the message is one line.
         """
         run = read_run(self.folder)
-        return spec_of_record(run.spec, self.root)
+        return Spec.of_record(run.spec, runs_dir=self.root)
 
     def flown(self, base: Spec) -> Spec:
         """Return the flight with the recorded numbers of the sliders."""

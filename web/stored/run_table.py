@@ -35,7 +35,7 @@ LONGEST_PROBLEM = 160  # [characters]
 # A folder modified less than this time ago [s] may change again without a new time
 RECENT = 2.0
 # Parts of a spec that decide the limit of its race
-OF_LIMIT = ("course", "course_text", "vehicle", "laps", "plant", "penalties", "own")
+OF_LIMIT = ("course", "vehicle", "laps", "plant", "penalties", "own")
 
 
 @dataclass(frozen=True)

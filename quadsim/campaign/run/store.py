@@ -114,7 +114,7 @@ class Store(Database[AttemptRow]):
             code=code_of(flown.provenance),
             variant=variant_key(record, versions, twin),
             name=name,
-            course=record["course"],
+            course=record["course"]["name"],
             sampler=flown_by(record),
             preset=record["preset"],
             vehicle=record["vehicle"]["name"],

@@ -10,9 +10,10 @@ The filter learns in one of two ways.
 
 **From exact states.** a is known then, and two consecutive states give the left side; the factors
 of k and d are their means over the period. The highest thrust is the thrust at which the rotors
-settle below their command. At that limit the learner also estimates which share of the requested
-angular acceleration is delivered, and so whether the flight controller gives up thrust to roll and
-pitch: the share is 0.9 in our plant, and 0.46 in RotorPy, which clips each rotor by itself.
+settle below their command by more than the share that is missing at every thrust, as with a weak
+rotor. At that limit the learner also estimates which share of the requested angular acceleration is
+delivered, and so whether the flight controller gives up thrust to roll and pitch: the share is 1 in
+our plant, and 0.46 in RotorPy, which clips each rotor by itself.
 
 **From an accelerometer, and from rotor speeds if they are measured.** Over a control period
 
@@ -54,8 +55,17 @@ from quadsim.vehicle.tolerances import VehicleTolerances
 ACCELERATION_STD = 0.05
 # [m/s^2] A thrust that changes by less in a period has settled.
 SETTLED = 0.15
-# [m/s^2] A settled thrust that is this far below its command is saturated.
+# [m/s^2] A settled thrust that is this far below what a command delivers is saturated.
 SHORTFALL = 0.5
+# share of the nominal highest thrust up to which every vehicle is expected to follow: a thrust that
+# is missing below it is missing at every level, and the highest thrust is not sought there
+UNSATURATED = 0.9
+# share of the estimated highest thrust; a command above it tests the estimate
+NEAR_LIMIT = 0.97
+# A delivered share of the thrust that is nearer to 1 counts as 1: unmodelled lags look like it.
+SHARE_TOLERANCE = 0.01
+# gain per period of the unasked torque on its error
+UNASKED_STEP = 0.05
 # share of the highest thrust; a larger reserve for roll and pitch gives no estimate
 MAX_RESERVE = 0.05
 # gain per such period of the highest thrust, or of the delivered share, on its error
@@ -148,6 +158,11 @@ class Acted(NamedTuple):
         return min(u.thrust for u in self.commands)
 
     @property
+    def mean_thrust(self) -> float:
+        """The commanded thrust, averaged over time [m/s^2]."""
+        return sum(s * u.thrust for s, u in zip(self.shares, self.commands, strict=True))
+
+    @property
     def mean_tilt_rates(self) -> np.ndarray:
         """The commanded roll and pitch rate, averaged over time [rad/s]  (2,)."""
         rates = np.array([u.body_rates[:2] for u in self.commands])
@@ -189,6 +204,10 @@ class VehicleLearner:
         self._P = covariance
         self._R = force_variance * np.eye(3)
         self._delivered = delivered
+        # share of the asked thrust that is delivered below the highest thrust
+        self._thrust_share = 1.0
+        # angular acceleration about x and y that nobody asks for, per thrust [1/m]  (2,)
+        self._unasked = np.zeros(2)
         self._rotor_response = response(model.motor_tau, dt)
         self._rate_responses = np.array([response(lag, dt) for lag in model.rate_lags[:2]])
         # about x and y [1/s]
@@ -333,18 +352,41 @@ class VehicleLearner:
         self._P[OF_ACCELERATION, OF_ACCELERATION] = P - K @ H @ P
 
     def _update_thrust_max(self, before: State, after: State, acted: Acted) -> None:
-        """Learn the highest thrust if the thrust has settled below its command.
+        """Learn the highest thrust from a thrust that has settled.
 
-        Thrust and reserve for roll and pitch then add up to the highest thrust.
+        The highest thrust and the commands are what the rotors are asked for. They deliver a share
+        of it, so a thrust that is short by this share alone is not at its limit.
         """
         change = after.thrust - before.thrust
-        settled = before.thrust + change / self._rotor_response
-        if abs(change) >= SETTLED or acted.least_thrust <= settled + SHORTFALL:
+        if abs(change) >= SETTLED:
             return
+        delivered = before.thrust + change / self._rotor_response
+        asked = self._asked_thrust(delivered, acted)
+
+        nominal = self._nominal.thrust_max
+        thrust_max = float(self._theta[Row.THRUST_MAX])
         reserve = self._mean_reserve(before, after, acted)
-        thrust_max = self._theta[Row.THRUST_MAX]
-        if reserve < MAX_RESERVE * thrust_max:
-            self._theta[Row.THRUST_MAX] += STEP * (settled + reserve - thrust_max)
+        is_short = acted.least_thrust > asked + SHORTFALL
+        if is_short and reserve < MAX_RESERVE * thrust_max:
+            # Thrust and reserve for roll and pitch then add up to the highest thrust.
+            thrust_max += STEP * (asked + reserve - thrust_max)
+            self._theta[Row.THRUST_MAX] = max(thrust_max, UNSATURATED * nominal)
+
+        # An estimate that no vehicle within the tolerances has is raised if it is delivered.
+        is_tested = acted.least_thrust > NEAR_LIMIT * (thrust_max - reserve)
+        is_low = thrust_max < (1.0 - self._tolerances.thrust) * nominal
+        if not is_short and is_tested and is_low:
+            self._theta[Row.THRUST_MAX] += SETTLED
+
+    def _asked_thrust(self, delivered: float, acted: Acted) -> float:
+        """Return the thrust that the vehicle asks of its rotors when this thrust has settled.
+
+        The share that they deliver is learned from commands below the highest thrust.
+        """
+        if GRAVITY < acted.least_thrust <= UNSATURATED * self._nominal.thrust_max:
+            self._thrust_share += STEP * (delivered / acted.mean_thrust - self._thrust_share)
+        is_sound = abs(self._thrust_share - 1.0) <= SHARE_TOLERANCE
+        return delivered if is_sound else delivered / self._thrust_share
 
     def _update_by_strongest_rotor(self, before: State, after: State, acted: Acted) -> None:
         """Learn the highest thrust from the strongest rotor, if the mixer gives up thrust."""
@@ -368,15 +410,22 @@ class VehicleLearner:
         """
         assert self._delivered is not None
         reserve = self._mean_reserve(before, after, acted)
-        thrust_max = self._theta[Row.THRUST_MAX]
-        is_limited = acted.least_thrust > thrust_max - reserve / 2
-        if reserve <= LEAST_RESERVE * thrust_max or not is_limited:
-            return
         rates = np.add(before.body_rates, after.body_rates)[:2] / 2
         asked = self._rate_gains * (acted.mean_tilt_rates - rates)
         first, last = np.array([before.angular_acceleration[:2], after.angular_acceleration[:2]])
         settled = first + (last - first) / self._rate_responses
-        self._delivered += STEP * (float(settled @ asked / (asked @ asked)) - self._delivered)
+
+        # Unequal rotors and a centre of mass off the middle make a torque that nobody asks for and
+        # that grows with the thrust. What is asked for changes its sign often, this does not.
+        thrust_max = self._theta[Row.THRUST_MAX]
+        thrust = (before.thrust + after.thrust) / 2
+        if thrust > GRAVITY:
+            self._unasked += UNASKED_STEP * ((settled - asked) / thrust - self._unasked)
+
+        is_limited = acted.least_thrust > thrust_max - reserve / 2
+        if reserve > LEAST_RESERVE * thrust_max and is_limited:
+            share = float((settled - self._unasked * thrust) @ asked / (asked @ asked))
+            self._delivered += STEP * (share - self._delivered)
 
     def _mean_reserve(self, before: State, after: State, acted: Acted) -> float:
         """Return the reserve for roll and pitch, averaged over the period [m/s^2].
