@@ -25,7 +25,7 @@ from quadsim.web.state.menu import Menu
 from tests.fuzz.harness import Case
 from tests.web.wire import CAMERA, connect, link
 
-MENU = Menu(("figure8",), ("swift",), {"race": "swift"}, ("colored", "gaussian"))
+MENU = Menu(("figure8",), ("swift",), ("race",), ("colored", "gaussian"))
 TYPES = ("ViewerCameraMessage", "GuiUpdateMessage", "CommandTriggerMessage")
 TYPES = (*TYPES, "GetRenderResponseMessage", "ShareUrlRequest", "FileTransferStartUpload", "x", "")
 NUMBERS = (0, -1, 1, 2**31, 2**63, 2**64 - 1, 0.5, -0.0, 1e308, float("nan"), float("inf"))

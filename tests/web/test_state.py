@@ -237,7 +237,7 @@ def test_a_state_is_never_changed_itself():
     assert Choices.of(TWO.race, TWO.rows[0].choices) == choices("colored")
 
 
-MENU_OF_TWO = Menu((COURSE,), ("swift",), {"race": "swift"}, ("colored", "gaussian"))
+MENU_OF_TWO = Menu((COURSE,), ("swift",), ("race",), ("colored", "gaussian"))
 OFFERED = PageState.of(choices("colored"), choices("gaussian"), menu=MENU_OF_TWO)
 
 

@@ -135,9 +135,6 @@ class CompetitorForm(Form):
             self._desk.do(SetNumber(asked.of, asked.field, float(value)))
             return
         names = {asked.field: str(value)}
-        menu = self._desk.state.menu
-        if asked.field == "preset" and menu:
-            names["vehicle"] = menu.presets[str(value)]
         if value == HAND:
             vehicle = self._desk.state.row(asked.of).choices.vehicle
             names["flight_controller"] = flight_controller_of(vehicle)
