@@ -10,7 +10,7 @@ from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
-from quadsim.campaign.run.store import Row
+from quadsim.campaign.run.store import AttemptRow
 from quadsim.campaign.run.variants import Variant
 from quadsim.config.setting_texts import resolve
 from tests.small import SMALL, flags
@@ -65,7 +65,7 @@ def end_after(process: subprocess.Popen, campaign: Path, rows: int, sign: signal
 
 def row(
     seed=0, outcome="finished", laps=(5.0, 4.0), gates=7, tv=10.0, code="a" * 40, **changes
-) -> Row:
+) -> AttemptRow:
     """Return a row as if its attempt had been flown."""
     crash = {"kind": "hit", "gate": 3, "obstacle": 0, "lap": 1, "position": [1.0, 2.0, 3.0]}
     result = {
@@ -82,7 +82,7 @@ def row(
         "cpu": "",
         "digest": "",
     }
-    made = Row(
+    made = AttemptRow(
         key=f"k{seed}",
         code=code,
         variant="variant",

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from quadsim.campaign.run.store import Row, Store
+from quadsim.campaign.run.store import AttemptRow, Store
 
 DIGITS = 6  # significant digits of a number in a CSV file
 
@@ -59,7 +59,7 @@ def flights(campaign: Path, command: str) -> list[Flight]:
     return [_flight(latest[key]) for key in sorted(latest)]
 
 
-def _flight(row: Row) -> Flight:
+def _flight(row: AttemptRow) -> Flight:
     found = row.result
     return Flight(
         course=row.course,

@@ -37,7 +37,7 @@ Item = TypeVar("Item")
 
 
 class Heading(msgspec.Struct, frozen=True, tag="heading"):
-    """What the next blocks are about, and the conditions under which it was flown."""
+    """The subject of the next blocks, and the conditions of its flights."""
 
     text: str
     detail: str = ""
@@ -268,7 +268,7 @@ def as_table(table: Table, columns: int | None = None) -> Group:
     """
     room = (width() if columns is None else columns) - INDENT
     widths = [_least_width(table, i) for i in range(len(table.head))]
-    # The first column has a name, which is broken where it leaves no room for another column.
+    # The first column is a name, which is broken if it leaves no room for another column.
     widths[0] = min(widths[0], max(TEXT, room - GAP - max(widths[1:])))
     shown: list[RenderableType] = []
     for part in _parts(widths, room):

@@ -16,7 +16,7 @@ class Command(NamedTuple):
     compiles: bool = False  # whether the command runs the compiled planner
 
 
-# The commands by name, in the groups of `race --help`
+# The commands by name, in the groups of `race --help` and of docs/commands.md
 GROUPS = {
     "Fly": {
         "fly": Command(
@@ -30,6 +30,10 @@ GROUPS = {
         "web": Command("quadsim.cli.web:web", "watch, tune, race and replay in a browser", True),
         "serve": Command(
             "quadsim.cli.serve:serve", "the AI Grand Prix's simulator for a client over MAVLink"
+        ),
+        "firmware": Command(
+            "quadsim.cli.firmware:firmware",
+            "the flight controller Betaflight: what is built, build it",
         ),
     },
     "Stored runs": {
@@ -66,11 +70,34 @@ GROUPS = {
         "tune": Command(
             "quadsim.cli.tune:tune", "search planner parameters for the fastest safe lap", True
         ),
+        "regress": Command(
+            "quadsim.cli.regress:regress",
+            "regression test for lap times, success and chatter",
+            True,
+        ),
         "limit": Command(
             "quadsim.cli.limit:limit", "the least time in which a vehicle can fly a course"
         ),
     },
-    "Courses, vehicles and settings": {
+    "Training and measurements": {
+        "train": Command(
+            "quadsim.cli.train:train", "learn a pilot for a course, flown by race fly --pilot", True
+        ),
+        "train-pixels": Command(
+            "quadsim.cli.train_pixels:train_pixels",
+            "train the network that finds gates in pictures",
+            True,
+        ),
+        "bench": Command(
+            "quadsim.cli.bench:bench",
+            "planning time on this machine, pytorch-mppi and JAX beside it",
+            True,
+        ),
+        "paper": Command(
+            "quadsim.cli.paper:paper", "reproduce the paper's tables and figures", True
+        ),
+    },
+    "Courses, vehicles, sensors, settings": {
         "courses": Command("quadsim.cli.listing:courses", "the courses that come with the project"),
         "vehicles": Command(
             "quadsim.cli.listing:vehicles", "the vehicles that come with the project"
@@ -88,7 +115,7 @@ GROUPS = {
             "quadsim.cli.listing:settings", "all settings: unit, range, default, meaning"
         ),
         "check": Command(
-            "quadsim.cli.listing:check", "check course, vehicle, preset and sensing files"
+            "quadsim.cli.check:check", "check course, vehicle, preset and sensing files"
         ),
         "convert": Command(
             "quadsim.cli.convert:convert", "a course of another simulator as a course file"
@@ -98,35 +125,6 @@ GROUPS = {
             "a vehicle file from mass, thrust-to-weight, arm, propeller",
         ),
         "fit": Command("quadsim.cli.fit:fit", "a vehicle file from flight logs"),
-    },
-    "Learn": {
-        "train": Command(
-            "quadsim.cli.train:train", "learn a pilot for a course, flown by race fly --pilot", True
-        ),
-        "train-pixels": Command(
-            "quadsim.cli.train_pixels:train_pixels",
-            "train the network that finds gates in pictures",
-            True,
-        ),
-    },
-    "Measure and build": {
-        "firmware": Command(
-            "quadsim.cli.firmware:firmware",
-            "the flight controller Betaflight: what is built, build it",
-        ),
-        "bench": Command(
-            "quadsim.cli.bench:bench",
-            "planning time on this machine, pytorch-mppi and JAX beside it",
-            True,
-        ),
-        "regress": Command(
-            "quadsim.cli.regress:regress",
-            "regression test for lap times, success and chatter",
-            True,
-        ),
-        "paper": Command(
-            "quadsim.cli.paper:paper", "reproduce the paper's tables and figures", True
-        ),
     },
 }
 COMMANDS = {name: command for group in GROUPS.values() for name, command in group.items()}

@@ -163,7 +163,7 @@ def _again(
         runs_dir: folder of runs with the race and the solutions that its planners follow; None: the
             default folder, and for the solutions the folder of the record.
         parts: texts of the user's own parts that flew, see `parts_of`.
-        seed: seed of the race; None: that of the record.
+        seed: seed of the race; None: the seed of the record.
         json: whether the report is JSON.
     """
     stored = read_heat(find_heat(name, runs_dir or FlightSettings.runs_dir))

@@ -13,7 +13,7 @@ from rich.markup import escape
 from quadsim.campaign.document import Table, as_table
 from quadsim.campaign.flights.baseline import (
     Baseline,
-    Stored,
+    StoredNumbers,
     Verdict,
     baseline_text,
     baseline_variant,
@@ -47,7 +47,7 @@ class Found:
 
     path: Path
     baseline: Baseline
-    now: Stored
+    now: StoredNumbers
     verdicts: list[Verdict]  # empty if nothing was stored yet
 
 

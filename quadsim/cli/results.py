@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from fnmatch import fnmatch
 from itertools import combinations
-from math import isfinite
 from typing import Annotated
 
-from rich.console import RenderableType
-from rich.markup import escape
-
-from quadsim.campaign.document import Table, as_table
-from quadsim.campaign.flights.results import ABOVE_LIMIT, COLUMNS, TEXTS, Group, find, stored
+from quadsim.campaign.document import Block, Document, Note, Table
+from quadsim.campaign.flights.results import StoredVariant, find, group_blocks, stored
 from quadsim.campaign.flights.stats import PairStats, pair_stats
 from quadsim.campaign.flights.tables import ALL_PAIRS, PAIRS, notes_of_faults
 from quadsim.cli.campaigns import CAMPAIGN
 from quadsim.cli.flags import Help, Json, RunsDir
 from quadsim.console import UsageError, emit, emit_json
-
-# Columns that move above the table if all groups share the cell, with their names there.
-SHARED = {"course": "course", "vehicle": "vehicle", "rnd": "randomized", "commit": "commit"}
 
 
 def results(
@@ -65,49 +58,28 @@ def results(
         found = {"variants": variants, "pairs": [asdict(pair) for pair in pairs]}
         emit_json(found | {"campaigns": list(campaigns)})
         return 0
-    emit(*results_table(groups))
-    faults = list(notes_of_faults([group.stats for group in groups]))
-    if faults:
-        emit("", *map(escape, faults))
-    if pairs:
-        shown = pairs if len(groups) <= ALL_PAIRS else [p for p in pairs if p.a == groups[0].label]
-        emit("", as_table(Table.of(shown, PAIRS)))
-        if len(shown) < len(pairs):
-            emit("", f"{len(shown)} of {len(pairs)} pairs, those with the first id; --json has all")
-        if len({group.first.code for group in groups}) > 1:
-            emit("", escape("MIXED COMMITS: " + ", ".join(group.label for group in groups)))
+    faults = notes_of_faults([group.stats for group in groups])
+    blocks = [*group_blocks(groups), *map(Note, faults), *_pair_blocks(groups, pairs)]
+    emit(*Document(tuple(blocks)).renderables())
     return 0
 
 
-def _find(groups: Sequence[Group], wanted: str) -> Group:
+def _pair_blocks(groups: Sequence[StoredVariant], pairs: Sequence[PairStats]) -> list[Block]:
+    """Return the table of compared groups and its remarks; nothing without pairs."""
+    if not pairs:
+        return []
+    shown = pairs if len(groups) <= ALL_PAIRS else [p for p in pairs if p.a == groups[0].label]
+    blocks: list[Block] = [Table.of(shown, PAIRS)]
+    if len(shown) < len(pairs):
+        text = f"{len(shown)} of {len(pairs)} pairs, those with the first id; --json has all"
+        blocks.append(Note(text))
+    if len({group.first.code for group in groups}) > 1:
+        blocks.append(Note("MIXED COMMITS: " + ", ".join(group.label for group in groups)))
+    return blocks
+
+
+def _find(groups: Sequence[StoredVariant], wanted: str) -> StoredVariant:
     try:
         return find(groups, wanted)
     except ValueError as error:
         raise UsageError(str(error)) from None
-
-
-def results_table(groups: Sequence[Group], width: int | None = None) -> Iterator[RenderableType]:
-    """Yield one table, and above it the values common to all groups, to save width.
-
-    Args:
-        groups: groups of flights, one per row.
-        width: columns of the terminal; None: width of the present terminal.
-    """
-    if not groups:
-        yield "no stored attempt matches"
-        return
-    left_out = set()
-    above = []
-    for head, name in SHARED.items():
-        cells = {COLUMNS[head](group) for group in groups}
-        if len(cells) == 1:
-            left_out.add(head)
-            above.append(f"{name} {cells.pop()}")
-    if above:
-        yield escape(", ".join(above))
-        yield ""
-    if not any(isfinite(group.stats.above_limit) for group in groups):
-        left_out.add(ABOVE_LIMIT)
-    columns = {head: cell for head, cell in COLUMNS.items() if head not in left_out}
-    texts = tuple(i for i, head in enumerate(columns) if head in TEXTS)
-    yield as_table(Table.of(groups, columns, texts), width)

@@ -13,7 +13,13 @@ from rich.markup import escape
 
 from quadsim.campaign.document import Table, as_table
 from quadsim.campaign.run.variants import Variant
-from quadsim.campaign.tune.parameters import GROUPS, Group, parameters, preset_text, with_parameters
+from quadsim.campaign.tune.parameters import (
+    GROUPS,
+    ParameterGroup,
+    parameters,
+    preset_text,
+    with_parameters,
+)
 from quadsim.cli.campaigns import CAMPAIGN, Campaign, Jobs, Scheduler
 from quadsim.cli.flags import Given, Help, Json, course_help, settings_as_flags
 from quadsim.config.setting_texts import resolve
@@ -36,7 +42,7 @@ def tune(
     attempts: Annotated[int, Meta(ge=1, le=1000), Help("flights of each trial on each course")] = 4,
     floor: Annotated[float, Meta(ge=0, le=1), Help("share of the attempts that must finish")] = 1.0,
     search: Annotated[
-        tuple[Group, ...], Help("groups of parameters", consume_multiple=True)
+        tuple[ParameterGroup, ...], Help("groups of parameters", consume_multiple=True)
     ] = GROUPS,
     out: Annotated[str, Help("FILE.yaml of the preset, for race fly --preset")] = "tuned.yaml",
     jobs: Jobs = None,

@@ -13,7 +13,7 @@ from msgspec import Meta
 from quadsim.cli.commands import EXIT
 from quadsim.cli.flags import Help, Json, RunsDir, Stored, course_help
 from quadsim.console import UsageError, complain, emit, emit_json, uninterrupted
-from quadsim.course import load_course
+from quadsim.course import course_names, load_course
 from quadsim.heat.archive import run_folders
 from quadsim.record.run import RunError
 from quadsim.record.whole_files import try_writing
@@ -45,7 +45,7 @@ def web(
     except RunError as error:
         # Runs can be watched all the same
         complain(f"race web: {error}: flights of this page cannot be stored")
-    paths = [folder for run in runs for folder in run_folders(run, runs_dir)]
+    paths = [folder for run in runs for folder in _folders(run, runs_dir)]
     # imported here, as they load numba and viser, which --help does not need
     from quadsim.web.page.dashboard import Dashboard
     from quadsim.web.page.server.page_server import address, new_token, serve
@@ -81,6 +81,18 @@ def web(
         session.close()
         server.stop()
     return EXIT["interrupted"]
+
+
+def _folders(run: str, runs_dir: str) -> list[Path]:
+    """Return the folders of a stored run or race. Raises RunError or UsageError."""
+    try:
+        return run_folders(run, runs_dir)
+    except RunError:
+        if run in course_names():
+            raise UsageError(
+                f"{run!r}: expected a stored run, got a course: use --course {run}"
+            ) from None
+        raise
 
 
 def forwarding(host: str, port: int, connection: str) -> str:

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure, SubFigure
 
 from quadsim.campaign.run.attempt import fly_attempt
 from quadsim.campaign.run.runner import Runner
-from quadsim.campaign.run.store import Row
+from quadsim.campaign.run.store import AttemptRow
 from quadsim.campaign.run.variants import Variant
 from quadsim.config.spec import Spec
 from quadsim.console import complain
@@ -63,7 +63,7 @@ def make(runs: int, folder: Path) -> Result:
     return Result({"variants": table}, (table1(table, "TV", "thrust_tv"),), tuple(files))
 
 
-def flown(variants: Sequence[Variant], runs: int, folder: Path) -> dict[str, list[Row]]:
+def flown(variants: Sequence[Variant], runs: int, folder: Path) -> dict[str, list[AttemptRow]]:
     """Return the attempts of each variant by seed, and fly the ones that the folder lacks.
 
     Raises:
@@ -80,7 +80,7 @@ def flown(variants: Sequence[Variant], runs: int, folder: Path) -> dict[str, lis
     return {variant.name: of_variant for variant, of_variant in zip(variants, rows, strict=True)}
 
 
-def load_flight(row: Row, spec: Spec, folder: Path) -> RecordedRun:
+def load_flight(row: AttemptRow, spec: Spec, folder: Path) -> RecordedRun:
     """Return an attempt with its telemetry, flown again if that is missing or damaged."""
     if row.folder:
         try:
@@ -96,7 +96,7 @@ def load_flight(row: Row, spec: Spec, folder: Path) -> RecordedRun:
     return run
 
 
-def attempt(row: Row) -> MotionAttempt:
+def attempt(row: AttemptRow) -> MotionAttempt:
     """Return the numbers of one attempt for Table I."""
     finished = row.outcome == "finished"
     return MotionAttempt(

@@ -298,9 +298,9 @@ class StoredResult(Struct):
     order: list[StoredPlacing]
     events: list[StoredEvent]
     digest: str
-    real_time_factor: float = 0.0
-    # name of an entrant -> what its planner or controller has raised in flight
-    faults: dict[str, str] = {}
+    real_time_factor: float
+    # name of an entrant -> the error of its planner or controller in flight
+    faults: dict[str, str]
 
 
 class TitledHeat(Struct):

@@ -96,7 +96,7 @@ def test_who_always_wins_has_a_finite_rating():
 
 def stored(order, *events):
     placings = [StoredPlacing(k, name, "finished", 10.0 + k) for k, name in enumerate(order, 1)]
-    return StoredResult(placings, [StoredEvent(*event) for event in events], "")
+    return StoredResult(placings, [StoredEvent(*event) for event in events], "", 1.0, {})
 
 
 def of_setting(name, *results):
@@ -131,7 +131,7 @@ def test_what_is_pooled_over_the_flights_of_a_race_has_the_race_as_its_unit():
 
     def race_of_four(time):
         placings = [StoredPlacing(k, name, "finished", time) for k, name in enumerate("abcd", 1)]
-        return StoredResult(placings, [], "")
+        return StoredResult(placings, [], "", 1.0, {})
 
     results = [race_of_four(time) for time in (10.0, 11.0, 12.0)]
     found = summary(list("abcd"), results, gates=7)

@@ -7,11 +7,11 @@ import pytest
 from rich.console import Console
 from rich.padding import Padding
 
-from quadsim.campaign.document import Table, as_markdown, as_table
-from quadsim.campaign.flights.results import Group
+from quadsim.campaign.document import Document, Table, as_markdown, as_table
+from quadsim.campaign.flights.results import StoredVariant, group_blocks
 from quadsim.campaign.flights.stats import all_pairs, variant_stats
 from quadsim.campaign.flights.tables import comparison_tables
-from quadsim.cli.results import results_table
+from quadsim.console import as_text
 from tests.campaign_cases import row
 
 NAMES = ("log_normal", "smooth_star", "gaussian", "colored")
@@ -90,26 +90,25 @@ def test_heads_of_two_lines_are_one_in_markdown():
     )
 
 
-def test_stored_variants_of_a_long_named_course_and_vehicle_are_one_table_of_80_columns():
+def test_stored_variants_of_long_names_are_one_table_of_80_columns(
+    monkeypatch,
+):
     names = {"course": "split_s_swift", "vehicle": "kingfisher", "randomize": 1.0}
     groups = [
-        Group((row(0, **names, variant=f"{k}" * 64, name=name),), 10.0)
+        StoredVariant((row(0, **names, variant=f"{k}" * 64, name=name),), 10.0)
         for k, name in enumerate(NAMES)
     ]
-    console = Console(file=StringIO(), width=80, highlight=False)
-    console.print(*results_table(groups, 80), sep="\n")
-    lines = console.file.getvalue().splitlines()
+    monkeypatch.setenv("COLUMNS", "80")
+    lines = as_text(*Document(tuple(group_blocks(groups))).renderables()).splitlines()
     assert max(map(len, lines)) <= 80
-    assert lines[0] == "course split_s_swift, vehicle kingfisher, randomized 1, commit aaaaaaa"
+    assert lines[0] == "  course split_s_swift, vehicle kingfisher, randomized 1, commit aaaaaaa"
     assert [line.split()[1] for line in lines[4:]] == list(NAMES)
 
 
 def test_the_share_above_the_best_known_limit_is_a_column_where_one_is_known():
     groups = [
-        Group((row(0, variant="a" * 64, laps=(5.0, 5.0)),), 10.0, best) for best in (8.0, nan)
+        StoredVariant((row(0, variant="a" * 64, laps=(5.0, 5.0)),), 10.0, best)
+        for best in (8.0, nan)
     ]
-    console = Console(file=StringIO(), width=100, highlight=False)
-    console.print(*results_table(groups, 100), sep="\n")
-    text = console.file.getvalue()
-    assert "above [%]" in text
-    assert "25.0" in text
+    _, table = group_blocks(groups)
+    assert [row[table.head.index("above [%]")] for row in table.rows] == ["25.0", "-"]

@@ -115,6 +115,7 @@ WRONG = {
     "fly --off-path 1": "--off-path: expected none",
     "fly --system offroad": "no flag --system",
     "fly mine.yaml split_s_swift": "unexpected 'split_s_swift'",
+    "web figure8": "'figure8': expected a stored run, got a course: use --course figure8",
     "show": "no runs in 'runs'",
     "show nowhere/x": "nowhere/x: expected",
     "plot last": "no runs in 'runs'",

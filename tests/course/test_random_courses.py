@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from quadsim.cli.check import examine
 from quadsim.cli.cli import race
-from quadsim.cli.listing import examine
 from quadsim.course.random_courses import APART, random_courses
 from quadsim.course.swept import SweptGates
 from quadsim.racing.referee import check

@@ -9,6 +9,7 @@ import yaml
 
 from quadsim.campaign.heats.store import HeatStore
 from quadsim.campaign.run.store import Store
+from quadsim.cli.commands import GROUPS
 from tests.docs import names
 from tests.docs.names import missing_flags, missing_keywords, missing_links, missing_names, pages
 from tests.docs.pages import ROOT
@@ -131,3 +132,14 @@ def test_one_address_of_the_repository_is_named_wherever_one_is():
     address = project.get("urls", {}).get("Repository")
     assert [site.get("repo_url"), citation.get("repository-code")] == [address] * 2
     assert f"git clone {address or 'ADDRESS'} quadsim" in (ROOT / "README.md").read_text()
+
+
+def test_the_page_of_commands_has_the_groups_of_the_help():
+    page = (ROOT / "docs" / "commands.md").read_text()
+    *sections, _ = page.split("\n## ")[1:]  # the last one describes outputs
+    found = {}
+    for section in sections:
+        title, *lines = section.splitlines()
+        cells = [line.split(" | ")[0] for line in lines if line.startswith("| `race ")]
+        found[title] = set(re.findall(r"`race ([\w-]+)", " ".join(cells)))
+    assert found == {title: set(commands) for title, commands in GROUPS.items()}

@@ -12,7 +12,7 @@ import pytest
 
 from quadsim.campaign.flights.baseline import (
     Effects,
-    Stored,
+    StoredNumbers,
     baseline_text,
     baseline_variant,
     fly_baselines,
@@ -55,7 +55,7 @@ def flown():
 
 
 def first(stored, n):
-    return Stored(stored.commit, stored.cpu, stored.laps[:n], stored.thrust_tv[:n])
+    return StoredNumbers(stored.commit, stored.cpu, stored.laps[:n], stored.thrust_tv[:n])
 
 
 @pytest.mark.regression
@@ -89,7 +89,7 @@ def shifted(then, slower, rng, chaos=0.005):
     """A model of another machine: the same seeds, each lap with random rounding effects, and all
     slower by a share."""
     laps = tuple(t * (1 + slower) * (1 + chaos * rng.standard_normal()) for t in then.laps)
-    return Stored("", "", laps, then.thrust_tv)
+    return StoredNumbers("", "", laps, then.thrust_tv)
 
 
 @pytest.mark.slow
@@ -105,29 +105,29 @@ def test_a_slowdown_of_three_percent_is_caught_with_the_stated_power(slower, tri
 
 
 def test_success_and_chatter_are_judged_too():
-    then = Stored("", "", (5.0,) * 20, (30.0, 31.0) * 10)
-    crashing = Stored("", "", (5.0,) * 14 + (None,) * 6, then.thrust_tv)
-    shaking = Stored("", "", then.laps, tuple(1.3 * v for v in then.thrust_tv))
+    then = StoredNumbers("", "", (5.0,) * 20, (30.0, 31.0) * 10)
+    crashing = StoredNumbers("", "", (5.0,) * 14 + (None,) * 6, then.thrust_tv)
+    shaking = StoredNumbers("", "", then.laps, tuple(1.3 * v for v in then.thrust_tv))
     assert [v.ok for v in judge(then, then, Effects())] == [True, True, True]
     assert [v.ok for v in judge(then, crashing, Effects())] == [False, True, True]
     assert [v.ok for v in judge(then, shaking, Effects())] == [True, True, False]
 
 
 def test_equal_flights_that_are_too_few_to_tell_are_undecided_not_worse():
-    then = Stored("", "", (5.0,) * 6, (30.0, 31.0) * 3)
+    then = StoredNumbers("", "", (5.0,) * 6, (30.0, 31.0) * 3)
     success, lap, _ = judge(then, then, Effects())
     assert (success.ok, lap.ok) == (False, True)
     assert success.undecided.startswith("11 attempts needed, got 6 stored and 6 now: ")
-    half = Stored("", "", (5.0, None) * 10, (30.0, 31.0) * 10)
+    half = StoredNumbers("", "", (5.0, None) * 10, (30.0, 31.0) * 10)
     success, _, _ = judge(half, half, Effects())
     assert success.undecided.startswith("32 attempts needed, got 20 stored and 20 now: where 50 % ")
-    crashing = Stored("", "", (None,) * 6, then.thrust_tv)
+    crashing = StoredNumbers("", "", (None,) * 6, then.thrust_tv)
     success, lap, _ = judge(then, crashing, Effects())
     assert (success.ok, success.undecided) == (False, "")
     assert lap.undecided == "2 seeds that finished then and now are needed, got 0"
-    smooth = Stored("", "", (5.0,) * 20, (0.0,) * 20)
+    smooth = StoredNumbers("", "", (5.0,) * 20, (0.0,) * 20)
     assert [v.ok for v in judge(smooth, smooth, Effects())] == [True, True, True]
-    shaking = Stored("", "", (5.0,) * 20, (1.0,) * 20)
+    shaking = StoredNumbers("", "", (5.0,) * 20, (1.0,) * 20)
     assert [v.ok for v in judge(smooth, shaking, Effects())] == [True, True, False]
 
 
@@ -196,7 +196,7 @@ def test_regen_prints_the_difference_and_stores_it(tmp_path, capsys, monkeypatch
     assert race(["regress", str(path), "--regen"]) == 0
     stored = load_baseline(path).stored
     assert stored.laps == (None,) * 4
-    better = Stored("old", "", (9.0,) * 4, stored.thrust_tv)
+    better = StoredNumbers("old", "", (9.0,) * 4, stored.thrust_tv)
     path.write_text(baseline_text(load_baseline(path), better))
     capsys.readouterr()
     assert race(["regress", str(path), "--regen"]) == 0

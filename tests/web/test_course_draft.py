@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from web_cases import until
 
-from quadsim.cli.listing import examine
+from quadsim.cli.check import examine
 from quadsim.course import course_names, load_course, parse_course
 from quadsim.limit.limits import limits_folder
 from quadsim.rotation import from_euler

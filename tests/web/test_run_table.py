@@ -252,7 +252,8 @@ def test_a_campaign_is_shown_as_a_table_and_other_files_are_left_alone(tmp_path)
     reports = CampaignReports(str(tmp_path / "runs"))
     reports.refresh()
     (row,) = reports.rows
-    _, table = reports.read(row.name).document.blocks
-    assert isinstance(table, Table)
-    assert table.rows[0][1:6] == ("colored", "figure8", "swift", "0", "0-1")
+    head, common, table = reports.read(row.name).document.blocks
+    assert head == Heading("race.sqlite")
+    assert common.text.startswith("course figure8, vehicle swift, randomized 0, commit ")
+    assert table.rows[0][1:3] == ("colored", "0-1")
     assert foreign.read_bytes() == b""

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import msgspec
 
-from quadsim.campaign.document import Document, Heading, Line, Table
-from quadsim.campaign.flights.results import COLUMNS, TEXTS, stored
+from quadsim.campaign.document import Document, Heading
+from quadsim.campaign.flights.results import group_blocks, stored
 from quadsim.campaign.run.store import is_campaign
 from quadsim.files.arrays import read_bytes
 from quadsim.files.links import is_within
@@ -116,10 +116,7 @@ class CampaignReports:
     def _table(self, path: Path) -> Document:
         """Return the table of all flights of a campaign. Raises RunError."""
         groups = stored([str(path)], self._root)
-        if not groups:
-            return Document((Line("No attempt has been flown yet."),))
-        texts = tuple(i for i, head in enumerate(COLUMNS) if head in TEXTS)
-        return Document((Heading(path.name), Table.of(groups, COLUMNS, texts)))
+        return Document((Heading(path.name), *group_blocks(groups)))
 
     def _found(self) -> Iterator[tuple[float, Path]]:
         """Yield each report with its time of writing [s since 1970]."""

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from quadsim.campaign.flights.stats import FINISHED, Section, mean_lap, where_it_ended
-from quadsim.campaign.run.store import Row
+from quadsim.campaign.run.store import AttemptRow
 
 
 @dataclass(frozen=True)
 class Attempt:
-    """One flight of a comparison; None where a number is not known.
+    """One flight of a comparison; a number that is not known is None.
 
     Attributes:
         course: name of the course.
@@ -24,7 +24,7 @@ class Attempt:
             "bounds", "planner", or its outcome; "" for one that finished.
         laps: times of the completed laps [s].
         lap_mean: mean of these [s]; None without a completed lap.
-        race_time: all laps from the standing start [s]; None where the race was not finished.
+        race_time: all laps from the standing start [s]; None if the race was not finished.
         thrust_tv: chatter of the commanded thrust: its total variation per second [m/s^2/s].
         thrust_tv_delivered: the same of the delivered thrust [m/s^2/s].
         rates_tv: the same of the commanded body rates [rad/s^2].
@@ -35,9 +35,9 @@ class Attempt:
         turned_back: how often the vehicle overshot a gate and returned to it.
         plan_ms: median of the planning times, wall clock [ms].
         commit: the commit that flew the attempt.
-        folder: the run's folder, which `quadsim.load_run` reads; None where it is not kept. Without
+        folder: the run's folder, which `quadsim.load_run` reads; None if it is not kept. Without
             a campaign it exists as long as the comparison.
-        fault: the error that ended the flight: class, message, file and line; None where none did.
+        fault: the error that ended the flight: class, message, file, line; None without an error.
 
     Examples:
         >>> import quadsim
@@ -74,7 +74,7 @@ def attempts_of(section: Section) -> Iterator[Attempt]:
             yield _attempt(row, variant.name, section.home)
 
 
-def _attempt(row: Row, variant: str, home: Path) -> Attempt:
+def _attempt(row: AttemptRow, variant: str, home: Path) -> Attempt:
     """Return one flight; home: the folder that the paths of telemetry are relative to."""
     result = row.result
     laps = tuple(result["laps"])

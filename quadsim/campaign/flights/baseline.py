@@ -52,7 +52,7 @@ class Effects(Struct, frozen=True):
     thrust_tv: Share = 0.25  # relative
 
 
-class Stored(Struct, frozen=True):
+class StoredNumbers(Struct, frozen=True):
     """The results of a baseline's attempts, one number for each, ordered by seed."""
 
     commit: str
@@ -68,7 +68,7 @@ class Baseline(Struct, frozen=True, kw_only=True):
     variant: str
     attempts: Annotated[int, Meta(ge=4, le=MOST_ATTEMPTS)] = 20
     effects: Effects = Effects()
-    stored: Stored | None = None
+    stored: StoredNumbers | None = None
 
 
 def load_baseline(path: Path) -> Baseline:
@@ -117,7 +117,7 @@ def _success_bound(finished_now: int, now: int, finished_then: int, then: int) -
     return proportion_difference(finished_now, now, finished_then, then, two_sided)[1]
 
 
-def baseline_text(baseline: Baseline, stored: Stored) -> str:
+def baseline_text(baseline: Baseline, stored: StoredNumbers) -> str:
     """Return the text of a baseline file with new numbers."""
     values = to_builtins(replace(baseline, stored=stored))
     return yaml.safe_dump(values, default_flow_style=None, sort_keys=False, width=120)
@@ -140,7 +140,9 @@ def baseline_variant(name: str, baseline: Baseline, settings: Settings) -> Varia
     return Variant(name, resolve(baseline.course, own | dict(settings)))
 
 
-def fly_baselines(pool: Pool, variants: Sequence[Variant], attempts: Sequence[int]) -> list[Stored]:
+def fly_baselines(
+    pool: Pool, variants: Sequence[Variant], attempts: Sequence[int]
+) -> list[StoredNumbers]:
     """Fly every attempt of every variant, and return the results.
 
     Args:
@@ -170,10 +172,10 @@ def fly_baselines(pool: Pool, variants: Sequence[Variant], attempts: Sequence[in
     return [_stored([flown[id(spec)] for _, spec in of_variant]) for of_variant in wanted]
 
 
-def _stored(flights: Sequence[Flown]) -> Stored:
+def _stored(flights: Sequence[Flown]) -> StoredNumbers:
     """Return the numbers of these attempts, lap times to a tenth of a millisecond."""
     results = [result(flight) for flight in flights]
-    return Stored(
+    return StoredNumbers(
         commit=code_of(flights[0].provenance),
         cpu=flights[0].provenance["cpu"],
         laps=tuple(_lap(flight) for flight in flights),
@@ -209,7 +211,7 @@ class Verdict:
         return self.bound < self.effect
 
 
-def judge(then: Stored, now: Stored, effects: Effects) -> list[Verdict]:
+def judge(then: StoredNumbers, now: StoredNumbers, effects: Effects) -> list[Verdict]:
     """Return the verdicts on success, lap and thrust variation.
 
     Laps and thrust variation are paired by seed, over the seeds that both have.

@@ -24,7 +24,7 @@ from quadsim.campaign.flights.stats import (
 from quadsim.campaign.flights.tables import comparison_tables, notes
 from quadsim.campaign.run.runner import Runner
 from quadsim.campaign.run.seeds import seeds_remark
-from quadsim.campaign.run.store import Row
+from quadsim.campaign.run.store import AttemptRow
 from quadsim.campaign.run.variants import Variant, make_variants, named_variants
 from quadsim.config.setting_texts import Place, Settings
 from quadsim.course import Course
@@ -47,6 +47,8 @@ ID_DIGITS = 6  # hex digits that identify a comparison in the names of its files
 class Comparison(Documented):
     """The result of comparing variants; `print` shows it as tables, a notebook also its figure.
 
+    The figure has laps, success, chatter and paths of each course.
+
     Examples:
         >>> import quadsim
         >>> two = {"attempts": 2, "laps": 1, "samples": 256}
@@ -57,7 +59,7 @@ class Comparison(Documented):
     """
 
     sections: list[Section]  # one for each course
-    _folder: TemporaryDirectory | None = None  # holds the telemetry where no campaign keeps it
+    _folder: TemporaryDirectory | None = None  # holds the telemetry if no campaign keeps it
 
     @property
     def variants(self) -> list[VariantStats]:
@@ -75,7 +77,7 @@ class Comparison(Documented):
         return [attempt for section in self.sections for attempt in attempts_of(section)]
 
     def to_pandas(self) -> DataFrame:
-        """Return the flights as a DataFrame, one row each; the columns are those of an Attempt.
+        """Return the flights as a DataFrame, one row each with the fields of an Attempt as columns.
 
         Raises:
             ModuleNotFoundError: pandas is not installed; the message says what to do.
@@ -87,8 +89,8 @@ class Comparison(Documented):
     def as_json(self) -> dict[str, list[dict[str, Any]]]:
         """Return the numbers of variants and pairs as plain dictionaries.
 
-        A number that is not known is None. The `sd` of a pair's `thrust_tv_ratio` is that of the
-        logarithms of the ratios.
+        A number that is not known is None. The `sd` of a pair's `thrust_tv_ratio` is the
+        standard deviation of the logarithms of the ratios.
         """
         numbers = {
             "variants": [asdict(variant) for variant in self.variants],
@@ -161,7 +163,7 @@ def check_baseline(names: Sequence[str], baseline: str | None) -> None:
 
 def comparison(
     variants: Sequence[Variant],
-    rows: Sequence[Sequence[Row]],
+    rows: Sequence[Sequence[AttemptRow]],
     home: Path,
     folder: TemporaryDirectory | None = None,
     baseline: str | None = None,
@@ -175,7 +177,7 @@ def comparison(
         folder: temporary folder of the telemetry, kept as long as the comparison exists.
         baseline: name of the variant that the others are compared with; None: all pairs.
     """
-    by_course: dict[str, list[tuple[Variant, Sequence[Row]]]] = {}
+    by_course: dict[str, list[tuple[Variant, Sequence[AttemptRow]]]] = {}
     for variant, of_variant in zip(variants, rows, strict=True):
         if of_variant:
             by_course.setdefault(variant.course, []).append((variant, of_variant))
@@ -184,7 +186,7 @@ def comparison(
 
 
 def section_of(
-    flown: Sequence[tuple[Variant, Sequence[Row]]], home: Path, baseline: str | None
+    flown: Sequence[tuple[Variant, Sequence[AttemptRow]]], home: Path, baseline: str | None
 ) -> Section:
     """Return the numbers of the variants of one course.
 
@@ -216,7 +218,7 @@ def section_of(
     )
 
 
-def _setting(variant: Variant, rows: Sequence[Sequence[Row]]) -> str:
+def _setting(variant: Variant, rows: Sequence[Sequence[AttemptRow]]) -> str:
     """Return the conditions under which the variants of a course flew, as text."""
     spec = variant.spec
     laps = f"{spec.laps} lap" + "s" * (spec.laps > 1)
@@ -230,7 +232,7 @@ def _setting(variant: Variant, rows: Sequence[Sequence[Row]]) -> str:
 
 
 def _notes(section: Section) -> list[str]:
-    """Return what has to be read with the tables of a course."""
+    """Return the remarks on the tables of a course."""
     found = notes(section.variants, section.pairs, section.limit)
     return [*section.conditions, *([section.remark] if section.remark else []), *found]
 
@@ -245,7 +247,7 @@ def _blocks(section: Section) -> list[Block]:
 
 
 def identity(variants: Sequence[Variant], attempts: int, baseline: str | None = None) -> str:
-    """Return hex digits that tell a comparison from those with other flags."""
+    """Return hex digits that tell a comparison from comparisons with other flags."""
     specs = [{"name": variant.name} | variant.spec.record() for variant in variants]
     decides = [attempts, specs] + ([baseline] if baseline else [])
     return sha256(canonical(decides)).hexdigest()[:ID_DIGITS]

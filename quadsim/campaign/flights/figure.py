@@ -17,7 +17,7 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
 from quadsim.campaign.flights.stats import FEWEST_PAIRS, FINISHED, Section, mean_lap
-from quadsim.campaign.run.store import Row
+from quadsim.campaign.run.store import AttemptRow
 from quadsim.figures.notebook_figure import NotebookFigure
 from quadsim.figures.run_figure import arrow_scale, draw_gates, draw_obstacles
 from quadsim.figures.style import STYLE, line
@@ -219,7 +219,7 @@ def _draw_crashes(axes: Axes, places: np.ndarray, look: Style, marker: str) -> N
     )
 
 
-def _paths(section: Section, rows: Sequence[Row]) -> Iterator[np.ndarray]:
+def _paths(section: Section, rows: Sequence[AttemptRow]) -> Iterator[np.ndarray]:
     """Yield the paths of the first attempts, finished ones before others.  (frames, 2)"""
     finished_first = sorted(rows, key=lambda r: (r.outcome != FINISHED, r.seed))
     for row in finished_first[:PATHS]:

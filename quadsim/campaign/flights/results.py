@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import nan
+from math import isfinite, nan
 from pathlib import Path
 from typing import NamedTuple
 
+from quadsim.campaign.document import Block, Line, Table
 from quadsim.campaign.flights.stats import VariantStats, best_known_time, lap_limit, variant_stats
 from quadsim.campaign.flights.tables import number
 from quadsim.campaign.run.commits import short
-from quadsim.campaign.run.store import Row, Store
+from quadsim.campaign.run.store import AttemptRow, Store
 from quadsim.console import complain
 from quadsim.record.run import RunError
 
@@ -20,15 +21,15 @@ ID_DIGITS = 6  # hex digits of a variant that are shown
 
 
 @dataclass(frozen=True)
-class Group:
+class StoredVariant:
     """All attempts of one variant that one commit has flown, from all campaigns."""
 
-    rows: tuple[Row, ...]  # by seed
+    rows: tuple[AttemptRow, ...]  # by seed
     limit: float  # [s] a lap
     best_known: float = nan  # limit of the race [s]
 
     @property
-    def first(self) -> Row:
+    def first(self) -> AttemptRow:
         """Return the attempt with the least seed."""
         return self.rows[0]
 
@@ -55,7 +56,7 @@ class Group:
 
 ABOVE_LIMIT = "above [%]"  # the median race, above the best known limit
 # Columns of the table of groups
-COLUMNS: dict[str, Callable[[Group], str]] = {
+COLUMNS: dict[str, Callable[[StoredVariant], str]] = {
     "id": lambda g: g.id,
     "variant": lambda g: g.first.name,
     "course": lambda g: g.first.course,
@@ -69,6 +70,8 @@ COLUMNS: dict[str, Callable[[Group], str]] = {
     "commit": lambda g: short(g.first.code),
 }
 TEXTS = ("variant", "course", "vehicle")  # columns of text
+# Columns that move above the table if all groups share the cell, with their names there
+SHARED = {"course": "course", "vehicle": "vehicle", "rnd": "randomized", "commit": "commit"}
 
 
 class _Limits(NamedTuple):
@@ -76,7 +79,7 @@ class _Limits(NamedTuple):
     race: float  # best known limit [s]
 
 
-def stored(campaigns: Sequence[str], runs_dir: str | Path = "runs") -> list[Group]:
+def stored(campaigns: Sequence[str], runs_dir: str | Path = "runs") -> list[StoredVariant]:
     """Return every group of these campaigns, in the order of its first flight.
 
     Args:
@@ -86,7 +89,7 @@ def stored(campaigns: Sequence[str], runs_dir: str | Path = "runs") -> list[Grou
     Raises:
         RunError: a campaign cannot be read.
     """
-    groups: dict[tuple[str, str], dict[str, Row]] = {}
+    groups: dict[tuple[str, str], dict[str, AttemptRow]] = {}
     limits: dict[str, _Limits] = {}
     for path in campaigns:
         with Store(Path(path), create=False) as store:
@@ -98,12 +101,12 @@ def stored(campaigns: Sequence[str], runs_dir: str | Path = "runs") -> list[Grou
     found = []
     for (variant, _), by_key in groups.items():
         rows = tuple(sorted(by_key.values(), key=lambda row: row.seed))
-        found.append(Group(rows, limits[variant].lap, limits[variant].race))
+        found.append(StoredVariant(rows, limits[variant].lap, limits[variant].race))
     return found
 
 
-def _limits(store: Store, row: Row, runs_dir: str | Path) -> _Limits:
-    """Return the limits of a row's flight; nan where its specification is damaged."""
+def _limits(store: Store, row: AttemptRow, runs_dir: str | Path) -> _Limits:
+    """Return the limits of a row's flight; nan if its specification is damaged."""
     try:
         spec = store.spec(row.key)
         return _Limits(lap_limit(spec), best_known_time(spec, runs_dir))
@@ -116,7 +119,7 @@ def _limits(store: Store, row: Row, runs_dir: str | Path) -> _Limits:
     return _Limits(nan, nan)
 
 
-def find(groups: Sequence[Group], wanted: str) -> Group:
+def find(groups: Sequence[StoredVariant], wanted: str) -> StoredVariant:
     """Return the one group with this id.
 
     Args:
@@ -139,3 +142,26 @@ def find(groups: Sequence[Group], wanted: str) -> Group:
         f"{wanted!r}: expected the id of one variant, or ID@COMMIT; {len(found)} match; "
         f"there are {known}"
     )
+
+
+def group_blocks(groups: Sequence[StoredVariant]) -> list[Block]:
+    """Return a table with a row for each group, and above it the values common to all, if any.
+
+    Args:
+        groups: groups of flights.
+    """
+    if not groups:
+        return [Line("no stored attempt matches")]
+    left_out = set()
+    above = []
+    for head, name in SHARED.items():
+        cells = {COLUMNS[head](group) for group in groups}
+        if len(cells) == 1:
+            left_out.add(head)
+            above.append(f"{name} {cells.pop()}")
+    if not any(isfinite(group.stats.above_limit) for group in groups):
+        left_out.add(ABOVE_LIMIT)
+    columns = {head: cell for head, cell in COLUMNS.items() if head not in left_out}
+    texts = tuple(i for i, head in enumerate(columns) if head in TEXTS)
+    common = [Line(", ".join(above))] if above else []
+    return [*common, Table.of(groups, columns, texts)]

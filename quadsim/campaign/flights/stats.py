@@ -14,7 +14,7 @@ from math import nan
 from pathlib import Path
 from statistics import fmean, median
 
-from quadsim.campaign.run.store import Row
+from quadsim.campaign.run.store import AttemptRow
 from quadsim.course import Course
 from quadsim.limit.limits import limit_of, limits_folder
 from quadsim.statistics import (
@@ -61,7 +61,7 @@ class CrashRate:
 
 @dataclass(frozen=True)
 class VariantStats:
-    """The numbers of one variant on one course; nan where a number is not known.
+    """The numbers of one variant on one course; a number that is not known is nan.
 
     A lap is an attempt's mean lap.
 
@@ -149,7 +149,7 @@ class Section:
     limit: float  # [s] a lap
     variants: list[VariantStats]
     pairs: list[PairStats]
-    rows: list[Sequence[Row]]  # of each variant
+    rows: list[Sequence[AttemptRow]]  # of each variant
     home: Path  # folder that their telemetry is relative to
     remark: str = ""  # what the seeds do not draw, for people
     conditions: tuple[str, ...] = ()  # the links, and the states that were given, for people
@@ -162,7 +162,7 @@ class Section:
 
 
 def variant_stats(
-    name: str, rows: Sequence[Row], limit: float, best_known: float = nan
+    name: str, rows: Sequence[AttemptRow], limit: float, best_known: float = nan
 ) -> VariantStats:
     """Return the numbers of one variant.
 
@@ -206,7 +206,9 @@ def variant_stats(
     )
 
 
-def pair_stats(a: str, b: str, rows_a: Sequence[Row], rows_b: Sequence[Row]) -> PairStats:
+def pair_stats(
+    a: str, b: str, rows_a: Sequence[AttemptRow], rows_b: Sequence[AttemptRow]
+) -> PairStats:
     """Return the numbers of variant b against variant a, paired by seed.
 
     Args:
@@ -246,7 +248,7 @@ def pair_stats(a: str, b: str, rows_a: Sequence[Row], rows_b: Sequence[Row]) -> 
     )
 
 
-def all_pairs(names: Sequence[str], rows: Sequence[Sequence[Row]]) -> list[PairStats]:
+def all_pairs(names: Sequence[str], rows: Sequence[Sequence[AttemptRow]]) -> list[PairStats]:
     """Return the numbers of every two variants of one course.
 
     Args:
@@ -257,7 +259,9 @@ def all_pairs(names: Sequence[str], rows: Sequence[Sequence[Row]]) -> list[PairS
     return [pair_stats(a, b, rows_a, rows_b) for (a, rows_a), (b, rows_b) in combinations(flown, 2)]
 
 
-def against(baseline: str, names: Sequence[str], rows: Sequence[Sequence[Row]]) -> list[PairStats]:
+def against(
+    baseline: str, names: Sequence[str], rows: Sequence[Sequence[AttemptRow]]
+) -> list[PairStats]:
     """Return the numbers of each other variant of one course against the baseline.
 
     The p-values of each measure are also corrected for the number of variants, by Holm's method.
@@ -280,7 +284,7 @@ def against(baseline: str, names: Sequence[str], rows: Sequence[Sequence[Row]]) 
     return [replace(pair, corrected=each) for pair, each in zip(pairs, corrected, strict=True)]
 
 
-def _crash_rate(rows: Sequence[Row]) -> CrashRate:
+def _crash_rate(rows: Sequence[AttemptRow]) -> CrashRate:
     """Return the crashes of attempts per 100 gates."""
     crashes = sum(row.outcome == CRASHED for row in rows)
     passed = sum(row.result["gates_passed"] for row in rows)
@@ -291,16 +295,16 @@ def _crash_rate(rows: Sequence[Row]) -> CrashRate:
     return CrashRate(crashes, passed, 100.0 * crashes / reached, 100.0 * low, 100.0 * high)
 
 
-def _finished(row: Row) -> bool:
+def _finished(row: AttemptRow) -> bool:
     return row.outcome == FINISHED
 
 
-def mean_lap(row: Row) -> float:
+def mean_lap(row: AttemptRow) -> float:
     """Return the mean lap of an attempt [s]; nan for a flight without laps."""
     return fmean(row.result["laps"] or [nan])
 
 
-def commanded_tv(row: Row) -> float:
+def commanded_tv(row: AttemptRow) -> float:
     """Return the total variation of the commanded thrust of an attempt [m/s^2/s]."""
     return row.result["thrust_tv"]["commanded"]
 
@@ -311,7 +315,7 @@ def lap_limit(spec: dict) -> float:
 
 
 def best_known_time(spec: dict, runs_dir: str | Path) -> float:
-    """Return the best known limit of a race [s], nan where none is known.
+    """Return the best known limit of a race [s], nan if none is known.
 
     It is the limit of the nominal vehicle.
 
@@ -323,7 +327,7 @@ def best_known_time(spec: dict, runs_dir: str | Path) -> float:
     return limit.time if limit else nan
 
 
-def where_it_ended(row: Row) -> str:
+def where_it_ended(row: AttemptRow) -> str:
     """Return the place of a crash, or the outcome of a flight that did not crash."""
     crash = row.result["crash"]
     if crash is None:
@@ -333,7 +337,7 @@ def where_it_ended(row: Row) -> str:
     return f"gate {crash['gate']}" if crash["gate"] else crash["kind"]
 
 
-def _faults(rows: Sequence[Row]) -> dict[str, list[int]]:
+def _faults(rows: Sequence[AttemptRow]) -> dict[str, list[int]]:
     """Return the seeds of each error that ended flights."""
     found: dict[str, list[int]] = {}
     for row in sorted(rows, key=lambda row: row.seed):

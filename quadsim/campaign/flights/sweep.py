@@ -19,7 +19,7 @@ from quadsim.campaign.flights.sweep_curves import Curve, SweepPoint
 from quadsim.campaign.flights.sweep_tables import sweep_notes, sweep_table
 from quadsim.campaign.flights.swept_settings import SweptSetting, swept_settings, swept_variant
 from quadsim.campaign.run.runner import Runner
-from quadsim.campaign.run.store import Row
+from quadsim.campaign.run.store import AttemptRow
 from quadsim.campaign.run.variants import Variant, named_variants, told_apart
 from quadsim.config.setting_texts import Place, Settings
 from quadsim.course import Course
@@ -36,7 +36,8 @@ if TYPE_CHECKING:
 class Sweep(Documented):
     """A sweep holds the flights at each value of a setting, and their differences.
 
-    `print` shows it as tables, a notebook also its figure.
+    `print` shows it as tables, a notebook also its figure: success and lap differences over the
+    values of each setting.
 
     Examples:
         >>> import quadsim
@@ -48,7 +49,7 @@ class Sweep(Documented):
     """
 
     curves: list[Curve]
-    _folder: TemporaryDirectory | None = None  # holds the telemetry where no campaign keeps it
+    _folder: TemporaryDirectory | None = None  # holds the telemetry if no campaign keeps it
 
     @property
     def points(self) -> list[SweepPoint]:
@@ -63,7 +64,7 @@ class Sweep(Documented):
     def to_pandas(self) -> DataFrame:
         """Return the flights as a DataFrame, one row each.
 
-        The columns are the setting, its value, and those of an Attempt.
+        The columns are the setting, its value, and the fields of an Attempt.
 
         Raises:
             ModuleNotFoundError: pandas is not installed; the message says what to do.
@@ -187,7 +188,7 @@ def fly_sweep(
     rows = iter(runner([each for curve in planned for each in curve.at_values], attempts))
     curves = []
     for curve in planned:
-        flown: list[tuple[Variant, Sequence[Row]]] = []
+        flown: list[tuple[Variant, Sequence[AttemptRow]]] = []
         for variant, value in zip(curve.at_values, curve.swept.values, strict=True):
             of_value = next(rows)
             if of_value:

@@ -68,7 +68,7 @@ def draw_sweep(curves: Sequence[Curve]) -> Figure:
 
 
 def draw_curves(curves: Sequence[DrawnCurve]) -> Figure:
-    """Draw curves, those of each course and setting in panels of their own.
+    """Draw curves; each course and setting has panels of its own.
 
     Args:
         curves: one for each course, setting and variant.

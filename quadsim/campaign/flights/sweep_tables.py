@@ -35,7 +35,7 @@ def sweep_table(title: str, points: Sequence[SweepPoint]) -> Table:
 
 
 def sweep_notes(points: Sequence[SweepPoint], sections: Sequence[Section]) -> Iterator[str]:
-    """Yield what has to be read with the table of one setting.
+    """Yield the remarks on the table of one setting.
 
     Args:
         points: each variant at each value.

@@ -56,7 +56,7 @@ def shown_pairs(
 def notes(
     variants: Sequence[VariantStats], pairs: Sequence[PairStats], limit: float
 ) -> Iterator[str]:
-    """Yield what has to be read with the tables of one course.
+    """Yield the remarks on the tables of one course.
 
     Args:
         variants: variants of the course.
@@ -107,7 +107,7 @@ def _listed(seeds: Sequence[int]) -> str:
 
 
 def _notes_of_pairs(shown: Sequence[PairStats], number: int) -> Iterator[str]:
-    """Yield what has to be read with the pairs of a course.
+    """Yield the remarks on the pairs of a course.
 
     Args:
         shown: the pairs of the table.

@@ -40,6 +40,8 @@ ID_DIGITS = 6  # hex digits that tell reports with other flags apart
 class HeatComparison(Documented):
     """Many heats of one line-up under several settings; `print` shows it as tables.
 
+    The figure has finished flights, contacts, overtakes and times of each setting.
+
     Attributes:
         course: the name of the course.
         settings: the heats of each setting; `.summary` of one has its numbers.
@@ -57,7 +59,7 @@ class HeatComparison(Documented):
     course: str
     settings: list[FlownHeats]
     differences: list[HeatsDifference]
-    remark: str = ""  # what the seeds do not draw
+    remark: str = ""  # on what the seeds draw
     # the links of the entrants, and which states their controllers were given
     conditions: tuple[str, ...] = ()
 
@@ -87,16 +89,17 @@ class HeatComparison(Documented):
 
     def _races(self) -> str:
         """Return how many races there are, of a single setting or of each of several."""
-        races = f"{len(self.settings[0].results)} races"
+        number = len(self.settings[0].results)
+        races = f"{number} race" + "s" * (number != 1)
         return races if len(self.settings) == 1 else f"{races} of each setting"
 
     def notes(self) -> list[str]:
-        """Return what has to be read with the tables."""
+        """Return the remarks on the tables: conditions, seeds and commits."""
         commits = mixed_commits({setting.name: setting.commits for setting in self.settings})
         return [*self.conditions, *([self.remark] if self.remark else []), *commits]
 
     def as_json(self) -> dict[str, Any]:
-        """Return the numbers as plain_fields dictionaries; a number that is not known is None."""
+        """Return the numbers as plain dictionaries; a number that is not known is None."""
         return {
             "settings": {one.name: summary_as_json(one.summary) for one in self.settings},
             "differences": [plain_fields(one) for one in self.differences],

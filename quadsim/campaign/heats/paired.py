@@ -35,14 +35,14 @@ class FlownHeats:
     # number of gates of the course
     gates: int
     results: list[StoredResult | None]
-    # that flew them
+    # commits that flew the races
     commits: tuple[str, ...] = ()
     # rules and prediction, for the heading
     setting: str = ""
 
     @cached_property
     def summary(self) -> HeatsSummary:
-        """The numbers of the races that were flown. Raises RunError where none was."""
+        """The numbers of the races that were flown. Raises RunError if none was."""
         flown = [result for result in self.results if result is not None]
         if not flown:
             raise RunError(f"{self.name}: no race was flown")
@@ -55,13 +55,13 @@ class HeatsDifference(NamedTuple):
     a: str
     b: str
     races: int
-    # of b less those of a, in a race
+    # numbers of a race under b less the numbers under a
     contacts: Mean
     finished: Mean
     overtakes: Mean
-    # time of b less that of a, of the flights that finished under both; by race [s]
+    # time under b less time under a, of the flights that finished under both; by race [s]
     time: Mean
-    # races with a contact under one setting alone, and the exact test that it is either's alike
+    # races with a contact under one setting alone, and the p-value that both are as likely
     contact_a_only: int
     contact_b_only: int
     p_contact: float

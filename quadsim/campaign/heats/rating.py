@@ -32,7 +32,7 @@ def bradley_terry(
     """Return a rating of each entrant and half of its 95 % interval.
 
     By the model of Bradley and Terry (1952) entrant a comes in before b with the probability
-    1 / (1 + exp(s_b - s_a)). The strengths s are those of the greatest likelihood, with PRIOR_DRAWS
+    1 / (1 + exp(s_b - s_a)). The strengths s have the greatest likelihood, with PRIOR_DRAWS
     added to each pair. Their mean is zero. A rating is MEAN_RATING + RATING_SCALE s / log(10), the
     scale of Elo.
 

@@ -28,7 +28,7 @@ class EntrantStats(NamedTuple):
     wins: int
     wins_ci: tuple[float, float]
     rank: Mean
-    # of those that finished [s]
+    # race time of the flights that finished [s]
     race: Mean
     overtakes: Mean  # of others, in a race
     overtaken: Mean
@@ -42,9 +42,9 @@ class OvertakeStats(NamedTuple):
 
     name: str
     other: str
-    # races in which it did so at least once
+    # races in which the entrant overtook the other one at least once
     races: int
-    # gates that it had passed when it first did
+    # gates that the entrant had passed at its first overtake
     gates: Mean
 
 
@@ -59,14 +59,14 @@ class HeatsSummary(NamedTuple):
     flights: int
     finished: int
     finished_ci: tuple[float, float]
-    # time of those that finished [s]; the interval is by race
+    # race time of the flights that finished [s]; the interval is by race
     race: Mean
     # races with a contact of two vehicles
     with_contact: int
     contact_ci: tuple[float, float]
     contacts: int
     overtakes: Mean  # in a race
-    # name of an entrant -> what its planner or controller has raised, in each of these races
+    # name of an entrant -> the errors of its planner or controller, one for each race that had one
     faults: dict[str, list[str]]
 
 

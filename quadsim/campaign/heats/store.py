@@ -42,7 +42,7 @@ class HeatStore(Database[HeatRow]):
     made_by = "race compare-heats"
 
     def label(self, columns: Mapping[str, object]) -> str:
-        """Return what a row is of, for a message."""
+        """Return the name of a row for a message."""
         return f"the heat of seed {columns['seed']}"
 
     def checked(self, row: HeatRow) -> HeatRow:
@@ -79,7 +79,7 @@ def key_of(heat: HeatSpec, versions: Mapping[str, str | None] | None = None) -> 
 
     Args:
         heat: its specification.
-        versions: versions of libraries by name; None: those of this process.
+        versions: versions of libraries by name; None: the versions of this process.
     """
     used = this_provenance()["versions"] if versions is None else versions
     libraries = {name: used.get(name) for name in LIBRARIES}

@@ -1,4 +1,4 @@
-"""Tables of many races: their entrants, who comes in before whom, and settings side by side."""
+"""Tables of many races: the entrants, their order at the finish, and settings side by side."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def entrants_table(found: HeatsSummary) -> Table:
 
 
 def win_matrix(found: HeatsSummary) -> Table:
-    """Return how often the entrant of a row came in before that of a column, in percent."""
+    """Return how often the entrant of a row came in before the entrant of a column [%]."""
     shares: dict[tuple[str, str], str] = {}
     for pair in found.pairs:
         low, high = pair.ci
@@ -73,7 +73,7 @@ def _gate(gates: Mean) -> str:
 
 
 def lines_of(found: HeatsSummary) -> list[str]:
-    """Return what is said of all entrants together."""
+    """Return the numbers of all entrants together, a line for each."""
     races = f"{found.with_contact} of {found.races} races have a contact"
     return [
         f"finished {found.finished} of {found.flights} flights ({_percent(found.finished_ci)})",

@@ -54,7 +54,7 @@ def attempt_key(
 
     Args:
         record: record of a Spec.
-        versions: versions of libraries by name; None: those of this process.
+        versions: versions of libraries by name; None: the versions of this process.
         twin: see quadsim.campaign.run.variants.Variant.
     """
     used = this_provenance()["versions"] if versions is None else versions

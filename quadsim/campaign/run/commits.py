@@ -9,7 +9,7 @@ DIRTY = "-dirty"  # ends the name of a commit whose files had been changed
 
 
 def mixed_commits(by_name: Mapping[str, Sequence[str]]) -> list[str]:
-    """Return what has to be said of the commits that flew some variants.
+    """Return remarks on the commits that flew some variants: several commits, changed files.
 
     Args:
         by_name: the commits that flew each variant.
@@ -29,7 +29,7 @@ def mixed_commits(by_name: Mapping[str, Sequence[str]]) -> list[str]:
 
 
 def short(code: str) -> str:
-    """Return a commit's first digits, with a + where its files had been changed.
+    """Return a commit's first digits, with a + if its files had been changed.
 
     A version, which has a space in it, is returned as it is.
     """

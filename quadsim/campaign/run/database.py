@@ -193,7 +193,7 @@ class Database(Generic[AnyRow]):
         """Remove the rows that an error of the user's own code has ended, and return their number.
 
         They are no results to keep, as the code may be mended without a change of the key: in
-        another module or a file that it reads.
+        another module or in a file that the code reads.
 
         Args:
             keys: the keys that are wanted.
@@ -214,14 +214,14 @@ class Database(Generic[AnyRow]):
         raise NotImplementedError
 
     def forgotten(self, row: AnyRow) -> None:
-        """Remove what is kept beside a row that has been removed."""
+        """Remove the files that belong to a row that has been removed."""
 
     def checked(self, row: AnyRow) -> AnyRow:
         """Return the row. Raises ValueError if its parts do not fit together."""
         return row
 
     def label(self, columns: Mapping[str, object]) -> str:
-        """Return what a row is of, for a message."""
+        """Return the name of a row for a message."""
         return f"seed {columns['seed']}"
 
     def _complain_once(self, columns: dict[str, object], number: int, error: Exception) -> None:

@@ -215,7 +215,7 @@ class Cluster(Pool):
 
 
 def _check_reachable(address: str) -> None:
-    """Raise OSError or ValueError at once where no scheduler listens.
+    """Raise OSError or ValueError at once if no scheduler listens.
 
     Dask's client would try for its whole timeout.
     """
@@ -327,7 +327,7 @@ def finished(futures: Iterable[Future]) -> set[Future]:
 
 
 def _prepare_worker() -> None:
-    """Leave Ctrl-C to the parent, and end with it, after its SIGKILL too."""
+    """Leave Ctrl-C to the parent, and end with the parent, even if SIGKILL has ended it."""
     from quadsim.controllers.lanes.threads import use_threads
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)

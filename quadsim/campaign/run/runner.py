@@ -16,7 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from quadsim.campaign.run.attempt import LIBRARIES, Flown, attempt_key, this_provenance
 from quadsim.campaign.run.database import Database, code_of
 from quadsim.campaign.run.pool import Pool, fly_all, open_pool
-from quadsim.campaign.run.store import Row, Store
+from quadsim.campaign.run.store import AttemptRow, Store
 from quadsim.campaign.run.variants import Variant, expect_identities, expect_importable
 from quadsim.config.spec import Spec
 from quadsim.console import complain, progress_console, uninterrupted
@@ -24,14 +24,14 @@ from quadsim.record.run import RunError
 
 
 class PlannedAttempt(NamedTuple):
-    """One flight of a variant that is to be flown."""
+    """A flight that the campaign lacks, with the variant that it belongs to."""
 
     variant: Variant
     spec: Spec
 
 
 class FlownAttempt(NamedTuple):
-    """One flight of a variant that has been flown."""
+    """A flight that a worker has flown, with the variant that it belongs to."""
 
     variant: Variant
     spec: Spec
@@ -183,7 +183,7 @@ class Runner(CampaignRunner):
 
     def __call__(
         self, variants: Sequence[Variant], attempts: int, quiet: bool = False
-    ) -> list[list[Row]]:
+    ) -> list[list[AttemptRow]]:
         """Return the attempts of every variant, and fly what is missing.
 
         Args:
@@ -231,7 +231,7 @@ class Runner(CampaignRunner):
             rows = self._rows(in_order)
         return [[rows[key] for key in of_variant if key in rows] for of_variant in wanted]
 
-    def _rows(self, keys: Iterable[str]) -> dict[str, Row]:
+    def _rows(self, keys: Iterable[str]) -> dict[str, AttemptRow]:
         """Return the stored row of each attempt, by key; see `Database.newest`."""
         return self._store.newest(keys, code_of(this_provenance()), self._this_commit)
 

@@ -24,7 +24,7 @@ INDEX = "CREATE INDEX attempts_by_variant ON attempts (variant, seed)"
 
 
 @dataclass(frozen=True)
-class Row:
+class AttemptRow:
     """One finished attempt: each field is a column of the table."""
 
     key: str  # sha256 of specification, seed and libraries
@@ -32,7 +32,7 @@ class Row:
     variant: str  # sha256 of the same without the seed
     name: str  # of the variant, when it flew
     course: str
-    sampler: str  # what controlled it, see quadsim.record.run.flown_by
+    sampler: str  # sampler, pilot or controller, see quadsim.record.run.flown_by
     preset: str
     vehicle: str
     randomize: float
@@ -43,10 +43,10 @@ class Row:
     flown_at: str  # UTC
 
 
-class Store(Database[Row]):
+class Store(Database[AttemptRow]):
     """The attempts of one campaign: `with Store(path) as store`."""
 
-    row_type = Row
+    row_type = AttemptRow
     table = "attempts"
     made_by = "race compare"
 
@@ -72,7 +72,7 @@ class Store(Database[Row]):
         self._db.execute(INDEX)
 
     def label(self, columns: Mapping[str, object]) -> str:
-        """Return what a row is of, for a message."""
+        """Return the name of a row for a message."""
         return f"the attempt {columns['name']} seed {columns['seed']}"
 
     def add(
@@ -109,7 +109,7 @@ class Store(Database[Row]):
         """Insert the row of an attempt, and return whether it was inserted."""
         record = spec.record()
         versions = flown.provenance["versions"]
-        row = Row(
+        row = AttemptRow(
             key=attempt_key(record, versions, twin),
             code=code_of(flown.provenance),
             variant=variant_key(record, versions, twin),
@@ -127,11 +127,11 @@ class Store(Database[Row]):
         )
         return self.insert(row, record)
 
-    def ended_by_own_error(self, row: Row) -> bool:
+    def ended_by_own_error(self, row: AttemptRow) -> bool:
         """Return whether an error of the user's own code has ended an attempt."""
         return row.outcome == ERROR
 
-    def forgotten(self, row: Row) -> None:
+    def forgotten(self, row: AttemptRow) -> None:
         """Remove the telemetry of an attempt."""
         folder = self.path.parent / row.folder
         if row.folder and folder.parent == self.flights:

@@ -14,8 +14,8 @@ from quadsim.controllers.costs.race import RaceWeights, Weight
 from quadsim.controllers.costs.reference import ReferenceWeights
 from quadsim.controllers.presets import PRESETS, Planner
 
-Group = Literal["sigma", "gamma", "temperature", "cost", "margin", "horizon"]
-GROUPS: tuple[Group, ...] = get_args(Group)
+ParameterGroup = Literal["sigma", "gamma", "temperature", "cost", "margin", "horizon"]
+GROUPS: tuple[ParameterGroup, ...] = get_args(ParameterGroup)
 Values = Mapping[str, float]  # name of a parameter -> its value
 
 

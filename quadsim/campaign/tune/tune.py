@@ -17,7 +17,7 @@ from statistics import fmean, geometric_mean
 
 from quadsim.campaign.flights.stats import VariantStats, lap_limit, variant_stats
 from quadsim.campaign.run.runner import Runner
-from quadsim.campaign.run.store import Row
+from quadsim.campaign.run.store import AttemptRow
 from quadsim.campaign.run.variants import Variant
 from quadsim.campaign.tune.parameters import Parameter, Values, with_parameters
 from quadsim.campaign.tune.search import FlownTrial, Search, TrialStats
@@ -148,7 +148,7 @@ def _trial_stats(found: Sequence[VariantStats]) -> TrialStats:
     )
 
 
-def _expect_no_own_error(variant: Variant, rows: Sequence[Row]) -> None:
+def _expect_no_own_error(variant: Variant, rows: Sequence[AttemptRow]) -> None:
     """Raise RunError if an error of the user's own code has ended an attempt.
 
     The trial stays open, and the next command flies it again.
@@ -183,7 +183,9 @@ def _variant(trial: int, base: Variant, values: Values) -> Variant:
     return Variant(f"trial {trial}", replace(base.spec, planner=planner))
 
 
-def _stats(variants: Sequence[Variant], flown: Sequence[Sequence[Row]]) -> list[VariantStats]:
+def _stats(
+    variants: Sequence[Variant], flown: Sequence[Sequence[AttemptRow]]
+) -> list[VariantStats]:
     """Return the statistics of a trial on each course.
 
     Raises:

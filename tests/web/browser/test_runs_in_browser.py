@@ -1,5 +1,6 @@
 """Claims about the table of runs and the charts, as a person uses them."""
 
+import msgspec
 import pytest
 from browser_cases import (
     DRAWN,
@@ -13,17 +14,31 @@ from browser_cases import (
 )
 from web_cases import Glider, Gliders, choices, run_of, store
 
+from quadsim.campaign.document import Document, Heading, Note, Table
+
 pytestmark = [pytest.mark.browser, pytest.mark.page]
+
+
+REPORT = Document(
+    (
+        Heading("figure8", "2 laps"),
+        Table(("variant", "thrust [m/s^2/s]"), (("<b>a", "5.5"),)),
+        Note("mind this"),
+    )
+)
 
 
 @pytest.fixture(scope="module")
 def root(tmp_path_factory):
-    root = tmp_path_factory.mktemp("table")
+    root = tmp_path_factory.mktemp("table") / "runs"
     for seed in (3, 1, 2):
         for sampler in ("colored", "gaussian"):
             store(root, run_of(Glider(choices(sampler, laps=2, seed=seed))))
     broken = store(root, run_of(Glider(choices("colored", laps=1, seed=9))))
     (broken / "run.json").write_text("{}")
+    reports = root.parent / "campaigns" / "race.report"
+    reports.mkdir(parents=True)
+    (reports / "figure8_a.json").write_bytes(msgspec.json.encode(REPORT))
     return root
 
 
@@ -123,3 +138,20 @@ def test_a_press_in_a_chart_moves_the_time_and_the_pointer_shows_values(page, se
     page.get_by_text("signals", exact=True).click()
     page.locator(".panes details label", has_text="thrust").click()
     assert waited(page, lambda: charts.count() == count - 1)
+
+
+def test_a_report_is_shown_as_the_tables_and_remarks_of_its_file(page):
+    page.keyboard.press("t")
+    sheet = page.get_by_role("dialog", name="Runs and campaigns")
+    sheet.get_by_role("button", name="Campaigns").click()
+    sheet.get_by_role("button", name="figure8_a").click()
+    report = sheet.locator(".report")
+    report.get_by_text("mind this").wait_for()
+    assert report.get_by_role("heading").inner_text() == "figure8"
+    assert report.locator("th, td").all_inner_texts() == [
+        "variant",
+        "thrust [m/s²/s]",
+        "<b>a",
+        "5.5",
+    ]
+    page.keyboard.press("Escape")
