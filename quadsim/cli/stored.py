@@ -240,7 +240,7 @@ def _data(kind: str, folders: list[Path]) -> bytes:
                 read_run(folder)
         return zipped(folders)
     competitors = named([stored_competitor(folder) for folder in folders])
-    courses = {competitor.spec["course"]["text"] for competitor in competitors}
+    courses = {competitor.course.text for competitor in competitors}
     if len(courses) > 1:
         raise UsageError("--html: expected runs of one course, got several")
     return offline_page(competitors).encode()

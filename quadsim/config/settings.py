@@ -328,6 +328,22 @@ class SettingValue(NamedTuple):
     value: Any
 
 
+def kinds_of(planner: Planner) -> dict[str, Kind]:
+    """Return the kinds of the settings that a planner and its model have, in the table's order."""
+    classes: list[type] = [
+        type(planner.sampling),
+        type(planner.mppi),
+        type(planner.cost),
+        ModelParams,
+    ]
+    return {
+        name: row.kinds[cls]
+        for name, row in SETTINGS.items()
+        for cls in classes
+        if cls in row.kinds
+    }
+
+
 def values_of(planner: Planner, model: ModelParams) -> dict[str, SettingValue]:
     """Return the settings that a planner and its model have, by name, in the order of the table."""
     parts = {
@@ -337,9 +353,7 @@ def values_of(planner: Planner, model: ModelParams) -> dict[str, SettingValue]:
         "model": model,
     }
     found = {}
-    for name, row in SETTINGS.items():
-        part = parts.get(row.group)
-        kind = row.kinds.get(type(part))
-        if kind is not None:
-            found[name] = SettingValue(row, kind, getattr(part, row.field))
+    for name, kind in kinds_of(planner).items():
+        row = SETTINGS[name]
+        found[name] = SettingValue(row, kind, getattr(parts[row.group], row.field))
     return found

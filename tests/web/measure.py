@@ -106,7 +106,7 @@ SOFTWARE = [
 # what a page asks for with the tab Laps open, and how often while the race moves [s]
 ASK = {"type": "ask", "have": {}, "shows": ["laps"]}
 ASK_PERIOD = 0.1
-MENU = Menu(("split_s_swift",), ("swift",), {"race": "swift"}, ("colored", "gaussian"))
+MENU = Menu(("split_s_swift",), ("swift",), ("race",), ("colored", "gaussian"))
 
 
 class Place:

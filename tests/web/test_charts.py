@@ -34,7 +34,7 @@ def limited(entry):
     """The same flight with the best known limit of its race."""
     from quadsim.limit.limits import limit_of
 
-    return replace(entry, limit=limit_of(entry.spec))
+    return replace(entry, limit=limit_of(entry.record))
 
 
 def test_a_page_gets_every_frame_once_in_its_own_time(competitors, monkeypatch):

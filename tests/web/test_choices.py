@@ -113,8 +113,8 @@ def test_a_page_offers_and_flies_the_solutions_of_its_own_folder_of_runs(tmp_pat
     limits_folder(told).mkdir(parents=True)
     os.utime(told, (0.0, 0.0))  # what is solved does not change the folder of runs itself
     solve(hall, "runs", sooner=0.005)
-    presets = {"race": "crazyflie", "race_informed": "crazyflie"}
-    menu = Menu(("figure8", hall), ("crazyflie",), presets, ("colored",))
+    vehicles = ("swift", "crazyflie")
+    menu = Menu(("figure8", hall), vehicles, ("race", "race_informed"), ("colored",))
     flights = Gliders()
     with (
         served(told, flights, menu, Choices(hall, vehicle="crazyflie")) as page,
@@ -130,6 +130,7 @@ def test_a_page_offers_and_flies_the_solutions_of_its_own_folder_of_runs(tmp_pat
         assert linked.set("race", "course", hall) == ""
         assert until(lambda: "race_informed" in presets())
         assert linked.set("competitors", "preset", "race_informed") == ""
+        assert linked.set("competitors", "vehicle", "crazyflie") == ""  # a preset brings its own
         press_start(page.port)
         assert until(lambda: flights.built)
     (flight,) = flights.built
@@ -179,7 +180,7 @@ def test_on_the_wall_clock_planning_takes_time_and_a_pause_does_not():
         assert steps == pytest.approx([0.05] * 3, abs=flight._plant.dt)
     finally:
         flight.end()
-    assert flight.now.spec["clock"] == "wall"
+    assert flight.now.spec.clock == "wall"
 
 
 @pytest.mark.compiled

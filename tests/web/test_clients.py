@@ -115,7 +115,7 @@ def test_moving_gamma_in_flight_is_an_event(page):
         assert linked.set("in_flight", "gamma_rates", 1.25) == ""
         assert until(lambda: entry().changes)
     (change,) = entry().changes
-    assert (change["name"], change["to"]) == ("gamma_rates", 1.25)
+    assert (change.name, change.after) == ("gamma_rates", 1.25)
 
 
 @pytest.mark.socket

@@ -51,7 +51,7 @@ def test_flights_that_are_alike_are_called_so_and_one_is_not_compared():
 
 def test_a_record_from_the_disk_is_the_record_of_the_flight():
     """JSON has lists in place of tuples."""
-    stored = competitor("colored", laps=1).spec
+    stored = competitor("colored", laps=1).record
     assert differences([PLAIN, stored]) == []
 
 

@@ -8,7 +8,7 @@ from viser.transforms import SO3
 from quadsim.course import load_course
 from quadsim.web.page.scene.estimate import ellipsoid, sensed_corners
 from quadsim.web.race.live_flight import LiveFlight
-from quadsim.web.state.choices import PILOT, Choices, planner_settings
+from quadsim.web.state.choices import PILOT, Choices, planner_kinds
 from quadsim.web.state.numbers import Change
 
 
@@ -51,7 +51,7 @@ def test_a_pilot_has_no_numbers_to_tune_and_no_plan_to_show(flown):
     assert flown.is_cached
     assert flown.now.numbers(flown.t) == before
     assert flown.sampled_trajectories() is None
-    assert planner_settings("race", "swift", f"{PILOT}split_s_swift") == {}
+    assert planner_kinds("race", f"{PILOT}split_s_swift") == {}
 
 
 def test_a_flight_that_has_ended_shows_no_picture_any_more(flown):

@@ -92,7 +92,7 @@ def test_a_picture_has_a_dark_ground_everywhere_and_names_both_runs(folder):
     """The scene comes with a transparent ground: on white paper its pale lines could not be
     seen."""
     one = stored_competitor(folder)
-    two = replace(one, spec={**one.spec, "sampler": "gaussian"})
+    two = one.with_record({**one.record, "sampler": "gaussian"})
     render = np.zeros((200, 300, 4), np.uint8)
     render[50, 60] = 10, 200, 30, 255
     image = imread(io.BytesIO(picture(render, summary_at(named([one, two]), 1.0))))

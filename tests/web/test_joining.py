@@ -163,7 +163,7 @@ def test_a_person_and_a_planner_fly_in_one_world_and_are_kept(by_hand):
     assert flown.x["wz_cmd"][5] == pytest.approx(-RATES.yaw.most)
     kept = stored_competitor(flown.folder)
     assert not kept.has_planner
-    assert kept.spec["hand"] == flown.spec["hand"]
+    assert kept.spec.hand == flown.spec.hand
 
 
 def test_two_competitors_by_hand_are_refused(tmp_path):
@@ -179,8 +179,8 @@ def test_a_flight_by_hand_has_no_number_of_a_planner():
     flight = LiveFlight(Choices(course=COURSE, sampler="hand", numbers={"samples": 512}))
     try:
         assert flight.hand is not None
-        assert flight.now.spec["planner"]["mppi"]["samples"] != 512
-        assert not has_planner(flight.now.spec)
+        assert flight.now.spec.planner.mppi.samples != 512
+        assert not has_planner(flight.now.record)
     finally:
         flight.close()
 
@@ -265,7 +265,8 @@ def test_instruments_are_sent_to_the_visitor_who_took_the_sticks_alone():
     told = Told()
     joining = Joining(told, Cockpit(), told, told, None)
     flown = competitor("colored")
-    entry = replace(flown, spec={**flown.spec, "sampler": "hand"}, live=True, outcome=None)
+    entry = flown.with_record({**flown.record, "sampler": "hand"})
+    entry = replace(entry, live=True, outcome=None)
     for k in range(10):
         s = Snapshot(t=0.1 * k, end=9.0, competitors=(entry,), by_hand=True, flying=True)
         if k == 5:

@@ -2,16 +2,24 @@
 
 from dataclasses import replace
 
+import msgspec
 import pytest
 from web_cases import Glider, choices, competitor
 
 from quadsim.controllers.presets import PRESETS
+from quadsim.record.schema import FlownAmong, Rules
 from quadsim.web.page.parts.elements import to_html
 from quadsim.web.page.parts.timing import planner
 from quadsim.web.race.competitor import named
-from quadsim.web.race.drawn_samples import drawn_samples, late_plans
 from quadsim.web.race.lap_timing import lap_timings
-from quadsim.web.race.numbers_in_flight import can_change, has_number, numbers_of_several, remark
+from quadsim.web.race.numbers_in_flight import (
+    can_change,
+    drawn_samples,
+    has_number,
+    late_plans,
+    numbers_of_several,
+    remark,
+)
 from quadsim.web.race.snapshot import Snapshot
 
 USUAL = PRESETS["race"]["gaussian"].mppi
@@ -42,7 +50,7 @@ def test_numbers_that_differ_are_named_with_the_value_of_each(two):
 
 def test_a_change_in_flight_counts_from_its_time(two):
     change = {"t": 0.1, "name": "samples", "from": FEWER, "to": 500}
-    changed = replace(two[0], spec={**two[0].spec, "interactive": [change]})
+    changed = two[0].with_record({**two[0].record, "interactive": [change]})
     at = {t: {one.name: one for one in numbers_of_several([changed], t)} for t in (0.05, 0.2)}
     assert at[0.05]["samples"].values == (FEWER,)
     assert at[0.2]["samples"].values == (500,)
@@ -56,7 +64,8 @@ def test_gaussian_sampling_has_no_gamma_and_a_stored_run_cannot_be_changed(two):
     assert not can_change(colored, "sigma")
     flying = replace(colored, live=True, outcome=None)
     assert can_change(flying, "sigma")
-    in_one_world = replace(flying, spec={**flying.spec, "heat": {"number": 1}})
+    heat = FlownAmong("one", ["one", "two"], 1, Rules("physics"), "0")
+    in_one_world = flying.with_record({**flying.record, "heat": msgspec.to_builtins(heat)})
     assert not can_change(in_one_world, "sigma")
 
 

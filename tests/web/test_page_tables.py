@@ -10,6 +10,8 @@ from web_cases import COURSE, choices, competitor
 from quadsim.limit.limits import limit_of
 from quadsim.palette import HIT_ON_DARK, NEXT, STYLES
 from quadsim.racing.events import sector_times
+from quadsim.racing.hand import Hand, HandRates
+from quadsim.vehicle import load_vehicle
 from quadsim.web.page.parts.course_map import Map
 from quadsim.web.page.parts.elements import DIM, SHEET, Element, element, label, table, to_html
 from quadsim.web.page.parts.head import coming_head, head_of
@@ -47,9 +49,9 @@ def test_two_runs_of_one_sampler_differ_in_line_and_others_keep_theirs(competito
 
 
 def test_a_long_race_has_columns_for_the_laps_that_have_begun(competitors):
-    long = [replace(one, spec={**one.spec, "laps": 1000}) for one in competitors]
+    long = [one.with_record({**one.record, "laps": 1000}) for one in competitors]
     begun = max(len(one.laps) for one in competitors) + 1
-    short = [replace(one, spec={**one.spec, "laps": max(begun, FEW_LAPS)}) for one in competitors]
+    short = [one.with_record({**one.record, "laps": max(begun, FEW_LAPS)}) for one in competitors]
     assert laps(long) == laps(short)
 
 
@@ -117,6 +119,17 @@ def test_what_differs_is_said_under_the_headline(competitors):
     assert "They differ in seed (0 / 5); all else is equal." in shown_at(seeds, 1.0)
 
 
+def test_of_a_flight_without_a_plan_the_page_says_who_flies(competitors):
+    record = competitors[0].record
+    for flown, said in (
+        ({"pilot": {"name": "swift_1", "sha256": "0"}}, "the learned pilot swift_1 flies"),
+        ({"hand": Hand(HandRates.of(load_vehicle("swift"))).record()}, "a person flies"),
+        ({"excite": True}, "manoeuvres excite the vehicle"),
+    ):
+        (timing,) = at([competitors[0].with_record(record | flown)], 1.0)
+        assert said in read(planner(timing))
+
+
 def test_runs_of_different_laps_are_compared_over_the_common_ones_in_words():
     long, short = named([competitor("colored", laps=2), competitor("gaussian", laps=1)])
     for t in (0.5, short.last_t + 0.1, 99.0):
@@ -128,7 +141,7 @@ def test_runs_of_different_laps_are_compared_over_the_common_ones_in_words():
 
 def test_not_comparable_is_said_of_the_competitor_that_was_changed_alone(competitors):
     change = {"t": 0.1, "name": "sigma", "from": 1.0, "to": 2.0}
-    changed = replace(competitors[1], spec={**competitors[1].spec, "interactive": [change]})
+    changed = competitors[1].with_record({**competitors[1].record, "interactive": [change]})
     page = shown_at([competitors[0], changed], 1.0)
     assert "gaussian: interactive, not comparable: 1 change in flight" in page
     assert "colored: interactive" not in page
@@ -154,7 +167,7 @@ def test_alone_nobody_leads(competitors):
 
 def test_a_flight_that_finished_says_how_far_above_the_best_known_limit(competitors):
     entry = competitor()
-    limit = limit_of(entry.spec)
+    limit = limit_of(entry.record)
     above = f"{100 * (sum(entry.laps) / limit.time - 1):.1f} % above"
     for shown in ([entry], [competitors[0], entry]):  # also as the second run
         assert above in shown_at(shown, 99.0)
@@ -238,10 +251,10 @@ def test_the_time_line_has_a_mark_for_every_event_and_the_laps(competitors):
 
 def test_names_from_files_cannot_run_scripts(competitors):
     evil = "<script>alert(1)</script>"
-    spec = {**competitors[0].spec, "sampler": evil}
+    named_evil = competitors[0].with_record({**competitors[0].record, "sampler": evil})
     event = replace(competitors[0].events[0], kind=evil)
     bad = [
-        replace(competitors[0], name=evil, spec=spec, events=(event,), outcome=evil),
+        replace(named_evil, name=evil, events=(event,), outcome=evil),
         competitors[1],
     ]
     timings = at(bad, 1.0)
@@ -296,7 +309,7 @@ def test_every_class_that_is_written_is_in_the_style_sheet_and_no_style_is(compe
     change = {"t": 0.1, "name": "sigma", "from": 1.0, "to": 2.0}
     last = competitors[1].events[-1]
     hit = ended(competitors[1], "crashed", replace(last, kind="hit", gate=1, lap=2))
-    changed = replace(hit, spec={**hit.spec, "interactive": [change]})
+    changed = hit.with_record({**hit.record, "interactive": [change]})
     entries = [competitors[0], changed]
     timings = at(entries, 1.0)
     few = competitor()
@@ -363,7 +376,7 @@ def test_the_splits_are_the_times_from_gate_to_gate(competitors):
 
 def test_beside_other_laps_a_run_changed_in_flight_is_named_so(competitors):
     change = {"t": 0.1, "name": "sigma", "from": 1.0, "to": 2.0}
-    changed = replace(competitors[1], spec={**competitors[1].spec, "interactive": [change, change]})
+    changed = competitors[1].with_record({**competitors[1].record, "interactive": [change, change]})
     page = read(laps([competitors[0], changed]))
     assert page.count("not comparable") == 1
     assert "comparable" not in read(laps(competitors))
@@ -374,8 +387,7 @@ def test_a_change_of_an_unknown_number_is_listed_and_is_no_number_of_the_page(co
         {"t": 0.1, "name": "sigma", "from": 1.0, "to": 2.0},
         {"t": 0.1, "name": "wind", "from": 1.0, "to": 3.0},
     ]
-    spec = {**competitors[1].spec, "interactive": changes}
-    changed = replace(competitors[1], spec=spec)
+    changed = competitors[1].with_record({**competitors[1].record, "interactive": changes})
     assert changed.numbers(0.2) == competitors[1].numbers(0.2) | {"sigma": 2.0}
     assert "wind 1 → 3" in read(events([changed], 0.2))
 

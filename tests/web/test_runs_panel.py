@@ -68,10 +68,13 @@ def test_an_address_shows_its_time_and_view_to_who_opens_it_alone(page, root):
     folder = stored(root, laps=2)
     with link(page.port) as one, link(page.port) as other:
         one.ask("runs", "list_runs")
-        one.send("replay_runs", names=[folder.name], t=0.5, ghosts="by place")
+        assert one.set("view", "ghosts", "by place") == ""
+        assert "expected one of" in one.set("view", "ghosts", "by luck")  # an address may be wrong
+        one.send("replay_runs", names=[folder.name], t=0.5)
         assert until(lambda: now(one)["t"] == 0.5)
         race = page.session.snapshot.race
-        other.send("replay_runs", names=[folder.name], t=1.0, limit=True)
+        assert other.set("view", "limit", True) == ""
+        other.send("replay_runs", names=[folder.name], t=1.0)
         assert until(lambda: now(other)["t"] == 1.0)
         assert page.session.snapshot.race == race  # as the run is shown already
         assert now(one)["t"] == 0.5

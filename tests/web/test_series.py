@@ -7,7 +7,7 @@ from web_cases import Gliders, choices, until
 from quadsim.statistics import mean_interval
 from quadsim.web.page.parts.seeds_table import seeds_of
 from quadsim.web.race.page_race import PageRace
-from quadsim.web.race.series import Flown, Series, SeriesRow
+from quadsim.web.race.series import FlownSeed, Series, SeriesRow
 from quadsim.web.race.session import Session
 
 
@@ -116,8 +116,8 @@ def test_a_refused_start_ends_the_series(tmp_path):
 def test_a_flight_that_did_not_finish_has_no_time_and_pairs_with_none(tmp_path):
     session, series = series_of(tmp_path, Gliders())
     series.count = 3
-    first = SeriesRow("a", "red", [Flown(5.0, 1.0), Flown(None, 2.0), Flown(5.2, 3.0)])
-    second = SeriesRow("b", "blue", [Flown(5.5, 1.0), Flown(5.6, 2.0), Flown(5.9, 3.0)])
+    first = SeriesRow("a", "red", [FlownSeed(5.0, 1.0), FlownSeed(None, 2.0), FlownSeed(5.2, 3.0)])
+    second = SeriesRow("b", "blue", [FlownSeed(5.5, 1.0), FlownSeed(5.6, 2.0), FlownSeed(5.9, 3.0)])
     series.rows = [first, second]
     shown = seeds_of(series)
     assert [row.finished for row in shown.rows] == ["2/3", "3/3"]

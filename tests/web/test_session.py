@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from web_cases import COURSE, PERIOD, Clock, Glider, Gliders, choices, stored, until
 
+from quadsim.controllers.presets import preset
 from quadsim.files.values import checked
 from quadsim.limit.limits import limit_of
 from quadsim.record.archive import list_runs, read_run
@@ -16,7 +17,7 @@ from quadsim.web.race.pace import Pace
 from quadsim.web.race.page_race import PageRace
 from quadsim.web.race.session import Session
 from quadsim.web.race.stored_competitor import stored_competitor
-from quadsim.web.state.choices import Choices, planner_settings, preset_of
+from quadsim.web.state.choices import Choices, planner_kinds
 from quadsim.web.state.numbers import SLIDERS, Change, with_change
 
 
@@ -94,7 +95,7 @@ def changed(glider, *changes):
 
 
 def noted(glider):
-    return [(c["t"], c["name"], c["from"], c["to"]) for c in glider.now.changes]
+    return [(c.t, c.name, c.before, c.after) for c in glider.now.changes]
 
 
 def test_only_numbers_that_a_plan_has_used_are_on_the_record():
@@ -131,12 +132,12 @@ def test_a_number_that_a_sampler_lacks_changes_nothing():
 @pytest.mark.parametrize("name", SLIDERS)
 def test_a_slider_stays_within_the_range_of_its_setting(name):
     slider = SLIDERS[name]
-    found = planner_settings("race", "swift", "colored")[slider.setting]
-    preset = preset_of("race", "colored")
+    kind = planner_kinds("race", "colored")[slider.setting]
+    of_preset = preset("race", "colored")
     for value in (slider.low, slider.high):
-        planner = with_change(preset, preset, Change(name, value))
+        planner = with_change(of_preset, of_preset, Change(name, value))
         number = {**vars(planner.sampling), **vars(planner.mppi)}[slider.setting]
-        assert checked(slider.setting, number, found.kind) == number
+        assert checked(slider.setting, number, kind) == number
 
 
 def test_planner_snapshots_can_be_replayed_as_soon_as_the_flight_has_ended(session, tmp_path):

@@ -237,7 +237,7 @@ def test_a_state_is_never_changed_itself():
     assert Choices.of(TWO.race, TWO.rows[0].choices) == choices("colored")
 
 
-MENU_OF_TWO = Menu((COURSE,), ("swift",), {"race": "swift"}, ("colored", "gaussian"))
+MENU_OF_TWO = Menu((COURSE,), ("swift",), ("race",), ("colored", "gaussian"))
 OFFERED = PageState.of(choices("colored"), choices("gaussian"), menu=MENU_OF_TWO)
 
 
@@ -303,12 +303,12 @@ def test_numbers_that_follow_from_the_course_begin_there_and_a_typed_one_stays()
     )
     state = PageState.of(small)
     (flight,) = state.start
-    assert flight.planner.mppi.samples == flight.spec().planner.mppi.samples == 4096
+    assert flight.planners().chosen.mppi.samples == flight.spec().planner.mppi.samples == 4096
     # The number of the reference is a change here, and none on the reference's course.
     typed = after(SetSetting(FIRST, "clearance", "2500"), state=state)
     assert typed.start[0].spec().planner.cost.clearance == 2500
     assert line_up_of(typed).changes == (("clearance 2500",),)
     elsewhere = after(ChooseRace("course", "figure8"), state=state)
-    assert elsewhere.start[0].planner.cost == PRESETS["race"]["colored"].cost
+    assert elsewhere.start[0].planners().chosen.cost == PRESETS["race"]["colored"].cost
     same = after(SetSetting(FIRST, "clearance", "2500"), state=elsewhere)
     assert same.start[0].settings == {}

@@ -24,7 +24,7 @@ from quadsim.web.state.menu import Menu
 
 PERIOD = 0.01  # of every preset [s]
 COURSE = "figure8"
-MENU = Menu((COURSE, "paper_flat"), ("swift",), {"race": "swift"}, ("colored", "gaussian"))
+MENU = Menu((COURSE, "paper_flat"), ("swift",), ("race",), ("colored", "gaussian"))
 SPEED = {"colored": 40.0, "gaussian": 36.0}  # [m/s], so that tests are short
 
 
@@ -129,7 +129,7 @@ def choices(sampler="colored", laps=1, **more):
 
 def run_of(glider):
     """The run of a whole flight."""
-    return RecordedRun.from_frames(glider.now.spec, list(glider.frames()))
+    return RecordedRun.from_frames(glider.now.record, list(glider.frames()))
 
 
 def competitor(sampler="colored", laps=3, **more):

@@ -98,7 +98,7 @@ def _items(kind: inspect.Type) -> list[inspect.Type]:
 def _number(label: str, kind: inspect.Type, text: str) -> Number:
     """Return a number of this kind."""
     found: Any = bare(kind)
-    # 0 can be typed where it is out of range, and the checks report it as an error.
+    # 0 can be typed even if it is out of range; the checks report it as an error.
     low = found.ge if found.ge is not None else found.gt
     return Number(label, unit_of(kind), float(low), float(found.le), text)
 

@@ -129,7 +129,7 @@ class Projector:
         )
 
     def _update_pictures(self, seen: Mapping[int, Seen]) -> None:
-        """Show the pictures of the first drone's camera to those who want them."""
+        """Show the pictures of the first drone's camera to the visitors who want them."""
         self._pictures.update(
             {
                 number: one.moment.timings[0]

@@ -6,7 +6,7 @@ from collections.abc import Container
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from quadsim.web.page.forms.playback import Shown
+from quadsim.web.page.forms.playback import ShowNotice
 from quadsim.web.page.parts.board import Board, PartName
 from quadsim.web.page.parts.elements import EMPTY, Element
 from quadsim.web.page.parts.head import Head, head_of
@@ -147,7 +147,7 @@ class Screen:
             self._put("chatter", moment.chatter)
 
     def _notify(self, s: Snapshot) -> None:
-        """Show notices, those of an event once its time is watched."""
+        """Show notices; the notice of an event is shown once its time is watched."""
         for notice in s.notices:
             of_other_race = notice.t is not None and notice.race != s.race
             is_ahead = notice.t is not None and s.t < notice.t - SAME
@@ -155,7 +155,7 @@ class Screen:
                 continue
             self._told.add(notice.number)
             if not of_other_race:
-                self._visitor.send(Shown(notice.kind, notice.title, notice.text))
+                self._visitor.send(ShowNotice(notice.kind, notice.title, notice.text))
         self._told &= {notice.number for notice in s.notices}
 
     def _put(self, name: PartName, content: object) -> None:

@@ -16,7 +16,6 @@ from multiprocessing.process import BaseProcess
 from time import perf_counter
 from typing import TYPE_CHECKING, NamedTuple
 
-import msgspec
 import numpy as np
 from PIL import Image
 
@@ -24,7 +23,6 @@ from quadsim.course import parse_course
 from quadsim.render.look import plain_look
 from quadsim.rotation import Quaternion, Vec3
 from quadsim.sensing.camera import Camera, load_camera
-from quadsim.sensing.config import GateCameraConfig, PixelCameraConfig
 from quadsim.sensing.measurements import Corners
 from quadsim.web.race.competitor import POSITION, QUATERNION, Competitor
 
@@ -40,7 +38,7 @@ QUALITY = 80  # quality of the JPEG
 ENDED = "the process that draws the pictures has ended"
 
 
-class View(NamedTuple):
+class CameraView(NamedTuple):
     """A view to draw: a course from a vehicle's camera."""
 
     course_name: str
@@ -50,12 +48,12 @@ class View(NamedTuple):
     attitude: Quaternion  # of the vehicle
 
 
-class Moment(NamedTuple):
+class PictureMoment(NamedTuple):
     """A competitor at the moment of a picture."""
 
     name: str
     t: float  # [s]
-    view: View
+    view: CameraView
     # size of the camera's own pictures, to which the corners refer [px]
     size: tuple[int, int]
     corners: Corners | None  # corners found in this picture
@@ -64,7 +62,7 @@ class Moment(NamedTuple):
 class CameraPicture(NamedTuple):
     """A picture of a moment, or the reason why there is none."""
 
-    moment: Moment
+    moment: PictureMoment
     jpeg: bytes
     problem: str = ""
 
@@ -87,7 +85,7 @@ class CameraPictures:
         self.last: dict[int, CameraPicture] = {}
         self._process: BaseProcess | None = None
         self._pipe: Connection | None = None
-        self._asked: Moment | None = None  # the moment that is being drawn
+        self._asked: PictureMoment | None = None  # the moment that is being drawn
         self._asked_for: list[int] = []  # the visitors who watch it
         self._turns: list[int] = []  # the visitors who had a picture, the last ones at the end
         self._asked_at = -PERIOD  # [s]
@@ -125,7 +123,7 @@ class CameraPictures:
         self._pipe = None
         self._asked = None
 
-    def _ask(self, moment: Moment) -> None:
+    def _ask(self, moment: PictureMoment) -> None:
         """Request a picture from the process, which is started if needed."""
         self._asked = moment
         self._asked_at = perf_counter()
@@ -173,7 +171,7 @@ class CameraPictures:
         return self._pipe
 
 
-def moment_of(entry: Competitor, t: float) -> Moment:
+def moment_of(entry: Competitor, t: float) -> PictureMoment:
     """Return the moment of a competitor to be drawn.
 
     If the vehicle's camera has just found corners, the moment is the time of the camera's last
@@ -186,19 +184,15 @@ def moment_of(entry: Competitor, t: float) -> Moment:
     if corners:
         t = corners.t
     position, attitude = pose_at(entry, t)
-    view = View(entry.course.name, entry.course.text, smaller(camera), position, attitude)
-    return Moment(entry.name, t, view, (camera.width, camera.height), corners)
+    view = CameraView(entry.course.name, entry.course.text, smaller(camera), position, attitude)
+    return PictureMoment(entry.name, t, view, (camera.width, camera.height), corners)
 
 
 def camera_of(entry: Competitor) -> Camera:
     """Return the camera of a vehicle; if it has none, the default camera of `race render`."""
-    sensing = entry.spec.get("sensing") or {}
-    try:
-        if sensing.get("pixels"):
-            return msgspec.convert(sensing["pixels"], PixelCameraConfig)
-        return msgspec.convert(sensing.get("camera"), GateCameraConfig)
-    except msgspec.ValidationError:  # no camera, or a record edited by hand
-        return load_camera(DEFAULT_CAMERA)
+    sensing = entry.spec.sensing
+    camera = sensing and (sensing.pixels or sensing.camera)
+    return camera or load_camera(DEFAULT_CAMERA)
 
 
 def smaller(camera: Camera) -> Camera:
@@ -232,7 +226,7 @@ def pose_at(entry: Competitor, t: float) -> tuple[Vec3, Quaternion]:
     return (x, y, z), (w, i, j, k)
 
 
-def _is_same(one: Moment, other: Moment) -> bool:
+def _is_same(one: PictureMoment, other: PictureMoment) -> bool:
     """Return whether two moments give the same picture, with the same corners."""
     return one._replace(corners=None) == other._replace(corners=None) and (
         one.corners is other.corners
@@ -265,7 +259,7 @@ class Painter:
         self._scene: Scene | None = None
         self._of: tuple[str, Camera] | None = None  # course and camera of the scene
 
-    def draw(self, view: View) -> bytes:
+    def draw(self, view: CameraView) -> bytes:
         """Return a view as a JPEG.
 
         Raises:

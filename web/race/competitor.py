@@ -7,8 +7,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import accumulate
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+import msgspec
 import numpy as np
 
 from quadsim.controllers.plan import PlannerSnapshot
@@ -18,7 +19,9 @@ from quadsim.palette import Style, style, styles_on_dark
 from quadsim.racing.along import Legs
 from quadsim.racing.events import Event
 from quadsim.record.planner_snapshot import PlannerSnapshots
-from quadsim.record.run import INTERACTIVE, flown_by, has_planner
+from quadsim.record.run import flown_by, has_planner
+from quadsim.record.schema import NumberChange, RunSpec
+from quadsim.report.metrics import motor_corner, motor_tau
 from quadsim.web.state.differences import distinct_names
 from quadsim.web.state.plain_text import plain
 
@@ -40,14 +43,6 @@ Rows = int | slice | np.ndarray
 ALL = slice(None)
 
 
-class State(NamedTuple):
-    """A value that changes with anything that is shown of a competitor."""
-
-    frames: int
-    outcome: str | None
-    changes: int
-
-
 class Past(NamedTuple):
     """A value that changes with the events, laps or changes until a given time."""
 
@@ -66,7 +61,8 @@ class Competitor:
     """
 
     name: str
-    spec: dict  # spec as in the record of a run
+    record: dict[str, Any]  # its spec as a run stores it, for reports and comparisons
+    spec: RunSpec  # the record, read
     course: Course
     legs: Legs
     x: dict[str, np.ndarray]  # columns of the telemetry so far  (frames,)
@@ -98,22 +94,22 @@ class Competitor:
     @property
     def sampler(self) -> str:
         """The name of its sampler, `pilot`, `hand`, or the class of a controller of one's own."""
-        return flown_by(self.spec)
+        return flown_by(self.record)
 
     @property
     def has_planner(self) -> bool:
         """Whether a planner flies, and not a learned pilot or a person."""
-        return has_planner(self.spec)
+        return has_planner(self.record)
 
     @property
     def laps_to_fly(self) -> int:
         """The number of laps of its race."""
-        return self.spec["laps"]
+        return self.spec.laps
 
     @property
     def sensed(self) -> bool:
         """Whether the flight has an estimated state besides the true one."""
-        return bool(self.spec.get("sensing")) and "est_px" in self.x
+        return self.spec.sensing is not None and "est_px" in self.x
 
     @property
     def style(self) -> Style:
@@ -131,14 +127,14 @@ class Competitor:
         return float(self.t[-1]) if len(self.t) else 0.0
 
     @property
-    def state(self) -> State:
-        """A value that changes with anything that is shown."""
-        return State(len(self.t), self.outcome, len(self.changes))
+    def changes(self) -> list[NumberChange]:
+        """The changes of the planner's numbers in flight."""
+        return self.spec.interactive
 
     @property
-    def changes(self) -> list[dict]:
-        """The changes of the planner's numbers in flight, {t, name, from, to} each."""
-        return self.spec.get(INTERACTIVE, [])
+    def motor_corner(self) -> float:
+        """The corner frequency of its motors [Hz]."""
+        return motor_corner(motor_tau(self.record["vehicle"]))
 
     @property
     def lap_starts(self) -> list[float]:
@@ -151,7 +147,7 @@ class Competitor:
             events=len(self.events),
             changes=len(self.changes),
             events_so_far=len(self.events_until(t)),
-            changes_so_far=sum(change["t"] <= t + SAME_TIME for change in self.changes),
+            changes_so_far=sum(change.t <= t + SAME_TIME for change in self.changes),
             over=self.outcome is not None and t >= self.last_t - SAME_TIME,
         )
 
@@ -171,9 +167,9 @@ class Competitor:
         is left out.
         """
         changed = {
-            change["name"]: change["to"]
+            change.name: change.after
             for change in self.changes
-            if change["t"] <= t and change["name"] in self.start_numbers
+            if change.t <= t and change.name in self.start_numbers
         }
         return {**self.start_numbers, **changed, **self.pending_numbers}
 
@@ -208,6 +204,10 @@ class Competitor:
             outcome=None,
         )
 
+    def with_record(self, record: dict[str, Any]) -> Competitor:
+        """Return the flight with another record of its spec."""
+        return replace(self, record=record, spec=read_spec(record))
+
     def snapshot(self, i: int) -> tuple[float, PlannerSnapshot] | None:
         """Return the last planner snapshot up to frame i, and its time [s]."""
         found = self.snapshots.latest(i) if self.snapshots else None
@@ -217,11 +217,18 @@ class Competitor:
         return float(self.t[frame]), snapshot
 
 
+def read_spec(record: Mapping[str, Any]) -> RunSpec:
+    """Return the record of a spec as a struct. Records from the disk were checked when read."""
+    return msgspec.convert(dict(record), RunSpec)
+
+
 def heat_of(entries: Sequence[Competitor]) -> str:
     """Return the identifier of the common race of several vehicles; "" if there is none."""
-    heats = {(entry.spec.get("heat") or {}).get("sha256", "") for entry in entries}
-    numbers = {(entry.spec.get("heat") or {}).get("number") for entry in entries}
-    return heats.pop() if len(heats) == 1 and len(numbers) == len(entries) else ""
+    heats = [entry.spec.heat for entry in entries if entry.spec.heat]
+    identifiers = {heat.sha256 for heat in heats}
+    numbers = {heat.number for heat in heats}
+    is_common = len(identifiers) == 1 and len(numbers) == len(entries)
+    return identifiers.pop() if is_common else ""
 
 
 def named(entries: Sequence[Competitor]) -> tuple[Competitor, ...]:
@@ -238,6 +245,6 @@ def named(entries: Sequence[Competitor]) -> tuple[Competitor, ...]:
 
 def _names(entries: Sequence[Competitor]) -> list[str]:
     """Return distinct names; in a race of several vehicles, the entrants' own."""
-    if entries and heat_of(entries):
-        return [plain(entry.spec["heat"]["name"]) for entry in entries]
-    return distinct_names([entry.spec for entry in entries])
+    if heat_of(entries):
+        return [plain(entry.spec.heat.name) for entry in entries if entry.spec.heat]
+    return distinct_names([entry.record for entry in entries])

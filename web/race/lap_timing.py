@@ -75,7 +75,7 @@ def lap_timings(s: Snapshot) -> list[LapTiming]:
 
 
 def at_place_of_first(timings: Sequence[LapTiming]) -> list[LapTiming]:
-    """Return the timings with the frames at which the others were where the first one is now.
+    """Return the timings with the frames at which all competitors are at the first one's place.
 
     Only the frames that are drawn change: who leads, and by how much, stays as it is.
     """

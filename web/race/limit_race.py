@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from weakref import WeakKeyDictionary
 
-import msgspec
 import numpy as np
 
 from quadsim.dynamics.quadrotor import STATE, VELOCITY
 from quadsim.limit.limits import StoredSolution
 from quadsim.racing.events import Event
-from quadsim.vehicle import Vehicle
 from quadsim.web.race.competitor import Competitor
 
 NAME = "limit"
@@ -38,8 +36,7 @@ def _competitor(entry: Competitor, stored: StoredSolution) -> Competitor:
     solution = stored.solution
     end = float(solution.t[-1])
     t = np.append(np.arange(0.0, end - 0.5 / RATE, 1.0 / RATE), end)
-    vehicle = msgspec.convert(entry.spec["vehicle"], Vehicle)
-    states = dict(zip(STATE, stored.states(vehicle, t).T, strict=True))
+    states = dict(zip(STATE, stored.states(entry.spec.vehicle, t).T, strict=True))
     # A gate is passed at the end of the last interval that leads to it
     gates = range(int(solution.target[-1]) + 1)
     passes = np.array([solution.t[1:][solution.target == gate][-1] for gate in gates])
@@ -50,12 +47,11 @@ def _competitor(entry: Competitor, stored: StoredSolution) -> Competitor:
         "wz_cmd": states["wz"],
         "a_cmd": states["a"],
     }
-    spec = {name: value for name, value in entry.spec.items() if name not in ("heat", "sensing")}
+    alone = {name: value for name, value in entry.record.items() if name != "heat"}
     columns = {"t": t, **states, **commands, "passed": np.searchsorted(passes, t, side="right")}
     return replace(
-        entry,
+        entry.with_record({**alone, "sensing": None, "sampler": NAME}),
         name=NAME,
-        spec={**spec, "sampler": NAME},
         x=columns,
         events=events,
         laps=tuple(stored.lap_times),

@@ -21,7 +21,7 @@ from quadsim.racing.flight import simulate
 from quadsim.record.archive import RunFolder, remove_unfinished
 from quadsim.record.run import INTERACTIVE, Recorder, columns_of
 from quadsim.record.schema import NumberChange
-from quadsim.web.race.competitor import Competitor
+from quadsim.web.race.competitor import Competitor, read_spec
 from quadsim.web.state.choices import Choices
 from quadsim.web.state.numbers import Change, numbers_of, with_change
 from quadsim.web.stored.again import AgainChoices
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from quadsim.sensing.measurements import Corners
 
 
-class Flown(NamedTuple):
+class FlownFrame(NamedTuple):
     """A flown frame."""
 
     entry: Competitor  # with this frame
@@ -73,7 +73,8 @@ class LiveFlight:
         self._columns = tuple(columns_of(record))
         self.now = Competitor(
             name=spec.sampler,
-            spec=record,
+            record=record,
+            spec=read_spec(record),
             course=spec.course,
             legs=Legs(spec.course, spec.laps),
             x=self._recorder.views(self._columns),
@@ -103,16 +104,16 @@ class LiveFlight:
         """Show the flight under another name."""
         (self.now,) = entries
 
-    def turn(self) -> list[Flown]:
+    def turn(self) -> list[FlownFrame]:
         """Fly one period."""
         frame = self.advance()
-        return [Flown(self.now, frame)]
+        return [FlownFrame(self.now, frame)]
 
     def keep_in(self, root: str) -> None:
         """Claim a folder among the runs for the resulting run."""
         remove_unfinished(root)
-        self._folder = RunFolder.open(root, self.now.spec)
-        self.now = replace(self.now, limit=limit_of(self.now.spec, limits_folder(root)))
+        self._folder = RunFolder.open(root, self.now.record)
+        self.now = replace(self.now, limit=limit_of(self.now.record, limits_folder(root)))
 
     def advance(self) -> Frame:
         """Plan with the requested numbers and fly one period.
@@ -138,8 +139,8 @@ class LiveFlight:
         # A change is recorded when a plan has used it.
         if changes and not self.is_over:
             noted = [msgspec.to_builtins(change(frame.t)) for change in changes]
-            spec = {**self.now.spec, INTERACTIVE: [*self.now.changes, *noted]}
-            self.now = replace(self.now, spec=spec)
+            record = self.now.record
+            self.now = self.now.with_record({**record, INTERACTIVE: [*record[INTERACTIVE], *noted]})
         return frame
 
     def change(self, change: Change) -> None:
@@ -176,7 +177,7 @@ class LiveFlight:
         with self._folder as folder:
             passed = any(event.kind == "pass" for event in self.now.events)
             if outcome != "interrupted" or passed:
-                run = self._recorder.run(self.now.spec)
+                run = self._recorder.run(self.now.record)
                 path = folder.save(run)
                 self.now = replace(self.now, snapshots=run.snapshots, folder=path)
 

@@ -16,8 +16,8 @@ from quadsim.racing.along import Legs
 from quadsim.record.archive import remove_unfinished
 from quadsim.record.run import columns_of
 from quadsim.results.heat import Heat
-from quadsim.web.race.competitor import Competitor
-from quadsim.web.race.live_flight import Flown, laps_so_far
+from quadsim.web.race.competitor import Competitor, read_spec
+from quadsim.web.race.live_flight import FlownFrame, laps_so_far
 from quadsim.web.state.choices import HeatChoices
 from quadsim.web.state.numbers import SLIDERS, Change, numbers_of
 from quadsim.web.stored.again import HeatAgainChoices
@@ -45,7 +45,7 @@ class LiveHeat:
     def __init__(self, choices: HeatChoices | HeatAgainChoices):
         self._spec = choices.spec()
         if isinstance(choices, HeatChoices):
-            bases = [flight.base for flight in choices.flights]
+            bases = [flight.planners().base for flight in choices.flights]
         else:
             bases = [entrant.spec.planner for entrant in self._spec.entrants]
         self._frames = heat_frames(self._spec)
@@ -62,7 +62,8 @@ class LiveHeat:
         self.entries = tuple(
             Competitor(
                 name=name,
-                spec=record,
+                record=record,
+                spec=read_spec(record),
                 course=spec.course,
                 legs=Legs(spec.course, spec.laps),
                 x=self._recorder.recorders[k].views(self._columns[k]),
@@ -92,10 +93,10 @@ class LiveHeat:
         self._root = root
         limits = limits_folder(root)
         self.entries = tuple(
-            replace(entry, limit=limit_of(entry.spec, limits)) for entry in self.entries
+            replace(entry, limit=limit_of(entry.record, limits)) for entry in self.entries
         )
 
-    def turn(self) -> list[Flown]:
+    def turn(self) -> list[FlownFrame]:
         """Fly one period of all vehicles."""
         first = self._ahead or next(self._frames)
         frames = [first]
@@ -111,7 +112,7 @@ class LiveHeat:
         for frame in frames:
             self._recorder.add(frame)
             entries[frame.number] = self._with(entries[frame.number], frame)
-            flown.append(Flown(entries[frame.number], frame.frame))
+            flown.append(FlownFrame(entries[frame.number], frame.frame))
         self.entries = tuple(entries)
         return flown
 

@@ -1,12 +1,16 @@
 """The planner's numbers of flights that are shown: of one competitor, or of several at once.
 
 A number of several competitors is their common one; if they differ, it is named with each value.
+Under a deadline a planner draws fewer samples than its setting. How many is known while the flight
+is live; a record has the setting and the deadline alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import NamedTuple
+
+import numpy as np
 
 from quadsim.config.settings import SETTINGS
 from quadsim.web.race.competitor import Competitor
@@ -32,7 +36,7 @@ class NumberOfSeveral(NamedTuple):
 
 
 def numbers_of_several(entries: Sequence[Competitor], t: float) -> list[NumberOfSeveral]:
-    """Return the numbers of competitors at t [s]; numbers that nobody has are left out."""
+    """Return the numbers of competitors at t [s]; numbers that no competitor has are left out."""
     found = []
     for name in SLIDERS:
         values = [entry.numbers(t)[name] for entry in entries if has_number(entry, name)]
@@ -48,14 +52,14 @@ def has_number(entry: Competitor, name: str) -> bool:
     setting = SLIDERS[name].setting
     if SETTINGS[setting].group != "sampling" or setting == "sigma":
         return True
-    sampling = entry.spec["planner"].get("sampling")
+    sampling = entry.spec.planner.sampling
     return isinstance(sampling, dict) and setting in sampling
 
 
 def can_change(entry: Competitor, name: str) -> bool:
     """Return whether a number may change in flight, which it cannot in a shared world."""
     flies = entry.live and entry.outcome is None
-    return flies and has_number(entry, name) and not entry.spec.get("heat")
+    return flies and has_number(entry, name) and entry.spec.heat is None
 
 
 def remark(entries: Sequence[Competitor], t: float) -> str:
@@ -71,7 +75,7 @@ def remark(entries: Sequence[Competitor], t: float) -> str:
     flying = any(entry.live and entry.outcome is None for entry in entries)
     if not flying:
         does = f"{names}: the numbers at this time"
-    elif any(entry.spec.get("heat") for entry in entries):
+    elif any(entry.spec.heat for entry in entries):
         does = "in one world the numbers of START stay: they act in flight as ghosts only"
     else:
         does = f"a slider acts on the next plan of {names}, and on this flight alone"
@@ -79,3 +83,42 @@ def remark(entries: Sequence[Competitor], t: float) -> str:
     if not differing:
         return does
     return f"{does}. They differ: {', '.join(differing)}; the sliders show the first value"
+
+
+class DrawnSamples(NamedTuple):
+    """The samples of a plan."""
+
+    most: int  # the setting
+    count: int | None  # the number drawn; None: it is not known
+    deadline_ms: float | None
+
+    @property
+    def words(self) -> str:
+        """The number in words."""
+        if self.deadline_ms is None:
+            return f"{self.most} samples"
+        deadline = f"the deadline of {self.deadline_ms:g} ms"
+        if self.count is None:
+            return f"at most {self.most} samples, fewer by {deadline}: how many is not recorded"
+        return f"{self.count} samples, of {self.most} by {deadline}"
+
+
+def drawn_samples(entry: Competitor, i: int) -> DrawnSamples:
+    """Return the samples of the plan of frame i."""
+    t = float(entry.t[i])
+    most = int(entry.numbers(t).get("samples") or entry.spec.planner.mppi.samples)
+    deadline_ms = entry.spec.deadline_ms
+    if deadline_ms is None:
+        return DrawnSamples(most, most, None)
+    is_last = entry.live and i == len(entry.t) - 1
+    return DrawnSamples(most, entry.drawn_samples if is_last else None, float(deadline_ms))
+
+
+def late_plans(entry: Competitor, i: int) -> str:
+    """Return how many plans up to frame i took longer than the deadline; empty: there is none."""
+    deadline_ms = entry.spec.deadline_ms
+    if deadline_ms is None:
+        return ""
+    took = entry.x["plan_ms"][: i + 1]
+    late = int(np.sum(took > float(deadline_ms)))
+    return f"{late} of {len(took)} plans took longer than the deadline of {deadline_ms:g} ms"

@@ -17,7 +17,7 @@ from typing import Protocol
 from quadsim.racing.hand import Hand
 from quadsim.web.race.cockpit import Cockpit
 from quadsim.web.race.competitor import Competitor, named
-from quadsim.web.race.live_flight import Flown, LiveFlight
+from quadsim.web.race.live_flight import FlownFrame, LiveFlight
 from quadsim.web.race.live_heat import LiveHeat
 from quadsim.web.race.notices import Notices
 from quadsim.web.race.pace import Pace
@@ -30,7 +30,7 @@ from quadsim.web.stored.again import AgainChoices, HeatAgainChoices
 AnyChoices = Choices | HeatChoices | AgainChoices | HeatAgainChoices
 TakeOff = Callable[[AnyChoices], "Flyer"]
 
-REST = 0.02  # wait between two turns while the person who flies is waited for [s]
+REST = 0.02  # wait between two turns before a person raises the throttle [s]
 IDLE = 1.0  # wait while nothing is flown; a command ends it [s]
 TRAJECTORIES_PERIOD = 0.06  # wall-clock time between updates of the sampled trajectories [s]
 
@@ -65,7 +65,7 @@ class Flyer(Protocol):
         """Store the flights in this folder of runs when they end."""
         ...
 
-    def turn(self) -> list[Flown]:
+    def turn(self) -> list[FlownFrame]:
         """Fly one period."""
         ...
 

@@ -20,7 +20,7 @@ from quadsim.web.state.choices import Choices, HeatChoices
 MOST_SEEDS = 50
 
 
-class Flown(NamedTuple):
+class FlownSeed(NamedTuple):
     """One flight of a series. time: of the race [s]; None: not finished."""
 
     time: float | None
@@ -33,7 +33,7 @@ class SeriesRow:
 
     name: str
     colour: str
-    flights: list[Flown] = field(default_factory=list)
+    flights: list[FlownSeed] = field(default_factory=list)
 
     @property
     def times(self) -> list[float]:
@@ -52,7 +52,7 @@ class SeriesRow:
 
 
 class Pair(NamedTuple):
-    """Two competitors and the time of the second less that of the first, seed by seed [s]."""
+    """Two competitors, and the time of the second less the time of the first, by seed [s]."""
 
     first: SeriesRow
     second: SeriesRow
@@ -146,7 +146,7 @@ class Series:
             self.rows = [SeriesRow(entry.name, entry.style.colour) for entry in live]
         for row, entry in zip(self.rows, live, strict=True):
             time = sum(entry.laps) if entry.outcome == "finished" else None
-            row.flights.append(Flown(time, total_variation(entry.t, entry.x["a_cmd"])))
+            row.flights.append(FlownSeed(time, total_variation(entry.t, entry.x["a_cmd"])))
 
 
 def _with_seed(choices: AnyChoices, step: int) -> AnyChoices:

@@ -1,4 +1,4 @@
-"""Standings: who leads a race at a time, and by how much; whatever is shown of it comes from here.
+"""Standings: who leads a race at a time, and by how much, for all parts of the page.
 
 Competitors are compared at one time, over the laps that all of them fly, and by one measure of how
 far along the race they are, see quadsim.racing.along.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -15,7 +16,7 @@ from quadsim.record.archive import read_run
 from quadsim.record.run import RecordedRun, flown_by
 from quadsim.record.schema import ReplayedPlanner
 from quadsim.report.preset_changes import usual_planner
-from quadsim.web.race.competitor import Competitor
+from quadsim.web.race.competitor import Competitor, read_spec
 from quadsim.web.state.numbers import numbers_of
 from quadsim.web.state.plain_text import plain
 
@@ -43,12 +44,14 @@ def stored_competitor(path: Path) -> Competitor:
 
 def run_competitor(run: RecordedRun, course: Course, path: Path | None) -> Competitor:
     """Return a run as a competitor. path: folder of the run, None if it is not stored."""
-    spec = run.spec
+    record = run.spec
+    spec = read_spec(record)
     return Competitor(
-        name=plain(flown_by(spec)),
+        name=plain(flown_by(record)),
+        record=record,
         spec=spec,
         course=course,
-        legs=Legs(course, spec["laps"]),
+        legs=Legs(course, spec.laps),
         x=run.telemetry,
         events=run.events,
         laps=tuple(run.laps),
@@ -56,8 +59,8 @@ def run_competitor(run: RecordedRun, course: Course, path: Path | None) -> Compe
         live=False,
         snapshots=run.snapshots,
         folder=path,
-        start_numbers=stored_numbers(spec),
-        limit=limit_of(spec, limits_folder(_root_of(path))) if path else limit_of(spec),
+        start_numbers=stored_numbers(record),
+        limit=limit_of(record, limits_folder(_root_of(path))) if path else limit_of(record),
     )
 
 
@@ -66,9 +69,12 @@ def _root_of(path: Path) -> Path:
     return path.parent.parent if is_heat(path.parent) else path.parent
 
 
-def stored_numbers(spec: dict) -> dict[str, float]:
-    """Return the values of the sliders for a run's planner at its start."""
-    planner = msgspec.convert(spec["planner"], ReplayedPlanner)
+def stored_numbers(record: dict[str, Any]) -> dict[str, float]:
+    """Return the values of the sliders for a run's planner at its start.
+
+    record: the spec of the run.
+    """
+    planner = msgspec.convert(record["planner"], ReplayedPlanner)
     # Of a preset from a file nothing is known.
-    preset = usual_planner(spec) if spec["sampler"] in SAMPLERS else None
+    preset = usual_planner(record) if record["sampler"] in SAMPLERS else None
     return numbers_of(planner, preset)

@@ -50,7 +50,7 @@ def summary_at(entries: Sequence[Competitor], t: float) -> Summary:
     said = standings.headline.words(lambda entry: entry.name)
     return Summary(
         headline=f"{course}, {min(t, max(entry.last_t for entry in entries)):.2f} s: {said}",
-        compared=compared([entry.spec for entry in entries]),
+        compared=compared([entry.record for entry in entries]),
         lines=tuple(CompetitorLine(one.entry, _line(one, t)) for one in standings.order),
     )
 
@@ -69,6 +69,6 @@ def _line(standing: Standing, t: float) -> str:
     if i >= FEWEST:
         chatter = total_variation(entry.t[: i + 1], entry.x["a_cmd"][: i + 1])
         parts.append(f"chatter {chatter:.0f} m/s²/s")
-    parts.append(f"seed {entry.spec['seed']}")
-    parts += filter(None, [preset_changes(entry.spec), not_comparable(entry.spec)])
+    parts.append(f"seed {entry.spec.seed}")
+    parts += filter(None, [preset_changes(entry.record), not_comparable(entry.record)])
     return "  ".join(parts)

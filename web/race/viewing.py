@@ -24,7 +24,7 @@ class Viewing:
     Args:
         desk: owner of the playheads.
         session: of the race.
-        clock: returns the time on the wall clock [s], as that of the race.
+        clock: returns the time on the wall clock [s], as the race's own clock does.
     """
 
     def __init__(self, desk: Desk, session: Session, clock: Callable[[], float] = perf_counter):
@@ -63,7 +63,7 @@ class Viewing:
     def come_back(self, visitor: int, seat: str, before: int | None) -> None:
         """Show a visitor who is connected again what the visitor of this seat watched.
 
-        before: the visitor who still sits there; None: it has left.
+        before: number of the visitor that still has this seat; None: it has left.
         """
         if before is not None:
             self._desk.do(Leave(before, seat))

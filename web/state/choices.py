@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Annotated, Any, Self
+from functools import cache
+from typing import Annotated, Any, NamedTuple, Self
 
 from quadsim.config.presets import PresetSource
 from quadsim.config.resolve import flight_settings, is_seen_late, scale_of, with_numbers
-from quadsim.config.settings import SETTINGS, Clock, FlightSettings, SettingValue, values_of
+from quadsim.config.settings import SETTINGS, Clock, FlightSettings, Kind, kinds_of, values_of
 from quadsim.config.spec import Spec
 from quadsim.controllers.derived import Scale
 from quadsim.controllers.presets import Planner, preset
@@ -64,6 +65,20 @@ class RaceChoices:
     runs_dir: str = FlightSettings.runs_dir
 
 
+class Planners(NamedTuple):
+    """The planner of a competitor, and what it is made from.
+
+    Attributes:
+        of_preset: with the numbers of the preset alone, which may follow from the course.
+        base: with the changed settings too.
+        chosen: with the numbers of the sliders too, some of which are relative to `base`.
+    """
+
+    of_preset: Planner
+    base: Planner
+    chosen: Planner
+
+
 @dataclass(frozen=True)
 class CompetitorChoices:
     """The choices of one competitor: a row of the table of competitors."""
@@ -87,7 +102,7 @@ class CompetitorChoices:
     ] = PERFECT
     flight_controller: Annotated[
         FlightControllerName,
-        Shown("ideal: a first-order rate loop; betaflight: the firmware, where it is built"),
+        Shown("ideal: a first-order rate loop; betaflight: the firmware, if it is built"),
     ] = "ideal"
     # numbers of quadsim.web.state.numbers.SLIDERS that differ from preset and settings
     numbers: Mapping[str, float] = field(default_factory=dict)
@@ -105,43 +120,46 @@ class CompetitorChoices:
         return is_planner(self.sampler)
 
     @property
+    def kinds(self) -> Mapping[str, Kind]:
+        """The kinds of the settings that the planner and its model of the vehicle have, by name."""
+        return planner_kinds(self.preset, self.sampler)
+
+    @property
     def known_settings(self) -> dict[str, Any]:
         """The changed settings of the present planner; the rest applies to other samplers."""
-        known = planner_settings(self.preset, self.vehicle, self.sampler)
+        kinds = self.kinds
         return {
             name: value
             for name, value in self.settings.items()
-            if name in known or name not in OF_THE_PLANNER
+            if name in kinds or name not in OF_THE_PLANNER
         }
 
     @property
     def idle_settings(self) -> list[str]:
         """The names of changed settings that the present planner lacks."""
-        planner_has = planner_settings(self.preset, self.vehicle, self.sampler)
         asked = [*self.settings, *(SLIDERS[name].setting for name in self.numbers)]
-        return [name for name in dict.fromkeys(asked) if name in OF_THE_PLANNER - set(planner_has)]
+        return [name for name in dict.fromkeys(asked) if name in OF_THE_PLANNER - set(self.kinds)]
 
-    @property
-    def of_preset(self) -> Planner:
-        """The planner with the numbers of the preset alone. Raises ValueError."""
+    def planners(self) -> Planners:
+        """Return the planner, and what it is made from.
+
+        Raises:
+            ValueError: a number is out of its range.
+        """
+        of_preset = self._of_preset()
+        base = with_numbers(of_preset, self.known_settings)
+        return Planners(of_preset, base, self._with_numbers(base))
+
+    def _of_preset(self) -> Planner:
+        """Return the planner with the numbers of the preset alone. Raises ValueError."""
         sampler = planner_choice(self.sampler)["sampler"]
         is_ideal = self.flight_controller == "ideal"
         source = PresetSource.read(self.preset)
         return source.planner(sampler, firmware=not is_ideal, scale=self._scale(source, sampler))
 
     def _scale(self, source: PresetSource, sampler: str) -> Scale | None:
-        """Return the scale of the flight; None: that of the preset, as no course is known."""
+        """Return the scale of the flight; None: no course is known, so the preset's holds."""
         return None
-
-    @property
-    def base(self) -> Planner:
-        """The planner without the numbers of the sliders. Raises ValueError."""
-        return with_numbers(self.of_preset, self.known_settings)
-
-    @property
-    def planner(self) -> Planner:
-        """The planner with all numbers. Raises ValueError: one of them is out of its range."""
-        return self._with_numbers(self.base)
 
     def _with_numbers(self, base: Planner) -> Planner:
         """Return the planner with the numbers of the sliders."""
@@ -161,7 +179,7 @@ class CompetitorChoices:
         """
         numbers = {n: x for n, x in self.numbers.items() if SLIDERS[n].setting != name}
         settings = {key: x for key, x in self.settings.items() if key != name}
-        found = values_of(self.of_preset, ModelParams.of(load_vehicle(self.vehicle))).get(name)
+        found = values_of(self._of_preset(), ModelParams.of(load_vehicle(self.vehicle))).get(name)
         if found is None or found.value != value:
             settings[name] = value
         return replace(self, numbers=numbers, settings=settings)
@@ -303,20 +321,13 @@ def is_planner(sampler: str) -> bool:
     return sampler != HAND and not sampler.startswith(PILOT)
 
 
-def preset_of(name: str, sampler: str) -> Planner:
-    """Return the preset's planner for a sampler; for a pilot, with colored sampling."""
-    return preset(name, planner_choice(sampler)["sampler"])
-
-
-def planner_settings(preset_name: str, vehicle: str, sampler: str) -> dict[str, SettingValue]:
-    """Return every setting of the planner and of its model of the vehicle, by name.
+@cache
+def planner_kinds(preset_name: str, sampler: str) -> Mapping[str, Kind]:
+    """Return the kinds of the settings of a planner and its model of the vehicle, by name.
 
     A learned pilot and a person have none.
     """
-    if not is_planner(sampler):
-        return {}
-    model = ModelParams.of(load_vehicle(vehicle))
-    return values_of(preset(preset_name, sampler), model)
+    return kinds_of(preset(preset_name, sampler)) if is_planner(sampler) else {}
 
 
 def flight_controller_of(vehicle: str) -> FlightControllerName:

@@ -403,5 +403,5 @@ def _names(names: Mapping[str, str]) -> dict[str, Any]:
 
 def _checked(choices: OfPlanner) -> OfPlanner:
     """Return choices if their planner can have the numbers. Raises ValueError."""
-    _ = choices.planner
+    choices.planners()
     return choices

@@ -30,7 +30,7 @@ LEFT_OUT = {
     "reference",
     "variation",
 }
-# Names of numbers in the name of a flight, where they are longer than in the literature
+# Short names of numbers, as in the literature, for the name of a flight
 SHORT = {"temperature": "T", "target_ess": "ESS", "solved_ess": "ESS", "gamma": "γ"}
 # Settings whose values are names, which need no name before them
 NAMES = ("pilot", "preset", "vehicle", "sensing", "plant")

@@ -24,7 +24,7 @@ class Shown:
         help: what the field does, in some words.
         label: its name on the page; empty: the name of the field.
         unit: of its number.
-        menu: attribute of Menu with the names that may be chosen; empty: those of its type.
+        menu: attribute of Menu with the names that may be chosen; empty: the names of its type.
     """
 
     help: str

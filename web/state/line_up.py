@@ -70,9 +70,9 @@ def changes_of(flight: Choices) -> tuple[str, ...]:
         for name, value in flight.settings.items()
         if name not in idle and name not in HAVE_SLIDERS
     ]
-    preset = flight.of_preset
-    flown = numbers_of(flight.planner, flight.base)
-    usual = numbers_of(preset, preset)
+    of_preset, base, chosen = flight.planners()
+    flown = numbers_of(chosen, base)
+    usual = numbers_of(of_preset, of_preset)
     for name, slider in SLIDERS.items():
         if slider.setting in idle:
             continue

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from quadsim.controllers.learned.pilot import pilot_names
@@ -22,7 +21,7 @@ class Menu:
 
     courses: tuple[str, ...]
     vehicles: tuple[str, ...]
-    presets: Mapping[str, str]  # name -> vehicle of the preset
+    presets: tuple[str, ...]
     samplers: tuple[str, ...]  # samplers, HAND and learned pilots, see PILOT
     sensings: tuple[str, ...] = (PERFECT,)
 
@@ -36,7 +35,7 @@ class Menu:
         return cls(
             courses=tuple(dict.fromkeys((*course_names(), course))),
             vehicles=vehicle_names(),
-            presets={name: planners["colored"].vehicle for name, planners in PRESETS.items()},
+            presets=tuple(PRESETS),
             samplers=(*SAMPLERS, HAND, *pilots),
             sensings=sensing_names(),
         )

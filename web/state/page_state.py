@@ -17,8 +17,8 @@ from quadsim.web.state.fields import Shown
 from quadsim.web.state.menu import Menu
 from quadsim.web.state.view import View
 
-Pace = Literal["0.1 x", "0.25 x", "0.5 x", "1 x", "2 x", "4 x"]
-REAL_TIME: Pace = "1 x"
+PaceName = Literal["0.1 x", "0.25 x", "0.5 x", "1 x", "2 x", "4 x"]
+REAL_TIME: PaceName = "1 x"
 EVERYBODY = 0  # in place of the number of a visitor
 World = Literal["as ghosts", "in one world"]
 GHOSTS: World = "as ghosts"
@@ -35,7 +35,7 @@ class Row:
 
 @dataclass(frozen=True)
 class RemovedRow:
-    """A row that was removed, and where it stood."""
+    """A row that was removed, and its place among the rows."""
 
     row: Row
     index: int
@@ -120,7 +120,8 @@ class PageState:
     ] = HeatSettings.expect
     rules: Annotated[RulesName, Shown("what a contact of two drones costs")] = HeatSettings.rules
     pace: Annotated[
-        Pace, Shown("of the flights, for all visitors; each watches at a speed of its own", "Pace")
+        PaceName,
+        Shown("of the flights, for all visitors; each watches at a speed of its own", "Pace"),
     ] = REAL_TIME
     chooser: int = EVERYBODY
     against: tuple[str, ...] = ()

@@ -9,7 +9,7 @@ from msgspec import inspect
 from quadsim.config.settings import SETTINGS, Kind, bare
 from quadsim.files.values import checked, is_optional
 from quadsim.files.yaml_errors import cut
-from quadsim.web.state.choices import CompetitorChoices, planner_settings
+from quadsim.web.state.choices import CompetitorChoices
 from quadsim.web.state.numbers import SLIDERS
 
 # Settings with a slider for the whole number; sliders of sigma and gamma control a part of one
@@ -46,10 +46,9 @@ def checked_number(name: str, value: float, competitor: CompetitorChoices) -> fl
     setting = SLIDERS[name].setting
     if setting not in HAVE_SLIDERS:
         return value
-    found = planner_settings(competitor.preset, competitor.vehicle, competitor.sampler)
-    if setting not in found:
+    kind = competitor.kinds.get(setting)
+    if kind is None:
         return value  # kept for a sampler that has it
-    kind = found[setting].kind
     if value == 0 and is_optional(kind):
         return value
     whole = int(value) if float(value).is_integer() else value
@@ -63,8 +62,7 @@ def checked_setting(name: str, value: Any, competitor: CompetitorChoices) -> Any
     Raises:
         ValueError: the planner has no such setting, or it cannot have the value.
     """
-    found = planner_settings(competitor.preset, competitor.vehicle, competitor.sampler)
-    if name not in found:
+    kind = competitor.kinds.get(name)
+    if kind is None:
         raise ValueError(f"{name}: expected a setting of {competitor.kind} sampling")
-    kind = found[name].kind
     return checked(name, read_value(value, kind), kind)

@@ -34,7 +34,7 @@ def dashboard(root, take_off, **first):
     menu = Menu(
         courses=tuple(dict.fromkeys(("split_s_swift", "figure8", first.get("course", "figure8")))),
         vehicles=("swift", "paper"),
-        presets={"race": "swift", "paper": "paper"},
+        presets=("race", "paper"),
         samplers=("colored", "gaussian", HAND, f"{PILOT}split_s_swift"),
         sensings=("perfect", "gates"),
     )

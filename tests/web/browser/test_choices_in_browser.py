@@ -15,9 +15,10 @@ from browser_cases import (
 )
 from web_cases import COURSE
 
+from quadsim.config.settings import SETTINGS
 from quadsim.course import load_course
 from quadsim.web.race.page_race import PageRace
-from quadsim.web.state.choices import planner_settings
+from quadsim.web.state.choices import planner_kinds
 
 pytestmark = [pytest.mark.browser, pytest.mark.page]
 
@@ -46,11 +47,10 @@ def test_the_course_is_shown_before_a_start(page):
 
 def test_every_number_of_the_planner_can_be_changed_and_reset(page, session, gliders):
     numbers = group(page, "All numbers")
-    settings = planner_settings("race", "swift", "colored")
     assert waited(page, lambda: numbers.locator(".field").count() > 20)
     labels = drawer(page).locator(".field label").all_text_contents()
-    for name, found in settings.items():
-        shown = found.setting.field.replace("_", " ")
+    for name in planner_kinds("race", "colored"):
+        shown = SETTINGS[name].field.replace("_", " ")
         wanted = re.compile(rf"{shown}( rates| thrust| scale)?( \[.*\])?", re.IGNORECASE)
         assert any(wanted.fullmatch(label) for label in labels), name
     for title in ("Sampling", "MPPI", "Cost", "Model of the vehicle"):

@@ -34,11 +34,11 @@ def shown(page, label):
 def changes(session):
     """Of every competitor, without their times."""
     competitors = session.snapshot.competitors
-    return [[(c["name"], c["from"], c["to"]) for c in entry.changes] for entry in competitors]
+    return [[(c.name, c.before, c.after) for c in entry.changes] for entry in competitors]
 
 
 def planners(session):
-    return [entry.spec["planner"] for entry in session.snapshot.competitors]
+    return [entry.record["planner"] for entry in session.snapshot.competitors]
 
 
 def start(page, session):
@@ -67,11 +67,11 @@ def test_each_competitor_flies_numbers_of_its_own(page, session):
     assert (first.name, second.name) == ("colored samples 512", "colored samples 2048")
     assert first.style.colour != second.style.colour
     assert first.style.dash != second.style.dash
-    assert [entry.spec["planner"]["mppi"]["samples"] for entry in (first, second)] == [512, 2048]
+    assert [entry.spec.planner.mppi.samples for entry in (first, second)] == [512, 2048]
     sigma = PRESET["colored"].sampling.sigma
-    assert list(first.spec["planner"]["sampling"]["sigma"]) == pytest.approx(sigma)
+    assert list(first.record["planner"]["sampling"]["sigma"]) == pytest.approx(sigma)
     wanted = [1.5 * one for one in sigma]
-    assert list(second.spec["planner"]["sampling"]["sigma"]) == pytest.approx(wanted)
+    assert list(second.record["planner"]["sampling"]["sigma"]) == pytest.approx(wanted)
 
 
 def test_a_drag_is_one_change_at_the_time_of_the_plan_that_used_it(page, session):
@@ -94,9 +94,9 @@ def test_a_drag_is_one_change_at_the_time_of_the_plan_that_used_it(page, session
     frames = len(session.snapshot.competitors[0].t)
     assert waited(page, lambda: len(session.snapshot.competitors[0].t) > frames + 30)
     (change,) = session.snapshot.competitors[0].changes
-    assert (change["name"], change["from"], change["to"]) == ("sigma", 1, last)
-    assert change["t"] in session.snapshot.competitors[0].t
-    assert change["t"] > 0.1
+    assert (change.name, change.before, change.after) == ("sigma", 1, last)
+    assert change.t in session.snapshot.competitors[0].t
+    assert change.t > 0.1
 
 
 GROUPS = ["Sampling", "MPPI", "Cost", "Model of the vehicle"]
@@ -122,7 +122,7 @@ def test_presets_chosen_quickly_leave_one_set_of_groups_with_the_last_ones_numbe
     speed = PRESETS["paper"]["colored"].cost.desired_speed
     assert waited(page, lambda: float(field(page, "Desired speed [m/s]").input_value()) == speed)
     start(page, session)
-    assert session.snapshot.competitors[0].spec["preset"] == "paper"
+    assert session.snapshot.competitors[0].spec.preset == "paper"
     assert planners(session)[0]["cost"]["desired_speed"] == speed
     assert "Traceback" not in "".join(capfd.readouterr())
     choose(page, "Preset", "race")

@@ -104,9 +104,9 @@ def drawn(course, x, i):
 
 
 def test_the_pilot_and_the_sensors_that_are_chosen_are_flown_and_shown(page, piloted):
-    assert piloted.spec["sampler"] == "pilot"
-    assert piloted.spec["pilot"]["name"] == "split_s_swift"
-    assert piloted.spec["sensing"]["name"] == "gates"
+    assert piloted.spec.sampler == "pilot"
+    assert piloted.spec.pilot.name == "split_s_swift"
+    assert piloted.spec.sensing.name == "gates"
     assert waited(page, lambda: "sensing gates" in head(page))
     page.get_by_role("tab", name="Planner").click()
     page.get_by_text("learned pilot split_s_swift").wait_for()

@@ -32,7 +32,7 @@ def flown(page, session):
     press(page, "START")
     assert waited(page, lambda: session.snapshot.race > races)
     session.tell(PageRace.end_flights)
-    return session.snapshot.competitors[0].spec["planner"]
+    return session.snapshot.competitors[0].record["planner"]
 
 
 @pytest.fixture(autouse=True)

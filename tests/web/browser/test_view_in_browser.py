@@ -69,7 +69,7 @@ def crashed(root):
     last = frames[-1]
     hit = Event(last.t + 0.01, "hit", 4, 1, (0.0, 0.0), 9.0, (1.0, 2.0, 3.0))
     end = replace(last, t=hit.t, outcome="crashed", events=(hit,))
-    return store(root, RecordedRun.from_frames(glider.now.spec, [*frames, end]))
+    return store(root, RecordedRun.from_frames(glider.now.record, [*frames, end]))
 
 
 @pytest.fixture(scope="module")

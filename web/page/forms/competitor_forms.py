@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import suppress
-from typing import Annotated, Any
+from typing import Annotated
 
 from msgspec import Meta, inspect
 
-from quadsim.config.settings import SettingValue, bare
+from quadsim.config.resolve import nominal_model
+from quadsim.config.settings import SETTINGS, bare
 from quadsim.heat.spec import MOST
 from quadsim.racing.hand import HAND
+from quadsim.vehicle import load_vehicle
 from quadsim.web.page.due import Beat, Due
 from quadsim.web.page.forms.forms import (
     Field,
@@ -27,8 +30,8 @@ from quadsim.web.race.next_start import NextStart
 from quadsim.web.state.choices import (
     Choices,
     CompetitorChoices,
+    Planners,
     flight_controller_of,
-    planner_settings,
 )
 from quadsim.web.state.commands import (
     OF_COMPETITOR,
@@ -42,7 +45,7 @@ from quadsim.web.state.commands import (
     SetSetting,
 )
 from quadsim.web.state.desk import Desk
-from quadsim.web.state.numbers import SLIDERS, Slider, numbers_of
+from quadsim.web.state.numbers import SLIDERS, Slider
 from quadsim.web.state.offered_presets import offered_presets
 from quadsim.web.state.page_state import PageState, Row
 from quadsim.web.state.setting_texts import HAVE_SLIDERS, shown_value
@@ -114,6 +117,17 @@ class CompetitorForm(Form):
         fields.append(button(RESET, "Reset to preset"))
         return Fields(fields, row.number)
 
+    def field(self, visitor: int, name: str) -> Field | None:
+        """Return one field, of which sliders and names are made alone."""
+        state = self._desk.state
+        row = state.edited(visitor)
+        if name in SLIDERS:
+            choices = Choices.of(state.race, row.choices)
+            return _slider(name, choices, choices.planners())
+        if name in OF_COMPETITOR:
+            return self._name(name, row, state)
+        return super().field(visitor, name)
+
     def set(self, visitor: int, asked: SetField) -> None:
         """Choose a name, or a number of a slider. Raises ValueError."""
         value = asked.value
@@ -121,9 +135,6 @@ class CompetitorForm(Form):
             self._desk.do(SetNumber(asked.of, asked.field, float(value)))
             return
         names = {asked.field: str(value)}
-        menu = self._desk.state.menu
-        if asked.field == "preset" and menu:
-            names["vehicle"] = menu.presets[str(value)]
         if value == HAND:
             vehicle = self._desk.state.row(asked.of).choices.vehicle
             names["flight_controller"] = flight_controller_of(vehicle)
@@ -147,14 +158,15 @@ class CompetitorForm(Form):
             self._desk.do(EditRow(visitor.number, asked.row))
 
     def _names(self, row: Row, state: PageState) -> list[Field]:
-        """Return the choices of names; presets that cannot fly the race are not offered."""
-        fields = []
-        for name, found in OF_COMPETITOR.items():
-            field = field_of(found, getattr(row.choices, name), state.menu)
-            if name == "preset":
-                field.choices = self._presets.get(row.choices.vehicle, field.choices)
-            fields.append(field)
-        return fields
+        """Return the choices of names."""
+        return [self._name(name, row, state) for name in OF_COMPETITOR]
+
+    def _name(self, name: str, row: Row, state: PageState) -> Field:
+        """Return the choice of a name; presets that cannot fly the race are not offered."""
+        field = field_of(OF_COMPETITOR[name], getattr(row.choices, name), state.menu)
+        if name == "preset":
+            field.choices = self._presets.get(row.choices.vehicle, field.choices)
+        return field
 
 
 def _row_buttons(state: PageState) -> list[Field]:
@@ -178,12 +190,15 @@ def _remarks(choices: CompetitorChoices) -> list[str]:
 
 def _sliders(choices: Choices) -> list[Field]:
     """Return the sliders of a row."""
-    known = planner_settings(choices.preset, choices.vehicle, choices.sampler)
-    numbers = numbers_of(choices.planner, choices.base)
-    return [
-        slider_field(name, slider, numbers[name], is_enabled=slider.setting in known)
-        for name, slider in SLIDERS.items()
-    ]
+    planners = choices.planners()
+    return [_slider(name, choices, planners) for name in SLIDERS]
+
+
+def _slider(name: str, choices: Choices, planners: Planners) -> Field:
+    """Return a slider of a row."""
+    slider = SLIDERS[name]
+    value = slider.read(planners.chosen, planners.base)
+    return slider_field(name, slider, value, is_enabled=slider.setting in choices.kinds)
 
 
 def slider_field(name: str, slider: Slider, value: float, is_enabled: bool) -> Field:
@@ -220,38 +235,47 @@ class NumbersForm(Form):
         state = self._desk.state
         row = state.edited(visitor)
         choices = Choices.of(state.race, row.choices)
-        known = planner_settings(choices.preset, choices.vehicle, choices.sampler)
-        planner = choices.planner
-        parts = {"sampling": planner.sampling, "mppi": planner.mppi, "cost": planner.cost}
-        fields = []
-        for name, found in known.items():
-            if name in HAVE_SLIDERS:
-                continue
-            setting = found.setting
-            if setting.group in parts:
-                value = getattr(parts[setting.group], setting.field)
-            else:
-                value = choices.settings.get(name, found.value)
-            fields.append(_setting_field(name, found, value))
-        if not fields:
-            fields = [note("none", "no planner flies: there are no numbers")]
-        return Fields(fields, row.number)
+        names = [name for name in choices.kinds if name not in HAVE_SLIDERS]
+        if not names:
+            none = note("none", "no planner flies: there are no numbers")
+            return Fields([none], row.number)
+        parts = _parts_of(choices)
+        return Fields([_setting_field(name, choices, parts) for name in names], row.number)
+
+    def field(self, visitor: int, name: str) -> Field | None:
+        """Return the control of one setting."""
+        state = self._desk.state
+        choices = Choices.of(state.race, state.edited(visitor).choices)
+        if name not in choices.kinds or name in HAVE_SLIDERS:
+            return None
+        return _setting_field(name, choices, _parts_of(choices))
 
     def set(self, visitor: int, asked: SetField) -> None:
         """Set a setting. Raises ValueError."""
         self._desk.do(SetSetting(asked.of, asked.field, asked.value))
 
 
-def _setting_field(name: str, found: SettingValue, value: Any) -> Field:
-    """Return the control of a setting of the planner."""
-    setting = found.setting
-    bare_kind = bare(found.kind)
-    text = shown_value(value)
+def _parts_of(choices: Choices) -> dict[str, object]:
+    """Return the parts of a planner, and its model of the vehicle, by their groups of settings."""
+    planner = choices.planners().chosen
+    return {
+        "sampling": planner.sampling,
+        "mppi": planner.mppi,
+        "cost": planner.cost,
+        "model": nominal_model(choices.known_settings, load_vehicle(choices.vehicle)),
+    }
+
+
+def _setting_field(name: str, choices: Choices, parts: Mapping[str, object]) -> Field:
+    """Return the control of a setting of the planner. parts: the result of `_parts_of`."""
+    setting = SETTINGS[name]
+    bare_kind = bare(choices.kinds[name])
+    text = shown_value(getattr(parts[setting.group], setting.field))
     kind: Kind = "check" if isinstance(text, bool) else "text"
-    choices: tuple[str, ...] = ()
+    values: tuple[str, ...] = ()
     if isinstance(bare_kind, inspect.LiteralType):
         kind = "choice"
-        choices = tuple(map(str, bare_kind.values))
+        values = tuple(map(str, bare_kind.values))
     return Field(
         name=name,
         kind=kind,
@@ -259,6 +283,6 @@ def _setting_field(name: str, found: SettingValue, value: Any) -> Field:
         value=text,
         unit=setting.unit,
         help=setting.help,
-        choices=choices,
+        choices=values,
         group=TITLES[setting.group],
     )

@@ -164,7 +164,7 @@ class CourseEditor(Form):
         return [item, *buttons, *numbers]
 
     def _course_fields(self) -> list[Field]:
-        """Return what is of the whole course, its checks, and the search of its limit."""
+        """Return the fields of the whole course, its checks, and the search of its limit."""
         entries = self._edit.draft.entries
         is_searching = bool(self._edit.search and self._edit.search.is_on)
         search = button("cancel", "Cancel the search")
@@ -197,7 +197,7 @@ class CourseEditor(Form):
         ]
 
     def set(self, visitor: int, asked: SetField) -> None:
-        """Choose an item, or change a number or what is of the whole course. Raises ValueError."""
+        """Choose an item, or change a number of it or of the course. Raises ValueError."""
         draft = self._edit.draft
         value = asked.value
         match asked.field:

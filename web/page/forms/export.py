@@ -53,7 +53,7 @@ def picture_name(s: Snapshot) -> str:
 
 
 def picture(render: np.ndarray, summary: Summary) -> bytes:
-    """Return a PNG of the scene on the page's dark background, below what is said of the race.
+    """Return a PNG of the scene on the page's dark background, below a summary of the race.
 
     The dark background makes the picture readable on white paper too.
 

@@ -1,4 +1,4 @@
-"""ExportForm: what is shown as files and addresses, for one visitor."""
+"""ExportForm: makes files and addresses of what a visitor is shown."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from quadsim.record.exchange import telemetry_csv
 from quadsim.record.run import RunError
 from quadsim.web.page.forms.export import offline_page, picture, picture_name, zipped
 from quadsim.web.page.forms.forms import Fields, Form, PressField, button
-from quadsim.web.page.forms.playback import Shown
+from quadsim.web.page.forms.playback import ShowNotice
 from quadsim.web.page.forms.runs_panel import link_to
 from quadsim.web.page.scene.camera import FREE, Camera
 from quadsim.web.page.server.downloads import Downloads
@@ -52,7 +52,7 @@ class Download(Message, tag="download"):
 
 
 class Address(Message, tag="address"):
-    """An address to copy: the part after that of the page. opens: what it does."""
+    """An address to copy, without the address of the page before it. opens: what it does."""
 
     title: str
     address: str
@@ -123,7 +123,7 @@ class ExportForm(Form):
         try:
             file = _file(client, what, s)
         except (RunError, ValueError, RuntimeError, TimeoutError, OSError) as error:
-            visitor.send(Shown("error", "Cannot export", str(error)))
+            visitor.send(ShowNotice("error", "Cannot export", str(error)))
         except Exception:
             traceback.print_exc()
         else:

@@ -20,17 +20,17 @@ from quadsim.web.race.viewing import Viewing
 Act = Callable[[], None]
 
 
-class Start(Message, tag="start"):
+class PressStart(Message, tag="start"):
     """A visitor presses START, for one seed or for several in a row."""
 
     seeds: Annotated[int, Meta(ge=1, le=MOST_SEEDS)] = 1
 
 
-class Stop(Message, tag="stop"):
+class PressStop(Message, tag="stop"):
     """A visitor presses STOP."""
 
 
-class Restart(Message, tag="restart"):
+class PressRestart(Message, tag="restart"):
     """A visitor asks for the same flights again, or for the start of a replay."""
 
 
@@ -66,9 +66,9 @@ class FlightControls:
         self._factor = start.desk.state.factor  # race seconds per second that flights have
         # of each visitor the number of its question, and what it asks for
         self._asked: dict[int, tuple[int, Act]] = {}
-        link.on(Start, self._start)
-        link.on(Stop, self._stop)
-        link.on(Restart, self._restart)
+        link.on(PressStart, self._start)
+        link.on(PressStop, self._stop)
+        link.on(PressRestart, self._restart)
         link.on(Confirm, self._confirm)
         link.on_leave(self._forget)
 
@@ -89,13 +89,13 @@ class FlightControls:
         """Whether something flies, or another seed of a series will."""
         return self._session.snapshot.flying or self.series.is_on
 
-    def _start(self, visitor: LinkVisitor, asked: Start) -> None:
+    def _start(self, visitor: LinkVisitor, asked: PressStart) -> None:
         def act() -> None:
             self.series.begin(self._next.choices, self._next.runs, asked.seeds)
 
         self._ask_first(visitor, act)
 
-    def _stop(self, visitor: LinkVisitor, _: Stop) -> None:
+    def _stop(self, visitor: LinkVisitor, _: PressStop) -> None:
         """End the present flights and the seeds that would follow, if any."""
 
         def act() -> None:
@@ -105,7 +105,7 @@ class FlightControls:
         if self._is_on:
             self._ask_first(visitor, act)
 
-    def _restart(self, visitor: LinkVisitor, _: Restart) -> None:
+    def _restart(self, visitor: LinkVisitor, _: PressRestart) -> None:
         """Fly again, or show the visitor a replay from its start."""
         if self._session.snapshot.has_flights:
             self._ask_first(visitor, lambda: self._session.tell(PageRace.restart))

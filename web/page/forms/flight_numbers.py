@@ -35,7 +35,7 @@ class FlightNumbersForm(Form):
         self._viewing = viewing
 
     def key(self, visitor: int) -> object:
-        """Return the competitors, whose numbers are shown, and these."""
+        """Return the competitors, and the numbers that are shown."""
         s = self._seen_by(visitor)
         shown = _shown(s)
         numbers = [tuple(entry.numbers(s.t).values()) for entry in shown]
@@ -43,22 +43,22 @@ class FlightNumbersForm(Form):
         return s.race, names, numbers, self._desk.state.visitor(visitor).of
 
     def fields(self, visitor: int) -> Fields:
-        """Return whose numbers they are, what they do, and the sliders."""
+        """Return the choice of a competitor, what its sliders do, and the sliders."""
         s = self._seen_by(visitor)
         shown = _shown(s)
         if not shown:
             return Fields([note("none", "Stand here once something flies or is replayed.")])
         t = s.t
-        names = [entry.name for entry in shown]
-        options = [*names, EVERYONE] if len(names) > 1 else names
-        asked = self._desk.state.visitor(visitor).of
-        of = asked if asked in options else options[0]
+        options = _options(shown)
+        of = self._of(visitor, options)
         meant = [entry for entry in shown if of in (EVERYONE, entry.name)]
         numbers = {
             **meant[0].numbers(t),
             **{number.name: number.values[0] for number in numbers_of_several(meant, t)},
         }
-        choice = Field(OF, "choice", "Of", of, choices=options, help="whose numbers these are")
+        choice = Field(
+            OF, "choice", "Of", of, choices=options, help="the competitor whose numbers are shown"
+        )
         sliders = []
         for name, slider in SLIDERS.items():
             can = any(can_change(entry, name) for entry in meant)
@@ -73,9 +73,14 @@ class FlightNumbersForm(Form):
         if asked.field == OF:
             self._desk.do(Watch(visitor, str(asked.value)))
             return
-        (choice,) = [one for one in self.fields(visitor).fields if one.name == OF]
-        name = "" if choice.value == EVERYONE else str(choice.value)
+        of = self._of(visitor, _options(_shown(self._seen_by(visitor))))
+        name = "" if of == EVERYONE else of
         self._session.tell(PageRace.change, Change(asked.field, float(asked.value)), name)
+
+    def _of(self, visitor: int, options: Sequence[str]) -> str:
+        """Return the competitor whose numbers a visitor sees: the first one, or the chosen one."""
+        asked = self._desk.state.visitor(visitor).of
+        return asked if asked in options else options[0]
 
     def _seen_by(self, visitor: int) -> Snapshot:
         """Return the race as it flies, or else at the time that a visitor watches."""
@@ -87,3 +92,9 @@ def _shown(s: Snapshot) -> Sequence[Competitor]:
     """Return the competitors that fly, or else those that are shown."""
     flying = [entry for entry in s.competitors if entry.live and entry.outcome is None]
     return flying or s.competitors
+
+
+def _options(shown: Sequence[Competitor]) -> list[str]:
+    """Return the names of the competitors whose numbers can be chosen."""
+    names = [entry.name for entry in shown]
+    return [*names, EVERYONE] if len(names) > 1 else names

@@ -123,6 +123,11 @@ class Form:
         """Return the fields for a visitor."""
         raise NotImplementedError
 
+    def field(self, visitor: int, name: str) -> Field | None:
+        """Return one field for a visitor; None: there is none of this name now."""
+        fields = self.fields(visitor).fields
+        return next((one for one in fields if one.name == name), None)
+
     def set(self, visitor: int, asked: SetField) -> None:
         """Change a field. Raises ValueError."""
         raise NotImplementedError
@@ -152,14 +157,13 @@ class Forms:
         self._answer(visitor, asked)
 
     def _answer(self, visitor: LinkVisitor, asked: SetField | PressField) -> None:
-        """Carry out what is asked for; the answer says in one line why it cannot be."""
+        """Carry out a request; the answer says in one line why it was refused."""
         problem = ""
         try:
             form = self._forms[asked.form]  # type: ignore[index]
-            fields = {one.name: one for one in form.fields(visitor.number).fields}
-            if asked.field not in fields:
+            field = form.field(visitor.number, asked.field)
+            if field is None:
                 raise ValueError(f"{form.title}: expected a field that is there now")
-            field = fields[asked.field]
             if (field.kind == "button") != isinstance(asked, PressField):
                 raise ValueError(f"{field.name}: expected a press of a button, or a value")
             if not field.is_enabled:

@@ -24,7 +24,7 @@ from quadsim.web.race.lap_timing import LapTiming
 from quadsim.web.race.snapshot import Snapshot
 from quadsim.web.race.viewing import Viewing
 
-Phase = Literal["none", "waiting", "flying", "over"]
+HandPhase = Literal["none", "waiting", "flying", "over"]
 Deflection = Annotated[float, Meta(ge=-1.0, le=1.0)]
 
 
@@ -64,7 +64,7 @@ class Taken(Message, tag="taken"):
 class HandFlight(msgspec.Struct):
     """The state of the manual flight, which every page has."""
 
-    phase: Phase
+    phase: HandPhase
     pilot: int | None = None  # number of the visitor who has the sticks
     silent: bool = False  # no recent stick input, so the failsafe acts
     was_down: bool = False  # the throttle was down, as it has to be before a start
@@ -149,7 +149,7 @@ def hand_flight(s: Snapshot, timing: LapTiming | None, cockpit: Cockpit) -> Hand
     if timing is None:
         return NOBODY
     entry = timing.entry
-    phase: Phase = "over"
+    phase: HandPhase = "over"
     if entry.outcome is None:
         phase = "waiting" if s.waiting else "flying"
     return HandFlight(
@@ -158,7 +158,7 @@ def hand_flight(s: Snapshot, timing: LapTiming | None, cockpit: Cockpit) -> Hand
         silent=phase == "flying" and cockpit.sticks is None,
         was_down=cockpit.was_down,
         hover=cockpit.hover,
-        behind="Betaflight" if entry.spec.get("betaflight") else "an ideal rate loop",
+        behind="Betaflight" if entry.spec.betaflight else "an ideal rate loop",
     )
 
 

@@ -74,7 +74,7 @@ class FollowNext(Message, tag="follow_next"):
     seat: Seat
 
 
-class Shown(Message, tag="shown"):
+class ShowNotice(Message, tag="shown"):
     """A notice for some seconds."""
 
     kind: Literal["error", "crash", "lap", "wait", "info"]
@@ -112,7 +112,7 @@ class Playback:
     ) -> None:
         """Move the playhead, but not under a person who flies."""
         if self._session.flies(visitor.number):
-            visitor.send(Shown("info", FLIES))
+            visitor.send(ShowNotice("info", FLIES))
             return
         self._viewing.move(visitor.number, moved, *arguments, **keywords)
 
@@ -125,7 +125,7 @@ class Playback:
         self._move(visitor, playhead.with_speed, asked.speed)
         seen = self._viewing.seen_by(visitor.number)
         if seen.is_live and seen.playing and asked.speed > seen.speed:
-            visitor.send(Shown("info", "You watch live", PACE))
+            visitor.send(ShowNotice("info", "You watch live", PACE))
 
     def _seek_place(self, visitor: LinkVisitor, asked: SeekPlace) -> None:
         for first in self._session.snapshot.competitors[:1]:
@@ -140,4 +140,4 @@ class Playback:
         names = [entry.name for entry in self._session.snapshot.competitors]
         followed = self._camera.follow_next(self._seats.client_of(asked.seat), names)
         if followed:
-            visitor.send(Shown("info", f"The camera follows {followed}", "chase and FPV"))
+            visitor.send(ShowNotice("info", f"The camera follows {followed}", "chase and FPV"))

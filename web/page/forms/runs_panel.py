@@ -32,9 +32,8 @@ from quadsim.web.race.page_race import PageRace
 from quadsim.web.race.session import Session
 from quadsim.web.race.stored_competitor import runs_at
 from quadsim.web.race.viewing import Viewing
-from quadsim.web.state.commands import SetView
 from quadsim.web.state.line_up_link import MOST_BYTES
-from quadsim.web.state.view import Ghosts, View
+from quadsim.web.state.view import View
 from quadsim.web.stored.again import AgainChoices, HeatAgainChoices
 from quadsim.web.stored.campaign_reports import CampaignReports, ReportRow
 from quadsim.web.stored.run_table import PageRow, RunTable, page_columns
@@ -59,13 +58,10 @@ class ReplayRuns(Message, tag="replay_runs"):
     Attributes:
         names: of their folders.
         t: time at which this visitor pauses [s]; None: from the start.
-        ghosts, limit: of this visitor's view; None, and unknown ghosts: as they are.
     """
 
     names: Annotated[list[Name], Meta(min_length=1, max_length=TOGETHER)]
     t: Annotated[float, Meta(ge=0, le=1e6)] | None = None
-    ghosts: str | None = None
-    limit: bool | None = None
 
 
 class FlyAgainstRuns(Message, tag="fly_against"):
@@ -272,10 +268,6 @@ class RunsPanel:
         """
         folders = [self._path(name) for name in dict.fromkeys(asked.names)]
         self._expect_landed()
-        ghosts = asked.ghosts if asked.ghosts in get_args(Ghosts) else None
-        for name, value in (("ghosts", ghosts), ("limit", asked.limit)):
-            if value is not None:
-                self._start.desk.do(SetView(visitor, name, value))
         runs = [run for folder in folders for run in runs_at(folder)]
         s = self._session.snapshot
         if not s.has_flights and [entry.folder for entry in s.competitors] == runs:

@@ -92,7 +92,7 @@ class Board:
         Args:
             name: of the part.
             content: of the part.
-            visitor: number of the visitor whose own it is, or EVERYBODY.
+            visitor: number of the only visitor who is shown it, or EVERYBODY.
         """
         shown = self._parts.get((visitor, name))
         if shown is None or shown.content != content:
@@ -113,7 +113,7 @@ class Board:
         return perf_counter() - self._asked_at.get((visitor, name), -inf) < WANTED
 
     def forget(self, visitor: int) -> None:
-        """Forget the parts of a visitor who has left; of the thread that puts them up."""
+        """Forget the parts of a visitor who has left. The thread that puts parts up calls it."""
         for name in PARTS:
             self._parts.pop((visitor, name), None)
             self._asked_at.pop((visitor, name), None)

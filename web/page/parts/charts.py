@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from quadsim.report.metrics import motor_corner, motor_tau, thrust_psd
+from quadsim.report.metrics import thrust_psd
 from quadsim.web.page.server.link import Link, LinkVisitor, Message
 from quadsim.web.race.competitor import Competitor
 from quadsim.web.race.lap_timing import LapTiming, best_lap, lap_of
@@ -218,7 +218,7 @@ def _gaps(timings: Sequence[LapTiming], limit: Competitor | None) -> list[Curves
 
 def _spectra(timings: Sequence[LapTiming]) -> list[Curves]:
     """Return the power spectral densities of the commanded thrust so far."""
-    corner = motor_corner(motor_tau(timings[0].entry.spec["vehicle"]))
+    corner = timings[0].entry.motor_corner
     y = [_rounded(psd(s.entry.until(s.t), FREQUENCIES), 5) for s in timings]
     title = f"thrust PSD [10⁻³ (m/s²)²/Hz]; dashed: motors' corner {corner:.1f} Hz"
     x = _rounded(FREQUENCIES, 4)

@@ -73,7 +73,7 @@ def head_of(s: Snapshot, timings: list[LapTiming], coming: Head) -> Head:
     leader = order(timings)[0]
     several = len(timings) > 1
     sentence = _leads(timings, s.t) if several else _alone(leader)
-    differs = compared([one.entry.spec for one in timings]) if several else ""
+    differs = compared([one.entry.record for one in timings]) if several else ""
     return Head(
         phase=_phase(s, timings),
         sentence=sentence,
@@ -171,11 +171,10 @@ def _state(s: Snapshot, timings: Sequence[LapTiming]) -> str:
         pace = ""
     parts = [part for part in (words, at, pace) if part]
     first = timings[0].entry
-    parts.append(f"{first.course.name}, seed {first.spec['seed']}")
-    sensing = first.spec.get("sensing")
-    if sensing:
-        parts.append(f"sensing {sensing['name']}")
-    if first.spec.get("clock") == "wall":
+    parts.append(f"{first.course.name}, seed {first.spec.seed}")
+    if first.spec.sensing:
+        parts.append(f"sensing {first.spec.sensing.name}")
+    if first.spec.clock == "wall":
         parts.append("wall clock")
     return " · ".join(parts)
 
@@ -186,7 +185,7 @@ def _warnings(s: Snapshot, timings: Sequence[LapTiming]) -> list[str]:
     if s.is_live and s.flying and 0.0 < s.factor < SLOW * min(s.speed, 1.0):
         found.append("this machine is too slow for real time")
     for timing in timings:
-        remark = not_comparable(timing.entry.spec)
+        remark = not_comparable(timing.entry.record)
         if remark:
             found.append(f"{timing.entry.name}: {remark}")
     for timing in order(timings):

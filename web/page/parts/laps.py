@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from quadsim.racing.events import sector_times
-from quadsim.report.metrics import high_frequency_fraction, motor_corner, motor_tau, total_variation
+from quadsim.report.metrics import high_frequency_fraction, total_variation
 from quadsim.report.run_text import not_comparable
 from quadsim.statistics import mean_interval
 from quadsim.web.page.parts.elements import (
@@ -46,7 +46,7 @@ def laps(entries: Sequence[Competitor], sectors: Sequence[Content] = ()) -> Elem
     parts: list[Content] = [heading("laps [s]"), _table(entries)]
     for entry in entries:
         if entry.changes:
-            remark = bad(not_comparable(entry.spec))
+            remark = bad(not_comparable(entry.record))
             parts.append(element("div", label(entry), " ", remark))
     parts += _strips(entries)
     return box(*parts, *sectors, heading("splits by gate [s]"), *splits(entries))
@@ -160,11 +160,10 @@ def chatter(entries: Sequence[Competitor]) -> Element:
         if len(entry.t) <= FEWEST:
             continue
         commanded = entry.x["a_cmd"]
-        corner = motor_corner(motor_tau(entry.spec["vehicle"]))
         figures = (
             total_variation(entry.t, commanded),
             total_variation(entry.t, entry.x["a"]),
-            100 * high_frequency_fraction(entry.t, commanded, corner),
+            100 * high_frequency_fraction(entry.t, commanded, entry.motor_corner),
         )
         rows.append([label(entry), *(f"{figure:.1f}" for figure in figures)])
     if not rows:

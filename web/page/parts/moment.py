@@ -103,7 +103,7 @@ class Moments:
 
 
 def _key(s: Snapshot) -> object:
-    """Return a value that differs between what is shown differently.
+    """Return a value that differs between two snapshots that are shown differently.
 
     What a flight adds later does not change an earlier time of it.
     """

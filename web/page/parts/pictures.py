@@ -16,7 +16,7 @@ ARM = 6.0  # half length of a corner's cross, in pixels of the camera
 class Pictures:
     """Shows pictures to the visitors who ask for them, as each takes a tenth of a second of a core.
 
-    A visitor has pictures of the time that it watches; one process draws those of all in turn.
+    A visitor has pictures of the time that it watches; one process draws for all visitors in turn.
     """
 
     def __init__(self, board: Board):

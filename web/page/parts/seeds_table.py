@@ -38,7 +38,7 @@ class Seeds(msgspec.Struct):
 
 
 def seeds_of(series: Series) -> Seeds:
-    """Return what is shown of a series."""
+    """Return the table of a series."""
     if series.count < 2:
         return Seeds("", [], [])
     said = f"seed {min(series.done + 1, series.count)} of {series.count}"

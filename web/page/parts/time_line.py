@@ -9,10 +9,11 @@ import msgspec
 
 from quadsim.web.race.competitor import CRASHES, MISSES, Competitor
 from quadsim.web.race.snapshot import Snapshot
-from quadsim.web.state.page_state import Pace
+from quadsim.web.state.page_state import PaceName
 
 MarkKind = Literal["gate", "lap", "bad"]
-SPEEDS = tuple(float(pace.removesuffix(" x")) for pace in get_args(Pace))  # as flights have them
+# the paces of flights
+SPEEDS = tuple(float(pace.removesuffix(" x")) for pace in get_args(PaceName))
 
 
 class TimeMark(msgspec.Struct, array_like=True):

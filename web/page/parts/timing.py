@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import degrees
 from typing import NamedTuple
 
 from quadsim.heat.result import Pass, overtakes
 from quadsim.racing.events import Event
-from quadsim.racing.hand import HAND
+from quadsim.record.schema import NumberChange
 from quadsim.web.page.parts.elements import (
     Content,
     Element,
@@ -24,8 +24,8 @@ from quadsim.web.page.parts.elements import (
     table,
 )
 from quadsim.web.race.competitor import CRASHES, Competitor, heat_of
-from quadsim.web.race.drawn_samples import drawn_samples, late_plans
 from quadsim.web.race.lap_timing import LapTiming
+from quadsim.web.race.numbers_in_flight import drawn_samples, late_plans
 
 EVENTS = 60  # number of the newest events in the list
 GOOD_SHARE = 0.1  # share of effective samples at which the meter is full
@@ -60,7 +60,7 @@ def events(entries: Sequence[Competitor], t: float) -> Element:
         for event in entry.events:
             found.append(Happening(event.t, entry, _event(event), event.kind in CRASHES))
         for change in entry.changes:
-            found.append(Happening(change["t"], entry, _change(change)))
+            found.append(Happening(change.t, entry, _change(change)))
     found += _overtakes(entries)
     found.sort(key=lambda happening: -happening.t)
     rows: list[list[Content]] = []
@@ -97,31 +97,32 @@ def _event(event: Event) -> str:
     return f"{kind}{place} · lap {event.lap} · {event.speed:.1f} m/s"
 
 
-def _change(change: Mapping) -> str:
+def _change(change: NumberChange) -> str:
     """Return a change of a number in words."""
-    name = str(change["name"]).replace("_", " ")
-    return f"{name} {change['from']:g} → {change['to']:g}"
+    name = change.name.replace("_", " ")
+    return f"{name} {change.before:g} → {change.after:g}"
 
 
 def planner(s: LapTiming) -> Element:
     """Return the planner's statistics: effective sample size, temperature, cost and time."""
     x = s.entry.x
     plan_ms = x["plan_ms"][s.i]
-    pilot = s.entry.spec.get("pilot")
-    if pilot:
-        flies = f"no plan: the learned pilot {pilot['name']} flies"
+    spec = s.entry.spec
+    if spec.pilot:
+        flies = f"no plan: the learned pilot {spec.pilot.name} flies"
         return box(heading("learned pilot"), line(f"{flies}, {plan_ms:.2f} ms a command"))
-    if not s.entry.has_planner:
-        rates = s.entry.spec[HAND]
-        most = ", ".join(f"{degrees(rates[axis]['most']):.0f}" for axis in ("roll", "pitch", "yaw"))
+    if spec.hand:
+        axes = (spec.hand.roll, spec.hand.pitch, spec.hand.yaw)
+        most = ", ".join(f"{degrees(axis.most):.0f}" for axis in axes)
         return box(
             heading("by hand"),
             line(f"no plan: a person flies, with rates up to {most} deg/s (roll, pitch, yaw)"),
         )
-    mppi = s.entry.spec["planner"]["mppi"]
+    if not s.entry.has_planner:
+        return box(heading("manoeuvres"), line("no plan: manoeuvres excite the vehicle"))
     drawn = drawn_samples(s.entry, s.i)
     ess = float(x["ess"][s.i])
-    target = mppi.get("target_ess")
+    target = spec.planner.mppi.target_ess
     steered = f"target {target:g} of 1024" if target else "temperature fixed"
     meter = bar(
         ess / max((drawn.count or drawn.most) * GOOD_SHARE, 1.0),

@@ -84,7 +84,7 @@ def tower_of(timings: Sequence[LapTiming]) -> Tower:
     most = max(s.chatter for s in timings)
     rows = [_row(s, best_lap, best, most) for s in order(timings)]
     if len(rows) == 1 and not rows[0].is_out:
-        rows[0].interval = ""  # nobody is there to lead
+        rows[0].interval = ""  # there is no other competitor
     over = standings_at([one.entry for one in timings], timings[0].t).over
     return Tower(rows, over)
 

@@ -49,21 +49,21 @@ Size = tuple[int, int]  # width and height of a canvas [px]
 SQUARE: Size = (900, 900)
 
 
-class Pose(NamedTuple):
+class CameraPose(NamedTuple):
     """The position of a camera [m] and the point at which it is aimed [m]."""
 
     position: np.ndarray
     look_at: np.ndarray
 
 
-FAR_AWAY = Pose(np.full(3, 1e6), np.zeros(3))
+FAR_AWAY = CameraPose(np.full(3, 1e6), np.zeros(3))
 
 
 class Chased(NamedTuple):
     """The last pose behind a drone."""
 
     name: str
-    pose: Pose
+    pose: CameraPose
 
 
 class Placed(NamedTuple):
@@ -128,7 +128,7 @@ class Camera:
         names: the competitors of the race.
 
         Returns:
-            Whom the camera follows now; empty: nobody flies.
+            Name of the competitor that the camera follows now; empty: there is none.
         """
         if client is None or not names:
             return ""
@@ -228,7 +228,7 @@ class Camera:
             self._placed[client.client_id] = Placed(size, pose.position)
 
 
-def chase(s: LapTiming, last: Pose) -> Pose:
+def chase(s: LapTiming, last: CameraPose) -> CameraPose:
     """Return a pose behind the drone, aimed along its flight towards the next gate.
 
     The pose moves smoothly from the last pose.
@@ -251,7 +251,7 @@ def chase(s: LapTiming, last: Pose) -> Pose:
         position = last.position + SMOOTHING * (behind - last.position)
         look_at = last.look_at + LOOK_SMOOTHING * (target - last.look_at)
     position[2] = max(position[2], LOWEST)
-    return Pose(position, look_at)
+    return CameraPose(position, look_at)
 
 
 def towards(eye: np.ndarray, p: np.ndarray, gate: tuple[float, ...]) -> np.ndarray:
@@ -272,14 +272,14 @@ def towards(eye: np.ndarray, p: np.ndarray, gate: tuple[float, ...]) -> np.ndarr
     return eye + distance * (np.cos(angle) * to_drone + np.sin(angle) * across / length)
 
 
-def fpv(s: LapTiming) -> tuple[Pose, np.ndarray]:
+def fpv(s: LapTiming) -> tuple[CameraPose, np.ndarray]:
     """Return the pose of the drone's camera at its centre, and the camera's up direction."""
     forward, _, up = SO3(s.entry.rows(QUATERNION, s.i)).as_matrix().T
     tilt = HAND_TILT if s.entry.sampler == HAND else DRONE_TILT
     along = np.cos(tilt) * forward + np.sin(tilt) * up
     across = np.cos(tilt) * up - np.sin(tilt) * forward
     p = s.entry.rows(POSITION, s.i)
-    return Pose(p, p + along), across
+    return CameraPose(p, p + along), across
 
 
 def set_initial_camera(server: viser.ViserServer, course: Course) -> None:
@@ -289,14 +289,14 @@ def set_initial_camera(server: viser.ViserServer, course: Course) -> None:
     camera.fov = FOV
 
 
-def overview(course: Course, size: Size = SQUARE) -> Pose:
+def overview(course: Course, size: Size = SQUARE) -> CameraPose:
     """Return a pose beside the longer side of a course, with the whole course in view."""
     width, depth, _ = np.ptp(course.points(frames=False), axis=0)
     back = [0.12, -0.76, 0.64] if width >= depth else [0.76, 0.12, 0.64]
     return _fit(course, np.array(back), size)
 
 
-def top_view(course: Course, size: Size = SQUARE) -> Pose:
+def top_view(course: Course, size: Size = SQUARE) -> CameraPose:
     """Return a pose above a course, with the whole course in view.
 
     The view is not exactly vertical, as the up direction of a camera must not be its axis.
@@ -313,7 +313,7 @@ class Bounds(NamedTuple):
     most: float  # of c + high * cz
 
 
-def _fit(course: Course, direction: np.ndarray, size: Size) -> Pose:
+def _fit(course: Course, direction: np.ndarray, size: Size) -> CameraPose:
     """Return the nearest pose in a direction with the whole course in view.
 
     With coordinates x right, y up and z back, a point is in view where left (cz - z) <= x - cx <=
@@ -336,4 +336,4 @@ def _fit(course: Course, direction: np.ndarray, size: Size) -> Pose:
     z = max((b.most - b.least) / (b.high - b.low) for b in bounds)
     x, y = ((b.most - b.high * z + b.least - b.low * z) / 2 for b in bounds)
     far = z - float(p[:, 2].mean())  # to the middle of the course
-    return Pose(np.array([x, y, z]) @ axes, np.array([x, y, z - far]) @ axes)
+    return CameraPose(np.array([x, y, z]) @ axes, np.array([x, y, z - far]) @ axes)

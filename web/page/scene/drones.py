@@ -44,7 +44,7 @@ EXPOSURE = 0.6
 BRIGHT = np.pi
 
 
-class Shown(NamedTuple):
+class DrawnFrame(NamedTuple):
     """The state of a drone's display."""
 
     frame: int
@@ -78,7 +78,7 @@ class Drone:
         colour = entry.style.rgb
         self._dashed = bool(entry.style.dash)  # as its line in the charts
         self._colours = np.tile(array_colour(colour), (TRAIL, 2, 1))
-        self._shown = Shown(frame=-1, by_speed=False)
+        self._shown = DrawnFrame(frame=-1, by_speed=False)
         self._frame = scene.add_frame(node, show_axes=False)
         opacity = 0.45 if ghost else None
         add_quadrotor(scene, node, SPAN * scale, colour, ROTOR_COLOUR, opacity)
@@ -98,7 +98,7 @@ class Drone:
 
     def show(self, entry: Competitor, i: int, by_speed: bool) -> None:
         """Show the drone at frame i, with its trail coloured by speed or by sampler."""
-        asked = Shown(i, by_speed)
+        asked = DrawnFrame(i, by_speed)
         if asked == self._shown:
             return
         recoloured = by_speed != self._shown.by_speed

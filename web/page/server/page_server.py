@@ -36,7 +36,7 @@ class PageServer(viser.ViserServer):
     Attributes:
         link: receiver of the messages of the page's own scripts.
         downloads: the files that wait for visitors.
-        seats: who sits where.
+        seats: relate the two connections of each visitor.
     """
 
     def __init__(self, guard: Guard, host: str, port: int, label: str):

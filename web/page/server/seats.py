@@ -15,7 +15,7 @@ from msgspec import Meta
 
 from quadsim.web.page.server.link import LinkVisitor
 
-SCENE = "/scene/"  # where viser's page is, in a frame of the page
+SCENE = "/scene/"  # path of viser's page, which the page holds in a frame
 NAME = re.compile(r"[A-Za-z0-9_-]{16,64}")
 
 Seat = Annotated[str, Meta(max_length=64)]
@@ -31,7 +31,7 @@ def seat_in(path: str) -> str | None:
 
 
 class Seats:
-    """Knows who sits where: which visitor of viser's, and which one of the link."""
+    """Knows for each seat its client of viser's server and its visitor of the link."""
 
     def __init__(self, server: viser.ViserServer):
         self._clients: dict[str, viser.ClientHandle] = {}
@@ -40,7 +40,7 @@ class Seats:
         server.on_client_disconnect(self._leave)
 
     def client_of(self, seat: str) -> viser.ClientHandle | None:
-        """Return viser's visitor at a seat; None: there is none, or not yet."""
+        """Return the client of viser's server at a seat; None: there is none, or not yet."""
         return self._clients.get(seat)
 
     def relate(self, visitor: LinkVisitor, seat: str) -> None:
@@ -52,15 +52,15 @@ class Seats:
         return self._seats.pop(visitor.number, "")
 
     def client_beside(self, visitor: LinkVisitor) -> viser.ClientHandle | None:
-        """Return viser's visitor who is this one of the link; None: there is none yet."""
+        """Return the client of viser's server at the seat of a visitor; None: there is none yet."""
         return self.client_of(self._seats.get(visitor.number, ""))
 
     def visitor_at(self, seat: str) -> int | None:
-        """Return the visitor of the link at a seat; None: nobody says to sit there."""
+        """Return the visitor of the link at a seat; None: no visitor has named this seat."""
         return next((number for number, name in self._seats.items() if name == seat), None)
 
     def visitors(self) -> dict[int, int]:
-        """Return the visitors of the link by the numbers of viser's who are the same."""
+        """Return the visitors of the link by the numbers of their clients of viser's server."""
         found = {}
         for visitor, seat in tuple(self._seats.items()):
             client = self.client_of(seat)

@@ -1,4 +1,4 @@
-"""WrongTokens: who guesses at the token is refused for a while, whatever is guessed next."""
+"""WrongTokens: an address that sends many wrong tokens is refused for a while."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from time import monotonic
 
 MOST = 10  # different wrong tokens of an address, beyond which it is refused
 SPAN = 60.0  # after the last wrong token until an address is forgotten [s]
-MOST_ADDRESSES = 1000  # that are kept; older ones are forgotten
+MOST_ADDRESSES = 1000  # number of addresses that are kept; older ones are forgotten
 LOG = logging.getLogger("race web")
 
 

@@ -213,12 +213,15 @@ function follow(asked) {
   const names = asked.getAll("run").slice(0, together);
   if (!names.length) return;
   const t = Number(asked.get("t") ?? NaN);
-  const view = {
-    ...(asked.get("ghosts") && { ghosts: asked.get("ghosts") }),
-    ...(asked.get("limit") === "1" && { limit: true }),
-  };
-  send({ type: "replay_runs", names, ...(t >= 0 && { t }), ...view });
+  if (asked.get("ghosts")) setView("ghosts", asked.get("ghosts"));
+  if (asked.get("limit") === "1") setView("limit", true);
+  send({ type: "replay_runs", names, ...(t >= 0 && { t }) });
   if (asked.get("camera")) chooseCamera(asked.get("camera"));
+}
+
+// As the form of the view does: the server knows the values, and refuses any other.
+function setView(field, value) {
+  send({ type: "set_field", form: "view", field, value });
 }
 
 // The camera is the visitor's own: it is chosen once the scene has one.
