@@ -258,6 +258,7 @@ def pilot_of(learner: Learner, training: Training) -> Pilot:
         high=Control(*system.high),
         course=", ".join(course.name for course in task.courses),
         activation="relu",
+        output="clip",
         vehicle_sha256=vehicle_digest(task.vehicle),
         training={
             "seed": training.seed,

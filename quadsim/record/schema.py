@@ -314,7 +314,6 @@ class ListedEntrant(Struct):
     """One entrant of a race that a list shows."""
 
     name: str
-    spec: Raw  # see ListedSpec
 
 
 class ListedHeatSpec(Struct):
@@ -328,3 +327,4 @@ class ListedHeat(TitledHeat):
     """The keys of a heat.json that a row of a list shows."""
 
     spec: ListedHeatSpec
+    runs: list[str]

@@ -341,17 +341,15 @@ def read_row(path: Path) -> StoredRun | StoredHeat:
 
 def _read_run(path: Path) -> StoredRun:
     """Return the row of a run, see `read_row`."""
-    data = read_bytes(path / RECORD, "the record of a flight", LARGEST_RECORD)
-    found = msgspec.json.decode(data, type=ListedRun)
-    time = sum(found.laps) if found.outcome == "finished" else None
-    flight = VehicleFlight.of(path.name, found.outcome, time, found.spec)
+    found = _listed_run(path)
+    flight = _flight(path.name, found)
     return StoredRun(
         name=path.name,
         path=path,
         when=flown_at(path),
         course=flight.spec.course.name,
         flown_by=flight.flown_by,
-        time=time,
+        time=flight.time,
         outcome=found.outcome,
         seed=flight.spec.seed,
         laps=tuple(found.laps),
@@ -360,16 +358,26 @@ def _read_run(path: Path) -> StoredRun:
     )
 
 
+def _listed_run(path: Path) -> ListedRun:
+    """Return the record in the folder of a run, see `read_row`."""
+    data = read_bytes(path / RECORD, "the record of a flight", LARGEST_RECORD)
+    return msgspec.json.decode(data, type=ListedRun)
+
+
+def _flight(name: str, found: ListedRun) -> VehicleFlight:
+    """Return the flight of a record."""
+    time = sum(found.laps) if found.outcome == "finished" else None
+    return VehicleFlight.of(name, found.outcome, time, found.spec)
+
+
 def _read_heat(path: Path) -> StoredHeat:
     """Return the row of a race, see `read_row`."""
     data = read_bytes(path / HEAT, "the record of a race", LARGEST_RECORD)
     found = msgspec.json.decode(data, type=ListedHeat)
-    placings = {placing.name: placing for placing in found.order}
     entrants = tuple(entrant.name for entrant in found.spec.entrants)
     flights = tuple(
-        VehicleFlight.of(entrant.name, placing.outcome, placing.time, entrant.spec)
-        for entrant in found.spec.entrants
-        for placing in (placings[entrant.name],)
+        _flight(name, _listed_run(path / Path(folder).name))
+        for name, folder in zip(entrants, found.runs, strict=True)
     )
     finished = sum(flight.time is not None for flight in flights)
     winner = found.order[0]
