@@ -16,8 +16,7 @@ import numpy as np
 
 import quadsim
 from quadsim import Colored, Gaussian, MPPIConfig, Spec
-from quadsim.config.build import build, launch
-from quadsim.config.build_navigation import navigation_of
+from quadsim.config.build import build
 from quadsim.controllers.costs.race_targets import GateTarget
 from quadsim.controllers.mppi import MPPI
 from quadsim.controllers.sampled_trajectories import controls, sampled_trajectories
@@ -27,6 +26,7 @@ from quadsim.figures.course import gate_bar
 from quadsim.figures.style import STYLE
 from quadsim.palette import INK, MARK, NEXT, SPARE, style
 from quadsim.paper.integrator import double_integrator, quadratic_cost
+from quadsim.racing.flight import simulate
 
 FOLDER = Path(__file__).parent
 COLORED = style("colored").colour
@@ -122,12 +122,13 @@ def perturbations(mppi: MPPI, count: int = 30) -> np.ndarray:
 
 def flown_until(spec: Spec, t: float) -> MPPI:
     """Return the planner of a flight at time t [s]."""
-    plant, controller, referee = build(spec)
-    for frame in launch(spec, plant, controller, referee):
+    parts = build(spec)
+    for frame in simulate(parts):
         if frame.t >= t:
             break
-    plant.close()
-    return controller
+    parts.plant.close()
+    assert isinstance(parts.controller, MPPI)
+    return parts.controller
 
 
 def gates_in_the_rollout() -> Any:
@@ -212,14 +213,13 @@ def adaptation() -> Any:
     """Draw the thrust gain estimated in flight, of a vehicle whose model has another mass."""
     figure, axes = plt.subplots(figsize=(9.0, 2.8))
     spec = Spec.of("figure8", laps=1, seed=3, randomize=1.0)
-    plant, mppi, referee = build(spec)
-    navigation = navigation_of(spec, plant, mppi, referee)
-    learner = navigation.learner
+    parts = build(spec)
+    learner = parts.navigation.learner if parts.navigation else None
     assert learner
     rows = []
-    for frame in islice(launch(spec, plant, mppi, referee, navigation), 300):
+    for frame in islice(simulate(parts), 300):
         rows.append((frame.t, learner.model.thrust_gain, learner.std.thrust_gain))
-    plant.close()
+    parts.plant.close()
     t, gain, std = np.array(rows).T
     true = 1.0 / (1.0 + spec.record()["variation"]["mass"])
     axes.fill_between(

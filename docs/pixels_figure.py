@@ -21,7 +21,7 @@ from quadsim.rotation import turned
 from quadsim.sensing import load_sensing
 from quadsim.sensing.measurements import Photo
 from quadsim.sensing.nominal import Nominal
-from quadsim.sensing.pixel_camera import Moment, row_poses
+from quadsim.sensing.pixel_camera import TimedPose, row_poses
 from quadsim.sensing.pixels.tracker import Tracked, Tracker
 from quadsim.sensing.state import FilterState
 from quadsim.sensing.visibility import hidden_corners
@@ -112,12 +112,12 @@ def main() -> None:
     print(f"tracking {1e3 * np.median(tracking):.1f} ms")
 
 
-def moving(pose: Pose, velocity: np.ndarray, rates: np.ndarray) -> list[Moment]:
+def moving(pose: Pose, velocity: np.ndarray, rates: np.ndarray) -> list[TimedPose]:
     """Return poses of a vehicle that moves through a pose."""
     moments = []
     for t in np.arange(-0.02, 0.0201, 0.0025).tolist():
         p = (np.array(pose.p) + t * velocity).tolist()
-        moments.append(Moment(t, (*p, *turned(pose.q, (t * rates).tolist()))))
+        moments.append(TimedPose(t, (*p, *turned(pose.q, (t * rates).tolist()))))
     return moments
 
 

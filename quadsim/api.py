@@ -245,7 +245,7 @@ def runs(  # noqa: PLR0913 (a keyword for each pattern)
         course: name of the course.
         vehicle: name of the vehicle.
         sampler: name of the sampler; that of a flight by a controller of your own is its class.
-        preset: name of the preset.
+        preset: name of the preset; a learned pilot flies with none.
         pilot: name of a learned pilot; "*" for all runs that a pilot flew.
         controller: class of a controller of your own; "*" for all runs that one flew.
         seed: the seed.

@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import re
 import zipfile
 from datetime import datetime
 from pathlib import Path
@@ -14,8 +15,8 @@ import quadsim
 from quadsim.cli.cli import race
 from quadsim.heat.line_up import line_up
 from quadsim.record.archive import read_run
-from quadsim.results.stored_runs import LARGEST_RECORD
-from quadsim.web.stored.run_table import RunTable
+from quadsim.results.stored_row import LARGEST_RECORD, columns
+from quadsim.web.stored.run_table import RunTable, page_columns
 
 PILOT = {"name": "ace", "sha256": "0" * 64}
 
@@ -53,7 +54,9 @@ def test_filters_are_patterns_and_all_must_fit(root):
     assert seeds(quadsim.runs(root, course="test*")) == [3, 5]
     assert seeds(quadsim.runs(root, course="test*", seed=5)) == [5]
     assert seeds(quadsim.runs(root, outcome="timeout")) == [4]
-    assert seeds(quadsim.runs(root, vehicle="pro?e", sampler="colored", preset="race")) == [3, 4, 5]
+    assert seeds(quadsim.runs(root, vehicle="pro?e", sampler="colored")) == [3, 4, 5]
+    # a pilot flies with the numbers of no preset
+    assert seeds(quadsim.runs(root, preset="race")) == [3, 4]
     assert seeds(quadsim.runs(root, pilot="*")) == [5]
     assert seeds(quadsim.runs(root, sampler="gaussian")) == []
 
@@ -112,6 +115,16 @@ def test_the_table_has_a_line_for_each_run(root):
     assert str(quadsim.runs(root / "nothing")) == "no stored run matches"
 
 
+def test_terminal_notebook_and_page_show_the_same_columns(root):
+    printed = [column.title for column in columns().values() if column.is_printed]
+    runs = quadsim.runs(root)
+    assert str(runs).splitlines()[0].split() == " ".join(printed).split()
+    assert re.findall("<th[^>]*>([^<]+)</th>", runs._repr_html_()) == printed
+    by_name = [column.title for column in columns().values() if not column.is_in_name]
+    assert set(runs.by_name().splitlines()[0].split()) <= set(" ".join(["run", *by_name]).split())
+    assert set(page_columns()) == {"above", *columns()}
+
+
 def test_names_are_not_taken_for_markup_or_html(tmp_path):
     save(tmp_path, two_laps(SPEC | {"sampler": "[bold]<b>x"}))
     runs = quadsim.runs(tmp_path)
@@ -128,6 +141,7 @@ def test_it_is_a_sequence_and_a_table_of_pandas(root):
     assert frame["name"].tolist() == [run.name for run in runs]
     assert frame["time"].isna().sum() == 1
     assert quadsim.runs(root, sampler="none").to_pandas().columns.tolist() == list(frame.columns)
+    assert list(runs[0].as_json()) == list(frame.columns)
 
 
 class Climb:

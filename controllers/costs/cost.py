@@ -37,7 +37,7 @@ Weight = float | np.ndarray  # one number, or one for each step of the horizon (
 StepFunction = Callable[[Any, Any, Any, Any, Any], Any]
 
 
-class Numbers(Protocol):
+class NumberTuple(Protocol):
     """A NamedTuple of numbers, by the members that all NamedTuples have."""
 
     _fields: tuple[str, ...]
@@ -133,7 +133,7 @@ class Term:
             if not is_weight(number):
                 wanted = "expected a finite number, or an array (T,) of them"
                 raise ValueError(f"term {self.name}: {wanted}, got {shown_value(number)}")
-        self.parameters: Numbers | None = None
+        self.parameters: NumberTuple | None = None
         if parameters:
             kind: Any = namedtuple(f"{self.name}_parameters", tuple(parameters))
             self.parameters = kind(**parameters)
@@ -248,7 +248,7 @@ class Obstacles:
     # (p0, p1, row) -> whether the straight line between two positions touches the obstacle
     touches: Callable[[Any, Any, Any], Any]
     # NamedTuple: the names of a row's numbers, first the corners of a box around the obstacle [m]
-    row: type[Numbers]
+    row: type[NumberTuple]
     rows: np.ndarray  # (obstacles, n_obstacle)
     # (x, seconds) -> the rows that may be reached from x in this time
     near: Callable[[np.ndarray, float], np.ndarray]
@@ -277,10 +277,10 @@ class Cost:
     name: str
     terms: tuple[Term, ...]
     # NamedTuple: the names of a target row's numbers; `to_go`, if any, is the distance still to fly
-    row: type[Numbers]
+    row: type[NumberTuple]
     targets: np.ndarray  # the target rows, from the first target on  (targets, n_target)
     # NamedTuple of numbers, or of arrays (T,) if they depend on the step of the horizon
-    params: Numbers = NO_PARAMS
+    params: NumberTuple = NO_PARAMS
     reached: StepFunction | None = None  # whether the sample has reached its target
     crash: StepFunction | None = None  # whether the sample crashes in this step
     # number that the step adds to the sample's crash flag, such as the probability of a crash
@@ -524,7 +524,7 @@ def evaluate(
     return Evaluated(terms, reached, crashed)
 
 
-def at_step(parameters: Numbers, t: int | np.ndarray) -> Any:
+def at_step(parameters: NumberTuple, t: int | np.ndarray) -> Any:
     """Return parameters at step t of the horizon, by the same names."""
     return parameters._make(number_at_step(value, t) for value in parameters)
 

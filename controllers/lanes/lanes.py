@@ -42,7 +42,7 @@ class Trajectories(NamedTuple):
         return Trajectories(*(each[m] for each in self))
 
 
-class Numbers(NamedTuple):
+class RolloutNumbers(NamedTuple):
     """The numbers that the compiled rollout reads, in the lanes' precision."""
 
     noise_factor: np.ndarray  # factors on the noise of even and of odd blocks  (2, T)
@@ -129,7 +129,7 @@ class Rollout:
         """Whether the compiled loop is in this machine's cache."""
         return is_cached(self._module.rollout)
 
-    def _numbers(self, x0: np.ndarray, target: int, horizon: int) -> Numbers:
+    def _numbers(self, x0: np.ndarray, target: int, horizon: int) -> RolloutNumbers:
         """Return the numbers of the loops, computed once per state.
 
         All iterations and chunks of a control step start from the same state.
@@ -140,7 +140,7 @@ class Rollout:
             self._found[key] = self._find_numbers(x0, target, horizon)
         return self._found[key]
 
-    def _find_numbers(self, x0: np.ndarray, target: int, horizon: int) -> Numbers:
+    def _find_numbers(self, x0: np.ndarray, target: int, horizon: int) -> RolloutNumbers:
         """Return the numbers of the loops.
 
         Raises:
@@ -158,7 +158,7 @@ class Rollout:
                     f"cost {cost.name}: weight_{term.name}: expected one number, as there are "
                     f"obstacles, got shape {np.shape(crash_weight)}"
                 )
-        return Numbers(
+        return RolloutNumbers(
             noise_factor=self.schedule.noise(horizon).astype(d),
             cost_factor=self.schedule.cost(horizon).astype(d),
             low=np.asarray(system.low, d),

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from quadsim.controllers.costs import Numbers
+from quadsim.controllers.costs import NumberTuple
 from quadsim.controllers.lanes import FAST
 from quadsim.controllers.lanes.layout import LANES
 from quadsim.controllers.lanes.text import Writer
@@ -137,7 +137,7 @@ class LineTest(NamedTuple):
     touches: str  # the condition that the lines compute
 
 
-def line_test(touches: Callable, row: type[Numbers], p0: str, p1: str, around: str) -> LineTest:
+def line_test(touches: Callable, row: type[NumberTuple], p0: str, p1: str, around: str) -> LineTest:
     """Return the text of an obstacle test.
 
     Args:

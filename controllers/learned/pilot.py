@@ -78,15 +78,15 @@ class About(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     low: Limits  # commands at -1 [rad/s, m/s^2]
     high: Limits  # commands at 1
     course: str  # course of the training
+    # activation of the hidden layers, or of each of them
+    activation: Activation | tuple[Activation, ...]
+    # how the last layer's outputs become actions in -1..1
+    output: Output
+    # sha256 of the training vehicle, hexadecimal. A flight may use a changed vehicle, and its
+    # record says so.
+    vehicle_sha256: str
     training: dict[str, Any] = {}  # seed, steps, time, settings, command
     observes: tuple[str, ...] = tuple(UNITS)
-    # activation of the hidden layers, or of each of them; tanh in an older file
-    activation: Activation | tuple[Activation, ...] = "tanh"
-    # how the last layer's outputs become actions in -1..1
-    output: Output = "clip"
-    # sha256 of the training vehicle, hexadecimal, "" in an older file. A flight may use a changed
-    # vehicle, and its record says so.
-    vehicle_sha256: str = ""
 
     @property
     def actions(self) -> Actions:
@@ -263,8 +263,6 @@ def _layer_count(data: bytes) -> int:
 def pilot_bytes(weights: Sequence[np.ndarray], about: About) -> bytes:
     """Return the content of a pilot's file."""
     record = {"format": FORMAT} | structs.asdict(about)
-    if about.output == "clip":
-        del record["output"]  # as in the files of older versions
     arrays = {"about": np.array(json.dumps(record, allow_nan=False))}
     for name, layer in zip(layers(len(weights) // 2), weights, strict=True):
         arrays[name] = np.asarray(layer, np.float32)

@@ -88,12 +88,12 @@ def measure_heats(seconds: float) -> HeatTimes:
 
 
 def others_times() -> Iterator[OthersTime]:
-    """Yield the times of control steps, by what is expected and the number of others."""
-    alone = Case("nothing", 0)
+    """Yield the times of control steps, by the kind of prediction and the number of others."""
+    alone = PlannerInLine("nothing", 0)
     alone.step_ms()
     for expect in EXPECTED:
         for others in OTHERS[1:]:
-            case = Case(expect, others)
+            case = PlannerInLine(expect, others)
             for _ in range(WARM_UP + others):
                 case.step_ms()
             # Timed in alternation, so that other programs slow both down alike.
@@ -102,7 +102,7 @@ def others_times() -> Iterator[OthersTime]:
             yield OthersTime(expect, others, float(own), float(times[:, 1].min()), own / base)
 
 
-class Case:
+class PlannerInLine:
     """The planner of a vehicle that flies in line with others."""
 
     def __init__(self, expect: Expect, others: int):

@@ -31,7 +31,7 @@ from quadsim.console import (
     uninterrupted,
 )
 from quadsim.firmware.process import FirmwareError
-from quadsim.heat.archive import find_heat, read_heat, spec_of_heat
+from quadsim.heat.archive import find_heat, read_heat, recorded_heat
 from quadsim.heat.launch import heat_frames
 from quadsim.heat.line_up import line_up, parts_of
 from quadsim.heat.result import HeatRecorder
@@ -168,7 +168,7 @@ def _again(
     """
     stored = read_heat(find_heat(name, runs_dir or FlightSettings.runs_dir))
     with settings_as_flags():
-        spec = spec_of_heat(stored, runs_dir, parts_of(parts), seed)
+        spec = recorded_heat(stored.record, parts_of(parts), {"runs_dir": runs_dir, "seed": seed})
     if spec.seed != stored.spec.seed:
         code = _one(spec, runs_dir or FlightSettings.runs_dir, None, json)
         complain(f"the stored race was flown with seed {stored.spec.seed}")

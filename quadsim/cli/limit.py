@@ -27,7 +27,7 @@ from quadsim.vehicle import load_vehicle, with_thrust_to_weight
 
 if TYPE_CHECKING:
     # Imported when a search begins, as these modules load the optimiser
-    from quadsim.limit.guess import Flight
+    from quadsim.limit.guess import FlownRun
     from quadsim.limit.search import Progress, Search, SolveAttempt
     from quadsim.limit.solve import Show
 
@@ -175,7 +175,7 @@ def _search(problem: LimitProblem) -> Search:
         raise UsageError(str(error)) from None
 
 
-def _flight(problem: LimitProblem, name: str, runs_dir: str) -> Flight:
+def _flight(problem: LimitProblem, name: str, runs_dir: str) -> FlownRun:
     """Return a stored run as an initial guess.
 
     Raises:
@@ -193,9 +193,9 @@ def _flight(problem: LimitProblem, name: str, runs_dir: str) -> Flight:
         )
     if find_spec("casadi") is None:
         raise UsageError(needs_extra("casadi", "limit"))
-    from quadsim.limit.guess import Flight
+    from quadsim.limit.guess import FlownRun
 
-    return Flight(f"run {name}", run.telemetry, passes)
+    return FlownRun(f"run {name}", run.telemetry, passes)
 
 
 def _progress(stopped: list[int], quiet: bool) -> Progress:

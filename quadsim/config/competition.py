@@ -98,26 +98,33 @@ def parse_competition(text: str, file: str) -> Competition:
     return Competition(Path(file).stem, entry.source, entry.course, settings)
 
 
-def with_competition(given: Mapping[str, Any], read: dict[str, Any]) -> dict[str, Any]:
+def given_competition(given: Mapping[str, Any]) -> Competition | None:
+    """Return the competition among settings, None without one.
+
+    Raises:
+        SettingError: it is neither a name nor a Competition.
+        FileError: it cannot be read.
+    """
+    found = given.get("competition")
+    if found is None or isinstance(found, Competition):
+        return found
+    if isinstance(found, str | Path):
+        return load_competition(found)
+    wanted = "expected a name, a FILE.yaml or a Competition"
+    raise SettingError("competition", f"{wanted}, got {shown_value(found)}")
+
+
+def with_competition(
+    given: Mapping[str, Any], competition: Competition | None
+) -> Mapping[str, Any]:
     """Return the settings of a flight with those that its competition prescribes.
 
     Args:
         given: the settings as they were given, which count before the competition's.
-        read: collects the competition that was read.
-
-    Raises:
-        SettingError: the competition is neither a name nor a Competition.
-        FileError: it cannot be read.
+        competition: the competition.
     """
-    competition = given.get("competition")
     if competition is None:
-        return dict(given)
-    if isinstance(competition, str | Path):
-        competition = load_competition(competition)
-        read["competition"] = competition
-    if not isinstance(competition, Competition):
-        wanted = "expected a name, a FILE.yaml or a Competition"
-        raise SettingError("competition", f"{wanted}, got {shown_value(competition)}")
+        return given
     own = {name: value for name, value in given.items() if value is not None}
     return {"course": competition.course, **competition.settings, **own}
 

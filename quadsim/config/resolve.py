@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from quadsim.config.checks import check_numbers, check_type
-from quadsim.config.own import own_sampler
+from quadsim.config.own import own_controller, own_sampler
 from quadsim.config.presets import PresetSource
 from quadsim.config.settings import (
     SETTINGS,
@@ -95,68 +95,6 @@ def flight_settings(given: Mapping[str, Any]) -> FlightSettings:
     return FlightSettings(**values)
 
 
-def loaded_part(
-    given: Mapping[str, Any],
-    name: str,
-    kind: type[T],
-    load: Callable[[str], T],
-    default: str,
-    read: dict[str, Any],
-) -> T:
-    """Return a part that was given by name, as a FILE.yaml or as an object, or the default.
-
-    Args:
-        given: the settings.
-        name: name of the setting.
-        kind: type of the object.
-        load: reads the part that a name or path stands for; raises FileError.
-        default: name to load if no part is given.
-        read: collects the parts that were loaded by a given name.
-
-    Raises:
-        SettingError: the part is neither a name nor an object of its type.
-    """
-    found = given.get(name)
-    return load(default) if found is None else given_part(name, found, kind, load, read)
-
-
-def given_part(
-    name: str, given: object, kind: type[T], load: Callable[[str], T], read: dict[str, Any]
-) -> T:
-    """Return a part that was given, see `loaded_part`. Raises SettingError."""
-    if isinstance(given, kind):
-        check_numbers(name, given)
-        return given
-    if not isinstance(given, str | Path):
-        wanted = f"expected a name, a FILE.yaml or a {kind.__name__}"
-        raise SettingError(name, f"{wanted}, got {shown_value(given)}")
-    loaded = load(str(given))
-    read[name] = loaded
-    return loaded
-
-
-def configuration_of(
-    flight: FlightSettings, given: Mapping[str, Any], vehicle: Vehicle, read: dict[str, Any]
-) -> Text | None:
-    """Return the firmware's configuration: the one given, or the vehicle's, which may be missing.
-
-    Raises:
-        SettingError: it is no file.
-        FileError: its file cannot be read.
-    """
-    own = given.get("betaflight")
-    if isinstance(own, Text):
-        return own
-    if own is not None:
-        if not isinstance(own, str | Path):
-            raise SettingError("betaflight", f"expected a FILE.txt, got {shown_value(own)}")
-        read["betaflight"] = read_text(Path(own))
-        return read["betaflight"]
-    if flight.flight_controller == "ideal":
-        return None
-    return shipped_configuration(vehicle)
-
-
 @dataclass(frozen=True)
 class PlannerSource:
     """The source of a planner before single numbers change: a preset or numbers of its own."""
@@ -185,54 +123,136 @@ class PlannerSource:
         return found if self.sampling is None else replace(found, sampling=self.sampling)
 
 
-def planner_source(
-    given: Mapping[str, Any], flight: FlightSettings, read: dict[str, Any]
-) -> PlannerSource:
-    """Return where the planner comes from.
+class Loader:
+    """The settings of a flight, and the objects that stand in for names among them.
 
-    read: collects the text of a preset file, and the user's own sampler.
+    Each file is read once: `Spec.but` changes the objects that were read.
 
-    Raises:
-        SettingError: a planner is given beside a sampler or a preset, or a part is none.
-        FileError: the file of a preset cannot be read.
+    Attributes:
+        given: the settings.
+        read: the objects by the names of their settings.
     """
-    sampling = _given_sampler(given.get("sampler"))
-    planner = given.get("planner")
-    if planner is not None:
+
+    def __init__(self, given: Mapping[str, Any]):
+        """Begin with settings in which nothing has been read.
+
+        Args:
+            given: the settings.
+        """
+        self.given = given
+        self.read: dict[str, Any] = {}
+
+    def part(self, name: str, kind: type[T], load: Callable[[str], T], default: str) -> T:
+        """Return a part that was given by name, as a FILE.yaml or as an object, or the default.
+
+        Args:
+            name: name of the setting.
+            kind: type of the object.
+            load: reads the part that a name or path stands for; raises FileError.
+            default: name to load if no part is given.
+
+        Raises:
+            SettingError: the part is neither a name nor an object of its type.
+        """
+        found = self.given_part(name, kind, load)
+        return load(default) if found is None else found
+
+    def given_part(self, name: str, kind: type[T], load: Callable[[str], T]) -> T | None:
+        """Return a part that was given, None if none was; see `part`. Raises SettingError."""
+        found = self.given.get(name)
+        if found is None:
+            return None
+        if isinstance(found, kind):
+            check_numbers(name, found)
+            return found
+        if not isinstance(found, str | Path):
+            wanted = f"expected a name, a FILE.yaml or a {kind.__name__}"
+            raise SettingError(name, f"{wanted}, got {shown_value(found)}")
+        self.read[name] = load(str(found))
+        return self.read[name]
+
+    def configuration(self, flight: FlightSettings, vehicle: Vehicle) -> Text | None:
+        """Return the firmware's configuration: the given or the vehicle's, which may be missing.
+
+        Raises:
+            SettingError: it is no file.
+            FileError: its file cannot be read.
+        """
+        own = self.given.get("betaflight")
+        if isinstance(own, Text):
+            return own
+        if own is not None:
+            if not isinstance(own, str | Path):
+                raise SettingError("betaflight", f"expected a FILE.txt, got {shown_value(own)}")
+            self.read["betaflight"] = read_text(Path(own))
+            return self.read["betaflight"]
+        if flight.flight_controller == "ideal":
+            return None
+        return shipped_configuration(vehicle)
+
+    def controller(self) -> Any:
+        """Return the user's own controller, None if none was given. Raises SettingError."""
+        given = self.given.get("controller")
+        if given is None:
+            return None
+        self.read["controller"] = own_controller(given)
+        return self.read["controller"]
+
+    def planner_source(self, flight: FlightSettings) -> PlannerSource:
+        """Return where the planner comes from.
+
+        Raises:
+            SettingError: a planner is given beside a sampler or a preset, or a part is none.
+            FileError: the file of a preset cannot be read.
+        """
+        sampling = self._sampling()
+        sampler = flight.sampler
+        if sampling is not None:
+            # The user's own sampler gets the MPPI and cost numbers of the default sampler.
+            own = not is_registered(sampling)
+            sampler = FlightSettings.sampler if own else sampler_name(sampling)
+        firmware = flight.flight_controller != "ideal"
+        return PlannerSource(self._planner(), self._preset(flight), sampler, sampling, firmware)
+
+    def _planner(self) -> Planner | None:
+        """Return the planner that was given, None if none was. Raises SettingError."""
+        planner = self.given.get("planner")
+        if planner is None:
+            return None
         for name in ("sampler", "preset"):
-            if given.get(name) is not None:
+            if self.given.get(name) is not None:
                 wanted = "expected none: the planner of a stored run, or planner=, has its own"
                 raise SettingError(name, wanted)
         check_type("planner", planner, Planner)
-    preset = given.get("preset")
-    if not isinstance(preset, PresetSource):
+        return planner
+
+    def _preset(self, flight: FlightSettings) -> PresetSource:
+        """Return the preset. Raises SettingError, FileError."""
+        preset = self.given.get("preset")
+        if isinstance(preset, PresetSource):
+            return preset
         if not (preset is None or isinstance(preset, str | Path)):
-            raise SettingError(
-                "preset", f"expected a name or a FILE.yaml, got {shown_value(preset)}"
-            )
-        preset = PresetSource.read(flight.preset)
-        read |= {"preset": preset} if "preset" in given else {}
-    sampler = flight.sampler
-    if sampling is not None:
-        read["sampler"] = sampling
-        # The user's own sampler gets the MPPI and cost numbers of the default sampler.
-        sampler = sampler_name(sampling) if is_registered(sampling) else FlightSettings.sampler
-    firmware = flight.flight_controller != "ideal"
-    return PlannerSource(planner, preset, sampler, sampling, firmware)
+            wanted = "expected a name or a FILE.yaml"
+            raise SettingError("preset", f"{wanted}, got {shown_value(preset)}")
+        found = PresetSource.read(flight.preset)
+        if "preset" in self.given:
+            self.read["preset"] = found
+        return found
 
+    def _sampling(self) -> Any:
+        """Return a sampler that was given as an object or as "package.module:Class".
 
-def _given_sampler(given: object) -> Any:
-    """Return a sampler that was given as an object or as "package.module:Class".
+        Returns:
+            The sampler, or None for the name of a registered one and if none was given.
 
-    Returns:
-        The sampler, or None for the name of a registered one and if none was given.
-
-    Raises:
-        SettingError: there is no such sampler.
-    """
-    if given is None or (isinstance(given, str) and given in SAMPLERS):
-        return None
-    return given if is_registered(given) else own_sampler(given)
+        Raises:
+            SettingError: there is no such sampler.
+        """
+        given = self.given.get("sampler")
+        if given is None or (isinstance(given, str) and given in SAMPLERS):
+            return None
+        self.read["sampler"] = given if is_registered(given) else own_sampler(given)
+        return self.read["sampler"]
 
 
 def is_seen_late(flight: FlightSettings, randomization: RandomizationRanges) -> bool:

@@ -29,12 +29,11 @@ from quadsim.config.checks import (
     check_type,
     check_view,
 )
-from quadsim.config.competition import with_competition
+from quadsim.config.competition import given_competition, with_competition
 from quadsim.config.own import (
     check_part,
     describe,
     describe_term,
-    own_controller,
     term_of_text,
     terms_of,
 )
@@ -43,15 +42,12 @@ from quadsim.config.reference import followed_problem, stored_reference
 from quadsim.config.resolve import (
     DEFAULT_COURSE,
     KEYWORDS,
+    Loader,
     check_names,
-    configuration_of,
     default_timeout,
     flight_settings,
-    given_part,
     is_seen_late,
-    loaded_part,
     nominal_model,
-    planner_source,
     scale_of,
     view_weight_of,
     with_excitation,
@@ -466,29 +462,25 @@ def validate(spec: Spec) -> None:
 def _resolved(given: Mapping[str, Any]) -> Spec:
     """Return the spec of these settings; the others come from preset, course and vehicle."""
     check_names(given)
-    # Each file is read once; `but` uses the objects that were read.
-    read: dict[str, Any] = {}
     asked = given
-    given = with_excitation(with_competition(asked, read))
+    competition = given_competition(asked)
+    given = with_excitation(with_competition(asked, competition))
     flight = flight_settings(given)
+    loader = Loader(given)
     plant = given.get("plant")
     own_terms = () if given.get("terms") is None else terms_of(given["terms"])
 
-    course = loaded_part(given, "course", Course, load_course, DEFAULT_COURSE, read)
-    own_pilot = given.get("pilot")
-    pilot = None if own_pilot is None else given_part("pilot", own_pilot, Pilot, load_pilot, read)
-    controller = given.get("controller")
-    if controller is not None:
-        controller = own_controller(controller)
-        read["controller"] = controller
-    sensing = loaded_part(given, "sensing", Sensing, load_sensing, PERFECT, read)
-    randomization = loaded_part(
-        given, "randomization", RandomizationRanges, load_randomization, OUTDOOR_NAME, read
+    course = loader.part("course", Course, load_course, DEFAULT_COURSE)
+    pilot = loader.given_part("pilot", Pilot, load_pilot)
+    controller = loader.controller()
+    sensing = loader.part("sensing", Sensing, load_sensing, PERFECT)
+    randomization = loader.part(
+        "randomization", RandomizationRanges, load_randomization, OUTDOOR_NAME
     )
-    source = planner_source(given, flight, read)
+    source = loader.planner_source(flight)
     base = source.at(None)
     default_vehicle = pilot.about.vehicle if pilot else base.vehicle
-    vehicle = loaded_part(given, "vehicle", Vehicle, load_vehicle, default_vehicle, read)
+    vehicle = loader.part("vehicle", Vehicle, load_vehicle, default_vehicle)
     if flight.thrust_to_weight:
         vehicle = with_thrust_to_weight(vehicle, flight.thrust_to_weight)
 
@@ -496,7 +488,7 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
     seen_late = is_seen_late(flight, randomization)
     base = source.at(scale_of(course, vehicle, given, base, seen_late))
     planner = with_numbers(replace(base, vehicle=vehicle.name), given)
-    configuration = configuration_of(flight, given, vehicle, read)
+    configuration = loader.configuration(flight, vehicle)
     laps = flight.laps or course.laps
     view_weight = view_weight_of(flight, base, sensing)
     reference = None
@@ -505,8 +497,8 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
         check_beside_reference(flight.displace_gates, view_weight, flight.map_scale)
         reference = stored_reference(course, vehicle, laps, planner.cost, flight.runs_dir, given)
     # Parts of a competition are not kept as given: another competition has others.
-    own = {name: part for name, part in read.items() if name in asked}
-    settings = {**asked, **own}
+    read = loader.read | ({"competition": competition} if competition else {})
+    settings = {**asked, **{name: part for name, part in read.items() if name in asked}}
     spec = Spec(
         course=course,
         vehicle=vehicle,

@@ -17,7 +17,7 @@ from quadsim.heat.result import HeatEvent, placings
 from quadsim.palette import HIT, MARK, Style, styles
 from quadsim.record.run import RecordedRun
 
-# Largest gap that is drawn [s], unless nobody but the leader ends with a smaller one
+# Largest gap that is drawn [s]; larger if no entrant but the leader ends with a smaller gap
 LARGEST_GAP = 4.0
 
 

@@ -24,7 +24,7 @@ from quadsim.firmware.package import FIRMWARE_VERSION
 from quadsim.firmware.process import HIGH, LOW, MIDDLE, Firmware, FirmwareError, Reply
 from quadsim.firmware.switches import FIRST_AUX, Condition, Switches, conditions_of, switches_of
 from quadsim.firmware.text import Text
-from quadsim.firmware.translation import ConfigurationError, Line, Translation, sorted_lines
+from quadsim.firmware.translation import ConfigurationError, FirmwareLine, Translation, sorted_lines
 from quadsim.rotation import Quaternion, Vec3
 from quadsim.vehicle import GRAVITY
 
@@ -216,7 +216,7 @@ def _read_by_firmware(
 
 def _problem_with_direction(translation: Translation, motors_reversed: bool) -> str | None:
     """Return the problem with a line that turns the propellers otherwise than the vehicle's."""
-    line: Line | None = translation.reversed
+    line: FirmwareLine | None = translation.reversed
     if line is None:
         return None
     wanted = "ON" if motors_reversed else "OFF"

@@ -214,14 +214,14 @@ def weak_yaw(found: Identification, nominal: ModelParams) -> bool:
 # ---- the flight ----
 
 
-class Signal(NamedTuple):
+class Excitation(NamedTuple):
     """The commands of one part of the flight."""
 
     channel: int  # index in Control of the varied command
     commands: list[Control]  # one for each control period
 
 
-def _signals(random: Generator, nominal: ModelParams, period: float) -> list[Signal]:
+def _signals(random: Generator, nominal: ModelParams, period: float) -> list[Excitation]:
     """Return the commands of the four parts: body rates about x, y, z, and thrust.
 
     They stay within the limits, but for a yaw that is next to none.
@@ -240,7 +240,7 @@ def _signals(random: Generator, nominal: ModelParams, period: float) -> list[Sig
         levels = _random_steps(random, periods, period, low, high)
         name = Control._fields[channel]
         commands = [still._replace(**{name: level}) for level in levels]
-        signals.append(Signal(channel, commands))
+        signals.append(Excitation(channel, commands))
     return signals
 
 
@@ -284,7 +284,7 @@ class TestBench:
         self._attitude = turned_at(self._attitude, self.rates, dt)
 
 
-def _fly(actuators: ActuatorsProtocol, signal: Signal, dt: float, period: float) -> Response:
+def _fly(actuators: ActuatorsProtocol, signal: Excitation, dt: float, period: float) -> Response:
     """Fly one part of the flight on the test bench, and return the response."""
     bench = TestBench(actuators, dt)
     measured = []
@@ -300,7 +300,7 @@ def _fly(actuators: ActuatorsProtocol, signal: Signal, dt: float, period: float)
 # ---- the fit ----
 
 
-class Numbers(NamedTuple):
+class ModelNumbers(NamedTuple):
     """The numbers of the model that are identified."""
 
     rate_tau: Vec3  # [s]
@@ -309,7 +309,7 @@ class Numbers(NamedTuple):
     delay: float  # [s]
 
 
-def _fitted(flown: Sequence[Response], period: float) -> Numbers:
+def _fitted(flown: Sequence[Response], period: float) -> ModelNumbers:
     """Return the least-squares fit of the model to the responses."""
     from scipy.optimize import least_squares  # here: commands that fly nothing do not load it
 
@@ -327,14 +327,14 @@ def _fitted(flown: Sequence[Response], period: float) -> Numbers:
     return _named([float(f"{number:.{DIGITS}g}") for number in found.x])
 
 
-def _named(x: Sequence[float] | np.ndarray) -> Numbers:
+def _named(x: Sequence[float] | np.ndarray) -> ModelNumbers:
     """Return the vector of the search as named numbers."""
     tau_x, tau_y, tau_z, lag_x, lag_y, lag_z, thrust_lag, delay = map(float, x)
-    return Numbers((tau_x, tau_y, tau_z), (lag_x, lag_y, lag_z), thrust_lag, delay)
+    return ModelNumbers((tau_x, tau_y, tau_z), (lag_x, lag_y, lag_z), thrust_lag, delay)
 
 
 def _simulated(
-    numbers: Numbers, responses: Sequence[Response], period: float
+    numbers: ModelNumbers, responses: Sequence[Response], period: float
 ) -> Iterator[np.ndarray]:
     """Yield the values that the model predicts under the commands of each response.  (n,)"""
     *rates, thrust = responses

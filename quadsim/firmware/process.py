@@ -41,7 +41,7 @@ YOUNG = 60.0  # age of a folder that its process may not hold yet [s]
 
 
 def _held(folder: Path) -> int | None:
-    """Return a handle that holds a folder until this process ends, None where none is possible."""
+    """Return a handle that holds a folder until this process ends, None if that is impossible."""
     try:
         return lock_folder(folder)
     except OSError:

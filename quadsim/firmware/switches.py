@@ -181,7 +181,7 @@ def _pulses(positions: Positions) -> tuple[float, ...]:
 
 
 def _deciding(conditions: Sequence[Condition], modes: Iterable[int]) -> list[Condition]:
-    """Return the conditions of some modes, and those of the modes that they are linked to."""
+    """Return the conditions of some modes, and of the modes that they are linked to."""
     wanted = set(modes)
     while True:
         linked = {c.linked for c in conditions if c.mode in wanted and c.linked}

@@ -45,7 +45,7 @@ THIS: Version = (4, 6)
 OLDEST: Version = (4, 2)
 
 
-class Kind(Enum):
+class Treatment(Enum):
     """The ways in which a line is treated."""
 
     TAKEN = "taken"
@@ -57,49 +57,49 @@ class Kind(Enum):
     BOARD = "of the board, the transmitter or another mode"
 
 
-class Line(NamedTuple):
+class FirmwareLine(NamedTuple):
     """A line for the firmware's command line."""
 
     text: str
     number: int | None = None  # in the file; None: the line is added
 
 
-class Entry(NamedTuple):
+class TranslatedLine(NamedTuple):
     """A line of the file, and the lines that the firmware reads in its place."""
 
-    kind: Kind
-    line: Line
+    kind: Treatment
+    line: FirmwareLine
     became: tuple[str, ...] = ()
     note: str = ""
 
 
 class Translation(NamedTuple):
-    """A text in the words of the version that is simulated, and what became of its lines."""
+    """A text with the names of the version that is simulated, and the treatment of its lines."""
 
     name: str  # of the file
-    version: Version | None  # None: the text names none, and no setting of an older one
-    is_said: bool  # whether a header says so; False: the names of its settings do
-    lines: tuple[Line, ...]
-    entries: tuple[Entry, ...]
-    reversed: Line | None = None  # the line that says whether the propellers are reversed
+    version: Version | None  # None: neither header nor settings name one
+    is_in_header: bool  # whether a header names the version; False: it follows from settings
+    lines: tuple[FirmwareLine, ...]
+    entries: tuple[TranslatedLine, ...]
+    reversed: FirmwareLine | None = None  # the line that says whether the propellers are reversed
     defaults: tuple[str, ...] = ()  # settings that the text's version has by default, not this one
     problems: tuple[str, ...] = ()  # one line each
 
-    def of_kind(self, kind: Kind) -> list[Entry]:
+    def of_kind(self, kind: Treatment) -> list[TranslatedLine]:
         """Return the entries of a kind."""
         return [entry for entry in self.entries if entry.kind is kind]
 
     @property
     def changes_something(self) -> bool:
         """Whether a line that decides a flight is not taken as it is."""
-        return any(entry.kind not in (Kind.TAKEN, Kind.BOARD) for entry in self.entries)
+        return any(entry.kind not in (Treatment.TAKEN, Treatment.BOARD) for entry in self.entries)
 
     def summary(self) -> str:
         """Return one line: the version, and the number of lines of each kind."""
         counts = Counter(entry.kind for entry in self.entries)
-        taken = counts[Kind.TAKEN]
+        taken = counts[Treatment.TAKEN]
         parts = [f"{taken} line{'s' * (taken != 1)} taken"]
-        parts += [f"{counts[kind]} {kind.value}" for kind in list(Kind)[1:] if counts[kind]]
+        parts += [f"{counts[kind]} {kind.value}" for kind in list(Treatment)[1:] if counts[kind]]
         return f"{Path(self.name).name}, {self.written_by}: " + ", ".join(parts)
 
     @property
@@ -107,7 +107,7 @@ class Translation(NamedTuple):
         """The version of the text in words."""
         if self.version is None:
             return f"which names no version, read as Betaflight {FIRMWARE_VERSION}"
-        if not self.is_said:
+        if not self.is_in_header:
             return f"which names no version, by its settings of Betaflight {_dotted(self.version)}"
         return f"of Betaflight {_dotted(self.version)}"
 
@@ -120,20 +120,20 @@ class Translation(NamedTuple):
         if self.defaults:
             shown.append(f"defaults of its version: {', '.join(self.defaults)}")
         for entry in self.entries:
-            if entry.kind in (Kind.TAKEN, Kind.BOARD, Kind.PROFILE):
+            if entry.kind in (Treatment.TAKEN, Treatment.BOARD, Treatment.PROFILE):
                 continue
             became = f" -> {', '.join(entry.became)}" if entry.became else ""
             note = f" ({entry.note})" if entry.note else ""
-            words = "" if entry.kind is Kind.TRANSLATED else f": {entry.kind.value}"
+            words = "" if entry.kind is Treatment.TRANSLATED else f": {entry.kind.value}"
             shown.append(f"{entry.line.number}: {_short(entry.line.text)}{became}{words}{note}")
-        for kind in (Kind.PROFILE, Kind.BOARD):
+        for kind in (Treatment.PROFILE, Treatment.BOARD):
             count = len(self.of_kind(kind))
             if count:
                 shown.append(f"{count} line{'s' * (count > 1)} {kind.value}: left out")
         return shown
 
     def as_json(self) -> dict[str, Any]:
-        """Return the version, and kind, number and text of each line with what it became."""
+        """Return the version, and the kind, number, text and replacement of each line."""
         lines = [
             {
                 "line": entry.line.number,
@@ -161,7 +161,7 @@ def in_this_version(text: Text) -> Text:
     Raises ConfigurationError.
     """
     found = translated(text)
-    if found.version in (None, THIS) and not found.of_kind(Kind.TRANSLATED):
+    if found.version in (None, THIS) and not found.of_kind(Treatment.TRANSLATED):
         return text
     header = f"# Betaflight {FIRMWARE_VERSION}, translated from a text {found.written_by}"
     return Text(text.name, (header, *(line.text for line in found.lines)))
@@ -356,8 +356,8 @@ class _Reader:
     def __init__(self, text: Text):
         self._text = text
         self._is_said = version_of(text) is not None
-        self._lines: list[Line] = []
-        self._entries: list[Entry] = []
+        self._lines: list[FirmwareLine] = []
+        self._entries: list[TranslatedLine] = []
         self._problems: list[str] = []
         self._numbered = list(_commands(text))
         self._version = version_of(text) or _latest_version(self._numbered)
@@ -365,10 +365,10 @@ class _Reader:
         self._at = Profiles()
         self._flown = self._selected()
         self._d = self._d_of_profiles()
-        self._moved: list[Line] = []
-        self._mixer: Line | None = None
-        self._mixes: list[Line] = []
-        self._reversed: Line | None = None
+        self._moved: list[FirmwareLine] = []
+        self._mixer: FirmwareLine | None = None
+        self._mixes: list[FirmwareLine] = []
+        self._reversed: FirmwareLine | None = None
         self._defaults: tuple[str, ...] = ()
 
     def read(self) -> Translation:
@@ -376,7 +376,7 @@ class _Reader:
         start = self._start()
         for line in self._numbered[:start]:
             of_board = line.text.lower().split()[0] in COMMANDS_OF_BOARDS
-            self._leave(line, Kind.BOARD if of_board else Kind.TAKEN_BACK)
+            self._leave(line, Treatment.BOARD if of_board else Treatment.TAKEN_BACK)
         self._add_defaults(whole=start > 0)
         for line in self._numbered[start:]:
             if self._is_readable(line):
@@ -448,7 +448,7 @@ class _Reader:
             gains, rates = self._flown.gains, self._kept_rates(self._flown.rates)
             chosen = (f"profile {gains}", f"rateprofile {rates}")
             lines = [f"set {setting}" for setting in self._defaults]
-            self._lines += map(Line, (*chosen, *lines, "profile 0", "rateprofile 0"))
+            self._lines += map(FirmwareLine, (*chosen, *lines, "profile 0", "rateprofile 0"))
 
     def _kept_rates(self, profile: int) -> int:
         """Return where a profile of rates is kept: older versions have more of them."""
@@ -456,7 +456,7 @@ class _Reader:
 
     # ---- one line ----
 
-    def _is_readable(self, line: Line) -> bool:
+    def _is_readable(self, line: FirmwareLine) -> bool:
         """Check the characters of a line that the firmware would read."""
         word = line.text.lower().split()[0]
         if word in COMMANDS_OF_BOARDS or (_name(line.text) or "") in board_settings():
@@ -467,10 +467,10 @@ class _Reader:
             return self._refuse(line, f"at most {LONGEST_LINE} characters", "it is longer")
         return True
 
-    def _sort(self, line: Line) -> None:
+    def _sort(self, line: FirmwareLine) -> None:
         """Take, translate or leave out a line."""
         word = line.text.lower().split()[0]
-        commands: dict[str, Callable[[Line], object]] = {
+        commands: dict[str, Callable[[FirmwareLine], object]] = {
             "set": self._setting,
             "aux": self._switch,
             "mixer": self._mixer_line,
@@ -482,13 +482,13 @@ class _Reader:
         if word in commands:
             commands[word](line)
         elif word in COMMANDS_OF_BOARDS:
-            self._leave(line, Kind.BOARD)
+            self._leave(line, Treatment.BOARD)
         elif word == "adjrange":
-            self._leave(line, Kind.NOT_SIMULATED, "the profiles that are selected last fly")
+            self._leave(line, Treatment.NOT_SIMULATED, "the profiles that are selected last fly")
         elif self._is_flown(line):
             self._take(line)
 
-    def _setting(self, line: Line) -> None:
+    def _setting(self, line: FirmwareLine) -> None:
         setting = SET.fullmatch(line.text)
         if setting is None:
             self._refuse(line, "'set NAME = VALUE'", "without it nothing is set")
@@ -496,22 +496,22 @@ class _Reader:
         name, value = setting[1].lower(), setting[2]
         if name == "yaw_motors_reversed":
             self._reversed = line
-            self._entries.append(Entry(Kind.TAKEN, line))
+            self._entries.append(TranslatedLine(Treatment.TAKEN, line))
         elif name == "motor_output_reordering":
             self._motor_order(line, value)
         elif name in board_settings():
-            self._leave(line, Kind.BOARD)
+            self._leave(line, Treatment.BOARD)
         elif name in WITHOUT_SIMULATION:
-            self._leave(line, Kind.NOT_SIMULATED, WITHOUT_SIMULATION[name])
+            self._leave(line, Treatment.NOT_SIMULATED, WITHOUT_SIMULATION[name])
         elif name == "failsafe_procedure" and value.upper() == "GPS-RESCUE":
-            self._leave(line, Kind.NOT_SIMULATED, "there is no GPS")
+            self._leave(line, Treatment.NOT_SIMULATED, "there is no GPS")
         elif self._has_other_meaning(name):
             note = NOT_EXACT.get(name) or OTHER_MEANING[name][1]
-            self._leave(line, Kind.NOT_EXACT, note)
+            self._leave(line, Treatment.NOT_EXACT, note)
         elif self._is_flown(line):
             self._flight_setting(line, name, value)
 
-    def _flight_setting(self, line: Line, name: str, value: str) -> None:
+    def _flight_setting(self, line: FirmwareLine, name: str, value: str) -> None:
         """Take or translate a setting of a profile that is flown, or of no profile."""
         of_d = re.fullmatch(r"d_(min_)?(roll|pitch|yaw)", name)
         if name in RENAMED:
@@ -523,9 +523,9 @@ class _Reader:
             if self._at.rates == self._flown.rates:
                 self._moved.append(line)
                 note = "it belongs to the profile of gains since 4.4"
-                self._entries.append(Entry(Kind.TRANSLATED, line, (line.text,), note))
+                self._entries.append(TranslatedLine(Treatment.TRANSLATED, line, (line.text,), note))
             else:
-                self._leave(line, Kind.PROFILE)
+                self._leave(line, Treatment.PROFILE)
         else:
             self._take(line)
 
@@ -535,7 +535,7 @@ class _Reader:
             return self._version is not None and self._version <= OTHER_MEANING[name][0]
         return name in NOT_EXACT
 
-    def _profile(self, line: Line) -> None:
+    def _profile(self, line: FirmwareLine) -> None:
         """Select a profile; older versions have more profiles of rates."""
         at = _next_profiles(self._at, line.text)
         self._at = at
@@ -544,52 +544,52 @@ class _Reader:
             if at.rates == self._flown.rates and at.rates < 6:
                 self._translate(line, (f"rateprofile {kept}",))
             elif at.rates < 6:
-                self._leave(line, Kind.PROFILE)
+                self._leave(line, Treatment.PROFILE)
             else:
                 self._take(line)  # the firmware refuses it
         else:
             self._take(line)
 
-    def _is_flown(self, line: Line) -> bool:
+    def _is_flown(self, line: FirmwareLine) -> bool:
         """Return whether the profile of a setting of rates exists here; leave it out if not."""
         if (_name(line.text) or "") not in RATES:
             return True
         hidden = self._flown.rates >= PROFILES and self._at.rates == PROFILES - 1
         missing = PROFILES <= self._at.rates < 6 and self._at.rates != self._flown.rates
         if hidden or missing:
-            self._leave(line, Kind.PROFILE)
+            self._leave(line, Treatment.PROFILE)
             return False
         return True
 
     # ---- the airframe ----
 
-    def _motor_order(self, line: Line, value: str) -> None:
+    def _motor_order(self, line: FirmwareLine, value: str) -> None:
         """Leave out the order in which a board's outputs are wired to the motors."""
         order = [word.strip() for word in value.split(",")][:4]
         if sorted(order) == ["0", "1", "2", "3"]:
-            self._leave(line, Kind.BOARD)
+            self._leave(line, Treatment.BOARD)
         else:
             why = "the vehicle has four motors"
             self._refuse(line, "an order of the motors 0, 1, 2 and 3", why)
 
-    def _mixer_line(self, line: Line) -> None:
+    def _mixer_line(self, line: FirmwareLine) -> None:
         name = line.text.lower().split()[1:]
         if name and name[0] != "list":
             self._mixer = line
         else:
-            self._leave(line, Kind.BOARD)
+            self._leave(line, Treatment.BOARD)
 
     def _check_mixer(self) -> None:
-        """Check that the mixer is that of the vehicle, four rotors in an X."""
+        """Check that the mixer fits the vehicle, four rotors in an X."""
         why = "the vehicle has four rotors in an X"
         kind = self._mixer.text.split()[1].upper() if self._mixer else "QUADX"
         if self._mixer and kind == "QUADX":
-            self._entries.append(Entry(Kind.TAKEN, self._mixer))
+            self._entries.append(TranslatedLine(Treatment.TAKEN, self._mixer))
         if self._mixer and kind not in ("QUADX", "CUSTOM"):
             self._refuse(self._mixer, "the mixer QUADX", why)
         if kind != "CUSTOM":
             for line in self._mixes:
-                self._leave(line, Kind.BOARD)
+                self._leave(line, Treatment.BOARD)
             return
         assert self._mixer
         self._take(self._mixer)
@@ -600,7 +600,7 @@ class _Reader:
             signs = "four mmix lines with the signs of QUADX"
             self._refuse(self._mixer, signs, why)
 
-    def _feature(self, line: Line) -> None:
+    def _feature(self, line: FirmwareLine) -> None:
         words = line.text.upper().split()[1:]
         name = words[0].removeprefix("-") if words else ""
         if name == "3D":
@@ -610,7 +610,7 @@ class _Reader:
             else:
                 self._take(line)
         elif not words or name in FEATURES_OF_BOARDS:
-            self._leave(line, Kind.BOARD)
+            self._leave(line, Treatment.BOARD)
         elif name in FLIGHT_FEATURES:
             self._take(line)
         else:
@@ -619,10 +619,10 @@ class _Reader:
 
     # ---- switches ----
 
-    def _switch(self, line: Line) -> None:
+    def _switch(self, line: FirmwareLine) -> None:
         numbers = line.text.split()[1:]
         if not numbers:
-            self._leave(line, Kind.BOARD)
+            self._leave(line, Treatment.BOARD)
             return
         if not all(re.fullmatch(r"\d{1,4}", number) for number in numbers):
             self._refuse(line, "'aux INDEX MODE CHANNEL LOW HIGH LOGIC LINKED'", "numbers only")
@@ -639,29 +639,29 @@ class _Reader:
         elif logic > 1:
             self._refuse(line, "0 (or) or 1 (and) as the logic", f"it is {logic}")
         elif mode in LOG_MODES:
-            self._leave(line, Kind.BOARD)
+            self._leave(line, Treatment.BOARD)
         elif channel >= AUX_CHANNELS and low < high:
             wanted = f"AUX1 to AUX{AUX_CHANNELS} (0 to {AUX_CHANNELS - 1}), as the link has"
             self._refuse(line, wanted, f"it is AUX{channel + 1}")
         elif channel >= AUX_CHANNELS:
-            self._leave(line, Kind.BOARD)
+            self._leave(line, Treatment.BOARD)
         else:
             self._take(line)
 
     # ---- results ----
 
-    def _take(self, line: Line) -> None:
+    def _take(self, line: FirmwareLine) -> None:
         self._lines.append(line)
-        self._entries.append(Entry(Kind.TAKEN, line))
+        self._entries.append(TranslatedLine(Treatment.TAKEN, line))
 
-    def _translate(self, line: Line, became: tuple[str, ...], note: str = "") -> None:
-        self._lines += [Line(text, line.number) for text in became]
-        self._entries.append(Entry(Kind.TRANSLATED, line, became, note))
+    def _translate(self, line: FirmwareLine, became: tuple[str, ...], note: str = "") -> None:
+        self._lines += [FirmwareLine(text, line.number) for text in became]
+        self._entries.append(TranslatedLine(Treatment.TRANSLATED, line, became, note))
 
-    def _leave(self, line: Line, kind: Kind, note: str = "") -> None:
-        self._entries.append(Entry(kind, line, note=note))
+    def _leave(self, line: FirmwareLine, kind: Treatment, note: str = "") -> None:
+        self._entries.append(TranslatedLine(kind, line, note=note))
 
-    def _refuse(self, line: Line, wanted: str, why: str) -> bool:
+    def _refuse(self, line: FirmwareLine, wanted: str, why: str) -> bool:
         """Note a problem; return False."""
         place = f"{self._text.name}:{line.number}"
         got = f"got '{_short(line.text)}': {why}: correct or remove it"
@@ -669,13 +669,13 @@ class _Reader:
         return False
 
 
-def _commands(text: Text) -> Iterator[Line]:
+def _commands(text: Text) -> Iterator[FirmwareLine]:
     """Yield the lines of a text that are neither empty nor comments."""
     for number, line in enumerate(text.lines, 1):
         # The firmware, too, takes the rest of a line after # as a comment.
         command = line.partition("#")[0].replace("\t", " ").strip().strip("\ufeff").strip()
         if command:
-            yield Line(command, number)
+            yield FirmwareLine(command, number)
 
 
 def _name(line: str) -> str | None:
@@ -684,7 +684,7 @@ def _name(line: str) -> str | None:
     return setting[1].lower() if setting else None
 
 
-def _latest_version(lines: Sequence[Line]) -> Version | None:
+def _latest_version(lines: Sequence[FirmwareLine]) -> Version | None:
     """Return the latest older version that has all settings of a text, None if this one has."""
     names = {name for line in lines if (name := _name(line.text))}
     if names & ONLY_TO_4_2:
@@ -709,7 +709,7 @@ def _lines_of_d(axis: str, d: D) -> tuple[str, str]:
     return f"set d_{axis} = {rest}", f"set d_max_{axis} = {greatest}"
 
 
-def _motor_mixes(lines: Sequence[Line]) -> dict[int, list[float]] | None:
+def _motor_mixes(lines: Sequence[FirmwareLine]) -> dict[int, list[float]] | None:
     """Return {motor: throttle, roll, pitch, yaw} of the lines mmix, None if one cannot be read."""
     found: dict[int, list[float]] = {}
     for line in lines:
@@ -730,7 +730,7 @@ def _motor_mixes(lines: Sequence[Line]) -> dict[int, list[float]] | None:
 
 
 def _is_x(mixes: dict[int, list[float]]) -> bool:
-    """Return whether four motors turn the vehicle as those of an X do."""
+    """Return whether four motors turn the vehicle as the motors of an X do."""
     if sorted(mixes) != [0, 1, 2, 3]:
         return False
     return all(

@@ -35,7 +35,7 @@ PLAIN = (
     "# Gains, from race firmware tune",
 )
 
-Show = Callable[[str, float], None]  # is told the axis, and the share of its search that is done
+Show = Callable[[str, float], None]  # takes an axis and the share of its search that is done
 
 
 class Responses(NamedTuple):
@@ -190,7 +190,7 @@ def tuned(
 def _searched(
     bench: FirmwareBench, name: str, gains: AxisGains, show: Callable[[float], None]
 ) -> AxisGains:
-    """Return the gains with those of one axis replaced by the best that are found.
+    """Return the gains with the best gains of one axis that are found.
 
     Args:
         bench: the test bench.

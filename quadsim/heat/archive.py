@@ -3,7 +3,9 @@
     <UTC>_<course>_heat_s<seed>_<hash>/heat.json
     <UTC>_<course>_heat_s<seed>_<hash>/1_colored/run.json, telemetry.npz, events.csv
 
-A race is written under a name that ends in .part, locked by the process that writes it, and gets
+heat.json has what the runs do not say: the settings of the race, its entrants, their places and
+their folders. Its order and its events follow from the runs, and are there for people and lists. A
+race is written under a name that ends in .part, locked by the process that writes it, and gets
 its own name once it is complete.
 """
 
@@ -13,7 +15,7 @@ import json
 import os
 import re
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
 from shlex import quote
@@ -46,8 +48,8 @@ from quadsim.record.archive import (
     written_at,
 )
 from quadsim.record.provenance import provenance
-from quadsim.record.run import CRASHES, RecordedRun, RunError, canonical, hostless
-from quadsim.record.schema import HEAT_FORMAT, StoredEntrant, StoredHeatSpec, TitledHeat
+from quadsim.record.run import RecordedRun, RunError, canonical, hostless
+from quadsim.record.schema import HEAT_FORMAT, TitledHeat
 from quadsim.record.whole_files import file_errors, write_whole
 
 # Role of a part of the user's own that a text can name -> the form of the text
@@ -61,40 +63,40 @@ AS_TEXT = {
 LARGEST_HEAT = 20_000_000
 
 
-class RecordedEntrant(StoredEntrant):
-    """An entrant in heat.json, with all that its flight is made from."""
+class RecordedEntrant(msgspec.Struct):
+    """An entrant of a recorded race, with all that its flight is made from."""
 
+    name: str
     place: int
     awareness: Awareness
+    spec: dict[str, Any]
 
 
-class RecordedHeatSpec(StoredHeatSpec):
-    """The specification of a race in heat.json, with all that the race is made from."""
+class RecordedHeatSpec(msgspec.Struct):
+    """The specification of a recorded race, with all that the race is made from."""
 
+    seed: int
     rotation: int
     settings: HeatSettings
     entrants: list[RecordedEntrant]
 
 
-class RecordedHeat(msgspec.Struct):
+class HeatFile(msgspec.Struct):
     """The part of heat.json that is read back; the rest follows from the runs."""
 
-    spec: RecordedHeatSpec
-    start_times: list[float]
+    spec: dict[str, Any]  # as HeatSpec.record, without the specs of the entrants
     runs: list[str]
     digest: str
     format: str = ""
-    faults: dict[str, str] = {}
 
 
 class LoadedHeat(NamedTuple):
     """A race from the disk."""
 
+    # The record of its specification, see HeatSpec.record
+    record: dict[str, Any]
     spec: RecordedHeatSpec
     runs: tuple[RecordedRun, ...]
-    start_times: tuple[float, ...]
-    # name of an entrant -> what its planner has raised in flight
-    faults: Mapping[str, str]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -105,6 +107,18 @@ class LoadedHeat(NamedTuple):
     def course(self) -> Course:
         """The course."""
         return self.runs[0].course
+
+    @property
+    def start_times(self) -> tuple[float, ...]:
+        """When each entrant started [s]."""
+        stagger = self.spec.settings.stagger
+        return tuple(stagger * (entrant.place - 1) for entrant in self.spec.entrants)
+
+    @property
+    def faults(self) -> dict[str, str]:
+        """What planners have raised in flight, by the name of the entrant."""
+        of_each = zip(self.names, self.runs, strict=True)
+        return {name: run.fault for name, run in of_each if run.fault}
 
 
 def heat_name(heat: HeatSpec, record: Mapping[str, Any]) -> str:
@@ -128,7 +142,6 @@ def save_heat(
     record: Mapping[str, Any],
     runs: tuple[RecordedRun, ...],
     root: str | Path,
-    faults: Mapping[str, str] | None = None,
 ) -> Path:
     """Write a race, whole or not at all, and return its folder.
 
@@ -137,7 +150,6 @@ def save_heat(
         record: the record of that, as it was before the race.
         runs: the run of each entrant.
         root: folder of runs.
-        faults: name of an entrant -> what its planner has raised in flight.
 
     Raises:
         RunError: the disk is full, or the like; what was written is removed.
@@ -150,7 +162,7 @@ def save_heat(
                 with file_errors(folder.part, "cannot make a folder for the race"):
                     (folder.part / name).mkdir()
                 write_run(folder.part / name, run, flown_by)
-            write_whole(folder.part / HEAT, _json(heat, record, runs, names, faults or {}))
+            write_whole(folder.part / HEAT, _json(heat, record, runs, names))
             return folder.finish()
         except BaseException:
             folder.drop()
@@ -164,27 +176,30 @@ def entrant_folder(number: int, name: str) -> str:
 
 def _json(
     heat: HeatSpec,
-    of_heat: Mapping[str, Any],
+    record: Mapping[str, Any],
     runs: tuple[RecordedRun, ...],
     folders: list[str],
-    faults: Mapping[str, str],
 ) -> bytes:
     """Return heat.json."""
     start_times = [heat.start_time(k) for k in range(len(runs))]
-    record = {
+    # The spec of an entrant is in its run
+    entrants = [_without(entrant, "spec") for entrant in record["entrants"]]
+    found = {
         "format": HEAT_FORMAT,
         "course": heat.course.name,
         "order": [placing._asdict() for placing in placings(heat.names, runs, heat.course)],
         "events": [event._asdict() for event in heat_events(heat.names, runs, start_times)],
-        "spec": of_heat,
-        "start_times": start_times,
+        "spec": {**record, "entrants": entrants},
         "runs": folders,
         **provenance(),
         "digest": heat_digest(runs),
     }
-    if faults:
-        record["faults"] = dict(faults)
-    return json.dumps(record, indent=1, allow_nan=False).encode()
+    return json.dumps(found, indent=1, allow_nan=False).encode()
+
+
+def _without(record: Mapping[str, Any], key: str) -> dict[str, Any]:
+    """Return a record without one of its keys."""
+    return {name: value for name, value in record.items() if name != key}
 
 
 def is_heat(path: str | Path) -> bool:
@@ -324,101 +339,44 @@ def read_heat(path: str | Path) -> LoadedHeat:
     file = path / HEAT
     try:
         data = read_bytes(file, "the record of a race", LARGEST_HEAT)
-        stored = msgspec.json.decode(data, type=RecordedHeat)
+        stored = msgspec.json.decode(data, type=HeatFile)
     except FileError as error:
         raise RunError(str(error)) from None
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
         raise RunError(f"{file}: damaged: {error}") from None
     if stored.format != HEAT_FORMAT:
         raise RunError(f"{file}: expected format {HEAT_FORMAT!r}, got {stored.format!r}")
-    count = len(stored.spec.entrants)
-    if not count or len(stored.runs) != count or len(stored.start_times) != count:
-        raise RunError(f"{file}: damaged: expected a run and a start time for each entrant")
     for name in stored.runs:
         if Path(name).name != name or name == "..":
             raise RunError(f"{file}: damaged: expected the name of a folder, got {name!r}")
     runs = tuple(read_run(path / name) for name in stored.runs)
     if heat_digest(runs) != stored.digest:
         raise RunError(f"{file}: the runs do not give the stored digest; changed after the race")
-    differs = _differs(msgspec.json.decode(data)["spec"], stored, runs)
-    if differs is not None:
-        wanted = "expected what the runs of the race have"
-        raise RunError(f"{file}: {differs}: {wanted}; changed after the race")
-    return LoadedHeat(stored.spec, runs, tuple(stored.start_times), stored.faults)
-
-
-def _differs(
-    record: Mapping[str, Any], stored: RecordedHeat, runs: Sequence[RecordedRun]
-) -> str | None:
-    """Return what of heat.json is not as the runs have it, whose digest the file holds.
-
-    Args:
-        record: the specification in heat.json, with the keys that it has there.
-        stored: the same file.
-        runs: the runs, whose digest is right.
-
-    Returns:
-        The name of a key; None: all is as in the runs.
-    """
-    count = len(runs)
     try:
+        record = _with_specs(stored.spec, runs)
+        spec = msgspec.convert(record, RecordedHeatSpec)
         expected = run_records(record)
-    except (KeyError, TypeError):
-        return "spec"
-    for k, (asked, run) in enumerate(zip(expected, runs, strict=True)):
-        of_race = run.spec.get("heat", {})
-        # The hash follows from the other keys
-        apart = {"host", "heat", "sha256"}
-        name = _first_difference(asked, run.spec, apart)
-        name = name or _first_difference(asked.get("heat", {}), of_race, apart)
-        if name is not None:
-            return name
-        if stored.start_times[k] != of_race.get("start_time", 0.0):
-            return "start_times"
-        if stored.spec.entrants[k].place != (k + stored.spec.rotation) % count + 1:
-            return "rotation"
-    if stored.spec.seed != runs[0].spec["seed"]:
-        return "seed"
-    out = {e.name for e, run in zip(stored.spec.entrants, runs, strict=True) if failed(run)}
-    return None if stored.faults.keys() <= out else "faults"
+    except (LookupError, TypeError, ValueError) as error:
+        wanted = "expected a race, with an entrant for each of its runs"
+        raise RunError(f"{file}: damaged: {wanted}: {error}") from None
+    # Each run has the settings of its race, and a hash of the specs of all entrants
+    if not spec.entrants or expected != [run.spec for run in runs]:
+        wanted = "expected the race that its runs were flown in"
+        raise RunError(f"{file}: spec: {wanted}, got another; changed after the race")
+    return LoadedHeat(record, spec, runs)
 
 
-def failed(run: RecordedRun) -> bool:
-    """Return whether a flight has crashed without an event of a crash: its planner has failed."""
-    return run.outcome == "crashed" and not any(event.kind in CRASHES for event in run.events)
-
-
-def _first_difference(
-    a: Mapping[str, Any], b: Mapping[str, Any], apart: Collection[str]
-) -> str | None:
-    """Return the first key, but for some, that two mappings do not have alike; None: there is none.
-
-    apart: the keys that do not count.
-    """
-    keys = sorted({*a, *b} - {*apart})
-    return next((key for key in keys if a.get(key, ...) != b.get(key, ...)), None)
-
-
-def spec_of_heat(
-    loaded: LoadedHeat,
-    runs_dir: str | None = None,
-    parts: Mapping[str, Mapping[str, Any]] | None = None,
-    seed: str | int | None = None,
-) -> HeatSpec:
-    """Return the specification of a stored race, which flies the same again.
-
-    Args:
-        loaded: the race.
-        runs_dir: folder of runs in place of the recorded one.
-        parts: see `recorded_heat`.
-        seed: seed in place of the recorded one, for another race of the same entrants.
+def _with_specs(of_heat: Mapping[str, Any], runs: Sequence[RecordedRun]) -> dict[str, Any]:
+    """Return the record of a race: heat.json and, of each entrant, the spec of its run.
 
     Raises:
-        RecordError, SettingError: see `recorded_heat`.
+        LookupError, TypeError, ValueError: heat.json has no entrants, or not one for each run.
     """
-    settings = {"runs_dir": runs_dir, "seed": seed}
-    given = {name: value for name, value in settings.items() if value is not None}
-    return _heat_spec(loaded.spec, parts or {}, given)
+    entrants = [
+        {**entrant, "spec": _without(run.spec, "heat")}
+        for entrant, run in zip(of_heat["entrants"], runs, strict=True)
+    ]
+    return {**of_heat, "entrants": entrants}
 
 
 def is_record_of_heat(value: object) -> TypeGuard[Mapping[str, Any]]:
@@ -449,20 +407,12 @@ def recorded_heat(
         stored = msgspec.convert(record, RecordedHeatSpec)
     except msgspec.ValidationError as error:
         raise RecordError(f"expected the record of a race: {error}") from None
-    for name in settings or {}:
+    of_flights = {name: value for name, value in (settings or {}).items() if value is not None}
+    for name in of_flights:
         if name not in ("runs_dir", "seed"):
             wanted = "expected nothing but parts, runs_dir, seed and threads beside a recorded race"
             raise SettingError(name, wanted)
-    return _heat_spec(stored, parts or {}, settings or {})
-
-
-def _heat_spec(
-    stored: RecordedHeatSpec,
-    parts: Mapping[str, Mapping[str, Any]],
-    settings: Mapping[str, Any],
-) -> HeatSpec:
-    """Return the specification that a record holds, with another seed if one is given."""
-    of_flights = dict(settings)
+    parts = parts or {}
     seed = of_flights.pop("seed", None)
     if seed is None:
         seed = stored.seed

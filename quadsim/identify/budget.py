@@ -1,4 +1,4 @@
-"""Budget: of long logs, the spans that tell most are fitted."""
+"""Budget: the spans of long logs in which the motions change most, which alone are fitted."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class _Span(NamedTuple):
 
 
 def liveliest(parts: Sequence[Stretch]) -> list[Stretch]:
-    """Return the spans of MOST_TIME that tell most.
+    """Return spans of together MOST_TIME in which the motions change most.
 
     Each motion in turn, a body rate, a velocity or the mean command, takes the span in which it
     changes most, so that a log with little yaw keeps that. Neighbouring spans stay one stretch.

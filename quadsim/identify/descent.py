@@ -22,7 +22,7 @@ LARGEST_DAMPING = 1e6
 TINY = 1e-9  # room between limits that a search needs
 
 
-class Limits(NamedTuple):
+class NumberLimits(NamedTuple):
     """The mean of the prior and the limits of each number, in standard deviations of the prior."""
 
     mean: np.ndarray  # (k,)
@@ -34,7 +34,7 @@ def descend(
     residuals: Callable[[np.ndarray], np.ndarray],
     derivatives: Callable[[np.ndarray, np.ndarray], np.ndarray],
     begin: np.ndarray,
-    limits: Limits,
+    limits: NumberLimits,
     least_gain: float,
 ) -> tuple[np.ndarray, float]:
     """Return where a search ends, and its cost.

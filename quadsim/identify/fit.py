@@ -12,7 +12,7 @@ from quadsim.identify.delays import spins_other_way
 from quadsim.identify.geometry import Geometry
 from quadsim.identify.gyro import gyro_errors
 from quadsim.identify.intervals import covariances
-from quadsim.identify.numbers import Numbers
+from quadsim.identify.numbers import FitNumbers
 from quadsim.identify.prediction import predictions
 from quadsim.identify.prepared import (
     Prepared,
@@ -27,7 +27,7 @@ from quadsim.identify.rotors import rotor_speeds
 from quadsim.identify.stages import search_numbers
 from quadsim.identify.stretches import stretches, thinned, total_time
 from quadsim.identify.to_vehicle import (
-    Found,
+    FoundNumbers,
     SpeedScale,
     fitted_numbers,
     fitted_vehicle,
@@ -117,7 +117,7 @@ def fit_vehicle(
             f"rate_tau is fitted to the {loop.pieces} pieces of {PIECE:g} s in which the setpoints "
             f"change most; {loop.left_out} others are left out"
         )
-    found = Found(
+    found = FoundNumbers(
         numbers=solution.numbers,
         covariance=covariances(solution.linearized).reported,
         searched=solution.searched,
@@ -164,13 +164,13 @@ def _nearest(mass: float | None) -> Vehicle:
 def _tested(
     test: Sequence[FlightLog], fitted: Sequence[Prepared], base: Vehicle, reference: float | None
 ) -> list[Prepared]:
-    """Return the stretches of the tested logs that tell of the rotors what the fitted ones tell."""
+    """Return the stretches of the tested logs that have the same drive as the fitted ones."""
     found = [part for log in test for part in stretches(log)]
     alike = [thinned(part) for part in found if drive_of(part) == fitted[0].drive]
     return prepare(alike, base, reference) if alike else []
 
 
-def _speed_scale(parts: Sequence[Prepared], numbers: Numbers) -> SpeedScale | None:
+def _speed_scale(parts: Sequence[Prepared], numbers: FitNumbers) -> SpeedScale | None:
     """Return how logged rotor speeds follow the commands; None if a log has not both."""
     shares, speeds = [], []
     for part in parts:

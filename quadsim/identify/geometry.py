@@ -1,4 +1,4 @@
-"""Geometry: what a log does not tell of the torques."""
+"""Geometry: the arms and directions of the rotors, which no log has."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quadsim.identify.numbers import Numbers
+from quadsim.identify.numbers import FitNumbers
 from quadsim.physics.allocation import mixer
 from quadsim.rotation import Vec3
 from quadsim.vehicle import Vehicle
@@ -31,7 +31,7 @@ class Geometry(NamedTuple):
         """Return the geometry of the same vehicle whose rotors turn the other way round."""
         return self._replace(signs=self.signs * np.array([[1.0], [1.0], [-1.0]]))
 
-    def inertia(self, numbers: Numbers) -> Vec3:
+    def inertia(self, numbers: FitNumbers) -> Vec3:
         """Return the inertia over the mass [m^2]."""
         jx = numbers.inertia_x * self.arm_y
         jy = numbers.inertia_y * self.arm_x

@@ -39,7 +39,7 @@ class GyroNumber(NamedTuple):
 
 
 def gyro_errors(parts: Sequence[Prepared]) -> tuple[GyroNumber, ...]:
-    """Return the errors of the gyro, none if the flights tell them badly.
+    """Return the errors of the gyro, none if the flights turn too little to find them.
 
     Args:
         parts: stretches with a gyro; those without a measured attitude are left out.

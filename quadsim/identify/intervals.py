@@ -1,4 +1,4 @@
-"""Intervals: how well a log tells the numbers.
+"""Intervals: the uncertainty of the fitted numbers.
 
 Two covariances are compared. The Jacobian's takes residuals as independent,
 

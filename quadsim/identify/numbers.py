@@ -1,4 +1,4 @@
-"""Numbers: what a log can tell of a vehicle, as one vector of named numbers, and their prior.
+"""FitNumbers: the numbers of a vehicle that a log can determine, and their prior.
 
 A log knows neither mass nor lengths, only ratios to them: thrust over mass, inertia over mass and
 arm. Speeds of rotors are in shares of the full command at the reference voltage.
@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 
-class Numbers(NamedTuple):
+class FitNumbers(NamedTuple):
     """The numbers that a fit searches."""
 
     # time from a motor's command to the begin of its answer in the gyro [s]

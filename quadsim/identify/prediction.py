@@ -1,4 +1,4 @@
-"""Predictions: flights from many measured states on, open loop, against what was measured.
+"""Predictions: open-loop flights from many measured states, against the measured flight.
 
 A flight of a second begins at each of many rows of a log, at the measured position and velocity,
 and follows the logged commands. With the measured attitude the thrust acts along the attitude of
@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from quadsim.identify.geometry import Geometry
-from quadsim.identify.numbers import Numbers
+from quadsim.identify.numbers import FitNumbers
 from quadsim.identify.prepared import Prepared
 from quadsim.identify.problem import (
     angular_accelerations,
@@ -55,7 +55,7 @@ class Paths(NamedTuple):
 
 
 def predictions(
-    parts: Sequence[Prepared], numbers: Numbers, geometry: Geometry, turning: Sequence[int]
+    parts: Sequence[Prepared], numbers: FitNumbers, geometry: Geometry, turning: Sequence[int]
 ) -> tuple[Prediction, ...]:
     """Return the errors of the predictions in each log.
 
@@ -112,7 +112,7 @@ def _errors(log: str, seconds: float, flown: Sequence[tuple[Paths, float]]) -> P
 
 
 def paths(
-    part: Prepared, numbers: Numbers, geometry: Geometry, turning: Sequence[int]
+    part: Prepared, numbers: FitNumbers, geometry: Geometry, turning: Sequence[int]
 ) -> Paths | None:
     """Return the flights of one stretch, None if it has no pose or is too short."""
     stretch = part.stretch
@@ -153,7 +153,7 @@ def paths(
     )
 
 
-def _begin_velocity(part: Prepared, numbers: Numbers, single: np.ndarray) -> np.ndarray:
+def _begin_velocity(part: Prepared, numbers: FitNumbers, single: np.ndarray) -> np.ndarray:
     """Return the velocity at each row, ahead of the measured one by its lag [m/s]  (n, 3)."""
     assert part.attitude is not None
     assert part.v_body is not None
@@ -164,7 +164,7 @@ def _begin_velocity(part: Prepared, numbers: Numbers, single: np.ndarray) -> np.
 
 def _flown(
     part: Prepared,
-    numbers: Numbers,
+    numbers: FitNumbers,
     geometry: Geometry,
     rows: np.ndarray,
     single: np.ndarray,

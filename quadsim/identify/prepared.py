@@ -43,12 +43,12 @@ class Prepared(NamedTuple):
 
     @property
     def has_single(self) -> bool:
-        """Whether the log tells each rotor."""
+        """Whether the log has a signal of each rotor."""
         return self.drive in SINGLE_DRIVES
 
 
 def drive_of(part: Stretch) -> Drive | None:
-    """Return what a log tells of the rotors, the nearest to them first; None for nothing."""
+    """Return the logged signal that is nearest to the rotors; None: the log has none of them."""
     if part.motor_commands is not None:
         return "motor_commands"
     if part.rotor_speeds is not None:

@@ -1,9 +1,9 @@
-"""Prior: what a similar vehicle says of the numbers before a log is read."""
+"""Prior: the numbers before a log is read, from a similar vehicle."""
 
 from __future__ import annotations
 
 from quadsim.dynamics.quadrotor import ModelParams
-from quadsim.identify.numbers import Numbers, Prior
+from quadsim.identify.numbers import FitNumbers, Prior
 from quadsim.vehicle import Vehicle
 
 LARGEST_DELAY = 0.3  # [s]
@@ -59,7 +59,7 @@ def prior_of(vehicle: Vehicle) -> dict[str, Prior]:
     for axis in "xy":
         prior[f"tilt_{axis}"] = _about(0.0, TILT)
         prior[f"pose_tilt_{axis}"] = _about(0.0, TILT)
-    return {name: prior[name] for name in Numbers._fields}
+    return {name: prior[name] for name in FitNumbers._fields}
 
 
 def _about(mean: float, std: float) -> Prior:

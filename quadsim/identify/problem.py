@@ -1,4 +1,4 @@
-"""The least-squares problem: what the numbers predict of a log, against what it measured.
+"""The least-squares problem: signals as the numbers predict them, against the logged ones.
 
     speed of a rotor      s = lag(command (voltage / reference)^power)
     thrust over mass      a = sum of c2 s^2 + c1 s + c0 over the rotors
@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from quadsim.identify.geometry import Geometry
-from quadsim.identify.numbers import Numbers
+from quadsim.identify.numbers import FitNumbers
 from quadsim.identify.prepared import Prepared
 from quadsim.identify.rotors import rotor_speeds, thrusts
 from quadsim.identify.stretches import Stretch
@@ -53,17 +53,17 @@ class Channel(NamedTuple):
     name: str
     measured: Callable[[Prepared], np.ndarray | None]  # (n, 3)
     # from the stretch, the numbers, the geometry and the thrusts of the rotors (n, 4)
-    predicted: Callable[[Prepared, Numbers, Geometry, np.ndarray], np.ndarray]  # (n, 3)
+    predicted: Callable[[Prepared, FitNumbers, Geometry, np.ndarray], np.ndarray]  # (n, 3)
     piece: float  # duration of an open-loop piece [s]
     # What each piece has of its own: nothing (0), an initial value (1), a constant slope, too (2)
     free: int
-    numbers: tuple[str, ...]  # that the prediction needs, besides those of the rotors
+    numbers: tuple[str, ...]  # that the prediction needs, besides the numbers of the rotors
     # whether the signal is later than the rotors' answer by force_lag
     is_late: bool = False
 
 
 def predicted_force(
-    part: Prepared, numbers: Numbers, geometry: Geometry, single: np.ndarray
+    part: Prepared, numbers: FitNumbers, geometry: Geometry, single: np.ndarray
 ) -> np.ndarray:
     """Return what the accelerometer measures [m/s^2]  (n, 3)."""
     total = single.sum(axis=1)
@@ -79,7 +79,7 @@ def predicted_force(
 
 
 def predicted_rates(
-    part: Prepared, numbers: Numbers, geometry: Geometry, single: np.ndarray
+    part: Prepared, numbers: FitNumbers, geometry: Geometry, single: np.ndarray
 ) -> np.ndarray:
     """Return what the gyro measures, but for the rates at the begin of a piece [rad/s]  (n, 3)."""
     assert part.rates is not None
@@ -90,7 +90,7 @@ def predicted_rates(
 
 
 def predicted_velocity(
-    part: Prepared, numbers: Numbers, geometry: Geometry, single: np.ndarray
+    part: Prepared, numbers: FitNumbers, geometry: Geometry, single: np.ndarray
 ) -> np.ndarray:
     """Return the velocity along the measured attitude, but for its begin [m/s]  (n, 3)."""
     assert part.v_body is not None
@@ -111,12 +111,14 @@ def integrated(slope: np.ndarray, part: Stretch) -> np.ndarray:
     return np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0) * part.dt])
 
 
-def drag_acceleration(v_body: np.ndarray, numbers: Numbers) -> np.ndarray:
+def drag_acceleration(v_body: np.ndarray, numbers: FitNumbers) -> np.ndarray:
     """Return the acceleration by the drag, in the body's axes [m/s^2]  (n, 3)."""
     return -v_body * np.array([numbers.drag_x, numbers.drag_y, numbers.drag_z])
 
 
-def torques(part: Prepared, single: np.ndarray, numbers: Numbers, geometry: Geometry) -> np.ndarray:
+def torques(
+    part: Prepared, single: np.ndarray, numbers: FitNumbers, geometry: Geometry
+) -> np.ndarray:
     """Return the torques of the rotors over mass and lever arm [m/s^2]  (n, 3).
 
     Args:
@@ -133,7 +135,7 @@ def torques(part: Prepared, single: np.ndarray, numbers: Numbers, geometry: Geom
 
 
 def angular_accelerations(
-    rates: np.ndarray, torque: np.ndarray, numbers: Numbers, geometry: Geometry
+    rates: np.ndarray, torque: np.ndarray, numbers: FitNumbers, geometry: Geometry
 ) -> np.ndarray:
     """Return the angular accelerations by the rotors [rad/s^2]  (n, 3).
 
@@ -151,7 +153,7 @@ def angular_accelerations(
 
 
 def world_acceleration(
-    total: np.ndarray, attitude: np.ndarray, v_body: np.ndarray, numbers: Numbers
+    total: np.ndarray, attitude: np.ndarray, v_body: np.ndarray, numbers: FitNumbers
 ) -> np.ndarray:
     """Return the acceleration in the world [m/s^2]  (n, 3).
 
@@ -209,7 +211,7 @@ class Block(NamedTuple):
     measured: np.ndarray  # averages  (usable pieces, averages, axes)
     cluster: np.ndarray  # of each residual  (m,)
 
-    def residuals(self, numbers: Numbers, geometry: Geometry, single: np.ndarray) -> np.ndarray:
+    def residuals(self, numbers: FitNumbers, geometry: Geometry, single: np.ndarray) -> np.ndarray:
         """Return measured minus predicted, axis after axis  (m,)."""
         predicted = self.channel.predicted(self.part, numbers, geometry, single)
         missing = self.measured - self._averages(predicted)
@@ -306,6 +308,6 @@ def _block(part: Prepared, channel: Channel, first: int, turning: Sequence[int])
     )
 
 
-def single_thrusts(part: Prepared, numbers: Numbers, lag: float = 0.0) -> np.ndarray:
+def single_thrusts(part: Prepared, numbers: FitNumbers, lag: float = 0.0) -> np.ndarray:
     """Return the thrusts of the rotors over the mass, some time late [m/s^2]  (n, 4)."""
     return thrusts(rotor_speeds(part, numbers, lag), numbers)

@@ -31,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from quadsim.dynamics.first_order import response
-from quadsim.identify.descent import Limits, descend
+from quadsim.identify.descent import NumberLimits, descend
 from quadsim.identify.intervals import covariances
 from quadsim.identify.prepared import LEAST_SPREAD, Prepared, reference_voltage
 from quadsim.identify.search import LEAST_GAIN, MAD, Linearized
@@ -116,7 +116,7 @@ class _Axis(NamedTuple):
 def fit_rate_loop(
     parts: Sequence[Prepared], rotor_lag: float, prior: Vec3, reference: float | None = None
 ) -> RateLoopFit | None:
-    """Return the rate loop of a log with setpoints and rates, None if it tells none.
+    """Return the rate loop of a log with setpoints and rates, None if they do not determine it.
 
     Args:
         parts: the log.
@@ -149,7 +149,7 @@ def fit_rate_loop(
 
 
 def _is_certain(found: RateLoopFit, names: Sequence[str], change: np.ndarray) -> bool:
-    """Return whether a log tells beyond doubt that some numbers differ from what they were."""
+    """Return whether some numbers differ from their priors by more than their uncertainty."""
     index = [found.searched.index(name) for name in names]
     covariance = covariances(found.linearized).reported[np.ix_(index, index)]
     return float(change @ np.linalg.solve(covariance, change)) > CERTAIN
@@ -160,7 +160,7 @@ def _errors(axes: Sequence[_Axis], numbers: LoopNumbers, noise: np.ndarray) -> n
     return np.concatenate([(_residuals(axis, numbers) / noise[axis.axis]).ravel() for axis in axes])
 
 
-def _priors(start: LoopNumbers, searched: Sequence[str]) -> tuple[Limits, np.ndarray]:
+def _priors(start: LoopNumbers, searched: Sequence[str]) -> tuple[NumberLimits, np.ndarray]:
     """Return the priors of the searched numbers, and their standard deviations."""
     mean = np.array([getattr(start, name) for name in searched])
     is_power = np.array([name == "voltage_power" for name in searched])
@@ -168,7 +168,7 @@ def _priors(start: LoopNumbers, searched: Sequence[str]) -> tuple[Limits, np.nda
     std = np.where(is_power, POWER, np.where(is_delay, DELAY, LAG))
     low = np.where(is_power, -LARGEST_POWER, np.where(is_delay, 0.0, SHORTEST))
     high = np.where(is_power, LARGEST_POWER, np.where(is_delay, LONGEST_DELAY, LONGEST))
-    return Limits(mean / std, low / std, high / std), std
+    return NumberLimits(mean / std, low / std, high / std), std
 
 
 def _searched(

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from quadsim.dynamics.first_order import remaining
-from quadsim.identify.numbers import Numbers
+from quadsim.identify.numbers import FitNumbers
 from quadsim.identify.prepared import Prepared
 
 
@@ -53,7 +53,7 @@ def _shifted(values: np.ndarray, rows: int) -> np.ndarray:
     return values[index]
 
 
-def thrusts(speeds: np.ndarray, numbers: Numbers) -> np.ndarray:
+def thrusts(speeds: np.ndarray, numbers: FitNumbers) -> np.ndarray:
     """Return the rotors' thrusts over the mass [m/s^2].
 
     Args:
@@ -63,7 +63,7 @@ def thrusts(speeds: np.ndarray, numbers: Numbers) -> np.ndarray:
     return (numbers.c2 * speeds + numbers.c1) * speeds + numbers.c0
 
 
-def rotor_speeds(part: Prepared, numbers: Numbers, lag: float = 0.0) -> np.ndarray:
+def rotor_speeds(part: Prepared, numbers: FitNumbers, lag: float = 0.0) -> np.ndarray:
     """Return the speeds of the rotors, in shares of the full command  (n, 4).
 
     Args:

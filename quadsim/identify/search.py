@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from quadsim.files.values import SettingError
-from quadsim.identify.descent import Limits, descend
+from quadsim.identify.descent import NumberLimits, descend
 from quadsim.identify.geometry import Geometry
-from quadsim.identify.numbers import Numbers, Prior
+from quadsim.identify.numbers import FitNumbers, Prior
 from quadsim.identify.prepared import Prepared
 from quadsim.identify.problem import CHANNELS, ROTOR_NUMBERS, Block, blocks_of, single_thrusts
 
@@ -39,7 +39,7 @@ class Linearized(NamedTuple):
 class Solution(NamedTuple):
     """The numbers that fit best, and the derivatives there."""
 
-    numbers: Numbers
+    numbers: FitNumbers
     searched: tuple[str, ...]  # names of the numbers that were searched
     noise: dict[str, float]  # standard deviation of each kind of residual
     # share of the variance of each kind of signal, within its pieces, that is explained
@@ -88,12 +88,12 @@ class Problem:
         self.channel = np.repeat(numbers, [len(block.cluster) for block in self._blocks])
         self._ends = np.cumsum([len(block.cluster) for block in self._blocks])
 
-    def residuals(self, numbers: Numbers) -> np.ndarray:
+    def residuals(self, numbers: FitNumbers) -> np.ndarray:
         """Return all residuals, in their units  (m,)."""
         singles = self._singles(numbers)
         return np.concatenate([self._of(block, numbers, singles) for block in self._blocks])
 
-    def derivatives(self, numbers: Numbers, here: np.ndarray | None = None) -> np.ndarray:
+    def derivatives(self, numbers: FitNumbers, here: np.ndarray | None = None) -> np.ndarray:
         """Return the derivatives of the residuals by the searched numbers  (m, k).
 
         Differences, of those blocks alone that depend on a number.
@@ -155,7 +155,7 @@ class Problem:
             scale[rows] = noise[kind]
         return scale
 
-    def _singles(self, numbers: Numbers, *, is_late_alone: bool = False) -> Singles:
+    def _singles(self, numbers: FitNumbers, *, is_late_alone: bool = False) -> Singles:
         """Return the thrusts of the rotors in each stretch as each channel meets them.
 
         Args:
@@ -169,7 +169,7 @@ class Problem:
             if key[1] or not is_late_alone
         }
 
-    def _of(self, block: Block, numbers: Numbers, singles: Singles) -> np.ndarray:
+    def _of(self, block: Block, numbers: FitNumbers, singles: Singles) -> np.ndarray:
         single = singles[id(block.part), block.channel.is_late]
         return block.residuals(numbers, self._geometry, single)
 
@@ -190,7 +190,7 @@ def solve(
     geometry: Geometry,
     prior: Mapping[str, Prior],
     searched: Sequence[str],
-    starts: Sequence[Numbers],
+    starts: Sequence[FitNumbers],
     turning: Sequence[int] = (0, 1, 2),
     least_gain: float = LEAST_GAIN,
 ) -> Solution:
@@ -236,14 +236,14 @@ def solve(
 
 
 def _descend(
-    problem: Problem, start: Numbers, noise: Mapping[str, float], least_gain: float
-) -> tuple[Numbers, float]:
+    problem: Problem, start: FitNumbers, noise: Mapping[str, float], least_gain: float
+) -> tuple[FitNumbers, float]:
     """Return the numbers at the end of one search, and their cost."""
     scale = problem.scale(noise)
     std = problem.std
 
     # The search is in standard deviations of the prior.
-    def numbers(x: np.ndarray) -> Numbers:
+    def numbers(x: np.ndarray) -> FitNumbers:
         values = map(float, x * std)
         return start._replace(**dict(zip(problem.searched, values, strict=True)))
 
@@ -257,6 +257,6 @@ def _descend(
         return J
 
     begin = np.array([getattr(start, name) for name in problem.searched]) / std
-    limits = Limits(problem.mean / std, problem.low / std, problem.high / std)
+    limits = NumberLimits(problem.mean / std, problem.low / std, problem.high / std)
     x, cost = descend(residuals, derivatives, begin, limits, least_gain)
     return numbers(x), cost

@@ -15,7 +15,7 @@ import numpy as np
 from quadsim.identify.delays import answer_time
 from quadsim.identify.geometry import Geometry
 from quadsim.identify.intervals import covariances
-from quadsim.identify.numbers import Numbers, Prior
+from quadsim.identify.numbers import FitNumbers, Prior
 from quadsim.identify.prepared import LEAST_SPREAD, SINGLE_DRIVES, VOLTAGE_DRIVES, Prepared, middle
 from quadsim.identify.problem import DRAG, INERTIA
 from quadsim.identify.search import COARSE_GAIN, Solution, solve
@@ -27,8 +27,8 @@ COARSE = 20.0  # time of flight from which the starts are searched [s]
 # Thrust maps with a linear and a constant part have to fit better than this: the 99.9 % quantile of
 # chi-square with two degrees of freedom.
 SQUARE_ALONE = 13.8
-LEAST_EXPLAINED = 0.3  # of the rotation about an axis: with less its inertia is not told
-LEAST_SPEED = 0.3  # root mean square of the velocity along an axis whose drag is told [m/s]
+LEAST_EXPLAINED = 0.3  # of the rotation about an axis: with less its inertia is not fitted
+LEAST_SPEED = 0.3  # root mean square of the velocity along an axis whose drag is fitted [m/s]
 COARSE_PIECE = 4.0  # of one flight, at least [s]
 MAP = ("c2", "c1", "c0")
 ROTORS = ("delay", "tau")
@@ -38,7 +38,7 @@ POSE = ("pose_tilt_x", "pose_tilt_y", "velocity_lag")
 
 
 def _searchable(parts: Sequence[Prepared]) -> tuple[str, ...]:
-    """Return the names of the numbers that the signals of the logs may tell."""
+    """Return the names of the numbers that the signals of the logs may determine."""
     drive = parts[0].drive
     has_force = any(part.stretch.specific_force is not None for part in parts)
     has_velocity = any(part.v_body is not None for part in parts)
@@ -65,7 +65,7 @@ def _searchable(parts: Sequence[Prepared]) -> tuple[str, ...]:
 
 
 def _slow_axes(parts: Sequence[Prepared]) -> dict[str, float]:
-    """Return the root mean square of the velocity along axes that tell no drag [m/s].
+    """Return the root mean square of the velocity along the axes whose drag cannot be found [m/s].
 
     Noise of the velocity, some cm/s, would make the drag along them too small.
     """
@@ -83,7 +83,7 @@ def _spread(parts: Sequence[Prepared]) -> float:
 
 
 class Search(NamedTuple):
-    """The best numbers, and what the logs do not tell."""
+    """The best numbers, and those that the logs do not determine."""
 
     solution: Solution
     turning: tuple[int, ...]  # axes about which the rotors explain the rotation
@@ -96,7 +96,7 @@ def search_numbers(
 ) -> Search:
     """Return the numbers that fit best: delays first, then simple models before larger ones."""
     searched = _searchable(parts)
-    start = Numbers(**{name: prior[name].mean for name in Numbers._fields})
+    start = FitNumbers(**{name: prior[name].mean for name in FitNumbers._fields})
     # The time of the answer is known from the correlation, how delay and lag share it is not.
     time = answer_time(parts, geometry)
     square = [name for name in searched if name not in MAP[1:]]
@@ -163,7 +163,7 @@ def search_numbers(
 
 
 def _coarse(parts: Sequence[Prepared]) -> list[Prepared]:
-    """Return the middles of the flights, which are enough to tell good starts from bad ones."""
+    """Return the middles of the flights, which suffice to choose the best start."""
     each = max(COARSE / len(parts), COARSE_PIECE)
     return [middle(part, each) for part in parts]
 
@@ -177,7 +177,7 @@ def _needs_whole_map(solution: Solution) -> bool:
 
 
 def _untold(name: str) -> str:
-    """Return the line on a number that the logs do not tell."""
+    """Return the remark on a number that the logs do not determine."""
     return (
         f"{name}: the flights excite it too little to tell it better than the prior, which is kept"
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from quadsim.identify.geometry import Geometry
 from quadsim.identify.intervals import TWO_SIDED, covariances
-from quadsim.identify.numbers import Numbers
+from quadsim.identify.numbers import FitNumbers
 from quadsim.identify.prepared import Drive
 from quadsim.identify.prior import FLATNESS
 from quadsim.identify.rate_loop import RateLoopFit
@@ -63,13 +63,13 @@ class FittedNumber(NamedTuple):
         return (self.high - self.low) / (2.0 * TWO_SIDED)
 
 
-class Found(NamedTuple):
+class FoundNumbers(NamedTuple):
     """The numbers that the search has found in the logs, with their covariance."""
 
-    numbers: Numbers
+    numbers: FitNumbers
     covariance: np.ndarray  # of the searched numbers  (k, k)
     searched: tuple[str, ...]
-    untold: tuple[str, ...]  # names of the numbers that the log could have told, but does not
+    untold: tuple[str, ...]  # numbers that the log has signals for, but does not determine
     drive: Drive
     dt: float  # time between two rows [s]
     speed_scale: SpeedScale | None
@@ -87,14 +87,14 @@ class _Row(NamedTuple):
     """How one number of the vehicle follows from the searched ones."""
 
     unit: str
-    value: Callable[[Numbers], float]
+    value: Callable[[FitNumbers], float]
     needs: tuple[str, ...]
     floor: float = 0.0  # least standard deviation, absolute
     scale: float = 0.0  # and relative
 
 
 def fitted_numbers(
-    found: Found, base: Vehicle, mass: float, is_weighed: bool
+    found: FoundNumbers, base: Vehicle, mass: float, is_weighed: bool
 ) -> tuple[FittedNumber, ...]:
     """Return all numbers of the vehicle.
 
@@ -111,21 +111,21 @@ def fitted_numbers(
     return tuple(rows)
 
 
-def _rows(found: Found, base: Vehicle, mass: float) -> Mapping[str, _Row]:
+def _rows(found: FoundNumbers, base: Vehicle, mass: float) -> Mapping[str, _Row]:
     """Return the numbers that follow from the searched ones, by key."""
     geometry = Geometry.of(base)
     late = PART_OF_ROW * found.dt
 
-    def coefficient(k: int) -> Callable[[Numbers], float]:
+    def coefficient(k: int) -> Callable[[FitNumbers], float]:
         return lambda n: mass * speed_map(n, found, base)[k]
 
-    def inertia(k: int) -> Callable[[Numbers], float]:
+    def inertia(k: int) -> Callable[[FitNumbers], float]:
         return lambda n: mass * geometry.inertia(n)[k]
 
-    def field(name: str) -> Callable[[Numbers], float]:
+    def field(name: str) -> Callable[[FitNumbers], float]:
         return lambda n: getattr(n, name)
 
-    def kappa(n: Numbers) -> float:
+    def kappa(n: FitNumbers) -> float:
         return geometry.inertia(n)[2] / n.inertia_z
 
     thrust = ("c2", "c1", "c0")
@@ -182,7 +182,7 @@ def _rows(found: Found, base: Vehicle, mass: float) -> Mapping[str, _Row]:
     }
 
 
-def _number(key: str, row: _Row, found: Found) -> FittedNumber:
+def _number(key: str, row: _Row, found: FoundNumbers) -> FittedNumber:
     """Return a number with its interval, by the derivatives."""
     value = row.value(found.numbers)
     told = [name for name in row.needs if name in found.searched]
@@ -202,7 +202,7 @@ def _number(key: str, row: _Row, found: Found) -> FittedNumber:
     return from_log(key, row.unit, value, std)
 
 
-def _loop_numbers(found: Found, base: Vehicle) -> list[FittedNumber]:
+def _loop_numbers(found: FoundNumbers, base: Vehicle) -> list[FittedNumber]:
     """Return the lags of the rate loop and the latency."""
     late = PART_OF_ROW * found.dt
     if found.loop is None:
@@ -226,7 +226,7 @@ def _loop_numbers(found: Found, base: Vehicle) -> list[FittedNumber]:
     return numbers
 
 
-def _latency_of_motors(found: Found, base: Vehicle) -> FittedNumber:
+def _latency_of_motors(found: FoundNumbers, base: Vehicle) -> FittedNumber:
     """Return the latency of a log without setpoints: the delay of its commands."""
     if "delay" not in found.searched:
         return FittedNumber("latency", "s", base.latency, base.latency, base.latency, "prior")
@@ -241,7 +241,9 @@ def from_log(key: str, unit: str, value: float, std: float) -> FittedNumber:
     return FittedNumber(key, unit, value, value - half, value + half, "log")
 
 
-def speed_map(numbers: Numbers, found: Found, base: Vehicle) -> tuple[float, float, float]:
+def speed_map(
+    numbers: FitNumbers, found: FoundNumbers, base: Vehicle
+) -> tuple[float, float, float]:
     """Return c2, c1, c0 of a rotor's thrust over the mass against its speed in rad/s."""
     assert base.rotors
     scale = found.speed_scale or SpeedScale(base.rotors.motor_omega_max, 0.0)
@@ -253,7 +255,7 @@ def speed_map(numbers: Numbers, found: Found, base: Vehicle) -> tuple[float, flo
 
 
 def fitted_vehicle(
-    name: str, found: Found, numbers: tuple[FittedNumber, ...], base: Vehicle
+    name: str, found: FoundNumbers, numbers: tuple[FittedNumber, ...], base: Vehicle
 ) -> Vehicle:
     """Return the vehicle with the fitted numbers, rounded.
 

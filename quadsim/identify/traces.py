@@ -1,4 +1,4 @@
-"""Traces: what a log measured beside what the numbers predict, for a picture."""
+"""Traces: logged signals beside the same as the numbers predict them, for a picture."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from quadsim.identify.geometry import Geometry
-from quadsim.identify.numbers import Numbers
+from quadsim.identify.numbers import FitNumbers
 from quadsim.identify.prepared import Prepared
 from quadsim.identify.problem import CHANNELS, Channel, single_thrusts
 
@@ -29,7 +29,7 @@ class Trace(NamedTuple):
 
 
 def traces(
-    parts: Sequence[Prepared], numbers: Numbers, geometry: Geometry, turning: Sequence[int]
+    parts: Sequence[Prepared], numbers: FitNumbers, geometry: Geometry, turning: Sequence[int]
 ) -> tuple[Trace, ...]:
     """Return traces of the liveliest seconds of the longest stretch.
 

@@ -53,7 +53,7 @@ class Header(Struct):
     format: str = ""
 
 
-class State(Struct, forbid_unknown_fields=True):
+class StoredCheckpoint(Struct, forbid_unknown_fields=True):
     """The JSON in a checkpoint's file."""
 
     format: str
@@ -102,7 +102,7 @@ def read_checkpoint(
     if found != FORMAT:
         advice = "it was written by another version: take another --out, or remove the file"
         raise FileError(f"{path}: expected format {FORMAT!r}, got {listed([found])!r}: {advice}")
-    state = record_of(text, State, path, WHAT)
+    state = record_of(text, StoredCheckpoint, path, WHAT)
 
     # The round trip through JSON turns tuples into lists, as in the stored identity.
     asked = json.loads(json.dumps(dict(identity)))

@@ -25,7 +25,7 @@ from quadsim.render.look import ORANGE, Look, Paint, drawn_look, venue_look
 from quadsim.render.poses import Pose, drawn_poses
 from quadsim.rotation import exp, product, turned
 from quadsim.sensing.config import PixelCameraConfig
-from quadsim.sensing.pixel_camera import Moment, row_poses
+from quadsim.sensing.pixel_camera import TimedPose, row_poses
 from quadsim.sensing.pixels.network import WIDTH
 from quadsim.streams import look_streams, training_stream, venue_stream
 
@@ -246,13 +246,13 @@ def _picture(
     return picture.rgb, found
 
 
-def moments(moved: Moved, half: float) -> list[Moment]:
+def moments(moved: Moved, half: float) -> list[TimedPose]:
     """Return the poses of a vehicle from `half` [s] before its pose until as long after it."""
     pose, velocity, rates = moved
     found = []
     for t in np.linspace(-half, half, int(2 * half / STEP) + 2).tolist():
         p = (np.array(pose.p) + t * velocity).tolist()
-        found.append(Moment(t, (*p, *turned(pose.q, (t * rates).tolist()))))
+        found.append(TimedPose(t, (*p, *turned(pose.q, (t * rates).tolist()))))
     return found
 
 

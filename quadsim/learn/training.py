@@ -86,7 +86,7 @@ class Progress(NamedTuple):
     left: float  # time until the end at this rate [s]
 
 
-class Flown(NamedTuple):
+class EvaluatedRaces(NamedTuple):
     """The races of an evaluation."""
 
     finished: float  # share of the races
@@ -258,6 +258,7 @@ def pilot_of(learner: Learner, training: Training) -> Pilot:
         high=Control(*system.high),
         course=", ".join(course.name for course in task.courses),
         activation="relu",
+        output="clip",
         vehicle_sha256=vehicle_digest(task.vehicle),
         training={
             "seed": training.seed,
@@ -270,7 +271,9 @@ def pilot_of(learner: Learner, training: Training) -> Pilot:
     return Pilot(training.out.stem, about, tuple(learner.pilot_weights()))
 
 
-def evaluate(pilot: Pilot, task: LearningTask, flights: int, seed: int = EVALUATION_SEED) -> Flown:
+def evaluate(
+    pilot: Pilot, task: LearningTask, flights: int, seed: int = EVALUATION_SEED
+) -> EvaluatedRaces:
     """Fly races in the simulator with rotors, gusts and the referee."""
     finished: list[bool] = []
     laps: list[float] = []
@@ -293,7 +296,7 @@ def evaluate(pilot: Pilot, task: LearningTask, flights: int, seed: int = EVALUAT
         if done:
             events = [event for frame in frames for event in frame.events]
             laps.extend(flown_laps(events, spec.laps))
-    return Flown(
+    return EvaluatedRaces(
         finished=float(np.mean(finished)),
         lap=float(np.mean(laps)) if laps else 0.0,
         gates=float(np.mean(gates)),

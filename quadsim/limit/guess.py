@@ -26,7 +26,7 @@ LEAST = 0.01
 SHARES = (0.2, 0.3, 0.45)
 
 
-class Flight(NamedTuple):
+class FlownRun(NamedTuple):
     """A flown run, from which an initial guess is made."""
 
     name: str
@@ -117,7 +117,7 @@ def straight(points: Sequence[Sequence[float]], model: Dynamics, speed: float) -
     return _of_states(name, model, np.array(times), np.array(states), np.array(passes))
 
 
-def flown(flight: Flight, model: Dynamics) -> Guess:
+def flown(flight: FlownRun, model: Dynamics) -> Guess:
     """Return a flown run as the model's states and controls."""
     states = np.column_stack([flight.telemetry[column] for column in STATE])
     passes = np.array(flight.passes)

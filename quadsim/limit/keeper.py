@@ -24,7 +24,7 @@ class Keeper:
         self._failure: RunError | None = None
 
     def keep(self, found: StoredSolution | None) -> None:
-        """Keep a solution if it is the fastest; `finish` tells whether it could be written."""
+        """Keep a solution if it is the fastest; `finish` raises if it could not be written."""
         if found is None or not self._is_fastest(found):
             return
         self.best = self.found = found

@@ -85,7 +85,7 @@ class Check(Struct, frozen=True):
 
 
 class Header(Struct, frozen=True):
-    """The field that tells the format of a file, None in a file from before the formats."""
+    """The key that names the format of a file; None: the file has no such key."""
 
     format: str | None = None
 

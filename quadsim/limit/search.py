@@ -12,7 +12,7 @@ from typing import NamedTuple
 from quadsim.course import Cylinder
 from quadsim.limit.detours import Detour, Hit, detours
 from quadsim.limit.dynamics import dynamics
-from quadsim.limit.guess import Flight, Guess, flown, line_speeds, solved, straight
+from quadsim.limit.guess import FlownRun, Guess, flown, line_speeds, solved, straight
 from quadsim.limit.limits import LimitProblem, Solution, StoredSolution
 from quadsim.limit.replay import referee_of
 from quadsim.limit.route import Route, segments
@@ -69,7 +69,7 @@ class Search:
         self._model = dynamics(problem.vehicle, problem.model, problem.reserve)
 
     def attempts(
-        self, flights: Iterable[Flight], intervals: int, progress: Progress
+        self, flights: Iterable[FlownRun], intervals: int, progress: Progress
     ) -> Iterator[SolveAttempt]:
         """Yield attempts: from flights, from straight lines, and the best on a finer mesh.
 
@@ -111,7 +111,7 @@ class Search:
             key=problem.key,
         )
 
-    def _guesses(self, flights: Iterable[Flight]) -> Iterator[Guess]:
+    def _guesses(self, flights: Iterable[FlownRun]) -> Iterator[Guess]:
         for flight in flights:
             yield flown(flight, self._model)
         for speed in line_speeds(self._route, self._problem.vehicle.thrust_max):

@@ -106,14 +106,14 @@ class Shooting:
     defects: list[slice] = field(default_factory=list)
 
 
-class Limits(NamedTuple):
+class StateLimits(NamedTuple):
     """Ranges of the state."""
 
     low: np.ndarray
     high: np.ndarray
 
 
-class Link(NamedTuple):
+class ProgramInterval(NamedTuple):
     """An interval in a program."""
 
     # Slice of its continuity constraint
@@ -154,7 +154,7 @@ class Interval:
         if spare:
             self._spare = casadi.Function("spare", [x, u], [casadi.vertcat(*spare)])
 
-    def connect(self, program: Program, x: Any, u: Any, h: Any, after: Any) -> Link:
+    def connect(self, program: Program, x: Any, u: Any, h: Any, after: Any) -> ProgramInterval:
         """Constrain an interval of h [s] to lead from one state to the next, within the limits.
 
         Args:
@@ -173,7 +173,7 @@ class Interval:
         if self._spare:
             for end in (x, after):
                 program.hold(self._spare(end, u), 0.0, np.inf)
-        return Link(defect, middle)
+        return ProgramInterval(defect, middle)
 
 
 def shooting(
@@ -202,7 +202,7 @@ def shooting(
     first_limits = limits
     if route.start:
         first = model.of_flight(start_state(route.start, route.radius))[0]
-        first_limits = Limits(first, first)
+        first_limits = StateLimits(first, first)
     x = s.program.variable("x0", first, first_limits.low, first_limits.high, scale)
     s.x.append(x)
 
@@ -240,7 +240,7 @@ def shooting(
     return s
 
 
-def state_limits(bounds: Sequence[tuple[float, float]], model: Dynamics) -> Limits:
+def state_limits(bounds: Sequence[tuple[float, float]], model: Dynamics) -> StateLimits:
     """Return the ranges of a model's state; bounds: ranges of x, y and z [m]."""
     low = model.low.copy()
     high = model.high.copy()
@@ -250,7 +250,7 @@ def state_limits(bounds: Sequence[tuple[float, float]], model: Dynamics) -> Limi
     high[VELOCITY] = SPEED_MAX
     low[ATTITUDE] = -UNIT_MAX
     high[ATTITUDE] = UNIT_MAX
-    return Limits(low, high)
+    return StateLimits(low, high)
 
 
 def state_scale(model: Dynamics) -> np.ndarray:

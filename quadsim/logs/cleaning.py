@@ -37,7 +37,7 @@ NEAR = 0.998
 MOST_IMPOSSIBLE = 0.5
 # Share of times that fall above which the rows are in the reverse order
 MOST_FALLING = 0.9
-# Share of missing readings that is told; a signal of a slower sensor lacks most of them.
+# Shares of missing readings between which a line names them; a slower sensor lacks most.
 TOLD_MISSING = (0.001, 0.5)
 # A command just outside of 0 to 1 is a matter of rounding.
 ROUNDING = 1e-3

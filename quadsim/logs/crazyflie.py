@@ -28,7 +28,7 @@ TIMES = {1: ("<u4", 1e-3), 2: ("<u8", 1e-6)}
 CHECKSUM = 4  # [bytes]
 
 
-class Kind(NamedTuple):
+class EventKind(NamedTuple):
     """A kind of events."""
 
     number: int
@@ -62,7 +62,7 @@ def read_crazyflie_log(path: Path) -> list[RawLog]:
     return [mapped(columns, mapping, path.name, remarks)]
 
 
-def _kinds(data: bytes, version: int) -> tuple[dict[int, Kind], int]:
+def _kinds(data: bytes, version: int) -> tuple[dict[int, EventKind], int]:
     """Return the kinds of events by number, and the place of the first event."""
     kinds = {}
     (count,) = struct.unpack_from("<H", data, 3)
@@ -77,7 +77,7 @@ def _kinds(data: bytes, version: int) -> tuple[dict[int, Kind], int]:
             # A variable is written as its name and its type, such as acc.x(f).
             written, place = _text(data, place)
             fields.append((written[:-3], np.dtype(written[-2]).newbyteorder("<").str))
-        kinds[number] = Kind(number, name, np.dtype(fields))
+        kinds[number] = EventKind(number, name, np.dtype(fields))
     return kinds, place
 
 
@@ -88,7 +88,7 @@ def _text(data: bytes, place: int) -> tuple[str, int]:
 
 
 def _rows(
-    data: bytes, first: int, kinds: dict[int, Kind], path: Path
+    data: bytes, first: int, kinds: dict[int, EventKind], path: Path
 ) -> tuple[np.ndarray, list[str]]:
     """Return the rows at each tick, and remarks. Raises LogError."""
     ticks = next((kind for kind in kinds.values() if kind.name == AT_EACH_TICK), None)
@@ -103,7 +103,7 @@ def _rows(
     good = found["#kind"] == ticks.number
     remarks = []
     if not good.all():
-        # An event of no known length: what follows cannot be told apart
+        # An event of unknown length: the next event cannot be found
         found = found[: int(np.argmin(good))]
         remarks.append("the log is damaged: what follows the damage is left out")
     if len(found) > MOST_ROWS:
@@ -115,7 +115,7 @@ def _rows(
 
 
 def _of_several_kinds(
-    data: bytes, first: int, end: int, kinds: dict[int, Kind], ticks: Kind
+    data: bytes, first: int, end: int, kinds: dict[int, EventKind], ticks: EventKind
 ) -> np.ndarray:
     """Return the rows at each tick of a log that has events of other kinds among them."""
     places = []

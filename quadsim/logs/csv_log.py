@@ -1,4 +1,4 @@
-"""Logs as CSV, of which a mapping says what the columns are.
+"""Logs as CSV. A mapping gives the meaning of their columns.
 
 The separator is a comma, a semicolon or a tab. The first line names the columns. An empty cell and
 one that is not a number are missing readings.

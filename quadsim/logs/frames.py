@@ -1,4 +1,4 @@
-"""Signals of other frames in those of FlightLog: ENU and x forward, y left, z up."""
+"""Signals turned from other frames into the frames of FlightLog: ENU; x forward, y left, z up."""
 
 from __future__ import annotations
 

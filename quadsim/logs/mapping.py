@@ -129,7 +129,7 @@ class LogMapping(Struct, frozen=True, kw_only=True):
     battery: Entry | None = None
 
     def entries(self) -> dict[str, Entry]:
-        """Return the entries of the signals by name, without that of the time."""
+        """Return the entries of the signals by name, without the entry of the time."""
         found = {name: getattr(self, name) for name in UNITS_OF if name != "time"}
         return {name: entry for name, entry in found.items() if entry is not None}
 
@@ -237,7 +237,7 @@ def _readings(columns: Mapping[str, np.ndarray], entry: Entry) -> np.ndarray:
 
 
 def _problems(mapping: LogMapping) -> Iterator[FieldProblem]:
-    """Yield what is wrong with a mapping besides types and ranges."""
+    """Yield the problems of a mapping besides types and ranges."""
     if mapping.quaternion and mapping.euler:
         yield FieldProblem("euler", "expected one of quaternion and euler, got both")
     if (mapping.world == "NED") != (mapping.body == "FRD") and (

@@ -1,4 +1,4 @@
-"""RawLog: what a reader has read, in the units and frames of FlightLog but not yet cleaned."""
+"""RawLog: the signals of a file in the units and frames of FlightLog, not yet cleaned."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ from quadsim.logs.ulog import is_ulog, read_ulog
 HEAD = 4096
 
 
-class Kind(NamedTuple):
+class LogKind(NamedTuple):
     """A kind of log files."""
 
     name: str
@@ -41,11 +41,11 @@ class Kind(NamedTuple):
 
 
 KINDS = (
-    Kind("a run as MCAP", is_mcap, read_mcap_log),
-    Kind("PX4's .ulg", is_ulog, read_ulog),
-    Kind("Betaflight's blackbox", is_blackbox_log, read_blackbox_log),
-    Kind("the Crazyflie's SD card log", is_crazyflie_log, read_crazyflie_log),
-    Kind("CSV", is_text, read_csv_log),
+    LogKind("a run as MCAP", is_mcap, read_mcap_log),
+    LogKind("PX4's .ulg", is_ulog, read_ulog),
+    LogKind("Betaflight's blackbox", is_blackbox_log, read_blackbox_log),
+    LogKind("the Crazyflie's SD card log", is_crazyflie_log, read_crazyflie_log),
+    LogKind("CSV", is_text, read_csv_log),
 )
 
 

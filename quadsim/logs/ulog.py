@@ -82,7 +82,7 @@ def read_ulog(path: Path) -> list[RawLog]:
 
 
 def _topic(data: Mapping[str, Any]) -> Topic:
-    """Return a topic, with the instant of the sample where it is known."""
+    """Return a topic, with the instants at which its samples were taken, if the log has them."""
     stamps = np.asarray(data["timestamp"], float)
     sampled = np.asarray(data.get("timestamp_sample", stamps), float)
     return Topic(1e-6 * np.where(sampled > 0.0, sampled, stamps), data)
@@ -110,7 +110,7 @@ def _others(topics: Mapping[str, Topic], t: np.ndarray) -> Iterator[tuple[str, n
 
 
 def _measured(topics: Mapping[str, Topic]) -> Iterator[tuple[str, str, np.ndarray]]:
-    """Yield signal, topic and readings of what is interpolated."""
+    """Yield signal, topic and readings of the signals that are interpolated."""
 
     def vector(topic: str, *fields: str) -> np.ndarray | None:
         return topics[topic].vector(*fields) if topic in topics else None

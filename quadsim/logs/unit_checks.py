@@ -107,7 +107,7 @@ def _moved(t: np.ndarray, values: np.ndarray, lag: int) -> np.ndarray:
 
 
 def _turned(t: np.ndarray, q: np.ndarray, lag: int) -> np.ndarray:
-    """Return the body rates that an attitude tells, over `lag` rows [rad/s].  (n - lag, 3)"""
+    """Return the body rates that follow from an attitude, over `lag` rows [rad/s].  (n - lag, 3)"""
     before = q[:-lag]
     after = q[lag:]
     w0, u0 = before[:, :1], before[:, 1:]

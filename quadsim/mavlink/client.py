@@ -28,7 +28,7 @@ class MavlinkClient:
     rest = np.array([0.0, 0.0, 0.0, GRAVITY])
 
     def __init__(self, served: Served, sensing: Sensing | None):
-        """Take what the record of a flight tells of its client."""
+        """Take the client's part of the record of a flight."""
         self.round = served.round
         self.lock_step = served.lock_step
         self.baro_wash = served.baro_wash

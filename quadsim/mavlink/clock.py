@@ -23,7 +23,7 @@ class SimulatorClock:
         self._origin = perf_counter()
 
     def go_on(self) -> None:
-        """Let the time go on from where it stands now."""
+        """Let the time go on from its present value."""
         self._origin = perf_counter() - self.boot
 
     def follow_wall(self) -> None:

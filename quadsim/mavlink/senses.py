@@ -17,16 +17,16 @@ from quadsim.sensing.config import ImuConfig
 from quadsim.sensing.measurements import Height, Inertial, Pose
 from quadsim.sensing.sensors import Sensors
 
-# [Hz] of HIGHRES_IMU, where no set of sensors says otherwise
+# [Hz] of HIGHRES_IMU, without a set of sensors
 IMU_RATE = 114.0
 
 
 class Senses:
-    """Watches the plant, and has what can be told of its motion.
+    """Watches the plant, and has the motion that a client may know.
 
     Without a set of sensors the motion is the true one, and the inertial unit is exact. With one,
-    the unit is the set's, and the motion is what its pose sensor has measured; a set without a pose
-    sensor tells no motion.
+    the unit is the set's, and the motion is what its pose sensor has measured; with a set without
+    a pose sensor there is no motion.
 
     Args:
         spec: specification of the flight.
@@ -49,7 +49,7 @@ class Senses:
             velocity_lag=getattr(plant, "velocity_lag", 0.0),
         )
         self._sensors.warm_up(plant.state, plant.dt)
-        # those of the time before the flight, which nobody asks for
+        # Discards the samples from before the flight
         self._sensors.arrived(-plant.dt)
         self._samples: list[Inertial] = []
         self._measured: Motion | None = None

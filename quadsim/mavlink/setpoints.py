@@ -60,7 +60,7 @@ class AttitudeTarget(NamedTuple):
 
 
 class PathTarget(NamedTuple):
-    """A position and a velocity of the world, east north up; None for what is free."""
+    """A position and a velocity of the world, east north up; a free one is None."""
 
     position: Vec3 | None  # [m]
     velocity: Vec3 | None  # [m/s]

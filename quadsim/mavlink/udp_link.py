@@ -75,7 +75,7 @@ class UdpLink:
         self.sent["picture"] += 1
 
     def _put(self, datagram: bytes, address: tuple[str, int]) -> None:
-        """Send a datagram, unless the buffer is full or nobody can be reached."""
+        """Send a datagram; it is lost if the buffer is full or the address cannot be reached."""
         try:
             self._socket.sendto(datagram, address)
         except OSError:

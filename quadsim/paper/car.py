@@ -23,7 +23,7 @@ from quadsim.dynamics import System
 from quadsim.dynamics.first_order import response
 
 
-class State(NamedTuple):
+class CarState(NamedTuple):
     """Position, heading, speed, yaw rate, and the positions of steering wheel and pedals."""
 
     px: float  # [m]
@@ -36,14 +36,14 @@ class State(NamedTuple):
     drive: float
 
 
-class Control(NamedTuple):
+class CarControl(NamedTuple):
     """Throttle (> 0) or brake (< 0), and steering, both in -1..1."""
 
     drive_cmd: float
     steer_cmd: float
 
 
-class Params(NamedTuple):
+class CarParams(NamedTuple):
     """The parameters of `step`: the ones of OffroadVehicle, with a response for each lag.
 
     A response is the share of its difference to the command that a state closes in one step.
@@ -62,7 +62,7 @@ class Params(NamedTuple):
 
 
 def step(x, u, p, dt):
-    """Return the State after dt [s] from the State x under the Control u, with Params p."""
+    """Return the state after dt [s] from the state x under the control u, with parameters p."""
     # Steering wheel and pedals lag behind their commands.
     turned = p.steer_rate * dt
     steer = x.steer + minimum(maximum((u.steer_cmd - x.steer) * p.steer_response, -turned), turned)
@@ -88,7 +88,7 @@ def step(x, u, p, dt):
     # The velocity differs from the heading by the sideslip.
     beta = p.slip * v * r
     travelled = 0.5 * (x.v + v) * dt
-    return State(
+    return CarState(
         px=x.px + (hx + beta * hy) * travelled,
         py=x.py + (hy - beta * hx) * travelled,
         hx=hx,
@@ -116,9 +116,9 @@ class OffroadVehicle:
     yaw_tau: float = 0.15  # lag of the yaw rate [s]
     slip: float = 0.0  # sideslip per lateral acceleration [rad s^2/m]
 
-    def params(self, dt: float) -> Params:
+    def params(self, dt: float) -> CarParams:
         """Return the parameters of `step` for steps of dt [s]."""
-        return Params(
+        return CarParams(
             steer_response=response(self.steer_tau, dt),
             steer_rate=self.steer_rate,
             drive_response=response(self.drive_tau, dt),
@@ -146,29 +146,31 @@ DRIVEN = OffroadVehicle(
     slip=0.01,
 )
 # Standard deviations of the random disturbance accumulated over 1 s.
-DISTURBANCE = State(px=0.0, py=0.0, hx=0.01, hy=0.01, v=0.2, r=0.04, steer=0.0, drive=0.0)
+DISTURBANCE = CarState(px=0.0, py=0.0, hx=0.01, hy=0.01, v=0.2, r=0.04, steer=0.0, drive=0.0)
 
 
 def car(vehicle: OffroadVehicle, dt: float) -> System:
     """Return the system of a vehicle in steps of dt [s]."""
     return System(
         name="offroad",
-        state=State,
-        control=Control,
+        state=CarState,
+        control=CarControl,
         step=step,
         params=vehicle.params(dt),
         dt=dt,
-        low=Control(-1.0, -1.0),
-        high=Control(1.0, 1.0),
-        rest=Control(0.0, 0.0),
+        low=CarControl(-1.0, -1.0),
+        high=CarControl(1.0, 1.0),
+        rest=CarControl(0.0, 0.0),
     )
 
 
-def disturbed(x: State, dt: float, rng: np.random.Generator, std: State = DISTURBANCE) -> State:
+def disturbed(
+    x: CarState, dt: float, rng: np.random.Generator, std: CarState = DISTURBANCE
+) -> CarState:
     """Return the state after the Brownian disturbance of one step of dt [s].
 
     Each number changes by std sqrt(dt) N(0, 1), which accumulates to std after 1 s for any dt.
     """
     scale = np.array(std) * np.sqrt(dt)
     moved = np.array(x) + scale * rng.standard_normal(len(scale))
-    return State(*moved.tolist())
+    return CarState(*moved.tolist())

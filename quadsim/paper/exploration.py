@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from quadsim.controllers.samplers import Colored, Gaussian, Sampling
 from quadsim.figures.style import STYLE, line, write_figure
 from quadsim.palette import dotted, style
-from quadsim.paper.car import NOMINAL, State, car
+from quadsim.paper.car import NOMINAL, CarState, car
 from quadsim.paper.noise import DT, HORIZON, perturbations
 from quadsim.paper.result import Result, write_csv
 
@@ -65,8 +65,8 @@ def paths(controls: np.ndarray) -> np.ndarray:
     """
     system = car(NOMINAL, DT)
     u = np.clip(controls, -1.0, 1.0)
-    origin = State(px=0.0, py=0.0, hx=1.0, hy=0.0, v=SPEED, r=0.0, steer=0.0, drive=0.0)
-    x = State._make(np.full(len(u), value) for value in origin)
+    origin = CarState(px=0.0, py=0.0, hx=1.0, hy=0.0, v=SPEED, r=0.0, steer=0.0, drive=0.0)
+    x = CarState._make(np.full(len(u), value) for value in origin)
     places = [np.stack([x.px, x.py], axis=1)]
     for t in range(u.shape[2]):
         x = system.next(x, u[:, :, t].T)

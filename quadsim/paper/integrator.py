@@ -16,7 +16,7 @@ from quadsim.dynamics import System
 UNLIMITED = 1e30  # finite, as the compiled lanes require
 
 
-class State(NamedTuple):
+class PointState(NamedTuple):
     """Position and velocity in the plane."""
 
     px: float  # [m]
@@ -25,14 +25,14 @@ class State(NamedTuple):
     vy: float  # [m/s]
 
 
-class Control(NamedTuple):
+class PointControl(NamedTuple):
     """Commanded acceleration."""
 
     ax_cmd: float  # [m/s^2]
     ay_cmd: float  # [m/s^2]
 
 
-class Params(NamedTuple):
+class PointParams(NamedTuple):
     """The parameter of `step`."""
 
     gain: float  # k, acceleration per unit of control
@@ -46,8 +46,8 @@ class Goal(NamedTuple):
 
 
 def step(x, u, p, dt):
-    """Return the State after dt [s] from the State x under the Control u, with Params p."""
-    return State(
+    """Return the state after dt [s] from the state x under the control u, with parameters p."""
+    return PointState(
         px=x.px + x.vx * dt,
         py=x.py + x.vy * dt,
         vx=x.vx + p.gain * u.ax_cmd * dt,
@@ -59,14 +59,14 @@ def double_integrator(dt: float, gain: float = 1.0) -> System:
     """Return the system at control period dt [s]. gain: acceleration per unit of control, k."""
     return System(
         name="double_integrator",
-        state=State,
-        control=Control,
+        state=PointState,
+        control=PointControl,
         step=step,
-        params=Params(gain),
+        params=PointParams(gain),
         dt=dt,
-        low=Control(-UNLIMITED, -UNLIMITED),
-        high=Control(UNLIMITED, UNLIMITED),
-        rest=Control(0.0, 0.0),
+        low=PointControl(-UNLIMITED, -UNLIMITED),
+        high=PointControl(UNLIMITED, UNLIMITED),
+        rest=PointControl(0.0, 0.0),
     )
 
 

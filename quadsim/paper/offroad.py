@@ -24,7 +24,7 @@ from quadsim.controllers.samplers import Colored, Gaussian, Sampling
 from quadsim.dynamics.estimate import Estimate
 from quadsim.figures.style import STYLE, line, write_figure
 from quadsim.palette import HIT, INK, LIMIT, style
-from quadsim.paper.car import DRIVEN, NOMINAL, Control, State, car, disturbed
+from quadsim.paper.car import DRIVEN, NOMINAL, CarControl, CarState, car, disturbed
 from quadsim.paper.corridor import ZIGZAG, DriveReferee
 from quadsim.paper.corridor_cost import corridor_cost
 from quadsim.paper.result import Result, write_csv
@@ -43,7 +43,7 @@ COLD = replace(CONFIG, temperature=0.02)  # to see whether the temperature holds
 PLANT_DT = 0.005  # physics step of the driven vehicle [s]
 TIMEOUT = 40.0  # [s]
 SECONDS_SHOWN = 8.0  # duration of the controls in the figure [s], as in the paper
-START = State(
+START = CarState(
     px=ZIGZAG.points[0][0],
     py=ZIGZAG.points[0][1],
     hx=float(ZIGZAG.directions[0, 0]),
@@ -69,8 +69,8 @@ class Step(NamedTuple):
     """One control step of a drive."""
 
     t: float  # [s]
-    x: State
-    u: Control
+    x: CarState
+    u: CarControl
     plan_ms: float
 
 
@@ -82,8 +82,8 @@ class Drive(NamedTuple):
     legs: int  # number of completed legs
     plan_ms: float  # median time of a plan
     t: np.ndarray  # times of the control steps and of the end [s]  (steps,)
-    x: np.ndarray  # states, in the order of State  (steps, 8)
-    u: np.ndarray  # controls from t on, in the order of Control  (steps, 2)
+    x: np.ndarray  # states, in the order of CarState  (steps, 8)
+    u: np.ndarray  # controls from t on, in the order of CarControl  (steps, 2)
 
 
 def planner(sampling: Sampling, config: MPPIConfig, seed: int | np.random.SeedSequence = 0) -> MPPI:
@@ -108,7 +108,7 @@ def drive(task: DriveTask) -> Drive:
         began = perf_counter()
         control, _ = mppi.control(Estimate(t, np.array(x), referee.legs))
         plan_ms = 1e3 * (perf_counter() - began)
-        u = Control(*control.tolist())
+        u = CarControl(*control.tolist())
         steps.append(Step(t, x, u, plan_ms))
 
         # The vehicle moves in finer steps than the planner's model, each with a disturbance.
@@ -178,7 +178,7 @@ def row(name: str, drives: Sequence[Drive]) -> dict:
 
 def csv_rows(of_attempt: Drive) -> list[dict]:
     """Return a row for each control step, to five decimals."""
-    names = ("t", *State._fields, *Control._fields)
+    names = ("t", *CarState._fields, *CarControl._fields)
     table = np.column_stack([of_attempt.t, of_attempt.x, of_attempt.u])
     return [
         {name: round(number, 5) for name, number in zip(names, numbers, strict=True)}

@@ -16,7 +16,7 @@ from quadsim.console import plain_table
 from quadsim.statistics import mean_interval, wilson
 
 
-class Published(NamedTuple):
+class PublishedTimes(NamedTuple):
     """A row of the published table. None: not given in the paper."""
 
     mean: float | None = None  # of the times of the valid attempts [s]
@@ -34,10 +34,12 @@ class MotionAttempt(NamedTuple):
 
 
 PUBLISHED = {
-    ("offroad", "gaussian"): Published(valid=0),
-    ("offroad", "colored"): Published(mean=38.333, sd=3.316, min=35.99, valid=5, attempts=6),
-    ("quadrotor", "gaussian"): Published(mean=8.547, sd=0.206, min=8.360, valid=9, attempts=37),
-    ("quadrotor", "colored"): Published(mean=8.691, sd=0.457, min=7.695, valid=9, attempts=21),
+    ("offroad", "gaussian"): PublishedTimes(valid=0),
+    ("offroad", "colored"): PublishedTimes(mean=38.333, sd=3.316, min=35.99, valid=5, attempts=6),
+    ("quadrotor", "gaussian"): PublishedTimes(
+        mean=8.547, sd=0.206, min=8.360, valid=9, attempts=37
+    ),
+    ("quadrotor", "colored"): PublishedTimes(mean=8.691, sd=0.457, min=7.695, valid=9, attempts=21),
 }
 
 
@@ -49,7 +51,7 @@ def table1_row(system: str, sampler: str, attempts: Sequence[MotionAttempt]) -> 
     times = [attempt.time for attempt in attempts if attempt.time is not None]
     spread = mean_interval(times)
     low, high = wilson(len(times), len(attempts))
-    paper = PUBLISHED.get((system, sampler), Published())
+    paper = PUBLISHED.get((system, sampler), PublishedTimes())
     return {
         "sampler": sampler,
         "attempts": len(attempts),

@@ -19,7 +19,13 @@ from quadsim.controllers.config import MPPIConfig
 from quadsim.controllers.costs import evaluate
 from quadsim.controllers.mppi import MPPI
 from quadsim.controllers.samplers import Colored, Gaussian, LogNormal, Sampling, Smooth, SmoothStar
-from quadsim.paper.integrator import Control, Goal, State, double_integrator, quadratic_cost
+from quadsim.paper.integrator import (
+    Goal,
+    PointControl,
+    PointState,
+    double_integrator,
+    quadratic_cost,
+)
 from quadsim.paper.result import Result, write_csv
 from quadsim.paper.runs import kept_runs
 from quadsim.streams import double_integrator_streams
@@ -37,7 +43,7 @@ CONFIG = MPPIConfig(
     smooth=True,
 )
 # Start, goal and length are from that library's example, the source of the paper's numbers.
-START = State(px=-9.0, py=-9.0, vx=0.1, vy=0.1)
+START = PointState(px=-9.0, py=-9.0, vx=0.1, vy=0.1)
 GOAL = Goal(x=-4.0, y=-4.0)
 STEPS = 300  # control periods of a run, 4.5 s
 SIGMAS = (0.5, 1.5, 3.0)
@@ -50,7 +56,7 @@ class Cell(NamedTuple):
     sigma: float  # of both controls [m/s^2]
 
 
-class Published(NamedTuple):
+class PublishedCost(NamedTuple):
     """The numbers of a cell of the published table."""
 
     mean: float  # accumulated cost
@@ -59,24 +65,24 @@ class Published(NamedTuple):
 
 
 TABLE2 = {
-    Cell("gaussian", 0.5): Published(27919.0, 33.1, 0.259),
-    Cell("smooth", 0.5): Published(61328.7, 1766.8, 0.296),
-    Cell("smooth_star", 0.5): Published(21853.6, 19189.7, 0.295),
-    Cell("log_normal", 0.5): Published(24545.3, 40.3, 0.297),
-    Cell("colored_1", 0.5): Published(13569.7, 65.4, 0.379),
-    Cell("colored_2", 0.5): Published(14201.7, 61.2, 0.379),
-    Cell("gaussian", 1.5): Published(13815.5, 64.6, 0.259),
-    Cell("smooth", 1.5): Published(44401.0, 3232.3, 0.293),
-    Cell("smooth_star", 1.5): Published(11446.3, 71.1, 0.294),
-    Cell("log_normal", 1.5): Published(7316.1, 324.5, 0.299),
-    Cell("colored_1", 1.5): Published(10636.9, 74.4, 0.379),
-    Cell("colored_2", 1.5): Published(11081.2, 75.6, 0.379),
-    Cell("gaussian", 3.0): Published(10815.1, 75.7, 0.259),
-    Cell("smooth", 3.0): Published(68088.2, 7521.7, 0.293),
-    Cell("smooth_star", 3.0): Published(10505.5, 75.6, 0.294),
-    Cell("log_normal", 3.0): Published(6963.5, 380.5, 0.307),
-    Cell("colored_1", 3.0): Published(9191.7, 69.6, 0.380),
-    Cell("colored_2", 3.0): Published(9700.0, 70.2, 0.380),
+    Cell("gaussian", 0.5): PublishedCost(27919.0, 33.1, 0.259),
+    Cell("smooth", 0.5): PublishedCost(61328.7, 1766.8, 0.296),
+    Cell("smooth_star", 0.5): PublishedCost(21853.6, 19189.7, 0.295),
+    Cell("log_normal", 0.5): PublishedCost(24545.3, 40.3, 0.297),
+    Cell("colored_1", 0.5): PublishedCost(13569.7, 65.4, 0.379),
+    Cell("colored_2", 0.5): PublishedCost(14201.7, 61.2, 0.379),
+    Cell("gaussian", 1.5): PublishedCost(13815.5, 64.6, 0.259),
+    Cell("smooth", 1.5): PublishedCost(44401.0, 3232.3, 0.293),
+    Cell("smooth_star", 1.5): PublishedCost(11446.3, 71.1, 0.294),
+    Cell("log_normal", 1.5): PublishedCost(7316.1, 324.5, 0.299),
+    Cell("colored_1", 1.5): PublishedCost(10636.9, 74.4, 0.379),
+    Cell("colored_2", 1.5): PublishedCost(11081.2, 75.6, 0.379),
+    Cell("gaussian", 3.0): PublishedCost(10815.1, 75.7, 0.259),
+    Cell("smooth", 3.0): PublishedCost(68088.2, 7521.7, 0.293),
+    Cell("smooth_star", 3.0): PublishedCost(10505.5, 75.6, 0.294),
+    Cell("log_normal", 3.0): PublishedCost(6963.5, 380.5, 0.307),
+    Cell("colored_1", 3.0): PublishedCost(9191.7, 69.6, 0.380),
+    Cell("colored_2", 3.0): PublishedCost(9700.0, 70.2, 0.380),
 }
 PAPER_SAMPLERS = ("gaussian", "smooth", "smooth_star", "log_normal", "colored_1", "colored_2")
 
@@ -95,8 +101,8 @@ class Motion(NamedTuple):
     """A run of the double integrator."""
 
     t: np.ndarray  # [s]  (steps + 1,)
-    x: np.ndarray  # states, in the order of State  (steps + 1, 4)
-    u: np.ndarray  # controls, in the order of Control  (steps, 2)
+    x: np.ndarray  # states, in the order of PointState  (steps + 1, 4)
+    u: np.ndarray  # controls, in the order of PointControl  (steps, 2)
     plan_ms: float  # median time of a plan
 
 
@@ -145,7 +151,7 @@ def move(task: MotionTask) -> Motion:
         began = perf_counter()
         control, _ = mppi.control(np.array(x))
         plan_ms.append(1e3 * (perf_counter() - began))
-        u = Control(*control.tolist())
+        u = PointControl(*control.tolist())
         x = system.next(x, u)
         controls.append(u)
         states.append(x)
@@ -165,7 +171,7 @@ def score(task: MotionTask) -> Score:
 
 def accumulated_cost(motion: Motion) -> float:
     """Return the sum of the cost over all states but the first, which is given."""
-    x = State(*motion.x[1:].T)
+    x = PointState(*motion.x[1:].T)
     found = evaluate(quadratic_cost(GOAL), x, x, (), GOAL)
     return sum(float(np.sum(term)) for term in found.terms.values())
 

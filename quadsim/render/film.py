@@ -49,7 +49,7 @@ SLOW = 1.0  # weight of the heading beside the velocity in the direction of the 
 WIDEST = 5  # largest width of the path in the picture [px]
 
 
-class View(NamedTuple):
+class FilmFrame(NamedTuple):
     """The poses of the vehicle and of the film camera."""
 
     vehicle: Pose
@@ -88,7 +88,7 @@ def film(
         yield picture
 
 
-def views(telemetry: Mapping[str, np.ndarray], rate: float, radius: float) -> list[View]:
+def views(telemetry: Mapping[str, np.ndarray], rate: float, radius: float) -> list[FilmFrame]:
     """Return the views of a flight from behind and above the vehicle.
 
     Args:
@@ -110,7 +110,7 @@ def views(telemetry: Mapping[str, np.ndarray], rate: float, radius: float) -> li
         place = [float(np.interp(pose.t or 0.0, t, column)) for column in eye.T]
         x, y, z = (float(np.interp(pose.t or 0.0, t, column)) for column in towards.T)
         attitude = from_euler(yaw=atan2(y, x), pitch=-atan2(z, hypot(x, y)), roll=0.0)
-        found.append(View(pose, (place[0], place[1], place[2]), attitude))
+        found.append(FilmFrame(pose, (place[0], place[1], place[2]), attitude))
     return found
 
 
@@ -118,7 +118,7 @@ def draw_path(
     picture: Image.Image,
     seen: Picture,
     camera: Camera,
-    view: View,
+    view: FilmFrame,
     telemetry: Mapping[str, np.ndarray],
     radius: float,
 ) -> None:

@@ -1,7 +1,7 @@
-"""A lens that bends straight lines: its pictures are resampled from those of a pinhole.
+"""A lens that bends straight lines: its pictures are resampled from pictures of a pinhole.
 
 The pinhole's picture has the same focal lengths, and is as large as the rays that reach the lens's
-picture need. Colours are interpolated between four pixels; depth and face are those of the nearest.
+picture need. Colours are interpolated between four pixels; depth and face are the nearest's.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Pinhole(NamedTuple):
 
 
 class Distortion:
-    """The way from the picture of a pinhole to that of a lens.
+    """The resampling of a picture of a pinhole into a picture of a lens.
 
     Args:
         camera: a camera with distortion.
@@ -58,7 +58,7 @@ class Distortion:
         self._nearest = nearest[..., 1] * width + nearest[..., 0]
 
     def colours(self, rgb: np.ndarray) -> np.ndarray:
-        """Return the lens's colours from those of the pinhole.
+        """Return the lens's colours from the colours of the pinhole.
 
         rgb: as in quadsim.render.raster.Drawn.
 

@@ -115,7 +115,7 @@ class Drawn(NamedTuple):
     seen: np.ndarray
 
 
-class Row(NamedTuple):
+class WorkSpace(NamedTuple):
     """Work space of one row of the picture."""
 
     # the columns, 0, 1, 2 and so on  (width,) float32
@@ -143,14 +143,14 @@ class Row(NamedTuple):
     lines: np.ndarray
 
 
-def work_space(width: int, faces: int) -> Row:
+def work_space(width: int, faces: int) -> WorkSpace:
     """Return the arrays in which a row is drawn.
 
     Args:
         width: number of columns of the picture.
         faces: number of faces of the scene.
     """
-    return Row(
+    return WorkSpace(
         ramp=np.arange(width, dtype=np.float32),
         nearest=np.empty(width, np.float32),
         face=np.empty(width, np.int32),
@@ -556,7 +556,7 @@ def _interleave(red, green, blue, pixels):
 
 @njit(fastmath=FAST, error_model="numpy")
 def _see(f, line, first, end, inverse_depth, seen):
-    """Write what the columns from `first` to `end` see: a face and its 1 / depth."""
+    """Write the face that the columns from `first` to `end` see, and its 1 / depth."""
     q0, q1 = line[0], line[1]
     number = np.int16(f)
     for x in range(np.uint64(first), np.uint64(end)):
@@ -602,7 +602,7 @@ def draw(  # noqa: PLR0913
         sky: quadsim.render.look.Sky.
         lens: focal lengths and centre, fx, fy, cx, cy [px].
         film: Film.
-        row: Row, the work space.
+        row: WorkSpace.
         drawn: Drawn, which is filled.
     """
     # The arrays of the innermost loops one by one: numba counts references to those of a record.

@@ -80,7 +80,14 @@ def usual_planner(spec: Mapping[str, Any]) -> Planner | None:
     if reference is None or spec["preset"] not in DERIVED:
         return reference
     scale = recorded_scale(spec)
-    return reference if scale is None else with_period(derived(reference, scale), scale.period)
+    return reference if scale is None else _derived(reference, scale)
+
+
+# Cached, as lists of runs ask for each of them
+@lru_cache(maxsize=32)
+def _derived(reference: Planner, scale: Scale) -> Planner:
+    """Return a planner with the numbers that follow from the scale of a flight."""
+    return with_period(derived(reference, scale), scale.period)
 
 
 def recorded_derivation(spec: Mapping[str, Any]) -> list[DerivedNumber]:

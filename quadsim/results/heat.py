@@ -8,7 +8,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import msgspec
 from rich.console import RenderableType
 from rich.markup import escape
 
@@ -90,7 +89,7 @@ class Heat:
             course=loaded.course,
             start_times=loaded.start_times,
             rules=loaded.spec.settings.rules,
-            spec=msgspec.to_builtins(loaded.spec),
+            spec=loaded.record,
             faults=loaded.faults,
         )
 
@@ -112,7 +111,7 @@ class Heat:
 
     @cached_property
     def events(self) -> list[HeatEvent]:
-        """Overtakes, contacts and who is out, in the order of time."""
+        """Overtakes, contacts and entrants that are out, in the order of time."""
         return heat_events(self.names, self.runs, self.start_times)
 
     def digest(self) -> str:
@@ -201,7 +200,7 @@ class Heat:
         """
         if self._flown is None:
             raise ValueError("expected a race that was flown now; a stored one has its folder")
-        return save_heat(self._flown, self.spec, self.runs, runs_dir, self.faults)
+        return save_heat(self._flown, self.spec, self.runs, runs_dir)
 
 
 def fly_heat(spec: HeatSpec) -> Heat:

@@ -50,7 +50,7 @@ MOST_DISTANCE = 5.0
 LEAST_SLOPE = 0.05
 
 
-class View(NamedTuple):
+class CameraPose(NamedTuple):
     """A pose of a camera."""
 
     # [m]  (3,)
@@ -118,7 +118,7 @@ class Camera:
         s = sin(radians(self.tilt_deg))
         return np.array([[0.0, s, c], [-1.0, 0.0, 0.0], [0.0, -c, s]])
 
-    def pose(self, p: Vec3, q: Quaternion) -> View:
+    def pose(self, p: Vec3, q: Quaternion) -> CameraPose:
         """Return the camera's pose, given the pose of its vehicle.
 
         Args:
@@ -128,10 +128,10 @@ class Camera:
         body = np.array([to_world(q, axis) for axis in BODY_AXES]).T  # world from body
         return self.carried(BodyPose(np.asarray(p, float), body))
 
-    def carried(self, pose: BodyPose) -> View:
+    def carried(self, pose: BodyPose) -> CameraPose:
         """Return the camera's pose on a vehicle with a pose."""
         position = pose.position + pose.body @ np.asarray(self.position)
-        return View(position, pose.body @ self.axes)
+        return CameraPose(position, pose.body @ self.axes)
 
     def project(self, points: np.ndarray, p: Vec3, q: Quaternion) -> tuple[np.ndarray, np.ndarray]:
         """Project points of the world to pixels, and return their depth.

@@ -44,7 +44,7 @@ class Eye(Protocol):
         ...
 
 
-class Moment(NamedTuple):
+class TimedPose(NamedTuple):
     """The pose of the vehicle at one instant."""
 
     # [s]
@@ -71,13 +71,13 @@ class PixelCamera:
         self._half = 0.5 * (config.exposure + config.readout)
         self._dropouts = Dropouts(config.dropouts, config.dropout, seeds)
         # recent poses of the vehicle, and the middles of the pictures that are being taken
-        self._moments: deque[Moment] = deque()
+        self._moments: deque[TimedPose] = deque()
         self._open: deque[float] = deque()
 
     def sample(self, state: PlantState[State]) -> Photo | None:
         """Return a picture if one is complete at this step and not lost, else None."""
         x = state.x
-        self._moments.append(Moment(state.t, (*x.position, *x.attitude)))
+        self._moments.append(TimedPose(state.t, (*x.position, *x.attitude)))
         if self._ticks.due(state.t):
             self._open.append(state.t)
         oldest = (self._open[0] if self._open else state.t) - self._half
@@ -100,7 +100,7 @@ def row_times(config: PixelCameraConfig, t: float) -> np.ndarray:
 
 
 def row_poses(
-    config: PixelCameraConfig, t: float, moments: list[Moment]
+    config: PixelCameraConfig, t: float, moments: list[TimedPose]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the pose of the camera at each row of each pass of a picture.
 

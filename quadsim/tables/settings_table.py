@@ -34,7 +34,7 @@ STRUCTS = inspect.StructType | inspect.DataclassType
 LISTS = inspect.TupleType | inspect.VarTupleType
 
 
-class Row(NamedTuple):
+class SettingRow(NamedTuple):
     """A setting, or a key of a file."""
 
     name: str
@@ -46,7 +46,7 @@ class Row(NamedTuple):
     meaning: str
 
 
-def setting_rows() -> tuple[Row, ...]:
+def setting_rows() -> tuple[SettingRow, ...]:
     """Return the rows of all settings, in the order of `race fly --help`."""
     base = PRESETS[FlightSettings.preset][FlightSettings.sampler]
     planners = {name: of_sampler[FlightSettings.sampler] for name, of_sampler in PRESETS.items()}
@@ -69,7 +69,7 @@ def _values(planner: Planner) -> dict[str, object]:
 
 def _setting_row(
     setting: Setting, defaults: dict[str, object], values: dict[str, dict[str, object]]
-) -> Row:
+) -> SettingRow:
     """Return the row of one setting.
 
     Args:
@@ -88,7 +88,7 @@ def _setting_row(
     }
     texts = [f"{preset}: {value}" for preset, value in others.items()]
     meaning, default = _with_named_default(setting.help, default)
-    return Row(name, setting.unit, allowed(setting.kind), default, "; ".join(texts), meaning)
+    return SettingRow(name, setting.unit, allowed(setting.kind), default, "; ".join(texts), meaning)
 
 
 def _with_named_default(text: str, default: str) -> tuple[str, str]:
@@ -105,7 +105,7 @@ def _of_others(setting: Setting) -> str:
     return f"of {' and '.join(owners)} only"
 
 
-def key_rows(schema: type, parent: str = "") -> Iterator[Row]:
+def key_rows(schema: type, parent: str = "") -> Iterator[SettingRow]:
     """Yield the rows of a file's keys, such as "gates[].position", in the order of its schema.
 
     Args:
@@ -127,7 +127,7 @@ def key_rows(schema: type, parent: str = "") -> Iterator[Row]:
         if text or not isinstance(inner, STRUCTS):
             unit = unit_of(field.type)
             meaning, default = _with_named_default(_without_unit(text, unit), _default(field))
-            yield Row(name, unit, allowed(field.type), default, "", meaning)
+            yield SettingRow(name, unit, allowed(field.type), default, "", meaning)
         if isinstance(inner, STRUCTS):
             yield from key_rows(inner.cls, f"{name}{brackets}.")
 
@@ -175,7 +175,9 @@ def shown(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def markdown(rows: Iterator[Row] | tuple[Row, ...], first: str, with_presets: bool) -> str:
+def markdown(
+    rows: Iterator[SettingRow] | tuple[SettingRow, ...], first: str, with_presets: bool
+) -> str:
     """Return rows as a table of Markdown.
 
     Args:

@@ -29,9 +29,9 @@ from quadsim.controllers.sampled_trajectories import terms_of
 from quadsim.controllers.samplers import Gaussian
 from quadsim.dynamics.estimate import Estimate
 from quadsim.paper.integrator import (
-    Control,
     Goal,
-    State,
+    PointControl,
+    PointState,
     double_integrator,
     speed,
 )
@@ -225,7 +225,7 @@ def test_terms_go_to_other_processes():
 
 def test_evaluate_takes_the_numbers_of_its_step():
     moving = replace(COST, params=along(1.0, 0.0, 2.0, -1.0))
-    x, u = State(0.0, 0.0, 0.0, 0.0), Control(0.0, 0.0)
+    x, u = PointState(0.0, 0.0, 0.0, 0.0), PointControl(0.0, 0.0)
     for t in (0, 7, T - 1):
         frozen = replace(COST, params=Point(*(float(value[t]) for value in moving.params)))
         assert (
@@ -428,7 +428,7 @@ def test_a_step_that_returns_no_state_is_a_line_that_names_it():
         return x.px, x.py, x.vx, x.vy
 
     with pytest.raises(
-        TraceError, match=r"plain: .*test_costs.py:\d+: expected it to return a State, got tuple"
+        TraceError, match=r"plain: .*test_costs.py:\d+: expected it to return a PointState, got tup"
     ):
         module_source(replace(SYSTEM, step=plain), COST, np.float32)
 
@@ -598,7 +598,7 @@ def pursued(predicts, seconds=5.0):
     to stand still."""
     far = Point(1e3, 0.0)
     mppi = MPPI(LIMITED, going_to(Point(0.0, 0.0), far, 5.0, 0.01), Gaussian((1.5, 1.5)), CONFIG, 1)
-    x = State(-1.0, -1.0, 0.0, 0.0)
+    x = PointState(-1.0, -1.0, 0.0, 0.0)
     apart = []
     for k in range(round(seconds / SYSTEM.dt)):
         here = along(0.0, 1.5 * k * SYSTEM.dt, 0.0, 1.5, CONFIG.horizon)

@@ -242,7 +242,7 @@ def test_the_order_of_operations_is_that_of_the_source(expected):
     "expected", ["a - (b - c)", "a + (b + c)", "a / (b * c)", "(a + b) * c", "-(a + b)"]
 )
 def test_lines_without_the_parentheses_would_be_found(expected, monkeypatch):
-    """Even where the sum differs by its rounding alone."""
+    """Also a sum of which the order of the terms changes the rounding alone."""
     monkeypatch.setattr(Writer, "_within", lambda writer, value, binding: writer(value))
     assert not runs_alike(ORDERS[expected], random_rows(0))
 

@@ -13,7 +13,7 @@ from quadsim.firmware.translation import (
     RENAMED,
     WITHOUT_SIMULATION,
     ConfigurationError,
-    Kind,
+    Treatment,
     board_settings,
     in_this_version,
     translated,
@@ -50,7 +50,7 @@ def carried_out(*lines, version=None):
 )
 def test_the_version_is_that_of_the_header(line, version):
     found = translated(Text("x", (line, ARM)))
-    assert (found.version, found.is_said) == (version, version is not None)
+    assert (found.version, found.is_in_header) == (version, version is not None)
 
 
 @pytest.mark.parametrize(("old", "new"), list(RENAMED.items()))
@@ -142,7 +142,7 @@ def test_rates_of_a_part_of_a_text_are_meant_as_its_version_means_them():
 def test_what_a_later_defaults_takes_back_does_not_fly():
     found = translated(Text("x", ("set p_roll = 99", "defaults nosave", ARM)))
     assert [line.text for line in found.lines] == [ARM]
-    assert [entry.line.number for entry in found.of_kind(Kind.TAKEN_BACK)] == [1]
+    assert [entry.line.number for entry in found.of_kind(Treatment.TAKEN_BACK)] == [1]
 
 
 @pytest.mark.parametrize("name", [*NOT_EXACT, *WITHOUT_SIMULATION])
@@ -208,7 +208,7 @@ def test_kinds_of_settings_do_not_overlap():
 )
 def test_lines_of_the_board_are_left_out_and_counted(line):
     found = translated(text(line))
-    assert [entry.line.text for entry in found.of_kind(Kind.BOARD)] == [line]
+    assert [entry.line.text for entry in found.of_kind(Treatment.BOARD)] == [line]
     assert not found.changes_something
     assert found.report() == ["1 line of the board, the transmitter or another mode: left out"]
 
@@ -255,7 +255,7 @@ def test_a_line_for_another_airframe_or_link_is_one_line(line, said):
 )
 def test_a_line_for_the_same_airframe_is_taken(lines):
     found = translated(text(*lines))
-    assert {entry.kind for entry in found.entries} == {Kind.TAKEN}
+    assert {entry.kind for entry in found.entries} == {Treatment.TAKEN}
 
 
 def test_all_problems_are_named_at_once():

@@ -1,6 +1,7 @@
-"""`make fuzz`: run seeded cases and count them by kind.
+"""`make fuzz`: run seeded cases of each kind, until one of the kind fails.
 
-A failure is printed with the arguments that reproduce it. The exit code is 1 if there are any.
+Hypothesis draws the cases. It looks for the smallest case that fails, which is printed; the same
+seed finds it again. The exit code is 1 if a case failed.
 """
 
 from __future__ import annotations
@@ -10,10 +11,14 @@ import multiprocessing as mp
 import random
 import sys
 import time
-from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
 from importlib import import_module
 from typing import NamedTuple
+
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis.errors import Flaky
+from hypothesis.strategies import randoms
 
 from tests.fuzz.base import base, campaign_base
 from tests.fuzz.betaflight_texts import betaflight_texts
@@ -70,54 +75,62 @@ LOADED = (
 )
 
 
-class Place(NamedTuple):
-    """The three numbers on which a case depends, and nothing else."""
+class Search(NamedTuple):
+    """The cases of one kind that are run."""
 
     kind: str
-    number: int
+    cases: int
     seed: int
 
 
 class Result(NamedTuple):
-    """A case that has run."""
+    """What a search has found."""
 
-    place: Place
-    label: str
-    problem: str
+    kind: str
+    cases: int  # that have run
+    failure: str  # the smallest case that fails; empty if none does
     seconds: float
 
 
-def case_of(place: Place) -> Case:
-    """Return the case at a place."""
-    return KINDS[place.kind].make(random.Random(f"{place.seed} {place.kind} {place.number}"))
-
-
-def timed(place: Place) -> Result:
-    """Run the case at a place."""
-    case = case_of(place)
+def searched(search: Search) -> Result:
+    """Run cases until one fails, then look for the smallest case that fails."""
     began = time.perf_counter()
-    problem = run(case)
-    return Result(place, case.label, problem, time.perf_counter() - began)
+    failures: list[str] = []
+    ran = 0
+
+    @seed(f"{search.seed} {search.kind}")
+    @settings(
+        max_examples=search.cases,
+        database=None,
+        deadline=None,
+        phases=(Phase.generate, Phase.shrink),
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(randoms(use_true_random=False))
+    def holds(rng: random.Random) -> None:
+        nonlocal ran
+        ran += not failures
+        case = KINDS[search.kind].make(rng)
+        problem = run(case)
+        if problem:
+            failures.append(f"{problem}\n    {case.label[:1000]}")
+            raise AssertionError(problem)
+
+    # The last failure is the smallest. Flaky: it failed once, and not again
+    with suppress(AssertionError, Flaky):
+        holds()
+    failure = failures[-1] if failures else ""
+    return Result(search.kind, ran, failure, time.perf_counter() - began)
 
 
 def arguments() -> argparse.Namespace:
     """Return the arguments of the command line."""
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
     parser.add_argument("kinds", nargs="*", default=list(KINDS), help=", ".join(KINDS))
-    parser.add_argument("--times", type=float, default=1.0, help="multiple of the usual cases")
-    parser.add_argument("--first", type=int, default=0, help="number of cases of each kind")
-    parser.add_argument("--only", type=int, help="the number of one case")
+    parser.add_argument("--cases", type=int, help="number of cases of each kind")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--jobs", type=int, default=2, help="cases at once")
+    parser.add_argument("--jobs", type=int, default=2, help="kinds at once")
     return parser.parse_args()
-
-
-def chosen(args: argparse.Namespace) -> list[Place]:
-    """Return the places of the cases that the command line asks for."""
-    if args.only is not None:
-        return [Place(kind, args.only, args.seed) for kind in args.kinds]
-    numbers = {kind: args.first or round(KINDS[kind].cases * args.times) for kind in args.kinds}
-    return [Place(kind, i, args.seed) for kind, n in numbers.items() for i in range(n)]
 
 
 def load(kinds: list[str], few: bool) -> None:
@@ -139,23 +152,15 @@ def load(kinds: list[str], few: bool) -> None:
 def main() -> int:
     """Run the cases. Return the exit code."""
     args = arguments()
-    load(args.kinds, few=args.first > 0)
-    places = chosen(args)
-    ran, failed, seconds = Counter(), Counter(), Counter()
+    load(args.kinds, few=args.cases is not None)
+    searches = [Search(kind, args.cases or KINDS[kind].cases, args.seed) for kind in args.kinds]
+    failed = 0
     with mp.get_context("fork").Pool(args.jobs) as pool:
-        for result in pool.imap_unordered(timed, places):
-            kind = result.place.kind
-            ran[kind] += 1
-            seconds[kind] += result.seconds
-            if ran.total() % 50 == 0:
-                print(f"{ran.total()} of {len(places)}", file=sys.stderr, flush=True)
-            if result.problem:
-                failed[kind] += 1
-                where = f"{kind} --only {result.place.number} --seed {result.place.seed}"
-                print(f"FAILED {where}: {result.problem}\n    {result.label[:300]}", flush=True)
-    for kind, n in ran.items():
-        print(f"{kind:<14}{n:>6} cases {failed[kind]:>5} failed {seconds[kind]:>8.0f} s")
-    print(f"{'all':<14}{ran.total():>6} cases {failed.total():>5} failed")
+        for result in pool.imap_unordered(searched, searches):
+            failed += bool(result.failure)
+            print(f"{result.kind:<18}{result.cases:>6} cases {result.seconds:>8.0f} s", flush=True)
+            if result.failure:
+                print(f"FAILED {result.kind} --seed {args.seed}: {result.failure}", flush=True)
     return 1 if failed else 0
 
 

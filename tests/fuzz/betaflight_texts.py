@@ -21,7 +21,7 @@ from quadsim.firmware.translation import (
     NOT_EXACT,
     RENAMED,
     WITHOUT_SIMULATION,
-    Kind,
+    Treatment,
     board_settings,
     in_this_version,
     translated,
@@ -152,7 +152,7 @@ def _read() -> int:
         dropped = {
             name[1].lower()
             for entry in found.entries
-            if entry.kind in (Kind.BOARD, Kind.NOT_SIMULATED, Kind.NOT_EXACT)
+            if entry.kind in (Treatment.BOARD, Treatment.NOT_SIMULATED, Treatment.NOT_EXACT)
             and (name := MISSPELT.match(entry.line.text))
         }
         known = {*board_settings(), *NOT_EXACT, *WITHOUT_SIMULATION}

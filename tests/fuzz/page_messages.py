@@ -11,6 +11,7 @@ import random
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -45,23 +46,26 @@ FORMS = (
 FIELDS = ("course", "seed", "laps", "temperature", "sampler", "horizon", "of", "ghosts", "item")
 FIELDS = (*FIELDS, "add", "reset", "new", "done", "save", "link", "undo", "x", "__class__", "")
 
+# A message to the scene, and one over the link
+Messages = tuple[bytes | str, bytes | str]
+
 
 def page_messages(rng: random.Random) -> Case:
     """Return a case with some messages of one visitor."""
-    seed = rng.random()
-    call = partial(visit, random.Random(seed))
-    label = f"messages of the seed {seed}"
-    return Case("page_messages", label, (), call=call, codes=frozenset({0}))
+    messages = [(_message(rng), _link_message(rng)) for _ in range(rng.randint(1, 30))]
+    wanted = rng.choice((0.125, 0.875))
+    call = partial(visit, messages, wanted)
+    return Case("page_messages", f"{messages!r}, {wanted}", (), call=call, codes=frozenset({0}))
 
 
-def visit(rng: random.Random) -> int:
+def visit(messages: Sequence[Messages], wanted: float) -> int:
     """Send messages, then a good one, which has to be followed. Return the exit code."""
     with tempfile.TemporaryDirectory() as root:
         server = serve("127.0.0.1", 0, None, "race")
         session = Session(root)
         page = Dashboard(server, session, MENU, Choices(course="figure8"))
         try:
-            problem = _problem(rng, server.get_port(), page)
+            problem = _problem(messages, wanted, server.get_port(), page)
         finally:
             page.close()
             session.close()
@@ -71,13 +75,12 @@ def visit(rng: random.Random) -> int:
     return 1 if problem else 0
 
 
-def _problem(rng: random.Random, port: int, page: Dashboard) -> str:
-    """Send messages; return what went wrong, empty if nothing did."""
+def _problem(messages: Sequence[Messages], wanted: float, port: int, page: Dashboard) -> str:
+    """Send messages, and then `wanted` as a temperature; return what went wrong, or ""."""
     with connect(port) as client, link(port) as linked:
-        for _ in range(rng.randint(1, 30)):
-            client.socket.send(_message(rng))
-            linked.socket.send(_link_message(rng))
-        wanted = rng.choice((0.125, 0.875))
+        for of_scene, of_link in messages:
+            client.socket.send(of_scene)
+            linked.socket.send(of_link)
         if linked.set("competitors", "temperature", wanted):
             return "a good message was not followed"
         end = time.monotonic() + 20

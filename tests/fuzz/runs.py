@@ -38,7 +38,7 @@ def _damage_one(name: str, seed: int, folder: Path) -> None:
     rng = random.Random(seed)
     source = rng.choice(base().runs)
     shutil.copytree(source, folder / "runs" / "good")
-    # The command reads the last run, by its time, which begins the name.
+    # The command reads the latest run: names begin with the time.
     run = folder / "runs" / f"9{source.name}"
     shutil.copytree(source, run)
     damage(rng, run / name)

@@ -7,7 +7,7 @@ import pytest
 
 from quadsim.identify.geometry import Geometry
 from quadsim.identify.intervals import covariances
-from quadsim.identify.numbers import Numbers
+from quadsim.identify.numbers import FitNumbers
 from quadsim.identify.prepared import prepare
 from quadsim.identify.prior import prior_of
 from quadsim.identify.problem import RATE_PIECE, blocks_of, single_thrusts
@@ -85,7 +85,7 @@ def rate_residuals(log):
     parts = prepare(stretches(log), vehicle)
     (block,) = (b for b in blocks_of(parts, turning=(0,)) if b.channel.name == "rate")
     prior = prior_of(vehicle)
-    numbers = Numbers(**{name: prior[name].mean for name in Numbers._fields})
+    numbers = FitNumbers(**{name: prior[name].mean for name in FitNumbers._fields})
     return block.residuals(numbers, Geometry.of(vehicle), single_thrusts(parts[0], numbers))
 
 

@@ -48,7 +48,7 @@ def test_a_network_of_any_depth_is_kept_as_it_is(hidden, activation, output, tmp
     matrix, bias = layers[-1]
     expected = OUT[output](x @ matrix + bias)
     np.testing.assert_array_equal(pilot(SEEN), expected)
-    np.testing.assert_allclose(pilot(np.stack([SEEN, SEEN])), [expected] * 2, rtol=1e-5)
+    np.testing.assert_allclose(pilot(np.stack([SEEN, SEEN])), [expected] * 2, rtol=1e-5, atol=1e-6)
 
 
 def test_hidden_layers_may_have_different_activations(tmp_path):

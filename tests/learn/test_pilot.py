@@ -41,6 +41,9 @@ def write(path, **about):
         "low": system.low,
         "high": system.high,
         "course": "any",
+        "activation": "tanh",
+        "output": "clip",
+        "vehicle_sha256": "",
     }
     path.write_bytes(pilot_bytes(hovering_weights(), About(**record | about)))
     return path
@@ -149,15 +152,6 @@ def test_a_pilot_that_is_no_regular_file_is_one_line(tmp_path):
             load_pilot(tmp_path / f"{name}.npz")
         assert name in str(error.value)
         assert "\n" not in str(error.value)
-
-
-def test_an_older_pilot_without_the_vehicles_sha256_is_read(hovering):
-    with np.load(hovering) as arrays:
-        kept = dict(arrays)
-    about = json.loads(str(kept["about"]))
-    del about["vehicle_sha256"]
-    np.savez(hovering, **kept | {"about": np.array(json.dumps(about))})
-    assert load_pilot(hovering).about.vehicle_sha256 == ""
 
 
 def test_a_damaged_file_is_one_line(hovering):

@@ -19,7 +19,7 @@ from quadsim.files.strict_yaml import FileError
 from quadsim.learn import training as training_module
 from quadsim.learn.checkpoint import Checkpoint, checkpoint_bytes, read_checkpoint
 from quadsim.learn.ppo_config import PPOConfig
-from quadsim.learn.training import Clock, Flown, Progress, Score, Training, learning_rate
+from quadsim.learn.training import Clock, EvaluatedRaces, Progress, Score, Training, learning_rate
 from quadsim.vehicle.vehicle import VEHICLES
 from tests.fuzz import learner
 
@@ -165,7 +165,7 @@ def set_up(patch, folder):
 
 def leave_out_flights(patch):
     """Let evaluations and the plot take no time; the fixture `trained` has a real one of each."""
-    flown = Flown(finished=0.0, lap=0.0, gates=0.5)
+    flown = EvaluatedRaces(finished=0.0, lap=0.0, gates=0.5)
     patch.setattr(training_module, "evaluate", lambda pilot, task, flights: flown)
     patch.setattr(command, "_plot", lambda history, path, title: None)
 

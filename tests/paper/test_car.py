@@ -8,7 +8,7 @@ from oracle import fly_rows, to_lanes
 
 from quadsim.controllers.lanes.lanes import Rollout
 from quadsim.controllers.lanes.layout import LANES
-from quadsim.paper.car import DRIVEN, NOMINAL, OffroadVehicle, State, car, disturbed
+from quadsim.paper.car import DRIVEN, NOMINAL, CarState, OffroadVehicle, car, disturbed
 from quadsim.paper.corridor import ZIGZAG
 from quadsim.paper.corridor_cost import corridor_cost
 
@@ -21,7 +21,7 @@ COST = corridor_cost(ZIGZAG, half_width=0.8, dt=DT)
 
 
 def state(**values):
-    return State(**{**dict.fromkeys(STATES, 0.0), "hx": 1.0, **values})
+    return CarState(**{**dict.fromkeys(STATES, 0.0), "hx": 1.0, **values})
 
 
 def drive(x, u, seconds, vehicle=NOMINAL, dt=DT):
@@ -95,7 +95,7 @@ def test_driven_vehicle_slips_out_of_the_turn_that_the_nominal_one_makes():
 
 def test_the_disturbed_vehicle_drifts_by_its_disturbance_alone():
     """Its yaw rate moves by 0.2 rad/s in 1 s; without the disturbance not at all."""
-    std = State(*[0.2 if name == "r" else 0.0 for name in STATES])
+    std = CarState(*[0.2 if name == "r" else 0.0 for name in STATES])
     free = car(OffroadVehicle(yaw_tau=1e9), 0.05)
     ends = []
     for seed in range(200):

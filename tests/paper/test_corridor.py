@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from quadsim.controllers.costs import evaluate
-from quadsim.paper.car import Control, State
+from quadsim.paper.car import CarControl, CarState
 from quadsim.paper.corridor import STUCK, ZIGZAG, Corridor, DriveReferee
 from quadsim.paper.corridor_cost import RUN_OUT, CorridorWeights, corridor_cost
 
@@ -14,11 +14,11 @@ COST = corridor_cost(CORNER, half_width=0.8, dt=0.02, weights=CorridorWeights(ma
 
 
 def at(px, py, v=5.0, r=0.0):
-    return State(px, py, hx=1.0, hy=0.0, v=v, r=r, steer=0.0, drive=0.0)
+    return CarState(px, py, hx=1.0, hy=0.0, v=v, r=r, steer=0.0, drive=0.0)
 
 
 def terms(x, leg=0):
-    found = evaluate(COST, x, x, Control(0.0, 0.0), COST.targets[leg])
+    found = evaluate(COST, x, x, CarControl(0.0, 0.0), COST.targets[leg])
     return found.terms | {"reached": found.reached}
 
 

@@ -9,8 +9,8 @@ from quadsim.controllers.lanes.lanes import Rollout
 from quadsim.controllers.lanes.layout import LANES
 from quadsim.paper.integrator import (
     UNLIMITED,
-    Control,
-    State,
+    PointControl,
+    PointState,
     double_integrator,
     quadratic_cost,
 )
@@ -49,8 +49,8 @@ def test_constant_control_goes_as_the_sums_of_explicit_euler():
 
 
 def test_cost_is_five_per_square_metre_and_a_half_per_square_metre_per_second():
-    x = State(px=-3.0, py=-6.0, vx=2.0, vy=-1.0)
-    found = evaluate(COST, x, x, Control(0.0, 0.0), (-4.0, -4.0))
+    x = PointState(px=-3.0, py=-6.0, vx=2.0, vy=-1.0)
+    found = evaluate(COST, x, x, PointControl(0.0, 0.0), (-4.0, -4.0))
     assert found.terms == {"distance": 5 * 5.0, "speed": 0.5 * 5.0}
     assert (found.reached, found.crashed) == (False, 0.0)
 

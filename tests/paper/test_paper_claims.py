@@ -14,7 +14,7 @@ from quadsim.config.build import flight_frames
 from quadsim.config.spec import Spec
 from quadsim.controllers.samplers import Colored, Gaussian
 from quadsim.paper import noise, offroad, table2
-from quadsim.paper.car import State
+from quadsim.paper.car import CarState
 from quadsim.paper.double_integrator import psd
 from quadsim.paper.exploration import SAMPLES, paths
 from quadsim.paper.noise import perturbations
@@ -179,8 +179,8 @@ def test_colored_turns_where_gaussian_cannot():
     reduced = replace(offroad.CONFIG, samples=1024, iterations=1)
     colored = offroad.drive(DriveTask(offroad.COLORED, reduced, seed=0, timeout=8.0))
     gaussian = offroad.drive(DriveTask(offroad.GAUSSIAN, reduced, seed=0, timeout=8.0))
-    y = State._fields.index("py")
-    steer = State._fields.index("steer")
+    y = CarState._fields.index("py")
+    steer = CarState._fields.index("steer")
     assert colored.legs >= 1
     assert colored.x[-1, y] > 8.0, "up the second leg [m]"
     assert gaussian.x[-1, y] < 4.0

@@ -16,7 +16,7 @@ from quadsim.render.scene import GROUND_ID, Scene, Views
 from quadsim.rotation import exp, from_euler, product
 from quadsim.sensing.camera import Camera
 from quadsim.sensing.config import PixelCameraConfig
-from quadsim.sensing.pixel_camera import Moment, PixelCamera, row_poses, row_times
+from quadsim.sensing.pixel_camera import PixelCamera, TimedPose, row_poses, row_times
 
 pytestmark = pytest.mark.compiled
 
@@ -124,7 +124,7 @@ def turning(exposure, readout, passes):
     shutter = {"exposure": exposure, "readout": readout, "passes": passes}
     config = PixelCameraConfig(160, 90, 80.0, 80.0, **shutter)
     times = np.arange(-0.05, 0.05, 1 / 400)
-    moments = [Moment(t, (*START.position, *exp((0.0, 0.0, TURN * t)))) for t in times.tolist()]
+    moments = [TimedPose(t, (*START.position, *exp((0.0, 0.0, TURN * t)))) for t in times.tolist()]
     views = Views(*row_poses(config, 0.0, moments))
     rgb = Scene(POST, config).colours(views, plain_look())
     return rgb[:40, :, 2].astype(float)

@@ -15,7 +15,7 @@ from quadsim.render.eye import CourseEye
 from quadsim.rotation import from_yaw, matrix, turned
 from quadsim.sensing import load_sensing
 from quadsim.sensing.camera import BodyPose
-from quadsim.sensing.pixel_camera import Moment, row_poses
+from quadsim.sensing.pixel_camera import TimedPose, row_poses
 from quadsim.sensing.pixels import network as networks
 from quadsim.sensing.pixels import network_pose, tracker
 from quadsim.sensing.pixels.edges import Frames
@@ -115,7 +115,7 @@ def network():
 def picture(p, yaw):
     eye = CourseEye(CAMERA, np.random.SeedSequence(3), COURSE)
     pose = (*p, *from_yaw(radians(yaw)))
-    return eye(*row_poses(CAMERA, 0.0, [Moment(-0.02, pose), Moment(0.02, pose)]))
+    return eye(*row_poses(CAMERA, 0.0, [TimedPose(-0.02, pose), TimedPose(0.02, pose)]))
 
 
 @pytest.mark.compiled

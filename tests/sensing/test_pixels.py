@@ -14,7 +14,7 @@ from quadsim.rotation import exp, from_yaw, product, turned
 from quadsim.sensing import load_sensing
 from quadsim.sensing.measurements import Photo
 from quadsim.sensing.nominal import Nominal
-from quadsim.sensing.pixel_camera import Moment, row_poses
+from quadsim.sensing.pixel_camera import TimedPose, row_poses
 from quadsim.sensing.pixels.tracker import Tracker
 from quadsim.sensing.state import FilterState
 
@@ -47,7 +47,7 @@ def photo_at(eye, position, yaw, velocity, rates):
     moments = []
     for t in np.arange(-0.02, 0.021, 0.0025).tolist():
         p = np.array(position) + t * np.array(velocity)
-        moments.append(Moment(t, (*p.tolist(), *turned(q, tuple(t * w for w in rates)))))
+        moments.append(TimedPose(t, (*p.tolist(), *turned(q, tuple(t * w for w in rates)))))
     return Photo(0.0, eye(*row_poses(CONFIG, 0.0, moments)))
 
 

@@ -8,7 +8,7 @@ from quadsim.course import load_course
 from quadsim.course.frames import frames
 from quadsim.rotation import from_yaw, matrix
 from quadsim.sensing import load_sensing
-from quadsim.sensing.camera import BodyPose, View
+from quadsim.sensing.camera import BodyPose, CameraPose
 from quadsim.sensing.pixels.edges import Frames, seen_well, visible_points
 from quadsim.sensing.pixels.pose_fit import Guess, fitted, line_ends, normal_moves
 
@@ -82,5 +82,5 @@ def test_a_thin_frame_is_seen_from_nearer_to_its_plane_than_a_thick_one():
     thick = replace(GATES[0], frame_depth=0.1)
     # 5 cm before the plane of the gate
     eye = np.array(thin.position) - 0.05 * np.array(thin.axes[0])
-    view = View(eye, np.eye(3))
+    view = CameraPose(eye, np.eye(3))
     assert seen_well(Frames([thin, thick]), view, longest=10.0).tolist() == [True, False]

@@ -36,21 +36,29 @@ def test_a_row_says_what_the_run_says(tmp_path):
     folder = stored(tmp_path, "gaussian", laps=3)
     table = RunTable(str(tmp_path))
     assert table.refresh()
-    of_glider, of_probe = sorted(table.rows, key=lambda row: row.course)
+    of_glider, of_probe = sorted(table.rows, key=lambda row: row.cells["course"])
     record = json.loads((folder / "run.json").read_text())
     best = limit_of(record["spec"]).time
     time_flown = sum(record["laps"])
     assert of_glider.name == folder.name
-    assert (of_glider.course, of_glider.flown_by, of_glider.vehicle) == (
-        "figure8",
-        "gaussian",
-        "swift",
-    )
-    assert (of_glider.sensing, of_glider.seed, of_glider.laps) == ("perfect", 0, "3/3")
-    assert (of_glider.changes, of_glider.outcome, of_glider.time) == (0, "finished", time_flown)
-    assert of_glider.above == pytest.approx(100 * (time_flown / best - 1), abs=0.06)
-    assert of_probe.vehicle == "<b>\N{REPLACEMENT CHARACTER}swift"
-    assert (of_probe.sensing, of_probe.changes, of_probe.above) == ("gates", 2, None)
+    cells = dict(of_glider.cells)
+    assert cells.pop("when")[:2] == "20"
+    assert cells.pop("above") == pytest.approx(100 * (time_flown / best - 1), abs=0.06)
+    assert cells == {
+        "course": "figure8",
+        "flown_by": "gaussian",
+        "time": time_flown,
+        "outcome": "finished",
+        "seed": 0,
+        "progress": "3/3",
+        "vehicle": "swift",
+        "preset": "race",
+        "sensing": "perfect",
+        "numbers": "",
+        "changes": 0,
+    }
+    assert of_probe.cells["vehicle"] == "<b>\N{REPLACEMENT CHARACTER}swift"
+    assert [of_probe.cells[key] for key in ("sensing", "changes", "above")] == ["gates", 2, None]
 
 
 def test_a_row_names_the_numbers_and_settings_that_distinguish_it(tmp_path):
@@ -58,13 +66,13 @@ def test_a_row_names_the_numbers_and_settings_that_distinguish_it(tmp_path):
     flown = choices("colored", numbers=numbers, clock="wall", deadline_ms="8")
     store(tmp_path, run_of(Glider(flown)))
     (row,) = refreshed(tmp_path)
-    assert set(row.numbers.split(", ")) >= {"samples 256", "temperature 0.2"}
-    assert "wall clock, deadline 8" in row.more
+    assert set(row.cells["numbers"].split(", ")) >= {"samples 256", "temperature 0.2"}
+    assert "wall clock, deadline 8" in row.other_settings
     shutil.rmtree(tmp_path / row.name)
     stored(tmp_path)
     (plain,) = refreshed(tmp_path)
-    assert plain.numbers == ""
-    assert "deadline" not in plain.more
+    assert plain.cells["numbers"] == ""
+    assert "deadline" not in plain.other_settings
 
 
 def refreshed(root):
@@ -87,9 +95,7 @@ def test_a_look_at_the_same_folder_reads_nothing_and_a_new_run_arrives(tmp_path,
     arrived = stored(tmp_path, "gaussian")
     read = []
     reads = run_table.read_row
-    monkeypatch.setattr(
-        run_table, "read_row", lambda path, data: read.append(path) or reads(path, data)
-    )
+    monkeypatch.setattr(run_table, "read_row", lambda path: read.append(path) or reads(path))
     assert table.refresh()
     assert read == [arrived]
     assert {row.name for row in table.rows} == {before.name, arrived.name}
@@ -103,11 +109,11 @@ def test_a_limit_that_is_found_later_is_compared_with(tmp_path, monkeypatch):
     stored(tmp_path, laps=3)
     table = RunTable(str(tmp_path))
     table.refresh()
-    assert table.rows[0].above is None
+    assert table.rows[0].cells["above"] is None
     monkeypatch.undo()
     (tmp_path / "limits").mkdir()
     assert table.refresh()
-    assert table.rows[0].above is not None
+    assert table.rows[0].cells["above"] is not None
 
 
 @pytest.mark.slow
@@ -147,7 +153,7 @@ def test_a_run_that_does_not_fit_its_telemetry_becomes_a_row_that_says_so(tmp_pa
     assert "telemetry.npz: expected a file of a run" in problems[bare.name]
     # A line of the page names the row, and gives no time to sort by.
     assert not any(str(tmp_path) in problem for problem in problems.values())
-    assert [row.time for row in table.rows if row.problem] == [None] * 3
+    assert [row.cells["time"] for row in table.rows if row.problem] == [None] * 3
     arrived = stored(tmp_path)
     assert table.refresh()
     assert table.check_next()

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from quadsim.config.spec import Spec
-from quadsim.heat.archive import read_heat, spec_of_heat
+from quadsim.heat.archive import read_heat, recorded_heat
 from quadsim.heat.spec import HeatSpec
 from quadsim.record.archive import read_run
 
@@ -43,4 +43,4 @@ class HeatAgainChoices:
 
     def spec(self) -> HeatSpec:
         """Return the race. Raises RunError, ValueError, see AgainChoices."""
-        return spec_of_heat(read_heat(self.folder), self.root)
+        return recorded_heat(read_heat(self.folder).record, settings={"runs_dir": self.root})

@@ -10,94 +10,63 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from datetime import datetime
 from hashlib import sha256
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, get_type_hints
+from typing import Any, NamedTuple
 
 import msgspec
 
-from quadsim.files.arrays import read_bytes
 from quadsim.files.strict_yaml import FileError
 from quadsim.heat.archive import HEAT, is_heat, read_heat
 from quadsim.limit.limits import limit_of, limits_folder
 from quadsim.record.archive import PART, read_run
 from quadsim.record.run import RunError, canonical
-from quadsim.record.schema import ListedHeat, RunSpec, StoredRecord
-from quadsim.report.preset_changes import changed_numbers
-from quadsim.results.stored_runs import LARGEST_RECORD, flown_at, read_row
-from quadsim.sensing import PERFECT
+from quadsim.results.stored_row import (
+    RECORD,
+    UNREADABLE,
+    StoredRow,
+    TableColumn,
+    columns,
+    flown_at,
+    read_row,
+)
 from quadsim.web.state.plain_text import plain
 
-RECORD = "run.json"
 LONGEST_PROBLEM = 160  # [characters]
 # A folder modified less than this time ago [s] may change again without a new time
 RECENT = 2.0
 # Parts of a spec that decide the limit of its race
 OF_LIMIT = ("course", "vehicle", "laps", "plant", "penalties", "own")
+# Excess of the time over the best known limit, a column of the page alone
+ABOVE = TableColumn("above limit [%]", digits=1)
 
 
-@dataclass(frozen=True)
-class Column:
-    """A column of the table on the page.
+class PageRow(msgspec.Struct, frozen=True):
+    """A row of the table on the page: a run, a race of several, or a folder with a problem.
 
     Attributes:
-        title: its head.
-        digits: decimals of its numbers; None: it has texts.
-        is_long: whether its texts are cut to a width.
+        name: name of the folder, which identifies the row.
+        cells: a text, a number or None for each of `page_columns`.
+        other_settings: further settings, by which a row is found.
+        vehicles: number of vehicles in one world.
+        problem: what is wrong with a folder that cannot be read or was changed, in one line.
     """
 
-    title: str
-    digits: int | None = None
-    is_long: bool = False
-
-
-class RunRow(msgspec.Struct, frozen=True):
-    """A row of the table: a run, a race of several, or a folder with a problem.
-
-    A field with a Column is one on the page, in this order.
-    """
-
-    # name of the folder, which identifies the row
     name: str
-    # local time of the flight, as "2026-11-20 16:15:07"
-    when: Annotated[str, Column("flown")]
-    course: Annotated[str, Column("course", is_long=True)] = ""
-    # the sampler, or `pilot NAME`; for a race, the entrants
-    flown_by: Annotated[str, Column("flown by", is_long=True)] = ""
-    # time of the whole race, for a finished run [s]
-    time: Annotated[float | None, Column("time [s]", 3)] = None
-    # excess of the time over the best known limit [%]
-    above: Annotated[float | None, Column("above limit [%]", 1)] = None
-    outcome: Annotated[str, Column("outcome", is_long=True)] = ""
-    # completed and required laps
-    laps: Annotated[str, Column("laps")] = ""
-    seed: Annotated[int | None, Column("seed", 0)] = None
-    # numbers of the planner that differ from the preset; of each entrant of a race
-    numbers: Annotated[str, Column("changed numbers", is_long=True)] = ""
-    vehicle: Annotated[str, Column("vehicle", is_long=True)] = ""
-    preset: Annotated[str, Column("preset", is_long=True)] = ""
-    sensing: Annotated[str, Column("sensing", is_long=True)] = ""
-    # numbers changed in flight
-    changes: Annotated[int, Column("changes", 0)] = 0
-    # further settings, by which a row is found: clock, deadline, flight controller, rules
-    more: str = ""
-    # number of vehicles in one world
+    cells: Mapping[str, str | float | None]
+    other_settings: str = ""
     vehicles: int = 1
-    # what is wrong with a folder that cannot be read or was changed, in one line
     problem: str = ""
 
 
-def columns() -> dict[str, Column]:
-    """Return the columns of the table by the fields of a row."""
-    hints = get_type_hints(RunRow, include_extras=True)
-    return {
-        name: column
-        for name, hint in hints.items()
-        for column in getattr(hint, "__metadata__", ())
-        if isinstance(column, Column)
-    }
+def page_columns() -> dict[str, TableColumn]:
+    """Return the columns of the page: all of a stored run, and the excess beside the time."""
+    found = {}
+    for name, column in columns().items():
+        found[name] = column
+        if name == "time":
+            found["above"] = ABOVE
+    return found
 
 
 class _Stamp(NamedTuple):
@@ -137,11 +106,19 @@ class FolderWatch:
 
 
 class _Read(NamedTuple):
-    """A row as read, and the identifier of the race for its limit; empty: none."""
+    """A row as read, and the race whose limit its time is compared with.
 
-    row: RunRow
-    race: str
-    spec: dict[str, Any]
+    Attributes:
+        row: the row, without the excess over the limit.
+        race: an identifier of the race; empty: nobody finished it.
+        spec: the parts of a spec that decide the limit.
+        time: all laps, or the winner's [s].
+    """
+
+    row: PageRow
+    race: str = ""
+    spec: Mapping[str, Any] = {}
+    time: float = 0.0
 
 
 class RunTable:
@@ -155,7 +132,7 @@ class RunTable:
     """
 
     def __init__(self, root: str):
-        self.rows: tuple[RunRow, ...] = ()
+        self.rows: tuple[PageRow, ...] = ()
         self._root = Path(root)
         self._watch = FolderWatch(self._root)
         self._limits_watch = FolderWatch(limits_folder(root))
@@ -191,7 +168,7 @@ class RunTable:
             self._checked.add(name)
             problem = _misfit(self._root / name, read.row)
             if problem:
-                self._read[name] = _damaged(name, read.row.when, problem)
+                self._read[name] = _damaged(name, str(read.row.cells["when"]), problem)
                 self.rows = tuple(map(self._with_limit, self._read.values()))
             return True
         return False
@@ -199,18 +176,15 @@ class RunTable:
     def _look(self) -> bool:
         """Look for new and removed folders; return whether the rows have changed."""
         found = dict(sorted(self._folders(), reverse=True))
-        self._read = {
-            name: self._read.get(name) or _read(path, record)
-            for name, (path, record) in found.items()
-        }
+        self._read = {name: self._read.get(name) or _read(path) for name, path in found.items()}
         self._checked &= self._read.keys()
         rows = tuple(map(self._with_limit, self._read.values()))
         has_changed = rows != self.rows
         self.rows = rows
         return has_changed
 
-    def _folders(self) -> Iterator[tuple[str, tuple[Path, str]]]:
-        """Yield each folder of a run or a race by its name, with the name of its record."""
+    def _folders(self) -> Iterator[tuple[str, Path]]:
+        """Yield each folder of a run or a race by its name."""
         try:
             entries = list(os.scandir(self._root))
         except OSError:
@@ -219,48 +193,62 @@ class RunTable:
             if entry.name.endswith(PART) or not entry.name.isprintable():
                 continue
             path = self._root / entry.name
-            known = self._read.get(entry.name)
-            for record in (HEAT, RECORD):
-                if known or (path / record).is_file():
-                    yield entry.name, (path, record)
-                    break
+            is_known = entry.name in self._read
+            if is_known or any((path / record).is_file() for record in (HEAT, RECORD)):
+                yield entry.name, path
 
-    def _with_limit(self, read: _Read) -> RunRow:
+    def _with_limit(self, read: _Read) -> PageRow:
         """Return a row with its distance from the best known limit."""
         row = read.row
-        if row.time is None or not read.race:
+        if not read.race:
             return row
         if read.race not in self._limits:
-            limit = limit_of(read.spec, limits_folder(self._root))
+            limit = limit_of(dict(read.spec), limits_folder(self._root))
             self._limits[read.race] = limit.time if limit else None
         best = self._limits[read.race]
         if best is None:
             return row
         # Adding 0.0 makes a negative zero a plain one
-        above = round(100.0 * (row.time / best - 1.0), 1) + 0.0
-        return msgspec.structs.replace(row, above=above)
+        above = round(100.0 * (read.time / best - 1.0), 1) + 0.0
+        return msgspec.structs.replace(row, cells={**row.cells, "above": above})
 
 
-def _read(path: Path, record: str) -> _Read:
+def _read(path: Path) -> _Read:
     """Read the row of a folder; for a damaged folder the row has the error."""
-    when = flown_at(path)
     try:
-        data = read_bytes(path / record, "the record of a flight", LARGEST_RECORD)
-        return _race(path.name, when, data) if record == HEAT else _run(path, data)
+        return _of_row(read_row(path))
     except FileError as error:
         problem = _without_folder(error, path)
-    except (msgspec.MsgspecError, ValueError, RecursionError, IndexError) as error:
+    except UNREADABLE as error:
+        record = HEAT if is_heat(path) else RECORD
         problem = f"{record}: {error}"
-    return _damaged(path.name, _text(when), problem)
+    return _damaged(path.name, columns()["when"].text(flown_at(path)), problem)
+
+
+def _of_row(stored: StoredRow) -> _Read:
+    """Return the row of the page for a stored run or race."""
+    cells = {name: _cell(column, getattr(stored, name)) for name, column in columns().items()}
+    row = PageRow(
+        name=stored.name,
+        cells={**cells, "above": None},
+        other_settings=plain(stored.other_settings),
+        vehicles=len(stored.flights),
+    )
+    for flight in stored.flights:
+        has_won = not stored.entrants or flight.name == stored.winner
+        if has_won and flight.time is not None:
+            return _Read(row, *_race(flight.whole_spec()), flight.time)
+    return _Read(row)
 
 
 def _damaged(name: str, when: str, problem: str) -> _Read:
     """Return a row that says what is wrong."""
+    cells = {**dict.fromkeys(page_columns()), "when": when}
     line = " ".join(problem.split())
-    return _Read(RunRow(name, when, problem=plain(f"damaged: {line}", LONGEST_PROBLEM)), "", {})
+    return _Read(PageRow(name, cells, problem=plain(f"damaged: {line}", LONGEST_PROBLEM)))
 
 
-def _misfit(path: Path, row: RunRow) -> str:
+def _misfit(path: Path, row: PageRow) -> str:
     """Return what of a run or a race does not fit its telemetry, "" if all does."""
     try:
         if is_heat(path):
@@ -270,7 +258,7 @@ def _misfit(path: Path, row: RunRow) -> str:
     except (RunError, FileError) as error:
         return _without_folder(error, path)
     time = sum(run.laps) if run.outcome == "finished" else None
-    if (run.outcome, time) != (row.outcome, row.time):
+    if (run.outcome, time) != (row.cells["outcome"], row.cells["time"]):
         return "run.json: outcome and laps are not those of its events; changed after the flight"
     return ""
 
@@ -280,98 +268,12 @@ def _without_folder(error: Exception, path: Path) -> str:
     return str(error).removeprefix(str(path)).lstrip("/: ")
 
 
-def _run(path: Path, data: bytes) -> _Read:
-    """Return the row of a run. data: its run.json."""
-    run = read_row(path, data)
-    spec = msgspec.json.decode(data, type=StoredRecord).spec
-    row = RunRow(
-        name=path.name,
-        when=_text(run.when),
-        course=plain(run.course),
-        flown_by=plain(run.flown_by),
-        vehicle=plain(run.vehicle),
-        preset=plain("" if run.pilot else run.preset),
-        sensing=plain(run.sensing),
-        numbers=plain(_numbers(spec)),
-        more=plain(_more(spec)),
-        seed=run.seed,
-        laps=f"{len(run.laps)}/{run.laps_wanted}",
-        changes=run.changes,
-        outcome=run.outcome,
-        time=run.time,
-    )
-    return _Read(row, *_of_limit(spec))
-
-
-def _race(name: str, when: datetime, data: bytes) -> _Read:
-    """Return the row of a race of several: the time is the winner's. data: its heat.json."""
-    race = msgspec.json.decode(data, type=ListedHeat)
-    specs = {entrant.name: entrant.spec for entrant in race.spec.entrants}
-    shown = [msgspec.convert(spec, RunSpec) for spec in specs.values()]
-    winner = race.order[0]
-    finished = sum(placing.time is not None for placing in race.order)
-    row = RunRow(
-        name=name,
-        when=_text(when),
-        course=plain(race.course),
-        flown_by=plain(", ".join(specs)),
-        vehicle=_each(spec.vehicle.name for spec in shown),
-        preset=_each("" if spec.pilot else spec.preset for spec in shown),
-        sensing=_each(spec.sensing.name if spec.sensing else PERFECT for spec in shown),
-        numbers=_each(_numbers_of(name, spec) for name, spec in specs.items()),
-        more=_each(map(_more, specs.values())),
-        seed=race.spec.seed,
-        laps=str(shown[0].laps),
-        outcome=plain(f"{finished} of {len(race.order)} finished, {winner.name} first"),
-        time=winner.time,
-        vehicles=len(specs),
-    )
-    return _Read(row, *_of_limit(specs.get(winner.name, {})))
-
-
-def _numbers(spec: Mapping[str, Any]) -> str:
-    """Return the numbers of a planner that differ from its preset; unreadable ones are left out."""
-    try:
-        found = changed_numbers(spec)
-    except (AttributeError, TypeError, KeyError, ValueError):
-        return ""
-    return ", ".join(f"{name} {value}" for name, value in found.items()).replace("_", " ")
-
-
-def _numbers_of(name: str, spec: Mapping[str, Any]) -> str:
-    """Return the changed numbers of an entrant with its name."""
-    numbers = _numbers(spec)
-    return f"{name}: {numbers}" if numbers else ""
-
-
-def _more(spec: Mapping[str, Any]) -> str:
-    """Return further settings of a flight that are not the usual ones."""
-    found = []
-    if spec.get("clock") == "wall":
-        found.append("wall clock")
-    if spec.get("deadline_ms"):
-        found.append(f"deadline {spec['deadline_ms']} ms")
-    if spec.get("betaflight"):
-        found.append("betaflight")
-    if spec.get("randomize"):
-        found.append(f"randomize {spec['randomize']}")
-    if spec.get("penalties"):
-        found.append("penalties")
-    if spec.get("plant"):
-        found.append(str(spec["plant"]))
-    return ", ".join(found)
-
-
-def _each(names: Iterator[str]) -> str:
-    """Return different names, each once."""
-    return plain(", ".join(dict.fromkeys(filter(None, names))))
-
-
-def _of_limit(spec: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+def _race(spec: Mapping[str, Any]) -> tuple[str, dict[str, Any]]:
     """Return an identifier of the race of a spec, and the parts of the spec that decide it."""
     parts = {name: spec[name] for name in OF_LIMIT if name in spec}
     return sha256(canonical(parts)).hexdigest(), parts
 
 
-def _text(when: datetime) -> str:
-    return f"{when:%Y-%m-%d %H:%M:%S}"
+def _cell(column: TableColumn, value: Any) -> str | float | None:
+    """Return a value as the page gets it: a number, or a text from a file as one line."""
+    return plain(column.text(value)) if column.digits is None else value

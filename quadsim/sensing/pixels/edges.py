@@ -15,7 +15,7 @@ import numpy as np
 
 from quadsim.course import Gate
 from quadsim.course.opening import half_sizes, outer_half_sizes
-from quadsim.sensing.camera import NEAREST, Camera, View
+from quadsim.sensing.camera import NEAREST, Camera, CameraPose
 from quadsim.sensing.visibility import BEFORE
 
 # largest number of points on an edge, and their distance in the picture [px]
@@ -157,7 +157,7 @@ class Frames:
 
 
 def visible_points(
-    frames: Frames, view: View, camera: Camera, longest: float, border: float
+    frames: Frames, view: CameraPose, camera: Camera, longest: float, border: float
 ) -> Points:
     """Return points on the visible parts of all edges that the camera sees.
 
@@ -228,7 +228,7 @@ def taken(points: Points, mask: np.ndarray) -> Points:
     return Points(*(column[mask] for column in points))
 
 
-def seen_well(frames: Frames, view: View, longest: float) -> np.ndarray:
+def seen_well(frames: Frames, view: CameraPose, longest: float) -> np.ndarray:
     """Return which gates are near enough, with an eye that is not in their plane.  (G,) bool"""
     away = np.linalg.norm(frames.centre - view.eye, axis=1)
     ahead = abs(frames.local(view.eye[None])[:, 0, 0])
@@ -254,7 +254,7 @@ def _inside(
 
 def _towards_frame(
     frames: Frames,
-    view: View,
+    view: CameraPose,
     gate: np.ndarray,
     edge: np.ndarray,
     a: np.ndarray,

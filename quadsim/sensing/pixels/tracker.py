@@ -10,7 +10,7 @@ import numpy as np
 
 from quadsim.course import Gate
 from quadsim.rotation import Vec3
-from quadsim.sensing.camera import NEAREST, BodyPose, View
+from quadsim.sensing.camera import NEAREST, BodyPose, CameraPose
 from quadsim.sensing.config import PixelCameraConfig
 from quadsim.sensing.measurements import Corners, Photo
 from quadsim.sensing.pixels.edges import (
@@ -229,7 +229,7 @@ class Tracker:
             variance=np.concatenate([variance[keep], others]),
         )
 
-    def _lacking(self, corners: Corners, frames: Frames, view: View) -> bool:
+    def _lacking(self, corners: Corners, frames: Frames, view: CameraPose) -> bool:
         """Return whether a gate lacks corners of which the camera should see them."""
         points = frames.corners.reshape(-1, 3)
         pixels, depth = self._config.to_pixels(view.local(points))
@@ -303,7 +303,7 @@ class Tracker:
         share = share / np.maximum(1.0 - flow[:, 1] / config.height, 0.5)
         return flow * share[:, None]
 
-    def _ends(self, frames: Frames, view: View) -> np.ndarray:
+    def _ends(self, frames: Frames, view: CameraPose) -> np.ndarray:
         """Return where each edge ends, from its middle along the edge [px].  (G, EDGES, 2)
 
         Both are on the picture of the edge between its ends; parts behind the camera have no ends.
@@ -316,7 +316,7 @@ class Tracker:
         half = np.where(ahead, 0.5 * length, np.nan)
         return np.stack([-half, half], axis=-1)
 
-    def _in_view(self, frames: Frames, view: View) -> int:
+    def _in_view(self, frames: Frames, view: CameraPose) -> int:
         """Return how many corners are expected in the picture."""
         local = view.local(frames.corners.reshape(-1, 3))
         pixels, depth = self._config.to_pixels(local)

@@ -5,10 +5,10 @@ import { fits, order } from "../../../web/page/shell/run_rows.js";
 
 const COLUMNS = [{ key: "when" }, { key: "sampler" }, { key: "time" }];
 const rows = [
-  { name: "a", when: "10:00", sampler: "colored", time: 7.1, more: "gusts 2", problem: "" },
-  { name: "b", when: "11:00", sampler: "gaussian", time: null, more: "", problem: "" },
-  { name: "c", when: "09:00", sampler: "colored 10", time: 6.9, more: "", problem: "" },
-  { name: "d", when: "12:00", sampler: "", time: null, more: "", problem: "no such file" },
+  { name: "a", cells: { when: "10:00", sampler: "colored", time: 7.1 }, other_settings: "gusts 2", problem: "" },
+  { name: "b", cells: { when: "11:00", sampler: "gaussian", time: null }, other_settings: "", problem: "" },
+  { name: "c", cells: { when: "09:00", sampler: "colored 10", time: 6.9 }, other_settings: "", problem: "" },
+  { name: "d", cells: { when: "12:00", sampler: null, time: null }, other_settings: "", problem: "no such file" },
 ];
 const sorted = (key, down) =>
   [...rows]
@@ -39,8 +39,8 @@ test("by time the rows with a problem stand among the others", () => {
 
 test("numbers in texts count as numbers", () => {
   const many = [
-    { name: "x", sampler: "s 10" },
-    { name: "y", sampler: "s 9" },
+    { name: "x", cells: { sampler: "s 10" } },
+    { name: "y", cells: { sampler: "s 9" } },
   ];
   assert.deepEqual(
     many.sort(order({ key: "sampler", down: false })).map(({ name }) => name),

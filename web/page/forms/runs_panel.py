@@ -22,7 +22,7 @@ from quadsim.campaign.document import Document
 from quadsim.heat.archive import is_heat
 from quadsim.record.archive import read_run
 from quadsim.record.run import RunError, why_not_repeatable
-from quadsim.results.stored_runs import UNREADABLE, read_row
+from quadsim.results.stored_row import UNREADABLE, TableColumn, read_row
 from quadsim.tables.wording import Wording, heat_wording, wording
 from quadsim.web.page.server.link import LinkVisitor, Message
 from quadsim.web.page.server.page_server import PageServer
@@ -36,7 +36,7 @@ from quadsim.web.state.line_up_link import MOST_BYTES
 from quadsim.web.state.view import View
 from quadsim.web.stored.again import AgainChoices, HeatAgainChoices
 from quadsim.web.stored.campaign_reports import CampaignReports, ReportRow
-from quadsim.web.stored.run_table import Column, RunRow, RunTable, columns
+from quadsim.web.stored.run_table import PageRow, RunTable, page_columns
 
 PERIOD = 1.0  # time between two updates from the folder of runs [s]
 CHECKING = 0.05  # time in each period in which rows are compared with their telemetry, at most [s]
@@ -105,10 +105,17 @@ class ShowReport(Message, tag="show_report"):
 
 
 class Runs(Message, tag="runs"):
-    """The table."""
+    """The table.
 
-    rows: Sequence[RunRow]
-    columns: Mapping[str, Column]
+    Attributes:
+        rows: its rows, the latest first.
+        columns: its columns by the keys of the rows' cells.
+        together: largest number of runs that are shown together.
+    """
+
+    rows: Sequence[PageRow]
+    columns: Mapping[str, TableColumn]
+    together: int = TOGETHER
 
 
 class RunWording(Message, tag="run_wording"):
@@ -242,7 +249,7 @@ class RunsPanel:
 
     def _listed(self) -> Runs:
         """Return the latest rows."""
-        return Runs(self._table.rows[:MOST], columns())
+        return Runs(self._table.rows[:MOST], page_columns())
 
     def _path(self, name: str) -> Path:
         """Return the folder of a listed run. Raises ValueError."""

@@ -2,7 +2,8 @@
 
 // Return whether a row has each of the words, in what is shown or in its further settings.
 export function fits(row, words, columns) {
-  const text = [...columns.map(({ key }) => row[key]), row.name, row.problem, row.more].join(" ").toLowerCase();
+  const cells = columns.map(({ key }) => row.cells[key]);
+  const text = [...cells, row.name, row.problem, row.other_settings].join(" ").toLowerCase();
   return words.every((word) => text.includes(word));
 }
 
@@ -12,7 +13,7 @@ export const order =
   ({ key, down }) =>
   (a, b) => {
     if (key !== "when" && !a.problem !== !b.problem) return a.problem ? 1 : -1;
-    const [x, y] = [a[key], b[key]];
+    const [x, y] = [a.cells[key], b.cells[key]];
     const [no, none] = [x === null || x === "", y === null || y === ""];
     if (no || none) return no - none;
     const ahead = typeof x === "number" ? x - y : x.localeCompare(y, "en", { numeric: true });

@@ -11,9 +11,9 @@ import { fits, order } from "./run_rows.js";
 import { seat } from "./scene.js";
 
 const MOST = 300; // rows that are shown; the filter finds the others
-const TOGETHER = 8; // runs side by side, at most
-let columns = []; // their keys, heads and digits, which the server says
+let columns = []; // their keys, titles and digits, which the server sends
 let rows = [];
+let together = 1; // runs side by side, at most, which the server sends
 let sort = { key: "when", down: true };
 const chosen = new Set(); // names of rows
 let opened = null; // name of the row whose texts are shown
@@ -112,15 +112,15 @@ function drawn(row) {
       className: "problem",
       textContent: `${row.name}: ${row.problem}`,
     });
-    return [make("tr", {}, make("td"), make("td", { textContent: row.when }), what)];
+    return [make("tr", {}, make("td"), make("td", { textContent: row.cells.when }), what)];
   }
   const pick = make("input", { type: "checkbox", checked: chosen.has(row.name), ariaLabel: `Choose ${row.name}` });
   pick.dataset.key = `pick ${row.name}`;
   pick.onchange = () => choose(row.name, pick.checked);
   const cells = columns.map(({ key, digits, is_long: long }) => {
-    const value = row[key];
+    const value = row.cells[key];
     const text = value === null ? "" : digits === null ? value : value.toFixed(digits);
-    const bad = (key === "changes" && value > 0) || (key === "outcome" && row.time === null && row.vehicles === 1);
+    const bad = (key === "changes" && value > 0) || (key === "outcome" && row.cells.time === null && row.vehicles === 1);
     const title = long ? text : "";
     return make("td", {
       textContent: text,
@@ -178,7 +178,7 @@ function texts(row) {
 function choose(name, on) {
   if (on) chosen.add(name);
   else chosen.delete(name);
-  if (chosen.size > TOGETHER) chosen.delete(chosen.values().next().value);
+  if (chosen.size > together) chosen.delete(chosen.values().next().value);
   draw();
 }
 
@@ -200,6 +200,7 @@ function leave(message) {
 
 function received(message) {
   rows = message.rows;
+  together = message.together;
   columns = Object.entries(message.columns).map(([key, column]) => ({ key, ...column }));
   const names = new Set(rows.filter((row) => !row.problem).map((row) => row.name));
   for (const name of chosen) if (!names.has(name)) chosen.delete(name);
@@ -209,7 +210,7 @@ function received(message) {
 // Show the runs that the address names, and to this visitor its time, camera and view.
 function follow(asked) {
   if (asked.get("line_up")) send({ type: "set_up", line_up: asked.get("line_up") });
-  const names = asked.getAll("run").slice(0, TOGETHER);
+  const names = asked.getAll("run").slice(0, together);
   if (!names.length) return;
   const t = Number(asked.get("t") ?? NaN);
   if (asked.get("ghosts")) setView("ghosts", asked.get("ghosts"));
@@ -247,9 +248,9 @@ export function begin() {
   document.body.append(sheet);
   showTab("Runs");
   let isFirst = true;
-  on("runs", received);
-  on("open", () => {
-    send({ type: "list_runs" });
+  on("open", () => send({ type: "list_runs" }));
+  on("runs", (message) => {
+    received(message);
     if (isFirst) follow(new URLSearchParams(location.search));
     isFirst = false;
   });
