@@ -278,7 +278,7 @@ def scale_of(
         seen_late: whether gates stand off the map and are known only from nearby.
 
     Raises:
-        SettingError: the control period is none.
+        SettingError: the control period is invalid.
     """
     kind = SETTINGS["dt"].kinds[MPPIConfig]
     asked = given.get("dt")
@@ -287,7 +287,7 @@ def scale_of(
 
 
 def _with_law(planner: Planner, law: object) -> Planner:
-    """Return the planner without the cut-off of its preset if another law has none.
+    """Return the planner, without its cut-off frequencies if the given law is not "exact".
 
     Args:
         planner: the planner of the preset.

@@ -242,7 +242,16 @@ class VehicleLearner:
         imu: ImuConfig,
         tolerances: VehicleTolerances = VehicleTolerances(),  # noqa: B008 (frozen)
     ) -> VehicleLearner:
-        """Return a learner for `learn_from_force` and `learn_from_rotors`."""
+        """Return a learner for a vehicle whose state is estimated from sensors.
+
+        Update it with `learn_from_force` and `learn_from_rotors`.
+
+        Args:
+            model: the nominal model.
+            dt: control period [s].
+            imu: the accelerometer, whose noise limits the accuracy.
+            tolerances: prior of the differences between vehicle and model.
+        """
         t = tolerances
         # not squares of `uniform_std`, so that flights are repeated to the last bit
         variance = np.zeros(len(Row))
