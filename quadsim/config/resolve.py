@@ -115,7 +115,7 @@ class PlannerSource:
                 preset's reference.
 
         Raises:
-            FileError: there is no such preset, or its file is none.
+            FileError: there is no such preset, or its file does not hold a preset.
         """
         if self.planner is not None:
             return self.planner
@@ -202,7 +202,8 @@ class Loader:
         """Return where the planner comes from.
 
         Raises:
-            SettingError: a planner is given beside a sampler or a preset, or a part is none.
+            SettingError: a planner is given beside a sampler or a preset, or a part is
+                not of its type.
             FileError: the file of a preset cannot be read.
         """
         sampling = self._sampling()
