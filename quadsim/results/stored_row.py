@@ -167,6 +167,13 @@ class StoredRow:
         entrants: the names of the entrants; of a run, empty.
         winner: name of the winner; of a run, None.
         flights: the flight of each vehicle.
+
+    Examples:
+        >>> import quadsim
+        >>> folder = quadsim.fly("figure8", laps=1, samples=256).save()
+        >>> row = quadsim.runs()[0]
+        >>> row.progress, row.vehicle, row.numbers
+        ('1/1', 'swift', 'samples 256')
     """
 
     name: str
