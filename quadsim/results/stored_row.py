@@ -222,7 +222,7 @@ class StoredRow:
 
     @property
     def changes(self) -> Annotated[int, TableColumn("changes", digits=0, is_printed=False)]:
-        """The number of times that a number of a planner was changed in flight."""
+        """The number of changes of planner parameters in flight, over all vehicles."""
         return sum(len(flight.spec.interactive) for flight in self.flights)
 
     @property

@@ -235,14 +235,16 @@ class VehicleLearner:
         tolerances: VehicleTolerances = VehicleTolerances(),  # noqa: B008 (frozen)
         vehicle: Vehicle | None = None,
     ) -> VehicleLearner:
-        """Return a learner for `learn_from_force` and `learn_from_rotors`.
+        """Return a learner for a vehicle whose state is estimated from sensors.
+
+        Update it with `learn_from_force` and `learn_from_rotors`.
 
         Args:
             model: the nominal model.
             dt: control period [s].
-            imu: numbers of the unit with gyroscope and accelerometer.
+            imu: the accelerometer and the gyroscope, whose noise limits the accuracy.
             tolerances: prior of the differences between vehicle and model.
-            vehicle: the nominal vehicle, if it is to be estimated what its rotors deliver.
+            vehicle: the nominal vehicle, if the thrust that its rotors deliver is to be estimated.
         """
         t = tolerances
         # not squares of `uniform_std`, so that flights are repeated to the last bit
