@@ -118,11 +118,6 @@ class WrenchLearner:
         """The share that each rotor delivers of its nominal thrust  (4,)."""
         return self._theta[SHARES].copy()
 
-    @property
-    def std(self) -> np.ndarray:
-        """The standard deviations of the shares  (4,)."""
-        return np.sqrt(np.diag(self._P)[SHARES])
-
     def _delivered(self) -> Delivered:
         """Return what the vehicle delivers by the present estimate."""
         shares = 1.0 + counted(self._theta[SHARES] - 1.0, SHARE_TOLERANCE, LARGEST_SHARE)
