@@ -348,10 +348,11 @@ def margin_share(reference: float, scale: Scale) -> Law:
 
 
 def clearance(reference: RaceWeights, scale: Scale) -> Law:
-    """Return the weight of the margin.
+    """Return the weight of the term that keeps the margin.
 
-    The term is a shortfall times a length, both of which are small if the margin is. So its
-    weight grows with the inverse square of a small margin, and its largest value stays.
+    The term is the shortfall of the margin times a length, and both scale with the margin. So
+    below STEEP_BELOW the weight grows with the inverse square of the margin, and the largest
+    value of the weighted term does not change.
     """
     wanted = margin(reference.margin, scale).value
     flown = min(wanted, margin_share(reference.margin_share, scale).value * scale.room)

@@ -170,8 +170,6 @@ class MPPI:
             self.beyond = config.overshoot * drawn.std(axis=(0, 2, 3), dtype=float)
         trace_anew(system, cost)
         self.set_model(system)
-        # The control at rest; for a quadrotor it is hover: no rates, thrust g  (n_u,)
-        self.rest = np.array(system.rest)
         self.plan = np.tile(self.rest, (config.horizon, 1))  # U (T, n_u)
         self.guide = self.plan  # the sequence that the last samples perturb  (T, n_u)
         # The last two controls, which precede the plan in the smoothing filter  (2, n_u)
@@ -445,6 +443,8 @@ class MPPI:
         self.rollout = self._new_rollout()
         self.low = np.array(self.system.low)
         self.high = np.array(self.system.high)
+        # the control at rest; for a sound quadrotor it is hover: no rates, thrust g  (n_u,)
+        self.rest = np.array(system.rest)
         self.plan_low = self.low - self.beyond
         self.plan_high = self.high + self.beyond
 

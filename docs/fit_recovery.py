@@ -27,15 +27,16 @@ import numpy as np
 from quadsim.config.resolve import EXCITATION
 from quadsim.controllers.excitation import ENDS, Excitation
 from quadsim.course import load_course
+from quadsim.dynamics.allocation import PerRotor
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import State
+from quadsim.dynamics.rotors import SOUND, Motors
 from quadsim.identify import VehicleFit, fit_vehicle
 from quadsim.logs.cleaning import cleaned
 from quadsim.logs.flight_log import FlightLog
 from quadsim.logs.raw_log import RawLog
 from quadsim.logs.resampling import interpolated
-from quadsim.physics.actuators import SOUND, Actuators, Motors
-from quadsim.physics.allocation import PerRotor
+from quadsim.physics.actuators import Actuators
 from quadsim.physics.faults import RotorFault
 from quadsim.physics.plant import RigidPlant
 from quadsim.physics.plant_state import PlantState

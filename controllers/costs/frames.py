@@ -38,10 +38,10 @@ NOT_ROUND = 1e12  # square of the radius of an outline with corners [m^2]
 
 
 class ObstacleRow(NamedTuple):
-    """The numbers of a gate's frame or of an obstacle for the line test.
+    """A row describes the slab of a gate's frame or of an obstacle, in the world frame [m].
 
-    Both are slabs; see quadsim.course.opening for the terms of a frame. All sizes are grown by the
-    vehicle's radius and a margin [m].
+    `touches` tests line segments against it. quadsim.course.opening explains slab and shaft. All
+    sizes include the vehicle's radius and a margin.
     """
 
     # Corners of the axis-aligned bounding box

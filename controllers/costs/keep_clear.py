@@ -87,9 +87,9 @@ class KeepClear(EstimatedTerm):
         return KeepClear, (self.vehicle, self.name, self.clearance, self._horizon)
 
     def numbers_from(self, estimate: Estimate, times: np.ndarray) -> dict[str, Weight]:
-        """Return the positions that are expected of the vehicle at these times.
+        """Return the predicted positions of the other vehicle at these times.
 
-        A vehicle that the estimate does not have is nowhere: it has not started, or has left.
+        A vehicle that has not started or has left is placed where no sample comes near.
 
         Args:
             estimate: what is known.

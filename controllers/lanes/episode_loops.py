@@ -37,7 +37,7 @@ def drawn(seed, environment, episode, of):
 
 @njit
 def move(source, to):
-    """Copy as many rows as `to` has."""
+    """Copy the first rows of `source` to all rows of `to`."""
     for k in range(to.shape[0]):
         for i in range(L):
             to[k, i] = source[k, i]

@@ -193,7 +193,7 @@ class Helpers:
     """The helping threads of a process, and their desk."""
 
     def __init__(self) -> None:
-        # A desk begins with a cache line.
+        # Align the start of the desk to a cache line.
         self._memory = np.zeros(SIZE + LINE, np.uint8)
         offset = -self._memory.ctypes.data % LINE
         self._desk = self._memory.ctypes.data + offset

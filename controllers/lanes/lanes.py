@@ -220,7 +220,10 @@ def trace_anew(system: System, cost: Cost, dtype: type = np.float32) -> None:
 
 
 def _is_of_project(function: object) -> bool:
-    """Return whether a function is of this project, which has none that takes a changing number."""
+    """Return whether a function belongs to quadsim, or is None.
+
+    No function of quadsim takes a number from a global or a closure that changes between traces.
+    """
     if isinstance(function, FunctionType):
         # Not its module, which `functools.wraps` copies from another function
         return function.__code__.co_filename.startswith(OWN_FOLDER)

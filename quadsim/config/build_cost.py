@@ -29,7 +29,7 @@ def cost_on(spec: Spec, course: Course) -> Cost:
     """Return the planner's cost on this course, followed by the user's own terms.
 
     Raises:
-        SettingError: the user's cost is none, or two terms have the same name (a ValueError).
+        SettingError: the user's cost is not a cost, or two terms have the same name (a ValueError).
     """
     if isinstance(spec.cost, Cost):
         cost = spec.cost

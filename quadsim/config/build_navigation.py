@@ -79,12 +79,24 @@ def _state_source(spec: Spec, plant: Plant) -> StateSource:
     if spec.sensing:
         return _sensed_state(spec, spec.sensing, plant, adapts)
     dt = spec.planner.mppi.dt
-    learner = VehicleLearner.for_exact_states(spec.model, dt) if adapts else None
+    learner = None
+    if adapts:
+        learner = VehicleLearner.for_exact_states(spec.model, dt, vehicle=_known_vehicle(spec))
     course = None
     flown = spec.flown_course
     if spec.known_from is not None and flown != spec.course:
         course = KnownCourse(spec.course, flown, spec.known_from)
     return TrueState(plant.state, dt, learner, course)
+
+
+def _known_vehicle(spec: Spec) -> Vehicle | None:
+    """Return the vehicle whose rotors are to be learned; None: its commands are not followed.
+
+    Firmware and other simulators have rate loops and mixers of their own.
+    """
+    has_lag = spec.vehicle.rotors is not None and spec.model.motor_tau > 0.0
+    is_followed = spec.flight_controller == "ideal" and spec.plant in ("bullet", "rigid")
+    return spec.vehicle if has_lag and is_followed else None
 
 
 def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> SensedState:
@@ -120,7 +132,9 @@ def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> S
             estimator=estimator,
             tracker=Tracker(sensing.pixels, gates) if sensing.pixels else None,
             body_rates=BodyRates(spec.model, dt, imu),
-            learner=VehicleLearner.for_sensors(spec.model, dt, imu),
+            learner=VehicleLearner.for_sensors(
+                spec.model, dt, imu, vehicle=_known_vehicle(spec) if adapts else None
+            ),
             course=course,
         ),
         dt=dt,

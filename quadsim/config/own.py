@@ -157,7 +157,7 @@ def _imported(setting: str, text: str, wanted: str) -> Any:
     """Return the object that "package.module:name" names.
 
     Raises:
-        SettingError: there is none; its message begins with `wanted`.
+        SettingError: there is no such object; the message begins with `wanted`.
     """
     module, _, name = text.partition(":")
     try:
@@ -331,7 +331,7 @@ class OwnController:
             raise
 
     def _checked(self, member: str, given: object) -> np.ndarray:
-        """Return a control as an array of float  (n_u,). Raises SettingError if it is none."""
+        """Return a control as an array of float  (n_u,). Raises SettingError for another shape."""
         try:
             u = np.asarray(given)
         except ValueError:  # lists of different lengths

@@ -111,15 +111,17 @@ def sorted_settings(record: Mapping[str, Any], settings: Mapping[str, Any]) -> B
 
 
 def _own_part(name: str, given: Any, described: object) -> object:
-    """Return a part of the user's own that was given for a recorded one.
+    """Return the user's own part, such as a sampler, that takes the place of the recorded part.
+
+    A record describes own parts but lacks their code, so the user passes them again.
 
     Args:
-        name: the keyword that it was given by.
+        name: the keyword of the part.
         given: the part, or a text that names it.
         described: the record's description of the part.
 
     Raises:
-        SettingError: the part is none.
+        SettingError: the given value is not a part of this kind.
     """
     if name == "term":
         texts = [given] if isinstance(given, str) else given

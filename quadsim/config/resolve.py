@@ -115,7 +115,7 @@ class PlannerSource:
                 preset's reference.
 
         Raises:
-            FileError: there is no such preset, or its file is none.
+            FileError: there is no such preset, or its file does not hold a preset.
         """
         if self.planner is not None:
             return self.planner
@@ -202,7 +202,8 @@ class Loader:
         """Return where the planner comes from.
 
         Raises:
-            SettingError: a planner is given beside a sampler or a preset, or a part is none.
+            SettingError: a planner is given beside a sampler or a preset, or a part is
+                not of its type.
             FileError: the file of a preset cannot be read.
         """
         sampling = self._sampling()
@@ -278,7 +279,7 @@ def scale_of(
         seen_late: whether gates stand off the map and are known only from nearby.
 
     Raises:
-        SettingError: the control period is none.
+        SettingError: the control period is invalid.
     """
     kind = SETTINGS["dt"].kinds[MPPIConfig]
     asked = given.get("dt")
@@ -287,7 +288,7 @@ def scale_of(
 
 
 def _with_law(planner: Planner, law: object) -> Planner:
-    """Return the planner without the cut-off of its preset if another law has none.
+    """Return the planner, without its cut-off frequencies if the given law is not "exact".
 
     Args:
         planner: the planner of the preset.

@@ -117,7 +117,7 @@ def parse_parts(text: str) -> dict[str, Any]:
         text: presets, samplers, pilots and settings joined by +, such as "race+target-ess=200".
 
     Raises:
-        ValueError: a part is none of these.
+        ValueError: a part is not one of these.
     """
     settings: dict[str, Any] = {}
     for part in text.split("+"):

@@ -101,7 +101,10 @@ class Cylinder:
         return hypot(max(beside, 0.0), max(z - point[2], point[2] - self.top, 0.0))
 
     def outline(self, border: float = 0.0) -> np.ndarray:
-        """Return points on the circle from above, in turn, `border` [m] farther out.  (ROUND, 2)"""
+        """Return x and y [m] of points around the cylinder, counterclockwise.  (ROUND, 2)
+
+        border: distance from the cylinder's side [m].
+        """
         turn = 2.0 * pi * np.arange(ROUND) / ROUND
         circle = np.column_stack([np.cos(turn), np.sin(turn)])
         return (self.radius + border) * circle + self.base[:2]

@@ -13,13 +13,16 @@ The state has the 13 numbers of Vlahov et al. 2024, section IV-B, and four more 
 deliver now: thrust a and angular acceleration beta. To roll or pitch, two rotors give up the thrust
 r that the others, at their limit, cannot add. Yaw has what is left then: two rotors speed up, two
 slow down, and at full thrust none can. The plant's allocation has the same order
-(quadsim.physics.allocation). With tau_m = tau_beta = c = 0, the paper's model, thrust and angular
+(quadsim.dynamics.allocation). With tau_m = tau_beta = c = 0, the paper's model, thrust and angular
 acceleration follow their commands at once.
 
 tau_beta is the lag of the rotors, tau_m, behind an ideal rate loop. A real one has filters and
 gains of its own; omega then follows its command as a second-order system, of natural frequency
 1 / sqrt(tau_omega tau_beta) and damping ratio sqrt(tau_omega / tau_beta) / 2. c_z in r is for a
 mixer that gives up thrust to yaw, too; the limit of yaw falls away then.
+
+What is learned in flight of rotors of unequal strength acts between limits and lag: the rotors
+deliver E (a_lim, beta_lim) + b in place of (a_lim, beta_lim) (`learned_step`).
 """
 
 from __future__ import annotations
@@ -27,7 +30,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from msgspec import Meta
 from numpy import maximum, minimum
@@ -161,6 +164,14 @@ class Params(NamedTuple):
     yaw_reserve: float
     # mass-normalised [m/s^2]
     thrust_max: float
+    # the numbers of Delivered, which only `learned_step` uses
+    thrust_share: float = 1.0
+    turn_x: float = 0.0
+    turn_y: float = 0.0
+    turn_z: float = 0.0
+    always_x: float = 0.0
+    always_y: float = 0.0
+    always_z: float = 0.0
 
     @property
     def rate_gains(self) -> Vec3:
@@ -237,6 +248,17 @@ def tilt_reserve(c_x, c_y, bx, by):
     return c_x * abs(bx) + c_y * abs(by)
 
 
+class Drive(NamedTuple):
+    """What the rotors are asked for, or what they deliver once they have followed."""
+
+    # mass-normalised [m/s^2]
+    thrust: float
+    # angular acceleration [rad/s^2]
+    bx: float
+    by: float
+    bz: float
+
+
 def step(x, u, p, dt):
     """Return the state after dt [s] under a constant command.
 
@@ -252,8 +274,21 @@ def step(x, u, p, dt):
     Returns:
         State.
     """
-    # The flight controller asks for angular accelerations and thrust. The limits of the rotors
-    # leave roll and pitch all of it, the thrust what these leave, and yaw what is left then.
+    return driven(x, asked(x, u, p), p, dt)
+
+
+def learned_step(x, u, p, dt):
+    """Return the state after dt [s], with what is learned of what the rotors deliver.
+
+    Args and the state that is returned are those of `step`.
+    """
+    return driven(x, deliver(asked(x, u, p), p), p, dt)
+
+
+def asked(x, u, p):
+    """Return what the flight controller asks of the rotors within their limits, a Drive."""
+    # The limits of the rotors leave roll and pitch all of what the rate loop asks for, the thrust
+    # what these leave, and yaw what is left then.
     bx_cmd, by_cmd, bz_cmd = rate_loop(x.body_rates, u.body_rates, p.rate_gains)
     reserve = tilt_reserve(p.tilt_cost_x, p.tilt_cost_y, bx_cmd, by_cmd)
     reserve = reserve + p.yaw_reserve * abs(bz_cmd)
@@ -262,12 +297,36 @@ def step(x, u, p, dt):
     room = maximum(minimum(thrust_lim - reserve, most - thrust_lim), 0.0) + LEAST_ROOM
     bz_max = room * p.yaw_per_room
     bz_cmd = minimum(maximum(bz_cmd, -bz_max), bz_max)
+    return Drive(thrust_lim, bx_cmd, by_cmd, bz_cmd)
 
-    # The rotors follow with a first-order lag.
-    thrust = x.thrust + (thrust_lim - x.thrust) * p.rotor_response
-    bx = x.bx + (bx_cmd - x.bx) * p.rate_response_x
-    by = x.by + (by_cmd - x.by) * p.rate_response_y
-    bz = x.bz + (bz_cmd - x.bz) * p.rate_response_z
+
+def deliver(drive, p):
+    """Return what rotors of unequal strength, and torques unknown to the rate loop, make of it.
+
+    Args:
+        drive: Drive that the rotors are asked for.
+        p: Params or Delivered.
+
+    Returns:
+        Drive.
+
+    A weak rotor turns the vehicle in proportion to the thrust. That it also couples the axes with
+    one another is left out: the rate loop corrects it.
+    """
+    return Drive(
+        thrust=p.thrust_share * drive.thrust,
+        bx=drive.bx + p.turn_x * drive.thrust + p.always_x,
+        by=drive.by + p.turn_y * drive.thrust + p.always_y,
+        bz=drive.bz + p.turn_z * drive.thrust + p.always_z,
+    )
+
+
+def driven(x, drive, p, dt):
+    """Return the state after dt [s] in which the rotors follow a Drive with a first-order lag."""
+    thrust = x.thrust + (drive.thrust - x.thrust) * p.rotor_response
+    bx = x.bx + (drive.bx - x.bx) * p.rate_response_x
+    by = x.by + (drive.by - x.by) * p.rate_response_y
+    bz = x.bz + (drive.bz - x.bz) * p.rate_response_z
     wx = x.wx + bx * dt
     wy = x.wy + by * dt
     wz = x.wz + bz * dt
@@ -426,6 +485,44 @@ class ModelParams:
         )
 
 
+class Delivered(NamedTuple):
+    """What a vehicle delivers of what its rotors are asked for, as it is learned in flight."""
+
+    # share of the thrust, 1 for sound rotors
+    thrust_share: float = 1.0
+    # angular acceleration per thrust that nobody asks for [1/m]
+    turn_x: float = 0.0
+    turn_y: float = 0.0
+    turn_z: float = 0.0
+    # angular acceleration that is always there [rad/s^2]
+    always_x: float = 0.0
+    always_y: float = 0.0
+    always_z: float = 0.0
+
+    @property
+    def turn(self) -> Vec3:
+        """The angular acceleration per thrust that nobody asks for [1/m]."""
+        return self.turn_x, self.turn_y, self.turn_z
+
+    @property
+    def always(self) -> Vec3:
+        """The angular acceleration that is always there [rad/s^2]."""
+        return self.always_x, self.always_y, self.always_z
+
+
+@dataclass(frozen=True)
+class LearnedModel(ModelParams):
+    """A model with what is learned in flight of what the rotors deliver."""
+
+    delivered: Delivered = Delivered()  # noqa: RUF009 (immutable)
+
+    @classmethod
+    def of_model(cls, model: ModelParams, delivered: Delivered) -> LearnedModel:
+        """Return a model with what is delivered."""
+        numbers: dict[str, Any] = vars(model)
+        return cls(**{**numbers, "delivered": delivered})
+
+
 def led_rate_loop(vehicle: Vehicle, motor_tau: float) -> tuple[Vec3, Vec3 | None]:
     """Return tau_omega and tau_beta of a rate loop with a derivative of its own [s].
 
@@ -509,15 +606,35 @@ def quadrotor(model: ModelParams, dt: float) -> System:
     )
     # A vehicle that has lost rotors may not be able to hover.
     hover = min(max(GRAVITY, model.thrust_min), model.thrust_max)
+    rest = Control(0.0, 0.0, 0.0, hover)
+    if isinstance(model, LearnedModel):
+        params = params._replace(**model.delivered._asdict())
+        rest = trimmed(rest, params, model.rate_max)
     return System(
         name="quadrotor",
         state=State,
         control=Control,
-        step=step,
+        step=learned_step if isinstance(model, LearnedModel) else step,
         params=params,
         dt=dt,
         low=Control._make((*(-rate for rate in model.rate_max), model.thrust_min)),
         high=Control(*model.rate_max, thrust=model.thrust_max),
-        rest=Control(0.0, 0.0, 0.0, hover),
+        rest=rest,
         attainable=None if model.tilt_first else attainable,
     )
+
+
+def trimmed(rest: Control, p: Params, rate_max: Vec3) -> Control:
+    """Return the control whose body rates hold a learned vehicle still.
+
+    Args:
+        rest: the control that holds a sound vehicle still.
+        p: numbers of the learned vehicle.
+        rate_max: limits of the body rates, of which at most half is used [rad/s].
+    """
+    unasked = deliver(Drive(rest.thrust, 0.0, 0.0, 0.0), p)
+    wx, wy, wz = (
+        min(max(0.0 - beta / gain, -most / 2), most / 2)
+        for beta, gain, most in zip(unasked[1:], p.rate_gains, rate_max, strict=True)
+    )
+    return Control(wx, wy, wz, rest.thrust)

@@ -214,7 +214,7 @@ def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> np.ndarray:
             return array
     except Exception:
         pass
-    raise ArrayError(f"{_name(entry)}: expected an array, got content that is none")
+    raise ArrayError(f"{_name(entry)}: expected an array, got other content")
 
 
 def _check(name: str, array: np.ndarray, wanted: Declared, lengths: dict[str, int]) -> None:

@@ -16,7 +16,7 @@ def replace_file(path: Path, data: bytes) -> None:
     user with all rights would replace /dev/null itself.
 
     Raises:
-        OSError: the file cannot be written, or the path is none of a regular file.
+        OSError: the file cannot be written, or the path is not that of a regular file.
     """
     if path.exists() and not path.is_file():
         problem = "expected a file or a new name, found a folder, a pipe or a device"

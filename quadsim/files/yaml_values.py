@@ -49,7 +49,7 @@ def value(node: yaml.Node, kind: Any, path: str = "", unit: str = "") -> Any:
         unit: the unit of its numbers; a list hands its unit down to its items.
 
     Raises:
-        Misfit: the node is none of this type.
+        Misfit: the node is not of this type.
     """
     text = node.value if isinstance(node, yaml.ScalarNode) else ""
     is_quoted = isinstance(node, yaml.ScalarNode) and node.style
@@ -185,7 +185,7 @@ def _key(node: yaml.Node, path: str, known: Mapping[str, Any], lines: dict[str, 
     """Return the key, which is one of `known` and not among the `lines` read so far.
 
     Raises:
-        Misfit: it is none, or stands twice.
+        Misfit: the key is not one of them, or stands twice.
     """
     if not isinstance(node, yaml.ScalarNode):
         raise Misfit(node.start_mark, path, f"expected a key, got {found(node)}")

@@ -18,21 +18,21 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import SeedSequence, default_rng
 
+from quadsim.dynamics.allocation import PerRotor
 from quadsim.dynamics.quadrotor import Control
+from quadsim.dynamics.rotors import Motors
 from quadsim.files.atomic import replace_file
 from quadsim.firmware.configuration import AXES, BOOT, THROTTLE, Configuration, expect_armed
 from quadsim.firmware.package import Built
 from quadsim.firmware.process import LOW, Firmware, FirmwareError
 from quadsim.firmware.switches import FIRST_AUX
 from quadsim.physics.actuators import (
-    Motors,
     Wrench,
     angular_acceleration,
     clamp_command,
     drag_force,
     rotor_strengths,
 )
-from quadsim.physics.allocation import PerRotor
 from quadsim.physics.faults import RotorFault
 from quadsim.physics.link import HOVER, Link
 from quadsim.physics.plant_state import MotorUse

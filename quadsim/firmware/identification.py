@@ -362,7 +362,16 @@ def _delayed(command: np.ndarray, first: float, periods: float) -> list[float]:
 
 
 def _rate(commands: list[float], gain: float, share: float, period: float) -> np.ndarray:
-    """Return the body rate at the beginning of each period; see quadsim.dynamics.quadrotor.step."""
+    """Return the body rate about one axis at the beginning of each period [rad/s]  (n,).
+
+    The rate loop is the one of quadsim.dynamics.quadrotor.step, and starts at rest.
+
+    Args:
+        commands: commanded rate of each period [rad/s]  (n,).
+        gain: gain of the rate loop [1/s].
+        share: share of the error of the angular acceleration that is gone after a period.
+        period: control period [s].
+    """
     rate = acceleration = 0.0
     rates = []
     for command in commands:

@@ -50,7 +50,7 @@ def read_text(path: Path) -> Text:
 
 
 def _decoded(data: bytes) -> str | None:
-    """Return the text of a file, None if it is none."""
+    """Return the text of a file, None if it is not text."""
     marked = data.startswith((b"\xff\xfe", b"\xfe\xff"))
     for encoding in ("utf-16",) if marked else ("utf-8-sig", "latin-1"):
         # Every file could be Latin-1.

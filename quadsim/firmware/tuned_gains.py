@@ -75,7 +75,9 @@ class Tuned(NamedTuple):
 
 
 def first_configuration(vehicle: Vehicle) -> Text:
-    """Return the configuration that comes with a vehicle; without one, a plain one.
+    """Return the Betaflight configuration that is used if the user gives none.
+
+    It is the configuration shipped with the vehicle; without one, see `plain_configuration`.
 
     Raises:
         SettingError: the vehicle has no rotors.

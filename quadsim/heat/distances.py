@@ -46,8 +46,8 @@ def default_spacing(course: Course, radii: Sequence[float]) -> float:
     """Return the distance between neighbouring starts by default [m].
 
     It is 1 m if all vehicles have room then. Otherwise it is the largest multiple of 0.05 m with
-    room for all, at least twice the distance at which the two largest vehicles touch; 1 m if there
-    is none.
+    room for all, at least twice the distance at which the two largest vehicles touch; 1 m if
+    no such distance has room.
 
     Args:
         course: the course.

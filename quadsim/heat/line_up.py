@@ -235,7 +235,7 @@ def _entrant(
 
 
 def _read(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values of settings of a race, which may be texts. Raises SettingError."""
+    """Return checked settings of a race, texts as values, without None. Raises SettingError."""
     return {
         name: checked(name, value, KINDS[name])
         for name, value in given.items()

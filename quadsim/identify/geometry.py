@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from quadsim.dynamics.allocation import mixer
 from quadsim.identify.numbers import FitNumbers
-from quadsim.physics.allocation import mixer
 from quadsim.rotation import Vec3
 from quadsim.vehicle import Vehicle
 

@@ -61,8 +61,8 @@ def predictions(
 
     Args:
         parts: stretches of the logs.
-        numbers: what predicts.
-        geometry: what is not fitted.
+        numbers: fitted parameters of the vehicle.
+        geometry: arms and directions of the rotors, which are not fitted.
         turning: axes about which the torques are known; about the others the rates stay.
     """
     flown: list[tuple[str, Paths, float]] = []

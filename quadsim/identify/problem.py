@@ -20,12 +20,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from quadsim.dynamics.rate_torque import gyroscopic
 from quadsim.identify.geometry import Geometry
 from quadsim.identify.numbers import FitNumbers
 from quadsim.identify.prepared import Prepared
 from quadsim.identify.rotors import rotor_speeds, thrusts
 from quadsim.identify.stretches import Stretch
-from quadsim.physics.actuators import gyroscopic
 from quadsim.rotation import to_world
 from quadsim.vehicle import GRAVITY
 

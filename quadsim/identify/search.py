@@ -128,7 +128,10 @@ class Problem:
         return result
 
     def noise(self, residuals: np.ndarray) -> dict[str, float]:
-        """Return the standard deviation of each kind, by the median of the absolute residuals."""
+        """Return the noise of each kind of residual, such as "force_x", in its unit.
+
+        It is the standard deviation, estimated from the median absolute residual.
+        """
         by_kind: dict[str, list[np.ndarray]] = {}
         for kind, rows in self._kinds():
             by_kind.setdefault(kind, []).append(np.abs(residuals[rows]))

@@ -92,7 +92,7 @@ class RacingVecEnv(VecEnv):
         self.envs.close()
 
     def get_images(self) -> Sequence[np.ndarray | None]:
-        """Return one picture of all vehicles, or None."""
+        """Return one picture of all vehicles, or [None] if render_mode is not rgb_array."""
         return self.envs.render() or [None]
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:

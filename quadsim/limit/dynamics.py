@@ -18,6 +18,7 @@ from typing import Any
 import casadi
 import numpy as np
 
+from quadsim.dynamics.allocation import mixer
 from quadsim.dynamics.quadrotor import (
     ATTITUDE,
     BODY_RATES,
@@ -31,9 +32,8 @@ from quadsim.dynamics.quadrotor import (
     quadrotor,
     step,
 )
+from quadsim.dynamics.rate_torque import gyroscopic
 from quadsim.limit.limits import ModelName
-from quadsim.physics.actuators import gyroscopic
-from quadsim.physics.allocation import mixer
 from quadsim.rotation import quaternion_rate, to_body, to_world
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 

@@ -144,7 +144,15 @@ def solved(name: str, s: Solution, route: Route) -> Guess:
 def _of_states(
     name: str, model: Dynamics, t: np.ndarray, states: np.ndarray, passes: np.ndarray
 ) -> Guess:
-    """Return a guess from states in the order of State (n, 17) at times t (n,)."""
+    """Return a guess with the states and controls of a model.
+
+    Args:
+        name: name of the guess.
+        model: the model.
+        t: times [s]  (n,).
+        states: states of the quadrotor, columns as in State  (n, 17).
+        passes: times of arrival at the points of the route except the first [s].
+    """
     x = []
     u = []
     for row in states:

@@ -139,7 +139,7 @@ def _joined(blocks: Sequence[np.ndarray], column: int) -> np.ndarray:
 
 
 def _number(cell: str) -> float | None:
-    """Return the number of a cell, None if it is none."""
+    """Return the number in a cell, None if the cell is not a number."""
     try:
         return float(cell)
     except ValueError:

@@ -162,7 +162,7 @@ def load_mapping(name_or_path: str | Path) -> LogMapping:
     """Return a mapping by name ("nanobench") or path ("mine.yaml").
 
     Raises:
-        FileError: there is no such mapping, or the file is none.
+        FileError: there is no such mapping, or the file does not hold a mapping.
     """
     path = locate(name_or_path, MAPPINGS, "mapping", listed=False)
     document = parse(read_text(path), str(path))

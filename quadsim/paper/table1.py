@@ -27,7 +27,7 @@ class PublishedTimes(NamedTuple):
 
 
 class MotionAttempt(NamedTuple):
-    """One of our attempts."""
+    """An attempt that quadsim flew or drove for Table 1."""
 
     time: float | None  # from the start to the goal [s]; None: not finished
     plan_ms: float  # median planning time of the control steps

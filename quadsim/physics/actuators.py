@@ -9,21 +9,20 @@ scalars and tuples: at 400 Hz the overhead of 3-element arrays would dominate th
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from math import isfinite
 from typing import NamedTuple
 
-from quadsim.dynamics.first_order import remaining, response
-from quadsim.dynamics.quadrotor import Control, rate_loop
-from quadsim.physics.allocation import PerRotor, allocate, mixer, shares
+from quadsim.dynamics.allocation import PerRotor
+from quadsim.dynamics.first_order import response
+from quadsim.dynamics.quadrotor import Control
+from quadsim.dynamics.rate_torque import gyroscopic, rate_torque
+from quadsim.dynamics.rotors import SOUND, Motors
 from quadsim.physics.faults import RotorFault
 from quadsim.physics.link import Link
 from quadsim.physics.plant_state import MotorUse
 from quadsim.rotation import Quaternion, Vec3
-from quadsim.vehicle import GRAVITY, Rotors, Vehicle
-
-# strengths of four healthy rotors
-SOUND: PerRotor = (1.0, 1.0, 1.0, 1.0)
+from quadsim.vehicle import GRAVITY, Vehicle
 
 
 class Wrench(NamedTuple):
@@ -59,32 +58,6 @@ def clamp_command(command: Sequence[float], vehicle: Vehicle) -> Control:
     )
 
 
-def rate_torque(omega: Vec3, omega_cmd: Vec3, gain: Vec3, inertia: Vec3) -> Vec3:
-    """Return the torque of the rate loop, J K (omega_cmd - omega) + omega x J omega [N m].
-
-    With K = (1 - exp(-dt/tau)) / dt an explicit Euler step of dt lands exactly on the first-order
-    response, 63 % at tau for any dt. The second term cancels the gyroscopic term of the body's
-    dynamics.
-
-    Args:
-        omega: body rates [rad/s].
-        omega_cmd: commanded body rates [rad/s].
-        gain: diagonal of K [1/s].
-        inertia: principal moments J [kg m^2].
-    """
-    bx, by, bz = rate_loop(omega, omega_cmd, gain)
-    jx, jy, jz = inertia
-    gx, gy, gz = gyroscopic(omega, inertia)
-    return jx * bx + gx, jy * by + gy, jz * bz + gz
-
-
-def gyroscopic(omega: Vec3, inertia: Vec3) -> Vec3:
-    """Return omega x J omega [N m], for principal moments J [kg m^2]."""
-    p, q, r = omega
-    jx, jy, jz = inertia
-    return (jz - jy) * q * r, (jx - jz) * r * p, (jy - jx) * p * q
-
-
 def angular_acceleration(omega: Vec3, torque: Vec3, inertia: Vec3) -> Vec3:
     """Return J^-1 (tau - omega x J omega) [rad/s^2], Euler's equation in the body frame."""
     tx, ty, tz = torque
@@ -113,68 +86,6 @@ def rotor_strengths(faults: Sequence[RotorFault], t: float) -> PerRotor:
             assert fault.rotor is not None, "the rotor of this fault is not drawn yet"
             strengths[fault.rotor - 1] *= fault.strength
     return tuple(strengths)
-
-
-class Motors:
-    """Four rotors, initially at hover, whose speeds follow their commands with first-order lag."""
-
-    def __init__(self, vehicle: Vehicle, rotors: Rotors, dt: float):
-        """dt: physics step [s]."""
-        self._rotors = rotors
-        self._mixer = mixer(rotors)
-        self._share = shares(rotors)
-        # A fitted thrust map may go below zero at idle.
-        self._low = max(0.0, rotors.thrust(rotors.motor_omega_min))
-        self._high = rotors.thrust(rotors.motor_omega_max)
-        self._dt = dt
-        self._remaining = remaining(rotors.motor_tau, dt)
-        # [rad/s]
-        self.speeds: PerRotor = (rotors.speed(0.25 * vehicle.mass * GRAVITY),) * 4
-
-    def drive(
-        self, collective: float, torque: Vec3, strengths: PerRotor = SOUND
-    ) -> tuple[float, Vec3]:
-        """Advance the rotors by one step towards a demand.
-
-        Args:
-            collective: demanded thrust of all rotors [N].
-            torque: demanded torque [N m].
-            strengths: share of its nominal thrust that each rotor gives, which the mixer does not
-                know  (4,).
-
-        Returns:
-            The delivered collective [N] and torque [N m] at the end of the step.
-        """
-        thrusts = allocate(self._share, collective, torque, self._low, self._high)
-        return self.follow(map(self._rotors.speed, thrusts), strengths)
-
-    def follow(self, commands: Iterable[float], strengths: PerRotor = SOUND) -> tuple[float, Vec3]:
-        """Advance the rotors by one step towards commanded speeds.
-
-        Args:
-            commands: speeds [rad/s]  (4,).
-            strengths: share of its nominal thrust that each rotor gives  (4,).
-
-        Returns:
-            The delivered collective [N] and torque [N m] at the end of the step.
-        """
-        self.speeds = tuple(
-            command + (speed - command) * self._share_left(speed, command)
-            for speed, command in zip(self.speeds, commands, strict=True)
-        )
-        # A rotor's thrust and its reaction torque fail together.
-        t0, t1, t2, t3 = (
-            strength * self._rotors.thrust(speed)
-            for strength, speed in zip(strengths, self.speeds, strict=True)
-        )
-        force, x, y, z = (a * t0 + b * t1 + c * t2 + d * t3 for a, b, c, d in self._mixer)
-        return force, (x, y, z)
-
-    def _share_left(self, speed: float, command: float) -> float:
-        """Return the share of the distance from a speed to its command that a step leaves."""
-        if self._rotors.motor_response is None:
-            return self._remaining
-        return remaining(self._rotors.lag(speed, command), self._dt)
 
 
 class Actuators:

@@ -26,10 +26,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from quadsim.course import Course, Start
+from quadsim.dynamics.allocation import mixer
 from quadsim.dynamics.quadrotor import Control, State
 from quadsim.files.extras import needs_extra
 from quadsim.physics.actuators import angular_acceleration, clamp_command
-from quadsim.physics.allocation import mixer
 from quadsim.physics.faults import RotorFault
 from quadsim.physics.link import CommandNoise, Link
 from quadsim.physics.plant_state import PlantState, start_state

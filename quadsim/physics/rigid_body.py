@@ -22,7 +22,7 @@ from math import dist
 from quadsim.course import Course
 from quadsim.course.swept import SweptGates, first_within, lerp
 from quadsim.course.swept_obstacles import SweptObstacles
-from quadsim.physics.actuators import gyroscopic
+from quadsim.dynamics.rate_torque import gyroscopic
 from quadsim.rotation import Quaternion, Vec3, to_body, to_world, turned_at
 from quadsim.vehicle import GRAVITY, Vehicle
 

@@ -24,11 +24,11 @@ from typing import Any
 import numpy as np
 
 from quadsim.course import Course, Start
+from quadsim.dynamics.allocation import mixer
 from quadsim.dynamics.first_order import response
 from quadsim.dynamics.quadrotor import Control, State
 from quadsim.files.extras import needs_extra
 from quadsim.physics.actuators import angular_acceleration, clamp_command
-from quadsim.physics.allocation import mixer
 from quadsim.physics.faults import RotorFault
 from quadsim.physics.link import HOVER
 from quadsim.physics.plant_state import PlantState, start_state

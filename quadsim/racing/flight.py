@@ -337,7 +337,7 @@ def flight(parts: FlightParts) -> Iterator[Frame | Planning | PhysicsStep]:
 
 
 def rest_of(controller: Controller) -> tuple[float, ...]:
-    """Return the control at rest of a controller  (n_u,)."""
+    """Return the control that a controller applies until its first plan is ready  (n_u,)."""
     return tuple(controller.rest.tolist())
 
 

@@ -192,7 +192,8 @@ class Referee:
         return found
 
     def _judge(self, incident: Incident, target: int, t: float, t1: float) -> str | None:
-        """Return the kind of event that an incident is by the rules, None if it is none.
+        """Return the kind of event that an incident is by the rules, None if it
+        does not count.
 
         Args:
             incident: incident within the step.

@@ -121,7 +121,7 @@ class RecordedRun:
 
     @cached_property
     def course(self) -> Course:
-        """The course as the planner knew it. Raises FileError: the record's text is none."""
+        """The course as the planner knew it. Raises FileError if the text is not a course."""
         return parse_course(self.spec["course"]["text"], self.course_name)
 
     @property
@@ -356,7 +356,7 @@ class Recorder:
         """Return the flight so far, interrupted if its last frame has no outcome.
 
         Raises:
-            ValueError: the referee's outcome is none of Outcome.
+            ValueError: the referee's outcome is not an Outcome.
         """
         outcome = "interrupted"
         if self.last and self.last.outcome:

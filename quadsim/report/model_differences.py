@@ -24,7 +24,7 @@ Number = float | list[float]
 
 
 class Pair(NamedTuple):
-    """A parameter of the model and the same of the vehicle."""
+    """The values of one parameter in the planner's model and in the vehicle."""
 
     model: Number
     vehicle: Number

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict
 from functools import lru_cache
 from typing import Any
 
@@ -59,7 +58,7 @@ def _changes(spec: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     recorded = spec.get("planner", {})
     for part in parts:
         numbers = recorded.get(part, {})
-        for name, usual in asdict(getattr(base, part)).items():
+        for name, usual in vars(getattr(base, part)).items():
             value = numbers.get(name)
             # A JSON record has lists in place of tuples, and leaves out what was not set
             usual = list(usual) if isinstance(usual, tuple) else usual

@@ -167,6 +167,13 @@ class StoredRow:
         entrants: the names of the entrants; of a run, empty.
         winner: name of the winner; of a run, None.
         flights: the flight of each vehicle.
+
+    Examples:
+        >>> import quadsim
+        >>> folder = quadsim.fly("figure8", laps=1, samples=256).save()
+        >>> row = quadsim.runs()[0]
+        >>> row.progress, row.vehicle, row.numbers
+        ('1/1', 'swift', 'samples 256')
     """
 
     name: str
@@ -215,7 +222,7 @@ class StoredRow:
 
     @property
     def changes(self) -> Annotated[int, TableColumn("changes", digits=0, is_printed=False)]:
-        """The number of times that a number of a planner was changed in flight."""
+        """The number of changes of planner parameters in flight, over all vehicles."""
         return sum(len(flight.spec.interactive) for flight in self.flights)
 
     @property

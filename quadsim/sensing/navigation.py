@@ -36,8 +36,8 @@ from quadsim.rotation import Vec3
 from quadsim.sensing.estimate_record import estimate_row
 from quadsim.sensing.estimation.body_rates import BodyRates
 from quadsim.sensing.estimation.estimator import Estimator
-from quadsim.sensing.estimation.prediction import Commands, Piece, mean_command, predict
-from quadsim.sensing.estimation.vehicle_learner import Acted, VehicleLearner
+from quadsim.sensing.estimation.prediction import Acted, Commands, Piece, mean_command, predict
+from quadsim.sensing.estimation.vehicle_learner import VehicleLearner
 from quadsim.sensing.kept import Kept
 from quadsim.sensing.known_course import KnownCourse
 from quadsim.sensing.measurements import Corners, Inertial, Measurement, Photo, RotorThrust
@@ -49,6 +49,10 @@ from quadsim.sensing.state import FilterState
 MOVED = 0.01
 # weight of the last planning time in the running mean of planning times
 PLAN_TIME = 0.1
+# tolerance of the time between two samples that are a control period apart, as a share of it
+ON_TIME = 0.1
+# largest time from the last sample to now, as a share of a control period
+RECENT = 0.5
 # A number of periods is rounded if it differs by less from a whole number.
 WHOLE = 1e-6
 # [s] Instants that differ by less count as equal.
@@ -255,6 +259,8 @@ class SensedState:
         self._rotor_std = rotor_std
         # samples of the present period
         self._inertial: list[Inertial] = []
+        # time [s] and body rates [rad/s] of the last sample that was used; None: there was none
+        self._last_rates: tuple[float, Vec3] | None = None
         # thrust from rotor speeds, the latest since the last estimate; None: none has arrived
         self._rotors: RotorThrust | None = None
         self.corners: Corners | None = None
@@ -370,16 +376,39 @@ class SensedState:
         self._inertial = recent
         force = None
         rates = None
+        turned = None
         if recent:
             rates = nominal.rates(recent[-1])
+            turned = self._turned(recent[-1].t, rates) if periods == 1 else None
             force = mean([nominal.force(s) for s in recent], [s.dt for s in recent])
 
         # The thrust reserved for roll and pitch is the larger of both ends of the period.
         for _ in range(periods):
             reserve = self._body_rates.reserve(u)
-            self._body_rates.advance(u, rates)
+            before = self._body_rates.turning
+            self._body_rates.advance(u, rates, self.learner.delivered)
             reserve = max(reserve, self._body_rates.reserve(u))
+            after = self._body_rates.turning
+            self.learner.learn_from_gyro((before, after), u, turned, force, nominal)
             self.learner.learn_from_force(u.thrust, reserve, force, nominal)
+
+    def _turned(self, t: float, rates: Vec3) -> Vec3 | None:
+        """Return the mean angular acceleration since the last sample of the gyroscope [rad/s^2].
+
+        Args:
+            t: time of the newest sample [s].
+            rates: its body rates [rad/s].
+
+        Returns:
+            (3,); None: the two samples are not at the ends of the last control period.
+        """
+        last, self._last_rates = self._last_rates, (t, rates)
+        if last is None or self._t - t > RECENT * self._dt:
+            return None
+        if abs(t - last[0] - self._dt) > ON_TIME * self._dt:
+            return None
+        x, y, z = ((new - old) / self._dt for new, old in zip(rates, last[1], strict=True))
+        return x, y, z
 
 
 class CourseEstimate:

@@ -154,7 +154,7 @@ def page_flight(changes):
         if frame in changes:
             flight.change(changes[frame])
         flight.advance()
-    spec = flight.now.spec
+    spec = flight.now.record
     run = flight._recorder.run(spec)
     flight.close()
     return run

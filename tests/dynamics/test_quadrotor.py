@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
+from quadsim.dynamics.allocation import allocate, mixer, shares
 from quadsim.dynamics.quadrotor import (
     ATTITUDE,
     BODY_RATES,
@@ -22,7 +23,6 @@ from quadsim.dynamics.quadrotor import (
     State,
     quadrotor,
 )
-from quadsim.physics.allocation import allocate, mixer, shares
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle, load_vehicle
 
 SIMPLE = ModelParams(

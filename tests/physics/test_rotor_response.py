@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from quadsim.dynamics.rotors import Motors
 from quadsim.files.values import SettingError
-from quadsim.physics.actuators import Motors
 from quadsim.physics.domain_randomization import Randomization
 from quadsim.vehicle import load_vehicle, parse_vehicle
 

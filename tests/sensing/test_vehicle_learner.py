@@ -23,7 +23,8 @@ from quadsim.racing.flight import simulate
 from quadsim.rotation import to_body, turned
 from quadsim.sensing.config import ImuConfig
 from quadsim.sensing.estimation.body_rates import BodyRates
-from quadsim.sensing.estimation.vehicle_learner import FORCE_STD, Acted, Row, VehicleLearner
+from quadsim.sensing.estimation.prediction import Acted
+from quadsim.sensing.estimation.vehicle_learner import FORCE_STD, Row, VehicleLearner
 from quadsim.sensing.nominal import Nominal
 from quadsim.vehicle import GRAVITY, load_vehicle
 from quadsim.vehicle.tolerances import VehicleTolerances

@@ -71,7 +71,7 @@ class CourseFolder:
         """Write the text that the last save of a file has replaced.
 
         Raises:
-            ValueError: there is none, or the file was changed since.
+            ValueError: no save has replaced a text, or the file was changed since.
             RunError: the file cannot be written.
         """
         file = Path(path)

@@ -96,7 +96,7 @@ def _items(kind: inspect.Type) -> list[inspect.Type]:
 
 
 def _number(label: str, kind: inspect.Type, text: str) -> Number:
-    """Return a number of this kind."""
+    """Return the form entry of a number: its label, unit, range and help `text`."""
     found: Any = bare(kind)
     # 0 can be typed even if it is out of range; the checks report it as an error.
     low = found.ge if found.ge is not None else found.gt

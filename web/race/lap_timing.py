@@ -42,7 +42,7 @@ class LapTiming:
 
     @property
     def t(self) -> float:
-        """The time of its frame [s]."""
+        """The time of the competitor's frame [s]."""
         return float(self.entry.t[self.i])
 
     @property

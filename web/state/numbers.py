@@ -188,7 +188,10 @@ def with_change(planner: Planner, preset: Planner, change: Change) -> Planner:
 
 
 def _of_sampling(planner: AnyPlanner, name: str) -> Sequence[float]:
-    """Return numbers of the controls of a sampler; empty: it has none, or they are unknown."""
+    """Return a parameter of the sampler, such as sigma, one number per control.
+
+    Empty if the sampler lacks the parameter or its value is unknown.
+    """
     return tuple(getattr(planner.sampling, name, ()))
 
 

@@ -220,7 +220,7 @@ def _draw_crashes(axes: Axes, places: np.ndarray, look: Style, marker: str) -> N
 
 
 def _paths(section: Section, rows: Sequence[AttemptRow]) -> Iterator[np.ndarray]:
-    """Yield the paths of the first attempts, finished ones before others.  (frames, 2)"""
+    """Yield x and y [m] of at most PATHS attempts, finished attempts first.  (frames, 2)"""
     finished_first = sorted(rows, key=lambda r: (r.outcome != FINISHED, r.seed))
     for row in finished_first[:PATHS]:
         # Telemetry may have been removed, or never been kept.

@@ -142,7 +142,7 @@ class PairStats:
 
 @dataclass(frozen=True)
 class Section:
-    """All variants of one course."""
+    """A section holds the results of all variants on one course."""
 
     course: Course
     setting: str  # laps, vehicle, seeds and randomization, for people

@@ -32,7 +32,7 @@ FEWEST_VALUES = 2
 
 
 class SweptValue(NamedTuple):
-    """One value of a sweep."""
+    """A step of a sweep: its label, and the value of each setting that changes."""
 
     label: str  # as tables and figures show it
     # What each setting is given, a text for it, or None for its default

@@ -74,7 +74,7 @@ class HeatComparison(Documented):
         return f"<HeatComparison {self.course}: {names}, {heats} heats>"
 
     def document(self) -> Document:
-        """Return the tables and remarks of all settings, and the place of the figure."""
+        """Return the tables and remarks of all settings, and a placeholder for the figure."""
         blocks: list[Block] = [Heading(self.course, self._races())]
         if self.differences:
             blocks += [settings_table(self.settings), differences_table(self.differences)]

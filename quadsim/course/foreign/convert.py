@@ -114,7 +114,7 @@ def convert_course(path: str | Path, kind: str, **reading: Any) -> Course:
         A course, which passes the checks of a course file; `to_yaml` writes one.
 
     Raises:
-        FileError: the file is none of this format, or its course does not pass the checks.
+        FileError: the file does not have this format, or its course does not pass the checks.
         SettingError: there is no such format, or a value of `reading` is invalid.
 
     Examples:
@@ -258,7 +258,7 @@ def _directions(axes: np.ndarray, side: Side) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _opening(gate: ForeignGate, side: Side, reading: Reading, file: str) -> tuple[float, float]:
-    """Return width and height of a gate's opening [m]. Raises FileError if there are none."""
+    """Return width and height of a gate's opening [m]. Raises FileError if it has none."""
     if reading.opening:
         return reading.opening
     if gate.sizes is None:

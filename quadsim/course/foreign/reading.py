@@ -112,7 +112,7 @@ class Entry:
             names: their names, for the error.
 
         Raises:
-            FileError: it is none.
+            FileError: the entry is not such a list.
         """
         if not isinstance(self.value, list) or len(self.value) != count:
             raise self.wrong(f"{count} numbers ({names})")

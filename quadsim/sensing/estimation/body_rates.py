@@ -5,9 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from quadsim.dynamics.first_order import response
-from quadsim.dynamics.quadrotor import Control, ModelParams, rate_loop, tilt_reserve
+from quadsim.dynamics.quadrotor import (
+    Control,
+    Delivered,
+    Drive,
+    ModelParams,
+    deliver,
+    rate_loop,
+    tilt_reserve,
+)
 from quadsim.rotation import Vec3
 from quadsim.sensing.config import ImuConfig
+from quadsim.sensing.estimation.nominal_rotors import Turning
 
 # [rad/s^2] standard deviation of the model's error in angular acceleration per period
 ACCELERATION_STD = 20.0
@@ -21,7 +30,8 @@ class BodyRates:
         beta <- beta + (beta_cmd - beta) k_beta,    beta_cmd = (omega_cmd - omega) k_omega
         omega <- omega + beta dt
 
-    The gains k_beta and k_omega are defined in quadsim.dynamics.quadrotor. Then the gyroscope
+    The gains k_beta and k_omega are defined in quadsim.dynamics.quadrotor. What is known of unequal
+    rotors changes beta_cmd as in the model. Then the gyroscope
     corrects omega and beta with the steady-state gain of a Kalman filter, once each control period.
     """
 
@@ -47,14 +57,26 @@ class BodyRates:
         # [rad/s^2]
         self.angular_acceleration: Vec3 = (0.0, 0.0, 0.0)
 
-    def advance(self, u: Control, measured: Vec3 | None) -> None:
+    @property
+    def turning(self) -> Turning:
+        """The present estimate."""
+        return Turning(self.rates, self.angular_acceleration)
+
+    def advance(
+        self,
+        u: Control,
+        measured: Vec3 | None,
+        delivered: Delivered = Delivered(),  # noqa: B008 (immutable)
+    ) -> None:
         """Move by one control period under the command u.
 
         Args:
             u: the command.
             measured: body rates at the period's end [rad/s]  (3,); None: there was no sample.
+            delivered: what the vehicle delivers of what its rotors are asked for.
         """
-        commanded = rate_loop(self.rates, u.body_rates, self._gains)
+        asked = rate_loop(self.rates, u.body_rates, self._gains)
+        commanded = deliver(Drive(u.thrust, *asked), delivered)[1:]
         rates = []
         acceleration = []
         for k in range(3):

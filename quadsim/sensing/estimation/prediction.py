@@ -12,9 +12,11 @@ from collections.abc import Iterator, Sequence
 from math import ceil
 from typing import NamedTuple
 
+import numpy as np
+
 from quadsim.course import Course
 from quadsim.course.opening import crossing, on_passage
-from quadsim.dynamics.quadrotor import ModelParams, State, quadrotor
+from quadsim.dynamics.quadrotor import Control, ModelParams, State, quadrotor
 from quadsim.rotation import Vec3
 
 Command = tuple[float, ...]  # (n_u,)
@@ -36,6 +38,37 @@ class Piece(NamedTuple):
     # [s]
     duration: float
     u: Command
+
+
+class Acted(NamedTuple):
+    """The commands that acted over an interval: one, or on the wall clock two or more."""
+
+    commands: tuple[Control, ...]
+    # share of the interval, which add up to 1
+    shares: tuple[float, ...]
+
+    @classmethod
+    def of(cls, pieces: Sequence[Piece]) -> Acted:
+        """Return the commands of an interval, which is not empty."""
+        duration = sum(piece.duration for piece in pieces)
+        commands = tuple(Control(*piece.u) for piece in pieces)
+        return cls(commands, tuple(piece.duration / duration for piece in pieces))
+
+    @property
+    def least_thrust(self) -> float:
+        """The least commanded thrust [m/s^2]."""
+        return min(u.thrust for u in self.commands)
+
+    @property
+    def mean_thrust(self) -> float:
+        """The commanded thrust, averaged over time [m/s^2]."""
+        return sum(s * u.thrust for s, u in zip(self.shares, self.commands, strict=True))
+
+    @property
+    def mean_tilt_rates(self) -> np.ndarray:
+        """The commanded roll and pitch rate, averaged over time [rad/s]  (2,)."""
+        rates = np.array([u.body_rates[:2] for u in self.commands])
+        return np.array(self.shares) @ rates
 
 
 class Commands:

@@ -177,7 +177,8 @@ class CornerUpdate:
     def _jacobian(self, state: FilterState, moves: np.ndarray, gates: np.ndarray) -> np.ndarray:
         """Return the Jacobian of the pixels with respect to the error state.
 
-        A gate that moves one way in the picture does what the vehicle does that moves the other.
+        A displacement of the gate changes the pixels by the opposite of the same displacement of
+        the vehicle.
 
         Args:
             state: the state of the filter.

@@ -32,21 +32,30 @@ because the effect of a wrong mass rotates with the vehicle.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from enum import IntEnum
-from math import sqrt
+from math import nan, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
 from quadsim.dynamics.first_order import remaining, response
-from quadsim.dynamics.quadrotor import Control, ModelParams, State, thrust_axis, tilt_reserve
+from quadsim.dynamics.quadrotor import (
+    Control,
+    Delivered,
+    LearnedModel,
+    ModelParams,
+    State,
+    thrust_axis,
+    tilt_reserve,
+)
 from quadsim.rotation import Vec3, matrix
 from quadsim.sensing.config import ImuConfig
-from quadsim.sensing.estimation.prediction import Piece
+from quadsim.sensing.estimation.nominal_rotors import Interval, Turning
+from quadsim.sensing.estimation.prediction import Acted
+from quadsim.sensing.estimation.wrench_learner import WrenchLearner
 from quadsim.sensing.nominal import Nominal
-from quadsim.vehicle import GRAVITY
+from quadsim.vehicle import GRAVITY, Vehicle
 from quadsim.vehicle.tolerances import VehicleTolerances
 
 # Learning from exact states.
@@ -100,6 +109,9 @@ THRUST_MAX_WALK = 1e-2
 OUTLIER = 25.0
 
 
+SOUND_ROTORS = Delivered()
+
+
 class Row(IntEnum):
     """Rows of the filter's state."""
 
@@ -138,37 +150,6 @@ class VehicleNumbers(NamedTuple):
         return cls(thrust, thrust_max, thrust_gain, drag, tuple(gust))
 
 
-class Acted(NamedTuple):
-    """The commands that acted over an interval: one, or on the wall clock two or more."""
-
-    commands: tuple[Control, ...]
-    # share of the interval, which add up to 1
-    shares: tuple[float, ...]
-
-    @classmethod
-    def of(cls, pieces: Sequence[Piece]) -> Acted:
-        """Return the commands of an interval, which is not empty."""
-        duration = sum(piece.duration for piece in pieces)
-        commands = tuple(Control(*piece.u) for piece in pieces)
-        return cls(commands, tuple(piece.duration / duration for piece in pieces))
-
-    @property
-    def least_thrust(self) -> float:
-        """The least commanded thrust [m/s^2]."""
-        return min(u.thrust for u in self.commands)
-
-    @property
-    def mean_thrust(self) -> float:
-        """The commanded thrust, averaged over time [m/s^2]."""
-        return sum(s * u.thrust for s, u in zip(self.shares, self.commands, strict=True))
-
-    @property
-    def mean_tilt_rates(self) -> np.ndarray:
-        """The commanded roll and pitch rate, averaged over time [rad/s]  (2,)."""
-        rates = np.array([u.body_rates[:2] for u in self.commands])
-        return np.array(self.shares) @ rates
-
-
 class VehicleLearner:
     """Estimates the parameters of a quadrotor in flight, once each control period.
 
@@ -183,6 +164,7 @@ class VehicleLearner:
         covariance: np.ndarray,
         force_variance: float,
         delivered: float | None,
+        wrench: WrenchLearner | None,
     ):
         """Start at the nominal parameters.
 
@@ -194,6 +176,7 @@ class VehicleLearner:
             force_variance: variance of a specific force per axis [m^2/s^4].
             delivered: delivered share of the requested angular acceleration at the highest thrust;
                 None: the share is not estimated.
+            wrench: estimator of what the rotors deliver; None: they are taken to be sound.
         """
         self._nominal = model
         self._dt = dt
@@ -204,6 +187,7 @@ class VehicleLearner:
         self._P = covariance
         self._R = force_variance * np.eye(3)
         self._delivered = delivered
+        self.wrench = wrench
         # share of the asked thrust that is delivered below the highest thrust
         self._thrust_share = 1.0
         # angular acceleration about x and y that nobody asks for, per thrust [1/m]  (2,)
@@ -219,10 +203,17 @@ class VehicleLearner:
         model: ModelParams,
         dt: float,
         tolerances: VehicleTolerances = VehicleTolerances(),  # noqa: B008 (frozen)
+        vehicle: Vehicle | None = None,
     ) -> VehicleLearner:
         """Return a learner for `learn_from_states`.
 
         A drag that is nominally zero is not estimated.
+
+        Args:
+            model: the nominal model.
+            dt: control period [s].
+            tolerances: prior of the differences between vehicle and model.
+            vehicle: the nominal vehicle, if it is to be estimated what its rotors deliver.
         """
         t = tolerances
         std = np.zeros(len(Row))
@@ -232,7 +223,8 @@ class VehicleLearner:
         std[GUST] = t.gust
         # A mixer that gives up thrust for yaw gives it up for roll and pitch, too.
         delivered = None if model.yaw_first else 1.0
-        return cls(model, dt, tolerances, np.diag(std**2), 0.0, delivered)
+        wrench = WrenchLearner(vehicle, model, dt, None) if vehicle else None
+        return cls(model, dt, tolerances, np.diag(std**2), 0.0, delivered, wrench)
 
     @classmethod
     def for_sensors(
@@ -241,8 +233,19 @@ class VehicleLearner:
         dt: float,
         imu: ImuConfig,
         tolerances: VehicleTolerances = VehicleTolerances(),  # noqa: B008 (frozen)
+        vehicle: Vehicle | None = None,
     ) -> VehicleLearner:
-        """Return a learner for `learn_from_force` and `learn_from_rotors`."""
+        """Return a learner for a vehicle whose state is estimated from sensors.
+
+        Update it with `learn_from_force` and `learn_from_rotors`.
+
+        Args:
+            model: the nominal model.
+            dt: control period [s].
+            imu: the accelerometer and the gyroscope, whose noise limits the accuracy.
+            tolerances: prior of the differences between vehicle and model.
+            vehicle: the nominal vehicle, if the thrust that its rotors deliver is to be estimated.
+        """
         t = tolerances
         # not squares of `uniform_std`, so that flights are repeated to the last bit
         variance = np.zeros(len(Row))
@@ -252,7 +255,9 @@ class VehicleLearner:
         variance[Row.DRAG] = uniform_variance(t.drag * max(model.drag, LEAST_DRAG))
         variance[GUST] = t.gust**2
         force_variance = imu.accelerometer_noise**2 + FORCE_STD**2
-        return cls(model, dt, tolerances, np.diag(variance), force_variance, delivered=None)
+        wrench = WrenchLearner(vehicle, model, dt, imu.gyro_noise) if vehicle else None
+        covariance = np.diag(variance)
+        return cls(model, dt, tolerances, covariance, force_variance, delivered=None, wrench=wrench)
 
     @property
     def model(self) -> ModelParams:
@@ -261,18 +266,24 @@ class VehicleLearner:
         tilt_first = self._nominal.tilt_first
         if self._delivered is not None:
             tilt_first = self._delivered > LEAST_DELIVERED
-        return replace(
+        model = replace(
             self._nominal,
             thrust_gain=now.thrust_gain,
             drag=now.drag,
             thrust_max=now.thrust_max,
             tilt_first=tilt_first,
         )
+        return LearnedModel.of_model(model, self.wrench.delivered) if self.wrench else model
 
     @property
     def numbers(self) -> VehicleNumbers:
         """The present estimates."""
         return VehicleNumbers.of(self._theta)
+
+    @property
+    def delivered(self) -> Delivered:
+        """What the rotors deliver; they are sound if it is not estimated."""
+        return self.wrench.delivered if self.wrench else SOUND_ROTORS
 
     @property
     def std(self) -> VehicleNumbers:
@@ -292,6 +303,11 @@ class VehicleLearner:
         """
         self._theta[Row.THRUST] = after.thrust
         self._correct_by_acceleration(before, after, duration)
+        if self.wrench:
+            thrust_max = float(self._theta[Row.THRUST_MAX])
+            first, last = (Turning(x.body_rates, x.angular_acceleration) for x in (before, after))
+            measured = self.wrench.rotors.wrench_of(after.thrust, last)
+            self.wrench.learn(Interval(first, last, acted, duration), thrust_max, measured)
         if self._nominal.yaw_first:
             self._update_by_strongest_rotor(before, after, acted)
             return
@@ -314,6 +330,39 @@ class VehicleLearner:
         self._predict(a_cmd, reserve)
         if force is not None:
             self._correct_by_force(np.array(force), nominal)
+
+    def learn_from_gyro(
+        self,
+        ends: tuple[Turning, Turning],
+        u: Control,
+        acceleration: Vec3 | None,
+        force: Vec3 | None,
+        nominal: Nominal,
+    ) -> None:
+        """Learn what the rotors deliver, from one control period of a gyroscope.
+
+        Args:
+            ends: how the vehicle turned at both ends of the period.
+            u: the command.
+            acceleration: mean angular acceleration measured in the period [rad/s^2]  (3,); None: it
+                was not measured.
+            force: mean specific force measured in the period, body frame [m/s^2]  (3,); None: there
+                was no sample.
+            nominal: estimate of attitude and velocity at the period's end.
+        """
+        if self.wrench is None:
+            return
+        measured = None
+        if acceleration is not None:
+            thrust = nan
+            if force is not None:
+                expected, _ = self._expected_force(nominal)
+                thrust = self.numbers.thrust + (force[2] - expected[2]) / self.numbers.thrust_gain
+            first, last = ends
+            wx, wy, wz = np.add(first.rates, last.rates) / 2
+            measured = self.wrench.rotors.wrench_of(thrust, Turning((wx, wy, wz), acceleration))
+        interval = Interval(*ends, Acted((u,), (1.0,)), self._dt)
+        self.wrench.learn(interval, float(self._theta[Row.THRUST_MAX]), measured)
 
     def learn_from_rotors(self, thrust: float, std: float) -> None:
         """Learn from rotor speeds.
@@ -381,8 +430,10 @@ class VehicleLearner:
     def _asked_thrust(self, delivered: float, acted: Acted) -> float:
         """Return the thrust that the vehicle asks of its rotors when this thrust has settled.
 
-        The share that they deliver is learned from commands below the highest thrust.
+        The share that they deliver is known, or learned from commands below the highest thrust.
         """
+        if self.wrench:
+            return delivered / self.wrench.delivered.thrust_share
         if GRAVITY < acted.least_thrust <= UNSATURATED * self._nominal.thrust_max:
             self._thrust_share += STEP * (delivered / acted.mean_thrust - self._thrust_share)
         is_sound = abs(self._thrust_share - 1.0) <= SHARE_TOLERANCE
@@ -415,17 +466,30 @@ class VehicleLearner:
         first, last = np.array([before.angular_acceleration[:2], after.angular_acceleration[:2]])
         settled = first + (last - first) / self._rate_responses
 
-        # Unequal rotors and a centre of mass off the middle make a torque that nobody asks for and
-        # that grows with the thrust. What is asked for changes its sign often, this does not.
         thrust_max = self._theta[Row.THRUST_MAX]
         thrust = (before.thrust + after.thrust) / 2
-        if thrust > GRAVITY:
-            self._unasked += UNASKED_STEP * ((settled - asked) / thrust - self._unasked)
+        unasked = self._unasked_turn(settled - asked, thrust)
 
         is_limited = acted.least_thrust > thrust_max - reserve / 2
         if reserve > LEAST_RESERVE * thrust_max and is_limited:
-            share = float((settled - self._unasked * thrust) @ asked / (asked @ asked))
+            share = float((settled - unasked) @ asked / (asked @ asked))
             self._delivered += STEP * (share - self._delivered)
+
+    def _unasked_turn(self, rest: np.ndarray, thrust: float) -> np.ndarray:
+        """Return the angular acceleration about x and y that nobody asks for [rad/s^2]  (2,).
+
+        Args:
+            rest: angular acceleration beyond what was asked for [rad/s^2]  (2,).
+            thrust: delivered thrust [m/s^2].
+        """
+        if self.wrench:
+            known = self.wrench.delivered
+            return np.array(known.turn[:2]) * thrust + known.always[:2]
+        # Unequal rotors and a centre of mass off the middle make it grow with the thrust. What is
+        # asked for changes its sign often, this does not.
+        if thrust > GRAVITY:
+            self._unasked += UNASKED_STEP * (rest / thrust - self._unasked)
+        return self._unasked * thrust
 
     def _mean_reserve(self, before: State, after: State, acted: Acted) -> float:
         """Return the reserve for roll and pitch, averaged over the period [m/s^2].
@@ -454,12 +518,13 @@ class VehicleLearner:
         theta = self._theta
         most = theta[Row.THRUST_MAX] - reserve
         limited = a_cmd > most
-        step = (most if limited else max(a_cmd, reserve)) - theta[Row.THRUST]
+        share = self.delivered.thrust_share
+        step = share * (most if limited else max(a_cmd, reserve)) - theta[Row.THRUST]
 
         keep, fresh = self._gust_process(self._dt)
         F = np.eye(len(Row))
         F[Row.THRUST, Row.THRUST] = 1.0 - lag
-        F[Row.THRUST, Row.THRUST_MAX] = lag if limited else 0.0
+        F[Row.THRUST, Row.THRUST_MAX] = share * lag if limited else 0.0
         F[GUST, GUST] *= keep
         moved = F @ theta
         moved[Row.THRUST] = theta[Row.THRUST] + lag * step
@@ -473,9 +538,12 @@ class VehicleLearner:
         self._theta = moved
         self._P = F @ self._P @ F.T + np.diag(Q)
 
-    def _correct_by_force(self, force: np.ndarray, nominal: Nominal) -> None:
-        """Correct by a mean specific force [m/s^2] (3,), unless it is an outlier."""
-        # The expected force k a e_z - d v + w in the body frame, and its Jacobian.
+    def _expected_force(self, nominal: Nominal) -> tuple[np.ndarray, np.ndarray]:
+        """Return the expected force k a e_z - d v + w in the body frame, and its Jacobian.
+
+        Returns:
+            Force [m/s^2]  (3,), Jacobian  (3, 7).
+        """
         a = self._theta[Row.THRUST]
         k = self._theta[Row.THRUST_GAIN]
         d = self._theta[Row.DRAG]
@@ -487,8 +555,14 @@ class VehicleLearner:
         H[2, Row.THRUST_GAIN] = a
         H[:, Row.DRAG] = -v
         H[:, GUST] = to_body
-        innovation = force - (w - d * v)
-        innovation[2] -= k * a
+        expected = w - d * v
+        expected[2] += k * a
+        return expected, H
+
+    def _correct_by_force(self, force: np.ndarray, nominal: Nominal) -> None:
+        """Correct by a mean specific force [m/s^2] (3,), unless it is an outlier."""
+        expected, H = self._expected_force(nominal)
+        innovation = force - expected
 
         PHt = self._P @ H.T
         S = H @ PHt + self._R

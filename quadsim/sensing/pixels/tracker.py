@@ -52,8 +52,8 @@ IN_VIEW = 3
 ENOUGH = 2
 # [px] reach of the search after that
 FOUND_REACH = 10.0
-# largest number of further searches around a fitted pose; [px] if the median reach is below, there
-# is none
+# largest number of further searches around a fitted pose; [px] if the median reach is below, no
+# further search is made
 AGAIN = 2
 NARROW = 8.0
 # [px] A line is left out if one of its ends is farther from where the fitted pose expects it.

@@ -64,7 +64,7 @@ def names_shown(session):
 
 
 def seeds_listed(page):
-    return page.locator(".race-sheet tbody tr td:nth-child(9)").all_text_contents()
+    return page.locator(".race-sheet tbody tr td:nth-child(8)").all_text_contents()
 
 
 def test_an_address_shows_its_runs_at_its_time_from_its_camera(page, session):

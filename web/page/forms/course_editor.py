@@ -359,7 +359,7 @@ class CourseEditor(Form):
         return lines
 
     def _limit_lines(self) -> list[str]:
-        """Return the known limit, and the progress of the search."""
+        """Return lines with the best known race and lap times, and the progress of the search."""
         limit = self._checked.limit
         lines = []
         if limit:

@@ -83,7 +83,7 @@ class ShowNotice(Message, tag="shown"):
 
 
 class Playback:
-    """Receives what visitors want to watch; a flight that is on does not depend on it."""
+    """Handles visitors' playback and camera messages, which never affect a flight in progress."""
 
     def __init__(
         self, link: Link, session: Session, viewing: Viewing, seats: Seats, camera: Camera

@@ -303,7 +303,7 @@ def array_colour(rgb: RGB | np.ndarray) -> np.ndarray:
 
 
 def single_colour(rgb: RGB | np.ndarray) -> RGB:
-    """Return the single colour that looks like this sRGB colour on a lit side."""
+    """Return the colour of an object whose lit side is to look like this sRGB colour, 0..255."""
     red, green, blue = np.rint(255 * encoded(_linear(rgb))).astype(int).tolist()
     return red, green, blue
 

@@ -30,7 +30,7 @@ let time = { from: 0, span: SPAN, follows: true }; // the window of all charts o
 const zooms = {}; // the window of a chart over place or frequency, by its title
 let pointer = null; // { key, x }: the place of the pointer, on all charts over the same axis
 let pressed = false;
-let waiting = 0; // since when an answer is waited for [ms]; 0: none is
+let waiting = 0; // when the awaited answer was asked for [ms]; 0: no answer is awaited
 
 // Whether the charts of a tab can be seen; what cannot be seen is not asked for.
 const isSeen = (tab) => document.querySelector(`[data-charts="${tab}"]`).clientWidth > 0;
@@ -342,7 +342,7 @@ function drawIn(place) {
   });
 }
 
-// Elements for these charts, made anew where others are wanted.
+// Elements for these charts, made anew if other charts are wanted.
 function build(place, tab, charts) {
   const wanted = JSON.stringify([
     tab,

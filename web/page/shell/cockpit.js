@@ -253,7 +253,7 @@ function show() {
   showChannels(pad);
 }
 
-// A row for each channel: its axis, whether it is reversed, and where it stands.
+// A row for each channel: its axis, whether it is reversed, and its position.
 let rowsOf = "";
 function showChannels(pad) {
   const details = over.querySelector("details");

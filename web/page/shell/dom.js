@@ -1,4 +1,4 @@
-// Elements by name, and those of elements.py. Whatever is shown is set as text, never parsed as HTML.
+// Elements by name, and the elements that elements.py describes. All text is set as text, never parsed as HTML.
 const SVG = "http://www.w3.org/2000/svg";
 // What elements.py writes, and nothing that acts
 const TAGS = new Set("div span b i img table tr th td svg g line rect circle polygon polyline text title".split(" "));
@@ -14,12 +14,12 @@ export function make(tag, properties = {}, ...children) {
   return found;
 }
 
-// Text into an element, only where it differs: a drawn text is not touched.
+// Set the text of an element only if it differs: a drawn text is not touched.
 export function say(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
-// Copy a text, also where the page has no clipboard as it is not served from this machine, and say so on the button.
+// Copy a text and say so on the button, also if the page has no clipboard because another machine serves it.
 export async function copy(text, button) {
   try {
     await navigator.clipboard.writeText(text);

@@ -1,4 +1,4 @@
-// The value of a field: that of the server, one that was sent and has not come back, or one that is being typed.
+// The value of a field: the server's, a value that was sent and has not come back, or a value that is being typed.
 
 export const text = (value) => (typeof value === "number" ? String(Number(value.toPrecision(10))) : String(value));
 
@@ -13,7 +13,7 @@ export class FieldValue {
     return this.sent !== undefined;
   }
 
-  // The field is now that of this row; return whether it was that of another one, whose changes are dropped.
+  // The field is now of this row; return whether it was of another row, whose changes are dropped.
   turnTo(of) {
     const isOther = this.of !== undefined && this.of !== of;
     this.of = of;

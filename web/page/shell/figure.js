@@ -5,7 +5,7 @@ const GROUND = 0.09; // lightness of white paper
 const POWER = 1.6; // the higher, the lighter colours become
 
 // The figure of a report: a click, or Enter, shows it as a whole, and again in its own size, in which its letters are
-// as large as those of the page.
+// as large as the page's texts.
 export function figureOf({ name, figure }) {
   const image = make("img", { alt: `The figure of ${name}`, title: "click: as a whole, or in its own size" });
   const box = make("div", { className: "figure", tabIndex: 0 }, image);

@@ -55,7 +55,7 @@ function drawForm(name, { fields, of }) {
   for (const field of fields) update(group.fields[field.name], { value: "", ...field }, of);
 }
 
-// Set the fields of a group up anew; what is there already stays what it is.
+// Set up the fields of a group anew; a field that is there already stays the same element.
 function build(group, fields) {
   const before = group.fields;
   group.fields = {};

@@ -2,7 +2,7 @@
 // flight by hand. A key goes to the highest layer, which takes it, leaves it to the element that has the focus, or
 // passes it on to the layer beneath. What no layer keeps is a key of the page, after the elements.
 
-export const TAKEN = "taken"; // nobody else gets the key
+export const TAKEN = "taken"; // no other layer gets the key
 export const LEFT = "left"; // the element that has the focus gets it, and no layer beneath
 
 const layers = []; // the highest one last; each: { down(event) and, if it wants to know, up(event) }

@@ -15,7 +15,7 @@ let next = 0;
 let seen = 0; // when the scene was last connected, or opened again [ms]
 const also = []; // functions that return the names of parts that are shown beside those that every page shows
 
-// Call a function with each new content of a part; `again`: in place of those before.
+// Call a function with each new content of a part; `again`: in place of the functions before.
 export function show(name, shown, again = false) {
   if (again) shows[name] = [];
   (shows[name] ??= []).push(shown);

@@ -104,7 +104,7 @@ function sortBy(key) {
   draw();
 }
 
-// The row of a run, and below it its texts where they are asked for.
+// The row of a run, and its texts below it if they are asked for.
 function drawn(row) {
   if (row.problem) {
     const what = make("td", {
@@ -192,7 +192,7 @@ function replay(names) {
   leave({ type: "replay_runs", names });
 }
 
-// Send what is then seen behind the sheet; a remark opens it again.
+// Close the sheet and send a request, whose result is seen behind the sheet; a remark opens it again.
 function leave(message) {
   open(false);
   send(message);

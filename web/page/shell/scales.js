@@ -65,7 +65,7 @@ export function text(value) {
   return String(Number(value.toPrecision(6)));
 }
 
-// The value of a line at a place, from the nearest of its points; empty: it has none there.
+// The value of a line at a place, from the nearest of its points; empty: the line has no value there.
 export function valueAt(line, at, isExact) {
   // Over place, a line that ends before the place of the race has its last value.
   const last = line.y.findLastIndex((value) => value !== null);

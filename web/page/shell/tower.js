@@ -18,7 +18,7 @@ const HEADS = [
 ];
 const NOTE = "purple: best of all, green: own best; chatter [m/s²/s]: less is better";
 const WIDE = 480; // width from which there is room for the gap [px]
-const NARROW = 420; // width below which there is none for the lap and the last lap [px]
+const NARROW = 420; // width below which there is no room for the lap and the last lap [px]
 
 function row() {
   const cells = HEADS.map(([, name]) => make("td", { className: name }));
@@ -42,7 +42,7 @@ function row() {
   };
 }
 
-// Hits and misses, where there are any.
+// Hits and misses, if there are any.
 function bad({ hits, misses }) {
   const counted = (count, word, words) => (count ? ` ${count} ${count > 1 ? words : word}` : "");
   return counted(hits, "hit", "hits") + counted(misses, "miss", "misses");

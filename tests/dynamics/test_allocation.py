@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from plant_cases import FULL, ROTORS
 
-from quadsim.physics.allocation import allocate, mixer, shares
+from quadsim.dynamics.allocation import allocate, mixer, shares
 
 MIXER, SHARES = np.array(mixer(ROTORS)), shares(ROTORS)
 

@@ -1,0 +1,205 @@
+"""Online estimation of what the rotors deliver of what they are asked for.
+
+All numbers are in units of thrust [m/s^2]: p = (a, torques over mass and lever), to which rotor i
+contributes (1, s_x, s_y, s_z) times its thrust, with signs s. If it delivers the share eta_i of the
+thrust t_i of a sound rotor (quadsim.sensing.estimation.nominal_rotors), then
+
+    p = sum_i eta_i (1, s_x, s_y, s_z) t_i + (0, b) + (0, g q),      q = sum_i (s_x, s_y, s_z) t_i
+
+with a torque b that is always there and an error g of the rate loop's gain. A Kalman filter
+estimates theta = (eta, b, g), a random walk, on the p that is measured once each control period.
+g is estimated only so that it is not taken for weak rotors; the planner uses eta and b.
+
+What is not observable: a centre of mass off the middle is the same as stronger rotors on one side.
+Near the highest thrust the shares' mean is not observable, as the highest thrust itself is unknown;
+there no rotor is taken to be stronger than nominal. b and eta differ only if the thrust varies.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from quadsim.dynamics.first_order import response
+from quadsim.dynamics.quadrotor import Delivered, ModelParams
+from quadsim.sensing.estimation.nominal_rotors import Interval, NominalRotors
+from quadsim.vehicle import Vehicle
+
+SHARES = slice(0, 4)
+ALWAYS = slice(4, 7)
+SIZE = 10
+# rows of the torques in a measurement, and the columns of what acts on one torque each
+AXES = np.arange(1, 4)
+ALWAYS_COLUMNS = np.arange(4, 7)
+GAIN_COLUMNS = np.arange(7, 10)
+
+
+class Deviations(NamedTuple):
+    """Standard deviations of shares [], constant torques [m/s^2] and gain errors []."""
+
+    share: float
+    always: float
+    gain: float
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """The covariance of independent numbers  (10, 10)."""
+        return np.diag(np.square([self.share] * 4 + [self.always] * 3 + [self.gain] * 3))
+
+
+START = Deviations(share=0.03, always=0.05, gain=0.1)
+# random walk, per sqrt(s)
+WALK = Deviations(share=0.03, always=0.03, gain=0.02)
+# What is nearer to a sound vehicle counts as sound, because unmodelled effects look like it, and
+# the planner uses nothing larger: shares [], constant torques [m/s^2]
+SHARE_TOLERANCE = 0.02
+LARGEST_SHARE = 0.7
+ALWAYS_TOLERANCE = 0.05
+LARGEST_ALWAYS = 3.0
+
+# [m/s^2] standard deviations of a measurement with exact states: thrust, torques about x, y, z
+EXACT_STD = (0.3, 0.12, 0.12, 0.12)
+# [m/s^2] standard deviation of the thrust by an accelerometer
+FORCE_STD = 0.6
+# [rad/s] lower bound of the gyroscope's assumed noise
+LEAST_GYRO_NOISE = 1e-3
+# [m/s^2] standard deviation of the thrust while a rotor is near its highest thrust
+FULL_STD = 10.0
+# weight of the newest error in the mean square of the errors, per second
+ERROR_RATE = 2.0
+# factor on that mean square, which adds to the variance of a measurement
+ERROR_FACTOR = 3.0
+# An innovation of more standard deviations counts less.
+OUTLIER = 3.0
+# share of the time near the highest thrust from which no rotor is taken to be stronger than nominal
+MOSTLY_FULL = 0.2
+# by more than this share, and the standard deviation of that
+SPARE_SHARE = 0.015
+SPARE_STD = 0.02
+
+
+class WrenchLearner:
+    """Estimates what the rotors of a vehicle deliver, once each control period."""
+
+    def __init__(self, vehicle: Vehicle, model: ModelParams, dt: float, gyro_noise: float | None):
+        """Start with a sound vehicle.
+
+        Args:
+            vehicle: the nominal vehicle, which has rotors.
+            model: the nominal model.
+            dt: control period [s].
+            gyro_noise: standard deviation of the gyroscope [rad/s]; None: states are exact.
+        """
+        self.rotors = NominalRotors(vehicle, dt)
+        self._dt = dt
+        self._rotor_response = response(model.motor_tau, dt)
+        # In the model, a rate loop with a lead has a smaller lag, see `led_rate_loop`.
+        self._led = np.array([lag / model.motor_tau for lag in model.rate_lags])
+        self._theta = np.concatenate([np.ones(4), np.zeros(6)])
+        self._P = START.covariance
+        self._Q = WALK.covariance * dt
+        self._is_exact = gyro_noise is None
+        std = np.array(EXACT_STD)
+        if gyro_noise is not None:
+            noise = np.sqrt(2.0) * max(gyro_noise, LEAST_GYRO_NOISE) / dt
+            std = np.hypot(std, [FORCE_STD, *(noise / self.rotors.turn_per_thrust)])
+        self._R = std**2
+        # mean square of the errors of each measurement, as far as they were used [m^2/s^4]  (4,)
+        self._error = np.zeros(4)
+        # `full` and `missing_yaw` of the rotors, behind their lag
+        self._full = 0.0
+        self._missing_yaw = 0.0
+        # what the vehicle delivers, for the planner's model
+        self.delivered = Delivered()
+
+    @property
+    def shares(self) -> np.ndarray:
+        """The share that each rotor delivers of its nominal thrust  (4,)."""
+        return self._theta[SHARES].copy()
+
+    @property
+    def std(self) -> np.ndarray:
+        """The standard deviations of the shares  (4,)."""
+        return np.sqrt(np.diag(self._P)[SHARES])
+
+    def _delivered(self) -> Delivered:
+        """Return what the vehicle delivers by the present estimate."""
+        shares = 1.0 + counted(self._theta[SHARES] - 1.0, SHARE_TOLERANCE, LARGEST_SHARE)
+        always = counted(self._theta[ALWAYS], ALWAYS_TOLERANCE, LARGEST_ALWAYS)
+        thrust, *turn = self.rotors.signs @ shares / 4
+        scale = self.rotors.turn_per_thrust * self._led
+        return Delivered(float(thrust), *(turn * scale).tolist(), *(always * scale).tolist())
+
+    def learn(self, interval: Interval, thrust_max: float, measured: np.ndarray | None) -> None:
+        """Learn from one interval.
+
+        Args:
+            interval: what was commanded, and how the vehicle turned.
+            thrust_max: the highest thrust, as it is known [m/s^2].
+            measured: p at the end, or with sensors its mean [m/s^2]  (4,), NaN for what was not
+                measured; None: nothing was.
+        """
+        followed = self.rotors.advance(interval, thrust_max)
+        self._full += self._rotor_response * (followed.full - self._full)
+        self._missing_yaw += self._rotor_response * (followed.missing_yaw - self._missing_yaw)
+        self._P = self._P + self._Q
+        if measured is None:
+            return
+        thrusts = followed.last if self._is_exact else followed.mean
+
+        # The thrust tells the shares' mean only if it has settled below the highest thrust, and
+        # yaw tells something only if it is not limited.
+        R = self._R.copy()
+        R[0] += (FULL_STD * self._full) ** 2 + followed.unsettled**2
+        R[3] += self._missing_yaw**2
+        H = self._jacobian(thrusts)
+        is_measured = ~np.isnan(measured)
+        error = np.where(is_measured, measured, H @ self._theta) - H @ self._theta
+
+        # What the filter cannot explain in sound flight, too, is noise.
+        tells = is_measured & (R < 4.0 * self._R)
+        bounded = np.minimum(error**2, 4.0 * (self._R + self._error))
+        rate = ERROR_RATE * self._dt
+        self._error = np.where(tells, self._error + rate * (bounded - self._error), self._error)
+        R = R + ERROR_FACTOR * self._error
+
+        deviation = np.sqrt(np.sum((H @ self._P) * H, axis=1) + R)
+        R = R * np.maximum(abs(error) / deviation / OUTLIER, 1.0)
+        self._correct(error[is_measured], H[is_measured], R[is_measured])
+        self._limit_strongest()
+        self.delivered = self._delivered()
+
+    def _jacobian(self, thrusts: np.ndarray) -> np.ndarray:
+        """Return H of p = H theta.  (4, 10)
+
+        thrusts: of the nominal rotors [m/s^2]  (4,).
+        """
+        H = np.zeros((4, SIZE))
+        H[:, SHARES] = self.rotors.signs * thrusts
+        H[AXES, ALWAYS_COLUMNS] = 1.0
+        H[AXES, GAIN_COLUMNS] = self.rotors.signs[1:] @ thrusts
+        return H
+
+    def _limit_strongest(self) -> None:
+        """Lower all shares near the highest thrust if a rotor is stronger than nominal."""
+        excess = self._theta[SHARES].max() - 1.0 - SPARE_SHARE
+        if excess > 0.0 and self._full > MOSTLY_FULL:
+            H = np.zeros((1, SIZE))
+            H[0, SHARES] = 0.25
+            self._correct(np.array([-excess]), H, np.array([SPARE_STD**2]))
+
+    def _correct(self, error: np.ndarray, H: np.ndarray, R: np.ndarray) -> None:
+        """Correct by innovations (n,) with Jacobian (n, 10) and variances (n,)."""
+        HP = H @ self._P
+        gain = np.linalg.solve(HP @ H.T + np.diag(R), HP).T  # pyright: ignore[reportArgumentType]
+        self._theta = self._theta + gain @ error
+        P = self._P - gain @ HP
+        self._P = 0.5 * (P + P.T)
+
+
+def counted(offset: np.ndarray, tolerance: float, largest: float) -> np.ndarray:
+    """Return offsets with nothing of those within the tolerance, and nearly all of large ones."""
+    size = abs(offset)
+    kept = np.maximum(1.0 - (tolerance / np.maximum(size, tolerance)) ** 2, 0.0)
+    return np.clip(kept * offset, -largest, largest)
