@@ -7,7 +7,7 @@ from web_cases import Gliders, choices, until
 
 from quadsim.statistics import mean_interval
 from quadsim.web.page.parts.head import Head, SeedsResult, head_of
-from quadsim.web.page.parts.seeds_table import seeds_of
+from quadsim.web.page.parts.seeds_table import ALIKE, seeds_of
 from quadsim.web.race.lap_timing import lap_timings
 from quadsim.web.race.page_race import PageRace
 from quadsim.web.race.series import FlownSeed, Series, SeriesRow
@@ -42,7 +42,8 @@ def test_every_seed_is_flown_once_and_kept(tmp_path):
     (pair,) = series.pairs
     paired = [b - a for a, b in zip(colored, gaussian, strict=True)]
     assert pair.difference == mean_interval(paired)
-    assert seeds_of(series).said == "3 of 3 seeds flown"
+    # The gliders have no noise.
+    assert seeds_of(series).said == f"3 of 3 seeds flown; {ALIKE}"
     session.close()
 
 
@@ -142,6 +143,7 @@ def test_the_headline_names_the_faster_of_the_two_fastest(tmp_path):
     # differences of 0.52, 0.50 and 0.51: half 4.303 x 0.01 / sqrt(3)
     assert said(shown.headline) == "fast is faster by 0.51 \u00b1 0.02 s over 3 seeds"
     assert shown.seeds == [4, 5, 6]
+    assert ALIKE not in shown.said
     series.rows = [row("a", 5.0, None, 5.1), row("b", 5.1, 5.2, 5.0)]
     told = said(seeds_of(series).headline)
     assert told.startswith("a and b are not told apart: 0.00 \u00b1")

@@ -47,6 +47,12 @@ class SeriesRow:
         return mean_interval(self.times)
 
     @property
+    def is_repeated(self) -> bool:
+        """Whether several seeds all gave the same flight, as those of a learned pilot may."""
+        flown = {(flight.time, flight.chatter) for flight in self.flights}
+        return len(self.flights) > 1 and len(flown) == 1
+
+    @property
     def chatter(self) -> Mean:
         """The mean chatter of the flights that finished with its interval [m/s^2/s]."""
         finished = [flight for flight in self.flights if flight.time is not None]

@@ -10,6 +10,8 @@ from quadsim.statistics import Mean
 from quadsim.web.page.parts.head import Word
 from quadsim.web.race.series import Series
 
+ALIKE = "a competitor flies the same with every seed: Randomize varies start, vehicle and gusts"
+
 
 class SeedsRow(msgspec.Struct):
     """A competitor: its flights and, as text, means with the halves of their 95 % intervals."""
@@ -53,6 +55,8 @@ def seeds_of(series: Series) -> Seeds:
     said = f"seed {min(series.done + 1, series.count)} of {series.count}"
     if not series.is_on:
         said = f"{series.done} of {series.count} seeds flown"
+    if any(row.is_repeated for row in series.rows):
+        said += f"; {ALIKE}"
     rows = [
         SeedsRow(
             name=row.name,
