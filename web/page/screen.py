@@ -15,7 +15,8 @@ from quadsim.web.page.parts.time_line import now_of
 from quadsim.web.page.parts.tower import Tower
 from quadsim.web.page.server.link import LinkVisitor
 from quadsim.web.page.stages import Stage
-from quadsim.web.race.snapshot import SAME, Snapshot
+from quadsim.web.race.competitor import SAME_TIME
+from quadsim.web.race.snapshot import Snapshot
 from quadsim.web.state.view import View
 
 # Parts that are made while they are shown; the slow ones once a second
@@ -150,7 +151,7 @@ class Screen:
         """Show notices; the notice of an event is shown once its time is watched."""
         for notice in s.notices:
             of_other_race = notice.t is not None and notice.race != s.race
-            is_ahead = notice.t is not None and s.t < notice.t - SAME
+            is_ahead = notice.t is not None and s.t < notice.t - SAME_TIME
             if notice.number in self._told or (is_ahead and not of_other_race):
                 continue
             self._told.add(notice.number)
