@@ -16,6 +16,7 @@ from quadsim.report.run_text import (
     crash_place,
     flown_with,
     lap_times,
+    learned_text,
     limit_text,
     motor_text,
     not_comparable,
@@ -45,6 +46,8 @@ def _facts(run: RecordedRun, metrics: RunMetrics) -> Iterator[tuple[str, str]]:
     for name, line in (("state", given_state(run.spec)), ("estimate", lost_estimate(run))):
         if line:
             yield name, line.removeprefix(f"{name} ")
+    if run.learned:
+        yield "learned in flight", learned_text(run)
     if run.laps:
         yield "lap times", lap_times(run)
     if metrics.above_limit is not None:

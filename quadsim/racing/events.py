@@ -110,6 +110,8 @@ class Frame:
     motors: tuple[float, ...] = field(default=(), repr=False)
     # what the sensors have measured since the last frame, if it is kept (record_sensing)
     kept: Kept | None = field(default=None, repr=False)
+    # share that each rotor delivers of its nominal thrust, if it is estimated  (4,)
+    rotor_shares: tuple[float, ...] = field(default=(), repr=False)
 
 
 def flown_laps(events: Iterable[Event], completed: int) -> list[float]:

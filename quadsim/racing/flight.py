@@ -324,6 +324,7 @@ def flight(parts: FlightParts) -> Iterator[Frame | Planning | PhysicsStep]:
             estimate=navigation.record(state),
             motors=state.motors or (),
             kept=navigation.kept(),
+            rotor_shares=navigation.rotor_shares,
         )
         if not flying:
             return

@@ -24,7 +24,14 @@ from quadsim.files.arrays import read_bytes
 from quadsim.files.locks import lock_folder
 from quadsim.files.strict_yaml import FileError
 from quadsim.record.provenance import provenance
-from quadsim.record.run import RecordedRun, RunError, canonical, flown_by, hostless
+from quadsim.record.run import (
+    LearnedRotor,
+    RecordedRun,
+    RunError,
+    canonical,
+    flown_by,
+    hostless,
+)
 from quadsim.record.run_format import (
     read_json,
     read_npz,
@@ -291,6 +298,7 @@ def read_run(path: str | Path) -> RecordedRun:
         events=record.events,
         outcome=record.outcome,
         fault=record.fault,
+        learned=tuple(LearnedRotor(r.rotor, r.share, r.since) for r in record.learned),
         wall={"plan_ms": record.plan_ms, "real_time_factor": record.real_time_factor},
         snapshots=arrays.snapshots,
         measurements=arrays.measurements,

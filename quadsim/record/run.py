@@ -9,11 +9,11 @@ not change a flight (threads, folders); `interactive`, the changes made in fligh
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
-from typing import Any, Literal, TypedDict, get_args
+from typing import Any, Literal, NamedTuple, TypedDict, get_args
 
 import numpy as np
 
@@ -48,6 +48,8 @@ COUNTS = ("passed", "lap")
 # Columns that differ from flight to flight and do not enter the digest
 WALL_CLOCK = ("plan_ms", "estimate_ms")
 FIRST_ROWS = 1024
+# Difference of a rotor's share from 1 from which a run keeps it
+NOTABLE = 0.05
 # Kinds of events that may end a flight
 CRASHES = ("hit", "ground", "bounds", "wall", "contact")
 
@@ -61,6 +63,17 @@ class PlanTime(TypedDict):
 
     p50: float
     p95: float
+
+
+class LearnedRotor(NamedTuple):
+    """A rotor that was found in flight to differ from its nominal thrust, to the flight's end."""
+
+    # number from 1, in the order of quadsim.vehicle.Rotors
+    rotor: int
+    # share of its nominal thrust at the end
+    share: float
+    # [s]
+    since: float
 
 
 class RunError(Exception):
@@ -110,6 +123,8 @@ class RecordedRun:
     measurements: dict[str, np.ndarray] | None = None
     # The error that ended the flight, on one line; "" if none did
     fault: str = ""
+    # The rotors that were found to be weak or strong
+    learned: tuple[LearnedRotor, ...] = ()
 
     @classmethod
     def from_frames(cls, spec: dict[str, Any], frames: Iterable[Frame]) -> RecordedRun:
@@ -304,6 +319,8 @@ class Recorder:
         self._frames = 0
         self._snapshots: list[tuple[int, PlannerSnapshot]] = []
         self._kept: list[Kept] = []
+        # Rotor -> time from which its share has been a notable one [s]
+        self._notable: dict[int, float] = {}
 
     def add(self, frame: Frame) -> None:
         """Add the next frame of the flight."""
@@ -311,6 +328,11 @@ class Recorder:
             self._snapshots.append((len(self), frame.snapshot))
         if frame.kept:
             self._kept.append(frame.kept)
+        for rotor, share in enumerate(frame.rotor_shares, 1):
+            if abs(share - 1.0) >= NOTABLE:
+                self._notable.setdefault(rotor, frame.t)
+            else:
+                self._notable.pop(rotor, None)
         row = (
             frame.t,
             *frame.x,
@@ -378,7 +400,14 @@ class Recorder:
             wall=self._wall(telemetry["plan_ms"]),
             snapshots=PlannerSnapshots.of(self._snapshots),
             measurements=kept_arrays(self._kept) if self._kept else None,
+            learned=tuple(self._learned()),
         )
+
+    def _learned(self) -> Iterator[LearnedRotor]:
+        """Yield the rotors whose share is a notable one at the end."""
+        for rotor, since in sorted(self._notable.items()):
+            assert self.last
+            yield LearnedRotor(rotor, self.last.rotor_shares[rotor - 1], since)
 
     def _wall(self, plan_ms: np.ndarray) -> dict:
         """Return planning times [ms], and simulated seconds per second of wall clock."""

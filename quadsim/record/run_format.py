@@ -79,6 +79,8 @@ def write_json(run: RecordedRun, provenance: dict) -> bytes:
     }
     if run.fault:
         record["fault"] = run.fault
+    if run.learned:
+        record["learned"] = [rotor._asdict() for rotor in run.learned]
     return json.dumps(record, indent=1, allow_nan=False).encode()
 
 

@@ -257,6 +257,14 @@ class ListedRun(Struct):
     spec: Raw  # see ListedSpec
 
 
+class StoredRotor(Struct):
+    """A rotor that was found in flight to differ from its nominal thrust."""
+
+    rotor: int
+    share: float
+    since: float  # [s]
+
+
 class StoredRecord(Struct):
     """The keys of a run.json that a Run is made from."""
 
@@ -268,6 +276,8 @@ class StoredRecord(Struct):
     digest: str
     # The error that ended the flight, "" where none did
     fault: str = ""
+    # The rotors that were found to be weak or strong
+    learned: tuple[StoredRotor, ...] = ()
 
 
 # heat.json, and the result of a race in the file of a campaign

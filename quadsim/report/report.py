@@ -22,7 +22,7 @@ from quadsim.report.estimate_metrics import (
 from quadsim.report.given_state import given_state
 from quadsim.report.metrics import missed_deadlines
 from quadsim.report.model_differences import model_table
-from quadsim.report.run_text import crash_place, flown_with, not_comparable
+from quadsim.report.run_text import crash_place, flown_with, learned_text, not_comparable
 from quadsim.report.tables import (
     chatter_table,
     incident_table,
@@ -84,6 +84,8 @@ def _head(run: RecordedRun, limit: StoredSolution | None) -> Iterator[str]:
     state = given_state(spec)
     if state:
         yield state
+    if run.learned:
+        yield f"learned in flight: {learned_text(run)}"
     if limit and run.outcome == "finished":
         # Adding 0.0 makes a negative zero a plain one
         above = round(100.0 * limit.above(run.duration), 1) + 0.0

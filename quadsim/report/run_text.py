@@ -39,6 +39,8 @@ def _sentences(run: RecordedRun, metrics: RunMetrics) -> Iterator[str]:
     for line in (given_state(run.spec), lost_estimate(run)):
         if line:
             yield f"{line[0].upper()}{line[1:]}."
+    if run.learned:
+        yield f"Learned in flight: {learned_text(run)}."
     if run.laps:
         yield f"Lap times: {lap_times(run)}."
     if metrics.above_limit is not None:
@@ -80,6 +82,14 @@ def lap_times(run: RecordedRun) -> str:
     times = [f"{t:.3f}" for t in run.laps[:LAPS]]
     more = ", ..." if len(run.laps) > LAPS else ""
     return f"{', '.join(times)}{more} s"
+
+
+def learned_text(run: RecordedRun) -> str:
+    """Return the rotors that were found to differ from their nominal thrust, as text."""
+    return ", ".join(
+        f"rotor {rotor} at {100.0 * share:.0f} %, from {since:.1f} s"
+        for rotor, share, since in run.learned
+    )
 
 
 def limit_text(metrics: RunMetrics) -> str:

@@ -45,6 +45,7 @@ class Run(RecordedRun):
         measurements: with `record_sensing=True`, what the sensors measured and what the estimator
             made of it: name -> array, see docs/sensing_files.md; else None.
         fault: the error that ended the flight of a campaign, on one line; "" where none did.
+        learned: rotors that were found in flight to be weak or strong: number, share, time [s].
 
     Examples:
         >>> import quadsim

@@ -499,6 +499,12 @@ class Navigation:
         """The estimator of vehicle parameters, for display; None: they are not estimated."""
         return self._source.learner
 
+    @property
+    def rotor_shares(self) -> tuple[float, ...]:
+        """The share that each rotor delivers of its nominal thrust  (4,); () if not estimated."""
+        learner = self.learner
+        return tuple(learner.wrench.shares.tolist()) if learner and learner.wrench else ()
+
     def watch(self, state: PlantState) -> None:
         """Note the plant's state after a physics step."""
         self._source.watch(state)

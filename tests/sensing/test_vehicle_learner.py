@@ -146,7 +146,7 @@ def test_commands_that_change_within_a_period_hide_no_thrust():
     assert not mistaken.model.tilt_first
 
 
-def flown_at_the_limit(strengths, start=1.0, seconds=4.0, low=0.5):
+def flown_at_the_limit(strengths, start=1.0, low=0.5, model=NOMINAL):
     """Return the learner after a flight whose commands are limited by its own estimate.
 
     Every second the command is low for a fifth of a second.
@@ -155,13 +155,14 @@ def flown_at_the_limit(strengths, start=1.0, seconds=4.0, low=0.5):
         strengths: shares of the rotors' thrusts, which the mixer does not know  (4,).
         start: the first estimate of the highest thrust, as a share of the nominal.
         low: the low command, as a share of the estimate.
+        model: the nominal model.
     """
     faults = [RotorFault(rotor, share, Window(0.0)) for rotor, share in enumerate(strengths, 1)]
     actuators = Actuators(SWIFT, DT, faults)
-    learner = VehicleLearner.for_exact_states(NOMINAL, DT)
+    learner = VehicleLearner.for_exact_states(model, DT)
     learner._theta[Row.THRUST_MAX] *= start
     rates, thrust, beta = np.zeros(3), GRAVITY, (0.0, 0.0, 0.0)
-    for i in range(round(seconds / DT)):
+    for i in range(400):
         most = learner.numbers.thrust_max
         rate = 2.0 * (-1) ** (i // 10)
         u = Control(rate, -rate, 0.0, low * most if i % 100 < 20 else most)
@@ -179,6 +180,12 @@ def flown_at_the_limit(strengths, start=1.0, seconds=4.0, low=0.5):
 def test_a_thrust_that_is_short_at_every_level_is_no_limit(strengths, low):
     learner = flown_at_the_limit(strengths, low=low)
     assert learner.numbers.thrust_max > 0.94 * NOMINAL.thrust_max
+
+
+@pytest.mark.parametrize("strengths", [(0.9,) * 4, (1.0, 1.0, 1.0, 0.7)])
+def test_weak_rotors_do_not_halve_the_limit_of_a_mixer_that_gives_up_thrust(strengths):
+    learner = flown_at_the_limit(strengths, model=replace(NOMINAL, yaw_first=True), low=1.0)
+    assert learner.numbers.thrust_max >= 0.9 * NOMINAL.thrust_max
 
 
 def test_an_estimate_of_the_highest_thrust_that_is_too_low_comes_back():

@@ -412,20 +412,32 @@ class VehicleLearner:
         delivered = before.thrust + change / self._rotor_response
         asked = self._asked_thrust(delivered, acted)
 
-        nominal = self._nominal.thrust_max
         thrust_max = float(self._theta[Row.THRUST_MAX])
         reserve = self._mean_reserve(before, after, acted)
         is_short = acted.least_thrust > asked + SHORTFALL
         if is_short and reserve < MAX_RESERVE * thrust_max:
             # Thrust and reserve for roll and pitch then add up to the highest thrust.
-            thrust_max += STEP * (asked + reserve - thrust_max)
-            self._theta[Row.THRUST_MAX] = max(thrust_max, UNSATURATED * nominal)
+            self._move_limit(asked + reserve, STEP)
+        elif not is_short:
+            self._raise_limit(acted, reserve)
 
-        # An estimate that no vehicle within the tolerances has is raised if it is delivered.
+    def _move_limit(self, seen: float, gain: float) -> None:
+        """Move the highest thrust towards one that was seen [m/s^2], but not below its floor."""
+        thrust_max = float(self._theta[Row.THRUST_MAX])
+        thrust_max += gain * (seen - thrust_max)
+        self._theta[Row.THRUST_MAX] = max(thrust_max, UNSATURATED * self._nominal.thrust_max)
+
+    def _raise_limit(self, acted: Acted, reserve: float) -> None:
+        """Raise a highest thrust that no vehicle within the tolerances has, if it was delivered.
+
+        Args:
+            acted: the commands that acted.
+            reserve: thrust reserved for roll and pitch [m/s^2].
+        """
+        thrust_max = float(self._theta[Row.THRUST_MAX])
         is_tested = acted.least_thrust > NEAR_LIMIT * (thrust_max - reserve)
-        is_low = thrust_max < (1.0 - self._tolerances.thrust) * nominal
-        if not is_short and is_tested and is_low:
-            self._theta[Row.THRUST_MAX] += SETTLED
+        if is_tested and thrust_max < (1.0 - self._tolerances.thrust) * self._nominal.thrust_max:
+            self._theta[Row.THRUST_MAX] = thrust_max + SETTLED
 
     def _asked_thrust(self, delivered: float, acted: Acted) -> float:
         """Return the thrust that the vehicle asks of its rotors when this thrust has settled.
@@ -444,6 +456,8 @@ class VehicleLearner:
         change = after.thrust - before.thrust
         settled = before.thrust + change / self._rotor_response
         if acted.least_thrust <= settled + SHORTFALL:
+            if abs(change) < SETTLED:
+                self._raise_limit(acted, self._mean_reserve(before, after, acted))
             return
         first, last = np.array([before.angular_acceleration, after.angular_acceleration])
         bx, by, bz = abs(first + (last - first) / self._rotor_response).tolist()
@@ -452,7 +466,7 @@ class VehicleLearner:
         thrust_max = self._theta[Row.THRUST_MAX]
         # A thrust that still grows has not been given up.
         if strongest > LEAST_STRONGEST * thrust_max:
-            self._theta[Row.THRUST_MAX] += STRONGEST_STEP * (strongest - thrust_max)
+            self._move_limit(strongest, STRONGEST_STEP)
 
     def _update_delivered(self, before: State, after: State, acted: Acted) -> None:
         """Learn the delivered share if thrust and reserve request more than the highest thrust.

@@ -1,0 +1,52 @@
+"""A run tells which rotors were found to be weak, and since when."""
+
+from dataclasses import replace
+
+import pytest
+
+import quadsim
+from quadsim.record.archive import read_run
+from quadsim.record.run import LearnedRotor, RecordedRun
+from quadsim.report.run_text import learned_text
+from tests.run_cases import SPEC, frame, save
+from tests.small import SMALL
+
+
+def flown(*shares):
+    """Return a run in which each frame has these shares of the second rotor."""
+    frames = [
+        replace(frame(k), rotor_shares=(1.0, share, 1.0, 1.0)) for k, share in enumerate(shares)
+    ]
+    return RecordedRun.from_frames(SPEC, frames)
+
+
+def test_a_weak_rotor_is_told_with_its_last_share_and_the_time_since_when():
+    run = flown(1.0, 0.99, 0.93, 0.91)
+    assert run.learned == (LearnedRotor(rotor=2, share=0.91, since=pytest.approx(0.02)),)
+    assert learned_text(run) == "rotor 2 at 91 %, from 0.0 s"
+
+
+def test_a_rotor_that_has_come_back_is_not_told():
+    assert flown(1.0, 0.8, 0.97).learned == ()
+
+
+def test_what_was_learned_is_stored(tmp_path):
+    run = flown(0.9, 0.7)
+    assert read_run(save(tmp_path, run)).learned == run.learned
+    sound = flown(1.0, 1.0)
+    assert read_run(save(tmp_path, sound)).learned == ()
+
+
+@pytest.mark.compiled
+def test_a_flight_with_a_weak_rotor_tells_it():
+    run = quadsim.fly("figure8", vehicle="swift", **SMALL, timeout=1.0, fault="rotor2=.8@.2")
+    [(rotor, share, since)] = run.learned
+    assert rotor == 2
+    assert share == pytest.approx(0.8, abs=0.03)
+    assert 0.2 < since < 0.4
+    assert learned_text(run) in str(run)
+    assert not quadsim.fly("figure8", vehicle="swift", **SMALL, timeout=0.5).learned
+    told_nothing = quadsim.fly(
+        "figure8", vehicle="swift", **SMALL, timeout=0.5, fault="rotor2=.8@.2", adapt=False
+    )
+    assert not told_nothing.learned
