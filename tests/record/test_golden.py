@@ -1,4 +1,4 @@
-"""A run of format 2, stored once: every later version reads it, shows it, draws it and flies it.
+"""A run of format 2, stored once: every version of this format reads, shows, draws and flies it.
 
 It was written by `race fly figure8 --laps 1 --samples 512 --seed 1 --randomize 1`.
 """

@@ -138,7 +138,8 @@ def test_a_page_offers_and_flies_the_solutions_of_its_own_folder_of_runs(tmp_pat
 
 
 def test_clock_and_deadline_reach_the_flight_and_every_entrant_of_a_race():
-    spec = choices(clock="wall", deadline_ms="7.5").spec()
+    spec = choices(clock="wall", deadline_ms="7.5", randomize="1").spec()
+    assert spec.randomize == 1.0
     assert (spec.clock, spec.deadline_ms) == ("wall", 7.5)
     with pytest.raises(ValueError, match=r"deadline_ms.*soon"):
         choices(deadline_ms="soon").spec()

@@ -1,12 +1,20 @@
 """Claims about the time that each visitor watches, without any page."""
 
 from dataclasses import replace
+from pathlib import Path
+from urllib.parse import parse_qs
 
 import pytest
-from web_cases import PERIOD, choices, competitor
+from web_cases import PERIOD, choices, competitor, crashed_run
 
+from quadsim.web.page.forms.runs_panel import link_to
+from quadsim.web.page.parts.head import Head, head_of
+from quadsim.web.page.parts.time_line import now_of
+from quadsim.web.page.parts.tower import tower_of
+from quadsim.web.race.lap_timing import lap_timings
 from quadsim.web.race.playhead import jump, live, play, seek, step, watched, with_speed
 from quadsim.web.race.snapshot import Snapshot
+from quadsim.web.race.stored_competitor import run_competitor
 from quadsim.web.state.commands import MOST_LEFT, ComeBack, Leave, SetPlayhead, SetView, apply
 from quadsim.web.state.page_state import PageState, Playhead
 from quadsim.web.state.view import View
@@ -40,9 +48,13 @@ def landed(whole):
     return replace(flight(whole, 99.0), flying=False, playing=False)
 
 
-def replay(whole):
-    end = whole.last_t
-    return Snapshot(end=end, flown=end, competitors=(whole,), race=1, began=NOW)
+def replay(*entries):
+    end = max(entry.last_t for entry in entries)
+    return Snapshot(end=end, flown=end, competitors=entries, race=1, began=NOW)
+
+
+def crashed(whole, share=0.8):
+    return run_competitor(crashed_run(share=share), whole.course, None)
 
 
 def test_a_flight_is_watched_live_until_a_visitor_looks_elsewhere(whole):
@@ -101,12 +113,69 @@ def test_steps_and_events_move_by_frames_and_pause(whole):
     for by in (1, -1):
         seen = watched(step(head, s, NOW, by), s, NOW + 9.0)
         assert (seen.t, seen.playing) == (pytest.approx(0.5 + by * PERIOD), False)
-    following = min(event.t for event in whole.events if event.t > 0.5)
-    assert watched(jump(head, s, NOW), s, NOW).t == following
     last = seek(head, s, NOW, 99.0)
     assert watched(last, s, NOW).t == whole.last_t
     assert jump(last, s, NOW) is last
     assert watched(step(last, s, NOW, 1), s, NOW).t == whole.last_t
+
+
+def test_the_next_event_is_seen_at_the_time_of_the_jump(whole):
+    """An event lies between two frames: at its own time the frame before it is seen."""
+    ways = (replay(whole), replay(crashed(whole)), replay(whole, crashed(whole)))
+    for s in ways:
+        head, seen = seek(Playhead(), s, NOW, 0.0), []
+        while watched(head, s, NOW).next_event is not None:
+            head = jump(head, s, NOW)
+            now = watched(head, s, NOW)
+            assert all(now.t - PERIOD < one.t <= now.t for one in _shown(now) - set(seen))
+            assert len(_shown(now)) > len(seen)
+            seen = _shown(now)
+        assert len(seen) == sum(len(entry.events) for entry in s.competitors)
+        assert lap_timings(watched(head, s, NOW))[-1].over
+
+
+def _shown(s):
+    """The events whose frame is shown."""
+    frames = [(entry, float(entry.t[entry.at(s.t)])) for entry in s.competitors]
+    return {event for entry, t in frames for event in entry.events_until(t)}
+
+
+def test_a_step_moves_by_one_frame_and_never_the_other_way(whole):
+    """Also beyond the end of the first competitor, and between two frames."""
+    s = replay(crashed(whole, share=0.3), whole)
+    first, last = (entry.last_t for entry in s.competitors)
+    for t in (0.0, 0.123, first, first + 0.5, first + 0.5004, last - 0.001, last):
+        head = seek(Playhead(), s, NOW, t)
+        before, after = (watched(step(head, s, NOW, by), s, NOW).t for by in (-1, 1))
+        assert t - PERIOD - 1e-9 <= before < t or t == before == 0.0
+        assert t < after <= t + PERIOD + 1e-9 or t == after == last
+
+
+def test_every_way_to_the_end_shows_the_same_result():
+    whole = competitor(laps=3)
+    crash = crashed(whole)
+    assert whole.last_t == pytest.approx(5.4475)  # between two frames, and between two milliseconds
+    for entries in ((whole,), (crash,), (crash, whole), (whole, crash)):
+        s = replay(*entries)
+        played = watched(play(Playhead(), s, NOW, on=True), s, NOW + 99.0)
+        beyond = seek(Playhead(), s, NOW, 99.0)
+        to_end = seek(Playhead(), s, NOW, now_of(played).end)
+        by_events = seek(Playhead(), s, NOW, 0.0)
+        while now_of(watched(by_events, s, NOW)).has_next:
+            by_events = jump(by_events, s, NOW)
+        root = Path("/runs")
+        named = [replace(entry, folder=root / "run") for entry in entries]
+        link = parse_qs(link_to(named, played.t, "free", View(), str(root)).removeprefix("?"))
+        linked = seek(Playhead(), s, NOW, float(link["t"][0]))
+        for head in (beyond, to_end, by_events, linked):
+            seen = watched(head, s, NOW)
+            assert seen.t == played.t
+            assert tower_of(lap_timings(seen)) == tower_of(lap_timings(played))
+            assert _head(seen) == _head(played)
+
+
+def _head(s):
+    return head_of(s, lap_timings(s), Head("rest", []))
 
 
 def test_what_a_visitor_watches_is_that_visitors_alone(whole):

@@ -261,10 +261,10 @@ def test_a_link_names_what_is_shown_and_nothing_outside(tmp_path):
     runs = tmp_path / "runs"
     folder = stored(runs)
     entry = replace(competitor(), folder=folder)
-    link = link_to([entry], 3.2, "chase", View(), str(runs))
-    assert link == f"?run={folder.name}&t=3.20&camera=chase"
-    link = link_to([entry], 3.2, "top", View(ghosts="by place", limit=True), str(runs))
-    assert link == f"?run={folder.name}&t=3.20&camera=top&ghosts=by+place&limit=1"
+    link = link_to([entry], 3.2025, "chase", View(), str(runs))
+    assert link == f"?run={folder.name}&t=3.2025&camera=chase"
+    link = link_to([entry], 3.25, "top", View(ghosts="by place", limit=True), str(runs))
+    assert link == f"?run={folder.name}&t=3.25&camera=top&ghosts=by+place&limit=1"
     with pytest.raises(ValueError, match="nothing is stored yet"):
         link_to([competitor()], 1.0, "free", View(), str(runs))
     with pytest.raises(ValueError, match="a link can name runs of"):

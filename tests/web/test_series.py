@@ -1,11 +1,14 @@
 """Claims about the same line-up over several seeds, over flights without physics."""
 
+from dataclasses import replace
 from threading import Event
 
 from web_cases import Gliders, choices, until
 
 from quadsim.statistics import mean_interval
-from quadsim.web.page.parts.seeds_table import seeds_of
+from quadsim.web.page.parts.head import Head, SeedsResult, head_of
+from quadsim.web.page.parts.seeds_table import ALIKE, seeds_of
+from quadsim.web.race.lap_timing import lap_timings
 from quadsim.web.race.page_race import PageRace
 from quadsim.web.race.series import FlownSeed, Series, SeriesRow
 from quadsim.web.race.session import Session
@@ -39,7 +42,8 @@ def test_every_seed_is_flown_once_and_kept(tmp_path):
     (pair,) = series.pairs
     paired = [b - a for a, b in zip(colored, gaussian, strict=True)]
     assert pair.difference == mean_interval(paired)
-    assert seeds_of(series).said == "3 of 3 seeds flown"
+    # The gliders have no noise.
+    assert seeds_of(series).said == f"3 of 3 seeds flown; {ALIKE}"
     session.close()
 
 
@@ -113,12 +117,64 @@ def test_a_refused_start_ends_the_series(tmp_path):
     session.close()
 
 
+def row(name, *times, chatter=10.0):
+    """A competitor with these times from seed 4 on; a flight without a time has much chatter."""
+    flights = [
+        FlownSeed(4 + k, t, 400.0 if t is None else chatter + k) for k, t in enumerate(times)
+    ]
+    return SeriesRow(name, "red", flights)
+
+
+def said(words):
+    return "".join(word.text for word in words)
+
+
+def test_the_chatter_is_that_of_the_flights_that_finished(tmp_path):
+    assert row("a", 5.0, 5.1, None).chatter.mean == 10.5
+    assert row("a", None).chatter.n == 0
+
+
+def test_the_headline_names_the_faster_of_the_two_fastest(tmp_path):
+    session, series = series_of(tmp_path, Gliders())
+    series.count = 3
+    slow, fast = row("slow", 5.52, 5.5, 5.51), row("fast", 5.0, 5.0, 5.0)
+    series.rows = [row("slowest", 9.0, 9.0, 9.0), slow, fast]
+    shown = seeds_of(series)
+    # differences of 0.52, 0.50 and 0.51: half 4.303 x 0.01 / sqrt(3)
+    assert said(shown.headline) == "fast is faster by 0.51 \u00b1 0.02 s over 3 seeds"
+    assert shown.seeds == [4, 5, 6]
+    assert ALIKE not in shown.said
+    series.rows = [row("a", 5.0, None, 5.1), row("b", 5.1, 5.2, 5.0)]
+    told = said(seeds_of(series).headline)
+    assert told.startswith("a and b are not told apart: 0.00 \u00b1")
+    assert told.endswith(" s over the 2 of 3 seeds that both finished")
+    for rows in ([], [row("a", 5.0, 5.1)], [row("a", 5.0), row("b", 5.1)]):
+        series.rows = rows
+        assert seeds_of(series).headline == []
+    session.close()
+
+
+def test_the_head_has_the_headline_at_the_end_of_the_last_seed_alone(tmp_path):
+    session, series = series_of(tmp_path, Gliders())
+    series.begin([choices("colored"), choices("gaussian")], [], 2)
+    assert flown(session, series)
+    s = session.snapshot
+    found = SeedsResult(series.race, seeds_of(series).headline)
+    coming = Head("rest", [])
+
+    def sentence(s):
+        return said(head_of(s, lap_timings(s), coming, found).sentence)
+
+    assert "is faster by" in sentence(s)
+    assert "is faster by" not in sentence(replace(s, t=0.5))
+    assert "is faster by" not in sentence(replace(s, race=s.race + 1))
+    session.close()
+
+
 def test_a_flight_that_did_not_finish_has_no_time_and_pairs_with_none(tmp_path):
     session, series = series_of(tmp_path, Gliders())
     series.count = 3
-    first = SeriesRow("a", "red", [FlownSeed(5.0, 1.0), FlownSeed(None, 2.0), FlownSeed(5.2, 3.0)])
-    second = SeriesRow("b", "blue", [FlownSeed(5.5, 1.0), FlownSeed(5.6, 2.0), FlownSeed(5.9, 3.0)])
-    series.rows = [first, second]
+    series.rows = [row("a", 5.0, None, 5.2), row("b", 5.5, 5.6, 5.9)]
     shown = seeds_of(series)
     assert [row.finished for row in shown.rows] == ["2/3", "3/3"]
     assert shown.rows[0].times == ["5.000", "-", "5.200"]

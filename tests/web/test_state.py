@@ -136,6 +136,7 @@ def test_there_is_always_one_competitor_and_never_more_than_fit():
         (ChooseRace("laps", "many"), "laps: expected a whole number"),
         (ChooseRace("seed", "many"), "seed: expected a whole number"),
         (ChooseRace("deadline_ms", "soon"), "deadline_ms: expected"),
+        (ChooseRace("randomize", "4"), "randomize: expected"),
         (ChooseRace("wind", 1), "wind: expected one of"),
         (SetView(A, "ghosts", "by luck"), "ghosts: expected one of"),
         (SetView(A, "limit", "yes"), "limit: expected true or false"),

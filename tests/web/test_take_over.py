@@ -33,10 +33,12 @@ def test_a_run_that_is_taken_over_flies_the_same_again(flown):
 
 
 def test_what_the_race_has_otherwise_is_named():
-    record = recorded(choices("colored", seed=5, laps=1, clock="wall", deadline_ms="8"))
+    record = recorded(
+        choices("colored", seed=5, randomize=1.0, laps=1, clock="wall", deadline_ms="8")
+    )
     race = RaceChoices(course="figure8", laps=2)
     found = taken_over(record, race).differs
-    assert found == ("seed 5", "laps 1", "clock wall", "deadline 8.0")
+    assert found == ("seed 5", "randomize 1.0", "laps 1", "clock wall", "deadline 8.0")
 
 
 def test_a_flight_that_no_settings_describe_is_refused_in_one_line():

@@ -12,7 +12,7 @@ from quadsim.web.page.forms.playback import FLIES
 from quadsim.web.page.parts.elements import EMPTY
 from quadsim.web.page.parts.head import Head
 from quadsim.web.page.parts.moment import Moments
-from quadsim.web.page.screen import Beats, NoRace, Screen, Seen
+from quadsim.web.page.screen import Beats, ForAll, Screen, Seen
 from quadsim.web.page.stages import Stage
 from quadsim.web.race.competitor import POSITION
 from quadsim.web.race.notices import Notices
@@ -172,14 +172,14 @@ def test_a_notice_of_an_event_comes_when_its_time_is_watched():
     sent = Sent()
     moments = Moments()
     screen = Screen(sent, sent, s)
-    no_race = NoRace(Head("rest", []), Head("editing", []), EMPTY)
+    for_all = ForAll(Head("rest", []), Head("editing", []), EMPTY)
     notices.add("error", "at once", "")
     notices.add("lap", "of one second", "", 1.0)
     s = replace(s, notices=notices.recent)
 
     def watch(s, t):
         seen = watched(seek(Playhead(), s, 0.0, t), s, 0.0)
-        screen.update(Seen(moments.of(seen), View(), Stage(), False), no_race, Beats(True, True))
+        screen.update(Seen(moments.of(seen), View(), Stage(), False), for_all, Beats(True, True))
         return sent.titles
 
     assert watch(s, 0.5) == ["at once"]
@@ -198,11 +198,11 @@ def test_who_is_sent_less_gets_tables_with_the_slow_beat():
     moments = Moments()
     s = Snapshot(t=1.0, end=entry.last_t, flown=entry.last_t, competitors=(entry,), race=1)
     screen = Screen(sent, sent, s)
-    no_race = NoRace(Head("rest", []), Head("editing", []), EMPTY)
+    for_all = ForAll(Head("rest", []), Head("editing", []), EMPTY)
 
     def parts(light, beats):
         sent.parts.clear()
-        screen.update(Seen(moments.of(s), View(light=light), Stage(), False), no_race, beats)
+        screen.update(Seen(moments.of(s), View(light=light), Stage(), False), for_all, beats)
         return set(sent.parts)
 
     between = Beats(tables=True, slow=False)
@@ -220,11 +220,11 @@ def test_what_stands_in_a_hidden_tab_is_neither_made_nor_sent(shows, made):
     sent = Sent(shows)
     s = Snapshot(t=1.0, end=entry.last_t, flown=entry.last_t, competitors=(entry,), race=1)
     screen = Screen(sent, sent, s)
-    no_race = NoRace(Head("rest", []), Head("editing", []), EMPTY)
+    for_all = ForAll(Head("rest", []), Head("editing", []), EMPTY)
     moment = Moments().of(s)
     stage = Stage(entry.course, 1, (entry,))
     # a tab that has just been opened waits for no slow beat
-    screen.update(Seen(moment, View(), stage, False), no_race, Beats(tables=True, slow=False))
+    screen.update(Seen(moment, View(), stage, False), for_all, Beats(tables=True, slow=False))
     assert set(sent.parts) == {"now", "head", "map", "tower"} | made
     assert ("curves" in vars(moment)) == ("curves" in made)
 

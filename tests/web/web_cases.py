@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import contextmanager
+from dataclasses import replace
 from itertools import count
 from typing import NamedTuple
 
@@ -23,6 +24,7 @@ from quadsim.web.state.choices import Choices
 from quadsim.web.state.menu import Menu
 
 PERIOD = 0.01  # of every preset [s]
+PHYSICS = 0.0025  # a flight ends at one of these steps [s]
 COURSE = "figure8"
 MENU = Menu((COURSE, "paper_flat"), ("swift",), ("race",), ("colored", "gaussian"))
 SPEED = {"colored": 40.0, "gaussian": 36.0}  # [m/s], so that tests are short
@@ -73,8 +75,9 @@ class Glider(LiveFlight):
             self.compiled.wait(60)
         passed = 0
         began = time.perf_counter()
+        end = float(np.ceil(ends[-1] / PHYSICS)) * PHYSICS
         for k in count():
-            t = k * PERIOD
+            t = min(k * PERIOD, end)
             events = []
             while passed < len(gates) and ends[passed + 1] <= t:
                 passed += 1
@@ -136,6 +139,18 @@ def competitor(sampler="colored", laps=3, **more):
     """A whole flight as a competitor without a folder."""
     glider = Glider(choices(sampler, laps=laps, **more))
     return run_competitor(run_of(glider), glider.now.course, None)
+
+
+def crashed_run(sampler="gaussian", laps=3, share=0.8):
+    """The run of a flight that ends at a gate, a physics step after a share of its frames."""
+    glider = Glider(choices(sampler, laps=laps))
+    frames = list(glider.frames())
+    frames = frames[: int(share * len(frames))]
+    last = frames[-1]
+    end = last.t + PHYSICS
+    hit = Event(end - 0.0004, "hit", 4, 1, (0.0, 0.0), 9.0, (1.0, 2.0, 3.0))
+    crash = replace(last, t=end, outcome="crashed", events=(hit,))
+    return RecordedRun.from_frames(glider.now.record, [*frames, crash])
 
 
 def stored(root, sampler="colored", laps=1):

@@ -101,7 +101,7 @@ class Projector:
         for number, visitor in visitors.items():
             if number not in self._screens:
                 self._screens[number] = Screen(self._board, visitor, s)
-            self._screens[number].update(seen[number], self._shared.no_race, beats)
+            self._screens[number].update(seen[number], self._shared.for_all, beats)
         self._update_pictures({number: seen[number] for number in visitors})
         self._moments.forget_others()
 

@@ -9,13 +9,14 @@ from typing import NamedTuple
 from quadsim.web.page.forms.playback import ShowNotice
 from quadsim.web.page.parts.board import Board, PartName
 from quadsim.web.page.parts.elements import EMPTY, Element
-from quadsim.web.page.parts.head import Head, head_of
+from quadsim.web.page.parts.head import NO_SEEDS, Head, SeedsResult, head_of
 from quadsim.web.page.parts.moment import Moment
 from quadsim.web.page.parts.time_line import now_of
 from quadsim.web.page.parts.tower import Tower
 from quadsim.web.page.server.link import LinkVisitor
 from quadsim.web.page.stages import Stage
-from quadsim.web.race.snapshot import SAME, Snapshot
+from quadsim.web.race.competitor import SAME_TIME
+from quadsim.web.race.snapshot import Snapshot
 from quadsim.web.state.view import View
 
 # Parts that are made while they are shown; the slow ones once a second
@@ -24,18 +25,20 @@ SLOW: tuple[PartName, ...] = ("curves", "chatter")
 
 
 @dataclass(frozen=True, eq=False)
-class NoRace:
-    """What a visitor sees while it watches no race.
+class ForAll:
+    """What the screens of all visitors have besides the race that each watches.
 
     Attributes:
         head: before the first race.
         edited: head while the visitor edits a course.
         edited_map: map of this course.
+        seeds: result of the seeds that have been flown.
     """
 
     head: Head
     edited: Head
     edited_map: Element
+    seeds: SeedsResult = NO_SEEDS
 
 
 class Beats(NamedTuple):
@@ -86,18 +89,18 @@ class Screen:
         self._shown: dict[str, object] = {}
         self._slow: set[PartName] = set()  # slow parts whose tab was open at the last update
 
-    def update(self, seen: Seen, no_race: NoRace, beats: Beats) -> None:
+    def update(self, seen: Seen, for_all: ForAll, beats: Beats) -> None:
         """Show what has changed.
 
         Args:
             seen: what the visitor watches.
-            no_race: what is shown while the visitor watches no race.
+            for_all: what all visitors see besides the race.
             beats: what is due.
         """
         self._put("now", now_of(seen.moment.s, seen.flies))
         tables_are_due = beats.slow if seen.view.light else beats.tables
         if tables_are_due:
-            self._update_tables(seen, no_race)
+            self._update_tables(seen, for_all)
         # Whoever opens the tab of a slow part does not wait for the next beat.
         slow: set[PartName] = {name for name in SLOW if self._is_wanted(name)}
         if seen.is_drawn and (beats.slow or slow - self._slow):
@@ -109,19 +112,19 @@ class Screen:
         """Forget the visitor, who has left."""
         self._board.forget(self._visitor.number)
 
-    def _update_tables(self, seen: Seen, no_race: NoRace) -> None:
+    def _update_tables(self, seen: Seen, for_all: ForAll) -> None:
         """Show head, map, tower and the tables that are open."""
         moment, stage, is_drawn = seen.moment, seen.stage, seen.is_drawn
         s = moment.s
         wanted = [name for name in TABLES if self._is_wanted(name)]
         by_place = seen.view.by_place
-        if not self._is_new("tables", (moment, stage, by_place, no_race, wanted)):
+        if not self._is_new("tables", (moment, stage, by_place, for_all, wanted)):
             return
         if stage.is_edited:
-            self._put("head", no_race.edited)
-            self._put("map", no_race.edited_map)
+            self._put("head", for_all.edited)
+            self._put("map", for_all.edited_map)
             return
-        head = moment.once(no_race, lambda: head_of(s, moment.timings, no_race.head))
+        head = moment.once(for_all, lambda: head_of(s, moment.timings, for_all.head, for_all.seeds))
         self._put("head", head)
         if is_drawn:
             drawn = moment.drawn(by_place)
@@ -150,7 +153,7 @@ class Screen:
         """Show notices; the notice of an event is shown once its time is watched."""
         for notice in s.notices:
             of_other_race = notice.t is not None and notice.race != s.race
-            is_ahead = notice.t is not None and s.t < notice.t - SAME
+            is_ahead = notice.t is not None and s.t < notice.t - SAME_TIME
             if notice.number in self._told or (is_ahead and not of_other_race):
                 continue
             self._told.add(notice.number)

@@ -9,11 +9,11 @@ from quadsim.web.page.due import Due
 from quadsim.web.page.forms.course_editor import CourseEditor
 from quadsim.web.page.parts.board import Board
 from quadsim.web.page.parts.elements import EMPTY
-from quadsim.web.page.parts.head import Head, Word, coming_head
+from quadsim.web.page.parts.head import Head, SeedsResult, Word, coming_head
 from quadsim.web.page.parts.line_up_table import table_of
 from quadsim.web.page.parts.seeds_table import seeds_of
 from quadsim.web.page.parts.time_line import time_line_of
-from quadsim.web.page.screen import NoRace
+from quadsim.web.page.screen import ForAll
 from quadsim.web.race.series import Series
 from quadsim.web.race.snapshot import Snapshot
 from quadsim.web.state.desk import Desk
@@ -25,7 +25,7 @@ class SharedParts:
     """Puts up the time line, the seeds, and what the next START flies.
 
     Attributes:
-        no_race: what a visitor sees while it watches no race.
+        for_all: what all visitors see besides the race.
     """
 
     def __init__(self, board: Board, desk: Desk, series: Series, editor: CourseEditor):
@@ -38,7 +38,7 @@ class SharedParts:
         self._past_due = Due(0.0)
         self._coming_due = Due(0.0)
         self._edited_due = Due(0.0)
-        self.no_race = NoRace(Head("rest", []), Head("editing", []), EMPTY)
+        self.for_all = ForAll(Head("rest", []), Head("editing", []), EMPTY)
 
     def update(self, s: Snapshot) -> None:
         """Put up what has changed. s: the race at its latest time."""
@@ -47,7 +47,11 @@ class SharedParts:
         self._update_no_race(state, line_up)
         if self._past_due((s.race, [entry.past(inf) for entry in s.competitors])):
             self._board.put("time_line", time_line_of(s.competitors))
-        self._board.put("seeds", seeds_of(self._series))
+        seeds = seeds_of(self._series)
+        self._board.put("seeds", seeds)
+        result = SeedsResult(self._series.race, seeds.headline)
+        if result != self.for_all.seeds:
+            self.for_all = replace(self.for_all, seeds=result)
         if self._board.is_wanted("competitors"):
             self._board.put("line_up", table_of(state, line_up))
 
@@ -62,11 +66,11 @@ class SharedParts:
     def _update_no_race(self, state: PageState, line_up: LineUp) -> None:
         """Make the head before a race, and head and map of the course in work, if they changed."""
         if self._coming_due((line_up, state.world, state.race.course)):
-            self.no_race = replace(self.no_race, head=coming_head(state, line_up))
+            self.for_all = replace(self.for_all, head=coming_head(state, line_up))
         if self._edited_due(self._editor.shown):
             said = self._editor.said()
-            self.no_race = replace(
-                self.no_race,
+            self.for_all = replace(
+                self.for_all,
                 edited=Head("editing", [Word("Course editor")], more=said),
                 edited_map=self._editor.map(),
             )

@@ -186,6 +186,22 @@ class Competitor:
         frame = np.searchsorted(self.t, t + SAME_TIME) - 1
         return int(np.clip(frame, 0, len(self.t) - 1))
 
+    def first_frame_with(self, event: Event) -> float:
+        """Return the time of the first frame that has an event [s]; the event's own without one."""
+        frame = np.searchsorted(self.t, event.t - SAME_TIME)
+        return float(self.t[frame]) if frame < len(self.t) else event.t
+
+    def frame_beside(self, t: float, by: int) -> float | None:
+        """Return the time of the frame after t, or before it if `by` is negative [s].
+
+        None: there is no such frame.
+        """
+        if by > 0:
+            frame = np.searchsorted(self.t, t + SAME_TIME)
+        else:
+            frame = np.searchsorted(self.t, t - SAME_TIME) - 1
+        return float(self.t[frame]) if 0 <= frame < len(self.t) else None
+
     def at_place(self, progress: float) -> int:
         """Return the index of the first frame that is this far along the race [m]."""
         frame = np.searchsorted(self.progress, progress)

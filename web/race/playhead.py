@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from quadsim.web.race.snapshot import SAME, Snapshot
+from quadsim.web.race.competitor import SAME_TIME
+from quadsim.web.race.snapshot import Snapshot
 from quadsim.web.state.page_state import Playhead
 
 
@@ -59,7 +60,7 @@ def play(head: Playhead, s: Snapshot, now: float, on: bool | None = None) -> Pla
         on = not seen.playing
     if on == seen.playing:
         return of_race(head, s)
-    at_end = on and not s.flying and seen.t > s.flown - SAME
+    at_end = on and not s.flying and seen.t > s.flown - SAME_TIME
     return _from(head, s, 0.0 if at_end else seen.t, now, on)
 
 
@@ -74,17 +75,15 @@ def seek(head: Playhead, s: Snapshot, now: float, t: float) -> Playhead:
 
 
 def step(head: Playhead, s: Snapshot, now: float, by: int) -> Playhead:
-    """Pause, `by` frames of the first competitor later."""
-    seen = watched(head, s, now)
-    for entry in s.competitors:
-        if len(entry.t):
-            frame = min(max(entry.at(seen.t) + by, 0), len(entry.t) - 1)
-            return seek(head, s, now, float(entry.t[frame]))
-    return head
+    """Pause at the next frame of any competitor, or at the one before if `by` is negative."""
+    t = watched(head, s, now).t
+    found = [frame for entry in s.competitors if (frame := entry.frame_beside(t, by)) is not None]
+    nearest = min if by > 0 else max
+    return seek(head, s, now, nearest(found, default=t))
 
 
 def jump(head: Playhead, s: Snapshot, now: float) -> Playhead:
-    """Pause at the next event of any competitor, if there is one."""
+    """Pause at the first frame that has the next event of any competitor, if there is one."""
     t = watched(head, s, now).next_event
     return head if t is None else seek(head, s, now, t)
 

@@ -23,6 +23,7 @@ MOST_SEEDS = 50
 class FlownSeed(NamedTuple):
     """One flight of a series. time: of the race [s]; None: not finished."""
 
+    seed: int
     time: float | None
     chatter: float  # total variation of the commanded thrust [m/s^2/s]
 
@@ -46,9 +47,16 @@ class SeriesRow:
         return mean_interval(self.times)
 
     @property
+    def is_repeated(self) -> bool:
+        """Whether several seeds all gave the same flight, as those of a learned pilot may."""
+        flown = {(flight.time, flight.chatter) for flight in self.flights}
+        return len(self.flights) > 1 and len(flown) == 1
+
+    @property
     def chatter(self) -> Mean:
-        """The mean chatter of all flights with its interval [m/s^2/s]."""
-        return mean_interval([flight.chatter for flight in self.flights])
+        """The mean chatter of the flights that finished with its interval [m/s^2/s]."""
+        finished = [flight for flight in self.flights if flight.time is not None]
+        return mean_interval([flight.chatter for flight in finished])
 
 
 class Pair(NamedTuple):
@@ -57,6 +65,12 @@ class Pair(NamedTuple):
     first: SeriesRow
     second: SeriesRow
     difference: Mean
+
+    @property
+    def swapped(self) -> Pair:
+        """The same with the second competitor first."""
+        one = self.difference
+        return Pair(self.second, self.first, Mean(-one.mean, -one.high, -one.low, one.n, one.sd))
 
 
 class Series:
@@ -67,12 +81,14 @@ class Series:
     Attributes:
         count: number of seeds; 1: START flies once, and no series is kept.
         rows: the competitors.
+        race: number of the last race that was kept; 0: there is none.
     """
 
     def __init__(self, session: Session):
         self._session = session
         self.count = 1
         self.rows: list[SeriesRow] = []
+        self.race = 0
         self._choices: list[AnyChoices] = []
         self._runs: Sequence[Path] = ()
         self._start: Start | None = None  # of the seed that is flown
@@ -100,11 +116,26 @@ class Series:
             found.append(Pair(first, second, mean_interval(differences)))
         return found
 
+    @property
+    def first_pair(self) -> Pair | None:
+        """The two competitors with the least mean times, the faster one first.
+
+        None: there are no two that both finished with two of the seeds.
+        """
+        ranked = sorted((row for row in self.rows if row.times), key=lambda row: row.time.mean)
+        for pair in self.pairs:
+            if {pair.first.name, pair.second.name} == {row.name for row in ranked[:2]}:
+                if pair.difference.n < 2:
+                    return None
+                return pair if pair.difference.mean >= 0.0 else pair.swapped
+        return None
+
     def begin(self, choices: Sequence[AnyChoices], runs: Sequence[Path], count: int) -> None:
         """Start a line-up; with a count beyond 1 its next seeds follow by themselves."""
         with self._lock:
             self.count = count
             self.rows = []
+            self.race = 0
             self._choices = list(choices)
             self._runs = runs
             start = self._started(0)
@@ -134,6 +165,7 @@ class Series:
         if not live or any(entry.outcome in (None, "interrupted") for entry in live):
             return None
         self._keep(live)
+        self.race = s.race
         return self._started(self.done) if self.done < self.count else None
 
     def _started(self, step: int) -> Start:
@@ -146,7 +178,8 @@ class Series:
             self.rows = [SeriesRow(entry.name, entry.style.colour) for entry in live]
         for row, entry in zip(self.rows, live, strict=True):
             time = sum(entry.laps) if entry.outcome == "finished" else None
-            row.flights.append(FlownSeed(time, total_variation(entry.t, entry.x["a_cmd"])))
+            chatter = total_variation(entry.t, entry.x["a_cmd"])
+            row.flights.append(FlownSeed(entry.spec.seed, time, chatter))
 
 
 def _with_seed(choices: AnyChoices, step: int) -> AnyChoices:

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from quadsim.web.race.competitor import Competitor
+from quadsim.web.race.competitor import SAME_TIME, Competitor
 from quadsim.web.race.notices import Notice
-
-SAME = 1e-6  # [s] times that differ by less are one time of the race
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,11 +45,9 @@ class Snapshot:
 
     @property
     def next_event(self) -> float | None:
-        """The time of the next event that can be shown [s]; None: there is none."""
-        later = [
-            event.t
-            for entry in self.competitors
-            for event in entry.events
-            if self.t + SAME < event.t <= self.flown
+        """The time of the first frame with the next event [s]; None: there is no event to show."""
+        frames = [
+            entry.first_frame_with(event) for entry in self.competitors for event in entry.events
         ]
+        later = [t for t in frames if self.t + SAME_TIME < t <= self.flown + SAME_TIME]
         return min(later, default=None)

@@ -47,6 +47,10 @@ class RaceChoices:
         int | str,
         Shown("of the planner's noise and of all else that is random; the same for all"),
     ] = 0
+    randomize: Annotated[
+        float | str,
+        Shown("how far seeds vary start, vehicle and gusts: 0, not at all; 1, as in the results"),
+    ] = FlightSettings.randomize
     # 0: the course's
     laps: Annotated[int, Shown("from a standing start; empty: as many as the course has")] = 0
     clock: Annotated[
@@ -233,7 +237,7 @@ class Choices(CompetitorChoices, RaceChoices):
             clock=self.clock,
             deadline_ms=self._deadline,  # pyright: ignore[reportArgumentType]
             runs_dir=self.runs_dir,
-            **self.known_settings,
+            **{"randomize": self.randomize, **self.known_settings},
         )
         return flown_by_hand(spec) if self.sampler == HAND else spec
 

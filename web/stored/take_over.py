@@ -46,6 +46,7 @@ def taken_over(record: Mapping[str, Any], race: RaceChoices) -> TakenOver:
     of_race = {
         "course": course,
         "seed": settings.pop("seed"),
+        "randomize": settings.pop("randomize", FlightSettings.randomize),
         "laps": settings.pop("laps"),
         "clock": settings.pop("clock", FlightSettings.clock),
         "deadline_ms": settings.pop("deadline_ms", None) or "none",

@@ -76,7 +76,7 @@ class Tracked(NamedTuple):
     searched: bool
 
 
-class Seen(NamedTuple):
+class FoundLines(NamedTuple):
     """The steps and lines that a search for edges has found."""
 
     steps: Steps
@@ -265,7 +265,7 @@ class Tracker:
         guess: Guess,
         state: FilterState,
         rates: Vec3,
-    ) -> Seen:
+    ) -> FoundLines:
         """Search for edges near points.
 
         Args:
@@ -280,7 +280,7 @@ class Tracker:
         late = self._late(points, guess.pose, velocity, rates)
         reach = np.broadcast_to(np.clip(reach, LEAST, LARGEST), len(points.gate))
         found = steps(signal, points.pixel + late, points.normal, reach)
-        return Seen(found, *lines(points, found, len(self._frames.centre)))
+        return FoundLines(found, *lines(points, found, len(self._frames.centre)))
 
     def _late(
         self,

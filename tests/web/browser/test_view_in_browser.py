@@ -2,7 +2,6 @@
 gate."""
 
 import io
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,12 +15,10 @@ from browser_cases import (
     waited,
 )
 from matplotlib.image import imread
-from web_cases import Glider, choices, store, stored
+from web_cases import crashed_run, store, stored
 from wire import connect
 
 from quadsim.palette import STYLES
-from quadsim.racing.events import Event
-from quadsim.record.run import RecordedRun
 from quadsim.web.race.page_race import PageRace
 
 pytestmark = [pytest.mark.browser, pytest.mark.page]
@@ -61,21 +58,10 @@ CONTRAST = """least => {
 }"""
 
 
-def crashed(root):
-    """The folder of a flight that ended at a gate after 0.8 of its time."""
-    glider = Glider(choices("gaussian", laps=3))
-    frames = list(glider.frames())
-    frames = frames[: int(0.8 * len(frames))]
-    last = frames[-1]
-    hit = Event(last.t + 0.01, "hit", 4, 1, (0.0, 0.0), 9.0, (1.0, 2.0, 3.0))
-    end = replace(last, t=hit.t, outcome="crashed", events=(hit,))
-    return store(root, RecordedRun.from_frames(glider.now.record, [*frames, end]))
-
-
 @pytest.fixture(scope="module")
 def runs(root):
     """The folder of a race whose limit is known, and of one that ends at a gate."""
-    return [stored(root, "colored", laps=3), crashed(root)]
+    return [stored(root, "colored", laps=3), store(root, crashed_run())]
 
 
 @pytest.fixture

@@ -328,7 +328,7 @@ class RunsPanel:
 def link_to(entries: Sequence[Competitor], t: float, camera: str, view: View, root: str) -> str:
     """Return the part of an address that names runs, and how a visitor watches them.
 
-    Example: "?run=20261120T161507Z_figure8_colored_s0_18af0139&t=3.20&camera=top".
+    Example: "?run=20261120T161507Z_figure8_colored_s0_18af0139&t=3.2025&camera=top".
 
     Args:
         entries: the shown competitors.
@@ -350,7 +350,7 @@ def link_to(entries: Sequence[Competitor], t: float, camera: str, view: View, ro
         if folder.resolve().parent != Path(root).resolve():
             raise ValueError(f"{folder}: a link can name runs of {root!r} alone")
         names[folder.name] = None
-    fields = [*(("run", name) for name in names), ("t", f"{t:.2f}"), ("camera", camera)]
+    fields = [*(("run", name) for name in names), ("t", str(t)), ("camera", camera)]
     if view.ghosts != View.ghosts:
         fields.append(("ghosts", view.ghosts))
     if view.limit:

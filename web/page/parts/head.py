@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import msgspec
 
@@ -58,8 +58,25 @@ class Head(msgspec.Struct):
     more: Element | None = None
 
 
-def head_of(s: Snapshot, timings: list[LapTiming], coming: Head) -> Head:
-    """Return the head. coming: the head before a race."""
+class SeedsResult(NamedTuple):
+    """The result of several seeds in one sentence, and the number of the last race of them."""
+
+    race: int
+    sentence: list[Word]
+
+
+NO_SEEDS = SeedsResult(0, [])
+
+
+def head_of(
+    s: Snapshot, timings: list[LapTiming], coming: Head, seeds: SeedsResult = NO_SEEDS
+) -> Head:
+    """Return the head.
+
+    Args:
+        coming: the head before a race.
+        seeds: result of several seeds, which stands in the head at the end of the last of them.
+    """
     if s.compiling:
         return Head("compiling", [Word(COMPILING)])
     if s.is_taking_off:
@@ -73,6 +90,8 @@ def head_of(s: Snapshot, timings: list[LapTiming], coming: Head) -> Head:
     leader = order(timings)[0]
     several = len(timings) > 1
     sentence = _leads(timings, s.t) if several else _alone(leader)
+    if seeds.sentence and s.race == seeds.race and all(one.over for one in timings):
+        sentence = seeds.sentence
     differs = compared([one.entry.record for one in timings]) if several else ""
     return Head(
         phase=_phase(s, timings),

@@ -67,8 +67,7 @@ def time_line_of(entries: Sequence[Competitor]) -> TimeLine:
     if not entries:
         return TimeLine([], [])
     longest = max(entries, key=lambda entry: len(entry.laps))
-    laps = [round(t, 3) for t in longest.lap_starts]
-    return TimeLine([_lane(entry) for entry in entries], laps)
+    return TimeLine([_lane(entry) for entry in entries], longest.lap_starts)
 
 
 def _lane(entry: Competitor) -> Lane:
@@ -76,9 +75,9 @@ def _lane(entry: Competitor) -> Lane:
     return Lane(
         name=entry.name,
         colour=entry.style.colour,
-        end=None if flies else round(entry.last_t, 3),
+        end=None if flies else entry.last_t,
         marks=[
-            TimeMark(round(event.t, 3), _kind(event.kind, event.gate, entry), _words(event))
+            TimeMark(event.t, _kind(event.kind, event.gate, entry), _words(event))
             for event in entry.events
         ],
     )
@@ -99,9 +98,9 @@ def now_of(s: Snapshot, flies: bool = False) -> Now:
     """Return the playback of a race for a visitor. flies: whether this one flies it by hand."""
     return Now(
         race=s.race,
-        t=round(s.t, 3),
-        end=round(s.end, 3),
-        flown=round(s.flown, 3),
+        t=s.t,
+        end=s.end,
+        flown=s.flown,
         playing=s.playing,
         flying=s.flying,
         is_live=s.is_live,

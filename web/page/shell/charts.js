@@ -10,6 +10,10 @@ const ASK = 100; // [ms] between two questions while the race moves
 const REST = 500; // [ms] between two while it stands still
 const PATIENCE = 5000; // [ms] after which an answer is no longer waited for
 const SPAN = 6; // [s] that are shown at first
+// The tabs with charts: one with curves over time, which the page requests frame by frame, and those with
+// curves that a part of the page has, see Curves in charts.py.
+const CURVES = ["Gap", "Spectrum"];
+export const CHARTS = ["Signals", ...CURVES];
 const SHOWN = 5; // signals that are shown at first
 const AHEAD = 1 / 3; // share of the window after the present time
 const HEIGHT = 7.5; // of a chart of many [rem]
@@ -436,7 +440,7 @@ export function begin() {
   on("open", () => (waiting = 0));
   on("signals", received);
   show("curves", receivedCurves);
-  alsoShows(() => (["Gap", "Spectrum"].some(isSeen) ? ["curves"] : []));
+  alsoShows(() => (CURVES.some(isSeen) ? ["curves"] : []));
   // Another tab, or another size
   addEventListener("resize", draw);
   new ResizeObserver(draw).observe(document.querySelector(".panes"));

@@ -120,7 +120,8 @@ function drawn(row) {
   const cells = columns.map(({ key, digits, is_long: long }) => {
     const value = row.cells[key];
     const text = value === null ? "" : digits === null ? value : value.toFixed(digits);
-    const bad = (key === "changes" && value > 0) || (key === "outcome" && row.cells.time === null && row.vehicles === 1);
+    const bad =
+      (key === "changes" && value > 0) || (key === "outcome" && row.cells.time === null && row.vehicles === 1);
     const title = long ? text : "";
     return make("td", {
       textContent: text,

@@ -24,8 +24,10 @@ function tableOf(heads, rows) {
 export function begin(pane) {
   const place = make("div", { className: "tree" });
   pane.append(place);
-  show("seeds", ({ said, rows, pairs }) => {
+  show("seeds", ({ said, headline, seeds, rows, pairs }) => {
     const parts = [make("p", { textContent: said || NONE, className: said ? "" : "note" })];
+    if (headline.length)
+      parts.push(make("p", {}, ...headline.map(({ text, colour }) => (colour ? coloured(text, colour) : text))));
     if (rows.length) {
       const means = rows.map((row) => [coloured(row.name, row.colour), row.finished, row.time, row.chatter]);
       parts.push(tableOf(["run", "finished", "time [s]", "chatter [m/s²/s]"], means));
@@ -35,11 +37,11 @@ export function begin(pane) {
       ]);
       if (differences.length) parts.push(tableOf(["paired by seed", "time [s]"], differences));
       const each = rows.map((row) => [coloured(row.name, row.colour), ...row.times]);
-      parts.push(tableOf(["run", ...rows[0].times.map((_, k) => String(k + 1))], each));
+      parts.push(tableOf(["run", ...seeds.map((seed) => `seed ${seed}`)], each));
       parts.push(
         make("p", {
           className: "note",
-          textContent: "mean ± half of Student's 95 % interval; flights that did not finish count in `finished` alone",
+          textContent: "mean ± half of Student's 95 % interval, of time and chatter of the flights that finished",
         }),
       );
     }

@@ -1,9 +1,9 @@
 // The tabs beside the scene: charts, and the tables and the map that the server writes, see elements.py.
+import { CHARTS } from "./charts.js";
 import { grown, make } from "./dom.js";
 import { alsoShows, ask, show } from "./parts.js";
 import * as seeds from "./seeds.js";
 
-const CHARTS = ["Signals", "Gap", "Spectrum"];
 const SEEDS = "Seeds";
 // the part of the server that each shows
 const TABLES = { Laps: "laps", Events: "events", Planner: "planner" };

@@ -2,6 +2,7 @@
 import { make, say } from "./dom.js";
 import { on, send } from "./link.js";
 import { show } from "./parts.js";
+import { shown, timeAt, typedTime } from "./times.js";
 
 const PAUSE = 60; // [ms] between two times that are sent while the pointer moves
 const STEP = 0.1; // [s] of an arrow key
@@ -45,18 +46,18 @@ function set(found) {
   line.style.setProperty("--now", Math.min(now.t, end));
   line.style.setProperty("--flown", Math.min(Math.max(now.flown, 0), end));
   line.classList.toggle("fixed", !now.can_seek);
-  line.ariaValueMax = now.end.toFixed(2);
-  line.ariaValueNow = now.t.toFixed(2);
-  line.ariaValueText = `${now.t.toFixed(2)} of ${now.end.toFixed(2)} s`;
+  line.ariaValueMax = shown(now.end);
+  line.ariaValueNow = shown(now.t);
+  line.ariaValueText = `${shown(now.t)} of ${shown(now.end)} s`;
   const play = part(".play");
   say(play, now.playing ? "pause" : "play");
   play.disabled = !now.race;
   for (const act of ["back", "on"]) part(`[data-act="${act}"]`).disabled = !now.race;
   part('[data-act="next"]').disabled = !now.has_next;
   const box = part(".t");
-  if (document.activeElement !== box) box.value = now.t.toFixed(2);
+  if (document.activeElement !== box) box.value = shown(now.t);
   box.disabled = !now.can_seek;
-  say(part(".end"), `of ${now.end.toFixed(2)} s`);
+  say(part(".end"), `of ${shown(now.end)} s`);
   const speed = part(".speed");
   const live = part(".to-live");
   live.disabled = !now.flying || !now.can_seek;
@@ -93,13 +94,12 @@ function seek(t) {
 }
 
 function seekTo(event) {
-  const { left, width } = line.getBoundingClientRect();
-  seek(((event.clientX - left) / width) * now.end);
+  seek(timeAt(event.clientX, line.getBoundingClientRect(), now.end));
 }
 
 function typed(box) {
-  const t = Number(box.value);
-  if (box.value.trim() && Number.isFinite(t) && t >= 0) seek(t);
+  const t = typedTime(box.value, now.end);
+  if (t !== null) seek(t);
   box.blur();
 }
 
@@ -132,7 +132,7 @@ export function begin() {
   const box = part(".t");
   box.onfocus = () => box.select();
   // What was typed may be refused, or be the time that is shown already.
-  box.onblur = () => (box.value = now.t.toFixed(2));
+  box.onblur = () => (box.value = shown(now.t));
   box.onkeydown = (event) => {
     if (event.key === "Enter") typed(box);
     if (event.key === "Escape") box.blur();
