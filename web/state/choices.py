@@ -225,6 +225,8 @@ class Choices(CompetitorChoices, RaceChoices):
         Raises:
             ValueError: the choices do not fit together; the message is one line.
         """
+        # A competitor's own setting comes before the one of the race.
+        settings: dict[str, Any] = {"randomize": self.randomize, **self.known_settings}
         spec = Spec.of(
             self.course,
             **planner_choice(self.sampler),
@@ -237,7 +239,7 @@ class Choices(CompetitorChoices, RaceChoices):
             clock=self.clock,
             deadline_ms=self._deadline,  # pyright: ignore[reportArgumentType]
             runs_dir=self.runs_dir,
-            **{"randomize": self.randomize, **self.known_settings},
+            **settings,
         )
         return flown_by_hand(spec) if self.sampler == HAND else spec
 
