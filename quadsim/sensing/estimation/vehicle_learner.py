@@ -482,26 +482,27 @@ class VehicleLearner:
 
         thrust_max = self._theta[Row.THRUST_MAX]
         thrust = (before.thrust + after.thrust) / 2
-        unasked = self._unasked_turn(settled - asked, thrust)
-
         is_limited = acted.least_thrust > thrust_max - reserve / 2
+        unasked = self._unasked_turn(settled - asked, thrust, is_limited)
         if reserve > LEAST_RESERVE * thrust_max and is_limited:
             share = float((settled - unasked) @ asked / (asked @ asked))
             self._delivered += STEP * (share - self._delivered)
 
-    def _unasked_turn(self, rest: np.ndarray, thrust: float) -> np.ndarray:
+    def _unasked_turn(self, rest: np.ndarray, thrust: float, is_limited: bool) -> np.ndarray:
         """Return the angular acceleration about x and y that nobody asks for [rad/s^2]  (2,).
 
         Args:
             rest: angular acceleration beyond what was asked for [rad/s^2]  (2,).
             thrust: delivered thrust [m/s^2].
+            is_limited: whether the thrust is at its limit, where a part of the torque that is asked
+                for may be missing, which is not a torque that nobody asks for.
         """
         if self.wrench:
             known = self.wrench.delivered
             return np.array(known.turn[:2]) * thrust + known.always[:2]
         # Unequal rotors and a centre of mass off the middle make it grow with the thrust. What is
         # asked for changes its sign often, this does not.
-        if thrust > GRAVITY:
+        if thrust > GRAVITY and not is_limited:
             self._unasked += UNASKED_STEP * (rest / thrust - self._unasked)
         return self._unasked * thrust
 
