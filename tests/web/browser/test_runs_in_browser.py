@@ -108,7 +108,8 @@ def test_a_press_in_a_chart_moves_the_time_and_the_pointer_shows_values(page, se
     type_time(page, 0.5)
     assert waited(page, lambda: shown_time(page) == 0.5)
     canvas = page.locator('[data-charts="Signals"] canvas').first
-    canvas.wait_for()
+    # Charts are laid out anew when the first frames come.
+    assert waited(page, lambda: canvas.bounding_box() is not None)
     place = canvas.bounding_box()
     y = place["y"] + place["height"] / 2
     legend = page.locator(".race-chart .legend").first
