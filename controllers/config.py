@@ -106,7 +106,8 @@ class MPPIConfig:
         ),
     ] = 0.0
     adapt: Annotated[
-        bool, setting("whether thrust gain, drag and maximum thrust are estimated in flight")
+        bool,
+        setting("whether thrust gain, drag, highest thrust and rotors are estimated in flight"),
     ] = False
     freeze_first: Annotated[
         bool, setting("whether the first control of the plan is left unperturbed")

@@ -249,7 +249,7 @@ def tilt_reserve(c_x, c_y, bx, by):
 
 
 class Drive(NamedTuple):
-    """What the rotors are asked for, or what they deliver once they have followed."""
+    """A thrust and an angular acceleration: a demand on the rotors, or the rotors' output."""
 
     # mass-normalised [m/s^2]
     thrust: float
@@ -278,7 +278,7 @@ def step(x, u, p, dt):
 
 
 def learned_step(x, u, p, dt):
-    """Return the state after dt [s], with what is learned of what the rotors deliver.
+    """Return the state after dt [s] with the output of the rotors that was estimated in flight.
 
     Args and the state that is returned are those of `step`.
     """
@@ -286,7 +286,7 @@ def learned_step(x, u, p, dt):
 
 
 def asked(x, u, p):
-    """Return what the flight controller asks of the rotors within their limits, a Drive."""
+    """Return the demand of the flight controller on the rotors within their limits, a Drive."""
     # The limits of the rotors leave roll and pitch all of what the rate loop asks for, the thrust
     # what these leave, and yaw what is left then.
     bx_cmd, by_cmd, bz_cmd = rate_loop(x.body_rates, u.body_rates, p.rate_gains)
@@ -301,10 +301,10 @@ def asked(x, u, p):
 
 
 def deliver(drive, p):
-    """Return what rotors of unequal strength, and torques unknown to the rate loop, make of it.
+    """Return the output of unequal rotors, with the torques that the rate loop does not know.
 
     Args:
-        drive: Drive that the rotors are asked for.
+        drive: demand on the rotors, a Drive.
         p: Params or Delivered.
 
     Returns:
@@ -486,11 +486,11 @@ class ModelParams:
 
 
 class Delivered(NamedTuple):
-    """What a vehicle delivers of what its rotors are asked for, as it is learned in flight."""
+    """Differences between the demand on the rotors and their output, estimated in flight."""
 
-    # share of the thrust, 1 for sound rotors
+    # share of the demanded thrust that the rotors produce, 1 for sound rotors
     thrust_share: float = 1.0
-    # angular acceleration per thrust that nobody asks for [1/m]
+    # angular acceleration per thrust without a demand for it [1/m]
     turn_x: float = 0.0
     turn_y: float = 0.0
     turn_z: float = 0.0
@@ -501,7 +501,7 @@ class Delivered(NamedTuple):
 
     @property
     def turn(self) -> Vec3:
-        """The angular acceleration per thrust that nobody asks for [1/m]."""
+        """The angular acceleration per thrust without a demand for it [1/m]."""
         return self.turn_x, self.turn_y, self.turn_z
 
     @property
@@ -512,13 +512,13 @@ class Delivered(NamedTuple):
 
 @dataclass(frozen=True)
 class LearnedModel(ModelParams):
-    """A model with what is learned in flight of what the rotors deliver."""
+    """A model with the output of the rotors that was estimated in flight."""
 
     delivered: Delivered = Delivered()  # noqa: RUF009 (immutable)
 
     @classmethod
     def of_model(cls, model: ModelParams, delivered: Delivered) -> LearnedModel:
-        """Return a model with what is delivered."""
+        """Return a model with this output of the rotors."""
         numbers: dict[str, Any] = vars(model)
         return cls(**{**numbers, "delivered": delivered})
 

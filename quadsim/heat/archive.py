@@ -116,7 +116,7 @@ class LoadedHeat(NamedTuple):
 
     @property
     def faults(self) -> dict[str, str]:
-        """What planners have raised in flight, by the name of the entrant."""
+        """The errors that planners have raised in flight, by the name of the entrant."""
         of_each = zip(self.names, self.runs, strict=True)
         return {name: run.fault for name, run in of_each if run.fault}
 

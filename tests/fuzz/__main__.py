@@ -84,7 +84,7 @@ class Search(NamedTuple):
 
 
 class Result(NamedTuple):
-    """What a search has found."""
+    """The result of a search for a failing case."""
 
     kind: str
     cases: int  # that have run

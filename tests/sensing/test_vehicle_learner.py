@@ -198,6 +198,17 @@ def test_a_torque_that_was_not_asked_for_is_no_torque_that_is_not_delivered(stre
     assert flown_at_the_limit(strengths).model.tilt_first
 
 
+def test_a_torque_that_is_missing_at_the_limit_is_not_delivered():
+    """The commands keep their sign, so the missing half of the torque does, too."""
+    learner = VehicleLearner.for_exact_states(NOMINAL, DT)
+    u = Control(4.0, -4.0, 0.0, NOMINAL.thrust_max)
+    half = tuple(0.5 * rate / tau for rate, tau in zip(u.body_rates, NOMINAL.rate_tau, strict=True))
+    x = State.of((0, 0, 0), (0, 0, 0), (1, 0, 0, 0), (0, 0, 0), 0.9 * NOMINAL.thrust_max, half)
+    for _ in range(200):
+        learner.learn_from_states(x, x, alone(u), DT)
+    assert not learner.model.tilt_first
+
+
 def learnt_at_full_thrust(plant, vehicle, seconds, tilt=3.0):
     """Return the model after a flight at full thrust, rolling and pitching one way and the other.
 

@@ -1,4 +1,4 @@
-"""What rotors deliver, learned in flight: weak rotors are found, sound vehicles stay sound."""
+"""The estimator of the rotors' output finds weak rotors, and leaves sound vehicles as they are."""
 
 from dataclasses import dataclass, field, replace
 

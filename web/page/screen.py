@@ -26,7 +26,7 @@ SLOW: tuple[PartName, ...] = ("curves", "chatter")
 
 @dataclass(frozen=True, eq=False)
 class ForAll:
-    """What the screens of all visitors have besides the race that each watches.
+    """The parts that the screens of all visitors have in common.
 
     Attributes:
         head: before the first race.
@@ -42,7 +42,7 @@ class ForAll:
 
 
 class Beats(NamedTuple):
-    """What is due for all visitors in this update.
+    """The groups of parts that are due for all visitors in this update.
 
     Attributes:
         tables: what follows the time that is shown.
@@ -54,7 +54,7 @@ class Beats(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What a visitor watches, in a view of its own.
+    """The moment of a race that a visitor watches, and its view.
 
     Attributes:
         moment: the race at the time that it watches.

@@ -1,4 +1,4 @@
-"""Stages: what stands in the scene of each visitor: a race, a course, or the course in work."""
+"""Stages: the content of each visitor's scene: a race, a course, or the course in work."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from quadsim.web.state.page_state import EVERYBODY
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """What stands in a scene, which is built anew for another stage.
+    """The content of a scene. The scene is built anew for another stage.
 
     Attributes:
         course: None: nothing is shown yet, or the course is edited.

@@ -1,7 +1,7 @@
 """The rotors of the nominal vehicle under the commands that were given.
 
 The rate loop, the allocation and the rotors' lag are those of the vehicle file: with the body rates
-that the real vehicle had, they tell what each rotor would deliver if it was sound. The rate loop
+that the real vehicle had, they give the thrust of each rotor if it was sound. The rate loop
 runs faster than the planner, so a control period has several steps, between whose ends the body
 rates are interpolated.
 """
@@ -28,7 +28,7 @@ NEAR_FULL = 0.93
 
 
 class Turning(NamedTuple):
-    """How the vehicle turns at an instant, about the body's axes."""
+    """Body rates and angular acceleration of the vehicle at an instant, about its axes."""
 
     # [rad/s]
     rates: Vec3
@@ -37,7 +37,7 @@ class Turning(NamedTuple):
 
 
 class Interval(NamedTuple):
-    """What was commanded in an interval, and how the vehicle turned."""
+    """An interval with its commands and the motion of the vehicle at both ends."""
 
     # at both ends
     before: Turning
@@ -48,7 +48,7 @@ class Interval(NamedTuple):
 
 
 class Followed(NamedTuple):
-    """What the nominal rotors did in an interval. Thrusts are mass-normalised."""
+    """The response of the nominal rotors in an interval. Thrusts are mass-normalised."""
 
     # thrust of each rotor at the end, and its mean [m/s^2]  (4,)
     last: np.ndarray
@@ -101,7 +101,7 @@ class NominalRotors:
         return np.array([thrust, *torques])
 
     def advance(self, interval: Interval, thrust_max: float) -> Followed:
-        """Move the rotors by one interval, and return what they did.
+        """Move the rotors by one interval, and return their response.
 
         Args:
             interval: what was commanded, and how the vehicle turned.

@@ -282,7 +282,7 @@ class VehicleLearner:
 
     @property
     def delivered(self) -> Delivered:
-        """What the rotors deliver; they are sound if it is not estimated."""
+        """The output of the rotors; that of sound rotors if it is not estimated."""
         return self.wrench.delivered if self.wrench else SOUND_ROTORS
 
     @property
@@ -339,7 +339,7 @@ class VehicleLearner:
         force: Vec3 | None,
         nominal: Nominal,
     ) -> None:
-        """Learn what the rotors deliver, from one control period of a gyroscope.
+        """Learn the output of the rotors from one control period of a gyroscope.
 
         Args:
             ends: how the vehicle turned at both ends of the period.

@@ -1,4 +1,4 @@
-"""Online estimation of what the rotors deliver of what they are asked for.
+"""Online estimation of the rotors' output for a given demand.
 
 All numbers are in units of thrust [m/s^2]: p = (a, torques over mass and lever), to which rotor i
 contributes (1, s_x, s_y, s_z) times its thrust, with signs s. If it delivers the share eta_i of the
@@ -80,7 +80,7 @@ SPARE_STD = 0.02
 
 
 class WrenchLearner:
-    """Estimates what the rotors of a vehicle deliver, once each control period."""
+    """Estimates the output of the rotors once each control period."""
 
     def __init__(self, vehicle: Vehicle, model: ModelParams, dt: float, gyro_noise: float | None):
         """Start with a sound vehicle.
@@ -110,7 +110,7 @@ class WrenchLearner:
         # `full` and `missing_yaw` of the rotors, behind their lag
         self._full = 0.0
         self._missing_yaw = 0.0
-        # what the vehicle delivers, for the planner's model
+        # output of the rotors, for the planner's model
         self.delivered = Delivered()
 
     @property
@@ -119,7 +119,7 @@ class WrenchLearner:
         return self._theta[SHARES].copy()
 
     def _delivered(self) -> Delivered:
-        """Return what the vehicle delivers by the present estimate."""
+        """Return the output of the rotors by the present estimate."""
         shares = 1.0 + counted(self._theta[SHARES] - 1.0, SHARE_TOLERANCE, LARGEST_SHARE)
         always = counted(self._theta[ALWAYS], ALWAYS_TOLERANCE, LARGEST_ALWAYS)
         thrust, *turn = self.rotors.signs @ shares / 4
