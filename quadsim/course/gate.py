@@ -49,7 +49,7 @@ class Gate:
 
     @cached_property
     def rotation(self) -> np.ndarray:
-        """The rotation world from gate, with the columns passage, left and up.  (3, 3)"""
+        """The rotation from gate to world axes, with the columns passage, left and up.  (3, 3)"""
         return euler_matrix(self.yaw, self.pitch, self.roll)
 
     @cached_property
@@ -107,7 +107,7 @@ class EstimatedGate(Gate):
 
     @classmethod
     def of(cls, gate: Gate, moved: Vec3, std: float) -> EstimatedGate:
-        """Return a gate that is estimated to stand off the map.
+        """Return a gate at an estimated displacement from its position on the map.
 
         Args:
             gate: gate of the map.

@@ -1,6 +1,6 @@
-"""Random courses: gates around a loop at random heights, from a seed alone.
+"""Random courses from a seed: gates around a loop at random heights.
 
-Each course is checked as a file is.
+Each course passes the checks of a course file.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Leg(NamedTuple):
 def random_courses(number: int, seed: int) -> tuple[Course, ...]:
     """Return different random courses, named `random_SEED_1` and on.
 
-    The same arguments give the same courses, and a larger number begins with the same.
+    The same arguments give the same courses, and a larger `number` only adds courses at the end.
 
     Args:
         number: number of courses, at least 1.
@@ -66,7 +66,7 @@ def random_courses(number: int, seed: int) -> tuple[Course, ...]:
 
 
 def _course(name: str, stream: np.random.SeedSequence) -> Course:
-    """Return the first valid course among those drawn."""
+    """Draw courses until one is valid, and return it."""
     rng = np.random.default_rng(stream)
     while True:
         try:

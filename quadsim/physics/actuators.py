@@ -67,7 +67,7 @@ def angular_acceleration(omega: Vec3, torque: Vec3, inertia: Vec3) -> Vec3:
 
 
 def drag_force(vehicle: Vehicle, v_body: Vec3) -> Vec3:
-    """Return the drag [N], linear along each axis of the body: -m d v.
+    """Return the drag -m d v [N] in the body's axes, linear in the velocity along each axis.
 
     Args:
         vehicle: vehicle with the coefficients d [1/s].
@@ -91,8 +91,8 @@ def rotor_strengths(faults: Sequence[RotorFault], t: float) -> PerRotor:
 class Actuators:
     """The actuators of one vehicle, stepped every dt [s].
 
-    The state consists of the commands on the link, the speeds of the rotors, and the time, which
-    decides the active faults.
+    The state consists of the commands on the link, the rotor speeds, and the time, which decides
+    which faults are active.
     """
 
     def __init__(
@@ -108,7 +108,7 @@ class Actuators:
             vehicle: vehicle that has the actuators.
             dt: physics step [s].
             faults: faults of the rotors, with rotor numbers and times.
-            link: link for the commands; None: a wire.
+            link: link that carries the commands; None: a wire without losses.
         """
         self._vehicle = vehicle
         self._dt = dt
@@ -182,5 +182,5 @@ class Actuators:
         """Do nothing, as there are no resources to release."""
 
     def _strengths(self) -> PerRotor:
-        """Return the rotors' shares of their nominal thrust in the step that starts now."""
+        """Return the share of nominal thrust that each rotor gives in the step that starts now."""
         return rotor_strengths(self._faults, self._steps * self._dt)

@@ -51,7 +51,7 @@ class Event:
 
     @property
     def place(self) -> str:
-        """The object of the event: "gate 3", "obstacle 2", "vehicle 2", or "" without one."""
+        """The object of the event: "gate 3", "obstacle 2" or "vehicle 2", "" if there is none."""
         if self.obstacle:
             return f"obstacle {self.obstacle}"
         if self.vehicle:
@@ -117,7 +117,8 @@ class Frame:
 def flown_laps(events: Iterable[Event], completed: int) -> list[float]:
     """Return the times of the completed laps [s].
 
-    A lap ends at its last gate; the first lap begins at t = 0, so the laps sum to the race time.
+    A lap ends at its last gate; the first lap begins at t = 0, so the lap times sum to the race
+    time.
     """
     last_pass = {e.lap: e.t for e in events if e.kind == "pass"}
     ends = [0.0, *(last_pass[lap] for lap in range(1, completed + 1))]
@@ -125,7 +126,7 @@ def flown_laps(events: Iterable[Event], completed: int) -> list[float]:
 
 
 def lap_penalties(events: Iterable[Event], completed: int) -> list[float]:
-    """Return the penalty time of each completed lap [s]: PENALTY for every hit.
+    """Return the penalty time of each completed lap [s], PENALTY for every hit.
 
     Without --penalties a hit ends the flight.
     """

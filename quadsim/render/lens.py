@@ -1,7 +1,8 @@
-"""A lens that bends straight lines: its pictures are resampled from pictures of a pinhole.
+"""Pictures of a lens with distortion, which are resampled from pictures of a pinhole.
 
-The pinhole's picture has the same focal lengths, and is as large as the rays that reach the lens's
-picture need. Colours are interpolated between four pixels; depth and face are the nearest's.
+The pinhole's picture has the same focal lengths, and is large enough to contain all rays of the
+lens's picture. Colours are interpolated between four pixels; depth and face are taken from the
+nearest pixel.
 """
 
 from __future__ import annotations
@@ -60,10 +61,11 @@ class Distortion:
     def colours(self, rgb: np.ndarray) -> np.ndarray:
         """Return the lens's colours from the colours of the pinhole.
 
-        rgb: as in quadsim.render.raster.Drawn.
+        Args:
+            rgb: colours of the pinhole's picture, as in quadsim.render.raster.Drawn.
 
         Returns:
-            (height, width, 3) uint8
+            The colours  (height, width, 3) uint8.
         """
         bent = np.empty((*self._nearest.shape, 3), np.uint8)
         bend(rgb, self._corner, self._right, self._down, bent.reshape(-1))

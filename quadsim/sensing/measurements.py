@@ -11,7 +11,7 @@ from quadsim.rotation import Quaternion, Vec3
 
 @dataclass(frozen=True, slots=True)
 class Inertial:
-    """A sample of an inertial measurement unit: means over the `dt` that ends at t."""
+    """A sample of an inertial measurement unit: means over the interval `dt` that ends at t."""
 
     # [s]
     t: float

@@ -24,7 +24,7 @@ Degree = Annotated[float, unit("deg", ge=-360, le=360)]
 class Reading:
     """The axes, units and openings with which a foreign file is read.
 
-    None stands for what is usual in the format.
+    None stands for the format's usual value.
 
     Examples:
         >>> from quadsim.course.foreign import Reading
@@ -68,9 +68,9 @@ class Reading:
 
 
 def opening_of(given: Any) -> Any:
-    """Return width and height of an opening that is given as one number, or as a list of one.
+    """Return width and height of an opening that is given as one number, or as a list with one.
 
-    Anything else is returned as it is, for `Reading` to check.
+    Any other value is returned unchanged, and `Reading` checks it.
     """
     if isinstance(given, int | float):
         return given, given
