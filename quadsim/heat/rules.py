@@ -1,7 +1,7 @@
 """The rules of a race of several vehicles, as data.
 
-elimination  Vehicles whose centres come within 0.1 m of each other are both out. They pass
-             through each other otherwise. (Geles et al. 2026, UZH's multi-drone protocol)
+elimination  Vehicles whose centres come within 0.1 m of each other are both out. Otherwise
+             they pass through each other. (Geles et al. 2026, UZH's multi-drone protocol)
 chaser       Of two vehicles that touch, the one behind is out. (Game of Drones, NeurIPS 2019)
 physics      Vehicles that touch push each other away, and nobody is out. A gate that is hit
              costs its penalty, and one that is missed is flown again. (Drone Champions League)

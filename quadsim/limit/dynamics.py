@@ -250,7 +250,7 @@ class RateDynamics(Dynamics):
         return tuple(casadi.vertsplit(slope))
 
     def spare(self, x: Any, u: Any) -> tuple:
-        """Return the thrust left to both limits after the reserve of roll and pitch [m/s^2]."""
+        """Return the thrust's distances from both limits, less the torques' reserve [m/s^2]."""
         model = self._model
         now = _whole(x)
         command = Control(*u)

@@ -230,7 +230,7 @@ class LimitProblem:
 
     @classmethod
     def of(cls, course: Course, vehicle: Vehicle, laps: int) -> LimitProblem:
-        """Return the problem of a race from a standing start, by the vehicle's rotors if it has."""
+        """Return the problem of a race from a standing start, with rotors if there are any."""
         return cls(course, vehicle, laps, "rotors" if vehicle.rotors else "rates")
 
     @classmethod
