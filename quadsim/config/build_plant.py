@@ -140,10 +140,10 @@ def actuators_of(
         dt: physics step [s].
         faults: faults of the rotors.
 
-        Raises:
-            FirmwareError: the firmware is not built, or does not arm.
-            FileError: the firmware does not accept its configuration.
-            SettingError: the file of the firmware's log exists already.
+    Raises:
+        FirmwareError: the firmware is not built, or does not arm.
+        FileError: the firmware does not accept its configuration.
+        SettingError: the file of the firmware's log exists already.
     """
     stream = spec.streams.link
     if spec.betaflight is None:

@@ -133,8 +133,8 @@ def parse_part(part: str) -> tuple[str, Any]:
     Args:
         part: a part between two +, such as "target-ess=200" or "gaussian".
 
-        Raises:
-            ValueError: the part is neither a setting with a value, a sampler, a preset nor a pilot.
+    Raises:
+        ValueError: the part is neither a setting with a value, a sampler, a preset nor a pilot.
     """
     name, has_value, text = part.partition("=")
     if not has_value:

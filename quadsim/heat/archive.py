@@ -239,8 +239,8 @@ def find_heat(wanted: str, root: str) -> Path:
         wanted: path of a folder, a part of the name of a race, or "last".
         root: folder of runs.
 
-        Raises:
-            RunError: no race or several races fit.
+    Raises:
+        RunError: no race or several races fit.
     """
     if is_heat(wanted):
         return Path(wanted)
@@ -287,8 +287,8 @@ def run_folders(wanted: str, root: str) -> list[Path]:
         wanted: path of a folder, a part of a name, or "last" for the last flight or race.
         root: folder of runs.
 
-        Raises:
-            RunError: no run or race fits, or several do.
+    Raises:
+        RunError: no run or race fits, or several do.
     """
     heat = heat_folder(wanted, root)
     return [find_run(wanted, root)] if heat is None else runs_of_heat(heat)
@@ -399,10 +399,10 @@ def recorded_heat(
         settings: `runs_dir`, another folder of runs; `seed`, which makes another race of the same
             entrants.
 
-        Raises:
-            RecordError: a file or a part is missing or differs, or the record is not of a race.
-            SettingError: parts of an unknown entrant are given, or a setting that would change the
-                race.
+    Raises:
+        RecordError: a file or a part is missing or differs, or the record is not of a race.
+        SettingError: parts of an unknown entrant are given, or a setting that would change the
+            race.
     """
     try:
         stored = msgspec.convert(record, RecordedHeatSpec)

@@ -86,8 +86,8 @@ def check_grid(
         contact: distance of centres that counts as a contact [m]; None: the distance at which
             two vehicles touch.
 
-        Raises:
-            SettingError: a vehicle has no room, or two vehicles are in contact.
+    Raises:
+        SettingError: a vehicle has no room, or two vehicles are in contact.
     """
     for k, start in enumerate(starts):
         problem = place_fault(course, start)

@@ -141,8 +141,8 @@ def parse_heat_variants(text: str) -> dict[str, dict[str, Any]]:
         text: parts joined by commas, such as "expect=own,gentle=expect=own+keep-weight=50". A
             part without a name is its own name.
 
-        Raises:
-            SettingError: a part is not a setting, or two parts have the same name.
+    Raises:
+        SettingError: a part is not a setting, or two parts have the same name.
     """
     found: dict[str, dict[str, Any]] = {}
     for one in text.split(","):
@@ -163,8 +163,8 @@ def parts_of(texts: Sequence[str]) -> dict[str, dict[str, Any]]:
     Args:
         texts: texts such as "mine=controller=package.module:Class"; + joins several parts.
 
-        Raises:
-            SettingError: a text does not have this form.
+    Raises:
+        SettingError: a text does not have this form.
     """
     found = {}
     for text in texts:

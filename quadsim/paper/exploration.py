@@ -58,7 +58,7 @@ def paths(controls: np.ndarray) -> np.ndarray:
     """Return the paths of the vehicle under controls, from the origin with heading east.
 
     Args:
-        controls: (samples, 2, horizon)
+        controls: controls of each sample  (samples, 2, horizon).
 
     Returns:
         Positions [m]  (samples, horizon + 1, 2).

@@ -115,8 +115,8 @@ def write_run(folder: Path, run: RecordedRun, flown_by: dict[str, Any]) -> None:
         run: the run.
         flown_by: provenance of the process that flew.
 
-        Raises:
-            RunError: a file cannot be written, for example because the disk is full.
+    Raises:
+        RunError: a file cannot be written, for example because the disk is full.
     """
     write_whole(folder / "telemetry.npz", write_npz(run))
     write_whole(folder / "events.csv", write_csv(run))

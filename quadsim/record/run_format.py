@@ -91,8 +91,8 @@ def read_json(data: bytes, path: object) -> StoredRecord:
         data: the file's bytes.
         path: path of the file, for errors.
 
-        Raises:
-            RunError: the file is damaged, or of another version.
+    Raises:
+        RunError: the file is damaged, or of another version.
     """
     try:
         header = msgspec.json.decode(data, type=Header)

@@ -36,8 +36,8 @@ class Pose:
 def flown_poses(telemetry: Mapping[str, np.ndarray], rate: float) -> list[Pose]:
     """Return the poses of a flight at equal time steps.
 
-    Between control steps positions are interpolated linearly, and attitudes by slerp. At
-    20 m/s and 4 g, half way between two steps of 10 ms, the position is off by 0.5 mm.
+    Between control steps positions are interpolated linearly, and attitudes by slerp. At 20 m/s and
+    4 g, half way between two steps of 10 ms, the position is off by 0.5 mm.
 
     Args:
         telemetry: columns of a run by name  (frames,).

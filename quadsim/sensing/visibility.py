@@ -37,8 +37,8 @@ def hidden(
         gates: gates, whose frames may hide points.
         obstacles: obstacles, which may hide points.
 
-        Returns:
-            Whether each point is hidden  (n,) bool.
+    Returns:
+        Whether each point is hidden  (n,) bool.
     """
     x, y, z = eye.tolist()
     targets = [(a, b, c) for a, b, c in points.tolist()]

@@ -44,8 +44,8 @@ class Guess(NamedTuple):
             J: Jacobian as in `Seen`, or its part along one direction  (n, k, 6).
             gate: index of each pixel's gate  (n,).
 
-            Returns:
-                The covariance  (n, k, k).
+        Returns:
+            The covariance  (n, k, k).
         """
         place = J[..., :3]
         loose = self.displaced[gate][:, None, None] * (place @ place.transpose(0, 2, 1))
