@@ -23,8 +23,8 @@ Flights of a seed are compared across versions, so the keys are never changed:
                             link (6) are not used
     double integrator       planner (); vehicle (0), gusts (1), sensors (2), gates (3), faults (4),
                             link (5) are not used
-    environments starts of course k (k), vehicle of its row i (k, i), of racer j in a race of
-                            several (k, i, j)
+    environments            starts of course k (k), vehicle of its row i (k, i), in a race of
+                            several the vehicle of racer j (k, i, j)
     generated courses       course number k, counted from 1, (k - 1)
 
 The entropy of pictures and training has two numbers instead of a key, see `pose_stream`,

@@ -238,7 +238,8 @@ def _read(given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the checked settings of a race, with texts converted to values and without None.
 
     Raises:
-        SettingError: a setting is invalid."""
+        SettingError: a setting is invalid.
+    """
     return {
         name: checked(name, value, KINDS[name])
         for name, value in given.items()

@@ -1,6 +1,7 @@
 """Views of an environment: a viewer's page, or pictures from above (rgb_array).
 
-Gymnasium itself provides the mode "human", which shows the pictures in a window of pygame."""
+Gymnasium itself provides the mode "human", which shows the pictures in a window of pygame.
+"""
 
 from __future__ import annotations
 
