@@ -77,7 +77,7 @@ def spectrum(n: int, gamma: float, law: Law) -> np.ndarray:
 
 
 def roll_off(n: int, dt: float, cutoff: float) -> np.ndarray:
-    """Return the factors 1 / (1 + (f / f_c)^4) on the amplitudes of a transform, or zero.
+    """Return the factors 1 / (1 + (f / f_c)^4) on amplitudes, zero where they are below 1 %.
 
     Args:
         n: length of the transform.
@@ -218,5 +218,5 @@ class ColoredNoise:
         return z
 
     def _series(self, samples: int) -> int:
-        """Return the number of series for a number of samples."""
+        """Return the number of series (transforms) that hold a number of samples."""
         return -(-samples // self._held)

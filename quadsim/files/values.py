@@ -50,7 +50,7 @@ class FieldProblem(NamedTuple):
 
 
 class _Unfit(Exception):  # noqa: N818 (it never leaves this module)
-    """A value is not of the expected kind."""
+    """The error of a value that is not of the expected kind."""
 
 
 def checked(name: str, given: object, kind: Kind) -> object:

@@ -292,7 +292,7 @@ class SharedPlant(RigidPlant):
         self._member.remove()
 
     def close(self) -> None:
-        """Release the actuators. The owner of the arena closes it."""
+        """Release the actuators; the owner of the arena closes the arena."""
         self._actuators.close()
 
 

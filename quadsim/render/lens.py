@@ -72,5 +72,11 @@ class Distortion:
         return bent
 
     def nearest(self, values: np.ndarray) -> np.ndarray:
-        """Return the values of the nearest pixels of the pinhole's picture.  (height, width)"""
+        """Return, for each pixel of the lens, the value of the nearest pixel of the pinhole.
+
+        Args:
+            values: values of the pinhole's pixels, such as depths or faces.
+
+        Returns:
+            The values  (height, width)."""
         return values.ravel()[self._nearest]

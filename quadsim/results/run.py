@@ -70,7 +70,7 @@ class Run(RecordedRun):
 
     @classmethod
     def from_frames(cls, spec: dict[str, Any], frames: Iterable[Frame]) -> Run:
-        """Collect the frames of a flight."""
+        """Return the run that the frames of a flight make."""
         return cls.of(super().from_frames(spec, frames))
 
     def __repr__(self) -> str:

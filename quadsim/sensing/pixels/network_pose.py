@@ -94,7 +94,14 @@ class Place:
         return pixels.reshape(-1, 4, 2), depth.reshape(-1, 4)
 
     def linear(self, error: np.ndarray, matched: Matched) -> tuple[np.ndarray, np.ndarray]:
-        """Return the innovation of corners and its Jacobian at a pose.  (2 n,), (2 n, 6)"""
+        """Return the innovation of corners, and its Jacobian with respect to the pose's error.
+
+        Args:
+            error: correction of position [m] and rotation [rad], at which it is linearised  (6,).
+            matched: found corners with corners of the map.
+
+        Returns:
+            The innovation [px]  (2 n,) and the Jacobian  (2 n, 6)."""
         index = 4 * matched.gate + matched.corner
         seen = self._camera.seen(self._points[index], self._pose.corrected(error))
         innovation = matched.pixel - seen.pixels - self._late[index]
