@@ -60,7 +60,7 @@ YAW_GAIN = 0.9
 # The largest weight of a cost and the largest sigma of a sampler that may be set
 LARGEST_WEIGHT = 1e6
 LARGEST_SIGMA = 1000.0
-# The least cost of yaw that the laws reckon with [m]: a vehicle without rotors has none.
+# The least cost of yaw that the laws assume [m]; a vehicle without rotors has no cost of yaw.
 SMALLEST_YAW_COST = 1e-3
 # Smallest room that the laws reckon with [m]: the vehicle may be wider than an opening.
 SMALLEST_ROOM = 0.01

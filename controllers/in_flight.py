@@ -24,7 +24,7 @@ class Change(NamedTuple):
 
     # time of the first plan with the new numbers [s]
     t: float
-    # returns the new numbers from those before
+    # returns the new numbers, given the previous ones
     after: Callable[[Planner], Planner]
 
 

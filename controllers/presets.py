@@ -137,7 +137,7 @@ PRESETS: dict[str, dict[str, Planner]] = {
 # full and a changed course has more iterations, as the plan has to become another one within 0.2 s
 # of a gate. A gate that is certain to be out of reach costs a hundredth of a crash: with a
 # fiftieth, flights went round gates to see them from behind. See docs/lab/unknown_gates.md.
-_NEWS = 6  # ratio of the iterations of a plan whose course has changed to those of others
+_NEWS = 6  # ratio of the iterations of a plan after a change of the course to the usual iterations
 
 
 def with_sight(planner: Planner) -> Planner:

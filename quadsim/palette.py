@@ -46,7 +46,7 @@ SPARE = (
     Style("#332288", (4, 4)),
 )
 OTHER = Style("#b0b0b0", (4, 4))
-# On the dark page, for a second competitor with the same sampler and those after it
+# On the dark page, for the second and later competitors with the same sampler
 SPARE_ON_DARK = (
     Style("#f4f4f4", (2, 3)),
     Style("#8f9dff", (9, 3)),

@@ -24,7 +24,7 @@ Quaternion = tuple[float, float, float, float]  # wxyz, of unit length
 
 # [rad] A turn below this is taken as linear.
 SMALL = 1e-9
-# An axis is vertical where its height is nearer to 1 than this.
+# An axis is vertical if its height is nearer to 1 than this.
 VERTICAL = 1e-12
 
 

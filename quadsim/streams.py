@@ -13,7 +13,7 @@ Flights of a seed are compared across versions, so the keys are never changed:
                             (2), gates (3), their heights and turns, and obstacles (3, 0), faults
                             (4); fault k, counted from 0, (4, k); link (5), noise of commands (5, 0)
     race of several         seed of entrant k, counted from 0, (6, k), but for the first one, whose
-                            seed is the race's; what vehicle k sees of the others (7, k); its plan
+                            seed is the race's; perception of others by vehicle k (7, k); its plan
                             for vehicle m (8, k, m)
     its sensors             imu (2, 0), rotors (2, 1), pose (2, 2), camera (2, 3), its dropouts
                             (2, 3, 0), its bursts of misses (2, 3, 1); the flight controller's own
@@ -54,7 +54,7 @@ class Streams(NamedTuple):
     gusts: SeedSequence  # disturbance of every physics step
     sensors: SeedSequence  # noise of all sensors, see `sensor_streams`
     gates: SeedSequence  # how far the gates stand off the map
-    faults: SeedSequence  # what the texts of faults leave out, see `fault_stream`
+    faults: SeedSequence  # numbers that the texts of faults leave open, see `fault_stream`
     link: SeedSequence  # which frames of the link are lost
 
 

@@ -57,7 +57,7 @@ STRIDE = 32  # number of blocks that are taken at a time
 SEATS = 40  # number of helpers that may work at once
 TICKET = 48  # number of the last job
 REST = 56  # number of loops for which the helpers are left asleep
-OPEN = LINE  # number of the job on the desk; 0: none, or closed
+OPEN = LINE  # number of the job on the desk; 0: there is no job, or it is closed
 NEXT = 2 * LINE  # the first block that nobody has taken
 WORKING = 3 * LINE  # number of helpers that look at the job
 TAKEN = 4 * LINE  # 1 while a caller uses the desk
@@ -70,7 +70,7 @@ REST_MIN, REST_MAX = 8, 1024  # numbers of loops of a rest
 WATCHED = 64  # number of loops with helpers after which a caller looks at its waiting time
 WAITED = 0.1  # waiting time over running time above which the helpers rest
 SHARES = 8  # blocks are taken in about this many portions for each thread
-# Of run_parts: address of the desk, of a part, of what the parts share; number of blocks, threads
+# Of run_parts: address of the desk, of a part, of the shared data; number of blocks, threads
 RUN_PARTS = (types.int64, types.int64, types.int64, types.int64)
 HELP_CALLERS = (types.int64, types.int64)
 

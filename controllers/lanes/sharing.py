@@ -60,7 +60,7 @@ def share(typing_context, desk, blocks):
         result, error, *arguments = loop.args
         arguments = arguments[OWN:]
 
-        # Store what the parts share: whether one of them has failed, and the arguments.
+        # Store the data that the parts share: whether one of them has failed, and the arguments.
         record = ir.LiteralStructType([FLAG, *(argument.type for argument in arguments)])
         shared = cgutils.alloca_once(builder, record)
         builder.store(FLAG(0), cgutils.gep_inbounds(builder, shared, 0, 0))

@@ -11,7 +11,7 @@ import numpy as np
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import shown_value
 
-_chosen = threading.local()  # its `number` is the one that this thread has set
+_chosen = threading.local()  # its `number` is the number that this thread has set
 
 
 def threads() -> int:

@@ -172,7 +172,7 @@ def _of_modules(policy: object) -> Network:
     """Return the layers of a network of PyTorch, or of a model of Stable-Baselines3."""
     modules = list(_modules(policy))
     pairs: list[tuple[Any, Any]] = []
-    after: list[Activation | None] = []  # the activation after each layer, None: none was named
+    after: list[Activation | None] = []  # the activation after each layer; None if none was named
     for module in modules:
         kind = type(module).__name__
         if kind == "Linear":

@@ -77,7 +77,7 @@ def spectrum(n: int, gamma: float, law: Law) -> np.ndarray:
 
 
 def roll_off(n: int, dt: float, cutoff: float) -> np.ndarray:
-    """Return the factors 1 / (1 + (f / f_c)^4) on amplitudes, zero where they are below 1 %.
+    """Return the factors 1 / (1 + (f / f_c)^4) on amplitudes, zero if below 1 %.
 
     Args:
         n: length of the transform.
@@ -184,7 +184,7 @@ class ColoredNoise:
             ]
         )
 
-        # The frequencies that are drawn: those of the narrowest band outside which all are zero
+        # The drawn frequencies: the narrowest band that contains all nonzero amplitudes
         highest = int(np.flatnonzero(deviations[:, : n // 2 + 1].any(axis=0)).max(initial=0))
         band = narrowest_band(n, highest)
         self.normals = band / n

@@ -86,7 +86,7 @@ def sorted_settings(record: Mapping[str, Any], settings: Mapping[str, Any]) -> B
 
     Args:
         record: the spec of a run.
-        settings: keywords of `quadsim.fly`; None stands for none.
+        settings: keywords of `quadsim.fly`; None: no settings.
 
     Raises:
         SettingError: a part or a setting of the host is invalid.

@@ -524,7 +524,7 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
         settings=settings,
         **{name: getattr(flight, name) for name in HELD},
     )
-    # The spec is checked by now: what can never fly is refused before the firmware is asked for.
+    # The spec has been checked, so an invalid one is refused before the firmware is needed.
     if configuration is not None and given.get("model") is None:
         found = model_behind(vehicle, configuration, spec.plant_dt, planner.mppi.dt)
         return replace(spec, model=with_settings("model", found, given), settings=settings)

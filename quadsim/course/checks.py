@@ -94,7 +94,7 @@ def start_problems(course: Layout, start: Vec3) -> Iterator[str]:
         course: the course.
         start: the place [m].
     """
-    # A vehicle that stands on the ground is lifted to it by the plant.
+    # The plant lifts a vehicle that starts in the ground.
     outside = _outside(course, np.array([(start[0], start[1], max(start[2], 0.0))]))
     if outside:
         yield outside
@@ -111,7 +111,7 @@ def start_problems(course: Layout, start: Vec3) -> Iterator[str]:
 
 
 def misplaced_gates(course: Layout) -> dict[int, str]:
-    """Return the problem of each gate that stands where it cannot be flown, by index.
+    """Return the problem of each gate that cannot be flown at its place, by index.
 
     Such a gate is outside the bounds, in the ground, blocked by obstacles, or too near to the
     start.

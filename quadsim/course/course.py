@@ -329,7 +329,7 @@ def _changed(course: Course, changes: Mapping[str, Any]) -> Course:
     entries = written_entries(file)
     if any(key in changes for key in DECIDE_TIMES):
         entries.pop("published", None)
-    # A gate that is given leaves out what will be the course's
+    # The entry of a given gate leaves out an opening or frame that equals the course's
     defaults = {name: changes.get(name, getattr(file, name)) for name in OF_FRAMES}
     given = {key: _as_entry(key, value, entries, defaults) for key, value in changes.items()}
     return remade({**entries, **given}, parse_course, str(given.get("name", course.name)))

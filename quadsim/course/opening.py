@@ -24,7 +24,7 @@ picture:
     free        half sizes within which the sphere's centre is free, negative if the sphere does
                 not fit
     outer       half sizes outside which the sphere's centre is free
-    half_depth  distance from the gate's plane to its entry and exit plane, where the sphere is
+    half_depth  distance from the gate's plane to its entry and exit plane, in which the sphere is
                 clear of the frame
     slab        the space between entry and exit plane, within outer: in it and outside free, the
                 sphere touches a bar

@@ -21,7 +21,7 @@ from quadsim.files.yaml_errors import shown
 
 LARGEST = 500_000_000  # [bytes], of a file and of all of its arrays together
 SUFFIX = ".npy"  # ends an array's name within the archive
-# Lengths of what an error shows: names of arrays, characters of a library's message
+# Numbers of arrays' names and of characters of a library's message that an error shows
 NAMES = 5
 LONGEST = 160
 

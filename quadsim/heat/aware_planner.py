@@ -34,7 +34,7 @@ class Perception:
             number: index of the vehicle.
             traffic: states and announced plans of all vehicles.
             start_time: start of the vehicle's flight, in the time of the race [s].
-            course: the map, which says which vehicle is ahead.
+            course: the map, by which it is decided which vehicle is ahead.
         """
         self.number = number
         self.traffic = traffic

@@ -24,7 +24,7 @@ OwnPath = Callable[[], ExpectedPath | None]
 class Perceived(NamedTuple):
     """The perceived state of a race from which a vehicle predicts the paths of the others."""
 
-    # what is seen of the others now: number -> Sighting
+    # present sightings of the other vehicles by number
     seen: dict[int, Sighting]
     # the numbers of the vehicles behind it
     behind: frozenset[int]
@@ -111,7 +111,7 @@ class OwnPlans:
         self._paths: dict[int, ExpectedPath] = {}
         # a recent plan of the vehicle itself
         self._own: ExpectedPath | None = None
-        # what was seen a control period ago
+        # sightings of the last control period
         self._before: dict[int, Sighting] = {}
         # number of control periods so far
         self._periods = 0

@@ -98,7 +98,7 @@ class HeatFrame(NamedTuple):
     frame: Frame
     # the other vehicles as the plan of this step expects them; times of their paths are of the race
     others: tuple[OtherVehicle, ...] = ()
-    # what the vehicle's controller has raised in this step, which ends its flight; "": nothing
+    # the error of the vehicle's controller in this step, which ends its flight; "" if there is none
     fault: str = ""
 
 

@@ -53,7 +53,7 @@ class HeatEvent(NamedTuple):
     kind: str
     # the entrant that overtook, that was touched, or that is out
     name: str
-    # the other one; "" where there is none
+    # the other entrant; "" if there is none
     other: str = ""
     # number of the gate at which one overtook, or that was hit, from 1; 0: no gate
     gate: int = 0

@@ -18,12 +18,12 @@ Out = Literal["both", "chaser", "nobody"]
 
 @dataclass(frozen=True)
 class Rules:
-    """Rules decide what a contact of two vehicles means."""
+    """The rules that decide the consequences of a contact of two vehicles."""
 
     name: RulesName
     # distance of two centres that counts as a contact [m]; None: that at which they touch
     contact: float | None
-    # who is out after a contact
+    # the vehicles that are out after a contact
     out: Out
     # whether vehicles collide in the simulated world
     collide: bool

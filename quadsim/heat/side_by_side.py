@@ -44,7 +44,7 @@ class SideBySide:
         # Imported here, as it loads the compiler
         from quadsim.controllers.lanes.threads import threads
 
-        # Make them in turn where nothing can be shared, or a loop may have to be compiled.
+        # Make them in turn if threads cannot be shared, or if a loop may have to be compiled.
         available = threads()
         is_alone = len(plannings) < 2 or available < 2
         compiles = any(planning.is_first for planning in plannings)

@@ -19,7 +19,7 @@ from quadsim.heat.settings import Awareness, HeatSettings
 from quadsim.streams import entrant_seed
 
 MOST = 8  # vehicles of a race
-# Settings of a flight that are those of the race
+# Settings of a flight that the race decides
 SHARED = ("plant", "laps", "clock", "penalties")
 
 
@@ -36,7 +36,7 @@ class Entrant:
 
     name: str
     spec: Spec
-    # None: what the race's settings say
+    # None: the awareness in the race's settings
     awareness: Awareness | None = None
 
 

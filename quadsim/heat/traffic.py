@@ -25,7 +25,7 @@ class Sight(NamedTuple):
     # standard deviations of the noise, per axis [m], [m/s]
     position_noise: float = 0.0
     velocity_noise: float = 0.0
-    # age of what it sees [s]
+    # age of the perceived states [s]
     delay: float = 0.0
 
 
@@ -122,8 +122,8 @@ class Traffic:
     def publish(self) -> None:
         """Make the plans announced so far known to all vehicles.
 
-        It is called when all vehicles that plan at an instant have planned, so that what a vehicle
-        knows does not depend on the order in which the plans are computed.
+        It is called after all vehicles that plan at an instant have planned, so that the knowledge
+        of a vehicle does not depend on the order in which plans are computed.
         """
         for k, path in self._pending.items():
             self._announced[k] = path

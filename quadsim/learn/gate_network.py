@@ -24,7 +24,7 @@ from quadsim.streams import batch_stream
 # channels at strides 2, 4, 8, 16 and 32, and of the layer before the output
 CHANNELS = (8, 16, 32, 48, 64)
 HEAD = 24
-# probability of a corner, where it is in the cell, where its gate's centre is
+# probability of a corner, its position in the cell, and the vector to its gate's centre
 OUTPUTS = 5
 # numbers of a picture are divided by it
 WHITE = 255.0
@@ -131,7 +131,7 @@ class Targets(NamedTuple):
 
     # 1 at a corner, less around it  (n, rows, columns)
     heat: Tensor
-    # weight of each cell's heat: 0 where a corner is no task  (n, rows, columns)
+    # weight of each cell's heat; 0 if its corner is not to be found  (n, rows, columns)
     weight: Tensor
     # place and centre  (n, 4, rows, columns); size of the gate [cells]; which cells learn them
     vectors: Tensor
@@ -242,7 +242,7 @@ def targets(corners: np.ndarray, shape: tuple[int, int]) -> Targets:
             part = vectors[i, k, top:bottom, left:right]
             part[closer] = value[closer] if k < 2 else value
     near = (nearest < NEAR**2).astype(np.float32)
-    # A corner that is a task counts although another one that is none is near.
+    # A corner that is to be found counts even if another one near it is not.
     weight = np.maximum(weight, heat)
     return Targets(*map(torch.from_numpy, (heat, weight, vectors, size, near)))
 

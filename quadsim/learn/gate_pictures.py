@@ -29,7 +29,7 @@ from quadsim.sensing.pixel_camera import TimedPose, row_poses
 from quadsim.sensing.pixels.network import WIDTH
 from quadsim.streams import look_streams, training_stream, venue_stream
 
-# courses that are never trained on, so that evaluations on them show what was learnt
+# courses that are never trained on, so that evaluations on them are independent
 HELD_OUT = ("figure8", "paper_flat")
 TRAINED_ON = (
     "split_s_swift",
@@ -90,7 +90,7 @@ class GatePictures:
 
     # (n, height, width, 3) uint8
     rgb: np.ndarray
-    # rows are of `Corner`, nan where there are fewer  (n, CORNERS, 5) float32
+    # rows have the fields of `Corner`; missing corners are nan  (n, CORNERS, 5) float32
     corners: np.ndarray
 
 
@@ -271,7 +271,7 @@ def shown(
         Pixels, nan if the depth is not positive  (n, 2), and depths [m]  (n,).
     """
     row = np.full(len(points), config.height // 2)
-    # The row that shows a point depends on where it is seen, and that on the row's pose.
+    # The row that shows a point depends on its pixel, which depends on the row's pose.
     for _ in range(3):
         local = np.einsum("ni,nij->nj", points - eyes[row], axes[row])
         pixels, depth = config.to_pixels(local)
@@ -310,7 +310,7 @@ def corners_in(
         if not inside.any():
             continue
         away = float(np.linalg.norm(centres[k] - eye))
-        # the gate's number in the segmentation is that of its first pass
+        # in the segmentation a gate has the number of its first pass
         number = place.course.gates.index(gate) + 1
         ahead = abs(gate.to_local(tuple(eye.tolist())).along)
         # A centre behind the camera has no pixel.

@@ -74,7 +74,7 @@ class Step(NamedTuple):
     limit: np.int32  # steps of the longest episode
     mode: int  # SAME_STEP, NEXT_STEP, DISABLED or WAIT
     p_reward: np.ndarray  # RewardParams as an array
-    noise: np.ndarray  # (SIZE,) standard deviations of the observation; negative: none
+    noise: np.ndarray  # (SIZE,) standard deviations of the observation; negative: no noise
     key: np.ndarray  # (2,) of the noise
 
 

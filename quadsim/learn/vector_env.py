@@ -32,7 +32,7 @@ from quadsim.streams import fresh_seed
 
 COUNT = inspect.type_info(Annotated[int, Meta(ge=1)])
 RESET_MASK = "reset_mask"  # name of the option of a reset
-BYTES = 1500  # memory of one environment and of what a step returns, at least
+BYTES = 1500  # least memory of one environment and of the results of its step
 
 MODES = {
     AutoresetMode.SAME_STEP: SAME_STEP,

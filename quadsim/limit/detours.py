@@ -105,7 +105,7 @@ def detours(
         route: gates of the race and radius of the vehicle's sphere.
         hits: hit gates and boxes with their times.
     """
-    # Index of the node where each segment begins
+    # Index of the node at which each segment begins
     begins = np.cumsum([0, *(segment.intervals for segment in plan)])
     for t, place in hits:
         k = int(np.searchsorted(begins, np.searchsorted(solution.t, t))) - 1

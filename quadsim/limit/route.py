@@ -75,7 +75,7 @@ class Route:
     @property
     def reach(self) -> float:
         """The distance from a gate's plane to its entry and exit, where the sphere is clear [m]."""
-        # The frames of one course are equally deep but for a gate with a depth of its own.
+        # The frames of a course have the same depth, except for a gate with its own depth.
         return half_depth(self.radius, depth=max(gate.frame_depth for gate in self.gates))
 
     def room(self, gate: Gate) -> HalfSizes:

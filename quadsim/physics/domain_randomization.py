@@ -125,10 +125,10 @@ def draw(
 
     Args:
         seeds: the stream of the vehicle.
-        size: scale of all changes; 0: none.
+        size: scale of all changes; 0: no changes.
         course: the course in which the vehicle starts; None: every start is valid.
         start: the nominal start; None: the course's start.
-        ranges: what is drawn, and how widely.
+        ranges: half widths of the distributions at size 1.
         vehicle: the nominal vehicle, see `widths`; None: a vehicle without uncertainties.
 
     Raises:

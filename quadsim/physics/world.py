@@ -47,7 +47,7 @@ CONTACT_DISTANCE = 8
 class BulletArena:
     """A world with the ground at z = 0, gates, obstacles, and one vehicle or several.
 
-    A vehicle is a rigid sphere with its own inertia. Each arena has a Bullet client of its own.
+    A vehicle is a rigid sphere with its own inertia. Each arena has its own Bullet client.
     """
 
     def __init__(self, course: Course, dt: float, collide: bool = True):
@@ -68,7 +68,7 @@ class BulletArena:
         # body -> its name in contacts
         self.names = {bullet.createMultiBody(0.0, plane, **self.at): "ground"}
 
-        # Each frame stands once, however often a lap leads through it, with its first number.
+        # Each frame is added once, with the number of its first pass.
         self._gates = frames(course.gates)
         self._numbers = tuple(course.gates.index(gate) + 1 for gate in self._gates)
         # gates near a vehicle: place in _gates -> body
@@ -245,7 +245,7 @@ class Body:
 
 
 class BulletWorld(Body):
-    """One vehicle in a BulletArena of its own."""
+    """One vehicle in its own BulletArena."""
 
     def __init__(self, course: Course, vehicle: Vehicle, dt: float):
         """Make a world with one vehicle.

@@ -45,7 +45,7 @@ PART = ".part"
 HEAT = "heat.json"  # the record of a race of several vehicles
 # Pattern of how the name of a run begins
 STARTED = "[0-9]" * 8 + "T" + "[0-9]" * 6 + "Z_"
-# Names of runs listed in an error where several fit
+# Number of runs that an error lists if several fit
 LISTED = 3
 
 
@@ -97,7 +97,7 @@ class ClaimedFolder:
         os.close(self._lock)
 
     def drop(self) -> None:
-        """Remove what is written."""
+        """Remove the files that are written so far."""
         shutil.rmtree(self.part, ignore_errors=True)
 
     def finish(self) -> Path:
@@ -189,7 +189,7 @@ class RunFolder:
             raise
 
     def drop(self) -> None:
-        """Remove what is written."""
+        """Remove the files that are written so far."""
         self._claimed.drop()
 
     def finish(self) -> Path:

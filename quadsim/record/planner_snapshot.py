@@ -12,7 +12,7 @@ import numpy as np
 
 from quadsim.controllers.plan import PlannerSnapshot
 
-# Names of arrays in telemetry.npz; TERM stands before the name of a cost term
+# Names of arrays in telemetry.npz; TERM is the prefix of a cost term's name
 FRAMES = "pictured"
 BEST = "best"
 TERM = "cost."

@@ -121,14 +121,14 @@ class RecordedRun:
     snapshots: PlannerSnapshots | None = None
     # Arrays of quadsim.sensing.kept by name, if the flight kept its sensing
     measurements: dict[str, np.ndarray] | None = None
-    # The error that ended the flight, on one line; "" if none did
+    # The error that ended the flight, on one line; "" if there was none
     fault: str = ""
     # The rotors that were found to be weak or strong
     learned: tuple[LearnedRotor, ...] = ()
 
     @classmethod
     def from_frames(cls, spec: dict[str, Any], frames: Iterable[Frame]) -> RecordedRun:
-        """Collect the frames of a flight."""
+        """Return the run that the frames of a flight make."""
         recorder = Recorder()
         for frame in frames:
             recorder.add(frame)

@@ -273,7 +273,7 @@ class StoredRecord(Struct):
     plan_ms: PlanTime
     real_time_factor: float
     digest: str
-    # The error that ended the flight, "" where none did
+    # The error that ended the flight, "" if there was none
     fault: str = ""
     # The rotors that were found to be weak or strong
     learned: tuple[StoredRotor, ...] = ()

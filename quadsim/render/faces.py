@@ -32,7 +32,7 @@ class Face(NamedTuple):
     a: np.ndarray
     b: np.ndarray
     kind: int = RECTANGLE
-    # half sizes of the hole in shares of a and b; 0: none
+    # half sizes of the hole in shares of a and b; 0: no hole
     hole: tuple[float, float] = (0.0, 0.0)
     two_sided: bool = False
     # edge of one repetition of its texture [m]

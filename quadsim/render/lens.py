@@ -14,7 +14,7 @@ import numpy as np
 from quadsim.render.raster import WHOLE, bend
 from quadsim.sensing.camera import LensCamera
 
-# Pixels of the pinhole's picture around those that are needed
+# Width [px] of the border around the needed part of the pinhole's picture
 BORDER = 2
 
 

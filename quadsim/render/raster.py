@@ -11,9 +11,9 @@ plane where
 the column, and so are these three numbers: a face covers the columns between the roots of linear
 inequalities, and a pixel shows the face with the largest 1 / depth. No face is clipped or sorted.
 
-A picture is the mean of several passes. Each row of each pass has a pose of its own, so that a
-shutter may stay open (motion blur) and may read one row after another (rolling shutter), and each
-pass has an offset within the pixel, which smooths edges.
+A picture is the mean of several passes. Each row of each pass has its own pose, so that a shutter
+may stay open (motion blur) and may read one row after another (rolling shutter). Each pass has an
+offset within the pixel, which smooths edges.
 
 The loops over columns are written so that the compiler can vectorise them: single precision, no
 branches, loads from tables separate from arithmetic, and unsigned indices, because numba tests
@@ -41,7 +41,7 @@ NEAR = 0.05
 FAR = 1e6
 # Factor of 1 / depth of a face that is compared with others: the first of two in one plane is seen.
 NEARER = np.float32(1.0 - 1e-6)
-# [px] Rows added to those between the projected corners of a face, as the pose changes by row
+# [px] Rows added around the projected corners of a face, because the pose changes by row
 MARGIN = 3
 # A column to begin with: numba compiles functions twice for a variable that begins as a literal.
 START = np.int64(0)
@@ -73,7 +73,7 @@ class Faces(NamedTuple):
     normal: np.ndarray
     # RECTANGLE or ELLIPSE  (n,) int64
     kind: np.ndarray
-    # half sizes of the hole in shares of a and b, 0: none  (n, 2)
+    # half sizes of the hole in shares of a and b, 0: no hole  (n, 2)
     hole: np.ndarray
     # whether the face is seen from behind too  (n,) bool
     two_sided: np.ndarray
@@ -129,7 +129,7 @@ class WorkSpace(NamedTuple):
     green: np.ndarray
     blue: np.ndarray
     clear: np.ndarray
-    # place in a texture, and what is there  (width,) uint32, uint32, int32
+    # place in a texture, and the texel there  (width,) uint32, uint32, int32
     line: np.ndarray
     place: np.ndarray
     texel: np.ndarray
@@ -606,7 +606,8 @@ def draw(  # noqa: PLR0913
         row: WorkSpace.
         drawn: Drawn, which is filled.
     """
-    # The arrays of the innermost loops one by one: numba counts references to those of a record.
+    # The arrays of the innermost loops are passed one by one, because numba counts references to
+    # arrays in a record.
     ramp, nearest, face, lines = row.ramp, row.nearest, row.face, row.lines
     red, green, blue, clear = row.red, row.green, row.blue, row.clear
     line, place, texel = row.line, row.place, row.texel

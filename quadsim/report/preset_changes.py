@@ -53,14 +53,14 @@ def _changes(spec: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         return
     parts = ("sampling", "mppi", "cost")
     if spec.get("sampler") not in SAMPLERS:
-        # A sampler of the user's own flies with the numbers of colored sampling, but for its own.
+        # A user's own sampler flies with the other numbers of colored sampling.
         parts = ("mppi", "cost")
     recorded = spec.get("planner", {})
     for part in parts:
         numbers = recorded.get(part, {})
         for name, usual in vars(getattr(base, part)).items():
             value = numbers.get(name)
-            # A JSON record has lists in place of tuples, and leaves out what was not set
+            # A JSON record has lists instead of tuples, and leaves out settings that were not given
             usual = list(usual) if isinstance(usual, tuple) else usual
             value = list(value) if isinstance(value, tuple) else value
             if name in numbers and value != usual:

@@ -16,7 +16,7 @@ from quadsim.report.run_metrics import RunMetrics
 
 # Lap times in the paragraph, at most
 LAPS = 6
-# Kind of a crash -> what the vehicle did; a hit names the gate or the obstacle
+# Text for each kind of crash; a hit names the gate or the obstacle
 ENDS = {"hit": "hit", "ground": "hit the ground", "bounds": "left the bounds", "wall": "hit a wall"}
 
 

@@ -111,7 +111,7 @@ class Run(RecordedRun):
         The index is the time `t` [s]; `.attrs["units"]` has the unit of each column.
 
         Raises:
-            ModuleNotFoundError: pandas is not installed; the message says what to do.
+            ModuleNotFoundError: pandas is not installed; the message says how to install it.
         """
         pandas = imported("pandas", "pandas", "pandas")
         frame = pandas.DataFrame(self.telemetry).set_index("t")
@@ -126,7 +126,7 @@ class Run(RecordedRun):
         obstacle.
 
         Raises:
-            ModuleNotFoundError: pandas is not installed; the message says what to do.
+            ModuleNotFoundError: pandas is not installed; the message says how to install it.
         """
         pandas = imported("pandas", "pandas", "pandas")
         return pandas.DataFrame(map(event_row, self.events), columns=list(CSV_COLUMNS))

@@ -121,7 +121,7 @@ class StoredRuns(Sequence[Row]):
         """Return a DataFrame with a row for each run and the values of StoredRow as columns.
 
         Raises:
-            ModuleNotFoundError: pandas is not installed; the message says what to do.
+            ModuleNotFoundError: pandas is not installed; the message says how to install it.
         """
         pandas = imported("pandas", "pandas", "pandas")
         return pandas.DataFrame([row.values() for row in self], columns=list(value_names()))

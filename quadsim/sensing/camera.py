@@ -40,7 +40,7 @@ Focal = Annotated[float, unit("px", gt=0, le=1e5)]
 Metre = Annotated[float, unit("m", ge=-2, le=2)]
 Distortion = Annotated[float, unit("1", ge=-10, le=10)]
 
-# [m] least depth along the optical axis; sensors and estimator do not see what is nearer
+# [m] least depth along the optical axis; sensors and estimator see nothing that is nearer
 NEAREST = 0.1
 
 # Steps of Newton's method from a distorted ray to the ray outside of the lens

@@ -98,7 +98,7 @@ class ImuConfig:
         setting("standard deviation of the angles between true and measured axes of the force"),
     ] = 0.0
 
-    # A chip that samples at an instant and without a filter: what is faster than half the rate
+    # A chip that samples at an instant and without a filter: motion faster than half the rate
     # comes as something slower.
     vibration: Annotated[
         float,

@@ -7,15 +7,15 @@ number of measurements, N of frames of the telemetry, G of gates of the course:
     imu.gyro                      body rates [rad/s]  (n, 3)
     imu.specific_force            acceleration minus gravity, body frame [m/s^2]  (n, 3)
     pose.t, pose.taken            [s]  (n,)
-    pose.position, pose.velocity  [m], [m/s], NaN where none was measured  (n, 3)
+    pose.position, pose.velocity  [m], [m/s], NaN if it was not measured  (n, 3)
     pose.attitude                 wxyz  (n, 4)
     rotors.t, rotors.taken        [s]  (n,)
     rotors.thrust                 by the rotors' speeds, mass-normalised [m/s^2]  (n,)
     barometer.t, barometer.taken  [s]  (n,)
     barometer.height              above the origin of the world [m]  (n,)
     corners.t, corners.taken      exposure of a corner's picture, when it was taken [s]  (n,)
-    corners.gate, corners.corner  the gate (of those of the course that stand apart, from 0) and the
-                                  corner that the association names  (n,)
+    corners.gate, corners.corner  the gate (index among the course's distinct frames, from 0) and
+                                  the corner that the association names  (n,)
     corners.pixels                right and down in the picture [px]  (n, 2)
     estimate.gyro_bias            [rad/s]  (N, 3)
     estimate.accelerometer_bias   [m/s^2]  (N, 3)

@@ -74,7 +74,7 @@ class Corners:
     pixels: np.ndarray
     # number of corners in view, for the record only
     in_view: int
-    # variance of each corner beyond the camera's noise [px^2]  (n,); None: none
+    # variance of each corner in addition to the camera's noise [px^2]  (n,); None: zero
     variance: np.ndarray | None = None
 
 

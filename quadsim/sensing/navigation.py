@@ -109,7 +109,7 @@ class StateSource(Protocol):
         ...
 
     def kept(self) -> Kept | None:
-        """Return what is kept of the sensing since the last call; None: nothing is."""
+        """Return the stored measurements since the last call, None if none are stored."""
         ...
 
 
@@ -256,7 +256,7 @@ class SensedState:
         self._rotor_std = rotor_std
         # samples of the present period
         self._inertial: list[Inertial] = []
-        # time [s] and body rates [rad/s] of the last sample that was used; None: there was none
+        # time [s] and body rates [rad/s] of the last used sample; None if there was none
         self._last_rates: tuple[float, Vec3] | None = None
         # thrust from rotor speeds, the latest since the last estimate; None: none has arrived
         self._rotors: RotorThrust | None = None
@@ -545,7 +545,7 @@ class Navigation:
         return self._source.record(state)
 
     def kept(self) -> Kept | None:
-        """Return what is kept of the sensing since the last call; None: nothing is."""
+        """Return the stored measurements since the last call, None if none are stored."""
         return self._source.kept()
 
     def _when_it_acts(self, now: Present, t: float, acts: float) -> tuple[float, ...]:

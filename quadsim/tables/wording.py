@@ -78,7 +78,7 @@ def settings_of(record: Mapping[str, Any]) -> dict[str, Any] | None:
         # With them, as numbers of a preset may follow from them
         settings |= dict(_differing_numbers(flown, Spec.of(**settings)))
         again = Spec.of(**settings)
-    except ValueError:  # a file or a part is missing, or a name stands for no file
+    except ValueError:  # a file or a part is missing, or there is no file of a name
         return None
     return settings if hostless(again.record()) == hostless(flown.record()) else None
 

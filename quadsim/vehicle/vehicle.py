@@ -422,7 +422,7 @@ def _as_yaml(vehicle: Vehicle) -> str:
 
 
 def _entries(vehicle: Vehicle) -> dict[str, Any]:
-    """Return the entries of a vehicle file without the ones at their default."""
+    """Return the entries of a vehicle file, without values that equal their default."""
     entries = entries_of(vehicle, VehicleFile)
     if vehicle.rotors:
         del entries["thrust_max"]

@@ -20,7 +20,7 @@ from quadsim.rotation import Vec3
 
 OPENING = 1.6  # of scale 1 [m]
 FRAME_WIDTH = 0.267  # of scale 1 [m]
-# Names of classes in what Python prints of a pose
+# Names of classes in the text that Python prints for a pose
 CLASS = re.compile(r"<(Pose|Vector3r|Quaternionr)>")
 
 

@@ -25,7 +25,7 @@ IDENTITY = np.eye(3)
 
 
 class Entry:
-    """A value of a file, and the key at which it stands."""
+    """A value of a file, and its key."""
 
     def __init__(self, value: Any, key: str, fail: Fail):
         """Wrap a plain value.

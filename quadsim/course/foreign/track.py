@@ -84,7 +84,7 @@ class ForeignGate:
     """A gate in the axes of its file."""
 
     name: str
-    # the key or the line at which it stands, for errors
+    # key or line of the gate in the file, for errors
     place: str
     # [unit of the file]
     position: Vec3
@@ -132,5 +132,5 @@ class ForeignTrack:
     # [unit of the file]; None: the file has none
     frame_width: float | None = None
     loop: bool = False
-    # what the reader left out or assumed
+    # parts that the reader has left out, and assumptions
     notes: list[str] = field(default_factory=list)

@@ -45,7 +45,7 @@ class Found(NamedTuple):
 
     gate: np.ndarray
     corner: np.ndarray
-    # from where they were expected [px]  (n, 2)
+    # displacement from the predicted corner [px]  (n, 2)
     shift: np.ndarray
     # variance along the direction in which each is known worst [px^2]  (n,)
     variance: np.ndarray
@@ -147,7 +147,7 @@ def corners(found: Lines, points: Points, ends: np.ndarray) -> Found:
     A = np.zeros((gates, 4, 2, 2))
     b = np.zeros((gates, 4, 2))
     for corner, (side, level) in enumerate(MEETING):
-        # The end of a side is at the top or at the bottom, that of the other at the left or right.
+        # One side ends at the top or the bottom, the other side at the left or the right.
         for edge, end in ((side, level - 2), (level, side)):
             for e in (edge, edge + 4):
                 along = ends[:, e, end]

@@ -49,7 +49,7 @@ APART = 0.9
 class FoundGate(NamedTuple):
     """A gate in a picture."""
 
-    # where its corners point to [px]  (2,)
+    # centre to which its corners point [px]  (2,)
     centre: np.ndarray
     # its corners, one to four [px]  (n, 2)
     corners: np.ndarray
@@ -84,7 +84,7 @@ class GateNetwork:
             ) from None
         if [one.name for one in self._session.get_inputs()] != [INPUT]:
             raise FileError(f"{path}: {EXPECTED}, got a network with other inputs")
-        # what the file says of its training
+        # metadata on its training
         self.about: dict[str, str] = dict(self._session.get_modelmeta().custom_metadata_map)
 
     def __call__(self, rgb: np.ndarray) -> list[FoundGate]:
@@ -171,7 +171,7 @@ def corners_of(output: np.ndarray) -> Likely:
     at = np.column_stack([column, row]) + 0.5 + output[1:3, row, column].T
     total = np.zeros((len(row), 4))
     weight = np.zeros(len(row))
-    # The cells around a corner tell where it is as well; the mean of those that agree counts.
+    # The cells around a corner estimate its position, too; those that agree are averaged.
     for down in (-1, 0, 1):
         for right in (-1, 0, 1):
             r = np.clip(row + down, 0, rows - 1)

@@ -22,7 +22,7 @@ from quadsim.sensing.pixels.network import FoundGate
 
 # [px] standard deviation of a corner that a network has found
 NOISE = 2.5
-# [px] A corner this near to where a pose puts it is explained by the pose.
+# [px] A pose explains a corner within this distance of its predicted pixel.
 NEAR = 8.0
 # least cosine of the angle between the found and the expected direction of a corner
 ALIKE = 0.7

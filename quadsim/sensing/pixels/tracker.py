@@ -40,7 +40,7 @@ from quadsim.sensing.state import FilterState
 # may be farther away, other poses are tried first.
 LEAST = 5.0
 LARGEST = 60.0
-# standard deviations of the expected place within which it is searched for, and what is added [px]
+# number of standard deviations within which an edge is searched for, and an added distance [px]
 WITHIN = 3.0
 STEADY = 2.0
 # [m] distance of gates if none is expected in the picture
@@ -56,7 +56,7 @@ FOUND_REACH = 10.0
 # further search is made
 AGAIN = 2
 NARROW = 8.0
-# [px] A line is left out if one of its ends is farther from where the fitted pose expects it.
+# [px] A line is left out if one of its ends is farther from the fitted pose's prediction.
 WRONG = 3.0
 # [px] least distance of a point on an edge from the border of the picture
 BORDER = 4.0
@@ -66,7 +66,7 @@ class Tracked(NamedTuple):
     """Points, lines and corners that were found in a picture, for figures and tests."""
 
     points: Points
-    # what was found at each point, and whether it belongs to a line
+    # the step found at each point, and whether it belongs to a line
     steps: Steps
     used: np.ndarray
     # expected and found corners [px]  (n, 2)
@@ -299,7 +299,7 @@ class Tracker:
         # per unit of (v / height - 1 / 2)
         flow = 2.0 * (pixel - points.pixel)
         share = points.pixel[:, 1] / config.height - 0.5
-        # The row at which a point is seen is where it is at that row's time.
+        # A point is seen at the row in which it lies at that row's time.
         share = share / np.maximum(1.0 - flow[:, 1] / config.height, 0.5)
         return flow * share[:, None]
 
