@@ -339,7 +339,7 @@ def _as_entry(key: str, value: Any, entries: Mapping[str, Any], defaults: Mappin
     """Return a changed value in the form that a course file has.
 
     Args:
-        key: its key.
+        key: key of the value.
         value: entries of a file, or objects of a Course.
         entries: the entries of the course that is changed.
         defaults: opening and frame of the changed course.

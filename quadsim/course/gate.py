@@ -67,7 +67,7 @@ class Gate:
         """Return points of the world in the gate frame [m].
 
         Args:
-            points: (n, 3) [m].
+            points: points in the world [m]  (n, 3).
 
         Returns:
             An InGate of three arrays (n,).
@@ -111,7 +111,7 @@ class EstimatedGate(Gate):
 
         Args:
             gate: gate of the map.
-            moved: its displacement from the map [m].
+            moved: displacement of the gate from the map [m].
             std: standard deviation of its position relative to the vehicle [m].
         """
         x, y, z = gate.position

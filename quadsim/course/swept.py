@@ -168,7 +168,7 @@ class SweptGate:
             a, b: ends of the segment in the gate frame [m].
 
         Returns:
-            None if it enters none.
+            The fraction, from 0 to 1; None if the segment enters no bar.
         """
         slab = _clip_centred(a, b, self._slab)
         if slab is None:

@@ -212,7 +212,7 @@ class LaneEnvironments:
         """Fly one step of dt.
 
         Args:
-            actions: (blocks, n_u, LANES) float32, clipped to -1..1.
+            actions: action of each environment, clipped to -1..1  (blocks, n_u, LANES) float32.
         """
         assert self.tables is not None, "step before begin"
         self._calls += 1

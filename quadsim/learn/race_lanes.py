@@ -154,7 +154,7 @@ class RaceLanes(LaneEnvironments):
         """Fly one step of dt.
 
         Args:
-            actions: (blocks, n_u, LANES) float32, clipped to -1..1.
+            actions: action of each racer, clipped to -1..1  (blocks, n_u, LANES) float32.
         """
         np.copyto(self.out, self.over)
         np.copyto(self.field.before, self.X[:, :3])

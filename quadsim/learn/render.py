@@ -117,7 +117,7 @@ def picture(course: Course, states: np.ndarray) -> np.ndarray:
         states: position, velocity and attitude of the vehicles.  (vehicles, 10)
 
     Returns:
-        (height, width, 3) uint8.
+        The picture  (height, width, 3) uint8.
     """
     (x_low, x_high), (y_low, y_high), (z_low, z_high) = course.bounds
     across = (WIDTH - 2 * BORDER) / (x_high - x_low)

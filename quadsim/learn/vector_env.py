@@ -137,7 +137,7 @@ class RacingVectorEnv(VectorEnv):
         """Fly one step of dt.
 
         Args:
-            actions: (num_envs, 4), clipped to -1..1.
+            actions: action of each vehicle, clipped to -1..1  (num_envs, 4).
 
         Returns:
             Observations (num_envs, 38), rewards, terminations, truncations (num_envs,), and info:

@@ -238,7 +238,7 @@ def _with_numbers(data: Any, vehicle: Vehicle, rotors: Rotors, body: Vehicle) ->
     Args:
         data: the simulator's data.
         vehicle: vehicle with the flight controller's numbers.
-        rotors: its rotors.
+        rotors: rotors of the vehicle.
         body: vehicle with the true mass and inertia.
     """
     c2, c1, c0 = rotors.thrust_map

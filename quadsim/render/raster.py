@@ -174,7 +174,7 @@ def pyramid(texture: np.ndarray) -> np.ndarray:
     """Return all levels of detail of a texture, one after another.
 
     Args:
-        texture: (TEXELS, TEXELS, 3) uint8.
+        texture: the texture  (TEXELS, TEXELS, 3) uint8.
 
     Returns:
         The texels of the first level row by row, then the texels of the next level and so on, each

@@ -138,7 +138,7 @@ class Camera:
         """Project points of the world to pixels, and return their depth.
 
         Args:
-            points: (n, 3) [m].
+            points: points in the world [m]  (n, 3).
             p: position of the vehicle [m].
             q: attitude of the vehicle, wxyz.
 
@@ -152,7 +152,7 @@ class Camera:
         """Return pixels and depth as `project` does, for points of the camera frame.
 
         Args:
-            local: (n, 3) [m].
+            local: points in the camera frame [m]  (n, 3).
         """
         depth = local[:, 2]
         focal = (self.fx, self.fy)
@@ -242,7 +242,7 @@ class LensCamera(Camera):
         """Return the rays (x, y) / z that reach pixels, the inverse of `to_pixels`.
 
         Args:
-            pixels: (..., 2) [px], within the picture.
+            pixels: pixels within the picture [px]  (..., 2).
         """
         bent = (pixels - (self.width / 2, self.height / 2)) / (self.fx, self.fy)
         reached = np.linalg.norm(bent, axis=-1)

@@ -102,7 +102,7 @@ def drawn_mixing(config: ImuConfig, seeds: np.random.SeedSequence) -> np.ndarray
         seeds: the stream of the unit.
 
     Returns:
-        (6, 6), or None for exact scales and axes.
+        The matrix  (6, 6), None if scales and axes are exact.
     """
     scales = (config.gyro_scale, config.accelerometer_scale)
     angles = (config.gyro_misalignment_deg, config.accelerometer_misalignment_deg)

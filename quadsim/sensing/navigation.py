@@ -563,8 +563,8 @@ def mean(vectors: list[Vec3], weights: list[float]) -> Vec3:
     """Return the weighted mean of vectors.
 
     Args:
-        vectors: (n, 3).
-        weights: (n,).
+        vectors: the vectors  (n, 3).
+        weights: weight of each vector  (n,).
     """
     total = sum(weights)
     x, y, z = (

@@ -106,7 +106,7 @@ def convert_course(path: str | Path, kind: str, **reading: Any) -> Course:
 
     Args:
         path: the file.
-        kind: its format: lsy, airsim, flightgoggles, uzh or csv.
+        kind: format of the file: lsy, airsim, flightgoggles, uzh or csv.
         reading: how the file is read: frame, unit, angles, passage, opening (one or two numbers
             [m]), gates, start, offset [m] and loop; see quadsim.course.foreign.Reading.
 

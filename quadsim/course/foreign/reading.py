@@ -109,7 +109,7 @@ class Entry:
 
         Args:
             count: number of values that are expected.
-            names: their names, for the error.
+            names: names of the values, for the error.
 
         Raises:
             FileError: the entry is not a list of this many numbers.

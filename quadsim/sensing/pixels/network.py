@@ -91,7 +91,7 @@ class GateNetwork:
         """Return the gates found in a picture, in pixels of this picture.
 
         Args:
-            rgb: (height, width, 3) uint8.
+            rgb: the picture  (height, width, 3) uint8.
         """
         small, scale = reduced(rgb)
         (output,) = self._session.run(None, {INPUT: network_input(small)})
@@ -125,7 +125,7 @@ def reduced(rgb: np.ndarray) -> tuple[np.ndarray, float]:
     """Return a picture reduced to a width of WIDTH, and the factor of the reduction.
 
     Args:
-        rgb: (height, width, 3) uint8.
+        rgb: the picture  (height, width, 3) uint8.
     """
     height, width = rgb.shape[:2]
     scale = WIDTH / width
@@ -139,7 +139,7 @@ def network_input(small: np.ndarray) -> np.ndarray:
     """Return a reduced picture as the input of the network.
 
     Args:
-        small: (height, WIDTH, 3) uint8.
+        small: the reduced picture  (height, WIDTH, 3) uint8.
 
     Returns:
         The input  (1, 3, height, WIDTH) float32, with black rows added below so that COARSEST
