@@ -89,7 +89,13 @@ class Dashboard:
         self._editor = CourseEditor(session, self.start)
         self._competitors = CompetitorForm(self.start)
         self._export = ExportForm(
-            session, self.start, viewing, seats, self.camera, server.downloads
+            session,
+            self.start,
+            viewing,
+            seats,
+            self.camera,
+            server.downloads,
+            server.needs_token,
         )
         forms = (
             RaceForm(self.start),

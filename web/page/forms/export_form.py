@@ -33,6 +33,10 @@ OPENS_RUNS = (
     "It shows these runs to everybody who looks at the page then, and this time, camera and view to"
     " who opens it."
 )
+NEEDS_TOKEN = (
+    " Who has not opened this page before needs its token, too: add &token=... of the address that"
+    " `race web` printed."
+)
 OPENS_SET_UP = "It sets up the next START for everybody who looks at the page then."
 BUTTONS = {
     "page": "animated, plays offline",
@@ -80,6 +84,7 @@ class ExportForm(Form):
         seats: Seats,
         camera: Camera,
         downloads: Downloads,
+        needs_token: bool,
     ):
         self._session = session
         self._start = start
@@ -87,6 +92,7 @@ class ExportForm(Form):
         self._seats = seats
         self._camera = camera
         self._downloads = downloads
+        self._needs = NEEDS_TOKEN if needs_token else ""
         self._worker = ThreadPoolExecutor(1, "export")
 
     def close(self) -> None:
@@ -110,9 +116,11 @@ class ExportForm(Form):
                 mode = self._camera.mode_of(client) if client else FREE
                 view = self._viewing.view_of(visitor.number)
                 address = link_to(s.competitors, s.t, mode, view, self._session.root)
-                visitor.send(Address("Link to what is shown", address, OPENS_RUNS))
+                opens = OPENS_RUNS + self._needs
+                visitor.send(Address("Link to what is shown", address, opens))
             case "set-up":
-                visitor.send(Address("Link that sets up this race", self._start.link, OPENS_SET_UP))
+                opens = OPENS_SET_UP + self._needs
+                visitor.send(Address("Link that sets up this race", self._start.link, opens))
             case what:
                 self._worker.submit(self._make, visitor, client, what, s)
 

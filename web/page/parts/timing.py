@@ -33,14 +33,21 @@ FEW_SAMPLES = 5  # number of effective samples below which the meter is red
 LEGEND = "in the scene: the plan white; sampled trajectories yellow, the cheapest, to violet"
 
 
-def above_limit(entry: Competitor) -> str:
-    """Return the relative excess of a flight's time over the best known limit, as text.
+def share_above_limit(entry: Competitor) -> float | None:
+    """Return the relative excess of a flight's time over the best known limit [%].
 
-    The text is empty for a flight that did not finish, and if no limit is known.
+    None: the flight did not finish, or no limit is known.
     """
     if entry.outcome != "finished" or entry.limit is None:
+        return None
+    return rounded(100.0 * entry.limit.above(sum(entry.laps)), 1)
+
+
+def above_limit(entry: Competitor) -> str:
+    """Return this excess as text; empty if there is none."""
+    share = share_above_limit(entry)
+    if share is None or entry.limit is None:
         return ""
-    share = rounded(100.0 * entry.limit.above(sum(entry.laps)), 1)
     return f"{share:.1f} % above the best known limit of {entry.limit.time:.3f} s"
 
 

@@ -1,5 +1,6 @@
 // The page around the scene. Each module shows a part of what the server says, and sends what a visitor asks for.
 import * as acts from "./acts.js";
+import * as away from "./away.js";
 import * as charts from "./charts.js";
 import * as cockpit from "./cockpit.js";
 import * as drawer from "./drawer.js";
@@ -16,6 +17,7 @@ import * as tower from "./tower.js";
 
 const NARROW = "(max-width: 56rem)"; // in which the parts stand one below the other
 
-for (const part of [notes, head, tower, timeline, tabs, charts, forms, runs, cockpit, acts, parts, scene]) part.begin();
+for (const part of [notes, head, tower, timeline, tabs, charts, forms, runs, cockpit, acts, away, parts, scene])
+  part.begin();
 drawer.open(!matchMedia(NARROW).matches);
 link.connect();
