@@ -86,7 +86,7 @@ class Dashboard:
         Playback(link, session, viewing, seats, self.camera)
         answer_signals(link, viewing)
         joining = Joining(self.board, session.cockpit, viewing, seats, self.camera)
-        self._editor = CourseEditor(session, self.start)
+        self._editor = CourseEditor(session, self.start, server.downloads)
         self._competitors = CompetitorForm(self.start)
         self._export = ExportForm(
             session,

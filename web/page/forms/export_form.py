@@ -44,15 +44,9 @@ BUTTONS = {
     "zip": "the folders of the runs that are shown",
     "PNG": "the view",
     "link": "an address that shows this",
+    "course": "the file of the course",
     "set-up": "an address that sets up the next START like this",
 }
-
-
-class Download(Message, tag="download"):
-    """A file that waits for its visitor at an address of this server."""
-
-    name: str
-    address: str
 
 
 class Address(Message, tag="address"):
@@ -121,6 +115,11 @@ class ExportForm(Form):
             case "set-up":
                 opens = OPENS_SET_UP + self._needs
                 visitor.send(Address("Link that sets up this race", self._start.link, opens))
+            case "course":
+                course = s.competitors[0].course if s.competitors else self._start.course()
+                if course is None:
+                    raise ValueError("course: expected one that can be read")
+                visitor.send(self._downloads.kept(f"{course.name}.yaml", course.text.encode()))
             case what:
                 self._worker.submit(self._make, visitor, client, what, s)
 
@@ -135,7 +134,7 @@ class ExportForm(Form):
         except Exception:
             traceback.print_exc()
         else:
-            visitor.send(Download(file.name, self._downloads.offer(file.name, file.data)))
+            visitor.send(self._downloads.kept(file.name, file.data))
 
 
 def _file(client: viser.ClientHandle | None, what: str, s: Snapshot) -> File:

@@ -10,7 +10,7 @@ const HEADS = [
   ["gap", "gap", "gap to the leader [s]"],
   ["last", "last", "last lap [s]"],
   ["best", "best", "best lap [s]"],
-  ["time", "time", "time of this lap; of the race once it is finished [s]"],
+  ["time", "timed", "time of this lap; of the race once it is finished [s]"],
   ["limit", "above", "above the best known limit"],
   ["hits", "hits", "gates, obstacles, vehicles and ground that were hit"],
   [
@@ -25,7 +25,8 @@ function row() {
   const cells = HEADS.map(([, name]) => make("td", { className: name }));
   const of = Object.fromEntries(HEADS.map(([, name], k) => [name, cells[k]]));
   const line = make("i", { className: "swatch" });
-  of.name.append(line, make("b"));
+  of.place.append(make("span"), line);
+  of.name.append(make("b"));
   const bar = make("i", { className: "bar" });
   of.chatter.append(make("span"), bar);
   const sectors = make("div", { className: "sectors" });
@@ -53,9 +54,10 @@ function fill(parts, found) {
   of.name.title = found.name;
   name.style.color = found.colour;
   say(name, found.is_recorded ? `${found.name} (recorded)` : found.name);
-  for (const key of ["lap", "interval", "gap", "time", "above"]) say(of[key], found[key]);
-  say(of.place, String(found.place));
-  of.time.classList.toggle("out", found.is_out);
+  for (const key of ["lap", "interval", "gap", "above"]) say(of[key], found[key]);
+  say(of.place.firstChild, String(found.place));
+  say(of.timed, found.time);
+  of.timed.classList.toggle("out", found.is_out);
   for (const key of ["last", "best"]) {
     say(of[key], found[key].text);
     of[key].dataset.mark = found[key].mark;
@@ -100,6 +102,7 @@ export function begin() {
       body.replaceChildren(...rows.flatMap((one) => [one.row, one.under]));
     }
     table.classList.toggle("few", found.length < 3);
+    table.classList.toggle("unlimited", !found.some(({ above }) => above));
     document.body.classList.toggle("final", is_final);
     title.hidden = !is_final;
     say(title, over ? `Result ${over}` : "Result");
