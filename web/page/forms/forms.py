@@ -109,7 +109,7 @@ Request = SetField | PressField | BringFile
 
 
 class Answered(Message, tag="answered"):
-    """The answer to a request. problem: why it was not taken, in one line or with lines of a file."""
+    """The answer to a request. problem: why it was not taken, of a file with its lines."""
 
     form: str
     field: str

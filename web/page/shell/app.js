@@ -6,6 +6,7 @@ import * as cockpit from "./cockpit.js";
 import * as drawer from "./drawer.js";
 import * as forms from "./forms.js";
 import * as head from "./head.js";
+import * as last from "./last.js";
 import * as link from "./link.js";
 import * as notes from "./notes.js";
 import * as parts from "./parts.js";
@@ -17,7 +18,7 @@ import * as tower from "./tower.js";
 
 const NARROW = "(max-width: 56rem)"; // in which the parts stand one below the other
 
-for (const part of [notes, head, tower, timeline, tabs, charts, forms, runs, cockpit, acts, away, parts, scene])
+for (const part of [notes, head, last, tower, timeline, tabs, charts, forms, runs, cockpit, acts, away, parts, scene])
   part.begin();
 drawer.open(!matchMedia(NARROW).matches);
 link.connect();
