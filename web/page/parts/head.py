@@ -113,10 +113,10 @@ def head_of(
     if s.preparing:
         words = WAITS[s.preparing.what].format(**s.preparing._asdict())
         return Head(s.preparing.what, [Word(words)])
-    if s.is_taking_off:
-        names = _joined(
-            [Word(one.name, one.style.colour) for one in s.competitors if one.live], " and "
-        )
+    # Flights take off one after another.
+    waiting = [one for one in s.competitors if s.flying and one.live and not len(one.t)]
+    if waiting:
+        names = _joined([Word(one.name, one.style.colour) for one in waiting], " and ")
         many = Word(": with many samples it takes seconds")
         return Head("planning", [Word("Planning the first step of "), *names, many])
     if not timings:

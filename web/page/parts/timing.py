@@ -129,8 +129,8 @@ def planner(s: LapTiming) -> Element:
         return box(heading("manoeuvres"), line("no plan: manoeuvres excite the vehicle"))
     drawn = drawn_samples(s.entry, s.i)
     ess = float(x["ess"][s.i])
-    target = spec.planner.mppi.target_ess
-    steered = f"target {target:g} of 1024" if target else "temperature fixed"
+    target = spec.planner.mppi.ess_of(drawn.count or drawn.most)
+    steered = f"target {target:.0f}" if target else "temperature fixed"
     meter = bar(
         ess / max((drawn.count or drawn.most) * GOOD_SHARE, 1.0),
         "tall" if ess > FEW_SAMPLES else "tall few",

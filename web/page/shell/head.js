@@ -30,8 +30,10 @@ function draw(head) {
   document.body.dataset.phase = head.phase;
   words(part("sentence"), head.sentence);
   say(part("differs"), head.differs);
+  part("differs").title = head.differs; // may be cut in a small window
   words(part("numbers"), head.numbers);
   say(part("state"), head.state);
+  part("state").title = head.state;
   words(
     part("warnings"),
     head.warnings.map((text) => ({ text })),
