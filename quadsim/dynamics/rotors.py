@@ -72,26 +72,31 @@ class Motors:
         Returns:
             The delivered collective [N] and torque [N m] at the end of the step.
         """
-        self.speeds = tuple(
-            command + (speed - command) * self._share_left(speed, command, lag)
-            for speed, command, lag in zip(self.speeds, commands, health.lags, strict=True)
-        )
+        self.turn(commands, health)
         # A rotor's thrust and its reaction torque fail together.
-        t0, t1, t2, t3 = (
+        t0, t1, t2, t3 = [
             strength * self._rotors.thrust(speed)
             for strength, speed in zip(health.strengths, self.speeds, strict=True)
-        )
-        force, x, y, z = (a * t0 + b * t1 + c * t2 + d * t3 for a, b, c, d in self._mixer)
+        ]
+        force, x, y, z = [a * t0 + b * t1 + c * t2 + d * t3 for a, b, c, d in self._mixer]
         return force, (x, y, z)
 
-    def _share_left(self, speed: float, command: float, lag: float) -> float:
-        """Return the share of the distance from a speed to its command that a step leaves.
+    def turn(self, commands: Iterable[float], health: RotorHealth = SOUND) -> None:
+        """Change the rotors' speeds by one step towards commanded speeds.
 
         Args:
-            speed: present speed [rad/s].
-            command: commanded speed [rad/s].
-            lag: factor on the nominal lag.
+            commands: speeds [rad/s]  (4,).
+            health: health of the rotors.
         """
-        if self._rotors.motor_response is None and lag == 1.0:
-            return self._remaining
-        return remaining(lag * self._rotors.lag(speed, command), self._dt)
+        dt = self._dt
+        pairs = zip(self.speeds, commands, strict=True)
+        if health is SOUND and self._rotors.motor_response is None:
+            left = self._remaining
+            self.speeds = tuple([command + (speed - command) * left for speed, command in pairs])
+            return
+        self.speeds = tuple(
+            [
+                command + (speed - command) * remaining(lag * self._rotors.lag(speed, command), dt)
+                for (speed, command), lag in zip(pairs, health.lags, strict=True)
+            ]
+        )
