@@ -30,6 +30,8 @@ from quadsim.vehicle import Vehicle
 SHARES = slice(0, 4)
 ALWAYS = slice(4, 7)
 SIZE = 10
+# the variances of the shares, in a covariance
+SHARE_DIAGONAL = (np.arange(4), np.arange(4))
 ALL_NOMINAL = [1.0] * 4
 SOUND_ROTORS = Delivered()
 # rows of the torques in a measurement, and the columns of what acts on one torque each
@@ -79,6 +81,12 @@ ERROR_RATE = 2.0
 ERROR_FACTOR = 3.0
 # An innovation of more standard deviations counts less.
 OUTLIER = 3.0
+# mean surprise, in standard deviations, from which the shares of rotors are taken to have changed
+SURPRISE = 1.5
+# weight of the newest surprise in the mean
+SURPRISE_SHARE = 0.2
+# standard deviation of such a change
+CHANGED_STD = 0.2
 # share of the time near the highest thrust from which no rotor is taken to be stronger than nominal
 MOSTLY_FULL = 0.2
 # by more than this share, and the standard deviation of that
@@ -114,6 +122,8 @@ class WrenchLearner:
         self._R = std**2
         # mean square of the errors of each measurement, as far as they were used [m^2/s^4]  (4,)
         self._error = np.zeros(4)
+        # mean error of each measurement in its standard deviations  (4,)
+        self._surprise = np.zeros(4)
         # `full` and `missing_yaw` of the rotors, behind their lag
         self._full = 0.0
         self._missing_yaw = 0.0
@@ -171,7 +181,17 @@ class WrenchLearner:
         R = R + ERROR_FACTOR * known
 
         deviation = np.sqrt(((H @ self._P) * H).sum(axis=1) + R)
-        R = R * np.maximum(abs(error) / deviation / OUTLIER, 1.0)
+        surprise = error / deviation
+
+        # Errors that keep their sign tell that a rotor has changed.
+        mean = self._surprise[rows]
+        mean += SURPRISE_SHARE * (surprise - mean)
+        if abs(self._surprise[AXES]).max() > SURPRISE:
+            self._P[SHARE_DIAGONAL] += CHANGED_STD**2
+            self._surprise[:] = 0.0
+
+        # A single large error counts less.
+        R = R * np.maximum(abs(surprise) / OUTLIER, 1.0)
         self._correct(error, H, R)
         self._limit_strongest()
         self.delivered = self._delivered()
