@@ -205,3 +205,25 @@ def test_the_learned_control_at_rest_does_not_turn_the_vehicle():
     assert np.abs(x.body_rates).max() < 1e-9
     sound = replace(system, params=quadrotor(ModelParams.of(SWIFT), 0.01).params)
     assert np.abs(sound.next(x, system.rest).body_rates).max() > 1e-3
+
+
+def test_the_highest_command_of_a_vehicle_with_a_weak_rotor_does_not_make_it_spin():
+    """At full thrust the mixer gives up yaw; a sound vehicle may still be commanded all of it."""
+    model = ModelParams.of(SWIFT)
+    share = 0.075
+    costs = (*model.tilt_cost, model.yaw_cost)
+    turn_x, turn_y, turn_z = (share / c for c in costs)
+    weak_rotor = Delivered(1.0 - share, turn_x, turn_y, turn_z)
+    system = quadrotor(LearnedModel.of_model(model, weak_rotor), 0.01)
+
+    def spin(thrust):
+        """Return the yaw rate after a second at this thrust [rad/s]."""
+        x = State.of((0, 0, 0), (0, 0, 0), (1, 0, 0, 0), (0, 0, 0), GRAVITY, (0, 0, 0))
+        for _ in range(100):
+            x = system.next(x, Control(0.0, 0.0, 0.0, thrust))
+        return abs(x.wz)
+
+    assert spin(system.high.thrust) < 3.5
+    assert spin(model.thrust_max) > 7.0
+    sound = quadrotor(LearnedModel.of_model(model, Delivered()), 0.01)
+    assert sound.high.thrust == model.thrust_max
