@@ -193,7 +193,7 @@ def _asked(
         sensing = spec.sensing
         for fault in spec.faults:
             if isinstance(fault, SensorFault | BiasJump):
-                wanted = "expected a fault of a rotor or of the commands"
+                wanted = "expected a fault of the vehicle or of the commands"
                 raise SettingError("fault", f"{wanted}, got {fault}")
         # The client estimates the state, and no estimate of ours is recorded.
         return replace(spec, sensing=None, controller=MavlinkClient(served, sensing)), sensing
