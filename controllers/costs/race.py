@@ -104,7 +104,10 @@ class RaceWeights:
     ] = 0.0
     time_to_go: Annotated[
         Weight,
-        setting("weight per second that a point mass still takes to the finish"),
+        setting(
+            "weight per metre that a point mass flies, on average, in the time that it still takes"
+            " to the finish"
+        ),
     ] = 0.0
     desired_speed: Annotated[
         float,

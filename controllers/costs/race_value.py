@@ -228,7 +228,7 @@ def with_time_to_go(cost: Cost, value: CourseValue, weight: float) -> Cost:
         cost: the racing cost. Its rows are those for which the value was made, apart from places
             and directions: gates that turn out to stand elsewhere take their value with them.
         value: of the course, see `value_of_rows`.
-        weight: per second to go.
+        weight: per metre that is flown on average in the time to go.
     """
     z = value.crossings
     slope = value.slope - value.curvature * z
@@ -239,7 +239,7 @@ def with_time_to_go(cost: Cost, value: CourseValue, weight: float) -> Cost:
     unit = 3.0 * THRUST_SHARE / ((1.0 - THRUST_SHARE) * f * f)
     term = StateTerm(
         time_to_go,
-        weight,
+        weight * value.mean_speed,
         price=THRUST_SHARE / (f * f),
         drag=value.mass.drag,
         unit=unit,

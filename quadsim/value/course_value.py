@@ -70,6 +70,7 @@ class CourseValue:
     passages: Passages
     mass: PointMass
     time: float  # time of the race [s]
+    mean_speed: float  # straight from the start through all passages, over the time [m/s]
     crossings: np.ndarray  # the best way: its crossing of each passage, see CROSSING  (K, 5)
     to_go: np.ndarray  # time from each passage to the finish on the best way [s]  (K,)
     # First and second derivatives of the time to go by the crossing, without mixed ones
@@ -145,12 +146,14 @@ def value_of_passages(
     crossings = best_way(passages, begin, drawn_way(passages, begin, mass), mass)
     at = passages.states(crossings)
     times = leg_time(_before(begin, at), at, mass)
+    ways = np.diff(np.vstack([begin.position, passages.position]), axis=0)
     to_go = np.append(np.cumsum(times[:0:-1])[::-1], 0.0)
     slope, curvature = derivatives(passages, crossings, mass)
     return CourseValue(
         passages=passages,
         mass=mass,
         time=float(times.sum()),
+        mean_speed=float(np.linalg.norm(ways, axis=1).sum() / times.sum()),
         crossings=crossings,
         to_go=to_go,
         slope=slope,
