@@ -93,9 +93,7 @@ def _first_line(file: IO[str], path: Path) -> tuple[int, str]:
     for number in count(1):
         line = file.readline(LONGEST_HEADER)
         if len(line) == LONGEST_HEADER:
-            wanted = (
-                f"expected a line of at most {LONGEST_HEADER} characters that names the columns"
-            )
+            wanted = f"expected a line of names of at most {LONGEST_HEADER} characters"
             raise LogError(f"{path}:{number}: {wanted}, got a longer one")
         if not line or not _is_comment(line):
             return number, line.rstrip("\r\n")
