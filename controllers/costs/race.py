@@ -32,7 +32,6 @@ from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import Annotated
 
-import numpy as np
 from msgspec import Meta
 from numpy import maximum, minimum, sqrt, where
 
@@ -229,36 +228,27 @@ def clearance(x, x_next, u, gate, p):
     return where(step.within, missing, 0.0)
 
 
-def race_targets(
-    course: Course, radius: float, weights: RaceWeights, laps: int
-) -> tuple[np.ndarray, list[int]]:
-    """Return the target rows of a race, and where those of each gate begin, see `targets`.
-
-    Args:
-        course: the course.
-        radius: radius of the vehicle [m].
-        weights: the margins.
-        laps: number of laps.
-    """
-    room = room_to_fly(course, radius, weights.margin)
-    margin = Margin(wanted=weights.margin, share=weights.margin_share)
-    return targets(course, radius, margin, room, laps)
+def margin_of(weights: RaceWeights) -> Margin:
+    """Return the desired distance between vehicle and frame within a gate."""
+    return Margin(wanted=weights.margin, share=weights.margin_share)
 
 
+# Cached, as a race of several and a changed weight ask for the same value, which takes a second
 @lru_cache(maxsize=32)
 def map_value(
-    course: Course, radius: float, weights: RaceWeights, laps: int, mass: PointMass
+    course: Course, radius: float, margin: Margin, laps: int, mass: PointMass
 ) -> CourseValue:
     """Return the value of a course for the term `time_to_go`.
 
     Args:
         course: the course.
         radius: radius of the vehicle [m].
-        weights: the margins.
+        margin: desired distance between vehicle and frame within a gate.
         laps: number of laps.
         mass: the vehicle as a point mass.
     """
-    rows, _ = race_targets(course, radius, weights, laps)
+    room = room_to_fly(course, radius, margin.wanted)
+    rows, _ = targets(course, radius, margin, room, laps)
     return value_of_rows(rows, course.start.position, mass)
 
 
@@ -286,7 +276,7 @@ def race_cost(
         value: of the map, see `map_value`; None: without the term `time_to_go`.
     """
     room = room_to_fly(course, radius, weights.margin)
-    rows, first = race_targets(course, radius, weights, laps)
+    rows, first = targets(course, radius, margin_of(weights), room, laps)
     deepest = max(gate.frame_depth for gate in course.gates)
     still_in_gate = partial(is_inside, clear_of_frame(radius, deepest))
     cost = Cost(

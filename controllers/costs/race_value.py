@@ -41,7 +41,7 @@ OUTSIDE = 1.0
 # Time that a missed gate costs beside the way round it [s]
 MISSED = 0.5
 # Steps of Newton's method for the time of a leg that ends anyhow, and for the time to the crossing
-FIRST_STEPS = 3
+FIRST_STEPS = 2
 STEPS = 2
 # Least speed in the denominator of a time [m/s]
 SLOW = 0.1
@@ -177,9 +177,10 @@ def time_to_go(x, gate, p):
         excess = T2 * T2 - p.unit * (3.0 * dd - 4.0 * dv * T + vv * T2)
         T = minimum(maximum(T - excess / slope, 0.3 * T), 2.0 * T)
 
-    # The time at which gate and what is behind it are best
+    # The time at which gate and what is behind it are best. The last step is not evaluated again:
+    # near the least value the sum is a parabola.
     rest = 1.0 - THRUST_SHARE
-    for step in range(STEPS + 1):
+    for step in range(STEPS):
         at_left = best_offset(
             aside, place.left, half_left, gate.slope_left, gate.curve_left, T, p.price, p.drag
         )
@@ -189,15 +190,16 @@ def time_to_go(x, gate, p):
         n = along_axis(along, d_along, T, p.price, p.drag)
         y = along_axis(aside, at_left.offset - place.left, T, p.price, p.drag)
         z = along_axis(upward, at_up.offset - place.up, T, p.price, p.drag)
-        if step < STEPS:
-            rate = rest + n.rate + y.rate + z.rate
-            T2 = T * T
-            curve = rest * quartic_slope(T, dv, vv, p) / (T2 * T2)
-            T = minimum(maximum(T - rate / curve, 0.7 * T), 1.4 * T)
+        rate = rest + n.rate + y.rate + z.rate
+        T2 = T * T
+        curve = rest * quartic_slope(T, dv, vv, p) / (T2 * T2)
+        change = minimum(maximum(-rate / curve, -0.3 * T), 0.4 * T)
+        if step < STEPS - 1:
+            T = T + change
     left_behind = (gate.slope_left + 0.5 * gate.curve_left * at_left.offset) * at_left.offset
     up_behind = (gate.slope_up + 0.5 * gate.curve_up * at_up.offset) * at_up.offset
     behind = gate.later + left_behind + up_behind + OUTSIDE * (at_left.outside + at_up.outside)
-    ahead = rest * T + n.cost + y.cost + z.cost + behind
+    ahead = rest * T + n.cost + y.cost + z.cost + (rate + 0.5 * curve * change) * change + behind
 
     # Behind a gate that was not passed the way leads back to its front, as in `progress`. Behind
     # the finish time runs on.

@@ -286,9 +286,10 @@ def module_source(system: System, cost: Cost, dtype: type) -> str:
 def operations(system: System, cost: Cost) -> int:
     """Return the number of arithmetic operations of one step of one sample.
 
-    Control and cost are included.
+    Control and cost are included, terms at marks by their share of the steps.
     """
-    return _step(system, cost).operations
+    step = _step(system, cost)
+    return step.operations + round(step.at_marks / term_steps(system.dt))
 
 
 class _Step(NamedTuple):
@@ -297,6 +298,7 @@ class _Step(NamedTuple):
     parts: dict[str, str]  # the parts of ROLLOUT, by the name of their place
     weighted: dict[str, str]  # weight times value of each term with a nonzero weight
     operations: int
+    at_marks: int  # operations of the terms at a mark
 
 
 def _step(system: System, cost: Cost) -> _Step:
@@ -334,22 +336,31 @@ def _step(system: System, cost: Cost) -> _Step:
     if system.params:
         parts["read_model"] = read(type(system.params), "model", "system_numbers[{k}]", writer)
     text = "\n".join((*around, STATE_TERMS, parts["step"]))
-    parts["state_terms"] = _state_terms(system, cost, writer, text)
+    at_marks = _state_terms(system, cost, text)
+    parts["state_terms"] = at_marks.text
+    writer.read |= at_marks.read
     parts["read_cost"] = _read_cost(cost, writer)
 
     weighted = {name: writer(value) for name, value in found.weighted.items()}
     # clip(U + n z) is four operations for each control; each term is added to the sum
     operations = writer.operations + 4 * len(system.controls) + len(weighted)
-    return _Step(parts, weighted, operations)
+    return _Step(parts, weighted, operations, at_marks.operations)
 
 
-def _state_terms(system: System, cost: Cost, step: Writer, around: str) -> str:
-    """Write the lines of the terms of the state; "" if there are none.
+class _AtMarks(NamedTuple):
+    """The text of the terms of the state."""
+
+    text: str  # "" if there are none
+    read: set[str]  # names of the numbers that it reads
+    operations: int
+
+
+def _state_terms(system: System, cost: Cost, around: str) -> _AtMarks:
+    """Write the lines of the terms of the state.
 
     Args:
         system: the model.
         cost: the cost.
-        step: the writer of the step, to which the numbers that are read are added.
         around: the surrounding text, whose names are not used for new variables.
     """
     graph = Graph()
@@ -369,11 +380,11 @@ def _state_terms(system: System, cost: Cost, step: Writer, around: str) -> str:
             _expect_read(graph, term, own, value)
         weighted.append(_weigh(graph, graph.variable(f"weight_{term.name}"), value))
     if not weighted:
-        return ""
+        return _AtMarks("", set(), 0)
     writer = Writer(around)
     lines = writer.lines(weighted)
-    step.read |= writer.read
-    return fill(STATE_TERMS, lines=lines, sum=" + ".join(map(writer, weighted)))
+    text = fill(STATE_TERMS, lines=lines, sum=" + ".join(map(writer, weighted)))
+    return _AtMarks(text, writer.read, writer.operations)
 
 
 def _read_plan(system: System) -> str:

@@ -14,7 +14,7 @@ from quadsim.config.reference import reference_of
 from quadsim.config.settings import SettingError
 from quadsim.config.spec import Spec
 from quadsim.controllers.costs import Cost
-from quadsim.controllers.costs.race import RaceWeights, map_value, race_cost
+from quadsim.controllers.costs.race import RaceWeights, map_value, margin_of, race_cost
 from quadsim.controllers.costs.race_caution import Sight, unseen_gates
 from quadsim.controllers.costs.race_view import with_view
 from quadsim.controllers.costs.reference import ReferenceWeights, reference_cost
@@ -95,7 +95,8 @@ def value_of(spec: Spec, weights: RaceWeights) -> CourseValue | None:
     if not weights.time_to_go:
         return None
     mass = PointMass.of(spec.vehicle)
-    return map_value(spec.course, spec.vehicle.radius, weights, spec.laps, mass)
+    margin = margin_of(weights)
+    return map_value(spec.course, spec.vehicle.radius, margin, spec.laps, mass)
 
 
 def sight_of(spec: Spec, weights: RaceWeights, known: Course) -> Sight | None:

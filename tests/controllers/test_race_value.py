@@ -14,7 +14,7 @@ from quadsim.config.build_cost import cost_on, value_of
 from quadsim.config.build_plant import system_of
 from quadsim.config.spec import Spec
 from quadsim.controllers.costs import StateTerm
-from quadsim.controllers.costs.race import RaceWeights, map_value, race_cost
+from quadsim.controllers.costs.race import RaceWeights, map_value, margin_of, race_cost
 from quadsim.controllers.costs.race_targets import RUN_OUT
 from quadsim.controllers.costs.race_value import OUTSIDE, Behind, time_to_go
 from quadsim.controllers.lanes.planner_loops import module_source
@@ -163,7 +163,7 @@ def test_marks_carry_the_weights_of_all_steps():
 def test_lanes_agree_with_the_oracle():
     course = random_course(0, obstacles=())
     weights = RaceWeights(margin=0.2, time_to_go=2.0)
-    value = map_value(course, RADIUS, weights, 1, PointMass(36.0, 0.3))
+    value = map_value(course, RADIUS, margin_of(weights), 1, PointMass(36.0, 0.3))
     cost = race_cost(course, RADIUS, weights, 1, value=value)
     oracle = fly_rows(SYSTEM, cost, launch(), *controls(0), clearance=decision_distance)
     J = fly_lanes(cost, launch(), *controls(0), dtype=np.float64)
