@@ -313,6 +313,7 @@ def fit(
     test: str | Path | FlightLog | Sequence[str | Path | FlightLog] = (),
     name: str = "fitted",
     mass: float | None = None,
+    arm: float | None = None,
     like: str | Path | Vehicle | None = None,
     mapping: str | Path | None = None,
 ) -> VehicleFit:
@@ -324,12 +325,12 @@ def fit(
             fitted logs are used.
         name: name of the vehicle.
         mass: weighed mass of the vehicle with its battery [kg], because a log determines only
-        ratios
-            to it; None: the mass of `like`.
+            ratios to it; None: the mass of `like`.
+        arm: distance from the centre to a rotor [m], because a log determines only the ratio of the
+            inertia to it; None: the arm of `like`, and wide intervals of the inertia.
         like: similar vehicle, by name, path or as a Vehicle. The search starts from its numbers,
-        and
-            numbers that the logs do not determine are taken from it; None: the project's vehicle
-            with the nearest mass.
+            and numbers that the logs do not determine are taken from it; None: the project's
+            vehicle with the nearest mass.
         mapping: meaning of the columns of CSV logs, see `read_logs`.
 
     Returns:
@@ -338,8 +339,8 @@ def fit(
 
     Raises:
         FileError: a log cannot be used (a ValueError).
-        SettingError: neither mass nor like is given, or the logs have nothing to fit (a
-            ValueError).
+        SettingError: neither mass nor like is given, the logs have nothing to fit, or what fits
+            them is no vehicle that can fly (a ValueError).
 
     Examples:
         >>> import quadsim
@@ -355,9 +356,9 @@ def fit(
     from quadsim.vehicle import Vehicle, load_vehicle
 
     base = like if like is None or isinstance(like, Vehicle) else load_vehicle(like)
-    return fit_vehicle(
-        _flights(logs, mapping), test=_flights(test, mapping), name=name, base=base, mass=mass
-    )
+    flights = _flights(logs, mapping)
+    tested = _flights(test, mapping)
+    return fit_vehicle(flights, test=tested, name=name, base=base, mass=mass, arm=arm)
 
 
 def _flights(

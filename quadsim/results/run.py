@@ -46,7 +46,7 @@ class Run(RecordedRun):
             docs/sensing_files.md; otherwise None.
         fault: the error that ended the flight of a campaign, on one line; "" if there was none.
         learned: rotors whose estimated thrust differs from the nominal one: number, share, time
-        [s].
+            [s].
 
     Examples:
         >>> import quadsim
