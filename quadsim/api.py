@@ -103,7 +103,7 @@ def race(
             of `fly`, a Spec, or a `quadsim.Entrant`. A dictionary {name: settings} names the
             entrants. `heat.spec` of a Heat repeats that race, with another `seed` if one is given.
         course: name of a course, path of a YAML file or Course; split_s_swift by default.
-        rotation: number of places by which each entrant moves back on the start grid.
+        rotation: number of places by which each entrant moves on around the start grid.
         parts: {entrant: {role: object}} with your own objects that took part in `heat.spec`, such
             as {"mine": {"controller": Mine()}}.
         settings: settings of the race (rules, expect, downwash, spacing, ...; `race heat --help`
