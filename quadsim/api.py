@@ -201,7 +201,9 @@ def load_run(run: str | Path = "last", runs_dir: str = "runs") -> Run:
 
 
 def save_run(run: Run, runs_dir: str | Path = "runs") -> Path:
-    """Store a run as `race fly` does: run.json, telemetry.npz and events.csv.
+    """Store a run as `race fly` does, and return its folder.
+
+    The folder has run.json, telemetry.npz and events.csv.
 
     Args:
         run: the flight.
@@ -235,7 +237,7 @@ def runs(  # noqa: PLR0913 (a keyword for each pattern)
     seed: int | None = None,
     outcome: str | None = None,
 ) -> StoredRuns:
-    """List the stored runs and races of a folder, oldest first; only their records are read.
+    """Return the stored runs and races of a folder, oldest first; only their records are read.
 
     Texts are patterns as in a shell: course="split_s*". A race of several vehicles is listed if any
     of its entrants fits. Unreadable runs are not listed; their problems are in `.damaged`.

@@ -270,7 +270,7 @@ def environment_module(system: System, cost: Cost, learning: Learning) -> Module
 
 
 def environment_source(system: System, cost: Cost, learning: Learning) -> str:
-    """Return the text of the module.
+    """Return the text of the module with the loops `begin` and `advance`.
 
     The text depends on the names and functions of model and cost, not on their numbers.
 
@@ -309,7 +309,7 @@ def environment_source(system: System, cost: Cost, learning: Learning) -> str:
 
 
 def _step(system: System, cost: Cost, learning: Learning) -> dict[str, str]:
-    """Write the lane loop of one step, and the lines that read its numbers.
+    """Return the text of the lane loop of one step, and of the lines that read its numbers.
 
     The loop converts the action to a command, steps the model and computes the terms of the reward.
 
@@ -372,13 +372,13 @@ def _command(name: str, action: Symbol) -> Symbol:
 
 
 def _condition(function: StepFunction | None, *args: Any) -> Value:
-    """Trace a function of a cost that is optional, but required for learning."""
+    """Return the traced result of a cost's function that is optional, but needed for learning."""
     assert function
     return trace_number(function, *args)
 
 
 def _pay(system: System, learning: Learning) -> dict[str, str]:
-    """Write the lane loop of reward and observation, which runs once the next gates are known.
+    """Return the text of the lane loop of reward and observation, which runs after a step.
 
     Returns:
         Parts of ADVANCE, by the name of their place.
@@ -419,7 +419,7 @@ class _Observed(NamedTuple):
 
 
 def _observe(system: System, learning: Learning, first_gate: int) -> _Observed:
-    """Write the observation at the start of an episode.
+    """Return the text of the observation at the start of an episode.
 
     Args:
         system: the model.

@@ -209,7 +209,7 @@ class Helpers:
         atexit.register(self._end)
 
     def wake(self, number: int) -> int:
-        """Wake some helpers for the loop that is called next.
+        """Wake some helpers for the next loop, and return the address of their desk.
 
         Returns:
             The address of the desk, 0 if the caller is to run the loop alone.

@@ -150,7 +150,7 @@ def radices(n: int) -> list[int]:
 
 
 def _turns(one: Pass) -> str:
-    """Write the line that loads the factors of p: `c1, s1 = turns[0 + 3 * p + 0, 0], ...`."""
+    """Return the line that loads the factors of p: `c1, s1 = turns[0 + 3 * p + 0, 0], ...`."""
     if one.m == 1:
         return "pass"  # the last pass has no twiddle factors
     loads = []
@@ -161,7 +161,7 @@ def _turns(one: Pass) -> str:
 
 
 def _lines(one: Pass) -> list[str]:
-    """Write the lines that load r_j and i_j, sum them to R_k and I_k, rotate and store these."""
+    """Return the lines that load r_j and i_j, sum them to R_k and I_k, and store these."""
     r, m, inner, size = one.r, one.m, one.inner, one.size
     loads = []
     for j in range(r):
@@ -174,7 +174,7 @@ def _lines(one: Pass) -> list[str]:
 
 
 def _stores(one: Pass, real: list[str], imaginary: list[str]) -> list[str]:
-    """Write the lines that rotate the r numbers with these names, and store them."""
+    """Return the lines that rotate r numbers, given their names, and store them."""
     stores = [f"{one.y}[o] = {real[0]}; {one.y}[o + {one.size}] = {imaginary[0]}"]
     for k in range(1, one.r):
         re, im = real[k], imaginary[k]
@@ -198,9 +198,10 @@ SUMS = {
 
 
 def _odd_sums(r: int) -> list[str]:
-    """Write the sums of an odd radix.
+    """Return the lines that compute the sums of an odd radix.
 
-    The terms j and r - j share their products: sums a_j take the cosine, differences b_j the sine.
+    The terms j and r - j share their products: the sums a_j are multiplied by the cosine, and the
+    differences b_j by the sine.
     """
     half = range(1, (r + 1) // 2)
     lines = [

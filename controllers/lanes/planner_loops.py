@@ -304,7 +304,7 @@ class _Step(NamedTuple):
 
 
 def _step(system: System, cost: Cost) -> _Step:
-    """Trace control, model and cost, and write the parts of the loops that depend on them."""
+    """Return the text of the parts of the loops that depend on control, model and cost."""
     # Trace
     graph = Graph()
     x = graph.record(system.state, "x", "state[{k}, l]")
@@ -390,13 +390,13 @@ def _state_terms(system: System, cost: Cost, around: str) -> _AtMarks:
 
 
 def _read_plan(system: System) -> str:
-    """Write the lines that read the plan at step t: `plan_thrust = U[t, 3]`."""
+    """Return the lines that read the plan at step t: `plan_thrust = U[t, 3]`."""
     lines = [f"plan_{name} = U[t, {k}]" for k, name in enumerate(system.controls)]
     return "\n".join(lines)
 
 
 def _read_limits(system: System) -> str:
-    """Write the lines that read the control limits: `low_thrust = low[3]`."""
+    """Return the lines that read the control limits: `low_thrust = low[3]`."""
     lines = [
         f"{side}_{name} = {side}[{k}]"
         for side in ("low", "high")
@@ -406,7 +406,7 @@ def _read_limits(system: System) -> str:
 
 
 def _read_cost(cost: Cost, writer: Writer) -> str:
-    """Write the lines that read weights and parameters: `p_floor = cost_numbers[k_t, 12]`."""
+    """Return the lines that read weights and parameters: `p_floor = cost_numbers[k_t, 12]`."""
     lines = [
         f"{name} = cost_numbers[k_t, {k}]"
         for k, name in enumerate(cost.number_names)
@@ -422,7 +422,7 @@ def _clipped(graph: Graph, name: str, k: int) -> Symbol:
 
 
 def trace_model(graph: Graph, system: System, x: Any, u: Any, params: Any = None) -> Any:
-    """Trace the model's step.
+    """Return the next state as symbols, by tracing the model's step.
 
     Args:
         graph: graph that records the operations.
@@ -460,7 +460,7 @@ class TracedCost(NamedTuple):
 def trace_cost(
     graph: Graph, cost: Cost, x: Any, x_next: Any, u: Any, target: Any, crashed_before: Symbol
 ) -> TracedCost:
-    """Trace the terms of a cost, and the functions for reached targets and crashes.
+    """Return the traced terms of a cost, and its functions for reached targets and crashes.
 
     Parameters and weights are variables of the surrounding text, named as in Cost.number_names.
 

@@ -193,7 +193,7 @@ def starting(case: Case) -> Start:
 
 
 def measure(case: Case, seconds: float, peak: float) -> CaseTime:
-    """Time the control steps of a case.
+    """Return the times of the control steps of a case.
 
     Args:
         case: the case.

@@ -71,7 +71,7 @@ class RacesSpeed(NamedTuple):
 
 
 def measure_races(seconds: float) -> list[RacesSpeed]:
-    """Time races of each size of RACES on one thread and on all.
+    """Return the speeds of races of each size in RACES, on one thread and on all.
 
     Args:
         seconds: approximate duration of the timing for each row.
@@ -121,7 +121,7 @@ def race_array_steps(races: Races) -> Callable[[], None]:
 
 
 def measure_envs(seconds: float) -> list[EnvsSpeed]:
-    """Time environments of each number of VEHICLES on one thread and on all.
+    """Return the speeds of environments with each number in VEHICLES, on one thread and on all.
 
     Args:
         seconds: approximate duration of the timing for each row.

@@ -53,7 +53,7 @@ def line_of_gates(gates: int) -> Course:
 
 
 def measure_gates(flown: float = FLOWN, **settings: Any) -> list[GatesTime]:
-    """Time flights along each number of GATES.
+    """Return the times of flights along each number of gates in GATES.
 
     Args:
         flown: simulated time of each flight [s].

@@ -70,7 +70,7 @@ class HeatTime(NamedTuple):
 
 
 class HeatTimes(NamedTuple):
-    """The measurements of `race bench --heats`."""
+    """The times of control steps, of the world and of whole races with several vehicles."""
 
     beside: list[OthersTime]
     worlds: list[WorldTime]

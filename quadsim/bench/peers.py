@@ -50,7 +50,9 @@ def require_peers() -> None:
 
 
 def compare(seconds: float) -> list[PeerTime]:
-    """Time each library and this project's planner for about the given number of seconds."""
+    """Return the times of each library and of this project's planner.
+
+    Each is timed for about the given number of seconds."""
     mppi, x = starting(paper_case("quadrotor", "gaussian"))
     config = replace(mppi.config, rest_fraction=0.0)
     ours = MPPI(mppi.system, point_cost(), preset("paper", "gaussian").sampling, config)

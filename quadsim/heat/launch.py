@@ -113,7 +113,7 @@ def _fault(spec: Spec, error: Exception) -> str | None:
 
 
 def _start(heat: HeatSpec, k: int, arena: Arena, traffic: Traffic, referee: HeatReferee) -> Started:
-    """Put entrant k into the world, and begin its flight."""
+    """Put entrant k into the world, begin its flight, and return it."""
     # The planner's cost has a term for each other vehicle.
     terms = keep_clear_terms(heat, k)
     spec = with_terms(heat.flown_spec(k), terms)

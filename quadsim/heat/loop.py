@@ -137,7 +137,7 @@ def _race(
     make_plans: MakePlans,
     started: dict[int, Started],
 ) -> Iterator[HeatFrame]:
-    """Simulate a race; `started` collects the flights that have begun."""
+    """Yield the frames of a race; `started` collects the flights that have begun."""
     flying: set[int] = set()
     for step in count():
         t = step * dt

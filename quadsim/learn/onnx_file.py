@@ -90,7 +90,7 @@ class Graph:
         return name
 
     def convolution(self, x: str, weight: Tensor, bias: Tensor, stride: int) -> str:
-        """Add a convolution."""
+        """Add a convolution, and return the name of its output."""
         size = weight.shape[-1]
         arrays = [
             self.constant(part.detach().float().contiguous().numpy()) for part in (weight, bias)
@@ -105,7 +105,7 @@ class Graph:
         )
 
     def block(self, x: str, block: torch.nn.Module) -> str:
-        """Add a convolution with the normalisation folded into its weights, and a rectifier."""
+        """Add a convolution with folded normalisation and a rectifier; return its output's name."""
         assert isinstance(block, Block)
         convolution, normal, _ = block
         assert isinstance(convolution, torch.nn.Conv2d)

@@ -118,7 +118,7 @@ def train(
     report: Callable[[Evaluation], None] = lambda row: None,
     progress: Callable[[Progress], None] = lambda progress: None,
 ) -> list[Evaluation]:
-    """Train a pilot, evaluate it regularly, and keep the best one.
+    """Train a pilot, keep the best one, and return the history of its evaluations.
 
     If there is a checkpoint beside the pilot, the training continues from it.
 
@@ -274,7 +274,7 @@ def pilot_of(learner: Learner, training: Training) -> Pilot:
 def evaluate(
     pilot: Pilot, task: LearningTask, flights: int, seed: int = EVALUATION_SEED
 ) -> EvaluatedRaces:
-    """Fly races with a pilot in the simulator with rotors, gusts and the referee."""
+    """Return races of a pilot, flown in the simulator with rotors, gusts and the referee."""
     finished: list[bool] = []
     laps: list[float] = []
     gates: list[float] = []

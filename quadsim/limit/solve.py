@@ -71,7 +71,7 @@ class Watch(casadi.Callback):
         return casadi.Sparsity.dense(size, 1 if size else 0)
 
     def eval(self, arg: Sequence[Any]) -> list[int]:
-        """Report an iteration; return 1 to stop."""
+        """Report an iteration, and return whether the optimiser stops: 1 if it does, else 0."""
         time = float(arg[1])
         try:
             self._show(self._count, time)

@@ -155,7 +155,7 @@ class Interval:
             self._spare = casadi.Function("spare", [x, u], [casadi.vertcat(*spare)])
 
     def connect(self, program: Program, x: Any, u: Any, h: Any, after: Any) -> ProgramInterval:
-        """Constrain an interval of h [s] to lead from one state to the next, within the limits.
+        """Constrain an interval of h [s] to lead from one state to the next, and return it.
 
         Args:
             program: program to add the constraints to.

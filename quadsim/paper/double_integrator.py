@@ -134,7 +134,7 @@ def psd(t: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def draw(tracks: Mapping[str, Track]) -> Figure:
-    """Draw position, control and the control's spectrum of one axis."""
+    """Return a figure of position, control and the control's spectrum along one axis."""
     with rc_context(STYLE):
         figure = Figure(figsize=(14, 4.4), dpi=110, layout="constrained")
         state, control, spectrum = figure.subplots(1, 3)

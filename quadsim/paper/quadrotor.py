@@ -137,7 +137,7 @@ def csv_rows(run: RecordedRun) -> list[dict]:
 
 
 def draw_laps(flights: Mapping[str, Sequence[RecordedRun]]) -> Figure:
-    """Draw for each sampler the first finished laps, and the controls of the fastest lap."""
+    """Return a figure of each sampler's first finished laps and controls of the fastest lap."""
     with rc_context(STYLE):
         figure = Figure(figsize=(12, 8), dpi=110, layout="constrained")
         parts = figure.subfigures(len(flights), 1, squeeze=False)[:, 0]

@@ -107,7 +107,7 @@ class Motion(NamedTuple):
 
 
 class Score(NamedTuple):
-    """The numbers of a run for the table."""
+    """The cost and the computing time of a run, for the table."""
 
     cost: float  # accumulated cost
     plan_ms: float
@@ -140,7 +140,7 @@ def planner(
 
 
 def move(task: MotionTask) -> Motion:
-    """Simulate the double integrator from START under the planner's controls."""
+    """Return a run of the double integrator from START under the planner's controls."""
     mppi = planner(task.sampling, task.config, double_integrator_streams(task.seed).planner)
     system = double_integrator(task.config.dt)
     x = START

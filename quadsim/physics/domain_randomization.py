@@ -118,7 +118,7 @@ def draw(
     ranges: RandomizationRanges = OUTDOOR,
     vehicle: Vehicle | None = None,
 ) -> Randomization:
-    """Draw the changes of a flight from independent uniform distributions.
+    """Return the changes of a flight, drawn from independent uniform distributions.
 
     The numbers are drawn in a fixed order, so that a seed keeps its meaning. A start in a frame, in
     an obstacle or out of bounds is drawn again, without the other numbers.

@@ -107,7 +107,7 @@ class Arena(Protocol):
     """A world of several vehicles; see quadsim.physics.rigid_body.RigidArena."""
 
     def add(self, vehicle: Vehicle) -> Member:
-        """Add a vehicle; the first one is "vehicle 1" in the contacts of others."""
+        """Add a vehicle, and return it; the first one is "vehicle 1" in the contacts of others."""
         ...
 
     def step(self) -> None:

@@ -113,7 +113,7 @@ class BulletArena:
                 self.names[body] = f"gate {self._numbers[k]}"
 
     def _add_gate(self, gate: Gate) -> int:
-        """Add a gate as one static compound of boxes.
+        """Add a gate as one static compound of boxes, and return its body.
 
         A mesh would collide by its convex hull, which closes the opening.
         """

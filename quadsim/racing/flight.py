@@ -371,7 +371,7 @@ def apply_control(
     u: tuple[float, ...],
     until: float,
 ) -> list[Event]:
-    """Step the plant with a constant control; the referee checks every step.
+    """Step the plant with a constant control, and return the events of the referee.
 
     Args:
         plant: plant to step.

@@ -67,7 +67,7 @@ class ClaimedFolder:
 
     @classmethod
     def open(cls, root: str | Path, name: str) -> ClaimedFolder:
-        """Claim a folder with this name; a number is added if the name is taken.
+        """Return a claimed folder with this name; a number is added if the name is taken.
 
         Raises:
             RunError: the root cannot be written.
@@ -139,7 +139,7 @@ class RunFolder:
     def open(
         cls, root: str | Path, spec: dict[str, Any], flown_by: dict[str, Any] | None = None
     ) -> RunFolder:
-        """Claim a folder before the flight.
+        """Return a folder that is claimed before the flight.
 
         Args:
             root: folder of runs.

@@ -181,7 +181,7 @@ class Scene:
         return rgb.reshape(*self._pinhole.shape, 3)
 
     def _draw(self, views: Views, look: Look, film: Film) -> Drawn:
-        """Draw the picture of the pinhole."""
+        """Return the arrays of the pinhole's picture."""
         if look is not self._look:
             self._faces = _arrays(self._painted(look), look.light)
             self._look = look

@@ -175,7 +175,7 @@ class Heat:
         }
 
     def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw places at the gates, gaps to the leader, and all paths from above.
+        """Return a figure of places at the gates, gaps to the leader, and all paths from above.
 
         Args:
             path: file to write, with the suffix .png, .svg or .pdf; None writes nothing.

@@ -149,7 +149,9 @@ class Run(RecordedRun):
         return figure
 
     def save(self, runs_dir: str | Path = "runs") -> Path:
-        """Store the run as `race fly` does: run.json, telemetry.npz and events.csv.
+        """Store the run as `race fly` does, and return its folder.
+
+        The folder has run.json, telemetry.npz and events.csv.
 
         Args:
             runs_dir: folder of runs, in which the run gets its own folder.

@@ -92,7 +92,7 @@ class Imu:
 
 
 def drawn_mixing(config: ImuConfig, seeds: np.random.SeedSequence) -> np.ndarray | None:
-    """Draw the matrix from true to measured rates and forces, with errors of scale and axes.
+    """Return the random matrix from true to measured rates and forces, by scale and axes.
 
     Each axis has its own scale factor. It also measures a share of the two other axes, equal to the
     angle [rad] by which it is tilted towards them.

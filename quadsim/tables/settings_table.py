@@ -92,7 +92,7 @@ def _setting_row(
 
 
 def _with_named_default(text: str, default: str) -> tuple[str, str]:
-    """Split "text (default: x)" into text and default, if `default` is empty."""
+    """Return text and default; "text (default: x)" is split if `default` is "none"."""
     found = NAMED_DEFAULT.search(text)
     if default != "none" or found is None:
         return text, default

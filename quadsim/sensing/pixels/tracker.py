@@ -266,7 +266,7 @@ class Tracker:
         state: FilterState,
         rates: Vec3,
     ) -> FoundLines:
-        """Search for edges near points.
+        """Return the steps and lines that a search for edges near points has found.
 
         Args:
             signal: weight of the gates' colour in each pixel  (height, width).
