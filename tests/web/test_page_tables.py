@@ -189,6 +189,8 @@ def test_the_tower_says_who_did_not_finish_and_counts_misses(competitors):
     assert not any(row.is_out for row in tower_of(at(competitors, 99.0)).rows)
     stopped = ended(competitors[1], "interrupted")
     assert tower_of(at([stopped], 99.0)).rows[0].time == "stopped"
+    assert head_at([stopped], 99.0).phase == "stopped"
+    assert head_at([missed], 99.0).phase == "ended"
 
 
 def test_the_tower_has_the_time_of_the_lap_and_at_the_end_of_the_race_above_the_limit(competitors):

@@ -49,7 +49,7 @@ export function starting() {
   button.ariaBusy = "true";
   draw({
     phase: "building",
-    sentence: [{ text: "START: the server gets it" }],
+    sentence: [{ text: "START: sent to the server" }],
     numbers: [],
     warnings: [],
     differs: "",
