@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from quadsim.heat.result import Pass, overtakes
 from quadsim.racing.events import Event
+from quadsim.record.run import CRASHES
 from quadsim.record.schema import NumberChange
 from quadsim.web.page.parts.elements import (
     Content,
@@ -23,7 +24,7 @@ from quadsim.web.page.parts.elements import (
     small,
     table,
 )
-from quadsim.web.race.competitor import CRASHES, Competitor, heat_of
+from quadsim.web.race.competitor import Competitor, heat_of
 from quadsim.web.race.lap_timing import LapTiming
 from quadsim.web.race.numbers_in_flight import drawn_samples, late_plans
 
