@@ -12,7 +12,7 @@ from quadsim.config.checks import expect_new_log
 from quadsim.config.own import OwnPlant, made
 from quadsim.config.spec import Spec
 from quadsim.dynamics import System
-from quadsim.dynamics.quadrotor import State, quadrotor
+from quadsim.dynamics.quadrotor import Delivered, LearnedModel, State, quadrotor
 from quadsim.firmware.actuators import (
     BetaflightActuators,
     FirmwareLog,
@@ -45,8 +45,31 @@ if TYPE_CHECKING:
 
 
 def system_of(spec: Spec) -> System:
-    """Return the planner's model of the vehicle; one step of it is one control period."""
-    return quadrotor(spec.model, spec.planner.mppi.dt)
+    """Return the planner's model of the vehicle; one step of it is one control period.
+
+    If the output of the rotors is learned in flight, the model has it from the start, so that one
+    loop is compiled for the whole flight.
+    """
+    model = spec.model
+    if learns_rotors(spec):
+        model = LearnedModel.of_model(model, Delivered())
+    return quadrotor(model, spec.planner.mppi.dt)
+
+
+def learns_rotors(spec: Spec) -> bool:
+    """Return whether the planner learns the output of the rotors in flight.
+
+    Firmware and other simulators have rate loops and mixers of their own, whose commands to the
+    rotors cannot be followed. A pilot has no model that could be adapted.
+    """
+    has_lag = spec.vehicle.rotors is not None and spec.model.motor_tau > 0.0
+    is_followed = spec.flight_controller == "ideal" and spec.plant in ("bullet", "rigid")
+    return adapts(spec) and has_lag and is_followed
+
+
+def adapts(spec: Spec) -> bool:
+    """Return whether the planner uses the vehicle parameters that are estimated in flight."""
+    return spec.planner.mppi.adapt and spec.pilot is None
 
 
 def start_of(spec: Spec) -> State:
