@@ -1,12 +1,17 @@
 """What the messages of several programs do, without a socket and without a flight."""
 
 from math import nan
+from struct import unpack_from
+from types import SimpleNamespace
 
 import pytest
 
+from quadsim.config.spec import Spec
+from quadsim.mavlink import commands
 from quadsim.mavlink.client import MavlinkClient
 from quadsim.mavlink.clock import SimulatorClock
 from quadsim.mavlink.commands import Commands, Phase
+from quadsim.mavlink.downlink import Downlink as RealDownlink
 from quadsim.mavlink.messages import (
     AutopilotVersion,
     CommandAck,
@@ -24,6 +29,7 @@ from quadsim.mavlink.messages import (
 from quadsim.mavlink.served import Served
 from quadsim.mavlink.setpoints import Rates
 from quadsim.mavlink.udp_link import Received
+from quadsim.sensing import load_sensing
 from quadsim.vehicle import load_vehicle
 
 PILOT = ("127.0.0.1", 14550)
@@ -256,3 +262,50 @@ def test_a_flood_of_texts_ends(world):
     for port in range(1000):
         world.say(FORWARD, sender=("127.0.0.1", port))
     assert len(world.commands._texts) == 50
+
+
+def test_a_pilot_that_is_silent_ends_the_race_and_others_do_not_keep_it(world, monkeypatch):
+    world.fly()
+    world.commands.listen_until(0.0)
+    assert world.commands.phase is Phase.RACE
+    monkeypatch.setattr(commands, "SILENCE", 0.0)
+    world.say(Heartbeat(6, 8, 0), sender=OTHER)
+    assert world.commands.phase is Phase.SILENT
+
+
+def test_in_lock_step_heartbeats_without_setpoints_do_not_keep_the_race(world, monkeypatch):
+    world.fly()
+    monkeypatch.setattr(commands, "PATIENCE", 0.0)
+    world.commands.wanted = 1
+    world.commands._setpoints = 0
+    world.commands.await_setpoint()
+    assert texts(message for message, _ in world.link.answers) == [
+        "lock step: no setpoint came for 1 s"
+    ]
+    assert (world.commands.unanswered, world.commands.phase) == (1, Phase.RACE)
+    world.commands._heard_setpoint -= commands.SILENCE
+    world.say(Heartbeat(6, 8, 0))
+    world.commands.await_setpoint()
+    assert world.commands.phase is Phase.SILENT
+
+
+@pytest.mark.parametrize(
+    ("sensing", "round_", "tells"),
+    [
+        (None, "first", True),
+        (None, "second", False),
+        ("mocap", "first", True),
+        ("aigp_physical", "first", False),
+    ],
+)
+def test_poses_of_vehicle_and_gates_are_told_together(sensing, round_, tells):
+    """Gates' poses were told with sensors that measure no pose of the vehicle."""
+    spec = Spec.of("aigp_physical", vehicle="archer")
+    sent = []
+    link = SimpleNamespace(send=sent.append)
+    set_of = sensing and load_sensing(sensing)
+    downlink = RealDownlink(link, SimulatorClock(), spec, set_of, Served(round=round_))
+    assert downlink.tells_poses is tells
+    downlink.send_track()
+    first_gate = unpack_from("<7f", sent[1].data, 3 + 2 + 2)
+    assert any(first_gate) is tells
