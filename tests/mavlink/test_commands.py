@@ -10,7 +10,7 @@ from quadsim.config.spec import Spec
 from quadsim.mavlink import commands
 from quadsim.mavlink.clock import SimulatorClock
 from quadsim.mavlink.commands import Phase
-from quadsim.mavlink.downlink import Downlink as RealDownlink
+from quadsim.mavlink.downlink import RATES, Downlink
 from quadsim.mavlink.messages import (
     AutopilotVersion,
     DataTransmissionHandshake,
@@ -23,6 +23,7 @@ from quadsim.mavlink.messages import (
     SetPositionTargetLocalNed,
     Statustext,
 )
+from quadsim.mavlink.race_data import NO_RACE
 from quadsim.mavlink.served import Served
 from quadsim.mavlink.setpoints import Rates
 from quadsim.sensing import load_sensing
@@ -231,8 +232,35 @@ def test_poses_of_vehicle_and_gates_are_told_together(sensing, round_, tells):
     sent = []
     link = SimpleNamespace(send=sent.append)
     set_of = sensing and load_sensing(sensing)
-    downlink = RealDownlink(link, SimulatorClock(), spec, set_of, Served(round=round_))
+    downlink = Downlink(link, SimulatorClock(), spec, set_of, Served(round=round_))
     assert downlink.tells_poses is tells
     downlink.send_track()
     first_gate = unpack_from("<7f", sent[1].data, 3 + 2 + 2)
     assert any(first_gate) is tells
+
+
+@pytest.mark.parametrize(
+    ("interval", "rate"),
+    [(0.0, RATES["ATTITUDE"]), (100_000.0, 10.0), (-1.0, 0.0), (nan, None), (1.0, None)],
+)
+def test_the_rate_of_a_message_may_be_changed(interval, rate):
+    spec = Spec.of("aigp_physical", vehicle="archer")
+    downlink = Downlink(SimpleNamespace(), SimulatorClock(), spec, None, Served())
+    downlink.begin(NO_RACE)
+    assert downlink.set_interval(30.0, interval) is (rate is not None)
+    due = sum(downlink._due("ATTITUDE", 0.0025 * k) for k in range(401))
+    usual = RATES["ATTITUDE"]
+    assert due == pytest.approx(usual if rate is None else rate, abs=1.1)
+    # neither a message that does not exist, nor in lock step
+    assert not downlink.set_interval(nan, 0.0)
+    assert not downlink.set_interval(105.0, 0.0)
+    locked = Downlink(SimpleNamespace(), SimulatorClock(), spec, None, Served(lock_step=True))
+    assert not locked.set_interval(30.0, 0.0)
+
+
+def test_only_the_pilot_changes_a_rate(world):
+    world.fly()
+    assert world.result(command(511, 30.0, 1e5), sender=OTHER) == DENIED
+    assert world.downlink.intervals == []
+    assert world.result(command(511, 30.0, 1e5)) == ACCEPTED
+    assert world.result(command(511, 105.0, 1e5)) == DENIED

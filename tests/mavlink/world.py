@@ -50,6 +50,11 @@ class Downlink:
         self.resets = 0
         self.custom_mode = 0
         self.has_countdown = False
+        self.intervals = []
+
+    def set_interval(self, number, interval):
+        self.intervals.append((number, interval))
+        return number == 30.0
 
     def send_track(self):
         self.tracks += 1
