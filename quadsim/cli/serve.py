@@ -15,7 +15,7 @@ from quadsim.cli.commands import EXIT
 from quadsim.cli.flags import CourseName, Given, Help, Json, Switch, flag, names, settings_as_flags
 from quadsim.cli.fly import of_planner
 from quadsim.cli.report import report, summary
-from quadsim.config.build import build
+from quadsim.config.build import build, racing_referee
 from quadsim.config.competition import load_competition
 from quadsim.config.spec import Spec
 from quadsim.console import UsageError, complain, emit, emit_json, uninterrupted, width
@@ -26,7 +26,6 @@ from quadsim.mavlink.served import Round, Served
 from quadsim.mavlink.server import Server
 from quadsim.physics.faults import BiasJump, SensorFault
 from quadsim.racing.events import NO_PROGRESS_BY_HAND
-from quadsim.racing.referee import Referee
 from quadsim.record.archive import RunFolder, remove_unfinished
 from quadsim.record.run import Recorder
 from quadsim.sensing import Sensing, load_sensing
@@ -172,14 +171,7 @@ class _Race:
         self._server = server
         self._record = spec.record()
         with settings_as_flags():
-            referee = Referee(
-                spec.flown_course,
-                spec.vehicle.radius,
-                laps=spec.laps,
-                timeout=spec.timeout,
-                penalties=spec.penalties,
-                stuck_after=NO_PROGRESS_BY_HAND,
-            )
+            referee = racing_referee(spec, stuck_after=NO_PROGRESS_BY_HAND)
             self._parts = build(replace(spec, controller=server.client), referee=referee)
         self._end = ExitStack()
         self._end.enter_context(closing(self._parts.plant))
@@ -267,7 +259,7 @@ def _asked(
         sensing = spec.sensing
         for fault in spec.faults:
             if isinstance(fault, SensorFault | BiasJump):
-                wanted = "expected a fault of a rotor or of the commands"
+                wanted = "expected a fault of the vehicle or of the commands"
                 raise SettingError("fault", f"{wanted}, got {fault}")
         # The client estimates the state, and no estimate of ours is recorded.
         return replace(spec, sensing=None, controller=MavlinkClient(served, sensing)), sensing
