@@ -166,12 +166,16 @@ def with_shared(own: Settings, shared: Settings) -> dict[str, Any]:
 
     Settings of a sampler apply to the flights with this sampler only.
     """
-    sampler = own.get("sampler", shared.get("sampler", "colored"))
-    others = _settings_of_other_samplers(sampler)
+    others = settings_of_other_samplers(sampler_of(own, shared))
     return {key: value for key, value in shared.items() if key not in others} | dict(own)
 
 
-def _settings_of_other_samplers(sampler: object) -> set[str]:
+def sampler_of(own: Settings, shared: Settings) -> object:
+    """Return the sampler of one flight of several, by name or as an object."""
+    return own.get("sampler", shared.get("sampler", "colored"))
+
+
+def settings_of_other_samplers(sampler: object) -> set[str]:
     """Return the settings that this sampler lacks and another has, such as gamma."""
     cls = SAMPLERS.get(sampler) if isinstance(sampler, str) else type(sampler)
     own = {f.name for f in fields(cls)} if cls and is_dataclass(cls) else set()
