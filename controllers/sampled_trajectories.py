@@ -7,9 +7,10 @@ from math import isfinite
 
 import numpy as np
 
-from quadsim.controllers.costs import Cost, evaluate
+from quadsim.controllers.costs import Cost, StateTerm, evaluate
 from quadsim.controllers.lanes.lanes import Rollout, Trajectories
 from quadsim.controllers.lanes.layout import LANES, chunks, sample
+from quadsim.controllers.lanes.planner_loops import term_steps
 from quadsim.controllers.mppi import MPPI, Iteration
 from quadsim.controllers.plan import PlannerSnapshot
 from quadsim.dynamics.estimate import Estimate
@@ -100,6 +101,7 @@ def terms_of(
     means = dict.fromkeys(cost.term_names, 0.0)
     for name, value in stage.terms.items():
         means[name] = float(np.mean(weights * value))
+    means |= state_terms(rollout, cost, found.states, rows)
 
     # A crash into an obstacle is found some steps late, and the loops then charge the weight of
     # crashes for each of these steps. So this cost is the difference of J to the sum of the terms,
@@ -113,12 +115,41 @@ def terms_of(
     return means
 
 
+def state_terms(
+    rollout: Rollout, cost: Cost, states: np.ndarray, rows: np.ndarray
+) -> dict[str, float]:
+    """Return the horizon mean of each term of the state alone, by name.
+
+    Args:
+        rollout: the rollout.
+        cost: its cost, with the numbers that are used.
+        states: after each step  (T, n_x).
+        rows: the target row of each step  (T, n_target).
+    """
+    # The target after a step is the target of the next one.
+    after = np.vstack([rows[1:], rows[-1:]])
+    x = rollout.system.state(*states.T)
+    target = cost.row._make(after.T)
+    marks = rollout.schedule.marks(len(states), term_steps(rollout.system.dt))
+    means = {}
+    for term in cost.terms:
+        if isinstance(term, StateTerm) and np.any(term.weight):
+            with np.errstate(all="ignore"):
+                value = term.value(x, x, None, target, term.parameters or cost.params)
+            means[term.name] = float(np.mean(marks * term.weight * value))
+    return means
+
+
 def _terms_alone(cost: Cost) -> Cost:
     """Return a cost with the terms of nonzero weight, without crashes and targets.
 
+    Terms of the state alone are left out, too.
+
     The loops leave the terms of weight zero out, and their values may be infinite or nan.
     """
-    terms = tuple(term for term in cost.terms if np.any(term.weight))
+    terms = tuple(
+        term for term in cost.terms if np.any(term.weight) and not isinstance(term, StateTerm)
+    )
     return replace(cost, terms=terms, reached=None, crash=None, risk=None)
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from quadsim.controllers.costs import Cost, Weight, number_name
 from quadsim.controllers.lanes.compiled import is_cached, load_module
 from quadsim.controllers.lanes.layout import LANES
-from quadsim.controllers.lanes.planner_loops import module_source, steps_between
+from quadsim.controllers.lanes.planner_loops import module_source, steps_between, term_steps
 from quadsim.controllers.lanes.sharing import on_threads
 from quadsim.controllers.schedule import Schedule
 from quadsim.dynamics import System
@@ -47,6 +47,7 @@ class RolloutNumbers(NamedTuple):
 
     noise_factor: np.ndarray  # factors on the noise of even and of odd blocks  (2, T)
     cost_factor: np.ndarray  # factors on the cost of each step  (T,)
+    mark_factor: np.ndarray  # factors on the terms at marks, 0 at other steps  (T,)
     low: np.ndarray  # limits of the controls  (n_u,)
     high: np.ndarray
     dt: np.floating  # control period [s]
@@ -161,6 +162,7 @@ class Rollout:
         return RolloutNumbers(
             noise_factor=self.schedule.noise(horizon).astype(d),
             cost_factor=self.schedule.cost(horizon).astype(d),
+            mark_factor=self.schedule.marks(horizon, term_steps(system.dt)).astype(d),
             low=np.asarray(system.low, d),
             high=np.asarray(system.high, d),
             dt=d(system.dt),

@@ -41,7 +41,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from quadsim.controllers.costs import Cost, Term, crash
+from quadsim.controllers.costs import Cost, StateTerm, Term, crash
 from quadsim.controllers.lanes.layout import LANES
 from quadsim.controllers.lanes.parts import (
     NEXT_TARGETS,
@@ -70,6 +70,7 @@ from quadsim.files.yaml_errors import did_you_mean
 
 MARKS = 4  # number of positions (marks) that are tested at once
 STRIDE = 0.04  # time between two marks [s]
+TERM_STRIDE = 0.1  # time between two marks of terms of the state [s]
 # Bounding boxes of a block's positions, each of every sixteenth lane: as many as a vector has
 # numbers
 BOXES = min(LANES, 16)
@@ -138,9 +139,19 @@ def rollout(desk, first, last, x0, U, z, J, trajectory, numbers):
                 cost[l] += s_t * (<sum>)
             <keep>
             <next_targets>
+            <state_terms>
             <keep_marks>
         for l in range(L):
             J[b, l] = cost[l] / F(T)
+"""
+
+# Terms of the state alone, at marks: the targets are those after the step.
+STATE_TERMS = """
+m_t = numbers.mark_factor[t]
+if m_t > F(0):
+    for l in range(L):
+        <lines>
+        cost[l] += m_t * (<sum>)
 """
 
 READ_OBSTACLES = """
@@ -237,6 +248,11 @@ def steps_between(dt: float) -> int:
     return max(round(STRIDE / dt), 1)
 
 
+def term_steps(dt: float) -> int:
+    """Return the steps between two marks of terms of the state, for a control period dt [s]."""
+    return max(round(TERM_STRIDE / dt), 1)
+
+
 def module_source(system: System, cost: Cost, dtype: type) -> str:
     """Return the text of the module with `rollout` for this model and this cost.
 
@@ -270,9 +286,10 @@ def module_source(system: System, cost: Cost, dtype: type) -> str:
 def operations(system: System, cost: Cost) -> int:
     """Return the number of arithmetic operations of one step of one sample.
 
-    Control and cost are included.
+    Control and cost are included, terms at marks by their share of the steps.
     """
-    return _step(system, cost).operations
+    step = _step(system, cost)
+    return step.operations + round(step.at_marks / term_steps(system.dt))
 
 
 class _Step(NamedTuple):
@@ -281,6 +298,7 @@ class _Step(NamedTuple):
     parts: dict[str, str]  # the parts of ROLLOUT, by the name of their place
     weighted: dict[str, str]  # weight times value of each term with a nonzero weight
     operations: int
+    at_marks: int  # operations of the terms at a mark
 
 
 def _step(system: System, cost: Cost) -> _Step:
@@ -317,12 +335,56 @@ def _step(system: System, cost: Cost) -> _Step:
     parts["read_model"] = ""
     if system.params:
         parts["read_model"] = read(type(system.params), "model", "system_numbers[{k}]", writer)
+    text = "\n".join((*around, STATE_TERMS, parts["step"]))
+    at_marks = _state_terms(system, cost, text)
+    parts["state_terms"] = at_marks.text
+    writer.read |= at_marks.read
     parts["read_cost"] = _read_cost(cost, writer)
 
     weighted = {name: writer(value) for name, value in found.weighted.items()}
     # clip(U + n z) is four operations for each control; each term is added to the sum
     operations = writer.operations + 4 * len(system.controls) + len(weighted)
-    return _Step(parts, weighted, operations)
+    return _Step(parts, weighted, operations, at_marks.operations)
+
+
+class _AtMarks(NamedTuple):
+    """The text of the terms of the state."""
+
+    text: str  # "" if there are none
+    read: set[str]  # names of the numbers that it reads
+    operations: int
+
+
+def _state_terms(system: System, cost: Cost, around: str) -> _AtMarks:
+    """Write the lines of the terms of the state.
+
+    Args:
+        system: the model.
+        cost: the cost.
+        around: the surrounding text, whose names are not used for new variables.
+    """
+    graph = Graph()
+    x = graph.record(system.state, "x", "state[{k}, l]")
+    target = graph.record(cost.row, "target", "target[{k}, l]")
+    shared = graph.record(type(cost.params), "p") if cost.params else ()
+    weighted = []
+    for term in cost.terms:
+        if not isinstance(term, StateTerm) or not np.any(term.weight):
+            continue
+        graph.section = f"term: {term.name}"
+        own = shared
+        if term.parameters:
+            own = graph.record(type(term.parameters), f"p_{term.name}")
+        value = trace_number(term.function, x, target, own)
+        if term.parameters:
+            _expect_read(graph, term, own, value)
+        weighted.append(_weigh(graph, graph.variable(f"weight_{term.name}"), value))
+    if not weighted:
+        return _AtMarks("", set(), 0)
+    writer = Writer(around)
+    lines = writer.lines(weighted)
+    text = fill(STATE_TERMS, lines=lines, sum=" + ".join(map(writer, weighted)))
+    return _AtMarks(text, writer.read, writer.operations)
 
 
 def _read_plan(system: System) -> str:
@@ -425,7 +487,7 @@ def trace_cost(
     reached = trace_number(cost.reached, x, x_next, u, target, shared) if cost.reached else False
     weighted = {}
     for term in cost.terms:
-        if not np.any(term.weight):
+        if not np.any(term.weight) or isinstance(term, StateTerm):
             continue
         graph.section = f"term: {term.name}"
         if term.function is crash:

@@ -39,7 +39,15 @@ from quadsim.course import Course
 from quadsim.dynamics.control_periods import ControlPeriods
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import CONTROL
-from quadsim.files.arrays import TEXT, Declared, arrays_of, npz_bytes, read_bytes, record_of
+from quadsim.files.arrays import (
+    TEXT,
+    Declared,
+    arrays_of,
+    expect_format,
+    npz_bytes,
+    read_bytes,
+    record_of,
+)
 from quadsim.files.strict_yaml import FileError
 
 PILOTS = Path(__file__).parent / "pilots"
@@ -98,12 +106,6 @@ class AboutFile(About, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The record with the format of the file."""
 
     format: str
-
-
-class Header(Struct):
-    """The format key of the record."""
-
-    format: str = ""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -321,8 +323,7 @@ def pilot_of(data: bytes, path: Path, given: str) -> Pilot:
 
 def _about(path: Path, text: np.ndarray) -> About:
     """Return the checked record of a pilot's file. Raises FileError."""
-    if record_of(text, Header, path, WHAT).format != FORMAT:
-        raise FileError(f"{path}: expected format {FORMAT!r}: it was written by another version")
+    expect_format(text, FORMAT, path, WHAT, "it was written by another version")
     about = record_of(text, AboutFile, path, WHAT)
     if about.observes != tuple(UNITS):
         wanted = f"expected a pilot that observes the {SIZE} numbers of this version"

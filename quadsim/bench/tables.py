@@ -39,6 +39,7 @@ def cases_table(system: str, rows: Sequence[CaseTime]) -> Table:
         "p50\n[ms]",
         "p95\n[ms]",
         "\nsteps/s",
+        "of the\npeak [%]",
     )
     table = plain_table(*heads, left=(0, 1), no_wrap=True)
     for row in rows:
@@ -49,6 +50,7 @@ def cases_table(system: str, rows: Sequence[CaseTime]) -> Table:
             f"{row.ms_p50:.2f}",
             f"{row.ms_p95:.2f}",
             f"{row.steps_per_s:.2e}",
+            f"{100.0 * row.of_peak:.1f}",
         )
     return table
 

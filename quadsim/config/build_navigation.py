@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from quadsim.config.build_plant import adapts, learns_rotors
 from quadsim.config.settings import SettingError
 from quadsim.config.spec import Spec
 from quadsim.course.frames import frames
@@ -74,13 +75,11 @@ def _gate_count(spec: Spec, referee: RefereeProtocol) -> GateCount:
 
 def _state_source(spec: Spec, plant: Plant) -> StateSource:
     """Return the source of the present state: the true state, or an estimate by the sensors."""
-    # A pilot has no model that could be adapted.
-    adapts = spec.planner.mppi.adapt and spec.pilot is None
     if spec.sensing:
-        return _sensed_state(spec, spec.sensing, plant, adapts)
+        return _sensed_state(spec, spec.sensing, plant)
     dt = spec.planner.mppi.dt
     learner = None
-    if adapts:
+    if adapts(spec):
         learner = VehicleLearner.for_exact_states(spec.model, dt, vehicle=_known_vehicle(spec))
     course = None
     flown = spec.flown_course
@@ -90,23 +89,17 @@ def _state_source(spec: Spec, plant: Plant) -> StateSource:
 
 
 def _known_vehicle(spec: Spec) -> Vehicle | None:
-    """Return the vehicle whose rotors are to be learned; None: its commands are not followed.
-
-    Firmware and other simulators have rate loops and mixers of their own.
-    """
-    has_lag = spec.vehicle.rotors is not None and spec.model.motor_tau > 0.0
-    is_followed = spec.flight_controller == "ideal" and spec.plant in ("bullet", "rigid")
-    return spec.vehicle if has_lag and is_followed else None
+    """Return the vehicle whose rotors are to be learned, if they are."""
+    return spec.vehicle if learns_rotors(spec) else None
 
 
-def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> SensedState:
+def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant) -> SensedState:
     """Return the source of the state that is estimated from the sensors of a flight.
 
     Args:
         spec: specification of the flight.
         sensing: its sensors.
         plant: its plant.
-        adapts: whether the planner uses the vehicle parameters estimated in flight.
 
     Raises:
         SettingError: there is no inertial measurement unit among the sensors.
@@ -132,13 +125,11 @@ def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant, adapts: bool) -> S
             estimator=estimator,
             tracker=Tracker(sensing.pixels, gates) if sensing.pixels else None,
             body_rates=BodyRates(spec.model, dt, imu),
-            learner=VehicleLearner.for_sensors(
-                spec.model, dt, imu, vehicle=_known_vehicle(spec) if adapts else None
-            ),
+            learner=VehicleLearner.for_sensors(spec.model, dt, imu, vehicle=_known_vehicle(spec)),
             course=course,
         ),
         dt=dt,
-        adapt=adapts,
+        adapt=adapts(spec),
         rotor_std=rotor_std(sensing.rotors, spec.vehicle),
     )
     if spec.record_sensing:

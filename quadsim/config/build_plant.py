@@ -12,7 +12,7 @@ from quadsim.config.checks import expect_new_log
 from quadsim.config.own import OwnPlant, made
 from quadsim.config.spec import Spec
 from quadsim.dynamics import System
-from quadsim.dynamics.quadrotor import State, quadrotor
+from quadsim.dynamics.quadrotor import Delivered, LearnedModel, State, quadrotor
 from quadsim.firmware.actuators import (
     BetaflightActuators,
     FirmwareLog,
@@ -24,7 +24,7 @@ from quadsim.firmware.identified import firmware_for
 from quadsim.physics.actuators import Actuators
 from quadsim.physics.crazyflow_plant import CrazyflowPlant
 from quadsim.physics.domain_randomization import Randomization, forces, gusts
-from quadsim.physics.faults import RotorFault
+from quadsim.physics.faults import FaultOfVehicle
 from quadsim.physics.link import CommandNoise, Link
 from quadsim.physics.plant import (
     PLANTS,
@@ -45,8 +45,31 @@ if TYPE_CHECKING:
 
 
 def system_of(spec: Spec) -> System:
-    """Return the planner's model of the vehicle; one step of it is one control period."""
-    return quadrotor(spec.model, spec.planner.mppi.dt)
+    """Return the planner's model of the vehicle; one step of it is one control period.
+
+    If the output of the rotors is learned in flight, the model has it from the start, so that one
+    loop is compiled for the whole flight.
+    """
+    model = spec.model
+    if learns_rotors(spec):
+        model = LearnedModel.of_model(model, Delivered())
+    return quadrotor(model, spec.planner.mppi.dt)
+
+
+def learns_rotors(spec: Spec) -> bool:
+    """Return whether the planner learns the output of the rotors in flight.
+
+    Firmware and other simulators have rate loops and mixers of their own, whose commands to the
+    rotors cannot be followed. A pilot has no model that could be adapted.
+    """
+    has_lag = spec.vehicle.rotors is not None and spec.model.motor_tau > 0.0
+    is_followed = spec.flight_controller == "ideal" and spec.plant in ("bullet", "rigid")
+    return adapts(spec) and has_lag and is_followed
+
+
+def adapts(spec: Spec) -> bool:
+    """Return whether the planner uses the vehicle parameters that are estimated in flight."""
+    return spec.planner.mppi.adapt and spec.pilot is None
 
 
 def start_of(spec: Spec) -> State:
@@ -67,7 +90,7 @@ def plant_of(spec: Spec, arena: Arena | None = None) -> Plant:
         return OwnPlant(made("plant", spec.plant, spec))
     plant = partial(SharedPlant, arena) if arena else PLANTS[cast(PlantName, spec.plant)]
     course = spec.flown_course
-    faults = [fault for fault in spec.drawn_faults if isinstance(fault, RotorFault)]
+    faults = [fault for fault in spec.drawn_faults if isinstance(fault, FaultOfVehicle)]
     if plant is CrazyflowPlant:
         plant = partial(plant, noise=_command_noise(spec))
     elif plant is not RotorpyPlant:
@@ -105,7 +128,7 @@ def _disturbances(spec: Spec, varied: Randomization, mass: float) -> Iterator[Ve
 
 
 def actuators_of(
-    spec: Spec, vehicle: Vehicle, dt: float, faults: Sequence[RotorFault]
+    spec: Spec, vehicle: Vehicle, dt: float, faults: Sequence[FaultOfVehicle]
 ) -> Actuators | BetaflightActuators:
     """Return the actuators of a vehicle, behind the spec's link and flight controller.
 
@@ -115,7 +138,7 @@ def actuators_of(
         spec: specification of the flight.
         vehicle: as it is flown, which the seed may have changed.
         dt: physics step [s].
-        faults: faults of its rotors.
+        faults: its faults.
 
     Raises:
         FirmwareError: the firmware is not built, or does not arm.

@@ -136,7 +136,7 @@ def draw_views(
     for axes, plane in ((top, ABOVE), (below, from_side)):
         lines = draw_view(axes, run, course, plane, scale)
         if limit:
-            _draw_limit(axes, limit, plane)
+            draw_limit(axes, limit, plane)
     top.set_title("from above")
     top.set_aspect("equal", adjustable="datalim")
     if top.get_legend_handles_labels()[1]:
@@ -237,7 +237,7 @@ def draw_events(axes: Axes, run: RecordedRun, plane: tuple[int, int]) -> None:
             )
 
 
-def _draw_limit(axes: Axes, limit: StoredSolution, plane: tuple[int, int]) -> None:
+def draw_limit(axes: Axes, limit: StoredSolution, plane: tuple[int, int]) -> None:
     """Draw the path of the best known solution."""
     positions = limit.path()[:, 1:]
     axes.plot(

@@ -149,6 +149,34 @@ def record_of(text: np.ndarray, schema: type[Schema], path: object, what: str) -
     raise FileError(f"{path}: expected {what}: {problem}")
 
 
+class _Header(msgspec.Struct):
+    """The key of a document that names its format."""
+
+    format: str | None = None
+
+
+def expect_format(
+    text: np.ndarray, expected: str, path: object, what: str, advice: str = ""
+) -> None:
+    """Check the key `format` of the JSON document in an array that was declared as TEXT.
+
+    Args:
+        text: the array.
+        expected: the only format that can be read.
+        path: the file's name for error messages.
+        what: the kind of file for error messages, such as "a pilot".
+        advice: what to do about a file of another format.
+
+    Raises:
+        FileError: the text is no such document, or of another format.
+    """
+    found = record_of(text, _Header, path, what).format
+    if found != expected:
+        got = repr(listed([found])) if found else "none"
+        ending = f": {advice}" if advice else ""
+        raise FileError(f"{path}: expected {what} of the format {expected!r}, got {got}{ending}")
+
+
 class _Member(NamedTuple):
     """An array in the archive, and how it was declared."""
 

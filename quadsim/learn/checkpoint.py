@@ -15,7 +15,15 @@ from typing import Annotated, Any, NamedTuple, TypedDict
 import numpy as np
 from msgspec import Meta, Struct
 
-from quadsim.files.arrays import TEXT, Declared, listed, npz_bytes, read_arrays, record_of
+from quadsim.files.arrays import (
+    TEXT,
+    Declared,
+    expect_format,
+    listed,
+    npz_bytes,
+    read_arrays,
+    record_of,
+)
 from quadsim.files.strict_yaml import FileError
 
 FORMAT = "quadsim training 5"
@@ -45,12 +53,6 @@ class Checkpoint(NamedTuple):
     parameters: dict[str, np.ndarray]  # of policy and value function
     steps_done: int
     history: list[Evaluation]
-
-
-class Header(Struct):
-    """The format key of the state."""
-
-    format: str = ""
 
 
 class StoredCheckpoint(Struct, forbid_unknown_fields=True):
@@ -98,10 +100,8 @@ def read_checkpoint(
     }
     arrays = read_arrays(path, declared | {"state": TEXT}, WHAT)
     text = arrays.pop("state")
-    found = record_of(text, Header, path, WHAT).format
-    if found != FORMAT:
-        advice = "it was written by another version: take another --out, or remove the file"
-        raise FileError(f"{path}: expected format {FORMAT!r}, got {listed([found])!r}: {advice}")
+    advice = "it was written by another version: take another --out, or remove the file"
+    expect_format(text, FORMAT, path, WHAT, advice)
     state = record_of(text, StoredCheckpoint, path, WHAT)
 
     # The round trip through JSON turns tuples into lists, as in the stored identity.

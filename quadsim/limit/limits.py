@@ -33,7 +33,15 @@ from quadsim.dynamics.quadrotor import (
     Control,
     State,
 )
-from quadsim.files.arrays import TEXT, Declared, arrays_of, npz_bytes, read_bytes, record_of
+from quadsim.files.arrays import (
+    TEXT,
+    Declared,
+    arrays_of,
+    expect_format,
+    npz_bytes,
+    read_bytes,
+    record_of,
+)
 from quadsim.files.strict_yaml import FileError
 from quadsim.files.yaml_errors import shown
 from quadsim.vehicle import Vehicle
@@ -82,12 +90,6 @@ class Check(Struct, frozen=True):
     events: dict[str, int]
     # One line for each fault
     broken: tuple[str, ...]
-
-
-class Header(Struct, frozen=True):
-    """The key that names the format of a file; None: the file has no such key."""
-
-    format: str | None = None
 
 
 class Facts(Struct, frozen=True, kw_only=True):
@@ -434,10 +436,7 @@ def load(path: Path) -> StoredSolution:
     try:
         data = read_bytes(path, WHAT, LARGEST)
         arrays = arrays_of(data, ARRAYS, path, WHAT, LARGEST)
-        header = record_of(arrays[FACTS], Header, path, WHAT)
-        if header.format != FORMAT:
-            got = repr(header.format) if header.format else "none"
-            raise LimitError(f"{path}: expected {WHAT} of the format {FORMAT!r}, got {got}")
+        expect_format(arrays[FACTS], FORMAT, path, WHAT)
         stated = arrays.pop(HASH, np.array(""))
         digest = _hash(arrays)
         if stated.item() != digest:

@@ -29,9 +29,9 @@ class Recorded(Actuators):
         self._follow = self.motors.follow
         self.motors.follow = self.keep
 
-    def keep(self, commands, *strengths):
+    def keep(self, commands, *health):
         self.asked = tuple(commands)
-        return self._follow(self.asked, *strengths)
+        return self._follow(self.asked, *health)
 
 
 @cache

@@ -66,10 +66,9 @@ def hover(env):
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize("racers", [2, 5])
 @pytest.mark.filterwarnings("error")
-def test_pettingzoos_own_checks_pass(racers):
-    settings = {"racers": racers, "randomize": 0.5}
+def test_pettingzoos_own_checks_pass():
+    settings = {"racers": 3, "randomize": 0.5}
     # The first race is over within these steps.
     parallel_api_test(RacingParallelEnv("split_s_swift", **settings), 200)
     parallel_seed_test(lambda: RacingParallelEnv("split_s_swift", **settings), 20)

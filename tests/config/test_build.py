@@ -1,0 +1,22 @@
+"""The parts of a flight fit together from the start."""
+
+import pytest
+
+from quadsim.config.build import build
+from quadsim.config.spec import Spec
+from quadsim.racing.flight import simulate
+from tests.small import SHORT
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("settings", [{}, {"adapt": False}, {"sensing": "vio"}])
+def test_the_first_plan_uses_the_loop_that_is_looked_for_in_the_cache(settings):
+    """Otherwise each flight says that it compiles, and a race of several compiles twice."""
+    parts = build(Spec.of("figure8", **SHORT, **settings))
+    planner = parts.controller.planner
+    before = planner.system.step
+    frames = simulate(parts)
+    next(frames)
+    assert planner.system.step is before
+    frames.close()
+    parts.plant.close()
