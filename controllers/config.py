@@ -45,7 +45,10 @@ class MPPIConfig:
         ),
     ] = 150
     iterations: Annotated[
-        int, setting("I, number of iterations per control step", ge=1, le=100)
+        int,
+        setting(
+            "I, number of iterations per control step, each with samples of its own", ge=1, le=100
+        ),
     ] = 2
     first_iterations: (
         Annotated[

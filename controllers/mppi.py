@@ -151,7 +151,6 @@ class MPPI:
         self.numbers: dict[str, Weight] = {}
         # The last estimated course; None: the course that `cost` was made for
         self.course: Course | None = None
-        self.periods = ControlPeriods(config.dt)
         self.schedule = Schedule(config.first_noise, config.cost_rise)
         self.ramp = self.schedule.noise(config.horizon)  # n, factors on the perturbations  (2, T)
         self.sampler = build_lanes(
@@ -170,15 +169,39 @@ class MPPI:
             self.beyond = config.overshoot * drawn.std(axis=(0, 2, 3), dtype=float)
         trace_anew(system, cost)
         self.set_model(system)
-        self.plan = np.tile(self.rest, (config.horizon, 1))  # U (T, n_u)
+        self.samples = config.samples  # M, which a deadline may change
+        self._has_news = False  # whether the course has changed since the last plan
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the plan, so that the next one begins at rest, as that of a new planner does.
+
+        This is for a state that has jumped, as after the reset of an environment: the old plan
+        leads on from another place. Model, cost and the numbers of terms stay as they are.
+
+        Examples:
+            >>> import numpy as np
+            >>> from quadsim import MPPI, Gaussian, MPPIConfig
+            >>> from quadsim.paper.integrator import double_integrator, quadratic_cost
+            >>> system, cost = double_integrator(dt=0.05), quadratic_cost(goal=(0.0, 0.0))
+            >>> config = MPPIConfig(samples=512, horizon=40, dt=0.05)
+            >>> mppi = MPPI(system, cost, Gaussian(sigma=(1.0, 1.0)), config)
+            >>> first, _ = mppi.control(np.array([2.0, -1.0, 0.0, 0.0]))
+            >>> mppi.reset()
+            >>> again, _ = mppi.control(np.array([2.0, -1.0, 0.0, 0.0]))
+            >>> bool(np.all(first == again))
+            True
+        """
+        self.periods = ControlPeriods(self.config.dt)
+        self.plan = np.tile(self.rest, (self.config.horizon, 1))  # U (T, n_u)
         self.guide = self.plan  # the sequence that the last samples perturb  (T, n_u)
         # The last two controls, which precede the plan in the smoothing filter  (2, n_u)
         self.executed = np.tile(self.rest, (2, 1))
-        self.temperature = config.temperature
-        self.samples = config.samples  # M, which a deadline may change
+        if self.sampler.momentum:
+            self.sampler.momentum.change = np.zeros_like(self.plan)
+        self.temperature = self.config.temperature
         self.last: Iteration | None = None
         self._calls = 0
-        self._has_news = False  # whether the course has changed since the last plan
         # The chunk in the sampler's memory, until the next draw overwrites it
         self._drawn: DrawnChunk | None = None
 

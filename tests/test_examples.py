@@ -83,7 +83,7 @@ class Flights:
     def __init__(self, changed: Callable):
         self.outcomes: list[str] = []
         self._changed = changed
-        self._fly, self._compare = quadsim.fly, quadsim.compare
+        self._fly, self._compare, self._sweep = quadsim.fly, quadsim.compare, quadsim.sweep
 
     def fly(self, course, **settings):
         """Fly as `quadsim.fly`; a stored run is flown again as it is."""
@@ -97,6 +97,13 @@ class Flights:
         """Fly as `quadsim.compare`."""
         course, settings = self._changed(course, settings)
         found = self._compare(course, variants, **settings)
+        self.outcomes += [attempt.outcome for attempt in found.attempts]
+        return found
+
+    def sweep(self, course, over, variants, **settings):
+        """Fly as `quadsim.sweep`."""
+        course, settings = self._changed(course, settings)
+        found = self._sweep(course, over, variants, **settings)
         self.outcomes += [attempt.outcome for attempt in found.attempts]
         return found
 
@@ -138,6 +145,7 @@ def flights_of(tmp_path, monkeypatch):
         flights = Flights(changed)
         monkeypatch.setattr(quadsim, "fly", flights.fly)
         monkeypatch.setattr(quadsim, "compare", flights.compare)
+        monkeypatch.setattr(quadsim, "sweep", flights.sweep)
         return flights
 
     return patched
@@ -167,7 +175,8 @@ def test_it_runs_to_its_end_and_every_flight_finishes(name, flights_of, monkeypa
     run(name)
     assert capsys.readouterr().out.strip()
     source = source_of(name)
-    assert bool(flights.outcomes) == ("quadsim.fly(" in source or "quadsim.compare(" in source)
+    calls = ("quadsim.fly(", "quadsim.compare(", "quadsim.sweep(")
+    assert bool(flights.outcomes) == any(call in source for call in calls)
     assert set(flights.outcomes) <= {"finished"}
     for file in re.findall(r'savefig\("(.*?)"\)|plot\(run, "(.*?)"\)', source):
         assert Path("".join(file)).stat().st_size > 1000

@@ -112,7 +112,10 @@ class Colored:
     sigma: Annotated[Sigma, setting("standard deviation of each control, in its unit")]
     gamma: Annotated[
         Gamma,
-        setting("exponent of each control's power spectral density 1/f^gamma; 0: white"),
+        setting(
+            "exponent of each control's power spectral density 1/f^gamma; 0: white below the"
+            " cut-off"
+        ),
     ]
     law: Annotated[
         Law,
@@ -124,14 +127,14 @@ class Colored:
         Cutoff,
         setting(
             "frequency of each control above which amplitudes fall, by 1 / (1 + (f / f_c)^4); sigma"
-            " is that without it",
+            " is that without it; 0: no cut-off",
             unit="Hz",
         ),
     ] = ()
 
     def __post_init__(self) -> None:
         check_fields(self)
-        if self.cutoff and self.law != "exact":
+        if any(self.cutoff) and self.law != "exact":
             raise SettingError("cutoff", f"expected none with the law {self.law}, which has none")
         if self.cutoff and len(self.cutoff) != len(self.sigma):
             wanted = f"expected {len(self.sigma)} frequencies [Hz], as many as sigma has"
@@ -176,7 +179,7 @@ class ColoredNoise:
         steps = halves * horizon
 
         # Standard deviations of real and imaginary parts, for each control  (n_u, n)
-        cutoffs = sampler.cutoff or (np.inf,) * len(sampler.sigma)
+        cutoffs = [cutoff or np.inf for cutoff in sampler.cutoff] or [np.inf] * len(sampler.sigma)
         deviations = np.array(
             [
                 sigma * spectrum(n, gamma, sampler.law) * roll_off(n, dt, cutoff)

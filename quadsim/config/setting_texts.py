@@ -165,13 +165,17 @@ def with_shared(own: Settings, shared: Settings) -> dict[str, Any]:
 
     Shared settings of a sampler apply only to flights with this sampler.
     """
-    sampler = own.get("sampler", shared.get("sampler", "colored"))
-    others = _settings_of_other_samplers(sampler)
+    others = settings_of_other_samplers(sampler_of(own, shared))
     return {key: value for key, value in shared.items() if key not in others} | dict(own)
 
 
-def _settings_of_other_samplers(sampler: object) -> set[str]:
-    """Return the settings that only other samplers have, such as gamma."""
+def sampler_of(own: Settings, shared: Settings) -> object:
+    """Return the sampler of one flight of several, by name or as an object."""
+    return own.get("sampler", shared.get("sampler", "colored"))
+
+
+def settings_of_other_samplers(sampler: object) -> set[str]:
+    """Return the settings that this sampler lacks and another has, such as gamma."""
     cls = SAMPLERS.get(sampler) if isinstance(sampler, str) else type(sampler)
     own = {f.name for f in fields(cls)} if cls and is_dataclass(cls) else set()
     return {f.name for other in SAMPLERS.values() for f in fields(other)} - own

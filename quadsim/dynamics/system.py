@@ -51,7 +51,7 @@ class System:
     # a NamedTuple; () for a step without numbers
     params: tuple[float, ...]
     dt: float  # [s]
-    # limits of the control  (n_u,)
+    # limits of the control, which may be infinite  (n_u,)
     low: tuple[float, ...]
     high: tuple[float, ...]
     # the control that holds still, e.g. hover  (n_u,)
@@ -114,12 +114,12 @@ class System:
     def tightened(self, share: float) -> System:
         """Return the system with this share of the way from rest to each limit unused.
 
-        The unused part is left for corrections, as in tube MPC.
+        The unused part is left for corrections, as in tube MPC. A limit that is infinite stays so.
         """
 
         def tighter(limits: tuple[float, ...]) -> tuple[float, ...]:
             return tuple(
-                limit + share * (rest - limit)
+                limit + share * (rest - limit) if isfinite(limit) else limit
                 for limit, rest in zip(limits, self.rest, strict=True)
             )
 

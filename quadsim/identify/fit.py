@@ -117,6 +117,7 @@ def fit_vehicle(
         untold=search.untold,
         drive=ready[0].drive,
         dt=ready[0].stretch.dt,
+        lowest=_lowest_command(ready),
         speed_scale=_speed_scale(ready, solution.numbers),
         loop=loop,
     )
@@ -218,6 +219,12 @@ def _tested(
     found = [part for log in test for part in stretches(log)]
     alike = [thinned(part) for part in found if drive_of(part) == fitted[0].drive]
     return prepare(alike, base, reference) if alike else []
+
+
+def _lowest_command(parts: Sequence[Prepared]) -> float:
+    """Return the lowest command of a rotor in flight, 1 if the log has none of each rotor."""
+    commands = [part.command[part.usable].min(initial=1.0) for part in parts if part.has_single]
+    return float(min(commands, default=1.0))
 
 
 def _speed_scale(parts: Sequence[Prepared], numbers: FitNumbers) -> SpeedScale | None:

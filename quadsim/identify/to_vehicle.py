@@ -17,6 +17,7 @@ from quadsim.identify.rate_loop import RateLoopFit
 from quadsim.physics.domain_randomization import widths
 from quadsim.physics.randomization_file import OUTDOOR
 from quadsim.vehicle import Uncertainty, Vehicle
+from quadsim.vehicle.vehicle import NO_LEAD
 
 # "derived": not as the prior vehicle has it, but by numbers of the log, or by the mass
 Source = Literal["log", "prior", "given", "derived"]
@@ -74,6 +75,7 @@ class FoundNumbers(NamedTuple):
     untold: tuple[str, ...]  # numbers that the log has signals for, but does not determine
     drive: Drive
     dt: float  # time between two rows [s]
+    lowest: float  # speed to which rotors were told to go in flight, as a share of the full one
     speed_scale: SpeedScale | None
     loop: RateLoopFit | None
 
@@ -313,18 +315,25 @@ def fitted_vehicle(
     scale = found.speed_scale or SpeedScale(base.rotors.motor_omega_max, 0.0)
     full = float(f"{scale.full + scale.idle:.{DIGITS}g}")
     c2, c1, c0 = (value(f"rotors.thrust_map.{c}") for c in ("c2", "c1", "c0"))
-    # The thrust has to rise from the idle speed on.
+    # Rotors idle no faster than they were told to turn, and the thrust has to rise from there on.
+    idle = min(base.rotors.motor_omega_min / base.rotors.motor_omega_max, found.lowest)
     lowest = max(
-        base.rotors.motor_omega_min * full / base.rotors.motor_omega_max,
+        idle * full,
         -c1 / (2.0 * c2) * (1.0 + ABOVE),
     )
     x, y = base.rotors.positions[2]
+    told = {number.key for number in numbers if number.source == "log"}
+    # Rotors that rise and fall by other lags would go beside the lag that was found.
+    response = None if "rotors.motor_tau" in told else base.rotors.motor_response
+    # So would a rate loop with a lead.
+    lead = NO_LEAD if "rate_tau.x" in told else base.rate_lead
     return base.but(
         name=name,
         source=f"fitted from logs by quadsim; what they do not tell: {base.name}",
         mass=value("mass"),
         inertia=[value(f"inertia.{axis}") for axis in "xyz"],
         rate_tau=[value(f"rate_tau.{axis}") for axis in "xyz"],
+        rate_lead=lead,
         drag=[max(value(f"drag.{axis}"), 0.0) for axis in "xyz"],
         latency=max(value("latency"), 0.0),
         rotors={
@@ -333,6 +342,7 @@ def fitted_vehicle(
             "motor_omega_min": float(f"{lowest:.{DIGITS}g}"),
             "motor_omega_max": full,
             "motor_tau": value("rotors.motor_tau"),
+            "motor_response": response,
             "thrust_map": [c2, c1, c0],
             "kappa": value("rotors.kappa"),
         },

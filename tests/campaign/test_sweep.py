@@ -13,7 +13,7 @@ from quadsim.campaign.flights.sweep_figure import (
     Measured,
     draw_curves,
 )
-from quadsim.campaign.flights.swept_settings import swept_settings
+from quadsim.campaign.flights.swept_settings import remarks_on_gamma, swept_settings
 from quadsim.cli.cli import race
 from quadsim.config.settings import SettingError
 from quadsim.dynamics.quadrotor import ModelParams
@@ -100,6 +100,22 @@ def test_numbers_that_change_together_make_a_sensor():
     assert none.sensing == load_sensing("vio")
     assert (dry.sensing.barometer.rate, dry.sensing.barometer.wash) == (50, 0)
     assert washed.sensing == load_sensing("vio").but(barometer={"rate": 50, "wash": 2})
+
+
+def test_a_sampler_that_lacks_the_setting_is_refused():
+    over = {"gamma": [(0.0,) * 4, (2.0,) * 4]}
+    with pytest.raises(SettingError, match="gamma: expected variants whose sampler has it, got ga"):
+        planned(over)
+    ((white, pink),) = planned(over, {"colored": {}}).values()
+    assert white.planner.sampling.gamma == (0.0,) * 4
+    assert pink.planner.sampling.gamma == (2.0,) * 4
+
+
+@pytest.mark.parametrize(("cutoff", "expected"), [({}, 1), ({"cutoff": (0.0,) * 4}, 0)])
+def test_a_sweep_of_gamma_says_that_a_cut_off_stays(cutoff, expected):
+    over = {"gamma": [(0.0,) * 4, (2.0,) * 4]}
+    (curve,) = plan_sweep([COURSE], over, {"colored": cutoff}, SETTINGS)
+    assert len(list(remarks_on_gamma(curve.swept, curve.at_values))) == expected
 
 
 @pytest.mark.parametrize(

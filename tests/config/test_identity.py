@@ -147,6 +147,40 @@ EDITED = {  # what is edited -> text of a program with a number, which makes `f`
     "the default of a record that was made": (
         "import dataclasses\nf = dataclasses.make_dataclass('Made', [('k', float, NUMBER)])"
     ),
+    "a sampler that is a PlainSampler": (
+        "from quadsim.controllers.samplers.plain import PlainSampler\n"
+        "class A(PlainSampler):\n    def sample(self, rng, *shape): return NUMBER\nf = A()"
+    ),
+    "a sampler that is a Sampling": (
+        "from quadsim.controllers.samplers import Sampling\n"
+        "class A(Sampling):\n    def build(self, *shape): return NUMBER\nf = A()"
+    ),
+    "a controller that is a Controller": (
+        "from quadsim.racing.flight import Controller\n"
+        "class A(Controller):\n    def control(self, x): return NUMBER\nf = A()"
+    ),
+    "a plant that is a Plant": (
+        "from quadsim.physics.plant import Plant\n"
+        "class A(Plant):\n    def step(self, u): return NUMBER\nf = A()"
+    ),
+    "a class of an own protocol": (
+        "from typing import Protocol\nclass P(Protocol):\n    def sample(self): ...\n"
+        "class A(P):\n    def sample(self): return NUMBER\nf = A()"
+    ),
+    "a class of a generic protocol": (
+        "from typing import Protocol, TypeVar\nT = TypeVar('T')\n"
+        "class P(Protocol[T]):\n    def sample(self) -> T: ...\n"
+        "class A(P[int]):\n    def sample(self): return NUMBER\nf = A()"
+    ),
+    "a mixin beside a protocol": (
+        "from typing import Protocol\nclass P(Protocol):\n    def sample(self): ...\n"
+        "class M:\n    k = NUMBER\nclass A(M, P):\n    def sample(self): return self.k\nf = A()"
+    ),
+    "a class of a protocol that a part holds": (
+        "from typing import Protocol\nclass P(Protocol):\n    def sample(self): ...\n"
+        "class A(P):\n    def sample(self): return NUMBER\n"
+        "class Part:\n    def __init__(self): self.kind = A\nf = Part()"
+    ),
     "a record's own method": (
         "import dataclasses\n@dataclasses.dataclass(init=False)\nclass A:\n"
         "    def __init__(self): self.sample = lambda: NUMBER\nf = A"

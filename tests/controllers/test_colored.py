@@ -177,6 +177,14 @@ def test_sigma_is_the_deviation_without_the_cut_off(key, T):
         assert abs(of_gamma / expected - 1).max() < LIMIT * np.sqrt(2 / M)
 
 
+@pytest.mark.compiled
+def test_a_cut_off_of_zero_is_none(key):
+    given = {"samples": 64, "horizon": 40, "key": key, "dt": 0.05}
+    off, none = (Colored((1.0,) * 2, (0.0, 2.0), cutoff=cut) for cut in ((0.0, 0.0), ()))
+    np.testing.assert_array_equal(off.build(**given).sample(1), none.build(**given).sample(1))
+    Colored((1.0,) * 2, (0.0, 2.0), law="paper", cutoff=(0.0, 0.0))
+
+
 def test_a_cut_off_has_a_frequency_for_each_control_and_belongs_to_the_exact_law():
     with pytest.raises(SettingError, match=r"cutoff: expected 2 frequencies \[Hz\].* got 1"):
         Colored((1.0, 1.0), (0.0, 2.0), cutoff=(5.0,))

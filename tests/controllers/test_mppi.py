@@ -317,6 +317,37 @@ def test_tightened_limits_keep_a_share_of_the_way_from_rest_for_corrections():
     assert (free.plan < tight.low).any()
 
 
+@pytest.mark.compiled
+@pytest.mark.parametrize("tighten", [0.0, 0.25])
+def test_a_system_may_have_no_limits(tighten):
+    """Infinite limits are those that no sample reaches."""
+    plans = []
+    for limit in (np.inf, 1e6):
+        free = replace(POINT, low=(-limit, -limit), high=(limit, limit))
+        mppi = make(system=free, tighten=tighten)
+        for _ in range(3):
+            mppi.control(START)
+        plans.append(mppi.plan)
+    np.testing.assert_array_equal(*plans)
+    assert np.isfinite(plans[0]).all()
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("sampler", EVERY, ids=NAMES)
+def test_a_planner_that_was_reset_plans_as_a_new_one(sampler):
+    mppi, new = make(sampler=sampler, target_ess=30.0), make(sampler=sampler, target_ess=30.0)
+    for _ in range(3):
+        mppi.control(START)
+    new.plan = np.tile(new.rest, (T, 1))
+    there = START + 1.0
+    mppi.reset()
+    for _ in range(2):
+        u, _ = mppi.control(there)
+        expected, _ = new.control(there)
+        np.testing.assert_array_equal(u, expected)
+    np.testing.assert_array_equal(mppi.plan, new.plan)
+
+
 def test_numbers_that_do_not_go_together_are_refused():
     with pytest.raises(ValueError, match=r"dt: expected the system's 0.1 s, got 0.01"):
         MPPI(POINT, GOAL, Gaussian((1.0, 1.0)))

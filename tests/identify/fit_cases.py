@@ -35,7 +35,7 @@ class Recorded(Actuators):
 
 
 @cache
-def flight(seconds=8.0, yaw=2.0, vehicle=TRUE, seed=1):
+def flight(seconds=8.0, yaw=2.0, vehicle=TRUE, seed=1, every=EVERY):
     """Return a log without noise of steps in rates and thrust, about hover.
 
     Args:
@@ -43,6 +43,7 @@ def flight(seconds=8.0, yaw=2.0, vehicle=TRUE, seed=1):
         yaw: largest commanded yaw rate [rad/s].
         vehicle: what flies.
         seed: of the steps.
+        every: steps of the plant in a row of the log.
     """
     rng = np.random.default_rng(seed)
     start = Start((0.0, 0.0, 300.0), 0.0)
@@ -71,11 +72,11 @@ def flight(seconds=8.0, yaw=2.0, vehicle=TRUE, seed=1):
     early = round(vehicle.latency / DT)
     asked = np.concatenate([asked[early:], np.repeat(asked[-1:], early, axis=0)])
     commands = np.array([row[3] for row in rows])
-    kept = slice(0, len(rows), EVERY)
+    kept = slice(0, len(rows), every)
     n = len(rows[kept])
     return FlightLog(
         name="flight",
-        t=EVERY * DT * np.arange(n),
+        t=every * DT * np.arange(n),
         position=states[kept, 0:3],
         velocity=states[kept, 3:6],
         quaternion=states[kept, 6:10],

@@ -31,6 +31,8 @@ SECONDS = 12.0
 POSE = ("position", "velocity", "quaternion")
 # Signals that a log of gyro, accelerometer and motors lacks
 FEW = (*POSE, "rate_setpoints", "thrust_setpoint")
+FAST_LOOP = 0.02  # lag of body rates below which a log has all steps of the plant [s]
+LATE_POSE = 0.15  # [s]
 # A number is right within this many halves of its interval, or this share of it.
 HALVES = 2.5
 SHARE = 0.03
@@ -104,7 +106,7 @@ def north_east_down(signals: Signals) -> Signals:
 
 def late_pose(signals: Signals) -> Signals:
     """Return a log whose pose is late by .15 s."""
-    rows = 30
+    rows = int(np.searchsorted(signals["t"], LATE_POSE))
     late = {name: np.roll(signals[name], rows, axis=0) for name in POSE}
     for values in late.values():
         values[:rows] = values[rows]
@@ -184,17 +186,22 @@ def vehicle_of(seed: int) -> Vehicle:
         rotors={
             "motor_tau": base.rotors.motor_tau * about(0.3),
             "kappa": base.rotors.kappa * about(0.2),
+            # A log is fitted with rotors of one lag, up and down.
+            "motor_response": None,
         },
     )
 
 
 def log_of(vehicle: Vehicle, mistake: Mistake, seed: int) -> RawLog:
     """Return the log of a flight as a mapping with a mistake reads it."""
-    whole = noisy(flight(SECONDS, 2.0, vehicle, seed), seed)
+    # A rate loop that is faster than the rows moves the motors between them.
+    every = 1 if min(vehicle.rate_tau) < FAST_LOOP else 2
+    whole = noisy(flight(SECONDS, 2.0, vehicle, seed, every), seed)
     signals = {name: getattr(whole, name) for name in SIGNALS}
     known = {name: values for name, values in signals.items() if values is not None}
-    changed = mistake.change(known)
-    kept = {name: values for name, values in changed.items() if name not in mistake.without}
+    changed = mistake.change({**known, "t": whole.t})
+    lost = ("t", *mistake.without)
+    kept = {name: values for name, values in changed.items() if name not in lost}
     return RawLog("flight", whole.t.copy(), kept)
 
 

@@ -160,6 +160,16 @@ def test_a_log_of_what_never_flew_is_refused():
         fitted(still)
 
 
+def test_lags_that_were_found_leave_none_of_the_prior_vehicle_beside_them():
+    other = load_vehicle("cf21b_500")
+    assert other.rotors.motor_response
+    assert any(other.rate_lead)
+    found = fit_vehicle([noisy(flight())], base=other, mass=TRUE.mass)
+    assert found["rotors.motor_tau"].source == found["rate_tau.x"].source == "log"
+    assert found.vehicle.rotors.motor_response is None
+    assert not any(found.vehicle.rate_lead)
+
+
 def test_a_vehicle_that_cannot_be_is_refused():
     climbs = OTHER.but(rotors={"motor_omega_min": 1000.0})
     with pytest.raises(SettingError, match="climbs at its least command"):

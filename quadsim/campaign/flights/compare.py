@@ -35,6 +35,7 @@ from quadsim.files.yaml_errors import did_you_mean
 from quadsim.physics.randomization_file import OUTDOOR
 from quadsim.record.run import RunError, canonical
 from quadsim.report.given_state import conditions
+from quadsim.report.planner_differences import planner_differences
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -214,7 +215,7 @@ def section_of(
         home=home,
         baseline=baseline if baseline in names else None,
         remark=seeds_remark(variant.spec for variant, _ in flown),
-        conditions=tuple(conditions(records)),
+        conditions=(*conditions(records), *planner_differences(records)),
     )
 
 

@@ -19,7 +19,12 @@ from quadsim.campaign.flights.attempts import Attempt, attempts_of
 from quadsim.campaign.flights.compare import identity, section_of
 from quadsim.campaign.flights.sweep_curves import Curve, SweepPoint
 from quadsim.campaign.flights.sweep_tables import sweep_notes, sweep_table
-from quadsim.campaign.flights.swept_settings import SweptSetting, swept_settings, swept_variant
+from quadsim.campaign.flights.swept_settings import (
+    SweptSetting,
+    remarks_on_gamma,
+    swept_settings,
+    swept_variant,
+)
 from quadsim.campaign.run.runner import Runner
 from quadsim.campaign.run.store import AttemptRow
 from quadsim.campaign.run.variants import Variant, named_variants, told_apart
@@ -165,6 +170,7 @@ def _blocks(curves: Sequence[Curve]) -> list[Block]:
     return [
         Heading(f"{first.section.course.name}: {first.swept.title}", first.section.setting),
         sweep_table(first.swept.title, points),
+        *map(Note, dict.fromkeys(remark for curve in curves for remark in curve.remarks)),
         *map(Note, sweep_notes(points, sections)),
     ]
 
@@ -241,7 +247,8 @@ def fly_sweep(
                 flown.append((replace(variant, name=value.label), of_value))
         if flown:
             section = section_of(flown, home, curve.swept.values[0].label)
-            curves.append(Curve(curve.swept, curve.variant, section))
+            remarks = tuple(remarks_on_gamma(curve.swept, [each for each, _ in flown]))
+            curves.append(Curve(curve.swept, curve.variant, section, remarks))
     if not curves:
         raise RunError("no attempt was flown: nothing to show")
     return Sweep(curves, folder)

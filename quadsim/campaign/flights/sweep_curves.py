@@ -35,6 +35,7 @@ class Curve:
     swept: SweptSetting
     variant: str
     section: Section  # its variants are the values; the first is the baseline
+    remarks: tuple[str, ...] = ()  # on what the values mean
 
     @property
     def points(self) -> list[SweepPoint]:

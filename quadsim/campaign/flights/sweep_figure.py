@@ -1,8 +1,8 @@
-"""The figure of a sweep: a column for each setting, and two rows for each course.
+"""The figure of a sweep: a column for each setting, and three rows for each course.
 
-The upper row shows how many flights finish, the lower one by how much laps differ from those at the
-first value, flown with the same seeds. The values stand at equal distances in their order. More
-settings than fit side by side continue below.
+The rows show how many flights finish, by how much laps differ from those at the first value, flown
+with the same seeds, and, if it is known, the total variation of the thrust. The values stand at
+equal distances in their order. More settings than fit side by side continue below.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from quadsim.figures.style import STYLE, line
 from quadsim.palette import MARK, Style, styles
 
 WIDTH = 3.4  # of a setting [inches]
-HEIGHT = 5.4  # of settings side by side [inches]
+HEIGHT = 7.6  # of settings side by side [inches]
 SIDE_BY_SIDE = 4  # most settings side by side
 # Distance between the variants at one value, as a share of that between values
 APART = 0.16
@@ -46,6 +46,8 @@ class DrawnPoint(NamedTuple):
     place: int  # of the value, from 0
     finished: Measured  # flights [%]
     change: Measured  # of the lap from that at the first value [s]
+    # total variation of the commanded thrust [m/s^2/s]; nan: it is not drawn
+    thrust: Measured = Measured(nan)
 
 
 class DrawnCurve(NamedTuple):
@@ -116,9 +118,11 @@ def _draw_row(
         columns: panels side by side, of which the last ones may stay free.
         looks: style of each variant.
     """
-    panels = figure.subplots(2, columns, squeeze=False, sharey="row", sharex="col")
+    drawn = [point for curves in row for curve in curves for point in curve.points]
+    has_thrust = any(isfinite(point.thrust.value) for point in drawn)
+    panels = figure.subplots(2 + has_thrust, columns, squeeze=False, sharey="row", sharex="col")
     for column, curves in enumerate(row):
-        finished, laps = panels[:, column]
+        finished, laps, *thrusts = panels[:, column]
         laps.axhline(0.0, color=MARK, linewidth=1.0)
         for place, curve in enumerate(curves):
             beside = APART * (place - (len(curves) - 1) / 2)
@@ -127,24 +131,31 @@ def _draw_row(
             _draw_curve(finished, shares, look, curve.variant)
             changes = [(point.place + beside, point.change) for point in curve.points]
             _draw_curve(laps, changes, look)
-        _label_values(finished, laps, curves[0])
+            variations = [(point.place + beside, point.thrust) for point in curve.points]
+            for thrust in thrusts:
+                _draw_curve(thrust, variations, look)
+        _label_values(panels[:, column], curves[0])
     for free in panels[:, len(row) :].flat:
         free.remove()
-    first_finished, first_laps = panels[:, 0]
+    first_finished, first_laps, *first_thrusts = panels[:, 0]
     first_finished.set(ylim=(-4, 104), ylabel="finished [%]")
     first_laps.set_ylabel("change of the lap [s]")
+    for first in first_thrusts:
+        first.set_ylabel("thrust variation [m/s²/s]")
+        first.set_ylim(bottom=0.0)
     first_finished.legend(loc="lower left", handlelength=3)
     inches = figure.get_figure(root=True).get_figwidth()
     title = fill(f"{row[0][0].course}; 95 % intervals", int(LETTERS_PER_INCH * inches))
     figure.suptitle(title, x=0.008, ha="left", fontsize=11)
 
 
-def _label_values(finished: Axes, laps: Axes, curve: DrawnCurve) -> None:
-    """Label the panels of one setting with its values and its name."""
-    laps.set(xticks=range(len(curve.values)), xlabel=curve.setting)
+def _label_values(panels: Sequence[Axes], curve: DrawnCurve) -> None:
+    """Label the panels of one setting, from the highest down, with its values and its name."""
+    lowest = panels[-1]
+    lowest.set(xticks=range(len(curve.values)), xlabel=curve.setting)
     slanted = {"rotation": 30, "ha": "right"} if len("".join(curve.values)) > LETTERS else {}
-    laps.set_xticklabels(curve.values, **slanted)
-    for axes in (finished, laps):
+    lowest.set_xticklabels(curve.values, **slanted)
+    for axes in panels:
         axes.set_xlim(-0.5, len(curve.values) - 0.5)
         axes.grid(visible=False, axis="x")
 
@@ -180,7 +191,12 @@ def _drawn(curve: Curve) -> DrawnCurve:
     course = curve.section.course.name
     labels = [value.label for value in curve.swept.values]
     points = (
-        DrawnPoint(labels.index(point.value), _finished(point), _change(point))
+        DrawnPoint(
+            labels.index(point.value),
+            _finished(point),
+            _change(point),
+            Measured(point.stats.thrust_tv),
+        )
         for point in curve.points
     )
     return DrawnCurve(

@@ -52,8 +52,10 @@ def sweep_notes(points: Sequence[SweepPoint], sections: Sequence[Section]) -> It
     yield (
         "Changes: from the first value, over the seeds that finish at both, with 95 % intervals. "
         "Only here, only first: seeds that finish at one of both alone. p: corrected for the "
-        "number of values (Holm); paired t-test of laps, exact test of finished."
+        "number of values (Holm); paired t-test of laps, exact test of finished. Intervals are not "
+        "corrected."
     )
+    yield "Thrust: total variation of the commanded thrust; its ratio is to the first value's."
     yield from notes_of_faults([point.stats for point in points])
     yield from mixed_commits(
         {f"{point.variant} {point.value}": point.stats.commits for point in points}
@@ -67,6 +69,10 @@ def _of_change(cell: Callable[[PairStats], str]) -> Callable[[SweepPoint], str]:
 
 def _lap_change(pair: PairStats) -> str:
     return paired(pair.lap_difference, "+.3f")
+
+
+def _thrust_ratio(pair: PairStats) -> str:
+    return f"x {paired(pair.thrust_tv_ratio, '.2f')}"
 
 
 def _lap_p(pair: PairStats) -> str:
@@ -95,4 +101,6 @@ COLUMNS: dict[str, Callable[[SweepPoint], str]] = {
     "p of\nlaps": _of_change(_lap_p),
     "only here :\nonly first": _of_change(lambda pair: f"{pair.only_b} : {pair.only_a}"),
     "p of\nfinished": _of_change(_success_p),
+    "thrust\n[m/s^2/s]": lambda point: number(point.stats.thrust_tv, ".1f"),
+    "thrust variation\n[ratio]": _of_change(_thrust_ratio),
 }

@@ -13,11 +13,19 @@ model_thrust_gain 1 1.1 flies a planner that expects a tenth more of each thrust
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from quadsim.campaign.run.variants import Variant
-from quadsim.config.setting_texts import Place, Settings, parse_part, resolve, with_shared
+from quadsim.config.setting_texts import (
+    Place,
+    Settings,
+    parse_part,
+    resolve,
+    sampler_of,
+    settings_of_other_samplers,
+    with_shared,
+)
 from quadsim.config.settings import SETTINGS, SettingError
 from quadsim.config.spec import Spec
 from quadsim.files.yaml_errors import did_you_mean, shown_value
@@ -187,7 +195,8 @@ def swept_variant(
         value: the value.
 
     Raises:
-        SettingError: a setting is invalid, or the variant has a value of its own.
+        SettingError: a setting is invalid, or the variant has a value of its own, or its sampler
+            lacks the setting.
         FileError: a file cannot be read.
         ValueError: course, laps and vehicle do not fit together.
     """
@@ -196,11 +205,33 @@ def swept_variant(
     for each in plain:
         if each in own:
             raise _wrong(f"{each}: expected variants without a value of their own, got {name}")
+    lacking = plain.keys() & settings_of_other_samplers(sampler_of(own, shared))
+    if lacking:
+        problem = f"{min(lacking)}: expected variants whose sampler has it, got {name}"
+        raise _wrong(f"{problem}: leave it out")
     settings = with_shared(own, {**shared, **plain})
     numbers = {each: number for each, number in given.items() if "." in each and number is not None}
     if numbers:
         settings |= _with_numbers(course, settings, numbers)
     return Variant(f"{name}+{swept.name}={value.label}", resolve(course, settings))
+
+
+def remarks_on_gamma(swept: SweptSetting, variants: Sequence[Variant]) -> Iterator[str]:
+    """Yield a remark if an exponent of the noise is swept under a cut-off.
+
+    Args:
+        swept: what is swept.
+        variants: one variant at the values.
+    """
+    if "gamma" not in swept.names or "cutoff" in swept.names:
+        return
+    samplings = [variant.spec.planner.sampling for variant in variants]
+    cutoffs = [cutoff for each in samplings for cutoff in getattr(each, "cutoff", ()) if cutoff]
+    if cutoffs:
+        yield (
+            f"gamma: the cut-off of {min(cutoffs):g} Hz stays, above which the spectrum falls at "
+            "any gamma, so that gamma 0 is not white; cutoff 0:0:0:0 takes it away."
+        )
 
 
 def _with_numbers(course: Place, settings: Settings, numbers: Mapping[str, Any]) -> dict[str, Any]:
