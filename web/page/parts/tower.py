@@ -100,9 +100,7 @@ def tower_of(timings: Sequence[LapTiming]) -> Tower:
     most = max(s.chatter for s in timings)
     ordered = order(timings)
     has_live = any(s.entry.live for s in timings)
-    rows = [_row(s, best_lap, best, most) for s in ordered]
-    for row, s in zip(rows, ordered, strict=True):
-        row.is_recorded = has_live and not s.entry.live
+    rows = [_row(s, best_lap, best, most, has_live) for s in ordered]
     for k, (ahead, s) in enumerate(pairwise(ordered), 1):
         # Two that ended level have the same place.
         if s.over and ahead.over and s.standing.is_level_with(ahead.standing):
@@ -113,13 +111,16 @@ def tower_of(timings: Sequence[LapTiming]) -> Tower:
     return Tower(rows, over, is_final=all(s.over for s in timings))
 
 
-def _row(s: LapTiming, best_lap: float, best: Sequence[float], most: float) -> TowerRow:
+def _row(
+    s: LapTiming, best_lap: float, best: Sequence[float], most: float, has_live: bool
+) -> TowerRow:
     """Return the row of a competitor.
 
     Args:
         best_lap: the best lap of all [s].
         best: the best time to each gate [s].
         most: the largest chatter [m/s^2/s].
+        has_live: whether a competitor is flown now.
     """
     entry = s.entry
     own = s.best or 0.0
@@ -129,7 +130,7 @@ def _row(s: LapTiming, best_lap: float, best: Sequence[float], most: float) -> T
         name=entry.name,
         colour=entry.style.colour,
         dash=entry.style.dash,
-        is_recorded=False,
+        is_recorded=has_live and not entry.live,
         lap=f"{s.lap}/{entry.laps_to_fly}",
         interval=_interval(s),
         gap=_behind(s.standing.gap) if s.standing.rank > 1 else "",

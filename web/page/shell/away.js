@@ -39,8 +39,12 @@ export function begin() {
   on("close", () => set(true));
   on("unsent", () => notes.note("error", "Not sent", "the server is away"));
   show("next", (next) => {
-    const { keep, offers } = offered(JSON.parse(sessionStorage.getItem(KEPT)), next);
-    sessionStorage.setItem(KEPT, JSON.stringify(keep));
-    if (offers) offer(offers);
+    try {
+      const { keep, offers } = offered(JSON.parse(sessionStorage.getItem(KEPT)), next);
+      sessionStorage.setItem(KEPT, JSON.stringify(keep));
+      if (offers) offer(offers);
+    } catch {
+      // a browser that keeps nothing
+    }
   });
 }

@@ -25,23 +25,15 @@ function row() {
   const cells = HEADS.map(([, name]) => make("td", { className: name }));
   const of = Object.fromEntries(HEADS.map(([, name], k) => [name, cells[k]]));
   const line = make("i", { className: "swatch" });
-  of.place.append(make("span"), line);
-  of.name.append(make("b"));
   const bar = make("i", { className: "bar" });
-  of.chatter.append(make("span"), bar);
   const sectors = make("div", { className: "sectors" });
   const progress = make("i");
-  const below = make("td", {}, sectors, make("div", { className: "progress" }, progress));
-  return {
-    row: make("tr", {}, ...cells),
-    under: make("tr", { className: "under" }, below),
-    below,
-    of,
-    line,
-    bar,
-    sectors,
-    progress,
-  };
+  // Below the cells, as wide as the row
+  const below = make("div", { className: "below" }, sectors, make("div", { className: "progress" }, progress));
+  of.place.append(make("span"), line, below);
+  of.name.append(make("b"));
+  of.chatter.append(make("span"), bar);
+  return { row: make("tr", {}, ...cells), of, line, bar, sectors, progress };
 }
 
 // The hits, none as well, and misses, if there are any.
@@ -89,24 +81,17 @@ export function begin() {
   const table = make("table", {}, title, make("thead", {}, make("tr", {}, ...heads)), body);
   place.append(table, note);
   let rows = [];
-  // The row of sectors is as wide as the columns for which there is room, see shell.css.
-  const fit = () => {
-    const columns = heads.filter((head) => head.clientWidth).length;
-    for (const { below } of rows) if (columns && below.colSpan !== columns) below.colSpan = columns;
-  };
-  new ResizeObserver(fit).observe(place);
   show("tower", ({ rows: found, over, is_final }) => {
     place.hidden = !found.length;
     if (rows.length !== found.length) {
       rows = found.map(row);
-      body.replaceChildren(...rows.flatMap((one) => [one.row, one.under]));
+      body.replaceChildren(...rows.map((one) => one.row));
     }
     table.classList.toggle("few", found.length < 3);
     table.classList.toggle("unlimited", !found.some(({ above }) => above));
     document.body.classList.toggle("final", is_final);
     title.hidden = !is_final;
     say(title, over ? `Result ${over}` : "Result");
-    fit();
     found.forEach((one, k) => fill(rows[k], one));
     say(note, over && !is_final ? `${over} · ${NOTE}` : NOTE);
   });
