@@ -7,9 +7,10 @@ from math import isfinite
 
 import numpy as np
 
-from quadsim.controllers.costs import Cost, evaluate
+from quadsim.controllers.costs import Cost, StateTerm, evaluate
 from quadsim.controllers.lanes.lanes import Rollout, Trajectories
 from quadsim.controllers.lanes.layout import LANES, chunks, sample
+from quadsim.controllers.lanes.planner_loops import term_steps
 from quadsim.controllers.mppi import MPPI, Iteration
 from quadsim.controllers.plan import PlannerSnapshot
 from quadsim.dynamics.estimate import Estimate
@@ -20,7 +21,7 @@ MOST = LANES - 1  # samples; the updated plan takes the last lane of the block
 
 @dataclass(frozen=True)
 class SampledTrajectories:
-    """Positions [m] over the horizon, the samples ranked by cost."""
+    """The positions [m] of samples over the horizon, ranked by cost."""
 
     paths: np.ndarray  # (samples, points, 3) least cost first
     costs: np.ndarray  # (samples,) J
@@ -31,7 +32,7 @@ class SampledTrajectories:
 def sampled_trajectories(
     mppi: MPPI, samples: int = MOST, points: int = 25
 ) -> SampledTrajectories | None:
-    """Draw the best samples of the last iteration and roll them out again.
+    """Return the best samples of the last iteration, which are drawn and rolled out again.
 
     The planner is not changed.
 
@@ -68,15 +69,15 @@ def terms_of(
 ) -> dict[str, float]:
     """Return the horizon mean of each term of the cost along a trajectory, by name.
 
-    The compiled loops only return the sum of all terms. So the terms are computed again here, on
-    arrays over all steps and by the functions that the loops inline.
+    The compiled loops return only the sum of all terms. The terms are therefore computed again
+    here, on arrays over all steps, by the functions that the loops inline.
 
     Args:
         rollout: the rollout.
         x0: state  (n_x,).
         v: controls  (n_u, T).
         target: number of targets reached.
-        found: the trajectory of these controls, one sample.
+        found: the trajectory of these controls, a single sample.
     """
     system, d = rollout.system, rollout.dtype
     cost = rollout.cost.with_numbers(rollout.given)
@@ -100,6 +101,7 @@ def terms_of(
     means = dict.fromkeys(cost.term_names, 0.0)
     for name, value in stage.terms.items():
         means[name] = float(np.mean(weights * value))
+    means |= state_terms(rollout, cost, found.states, rows)
 
     # A crash into an obstacle is found some steps late, and the loops then charge the weight of
     # crashes for each of these steps. So this cost is the difference of J to the sum of the terms,
@@ -113,12 +115,40 @@ def terms_of(
     return means
 
 
+def state_terms(
+    rollout: Rollout, cost: Cost, states: np.ndarray, rows: np.ndarray
+) -> dict[str, float]:
+    """Return the horizon mean of each term of the state alone, by name.
+
+    Args:
+        rollout: the rollout.
+        cost: its cost, with the numbers that are used.
+        states: after each step  (T, n_x).
+        rows: the target row of each step  (T, n_target).
+    """
+    # The target after a step is the target of the next one.
+    after = np.vstack([rows[1:], rows[-1:]])
+    x = rollout.system.state(*states.T)
+    target = cost.row._make(after.T)
+    marks = rollout.schedule.marks(len(states), term_steps(rollout.system.dt))
+    means = {}
+    for term in cost.terms:
+        if isinstance(term, StateTerm) and np.any(term.weight):
+            with np.errstate(all="ignore"):
+                value = term.value(x, x, None, target, term.parameters or cost.params)
+            means[term.name] = float(np.mean(marks * term.weight * value))
+    return means
+
+
 def _terms_alone(cost: Cost) -> Cost:
     """Return a cost with the terms of nonzero weight, without crashes and targets.
 
-    The loops leave the terms of weight zero out, and their values may be infinite or nan.
+    Terms of the state are left out, too. Terms of weight zero may have infinite values or nan; the
+    loops leave them out as well.
     """
-    terms = tuple(term for term in cost.terms if np.any(term.weight))
+    terms = tuple(
+        term for term in cost.terms if np.any(term.weight) and not isinstance(term, StateTerm)
+    )
     return replace(cost, terms=terms, reached=None, crash=None, risk=None)
 
 
@@ -131,7 +161,7 @@ def controls(mppi: MPPI, last: Iteration, which: np.ndarray) -> np.ndarray:
         which: indices of the samples  (samples,).
 
     Returns:
-        (samples, n_u, T)
+        The controls  (samples, n_u, T).
     """
     U = last.nominal.T  # (n_u, T)
     T = len(last.nominal)

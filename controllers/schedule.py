@@ -30,10 +30,10 @@ class Schedule:
     cost_rise: float = 0.0  # at least 0
 
     def noise(self, horizon: int) -> np.ndarray:
-        """Return n_t, the factors on the perturbations. The array is read-only.
+        """Return n_t, the factors on the perturbations, as a read-only array.
 
         Returns:
-            Factors of the blocks of samples with an even and with an odd index  (2, T).
+            Factors for the blocks of samples with even and with odd index  (2, T).
         """
         return _noise(self.first_noise, horizon)
 
@@ -43,6 +43,18 @@ class Schedule:
         The array is read-only.
         """
         return _cost(self.cost_rise, horizon)
+
+    def marks(self, horizon: int, steps: int) -> np.ndarray:
+        """Return the weights of terms that are computed at marks only.  (T,)
+
+        Every `steps` steps, and at the end, there is a mark, whose weight is the sum of s_t since
+        the mark before. The weights of all other steps are zero. The array is read-only.
+
+        Args:
+            horizon: T.
+            steps: number of steps from one mark to the next.
+        """
+        return _marks(self.cost_rise, horizon, steps)
 
 
 # Cached, as a planner uses these factors and weights in each control step
@@ -61,5 +73,16 @@ def _cost(cost_rise: float, horizon: int) -> np.ndarray:
     """Return the weights of the stage cost, see Schedule.cost.  (T,)"""
     s = ((np.arange(horizon) + 1.0) / horizon) ** cost_rise
     weights = s / s.mean()
+    weights.flags.writeable = False
+    return weights
+
+
+@lru_cache(maxsize=64)
+def _marks(cost_rise: float, horizon: int, steps: int) -> np.ndarray:
+    """Return the weights at marks, see Schedule.marks.  (T,)"""
+    sums = np.cumsum(_cost(cost_rise, horizon))
+    marks = np.append(np.arange(steps - 1, horizon - 1, steps), horizon - 1)
+    weights = np.zeros(horizon)
+    weights[marks] = np.diff(sums[marks], prepend=0.0)
     weights.flags.writeable = False
     return weights

@@ -7,9 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from quadsim.controllers.costs import Cost, Obstacles, evaluate
+from quadsim.controllers.costs import Cost, Obstacles, StateTerm, evaluate
 from quadsim.controllers.lanes.layout import LANES
-from quadsim.controllers.lanes.planner_loops import MARKS, steps_between
+from quadsim.controllers.lanes.planner_loops import MARKS, steps_between, term_steps
 from quadsim.controllers.schedule import Schedule
 from quadsim.dynamics import System
 
@@ -48,6 +48,7 @@ def fly_rows(
     M, T = len(z), len(U)
     noise = schedule.noise(T)
     stage = schedule.cost(T)
+    marks = schedule.marks(T, term_steps(system.dt))
     odd = np.arange(M) // LANES % 2
     targets = cost.targets_from(target, np.asarray(x0), np.float64)
     x = system.state(*(np.full(M, value, float) for value in x0))
@@ -74,6 +75,11 @@ def fly_rows(
         total += stage[t] * np.array([np.broadcast_to(value, M) for value in found.terms.values()])
         row = np.minimum(row + found.reached, len(targets) - 1)
         x = x_next
+        # Terms of the state alone count at marks only, with the target after the step.
+        after = evaluate(cost, x, x, u, cost.row._make(targets[row].T), crashed, t).terms
+        for k, term in enumerate(cost.terms):
+            if isinstance(term, StateTerm):
+                total[k] += marks[t] * after[term.name] - stage[t] * found.terms[term.name]
         if lines is not None:
             near = lines.meet(t, np.array(x[:3]), crashed, total, row < len(targets) - 1)
             clear = np.minimum(clear, near) if clearance is not None else clear

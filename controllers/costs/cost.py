@@ -22,7 +22,7 @@ from collections import namedtuple
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, Protocol, cast
 
 import numpy as np
 
@@ -31,10 +31,15 @@ from quadsim.files.yaml_errors import did_you_mean, shown_value
 if TYPE_CHECKING:
     from quadsim.dynamics.estimate import Estimate
 
+# Numbers of target rows that count to the finish: distance [m] and time [s] from a target on
+TO_GO = ("to_go", "later")
+
 Weight = float | np.ndarray  # one number, or one for each step of the horizon (T,)
 
 # (x, x_next, u, target, p) -> a number or a condition, over named scalars
 StepFunction = Callable[[Any, Any, Any, Any, Any], Any]
+# (x, target, p) -> a number, over named scalars
+StateFunction = Callable[[Any, Any, Any], Any]
 
 
 class NumberTuple(Protocol):
@@ -116,7 +121,11 @@ class Term:
     """
 
     def __init__(
-        self, function: StepFunction, weight: Weight = 1.0, name: str = "", **parameters: Weight
+        self,
+        function: StepFunction | StateFunction,
+        weight: Weight = 1.0,
+        name: str = "",
+        **parameters: Weight,
     ):
         if not callable(function):
             problem = f"expected a function (x, x_next, u, target, p), got {shown_value(function)}"
@@ -150,24 +159,44 @@ class Term:
                 near = did_you_mean(given, ["weight", *own])
                 raise ValueError(f"term {self.name}: no parameter {given!r}: {near}")
         weight = self.weight if weight is None else weight
-        return Term(self.function, weight, self.name, **{**own, **parameters})
+        kind = StateTerm if isinstance(self, StateTerm) else Term
+        return kind(self.function, weight, self.name, **{**own, **parameters})
+
+    def value(self, x: Any, x_next: Any, u: Any, target: Any, p: Any) -> Any:
+        """Return the number of the term for a step from x to x_next."""
+        of_step = cast(StepFunction, self.function)
+        return of_step(x, x_next, u, target, p)
 
     def __reduce__(self) -> tuple:
         parameters = self.parameters._asdict() if self.parameters else {}
-        return _term, (self.function, self.weight, self.name, parameters)
+        return _term, (type(self), self.function, self.weight, self.name, parameters)
 
     @cached_property
     def shape(self) -> tuple:
         """The key of the compiled loop: function and parameter names, without values."""
         own = self.parameters._fields if self.parameters else None
         has_weight = bool(np.any(self.weight))
-        return self.name, _ByIdentity(self.function), own, has_weight
+        return isinstance(self, StateTerm), self.name, _ByIdentity(self.function), own, has_weight
 
     def __repr__(self) -> str:
         own = self.parameters._asdict() if self.parameters else {}
         numbers = {"weight": self.weight, **own}
         shown = ", ".join(f"{name}={value}" for name, value in numbers.items())
         return f"Term({self.name}, {shown})"
+
+
+class StateTerm(Term):
+    """A term of a state and its target alone, which is computed at marks of the horizon only.
+
+    Its function is (x, target, p) -> number. The marks are some steps apart (`Schedule.marks`), and
+    the number at a mark stands for the steps since the mark before. It suits a number that changes
+    slowly and takes long to compute.
+    """
+
+    def value(self, x: Any, x_next: Any, u: Any, target: Any, p: Any) -> Any:
+        """Return the number of the term for the state x_next."""
+        of_state = cast(StateFunction, self.function)
+        return of_state(x_next, target, p)
 
 
 class EstimatedTerm(Term):
@@ -193,7 +222,7 @@ class EstimatedTerm(Term):
 class _ByIdentity:
     """A function in a key, compared by identity, as a callable object may have no hash."""
 
-    def __init__(self, function: StepFunction):
+    def __init__(self, function: Callable):
         self.function = function
 
     def __hash__(self) -> int:
@@ -220,9 +249,15 @@ def _name_of(function: Any) -> str:
     return getattr(function, "__name__", type(function).__name__).strip("<>")
 
 
-def _term(function: StepFunction, weight: Weight, name: str, parameters: dict[str, Weight]) -> Term:
-    """Make a Term again in another process, as pickle does not find the type of its record."""
-    return Term(function, weight, name, **parameters)
+def _term(
+    kind: type[Term],
+    function: StepFunction | StateFunction,
+    weight: Weight,
+    name: str,
+    parameters: dict[str, Weight],
+) -> Term:
+    """Make a term again in another process, as pickle does not find the type of its record."""
+    return kind(function, weight, name, **parameters)
 
 
 def is_record_type(kind: object) -> bool:
@@ -276,7 +311,7 @@ class Cost:
 
     name: str
     terms: tuple[Term, ...]
-    # NamedTuple: the names of a target row's numbers; `to_go`, if any, is the distance still to fly
+    # NamedTuple: the names of a target row's numbers, see TO_GO
     row: type[NumberTuple]
     targets: np.ndarray  # the target rows, from the first target on  (targets, n_target)
     # NamedTuple of numbers, or of arrays (T,) if they depend on the step of the horizon
@@ -416,7 +451,7 @@ class Cost:
                 weight = given.get(number_name(term.name, "weight"), weight)
             own = term.parameters._asdict() if term.parameters else {}
             numbers = {name: given.get(number_name(term.name, name), own[name]) for name in own}
-            terms.append(Term(term.function, weight, term.name, **numbers))
+            terms.append(term.but(weight, **numbers))
         values = zip(self.params._fields, self.params, strict=True)
         shared = (given.get(f"p_{name}", value) for name, value in values)
         return replace(self, terms=tuple(terms), params=self.params._make(shared))
@@ -444,7 +479,7 @@ class Cost:
     def targets_from(self, target: int, x: np.ndarray, dtype: type = np.float32) -> np.ndarray:
         """Return the target rows from the current one on.
 
-        The distance to go counts from the current target, which keeps the numbers small.
+        Distance and time to go count from the current target, which keeps the numbers small.
 
         Args:
             target: number of targets reached so far.
@@ -463,9 +498,10 @@ class Cost:
             wanted = f"the index of one of {len(self.targets)} rows"
             self._refuse("row_ahead", wanted, first)
         rows = np.array(self.targets[first:], dtype=dtype)
-        if "to_go" in self.row._fields:
-            to_go = self.row._fields.index("to_go")
-            rows[:, to_go] -= rows[0, to_go]
+        for name in TO_GO:
+            if name in self.row._fields:
+                to_go = self.row._fields.index(name)
+                rows[:, to_go] -= rows[0, to_go]
         return rows
 
     def _row(self, target: int, x: np.ndarray) -> int:
@@ -518,7 +554,7 @@ def evaluate(
             value = crashed
         else:
             own = at_step(term.parameters, t) if term.parameters else shared
-            value = term.function(x, x_next, u, gate, own)
+            value = term.value(x, x_next, u, gate, own)
         terms[term.name] = number_at_step(term.weight, t) * value
     reached = cost.reached(x, x_next, u, gate, shared) if cost.reached else False
     return Evaluated(terms, reached, crashed)

@@ -29,7 +29,7 @@ behind it, the entry plane as far in front of the gate.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Annotated
 
 from msgspec import Meta
@@ -48,10 +48,12 @@ from quadsim.controllers.costs.race_targets import (
     row_ahead,
     targets,
 )
+from quadsim.controllers.costs.race_value import value_of_rows, with_time_to_go
 from quadsim.controllers.costs.room import leaves_room, room_to_fly
 from quadsim.course import Course
 from quadsim.files.strict_yaml import setting
 from quadsim.files.values import check_fields
+from quadsim.value import CourseValue, PointMass
 
 AT_TARGET = 0.5  # distance to the target below which the bearing to it is not used [m]
 
@@ -97,6 +99,13 @@ class RaceWeights:
         setting(
             "weight of the probability that a gate known only from nearby turns out to be out of"
             " reach, as a share of crash, see known_from"
+        ),
+    ] = 0.0
+    time_to_go: Annotated[
+        Weight,
+        setting(
+            "weight per metre that a point mass flies, on average, in the time that it still takes"
+            " to the finish"
         ),
     ] = 0.0
     desired_speed: Annotated[
@@ -219,6 +228,30 @@ def clearance(x, x_next, u, gate, p):
     return where(step.within, missing, 0.0)
 
 
+def margin_of(weights: RaceWeights) -> Margin:
+    """Return the desired distance between vehicle and frame within a gate."""
+    return Margin(wanted=weights.margin, share=weights.margin_share)
+
+
+# Cached, as a race of several and a changed weight ask for the same value, which takes a second
+@lru_cache(maxsize=32)
+def map_value(
+    course: Course, radius: float, margin: Margin, laps: int, mass: PointMass
+) -> CourseValue:
+    """Return the value of a course for the term `time_to_go`.
+
+    Args:
+        course: the course.
+        radius: radius of the vehicle [m].
+        margin: desired distance between vehicle and frame within a gate.
+        laps: number of laps.
+        mass: the vehicle as a point mass.
+    """
+    room = room_to_fly(course, radius, margin.wanted)
+    rows, _ = targets(course, radius, margin, room, laps)
+    return value_of_rows(rows, course.start.position, mass)
+
+
 # The terms of a_0 to a_8; each has the name of its weight in RaceWeights.
 RACE_TERMS = (progress, heading, height, speed, stabilize, crash, waypoint, path, clearance)
 TERMS = tuple(term.__name__ for term in RACE_TERMS)
@@ -230,6 +263,7 @@ def race_cost(
     weights: RaceWeights,
     laps: int,
     sight: Sight | None = None,
+    value: CourseValue | None = None,
 ) -> Cost:
     """Return the racing cost.
 
@@ -239,10 +273,10 @@ def race_cost(
         weights: weights and parameters of the terms.
         laps: number of laps.
         sight: from where gates are known that stand off the map; None: they stand as mapped.
+        value: of the map, see `map_value`; None: without the term `time_to_go`.
     """
     room = room_to_fly(course, radius, weights.margin)
-    margin = Margin(wanted=weights.margin, share=weights.margin_share)
-    rows, first = targets(course, radius, margin, room, laps)
+    rows, first = targets(course, radius, margin_of(weights), room, laps)
     deepest = max(gate.frame_depth for gate in course.gates)
     still_in_gate = partial(is_inside, clear_of_frame(radius, deepest))
     cost = Cost(
@@ -264,6 +298,11 @@ def race_cost(
 
     if sight:
         cost = with_caution(cost, course.gates * laps, first, sight, weights.caution)
+    if value:
+        # Displaced gates may need other ways round the obstacles.
+        if len(value.passages) != len(rows) - 1:
+            value = value_of_rows(rows, course.start.position, value.mass)
+        cost = with_time_to_go(cost, value, weights.time_to_go)
 
     # A sample chooses among several rows only if obstacles add rows between gates.
     rows_between_gates = len(rows) > len(first) - 1

@@ -12,6 +12,7 @@ import numpy as np
 from quadsim.config.build import planner_of
 from quadsim.config.spec import Spec
 from quadsim.controllers.config import MPPIConfig
+from quadsim.controllers.lanes.planner_loops import operations
 from quadsim.controllers.lanes.threads import use_threads
 from quadsim.controllers.mppi import MPPI
 from quadsim.controllers.presets import preset
@@ -100,10 +101,23 @@ class CaseTime(NamedTuple):
     ms_p50: float  # median of the control steps
     ms_p95: float  # 95th percentile
     steps_per_s: float  # model steps per second, by the median
+    # operations of model and cost in these steps, over the peak of these threads
+    of_peak: float
 
     @classmethod
-    def of(cls, case: Case, threads: int, ms_p50: float, ms_p95: float) -> CaseTime:
-        """Return the time of a case from its percentiles [ms] on a number of threads."""
+    def of(
+        cls, case: Case, threads: int, *, ms_p50: float, ms_p95: float, operations: int, peak: float
+    ) -> CaseTime:
+        """Return the time of a case.
+
+        Args:
+            case: the case.
+            threads: number of threads.
+            ms_p50, ms_p95: percentiles of the times of a control step [ms].
+            operations: arithmetic operations of one step of one sample.
+            peak: of one thread, see `peak_operations` [1/s].
+        """
+        steps_per_s = 1e3 * case.steps / ms_p50
         return cls(
             name=case.name,
             system=case.system,
@@ -114,7 +128,8 @@ class CaseTime(NamedTuple):
             threads=threads,
             ms_p50=ms_p50,
             ms_p95=ms_p95,
-            steps_per_s=1e3 * case.steps / ms_p50,
+            steps_per_s=steps_per_s,
+            of_peak=steps_per_s * operations / (threads * peak),
         )
 
 
@@ -126,7 +141,7 @@ class Start(NamedTuple):
 
 
 def paper_case(system: str, sampler: str) -> Case:
-    """Return the case at the paper's budget, the racer's at its own, on all threads."""
+    """Return the case with the paper's budget, or the racer's own budget, on all threads."""
     if system in PRESETS:
         config = preset(PRESETS[system], "gaussian").mppi
     else:
@@ -161,7 +176,7 @@ def _sizes() -> Iterator[Case]:
 
 
 def starting(case: Case) -> Start:
-    """Return a case's planner, with the other settings of its preset, and its start state."""
+    """Return the planner of a case, with the settings of its preset, and the initial state."""
     budget: dict[str, Any] = {
         "samples": case.samples,
         "horizon": case.horizon,
@@ -177,13 +192,20 @@ def starting(case: Case) -> Start:
     return Start(system.planner(system.samplings[case.sampler], config), np.array(system.start))
 
 
-def measure(case: Case, seconds: float) -> CaseTime:
-    """Time the control steps of a case for about the given number of seconds."""
+def measure(case: Case, seconds: float, peak: float) -> CaseTime:
+    """Return the times of the control steps of a case.
+
+    Args:
+        case: the case.
+        seconds: approximate duration of the timing.
+        peak: of one thread, see `peak_operations` [1/s].
+    """
     threads = use_threads(case.threads)
     start = starting(case)
     times = times_ms(lambda: start.mppi.control(start.x), seconds)
     p50, p95 = np.percentile(times, [50, 95]).tolist()
-    return CaseTime.of(case, threads, p50, p95)
+    per_step = operations(start.mppi.system, start.mppi.cost)
+    return CaseTime.of(case, threads, ms_p50=p50, ms_p95=p95, operations=per_step, peak=peak)
 
 
 def times_ms(call: Callable[[], object], seconds: float) -> np.ndarray:

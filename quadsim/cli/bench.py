@@ -34,6 +34,7 @@ from quadsim.config.build_cost import cost_on
 from quadsim.config.build_plant import system_of
 from quadsim.config.spec import Spec
 from quadsim.console import emit, emit_json, progress_console
+from quadsim.controllers.lanes.peak import peak_operations
 from quadsim.controllers.lanes.planner_loops import module_source
 from quadsim.controllers.lanes.threads import use_threads
 from quadsim.record.provenance import cpu_name
@@ -59,7 +60,8 @@ def bench(
     """Time whole control steps on this machine, which should be otherwise idle.
 
     Every system is timed at the paper's budget and the racer at its own, then the quadrotor with
-    other samples and horizons.
+    other samples and horizons. The last column is the arithmetic of model and cost, over the most
+    that a loop of multiplications and additions did on one thread in the same run.
 
     race bench --peers     the same model through pytorch-mppi and JAX, in the same run
 
@@ -102,7 +104,8 @@ def _bench_planner(seconds: float, peers: bool, json: bool) -> None:
         console=progress_console(),
         transient=True,
     )
-    times = [measure(case, seconds) for case in every]
+    peak = peak_operations()
+    times = [measure(case, seconds, peak) for case in every]
     use_threads(None)
     parts = [part for sampler in SWEPT for part in stages(paper_case(QUADROTOR, sampler), seconds)]
     others = compare(seconds) if peers else []
@@ -110,7 +113,7 @@ def _bench_planner(seconds: float, peers: bool, json: bool) -> None:
         result = {
             "cases": [row._asdict() for row in times],
             "stages": [row._asdict() for row in parts],
-            "machine": {"cpu": cpu_name(), "threads": most},
+            "machine": {"cpu": cpu_name(), "threads": most, "peak_operations_per_s": peak},
         }
         if peers:
             result["peers"] = [row._asdict() for row in others]
@@ -121,7 +124,7 @@ def _bench_planner(seconds: float, peers: bool, json: bool) -> None:
         "",
         stages_table(parts, most),
         "",
-        f"{cpu_name()}, {most} threads",
+        f"{cpu_name()}, {most} threads, peak of one thread {1e-9 * peak:.1f} GFLOP/s",
         *peer_lines(others),
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from rich.markup import escape
 
@@ -28,6 +28,9 @@ from quadsim.record.whole_files import expect_new_file, write_whole
 from quadsim.report.preset_changes import changed_numbers, number_text, recorded_derivation
 from quadsim.results.heat import Heat
 from quadsim.results.stored_runs import stored_runs
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def runs(
@@ -136,17 +139,27 @@ def plot(
     out: Annotated[
         str | None, Help("FILE.png, .svg or .pdf, or a folder for figures; default: the run's")
     ] = None,
+    value: Annotated[
+        bool,
+        Switch(
+            "the best way of a point mass through the race instead, beside the best known limit"
+        ),
+    ] = False,
     runs_dir: RunsDir = "runs",
     json: Json = False,
 ) -> int:
     """Draw a stored run: path from above, thrust, body rates, spectrum.
 
-    A race of several vehicles is drawn as paths, places at the gates and gaps.
+    A race of several vehicles is drawn as paths, places at the gates and gaps. --value draws the
+    way, speeds and times of a point mass with the vehicle's thrust and drag.
 
     race plot last --out race.png
     """
     folder = heat_folder(run, runs_dir)
-    if folder is not None:
+    stem = "value" if value else "plot"
+    if value:
+        folder, figure = _value_figure(run, runs_dir)
+    elif folder is not None:
         figure = Heat.load(folder).plot()
     else:
         folder = find_run(run, runs_dir)
@@ -156,13 +169,32 @@ def plot(
 
         figure = draw(flown, known_limit(flown, folder, runs_dir))
     if out is None:
-        paths = write_figure(figure, folder, "plot")
+        paths = write_figure(figure, folder, stem)
     elif Path(out).suffix.lower() in PICTURES:
         paths = (save_figure(figure, Path(out)),)
     else:
         paths = write_figure(figure, Path(out), export_name(folder))
     _print_paths(paths, json)
     return 0
+
+
+def _value_figure(run: str, runs_dir: str) -> tuple[Path, Figure]:
+    """Return the folder of a run, and the figure of the value of its race.
+
+    Raises:
+        UsageError: its rules are not those of a race.
+    """
+    # Imported here, so that --help does not load matplotlib
+    from quadsim.figures.value_figure import draw_value
+    from quadsim.limit.limits import LimitProblem
+
+    folder = find_run(run, runs_dir)
+    flown = read_run(folder)
+    problem = LimitProblem.of_run(flown.spec)
+    if problem is None:
+        wanted = "expected a race with the vehicle of quadsim and without penalties"
+        raise UsageError(f"--value: {wanted}, got {run}")
+    return folder, draw_value(problem, known_limit(flown, folder, runs_dir))
 
 
 def export(

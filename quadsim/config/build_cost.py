@@ -1,4 +1,4 @@
-"""Build the cost of a Spec: the racing or the reference cost, with what the user adds."""
+"""Build the cost of a Spec: the racing or the reference cost, with the user's own terms."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ from quadsim.config.reference import reference_of
 from quadsim.config.settings import SettingError
 from quadsim.config.spec import Spec
 from quadsim.controllers.costs import Cost
-from quadsim.controllers.costs.race import RaceWeights, race_cost
+from quadsim.controllers.costs.race import RaceWeights, map_value, margin_of, race_cost
 from quadsim.controllers.costs.race_caution import Sight, unseen_gates
 from quadsim.controllers.costs.race_view import with_view
 from quadsim.controllers.costs.reference import ReferenceWeights, reference_cost
 from quadsim.course import Course
 from quadsim.files.yaml_errors import shown_value
+from quadsim.value import CourseValue, PointMass
 
 if TYPE_CHECKING:
     pass
@@ -46,10 +47,10 @@ def cost_on(spec: Spec, course: Course) -> Cost:
 
 
 def changed_cost(change: Callable[[Cost], object], cost: Cost) -> Cost:
-    """Return the cost that the user's function makes of the default one.
+    """Return the result of the user's function that changes the default cost.
 
     Raises:
-        SettingError: the function returns anything else than a Cost, or one that is inconsistent.
+        SettingError: the function does not return a Cost, or returns an inconsistent one.
     """
     try:
         found = called("cost", change, "the default Cost", cost)
@@ -82,19 +83,29 @@ def race_cost_on(spec: Spec, course: Course) -> Cost:
         reference = reference_of(spec.reference, spec.vehicle, spec.planner.mppi.dt)
         return reference_cost(course, radius, weights, reference)
     sight = sight_of(spec, weights, course)
-    cost = race_cost(course, radius, weights, spec.laps, sight)
+    value = value_of(spec, weights)
+    cost = race_cost(course, radius, weights, spec.laps, sight, value)
     if spec.sensing and spec.sensing.corner_camera and spec.view_weight:
         return with_view(cost, spec.view_weight)
     return cost
 
 
+def value_of(spec: Spec, weights: RaceWeights) -> CourseValue | None:
+    """Return the value of the planner's map; None without the term `time_to_go`."""
+    if not weights.time_to_go:
+        return None
+    mass = PointMass.of(spec.vehicle)
+    margin = margin_of(weights)
+    return map_value(spec.course, spec.vehicle.radius, margin, spec.laps, mass)
+
+
 def sight_of(spec: Spec, weights: RaceWeights, known: Course) -> Sight | None:
-    """Return from where gates are known that stand off the map; None where caution has no use.
+    """Return the distance from which displaced gates are known, None if caution has no use.
 
     Args:
         spec: specification of the flight.
         weights: the planner's weights.
-        known: the course as it is known now.
+        known: the course that is known at present.
     """
     displacement = spec.displacement
     if spec.known_from is None or not displacement.gates or not weights.caution:

@@ -102,6 +102,7 @@ class Keywords(TypedDict, total=False):
     path: float | None
     clearance: float | None
     caution: float | None
+    time_to_go: float | None
     desired_speed: float | None
     waypoint_radius: float | None
     margin: float | None

@@ -147,7 +147,7 @@ def cells(table, row):
 
 
 def timed(case, threads, ms):
-    return CaseTime.of(case, threads, ms, ms)
+    return CaseTime.of(case, threads, ms_p50=ms, ms_p95=ms, operations=300, peak=60e9)
 
 
 def test_growth_is_ms_for_a_million_steps_and_all_threads_beside_one():
@@ -157,6 +157,13 @@ def test_growth_is_ms_for_a_million_steps_and_all_threads_beside_one():
     table = growth_table(rows, 2)
     assert cells(table, 0) == ["256 x 150 x 2", "6.51", "5.21", "1.25", "", "", ""]
     assert cells(table, 1) == ["4096 x 150 x 2", "6.51", "3.26", "2.00", "", "", ""]
+
+
+def test_share_of_the_peak_is_the_arithmetic_over_what_the_threads_can_do():
+    case = paper_case("quadrotor", "gaussian")
+    of_peak = 4096 * 150 * 2 * 300 / 8e-3 / 60e9
+    assert timed(case, 1, 8.0).of_peak == pytest.approx(of_peak)
+    assert timed(case, 2, 8.0).of_peak == pytest.approx(of_peak / 2)
 
 
 def test_tables_of_every_case_fit_a_terminal():
@@ -196,9 +203,10 @@ def test_json_holds_cases_stages_and_machine(quick, capsys):
         assert 0 < row["ms_p50"] <= row["ms_p95"]
         assert row["steps_per_s"] == pytest.approx(1e3 * 128 * 40 / row["ms_p50"])
         assert row["threads"] == 1
+        assert 0.0 < row["of_peak"] < 1.0, "no loop does more than the loop of the peak"
     for sampler, parts in PARTS.items():
         assert [row["part"] for row in result["stages"] if row["sampler"] == sampler] == parts
-    assert result["machine"].keys() == {"cpu", "threads"}
+    assert result["machine"].keys() == {"cpu", "threads", "peak_operations_per_s"}
 
 
 @pytest.mark.compiled

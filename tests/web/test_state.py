@@ -197,7 +197,7 @@ def test_the_line_up_is_called_as_it_will_be_in_flight_and_says_what_differs():
     )
     found = line_up_of(state)
     usual = PRESETS["race"]["colored"].mppi.temperature
-    assert found.names == (f"colored T {usual:g}", "colored T 0.2")
+    assert found.names == ("colored", "colored T 0.2")
     assert found.compared == f"They differ in temperature ({usual:g} / 0.2); all else is equal."
     assert found.problem == ""
     wrong = line_up_of(after(ChooseRace("course", "no_such"), state=state))
@@ -251,6 +251,9 @@ OFFERED = PageState.of(choices("colored"), choices("gaussian"), menu=MENU_OF_TWO
         ChooseNames(FIRST, {"sensing": "other.yaml"}),
         ChooseNames(FIRST, {"preset": "paper"}),
         SetUp(RaceChoices(course="/etc/passwd"), (CompetitorChoices(),)),
+        SetUp(RaceChoices(course=COURSE, seed=-1), (CompetitorChoices(),)),
+        SetUp(RaceChoices(course=COURSE, laps=10**9), (CompetitorChoices(),)),
+        SetUp(RaceChoices(course=COURSE, deadline_ms="soon"), (CompetitorChoices(),)),
         SetUp(RaceChoices(course=COURSE), (CompetitorChoices(vehicle="x.yaml"),)),
         SetUp(RaceChoices(course=COURSE), (CompetitorChoices(settings={"plant": "mine:Code"}),)),
         SetUp(RaceChoices(course=COURSE), (CompetitorChoices(settings={"horizon": 1}),)),

@@ -2,9 +2,10 @@
 // canvas in each element with data-charts. The pointer shows the values there; pressing and dragging moves the
 // replay; the wheel zooms; a double click shows everything, or follows the race again.
 import { make } from "./dom.js";
-import { on, send } from "./link.js";
-import { alsoShows, show } from "./parts.js";
+import { isOpen, on, send } from "./link.js";
+import { alsoShows } from "./parts.js";
 import { extent, rowsIn, scale, text, ticks, valueAt, zoomed, zoomedInTime } from "./scales.js";
+import { show } from "./store.js";
 
 const ASK = 100; // [ms] between two questions while the race moves
 const REST = 500; // [ms] between two while it stands still
@@ -40,10 +41,10 @@ let waiting = 0; // when the awaited answer was asked for [ms]; 0: no answer is 
 const isSeen = (tab) => document.querySelector(`[data-charts="${tab}"]`).clientWidth > 0;
 
 function ask() {
-  if (isSeen("Signals") && !document.hidden && Date.now() - waiting > PATIENCE) {
+  if (isOpen() && isSeen("Signals") && !document.hidden && Date.now() - waiting > PATIENCE) {
     const frames = race.frames.map((columns) => columns.t.length);
-    const sent = send({ type: "ask_signals", race: race.race, frames });
-    waiting = sent ? Date.now() : 0;
+    send({ type: "ask_signals", race: race.race, frames });
+    waiting = Date.now();
   }
   setTimeout(ask, race.is_playing ? ASK : REST);
 }

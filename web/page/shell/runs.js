@@ -5,10 +5,10 @@ import { copy, make } from "./dom.js";
 import { figureOf } from "./figure.js";
 import * as keys from "./keys.js";
 import { on, send } from "./link.js";
-import { show } from "./parts.js";
 import { nodesOf } from "./report_blocks.js";
 import { fits, order } from "./run_rows.js";
 import { seat } from "./scene.js";
+import { show } from "./store.js";
 
 const MOST = 300; // rows that are shown; the filter finds the others
 let columns = []; // their keys, titles and digits, which the server sends
@@ -157,7 +157,7 @@ function texts(row) {
   const cell = make("td", { colSpan: columns.length + 2, className: "texts" });
   const wording = wordings[row.name];
   if (!wording) return Object.assign(cell, { textContent: "..." });
-  const address = new URL("?" + new URLSearchParams({ run: row.name }), location.origin + "/").href;
+  const address = new URL("?" + new URLSearchParams({ run: row.name }), document.baseURI).href;
   const lines = [
     ["command", wording.command],
     ["Python", wording.python],

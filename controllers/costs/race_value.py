@@ -1,0 +1,278 @@
+"""The term `time_to_go`: the time that a point mass takes from a sample's state to the finish.
+
+    V(p, v) = min over T and the crossing z of  (1 - a) T + a E / f^2 + V_gate(z)
+
+T is the time to the gate's exit, E the least integral of the squared thrust in that time (see
+quadsim.value.leg), and V_gate the time to go behind the gate, a quadratic form of the place in the
+opening and of the velocity there (quadsim.value.course_value). For given T both parts are sums over
+the three axes of the gate, so that the best crossing has a closed form for each axis. The time T
+comes from the quartic equation of a leg that ends anyhow, improved by two steps of Newton's method.
+
+With it a plan knows what comes behind its horizon, in which direction and how fast a gate is to be
+left. The term is smooth, also where a sample passes a gate. It knows no attitude, frames, ground or
+obstacles, so it stands beside the term `progress` and the crash.
+"""
+
+from __future__ import annotations
+
+from collections import namedtuple
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy import maximum, minimum, sqrt, where
+
+from quadsim.controllers.costs.cost import Cost, StateTerm
+from quadsim.controllers.costs.race_step import in_gate
+from quadsim.controllers.costs.race_targets import RUN_OUT, GateTarget, cross
+from quadsim.course import in_frame
+from quadsim.dynamics.named_tuples import columns
+from quadsim.rotation import Vec3
+from quadsim.value import CourseValue, Passages, PointMass, value_of_passages
+from quadsim.value.leg import THRUST_SHARE
+from quadsim.value.passages import SMALLEST
+from quadsim.vehicle import GRAVITY
+
+# Distance to the exit from which a sample that is nearer counts as this far away [m]
+NEAREST = 0.01
+# Cost of crossing a gate beside its opening [s/m]: a sample near it cannot change where it crosses
+OUTSIDE = 1.0
+# Time that a missed gate costs beside the way round it [s]
+MISSED = 0.5
+# Steps of Newton's method for the time of a leg that ends anyhow, and for the time to the crossing
+FIRST_STEPS = 2
+STEPS = 2
+# Least speed in the denominator of a time [m/s]
+SLOW = 0.1
+
+
+class Behind(NamedTuple):
+    """The time to go behind a gate: later + sum of (slope z + curve z^2 / 2) over the crossing."""
+
+    later: float  # [s]
+    slope_left: float  # by the offset in the opening [s/m]
+    slope_up: float
+    slope_v_along: float  # by the velocity [s/(m/s)]
+    slope_v_left: float
+    slope_v_up: float
+    curve_left: float
+    curve_up: float
+    curve_v_along: float
+    curve_v_left: float
+    curve_v_up: float
+
+
+class Axis(NamedTuple):
+    """A leg along one axis of a gate."""
+
+    v: Any  # velocity at its begin [m/s]
+    gravity: Any  # acceleration against which the thrust acts [m/s^2]
+    slope: Any  # derivatives of the time to go behind the gate by the velocity there
+    curve: Any
+
+
+class Place(NamedTuple):
+    """The place at which a leg across the opening ends best."""
+
+    offset: Any  # from the middle [m]
+    outside: Any  # by how much that is beside the opening [m]
+
+
+class Found(NamedTuple):
+    """The best crossing along one axis, for a given time."""
+
+    cost: Any  # price of the thrust, and time to go behind the gate [s]
+    rate: Any  # its change with the time
+
+
+def along_axis(axis, d, T, price, drag):
+    """Return the best crossing of a leg along one axis over the distance d, a Found.
+
+    Args:
+        axis: Axis.
+        d: distance [m].
+        T: time of the leg [s].
+        price: a / f^2.
+        drag: k [1/s].
+    """
+    mean = d / T
+    # E = ((u - a)^2 + 12 (b - u / 2)^2) / T with the velocity u at the end
+    a = axis.v - axis.gravity * T - drag * d
+    b = mean - 0.5 * axis.v
+    per = price / T
+    u = (per * (2.0 * a + 12.0 * b) - axis.slope) / (8.0 * per + axis.curve)
+    change = u - a
+    off = b - 0.5 * u
+    thrust = per * (change * change + 12.0 * off * off)
+    behind = (axis.slope + 0.5 * axis.curve * u) * u
+    rate = (2.0 * per * (change * axis.gravity - 12.0 * off * mean / T)) - thrust / T
+    return Found(thrust + behind, rate)
+
+
+def best_offset(axis, y, half, slope, curve, T, price, drag):
+    """Return the place at which a leg across the opening ends best, a Place.
+
+    Args:
+        axis: Axis.
+        y: offset at the begin [m].
+        half: half size of the opening [m].
+        slope, curve: derivatives of the time to go behind the gate by the offset.
+        T, price, drag: as in `along_axis`.
+    """
+    # The price of the thrust and the time behind the gate are quadratic in the offset, with the
+    # best velocity for each offset.
+    per = price / T
+    a = axis.v - axis.gravity * T + drag * y
+    b = -y / T - 0.5 * axis.v
+    best = 1.0 / (8.0 * per + axis.curve)
+    pull = per * (2.0 * a + 12.0 * b) - axis.slope
+    pull_by_offset = per * (12.0 / T - 2.0 * drag)
+    first = per * (24.0 * b / T - 2.0 * drag * a) - best * pull * pull_by_offset + slope
+    second = per * (24.0 / (T * T) + 2.0 * drag * drag)
+    second = second - best * pull_by_offset * pull_by_offset + curve
+    free = -first / second
+    inside = minimum(maximum(free, -half), half)
+    # Beside the opening the slope of the cost is OUTSIDE, which draws the place nearer.
+    drawn = OUTSIDE / second
+    beyond = free - inside
+    beyond = beyond - minimum(maximum(beyond, -drawn), drawn)
+    return Place(inside + beyond, abs(beyond))
+
+
+def time_to_go(x, gate, p):
+    """Return the time that a point mass takes from the state x to the finish [s]."""
+    passage = (gate.nx, gate.ny, gate.nz)
+    left = (gate.lx, gate.ly, gate.lz)
+    up = cross(passage, left)
+    place = in_gate(x.position, gate)
+    v_along, v_left, v_up = in_frame(x.velocity, passage, left, up)
+    half_left = maximum(gate.free_y - gate.margin, SMALLEST)
+    half_up = maximum(gate.free_z - gate.margin, SMALLEST)
+    along = Axis(v_along, GRAVITY * gate.nz, gate.slope_v_along, gate.curve_v_along)
+    aside = Axis(v_left, GRAVITY * gate.lz, gate.slope_v_left, gate.curve_v_left)
+    upward = Axis(v_up, GRAVITY * up[2], gate.slope_v_up, gate.curve_v_up)
+    d_along = maximum(-place.along, NEAREST)
+
+    # The time of a leg to the exit alone, at the point to which the velocity leads
+    by_speed = d_along / maximum(v_along, SLOW)
+    by_thrust = sqrt(p.root * d_along)
+    T = minimum(by_speed, by_thrust)
+    d_left = minimum(maximum(place.left + v_left * T, -half_left), half_left) - place.left
+    d_up = minimum(maximum(place.up + v_up * T, -half_up), half_up) - place.up
+
+    # The time of a leg that ends there anyhow is the first root of a quartic equation:
+    #   T^4 = 3 a / ((1 - a) f^2) (3 d^2 - 4 d.v T + v^2 T^2),   d with the fall in the time T
+    falls = 0.5 * T * T
+    dx = d_along + falls * along.gravity
+    dy = d_left + falls * aside.gravity
+    dz = d_up + falls * upward.gravity
+    dd = dx * dx + dy * dy + dz * dz
+    dv = dx * v_along + dy * v_left + dz * v_up
+    vv = v_along * v_along + v_left * v_left + v_up * v_up
+    T = minimum(dd / maximum(dv, SLOW * sqrt(dd)), sqrt(p.root * sqrt(dd)))
+    for _ in range(FIRST_STEPS):
+        slope = quartic_slope(T, dv, vv, p)
+        T2 = T * T
+        excess = T2 * T2 - p.unit * (3.0 * dd - 4.0 * dv * T + vv * T2)
+        T = minimum(maximum(T - excess / slope, 0.3 * T), 2.0 * T)
+
+    # The time at which gate and what is behind it are best. The last step is not evaluated again:
+    # near the least value the sum is a parabola.
+    rest = 1.0 - THRUST_SHARE
+    for step in range(STEPS):
+        at_left = best_offset(
+            aside, place.left, half_left, gate.slope_left, gate.curve_left, T, p.price, p.drag
+        )
+        at_up = best_offset(
+            upward, place.up, half_up, gate.slope_up, gate.curve_up, T, p.price, p.drag
+        )
+        n = along_axis(along, d_along, T, p.price, p.drag)
+        y = along_axis(aside, at_left.offset - place.left, T, p.price, p.drag)
+        z = along_axis(upward, at_up.offset - place.up, T, p.price, p.drag)
+        rate = rest + n.rate + y.rate + z.rate
+        T2 = T * T
+        curve = rest * quartic_slope(T, dv, vv, p) / (T2 * T2)
+        change = minimum(maximum(-rate / curve, -0.3 * T), 0.4 * T)
+        if step < STEPS - 1:
+            T = T + change
+    left_behind = (gate.slope_left + 0.5 * gate.curve_left * at_left.offset) * at_left.offset
+    up_behind = (gate.slope_up + 0.5 * gate.curve_up * at_up.offset) * at_up.offset
+    behind = gate.later + left_behind + up_behind + OUTSIDE * (at_left.outside + at_up.outside)
+    ahead = rest * T + n.cost + y.cost + z.cost + (rate + 0.5 * curve * change) * change + behind
+
+    # Behind a gate that was not passed the way leads back to its front, as in `progress`. Behind
+    # the finish time runs on.
+    back = place.along + gate.approach
+    way = sqrt(back * back + place.left * place.left + place.up * place.up) + gate.approach
+    missed = gate.later + MISSED + way / p.speed
+    finished = -(RUN_OUT + place.along) / p.speed
+    before_finish = gate.free_y < RUN_OUT
+    return where(before_finish, where(place.along > 0.0, missed, ahead), finished)
+
+
+def quartic_slope(T, dv, vv, p):
+    """Return the slope of the quartic equation for the time of a leg, bounded from below."""
+    T3 = T * T * T
+    return maximum(4.0 * T3 + p.unit * (4.0 * dv - 2.0 * vv * T), 2.0 * T3)
+
+
+@lru_cache(maxsize=16)
+def value_row(row: Any) -> Any:
+    """Return the type of target rows with the numbers of Behind after these."""
+    return namedtuple(f"Valued{row.__name__}", row._fields + Behind._fields)
+
+
+def with_time_to_go(cost: Cost, value: CourseValue, weight: float) -> Cost:
+    """Return the racing cost with the term `time_to_go`.
+
+    Args:
+        cost: the racing cost. Its rows are those for which the value was made, apart from places
+            and directions: gates that turn out to stand elsewhere take their value with them.
+        value: of the course, see `value_of_rows`.
+        weight: per metre that is flown on average in the time to go.
+    """
+    z = value.crossings
+    slope = value.slope - value.curvature * z
+    later = value.to_go - (value.slope * z - 0.5 * value.curvature * z * z).sum(axis=1)
+    behind = np.column_stack([later, slope, value.curvature])
+    run_out = np.zeros((1, behind.shape[1]))
+    f = value.mass.thrust
+    unit = 3.0 * THRUST_SHARE / ((1.0 - THRUST_SHARE) * f * f)
+    term = StateTerm(
+        time_to_go,
+        weight * value.mean_speed,
+        price=THRUST_SHARE / (f * f),
+        drag=value.mass.drag,
+        unit=unit,
+        root=float(np.sqrt(3.0 * unit)),
+        speed=float(value.speeds[-1]),
+    )
+    return replace(
+        cost,
+        name=f"{cost.name}_value",
+        row=value_row(cost.row),
+        targets=np.hstack([cost.targets, np.vstack([behind, run_out])]),
+        terms=(*cost.terms, term),
+    )
+
+
+def value_of_rows(rows: np.ndarray, start: Vec3, mass: PointMass) -> CourseValue:
+    """Return the time to go through the targets of the racing cost.
+
+    Args:
+        rows: rows of `GateTarget`, the last one behind the finish.
+        start: position at the start [m]  (3,).
+        mass: the vehicle as a point mass.
+    """
+    gates = rows[:-1]
+    forward = columns(gates, GateTarget, "nx", "nz")
+    left = columns(gates, GateTarget, "lx", "lz")
+    free = columns(gates, GateTarget, "free_y", "free_z")
+    margin = columns(gates, GateTarget, "margin", "margin")
+    passages = Passages(
+        position=columns(gates, GateTarget, "x", "z"),
+        rotation=np.stack([forward, left, np.cross(forward, left)], axis=2),
+        half=np.maximum(free - margin, SMALLEST),
+    )
+    return value_of_passages(passages, start, mass)
