@@ -157,3 +157,16 @@ def test_the_figure_has_a_panel_of_paired_differences_with_intervals():
     assert texts[1].startswith("+0.500  (n 4")
     (alone,) = made(names=("a",)).plot().subfigs
     assert not any("less that of" in axes.get_title("left") for axes in alone.axes)
+
+
+def test_the_figure_of_one_course_fits_a_slide():
+    figure = made(names=("a", "b", "c")).plot()
+    width, height = figure.get_size_inches()
+    assert width / height == pytest.approx(16 / 9, rel=0.01)
+    # Both rows of axes name the variants.
+    named = [
+        axes.get_title("left").split()[0]
+        for axes in figure.subfigs[0].axes
+        if [label.get_text() for label in axes.get_yticklabels()] == ["a", "b", "c"]
+    ]
+    assert named == ["mean", "finished"]

@@ -10,6 +10,7 @@ from quadsim.course import load_course
 from quadsim.mavlink.axes import frd, ned, ned_attitude
 from quadsim.mavlink.messages import EncapsulatedData
 from quadsim.mavlink.race_data import track_messages
+from quadsim.mavlink.telemetry import Motion, global_position_message, home_message
 from quadsim.rotation import from_euler, to_world
 
 
@@ -50,3 +51,18 @@ def test_the_track_of_the_second_round_has_no_poses():
     course = load_course("aigp_physical")
     _, first, *_ = track_messages(course, transfer=1, has_poses=False)
     assert unpack_from("<fffffff", first.data, 3 + 2 + 2) == (0.0,) * 7
+
+
+def test_positions_on_the_globe_are_metres_from_the_origin_and_headings_from_north():
+    east = from_euler(0.0, 0.0, 0.0)
+    found = global_position_message(
+        Motion((75.4, 111.32, 3.0), (1.0, 2.0, -0.5), east, (0.0, 0.0, 0.0)), boot=1.5
+    )
+    # a thousandth of a degree of latitude, and one of longitude at 47.4 degrees
+    assert found.lat == pytest.approx(473_977_420 + 10_000, abs=2)
+    assert found.lon == pytest.approx(85_455_940 + 10_006, abs=5)
+    assert (found.relative_alt, found.alt) == (3_000, 491_000)
+    assert (found.vx, found.vy, found.vz) == (200, 100, 50)  # north, east, down [cm/s]
+    assert (found.hdg, found.time_boot_ms) == (9_000, 1_500)
+    home = home_message((0.0, 0.0, 0.0))
+    assert (home.latitude, home.longitude, home.altitude) == (473_977_420, 85_455_940, 488_000)

@@ -54,7 +54,7 @@ def test_mavsdk_connects_is_healthy_arms_and_flies_offboard(serve, port, tmp_pat
     client = subprocess.Popen(
         [sys.executable, EXAMPLE, str(port)], stdout=subprocess.PIPE, text=True
     )
-    code = serve(course=NORTH)
+    code = serve(course=NORTH, timeout="90")
     # The race has ended in the gate; the rest of the client's flight goes to nobody.
     with suppress(subprocess.TimeoutExpired):
         client.wait(timeout=0.1)
@@ -78,7 +78,7 @@ def test_pymavlink_as_it_comes_fetches_sets_a_mode_arms_and_flies(serve, port):
         text=True,
         env=environment,
     )
-    code = serve()
+    code = serve(timeout="90")
     client.terminate()
     said, _ = client.communicate()
     assert code == 0

@@ -1,6 +1,6 @@
-"""The figure of a comparison, one row for each course.
+"""The figure of a comparison: one row for each course, two rows of the size of a slide for one.
 
-A row shows lap times, their differences from one variant, success, chatter, and a map with the
+It shows lap times, their differences from one variant, success, chatter, and a map with the
 crashes.
 """
 
@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from math import isfinite
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib import rc_context
@@ -33,6 +34,8 @@ QUARTILES = (25, 50, 75)  # [%]
 CRASHES = ("X", "P", "*", "v", "s", "h")  # markers of crashes, one for each round of colours
 BEHIND_TEXT = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
 PLANE = (0, 1)  # x and y: the map is seen from above
+SLIDE = (13.3, 7.5)  # size of a slide [inch]
+MOST_ON_A_SLIDE = 6  # variants
 
 
 def draw(sections: Sequence[Section]) -> Figure:
@@ -43,23 +46,50 @@ def draw(sections: Sequence[Section]) -> Figure:
     """
     with rc_context(STYLE):
         tallest = max(len(section.variants) for section in sections)
-        figure = NotebookFigure(
-            figsize=(20, (2.6 + 0.75 * tallest) * len(sections)), dpi=110, layout="constrained"
-        )
+        is_slide = len(sections) == 1 and tallest <= MOST_ON_A_SLIDE
+        size = SLIDE if is_slide else (20, (2.6 + 0.75 * tallest) * len(sections))
+        figure = NotebookFigure(figsize=size, dpi=110, layout="constrained")
         rows = figure.subfigures(len(sections), 1, squeeze=False, hspace=0.04)
         for row, section in zip(rows[:, 0], sections, strict=True):
-            _draw_course(row, section)
+            _draw_course(row, section, is_slide)
     return figure
 
 
-def _draw_course(figure: SubFigure, section: Section) -> None:
+class CourseAxes(NamedTuple):
+    """The axes of one course; `differences` are none for a single variant."""
+
+    laps: Axes
+    differences: Sequence[Axes]
+    success: Axes
+    chatter: Axes
+    above: Axes
+
+    @classmethod
+    def in_a_row(cls, figure: SubFigure, variants: int) -> CourseAxes:
+        """Return axes side by side."""
+        ratios = (2.0, 1.4, 0.8, 1.0, 1.7) if variants > 1 else (2.1, 1.0, 1.1, 1.7)
+        laps, *differences, success, chatter, above = figure.subplots(
+            1, len(ratios), width_ratios=ratios
+        )
+        return cls(laps, differences, success, chatter, above)
+
+    @classmethod
+    def in_two_rows(cls, figure: SubFigure, variants: int) -> CourseAxes:
+        """Return axes for a slide: laps and their differences above the others."""
+        rows = figure.add_gridspec(2, 1)
+        ratios = (2.0, 1.4) if variants > 1 else (2.0,)
+        upper = rows[0].subgridspec(1, len(ratios), width_ratios=ratios)
+        lower = rows[1].subgridspec(1, 3, width_ratios=(0.8, 1.0, 1.7))
+        laps, *differences = [figure.add_subplot(upper[k]) for k in range(len(ratios))]
+        success, chatter, above = [figure.add_subplot(lower[k]) for k in range(3)]
+        return cls(laps, differences, success, chatter, above)
+
+
+def _draw_course(figure: SubFigure, section: Section, is_slide: bool) -> None:
     names = [variant.name for variant in section.variants]
     looks = styles(names)
-    # A single variant differs from none.
-    ratios = (2.0, 1.4, 0.8, 1.0, 1.7) if len(names) > 1 else (2.1, 1.0, 1.1, 1.7)
-    laps, *differences, success, chatter, above = figure.subplots(
-        1, len(ratios), width_ratios=ratios
-    )
+    placed = CourseAxes.in_two_rows if is_slide else CourseAxes.in_a_row
+    laps, differences, success, chatter, above = placed(figure, len(names))
     _draw_laps(laps, section, looks)
     for axes in differences:
         _draw_differences(axes, section, looks)
@@ -70,7 +100,9 @@ def _draw_course(figure: SubFigure, section: Section) -> None:
         axes.set(yticks=range(len(names)), yticklabels=[], ylim=(len(names) - 0.4, -0.6))
         axes.grid(visible=False, axis="y")
         axes.tick_params(axis="y", length=0)
-    laps.set_yticklabels(names)
+    # The first axes of each row of axes name the variants.
+    for axes in (laps, success) if is_slide else (laps,):
+        axes.set_yticklabels(names)
     figure.suptitle(f"{section.course.name}: {section.setting}", x=0.008, ha="left", fontsize=11)
 
 
