@@ -30,14 +30,14 @@ from quadsim.course import load_course
 from quadsim.dynamics.allocation import PerRotor
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import State
-from quadsim.dynamics.rotors import SOUND, Motors
+from quadsim.dynamics.rotors import SOUND, Motors, RotorHealth
 from quadsim.identify import VehicleFit, fit_vehicle
 from quadsim.logs.cleaning import cleaned
 from quadsim.logs.flight_log import FlightLog
 from quadsim.logs.raw_log import RawLog
 from quadsim.logs.resampling import interpolated
 from quadsim.physics.actuators import Actuators
-from quadsim.physics.faults import RotorFault
+from quadsim.physics.faults import FaultOfVehicle
 from quadsim.physics.plant import RigidPlant
 from quadsim.physics.plant_state import PlantState
 from quadsim.rotation import Vec3
@@ -94,13 +94,13 @@ class BatteryMotors(Motors):
         self._loss = FADE * dt  # in a step [V]
         self._charge = FULL  # voltage without thrust [V]
 
-    def follow(self, commands: Iterable[float], strengths: PerRotor = SOUND) -> tuple[float, Vec3]:
+    def follow(self, commands: Iterable[float], health: RotorHealth = SOUND) -> tuple[float, Vec3]:
         """Advance the rotors by one step; see Motors.follow."""
         asked = tuple(commands)
         a, b, c, d = (speed / self._most for speed in asked)
         self.commands = (a, b, c, d)
         ratio = self.voltage / NOMINAL
-        force, torque = super().follow([ratio * speed for speed in asked], strengths)
+        force, torque = super().follow([ratio * speed for speed in asked], health)
         self._charge -= self._loss
         self.voltage = self._charge - SAG * force / self._full_thrust
         return force, torque
@@ -109,7 +109,7 @@ class BatteryMotors(Motors):
 class BatteryActuators(Actuators):
     """Actuators with such motors."""
 
-    def __init__(self, vehicle: Vehicle, dt: float, faults: Sequence[RotorFault] = ()):
+    def __init__(self, vehicle: Vehicle, dt: float, faults: Sequence[FaultOfVehicle] = ()):
         """See Actuators."""
         super().__init__(vehicle, dt, faults)
         assert vehicle.rotors

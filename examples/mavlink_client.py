@@ -61,7 +61,7 @@ while True:
         _, _, started, finished, active, _ = struct.unpack_from("<BQqqIq", bytes(message.data))
         if finished >= 0:
             sys.exit(print(f"finished in {finished / 1e9:.2f} s"))
-    elif kind == "STATUSTEXT":
+    elif kind == "STATUSTEXT" and message.text.startswith("race "):
         sys.exit(message.text)
     elif kind == "ODOMETRY" and gates is not None:
         if not armed:

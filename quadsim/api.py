@@ -313,6 +313,7 @@ def fit(
     test: str | Path | FlightLog | Sequence[str | Path | FlightLog] = (),
     name: str = "fitted",
     mass: float | None = None,
+    arm: float | None = None,
     like: str | Path | Vehicle | None = None,
     mapping: str | Path | None = None,
 ) -> VehicleFit:
@@ -325,6 +326,8 @@ def fit(
         name: name of the vehicle.
         mass: of the vehicle with its battery, by a scale [kg], as a log tells only ratios to it;
             None: the mass of `like`.
+        arm: from the centre to a rotor [m], as a log tells only the inertia over it; None: the arm
+            of `like`, and wide intervals of the inertia.
         like: a similar vehicle, by name, path or as a Vehicle: the search starts from its numbers,
             and what the logs do not tell comes from it; None: the vehicle of the project with the
             nearest mass.
@@ -336,8 +339,8 @@ def fit(
 
     Raises:
         FileError: a log cannot be used (a ValueError).
-        SettingError: neither mass nor like is given, or the logs have nothing to fit (a
-            ValueError).
+        SettingError: neither mass nor like is given, the logs have nothing to fit, or what fits
+            them is no vehicle that can fly (a ValueError).
 
     Examples:
         >>> import quadsim
@@ -353,9 +356,9 @@ def fit(
     from quadsim.vehicle import Vehicle, load_vehicle
 
     base = like if like is None or isinstance(like, Vehicle) else load_vehicle(like)
-    return fit_vehicle(
-        _flights(logs, mapping), test=_flights(test, mapping), name=name, base=base, mass=mass
-    )
+    flights = _flights(logs, mapping)
+    tested = _flights(test, mapping)
+    return fit_vehicle(flights, test=tested, name=name, base=base, mass=mass, arm=arm)
 
 
 def _flights(

@@ -55,8 +55,8 @@ PRINT = {
     "A set of sensors of your own, and its consistency": r"NEES \d+\.\d",
     "Runs that were stored before": r"the same flight: True",
 }
-# It needs a simulator beside it: tests/mavlink/test_server.py flies it.
-SERVED = ("mavlink_client",)
+# They need a simulator beside them: tests/mavlink flies them.
+SERVED = ("mavlink_client", "mavsdk_client")
 LEARN = ("train_with_stable_baselines", "Train a pilot, and fly it")
 OTHERS = [name for name in (*SCRIPTS, *RECIPES) if name not in (*LEARN, *SERVED)]
 MOST_LINES = 20  # of a recipe

@@ -129,7 +129,7 @@ def test_settings_of_the_planner_are_without_effect_beside_a_controller(capsys):
     assert race(["fly", "figure8", *short, "--controller", "laws:Pd", "--dt", ".02"]) == 1
     assert "without effect" not in capsys.readouterr().err
     line_up = ["--entrants", "a=controller=laws:Pd", "b=controller=laws:strong", "--samples", "64"]
-    assert race(["heat", "figure8", *short, *line_up]) == 0
+    assert race(["heat", "figure8", *short, *line_up]) == 1  # nobody finishes
     told = remark(capsys)
     assert told == f"race heat: --samples: without effect beside the controllers Pd {why}"
 
@@ -138,7 +138,7 @@ LINE_UP = ["--entrants", "pd=controller=laws:Pd", "strong=controller=laws:strong
 
 
 def test_a_stored_race_is_flown_again_with_its_controllers(laws, capsys):
-    assert race(["heat", "figure8", *LINE_UP, *flags(SHORT)]) == 0
+    assert race(["heat", "figure8", *LINE_UP, *flags(SHORT)]) == 1  # nobody finishes
     capsys.readouterr()
     assert race(["heat", "--from", "last"]) == 2
     error = capsys.readouterr().err
@@ -147,7 +147,7 @@ def test_a_stored_race_is_flown_again_with_its_controllers(laws, capsys):
         " pd=controller=package.module:Class\n"
     )
     parts = [word.replace("--entrants", "--parts") for word in LINE_UP]
-    assert race(["heat", "--from", "last", *parts]) == 0
+    assert race(["heat", "--from", "last", *parts]) == 1  # nobody finishes
     assert "the same race as the stored one, to the last bit" in capsys.readouterr().err
 
     stored = quadsim.load_heat()
@@ -164,11 +164,11 @@ def test_a_stored_race_is_flown_again_with_its_controllers(laws, capsys):
 def test_a_stored_race_is_flown_again_with_another_seed(laws, capsys):
     """It took no other seed, while `race fly --from` did."""
     settings = {**SHORT, "randomize": 1.0}
-    assert race(["heat", "figure8", *LINE_UP, *flags(settings)]) == 0
+    assert race(["heat", "figure8", *LINE_UP, *flags(settings)]) == 1  # nobody finishes
     stored = quadsim.load_heat()
     parts = [word.replace("--entrants", "--parts") for word in LINE_UP]
     capsys.readouterr()
-    assert race(["heat", "--from", "last", "--seed", "3", *parts]) == 0
+    assert race(["heat", "--from", "last", "--seed", "3", *parts]) == 1  # nobody finishes
     assert "the stored race was flown with seed 0" in capsys.readouterr().err
     other = quadsim.load_heat()
     fresh = quadsim.race(

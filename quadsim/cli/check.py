@@ -22,11 +22,11 @@ from quadsim.files.data_files import locate, read_text
 from quadsim.files.strict_yaml import FileError, parse
 from quadsim.files.yaml_errors import cut, did_you_mean
 from quadsim.racing.fits import misfit
-from quadsim.sensing.camera import Camera, camera_names, load_camera
+from quadsim.sensing.camera import Camera, camera_names
 from quadsim.sensing.sensing_file import (
     SENSINGS,
     SENSORS,
-    load_sensing,
+    camera_named,
     parse_sensing,
     sensing_names,
 )
@@ -79,7 +79,7 @@ def check(
     """
     if not files:
         raise UsageError("expected one FILE or more, got none")
-    eyes = None if camera is None else _camera(camera)
+    eyes = None if camera is None else camera_named(camera)
     results = with_fits([examine(name) for name in files])
     if eyes is not None:
         results = [_with_view(result, eyes) for result in results]
@@ -102,20 +102,6 @@ def examine(name: str) -> dict:
     except FileError as error:
         return _wrong(name, error)
     return {"file": str(path), "ok": True, **found._asdict()}
-
-
-def _camera(name: str) -> Camera:
-    """Return the camera of this name or file, or the camera of a set of sensors.
-
-    Raises:
-        FileError: there is no such file, or it has no camera.
-    """
-    if name in sensing_names():
-        found = load_sensing(name).camera
-        if found is None:
-            raise FileError(f"{name}: expected a set of sensors with a camera, got none")
-        return found
-    return load_camera(name)
 
 
 def _with_view(result: dict, camera: Camera) -> dict:

@@ -14,7 +14,7 @@ from rich.progress import Progress as Bar
 from rich.table import Table
 
 from quadsim.cli.flags import Help, Json, settings_as_flags
-from quadsim.console import UsageError, emit, emit_json, plain_table, progress_console
+from quadsim.console import UsageError, complain, emit, emit_json, plain_table, progress_console
 from quadsim.firmware.package import (
     ADVICE,
     FIRMWARE_VERSION,
@@ -117,6 +117,14 @@ def _read(vehicle: str | None, betaflight: str | None, json: bool) -> int:
         spec = Spec.of(vehicle=vehicle)
         text = read_text(Path(betaflight)) if betaflight else first_configuration(spec.vehicle)
     found = translated(text)
+    lines = [escape(found.summary()), *(escape(f"  {line}") for line in found.report())]
+    if find_built() is None:
+        # Only the firmware itself reads values, finds the switches, and has limits.
+        if json:
+            emit_json(found.as_json())
+        else:
+            emit(*lines, f"values, switches and limits: not before {ADVICE}")
+        return 0
     _, configuration = firmware_for(spec.vehicle, text)
     model = nominal_behind(spec.vehicle, configuration, text.name)
     if json:
@@ -130,8 +138,7 @@ def _read(vehicle: str | None, betaflight: str | None, json: bool) -> int:
     ]
     rates = ", ".join(f"{rate:.3g}" for rate in model.rate_max)
     emit(
-        escape(found.summary()),
-        *(escape(f"  {line}") for line in found.report()),
+        *lines,
         f"switches, before arming and in flight: {', '.join(moved)}; the others {LOW:g} us",
         f"limits of {spec.vehicle.name}: thrust {model.thrust_min:.3g} to {model.thrust_max:.4g}"
         f" m/s^2, body rates {rates} rad/s",
@@ -247,15 +254,34 @@ def _gains_table(found: Tuned) -> Table:
 
 @contextmanager
 def _progress(quiet: bool) -> Iterator[Callable[[str, float], None]]:
-    """Show a progress line on a terminal; yield the function that sets its text and share."""
+    """Show progress; yield the function that sets its text and share.
+
+    It is a line that moves on a terminal, and elsewhere a line for each step.
+    """
     console = progress_console()
-    if quiet or not console.is_terminal:
+    if quiet:
         yield lambda what, share: None
+        return
+    if not console.is_terminal:
+        yield _Steps()
         return
     columns = (TextColumn("{task.description}"), BarColumn(24))
     with Bar(*columns, console=console, transient=True) as bar:
         task = bar.add_task("", total=1.0)
-        yield lambda what, share: bar.update(task, description=f"{what:<10}", completed=share)
+        yield lambda what, share: bar.update(task, description=what, completed=share)
+
+
+class _Steps:
+    """Says each step of a work once, on a line of its own."""
+
+    def __init__(self) -> None:
+        self._last = ""
+
+    def __call__(self, what: str, share: float) -> None:
+        """Say a step, unless it is the last one that was said."""
+        if what != self._last:
+            complain(f"race firmware: {what}")
+        self._last = what
 
 
 def _record(built: Built | None) -> dict[str, Any]:
@@ -267,6 +293,6 @@ def _record(built: Built | None) -> dict[str, Any]:
 
 
 def _built(quiet: bool) -> Built:
-    """Build the firmware, with a progress line on a terminal."""
+    """Build the firmware, and show progress."""
     with _progress(quiet) as show:
         return build(show)

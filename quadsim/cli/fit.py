@@ -58,11 +58,24 @@ def fit(
             " tell; default: the nearest by mass"
         ),
     ] = None,
+    arm: Annotated[
+        float | None,
+        Help(
+            "from the centre to a rotor [m], which no log tells, and with it the inertia; default:"
+            " --like's"
+        ),
+    ] = None,
     mapping: Annotated[
         str | None,
         Help("what the columns of a CSV log are: FILE.yaml or a name; default: one that fits"),
     ] = None,
     out: Annotated[str | None, Help("FILE.yaml to write; default: NAME.yaml")] = None,
+    yes: Annotated[
+        bool,
+        Help(
+            "write the vehicle although it predicts the flights worse than constant velocity does"
+        ),
+    ] = False,
     runs_dir: RunsDir = "runs",
     json: Json = False,
 ) -> int:
@@ -92,26 +105,31 @@ def fit(
                 test=[_place(log, runs_dir) for log in test or ()],
                 name=name,
                 mass=mass,
+                arm=arm,
                 like=like,
                 mapping=mapping,
             )
     except ModuleNotFoundError as error:
         # A package that reads this kind of log
         raise UsageError(str(error)) from None
-    found.to_yaml(file)
+    if not json:
+        emit(_table(found), "")
+        if found.predictions:
+            emit(_predictions(found), "")
+        for remark in found.remarks:
+            complain(remark)
+    if found.doubt and not yes:
+        raise UsageError(f"{found.doubt}: correct the log, or write the vehicle with --yes")
     # Imported here, so that --help does not load matplotlib
     from quadsim.figures.fit_figure import fit_figure
     from quadsim.figures.style import save_figure
 
-    save_figure(fit_figure(found), picture)
+    figure = fit_figure(found)
+    found.to_yaml(file)
+    save_figure(figure, picture)
     if json:
         emit_json({"file": str(file), "picture": str(picture), **loads(found.to_json())})
         return 0
-    emit(_table(found), "")
-    if found.predictions:
-        emit(_predictions(found), "")
-    for remark in found.remarks:
-        complain(remark)
     vehicle = found.vehicle
     emit(f"{escape(str(picture))}: measured and simulated")
     emit(f"{escape(str(file))}: {vehicle.mass:g} kg, {flying_numbers(vehicle).text()}")

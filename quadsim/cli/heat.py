@@ -148,7 +148,12 @@ def _one(spec: HeatSpec, runs_dir: str, plot: str | None, json: bool) -> int:
     if any(run.outcome == "interrupted" for run in flown.runs):
         complain("race heat: interrupted, the race so far is kept")
         return 130
-    return 0
+    return _exit_code(flown)
+
+
+def _exit_code(flown: Heat) -> int:
+    """Return 0 if an entrant has finished, 1 if none has."""
+    return 0 if any(run.outcome == "finished" for run in flown.runs) else 1
 
 
 def _again(
@@ -186,7 +191,7 @@ def _again(
         if same
         else "not the same race as the stored one: see its cpu and versions"
     )
-    return 0
+    return _exit_code(flown)
 
 
 def _flown(spec: HeatSpec, quiet: bool) -> tuple[Heat, FirmwareError | None]:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from statistics import fmean
 from typing import Annotated
@@ -15,11 +15,13 @@ from quadsim.campaign.flights.baseline import (
     Baseline,
     StoredNumbers,
     Verdict,
+    WorstSeed,
     baseline_text,
     baseline_variant,
     fly_baselines,
     judge,
     load_baseline,
+    worst_seed,
 )
 from quadsim.campaign.run.pool import open_pool
 from quadsim.campaign.run.variants import Variant
@@ -28,6 +30,7 @@ from quadsim.cli.flags import Given, Help, Json, Switch, flag, settings_as_flags
 from quadsim.config.setting_texts import Settings
 from quadsim.console import UsageError, emit, emit_json
 from quadsim.record.whole_files import write_whole
+from quadsim.tables.wording import settings_of, wording
 
 UNITS = {"lap": "lap [s]", "thrust_tv": "thrust_tv [m/s^2/s]"}
 COLUMNS: dict[str, Callable[[Verdict], str]] = {
@@ -47,8 +50,33 @@ class Found:
 
     path: Path
     baseline: Baseline
+    variant: Variant
     now: StoredNumbers
     verdicts: list[Verdict]  # empty if nothing was stored yet
+
+    @property
+    def is_worse(self) -> bool:
+        """Whether a number did not pass."""
+        return any(not verdict.ok for verdict in self.verdicts)
+
+    @property
+    def worst(self) -> WorstSeed | None:
+        """The attempt that has become worst; None if nothing can be said."""
+        then = self.baseline.stored
+        return worst_seed(then, self.now) if then else None
+
+    @property
+    def seed(self) -> int | None:
+        """The seed of the attempt that has become worst."""
+        return self.variant.spec.seed + self.worst.number if self.worst else None
+
+    @property
+    def command(self) -> str | None:
+        """The command that flies the worst attempt; None if no flags give it."""
+        if self.seed is None:
+            return None
+        record = replace(self.variant.spec, seed=self.seed).record()
+        return wording(record, Path()).command if settings_of(record) else None
 
 
 def regress(
@@ -87,9 +115,9 @@ def regress(
         flown = fly_baselines(pool, variants, [baseline.attempts for baseline in files])
 
     found = []
-    for path, baseline, now in zip(paths, files, flown, strict=True):
+    for path, baseline, variant, now in zip(paths, files, variants, flown, strict=True):
         verdicts = judge(baseline.stored, now, baseline.effects) if baseline.stored else []
-        found.append(Found(path, baseline, now, verdicts))
+        found.append(Found(path, baseline, variant, now, verdicts))
     if json:
         emit_json([_as_json(one, flags_text(settings or {})) for one in found])
     else:
@@ -99,8 +127,7 @@ def regress(
         for one in found:
             write_whole(one.path, baseline_text(one.baseline, one.now).encode())
         return 0
-    worse = [verdict for one in found for verdict in one.verdicts if not verdict.ok]
-    return 1 if worse else 0
+    return 1 if any(one.is_worse for one in found) else 0
 
 
 def _variant(path: Path, baseline: Baseline, settings: Settings) -> Variant:
@@ -114,7 +141,15 @@ def _variant(path: Path, baseline: Baseline, settings: Settings) -> Variant:
 
 def _as_json(found: Found, flags: str) -> dict:
     verdicts = [asdict(verdict) | {"ok": verdict.ok} for verdict in found.verdicts]
-    return {"file": str(found.path), "flags": flags, "verdicts": verdicts}
+    then = found.baseline.stored
+    return {
+        "file": str(found.path),
+        "flags": flags,
+        "verdicts": verdicts,
+        "commits": {"then": then.commit if then else None, "now": found.now.commit},
+        "worst_seed": found.seed,
+        "command": found.command,
+    }
 
 
 def flags_text(settings: Settings) -> str:
@@ -142,8 +177,29 @@ def _print(found: Found, settings: Settings) -> None:
     emit(f"[bold]{escape(str(found.path))}[/]  {escape(flown)}")
     if found.verdicts:
         emit(as_table(Table.of(found.verdicts, COLUMNS)), " ".join(map(_mark, found.verdicts)))
-        emit(*(f"{v.name}: {v.undecided}" for v in found.verdicts if v.undecided), "")
+        emit(*(f"{v.name}: {v.undecided}" for v in found.verdicts if v.undecided))
+        emit(*map(escape, _advice(found)), "")
         return
     finished = [lap for lap in found.now.laps if lap is not None]
     lap = f", lap {fmean(finished):.3f} s" if finished else ""
-    emit(f"new: {len(finished)}/{len(found.now.laps)} finished{lap}", "")
+    emit(f"new: {len(finished)}/{len(found.now.laps)} finished{lap}")
+    # What an unchanged racer will be told, before a change is tested with too few attempts
+    alarms = [
+        f"{verdict.name} < {100 * verdict.unchanged_fails:.2g} %"
+        for verdict in judge(found.now, found.now, baseline.effects)
+    ]
+    emit(f"false alarms with {baseline.attempts} attempts: {', '.join(alarms)}", "")
+
+
+def _advice(found: Found) -> Iterator[str]:
+    """Yield both commits, and for a worse racer its worst seed with the command that flies it."""
+    then = found.baseline.stored
+    if then:
+        yield f"then {then.commit}, now {found.now.commit}"
+    worst = found.worst
+    if not found.is_worse or worst is None:
+        return
+    laps = [f"{lap:.3f} s" if lap else "not finished" for lap in (worst.then, worst.now)]
+    yield f"worst seed {found.seed}: then {laps[0]}, now {laps[1]}"
+    if found.command:
+        yield found.command

@@ -6,15 +6,16 @@ from collections import Counter
 from collections.abc import Mapping
 from contextlib import ExitStack, closing, suppress
 from dataclasses import replace
+from enum import Enum, auto
 from typing import Annotated, Any
 
 from msgspec import Meta
 
 from quadsim.cli.commands import EXIT
-from quadsim.cli.flags import CourseName, Given, Help, Json, Switch, flag, settings_as_flags
+from quadsim.cli.flags import CourseName, Given, Help, Json, Switch, flag, names, settings_as_flags
 from quadsim.cli.fly import of_planner
 from quadsim.cli.report import report, summary
-from quadsim.config.build import build
+from quadsim.config.build import build, racing_referee
 from quadsim.config.competition import load_competition
 from quadsim.config.spec import Spec
 from quadsim.console import UsageError, complain, emit, emit_json, uninterrupted, width
@@ -25,16 +26,18 @@ from quadsim.mavlink.served import Round, Served
 from quadsim.mavlink.server import Server
 from quadsim.physics.faults import BiasJump, SensorFault
 from quadsim.racing.events import NO_PROGRESS_BY_HAND
-from quadsim.racing.referee import Referee
 from quadsim.record.archive import RunFolder, remove_unfinished
 from quadsim.record.run import Recorder
-from quadsim.sensing import Sensing
-from quadsim.sensing.camera import load_camera
+from quadsim.sensing import Sensing, load_sensing
+from quadsim.sensing.camera import Camera, camera_names, load_camera
+from quadsim.sensing.sensing_file import camera_named, sensing_names
 
 Port = Annotated[int, Meta(ge=1, le=65535)]
 # Control period [s] without a preset's: the simulator takes commands of less than 100 Hz
 PERIOD = 0.01
 NO_CAMERA = "none"
+# The camera of the virtual qualifier
+VIRTUAL = "aigp"
 # Settings that say who flies, or what only a planner of ours would use
 OF_OUR_OWN = ("preset", "pilot", "controller", "excite", "predict", "deadline_ms", "threads")
 OF_SENSING = ("record_sensing", "known_from")
@@ -50,8 +53,13 @@ def serve(
     port: Annotated[Port, Help("UDP port on which the client listens for MAVLink")] = 14550,
     camera_port: Annotated[Port, Help("UDP port on which it listens for pictures")] = 5600,
     camera: Annotated[
-        str, Help("camera of the pictures: a name or a FILE.yaml; none sends no pictures")
-    ] = "aigp",
+        str | None,
+        Help(
+            "camera of the pictures: a name, a FILE.yaml or a set of sensors with a camera; none"
+            " sends no pictures; default: that of --sensing, else of the competition, else aigp",
+            completer=names(lambda: (NO_CAMERA, *camera_names(), *sensing_names())),
+        ),
+    ] = None,
     round_: Annotated[
         Round,
         Help("second: ATTITUDE, LOCAL_POSITION_NED and ODOMETRY are not sent", name="--round"),
@@ -62,6 +70,13 @@ def serve(
     races: Annotated[
         Annotated[int, Meta(ge=1, le=10**6)], Help("races after which it ends; resets do not count")
     ] = 1,
+    countdown: Annotated[
+        Annotated[float, Meta(ge=0, le=600)] | None,
+        Help(
+            "time from the client's first message, or from its reset, to the start of the race,"
+            " which RACE_STATUS tells in advance [s]; default: the race starts when the client arms"
+        ),
+    ] = None,
     baro_wash: Annotated[
         Annotated[float, Meta(ge=0, le=100)],
         Help("by how much the barometer reads low in hover, in proportion to the thrust [m]"),
@@ -77,39 +92,75 @@ def serve(
 
     race serve aigp_physical --vehicle archer --round second --laps 1 --lock-step --camera none
     """
-    eyes = None if camera == NO_CAMERA else load_camera(camera)
-    served = Served(client, port, camera_port, eyes, round_, lock_step, baro_wash)
     given = dict(settings or {})
+    eyes = _camera(camera, given)
+    served = Served(client, port, camera_port, eyes, round_, lock_step, baro_wash, countdown)
     spec, sensing = _asked(course, given, served)
     remove_unfinished(spec.runs_dir)
     limit = float(given["timeout"]) if given.get("timeout") else None
 
     with settings_as_flags():
         server = Server(spec, sensing, served)
-    found: list[dict[str, Any]] = []
-    outcome = "interrupted"
     with closing(server):
         if not json:
             emit(f"{spec.course.name}, vehicle {spec.vehicle.name}: {_address(served)}")
+        if not server.downlink.is_compiled:
+            complain("race serve: compiling the pictures' code for this machine, once: some 15 s")
+        server.downlink.prepare()
+        if not json:
             complain("race serve: waits until the client arms the vehicle; Ctrl-C ends it")
-        while len(found) < races:
-            with closing(_Race(spec, server)) as race:
-                if not race.waits(limit):
-                    break
-                outcome = race.flies()
-                result = race.stored(json, counted(server))
-            phase = server.commands.phase
-            if phase is not Phase.RESET:
-                found.append(result)
-            if phase is Phase.SILENT:
-                complain(f"race serve: no packet of the client for {SILENCE:g} s: the race ends")
-            if outcome == "interrupted" and phase is not Phase.RESET:
-                break
+        found, code = _races(spec, server, races, limit, json)
         if json:
             emit_json({"races": found, **counted(server)})
-    if not found and outcome == "interrupted":
-        complain("race serve: no race was flown to its end")
-    return EXIT[outcome]
+    return code
+
+
+def _races(
+    spec: Spec, server: Server, count: int, limit: float | None, json: bool
+) -> tuple[list[dict[str, Any]], int]:
+    """Serve races; return their results, those of resets not among them, and the exit code.
+
+    Args:
+        spec: specification of the races.
+        server: serves them.
+        count: number of races.
+        limit: longest time to wait for a client at each start [s]; None: for ever.
+        json: whether reports are not printed.
+    """
+    found: list[dict[str, Any]] = []
+    code = 0
+    while len(found) < count:
+        with closing(_Race(spec, server)) as race:
+            waited = race.waits(limit)
+            if waited is Waited.TIMEOUT:
+                complain(f"race serve: no client has armed the vehicle within {limit:g} s")
+                return found, 1
+            if waited is Waited.INTERRUPTED:
+                if not found:
+                    complain("race serve: no race was flown to its end")
+                return found, EXIT["interrupted"]
+            outcome = race.flies()
+            result = race.stored(json, counted(server))
+        phase = server.commands.phase
+        if phase is Phase.RESET:
+            continue
+        found.append(result)
+        code = EXIT[outcome]
+        if phase is Phase.SILENT:
+            what = "setpoint" if spec.clock == "simulated" else "packet"
+            complain(f"race serve: no {what} of the client for {SILENCE:g} s: the race has ended")
+            return found, 1
+        if outcome == "interrupted":
+            break
+    return found, code
+
+
+class Waited(Enum):
+    """How the wait at the start has ended."""
+
+    ARMED = auto()
+    TIMEOUT = auto()  # no client has armed the vehicle in time
+    INTERRUPTED = auto()  # by Ctrl-C
 
 
 class _Race:
@@ -120,14 +171,7 @@ class _Race:
         self._server = server
         self._record = spec.record()
         with settings_as_flags():
-            referee = Referee(
-                spec.flown_course,
-                spec.vehicle.radius,
-                laps=spec.laps,
-                timeout=spec.timeout,
-                penalties=spec.penalties,
-                stuck_after=NO_PROGRESS_BY_HAND,
-            )
+            referee = racing_referee(spec, stuck_after=NO_PROGRESS_BY_HAND)
             self._parts = build(replace(spec, controller=server.client), referee=referee)
         self._end = ExitStack()
         self._end.enter_context(closing(self._parts.plant))
@@ -137,11 +181,11 @@ class _Race:
         """Free the plant."""
         self._end.close()
 
-    def waits(self, limit: float | None) -> bool:
-        """Wait for the client; return whether it has armed the vehicle."""
+    def waits(self, limit: float | None) -> Waited:
+        """Wait for the client, at most for `limit` [s]; return how the wait has ended."""
         with suppress(KeyboardInterrupt):
-            return self._server.wait(self._parts, limit)
-        return False
+            return Waited.ARMED if self._server.wait(self._parts, limit) else Waited.TIMEOUT
+        return Waited.INTERRUPTED
 
     def flies(self) -> str:
         """Fly and record the race, and return its outcome."""
@@ -164,6 +208,28 @@ class _Race:
             emit(*report(run, folder, width(), self._spec.runs_dir))
             emit(_lines_of(packets))
         return summary(run, folder, self._spec.runs_dir)
+
+
+def _camera(name: str | None, given: Mapping[str, Any]) -> Camera | None:
+    """Return the camera of the pictures; None: none are sent.
+
+    Args:
+        name: a camera, a set of sensors with one, or NO_CAMERA; None: the camera of the sensors
+            among the settings, else that of the competition's.
+        given: the settings.
+
+    Raises:
+        FileError: a file cannot be read.
+    """
+    if name is not None:
+        return None if name == NO_CAMERA else camera_named(name)
+    competition = given.get("competition")
+    prescribed = load_competition(competition).settings if competition else {}
+    for sensing in (given.get("sensing"), prescribed.get("sensing")):
+        camera = load_sensing(sensing).corner_camera if sensing else None
+        if camera is not None:
+            return camera
+    return load_camera(VIRTUAL)
 
 
 def _asked(
@@ -193,7 +259,7 @@ def _asked(
         sensing = spec.sensing
         for fault in spec.faults:
             if isinstance(fault, SensorFault | BiasJump):
-                wanted = "expected a fault of a rotor or of the commands"
+                wanted = "expected a fault of the vehicle or of the commands"
                 raise SettingError("fault", f"{wanted}, got {fault}")
         # The client estimates the state, and no estimate of ours is recorded.
         return replace(spec, sensing=None, controller=MavlinkClient(served, sensing)), sensing

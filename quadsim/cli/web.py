@@ -28,6 +28,12 @@ def web(
         str, Help("address to listen on; any but this machine's own asks for a token")
     ] = "127.0.0.1",
     port: Annotated[int, Meta(ge=0, le=65535), Help("0: a free one")] = 8080,
+    behind: Annotated[
+        str, Help("address of the page at a proxy, such as https://name/path; asks for a token")
+    ] = "",
+    token_file: Annotated[
+        str, Help("file that keeps the token for the next start; without one it is new each time")
+    ] = "",
     runs_dir: RunsDir = "runs",
     json: Json = False,
 ) -> int:
@@ -38,6 +44,8 @@ def web(
     race web last 20261120T133511Z --port 8081
 
     race web --course mine.yaml --host 192.168.1.7
+
+    race web --behind https://lab.example/race --token-file ~/.race_token
     """
     load_course(course)  # raises an error if the course cannot be read
     try:
@@ -48,15 +56,19 @@ def web(
     paths = [folder for run in runs for folder in _folders(run, runs_dir)]
     # imported here, as they load numba and viser, which --help does not need
     from quadsim.web.page.dashboard import Dashboard
-    from quadsim.web.page.server.page_server import address, new_token, serve
+    from quadsim.web.page.server.behind import behind_of
+    from quadsim.web.page.server.page_server import address, kept_token, new_token, serve
     from quadsim.web.race.page_race import PageRace
     from quadsim.web.race.session import Session
     from quadsim.web.state.choices import Choices
     from quadsim.web.state.menu import Menu
 
-    token = new_token(host)
     try:
-        server = serve(host, port, token, "race")
+        proxy = behind_of(behind) if behind else None
+        token = new_token(host, proxy)
+        if token and token_file:
+            token = kept_token(Path(token_file).expanduser())
+        server = serve(host, port, token, "race", behind=proxy)
     except ValueError as error:  # "port: ..."
         raise UsageError(f"--{error}") from None
     session = Session(runs_dir)
@@ -64,12 +76,15 @@ def web(
     page = Dashboard(server, session, Menu.of_everything(course), *rivals)
     if paths:
         session.tell(PageRace.start, [], paths)
-    url = address(host, server.get_port()) + (f"?token={token}" if token else "")
+    own = address(host, server.get_port())
+    url = (proxy.address if proxy else own) + (f"?token={token}" if token else "")
     if json:
         emit_json({"url": url, "pid": os.getpid()})
     else:
         emit(url)
         complain("race web: open the address in a browser; Ctrl-C ends it")
+        if proxy:
+            complain(f"race web: the proxy forwards requests to {own}")
         forward = forwarding(host, server.get_port(), os.environ.get("SSH_CONNECTION", ""))
         if forward:
             complain(f"race web: on the machine that you came from: {forward}")

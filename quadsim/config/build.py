@@ -133,14 +133,27 @@ def referee_of(spec: Spec) -> RefereeProtocol:
     """
     if spec.referee is not None:
         return OwnReferee(made("referee", spec.referee, spec))
-    radius = spec.vehicle.radius
+    return racing_referee(spec)
+
+
+def racing_referee(spec: Spec, stuck_after: float | None = None) -> Referee:
+    """Return the racing referee of one flight, alone, in a race of several, or by a client.
+
+    Args:
+        spec: specification of the flight.
+        stuck_after: time without progress after which the vehicle is stuck [s]; None: that of the
+            spec.
+
+    Raises:
+        ValueError: course, laps and vehicle do not fit together.
+    """
     return Referee(
         spec.flown_course,
-        radius,
+        spec.vehicle.radius,
         laps=spec.laps,
         timeout=spec.timeout,
         penalties=spec.penalties,
-        stuck_after=spec.stuck_after,
+        stuck_after=spec.stuck_after if stuck_after is None else stuck_after,
     )
 
 

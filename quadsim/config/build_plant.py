@@ -24,7 +24,7 @@ from quadsim.firmware.identified import firmware_for
 from quadsim.physics.actuators import Actuators
 from quadsim.physics.crazyflow_plant import CrazyflowPlant
 from quadsim.physics.domain_randomization import Randomization, forces, gusts
-from quadsim.physics.faults import RotorFault
+from quadsim.physics.faults import FaultOfVehicle
 from quadsim.physics.link import CommandNoise, Link
 from quadsim.physics.plant import (
     PLANTS,
@@ -90,7 +90,7 @@ def plant_of(spec: Spec, arena: Arena | None = None) -> Plant:
         return OwnPlant(made("plant", spec.plant, spec))
     plant = partial(SharedPlant, arena) if arena else PLANTS[cast(PlantName, spec.plant)]
     course = spec.flown_course
-    faults = [fault for fault in spec.drawn_faults if isinstance(fault, RotorFault)]
+    faults = [fault for fault in spec.drawn_faults if isinstance(fault, FaultOfVehicle)]
     if plant is CrazyflowPlant:
         plant = partial(plant, noise=_command_noise(spec))
     elif plant is not RotorpyPlant:
@@ -128,7 +128,7 @@ def _disturbances(spec: Spec, varied: Randomization, mass: float) -> Iterator[Ve
 
 
 def actuators_of(
-    spec: Spec, vehicle: Vehicle, dt: float, faults: Sequence[RotorFault]
+    spec: Spec, vehicle: Vehicle, dt: float, faults: Sequence[FaultOfVehicle]
 ) -> Actuators | BetaflightActuators:
     """Return the actuators of a vehicle, behind the spec's link and flight controller.
 
@@ -138,7 +138,7 @@ def actuators_of(
         spec: specification of the flight.
         vehicle: as it is flown, which the seed may have changed.
         dt: physics step [s].
-        faults: faults of its rotors.
+        faults: its faults.
 
     Raises:
         FirmwareError: the firmware is not built, or does not arm.

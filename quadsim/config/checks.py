@@ -21,7 +21,7 @@ from quadsim.firmware.process import MAIN_LOOP
 from quadsim.firmware.text import Text
 from quadsim.limit.limits import LimitProblem, StoredSolution
 from quadsim.physics.crazyflow_plant import before_scipy
-from quadsim.physics.faults import CommandLoss, RotorFault, parse_fault, sensor_key
+from quadsim.physics.faults import CommandLoss, FactorFault, FaultOfVehicle, parse_fault, sensor_key
 from quadsim.physics.link import SETTINGS as LINK_SETTINGS
 from quadsim.physics.link import WIRE, LinkConfig
 from quadsim.physics.randomization_file import RandomizationRanges, check_randomization
@@ -273,7 +273,11 @@ def check_link(link: LinkConfig, plant: object, plant_dt: float) -> None:
 
 
 def check_faults(
-    texts: Sequence[str], vehicle: Vehicle, plant: object, sensing: Sensing | None
+    texts: Sequence[str],
+    vehicle: Vehicle,
+    plant: object,
+    sensing: Sensing | None,
+    flight_controller: str,
 ) -> None:
     """Check that the parts that fail are there. Raises SettingError."""
     for text in texts:
@@ -281,13 +285,17 @@ def check_faults(
             fault = parse_fault(text)
         except ValueError as error:
             raise SettingError("fault", str(error)) from None
-        if isinstance(fault, RotorFault):
+        if isinstance(fault, FaultOfVehicle):
             if vehicle.rotors is None:
                 wanted = "expected a vehicle with rotors"
                 raise SettingError("fault", f"{wanted} for {text!r}, got {vehicle.name}")
             if plant not in PLANTS_WITH_ROTORS:
                 wanted = f"expected plant {' or '.join(PLANTS_WITH_ROTORS)}"
                 raise SettingError("fault", f"{wanted} for {text!r}, got {plant_name(plant)}")
+            has_own_loop = flight_controller != "ideal"
+            if has_own_loop and isinstance(fault, FactorFault) and fault.part == "rate_gain":
+                wanted = "expected the flight controller 'ideal'"
+                raise SettingError("fault", f"{wanted} for {text!r}, got {flight_controller!r}")
         elif not isinstance(fault, CommandLoss):
             key = sensor_key(fault)
             if sensing is None or getattr(sensing, key) is None:

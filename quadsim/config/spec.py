@@ -448,7 +448,7 @@ def validate(spec: Spec) -> None:
         check_beside_reference(spec.displacement.gates, spec.view_weight, spec.map_scale)
         problem = followed_problem(spec.course, spec.vehicle, spec.laps, spec.planner.cost)
         check_reference(spec.reference, problem)
-    check_faults(spec.fault, spec.vehicle, spec.plant, spec.sensing)
+    check_faults(spec.fault, spec.vehicle, spec.plant, spec.sensing, spec.flight_controller)
     if spec.flight_controller == "ideal":
         check_no_firmware(spec.betaflight, spec.blackbox)
     else:

@@ -49,8 +49,8 @@ def allocate(
         Rotor thrusts [N]  (4,).
     """
     x, y, z = torque
-    tilt = tuple(row[1] * x + row[2] * y for row in share)
-    twist = tuple(row[3] * z for row in share)
+    tilt = tuple([row[1] * x + row[2] * y for row in share])
+    twist = tuple([row[3] * z for row in share])
     return saturate(tilt, 0.25 * collective, twist, low, high)
 
 
@@ -72,12 +72,17 @@ def saturate(tilt: PerRotor, lift: float, twist: PerRotor, low: float, high: flo
         Rotor thrusts [N]  (4,).
     """
     # Roll and pitch: scaled if they alone need more than the whole range.
-    spread = max(tilt) - min(tilt)
-    scale = (high - low) / spread if spread > high - low else 1.0
-    tilt = tuple(scale * part for part in tilt)
+    most = max(tilt)
+    least = min(tilt)
+    spread = most - least
+    if spread > high - low:
+        scale = (high - low) / spread
+        tilt = tuple([scale * part for part in tilt])
+        most = max(tilt)
+        least = min(tilt)
 
     # Collective: moved until both the highest and the lowest rotor are within the limits.
-    lift = min(max(lift, low - min(tilt)), high - max(tilt))
+    lift = min(max(lift, low - least), high - most)
     base = [lift + part for part in tilt]
 
     # Yaw: the largest share that keeps every rotor within the limits.
@@ -88,6 +93,5 @@ def saturate(tilt: PerRotor, lift: float, twist: PerRotor, low: float, high: flo
             room = min(room, (limit - thrust) / part)
     # Rounding may leave a base slightly outside the range.
     room = max(room, 0.0)
-    return tuple(
-        min(max(thrust + room * part, low), high) for thrust, part in zip(base, twist, strict=True)
-    )
+    thrusts = [thrust + room * part for thrust, part in zip(base, twist, strict=True)]
+    return tuple([min(max(thrust, low), high) for thrust in thrusts])

@@ -212,6 +212,8 @@ RIGID_BODY = columns("px", "wz")
 LEAST_ROOM = 1e-3
 # [1/m] 1 / c_z of a vehicle without rotors.
 UNLIMITED_YAW = 1e9
+# [rad/s^2] Angular acceleration about z that a weak rotor may cause at full thrust
+SPIN = 2.0
 # Share of full thrust below which the thrust of rotors at idle does not matter
 NEGLIGIBLE_IDLE = 0.01
 
@@ -607,9 +609,11 @@ def quadrotor(model: ModelParams, dt: float) -> System:
     # A vehicle that has lost rotors may not be able to hover.
     hover = min(max(GRAVITY, model.thrust_min), model.thrust_max)
     rest = Control(0.0, 0.0, 0.0, hover)
+    most = model.thrust_max
     if isinstance(model, LearnedModel):
         params = params._replace(**model.delivered._asdict())
         rest = trimmed(rest, params, model.rate_max)
+        most = max(hover, steady_thrust(model))
     return System(
         name="quadrotor",
         state=State,
@@ -618,10 +622,26 @@ def quadrotor(model: ModelParams, dt: float) -> System:
         params=params,
         dt=dt,
         low=Control._make((*(-rate for rate in model.rate_max), model.thrust_min)),
-        high=Control(*model.rate_max, thrust=model.thrust_max),
+        high=Control(*model.rate_max, thrust=most),
         rest=rest,
         attainable=None if model.tilt_first else attainable,
     )
+
+
+def steady_thrust(model: LearnedModel) -> float:
+    """Return the highest thrust at which the vehicle can be kept from turning [m/s^2].
+
+    At full thrust the mixer gives up yaw, so a weak rotor makes the vehicle spin. An angular
+    acceleration about z of SPIN is allowed: it ends when the thrust falls.
+    """
+    costs = (*model.tilt_cost, model.yaw_cost)
+    if model.yaw_first or not model.yaw_cost:
+        return model.thrust_max
+    known = model.delivered
+    of_thrust = sum(c * abs(turn) for c, turn in zip(costs, known.turn, strict=True))
+    always = sum(c * abs(torque) for c, torque in zip(costs, known.always, strict=True))
+    steady = (model.thrust_max - always + SPIN * model.yaw_cost) / (1.0 + of_thrust)
+    return min(steady, model.thrust_max)
 
 
 def trimmed(rest: Control, p: Params, rate_max: Vec3) -> Control:

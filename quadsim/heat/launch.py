@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import partial
 from typing import assert_never, cast
 
-from quadsim.config.build import build, flight_frames, planner_of
+from quadsim.config.build import build, flight_frames, planner_of, racing_referee
 from quadsim.config.own import fault_in_flight
 from quadsim.config.spec import Spec
 from quadsim.controllers.costs.keep_clear import Clearance, KeepClear
@@ -43,7 +43,6 @@ from quadsim.physics.downwash import Downwash
 from quadsim.physics.plant import Arena, new_arena
 from quadsim.racing.clock import PlanningClock
 from quadsim.racing.flight import FlightParts, flight
-from quadsim.racing.referee import Referee
 from quadsim.streams import opponent_stream, sighting_stream
 
 # Iterations of the first plan of an opponent's flight
@@ -97,16 +96,7 @@ def _starter(heat: HeatSpec, k: int, arena: Arena, traffic: Traffic) -> Starter:
         ValueError: course, laps and vehicle do not fit together.
     """
     spec = heat.flown_spec(k)
-    referee = HeatReferee(
-        Referee(
-            spec.flown_course,
-            spec.vehicle.radius,
-            laps=spec.laps,
-            timeout=spec.timeout,
-            penalties=spec.penalties,
-            stuck_after=spec.stuck_after,
-        )
-    )
+    referee = HeatReferee(racing_referee(spec))
     downwash = Downwash(spec.vehicle) if heat.settings.downwash else None
     return Starter(
         start_time=heat.start_time(k),

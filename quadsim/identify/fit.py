@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from math import hypot, inf
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from quadsim.identify.geometry import Geometry
 from quadsim.identify.gyro import gyro_errors
 from quadsim.identify.intervals import covariances
 from quadsim.identify.numbers import FitNumbers
+from quadsim.identify.plausible import expect_answers, expect_inertia, expect_plausible
 from quadsim.identify.prediction import predictions
 from quadsim.identify.prepared import (
     Prepared,
@@ -21,11 +23,11 @@ from quadsim.identify.prepared import (
     reference_voltage,
 )
 from quadsim.identify.prior import prior_of
-from quadsim.identify.rate_loop import LAGS, PIECE, fit_rate_loop
+from quadsim.identify.rate_loop import LAGS, PIECE, RateLoopFit, fit_rate_loop
 from quadsim.identify.result import VehicleFit
 from quadsim.identify.rotors import rotor_speeds
 from quadsim.identify.stages import search_numbers
-from quadsim.identify.stretches import stretches, thinned, total_time
+from quadsim.identify.stretches import Stretch, stretches, thinned, total_time
 from quadsim.identify.to_vehicle import (
     FoundNumbers,
     SpeedScale,
@@ -35,7 +37,7 @@ from quadsim.identify.to_vehicle import (
 )
 from quadsim.identify.traces import traces
 from quadsim.logs.flight_log import FlightLog
-from quadsim.vehicle import Vehicle, load_vehicle, vehicle_names
+from quadsim.vehicle import Vehicle, load_vehicle, unlikely_inertia, vehicle_names
 
 LEAST_TIME = 5.0  # in flight, of all logs [s]
 LOOP_RATE = 400.0  # least rate of the rows to which a rate loop is fitted [Hz]
@@ -48,6 +50,7 @@ def fit_vehicle(
     name: str = "fitted",
     base: Vehicle | None = None,
     mass: float | None = None,
+    arm: float | None = None,
 ) -> VehicleFit:
     """Return the vehicle that flies as in the logs.
 
@@ -59,21 +62,19 @@ def fit_vehicle(
         base: a similar vehicle with rotors: the prior of each number, and the source of what no log
             tells; None: the vehicle of quadsim with the nearest mass.
         mass: of the vehicle, by a scale [kg]; None: the mass of `base`.
+        arm: from the centre to a rotor [m]; None: the arm of `base`, which may be another one.
 
     Raises:
-        SettingError: neither base nor mass is given, or the logs have nothing to fit.
+        SettingError: neither base nor mass is given, the logs have nothing to fit, or what fits
+            them is no vehicle that can fly.
     """
     prior_vehicle = base or _nearest(mass)
     if prior_vehicle.rotors is None:
         raise SettingError("base", f"expected a vehicle with rotors, got {prior_vehicle.name!r}")
-    parts = [part for log in logs for part in stretches(log) if drive_of(part)]
-    if not parts:
-        wanted = "expected a flight of a second or more with motor commands or thrust setpoints"
-        raise SettingError("logs", f"{wanted}, got none in {len(logs)}")
+    if arm is not None:
+        prior_vehicle = with_arm(prior_vehicle, arm)
+    parts = _flown_parts(logs)
     flown = total_time(parts)
-    if flown < LEAST_TIME:
-        wanted = f"expected at least {LEAST_TIME:g} s of flight"
-        raise SettingError("logs", f"{wanted}, got {flown:.2g} s: a minute of manoeuvres is best")
     remarks = [f"{log.name}: {remark}" for log in logs for remark in log.remarks]
     reference = reference_voltage(parts)
     if reference is not None:
@@ -93,30 +94,22 @@ def fit_vehicle(
 
     search = search_numbers(ready, geometry, prior)
     solution = search.solution
+    expect_inertia(solution, geometry)
+    expect_answers(solution)
     remarks += search.remarks
     if not ready[0].has_single:
-        remarks.append(
-            "the logs have no motor commands: inertia and full thrust are the prior's, and the "
-            "thrust map tells how the thrust follows its setpoint"
-        )
+        remarks.append("the logs have no motor commands: inertia and full thrust are the prior's")
     lag = solution.numbers.tau
     finer = [thinned(part, LOOP_RATE) for part in parts]
     loop = fit_rate_loop(
         prepare(finer, prior_vehicle, reference), lag, prior_vehicle.rate_tau, reference
     )
-    if loop is None:
-        remarks.append("the logs have no flight on rate setpoints: rate_tau is the prior's")
-    if loop is not None and LAGS[0] in loop.searched:
-        flags = " ".join(f"{lag:.3g}" for lag in loop.numbers.lag)
+    if arm is None and "inertia_x" in solution.searched:
         remarks.append(
-            "the body rates' accelerations lag otherwise than the rotors, as behind filters, which "
-            f"a vehicle file lacks: fly it with --model-rate-lag {flags}"
+            f"inertia: the arm is that of {prior_vehicle.name}, and the intervals are wide for it: "
+            "give the arm"
         )
-    if loop is not None and loop.left_out:
-        remarks.append(
-            f"rate_tau is fitted to the {loop.pieces} pieces of {PIECE:g} s in which the setpoints "
-            f"change most; {loop.left_out} others are left out"
-        )
+    remarks += _remarks_on(loop)
     found = FoundNumbers(
         numbers=solution.numbers,
         covariance=covariances(solution.linearized).reported,
@@ -128,21 +121,78 @@ def fit_vehicle(
         loop=loop,
     )
     shown = _tested(test, ready, prior_vehicle, reference) or ready
-    numbers = fitted_numbers(found, prior_vehicle, mass or prior_vehicle.mass, mass is not None)
+    numbers = fitted_numbers(found, prior_vehicle, mass, has_arm=arm is not None)
     with_gyro = {log.name for log in logs if log.has("body_rates")}
     numbers += tuple(
         from_log(number.key, number.unit, number.value, number.std)
         for number in gyro_errors([part for part in ready if part.stretch.log in with_gyro])
     )
+    vehicle = fitted_vehicle(name, found, numbers, prior_vehicle)
+    expect_plausible(vehicle)
+    if unlikely := unlikely_inertia(vehicle):
+        remarks.append(unlikely)
     return VehicleFit(
         name=name,
-        vehicle=fitted_vehicle(name, found, numbers, prior_vehicle),
+        vehicle=vehicle,
         numbers=numbers,
         remarks=tuple(remarks),
         predictions=predictions(shown, solution.numbers, geometry, search.turning),
         traces=traces(shown, solution.numbers, geometry, search.turning),
         residuals=solution.by_channel(),
     )
+
+
+def _flown_parts(logs: Sequence[FlightLog]) -> list[Stretch]:
+    """Return the stretches of logs in which a vehicle flies by known commands.
+
+    Raises:
+        SettingError: they are too short, or there are none.
+    """
+    parts = [part for log in logs for part in stretches(log) if drive_of(part)]
+    if not parts:
+        wanted = "expected a flight of a second or more with motor commands or thrust setpoints"
+        raise SettingError("logs", f"{wanted}, got none in {len(logs)}")
+    flown = total_time(parts)
+    if flown < LEAST_TIME:
+        wanted = f"expected at least {LEAST_TIME:g} s of flight"
+        raise SettingError("logs", f"{wanted}, got {flown:.2g} s: a minute of manoeuvres is best")
+    return parts
+
+
+def _remarks_on(loop: RateLoopFit | None) -> Iterator[str]:
+    """Yield what the logs say of the rate loop besides its numbers."""
+    if loop is None:
+        yield "the logs have no flight on rate setpoints: rate_tau is the prior's"
+        return
+    if LAGS[0] in loop.searched:
+        flags = " ".join(f"{lag:.3g}" for lag in loop.numbers.lag)
+        yield (
+            "the body rates' accelerations lag otherwise than the rotors, as behind filters, which "
+            f"a vehicle file lacks: fly it with --model-rate-lag {flags}"
+        )
+    if loop.left_out:
+        yield (
+            f"rate_tau is fitted to the {loop.pieces} pieces of {PIECE:g} s in which the setpoints "
+            f"change most; {loop.left_out} others are left out"
+        )
+
+
+def with_arm(vehicle: Vehicle, arm: float) -> Vehicle:
+    """Return a vehicle with rotors that are at another distance from its centre.
+
+    Args:
+        vehicle: with rotors.
+        arm: from the centre to a rotor [m].
+
+    Raises:
+        SettingError: the arm is not a length.
+    """
+    assert vehicle.rotors
+    if not 0.0 < arm < inf:
+        raise SettingError("arm", f"expected more than 0 [m], got {arm:g}")
+    x, y = vehicle.rotors.positions[2]
+    ratio = arm / hypot(x, y)
+    return vehicle.but(rotors={"rotor_x": ratio * x, "rotor_y": ratio * y})
 
 
 def _nearest(mass: float | None) -> Vehicle:

@@ -20,6 +20,7 @@ from quadsim.identify.search import Linearized
 
 DRAWS = 400
 SEED = 0  # of the bootstrap's draws: the same log gives the same intervals
+LEAST_SPREAD = 1e-9  # deviation of the draws, over the reported one, below which it is nothing
 TWO_SIDED = 1.96  # standard deviations of a 95 % interval
 
 
@@ -51,14 +52,20 @@ def covariances(solution: Linearized) -> Covariances:
     total = H.sum(axis=0)
     by_jacobian = np.linalg.pinv(total + P, hermitian=True)
     by_bootstrap = _bootstrap(H, g, P)
-    deviations = np.maximum(_deviations(by_jacobian), _deviations(by_bootstrap))
-    scale = deviations / np.maximum(_deviations(by_bootstrap), 1e-300)
+    spread = _deviations(by_bootstrap)
+    deviations = np.maximum(_deviations(by_jacobian), spread)
+    # A number on which no residual depends is as uncertain as its prior.
+    depends = spread > LEAST_SPREAD * deviations
+    scale = np.divide(deviations, spread, out=np.zeros_like(spread), where=depends)
+    reported = by_bootstrap * np.outer(scale, scale) + np.diag(
+        np.where(depends, 0.0, deviations**2)
+    )
     alone = np.linalg.pinv(total + 1e-12 * np.diag(np.diag(total)) + 1e-9 * P, hermitian=True)
     return Covariances(
         jacobian=by_jacobian,
         bootstrap=by_bootstrap,
-        reported=by_bootstrap * np.outer(scale, scale),
-        log_alone=np.maximum(_deviations(alone), _deviations(by_bootstrap)),
+        reported=reported,
+        log_alone=np.maximum(_deviations(alone), spread),
     )
 
 

@@ -7,7 +7,6 @@ from quadsim.identify.numbers import FitNumbers, Prior
 from quadsim.vehicle import Vehicle
 
 LARGEST_DELAY = 0.3  # [s]
-EARLIEST = -0.03  # a command that is logged after its answer began [s]
 LONGEST_LAG = 0.5  # [s]
 SHORTEST_LAG = 1e-3
 # Standard deviations, the relative ones of the prior vehicle's number
@@ -37,7 +36,7 @@ def prior_of(vehicle: Vehicle) -> dict[str, Prior]:
     inertia_x, inertia_y = model.tilt_cost
     jx, jy, jz = vehicle.inertia
     prior = {
-        "delay": Prior(0.0, DELAY, EARLIEST, LARGEST_DELAY),
+        "delay": Prior(0.0, DELAY, 0.0, LARGEST_DELAY),
         "tau": Prior(rotors.motor_tau, LAG, SHORTEST_LAG, LONGEST_LAG),
         "c2": Prior(square * full**2 / vehicle.mass, SHARE * size, 1e-3 * size, FACTOR * size),
         "c1": _about(linear * full / vehicle.mass, SHARE * size),

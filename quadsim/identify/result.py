@@ -68,6 +68,17 @@ class VehicleFit:
         raise KeyError(key)
 
     @property
+    def doubt(self) -> str:
+        """Why the fit is no better than none, "" if it is better."""
+        # The last row is that of all logs after the longest time.
+        row = self.predictions[-1] if self.predictions else None
+        if row is None or row.measured_attitude <= row.constant_velocity:
+            return ""
+        wanted = f"expected predictions that beat constant velocity after {row.seconds:g} s"
+        got = f"{row.measured_attitude:.3g} m in place of {row.constant_velocity:.3g} m"
+        return f"{wanted}, got errors of {got}"
+
+    @property
     def model(self) -> ModelParams:
         """The planner's model, with lags of the angular acceleration that a vehicle file lacks."""
         model = ModelParams.of(self.vehicle)

@@ -24,9 +24,12 @@ from quadsim.identify.search import COARSE_GAIN, Solution, solve
 # lag alone: starts of the search
 SHARES = ((0.0, 1.5), (0.3, 0.9), (0.7, 0.3))
 COARSE = 20.0  # time of flight from which the starts are searched [s]
-# Thrust maps with a linear and a constant part have to fit better than this: the 99.9 % quantile of
-# chi-square with two degrees of freedom.
-SQUARE_ALONE = 13.8
+# Thrust maps with more parts than a square have to fit better than this: the 99.9 % quantile of
+# chi-square with as many degrees of freedom as there are more parts.
+PAYS = {1: 10.8, 2: 13.8}
+# Thrust at the lowest command, as a share of the full one: about none, or less by a dead zone
+LEAST_IDLE = -0.3
+LARGEST_IDLE = 0.08
 LEAST_EXPLAINED = 0.3  # of the rotation about an axis: with less its inertia is not fitted
 LEAST_SPEED = 0.3  # root mean square of the velocity along an axis whose drag is fitted [m/s]
 COARSE_PIECE = 4.0  # of one flight, at least [s]
@@ -143,11 +146,9 @@ def search_numbers(
         begin = solution.numbers._replace(**{name: getattr(start, name) for name in lost})
         solution = solve(parts, geometry, prior, square, [begin], turning)
 
-    # A linear and a constant part of the thrust map have to pay.
     if MAP[0] in searched:
-        whole = solve(parts, geometry, prior, searched, [solution.numbers], turning)
-        if _needs_whole_map(whole):
-            solution = whole
+        solution, more = _with_map(parts, geometry, prior, searched, solution, turning)
+        remarks += more
 
     # What the log tells worse than the prior stays at the prior.
     told = covariances(solution.linearized).log_alone
@@ -168,12 +169,59 @@ def _coarse(parts: Sequence[Prepared]) -> list[Prepared]:
     return [middle(part, each) for part in parts]
 
 
-def _needs_whole_map(solution: Solution) -> bool:
-    """Return whether the thrust is not proportional to the square of the command."""
-    index = [solution.searched.index(name) for name in MAP[1:]]
+def _with_map(
+    parts: Sequence[Prepared],
+    geometry: Geometry,
+    prior: Mapping[str, Prior],
+    searched: Sequence[str],
+    square: Solution,
+    turning: Sequence[int],
+) -> tuple[Solution, list[str]]:
+    """Return the solution with the thrust map that the logs need, and remarks on it.
+
+    A linear and a constant part have to pay, and the map has to be that of a rotor.
+
+    Args:
+        parts: what is fitted.
+        geometry: what is not fitted.
+        prior: of each number.
+        searched: names of the numbers that are searched, with the whole map.
+        square: solution with a map that is a square.
+        turning: axes of the body rates that are compared.
+    """
+    whole = solve(parts, geometry, prior, searched, [square.numbers], turning)
+    if not _pays(whole, MAP[1:]):
+        return square, []
+    if is_rotor(whole.numbers):
+        return whole, []
+    remark = (
+        f"thrust map: the best fit has {_idle(whole.numbers):.0%} of the full thrust at the lowest "
+        "command, as no rotor has, and a simpler map is taken"
+    )
+    names = [name for name in searched if name != MAP[2]]
+    linear = solve(parts, geometry, prior, names, [square.numbers], turning)
+    is_better = _pays(linear, MAP[1:2]) and is_rotor(linear.numbers)
+    return linear if is_better else square, [remark]
+
+
+def _pays(solution: Solution, parts_of_map: Sequence[str]) -> bool:
+    """Return whether parts of the thrust map differ from 0 beyond doubt."""
+    index = [solution.searched.index(name) for name in parts_of_map]
     covariance = covariances(solution.linearized).reported[np.ix_(index, index)]
-    values = np.array([solution.numbers.c1, solution.numbers.c0])
-    return float(values @ np.linalg.solve(covariance, values)) > SQUARE_ALONE
+    values = np.array([getattr(solution.numbers, name) for name in parts_of_map])
+    return float(values @ np.linalg.solve(covariance, values)) > PAYS[len(values)]
+
+
+def is_rotor(numbers: FitNumbers) -> bool:
+    """Return whether a thrust map begins at about none."""
+    return LEAST_IDLE <= _idle(numbers) <= LARGEST_IDLE
+
+
+def _idle(numbers: FitNumbers) -> float:
+    """Return the least thrust of a rotor as a share of its thrust at full command."""
+    c2, c1, c0 = numbers.c2, numbers.c1, numbers.c0
+    lowest = min(max(-c1 / (2.0 * c2), 0.0), 1.0)
+    return ((c2 * lowest + c1) * lowest + c0) / (c2 + c1 + c0)
 
 
 def _untold(name: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from math import sqrt
+from math import isclose, sqrt
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -12,19 +12,20 @@ from quadsim.identify.geometry import Geometry
 from quadsim.identify.intervals import TWO_SIDED, covariances
 from quadsim.identify.numbers import FitNumbers
 from quadsim.identify.prepared import Drive
-from quadsim.identify.prior import FLATNESS
+from quadsim.identify.prior import FLATNESS, prior_of
 from quadsim.identify.rate_loop import RateLoopFit
 from quadsim.physics.domain_randomization import widths
 from quadsim.physics.randomization_file import OUTDOOR
 from quadsim.vehicle import Uncertainty, Vehicle
 
-Source = Literal["log", "prior", "given"]
+# "derived": not as the prior vehicle has it, but by numbers of the log, or by the mass
+Source = Literal["log", "prior", "given", "derived"]
 
 DIGITS = 5  # of the vehicle's numbers
-# What a log cannot tell whatever its length, one standard deviation: the scale factors of small
-# inertial units, which are off by some tenths of a per cent, and times below a part of a row.
 # A fitted thrust map may fall at low speeds; the idle speed is this share above its lowest point.
 ABOVE = 1e-4
+# What a log cannot tell whatever its length, one standard deviation: the scale factors of small
+# inertial units, which are off by some tenths of a per cent, and times below a part of a row.
 SCALE_FACTOR = 0.003
 PART_OF_ROW = 0.05
 DRAG_SHARE = 0.01  # of the drag, whose velocity is smoothed and late by a part of a row
@@ -42,9 +43,10 @@ LOOP_KEYS = {
     "lag_z": "rate_lag.z",
     "voltage_power": "rate_voltage_power",
 }
+ARM = 0.2  # relative standard deviation of the arm that the prior vehicle has
+SAME = 1e-9  # relative difference below which a number is the prior's
 WEIGHED = 0.005  # relative standard deviation of a mass by a scale
 LARGEST_SHARE = 0.5
-FULL_THRUST = ("thrust_max", *(f"rotors.thrust_map.c{k}" for k in (2, 1, 0)))
 
 
 class FittedNumber(NamedTuple):
@@ -94,30 +96,30 @@ class _Row(NamedTuple):
 
 
 def fitted_numbers(
-    found: FoundNumbers, base: Vehicle, mass: float, is_weighed: bool
+    found: FoundNumbers, base: Vehicle, mass: float | None, *, has_arm: bool
 ) -> tuple[FittedNumber, ...]:
     """Return all numbers of the vehicle.
 
     Args:
         found: what was found in the logs.
         base: the prior vehicle.
-        mass: of the vehicle [kg].
-        is_weighed: whether the mass was given for this vehicle.
+        mass: of the vehicle, by a scale [kg]; None: the mass of `base`.
+        has_arm: whether the arms of `base` were measured on the vehicle.
     """
-    source: Source = "given" if is_weighed else "prior"
-    rows = [FittedNumber("mass", "kg", mass, mass, mass, source)]
-    rows += [_number(key, row, found) for key, row in _rows(found, base, mass).items()]
-    rows += _loop_numbers(found, base)
-    return tuple(rows)
+    source: Source = "prior" if mass is None else "given"
+    mass = mass or base.mass
+    numbers = [FittedNumber("mass", "kg", mass, mass, mass, source)]
+    prior = FitNumbers(**{name: each.mean for name, each in prior_of(base).items()})
+    before = _rows(found, base, base.mass, has_arm=has_arm)
+    for key, row in _rows(found, base, mass, has_arm=has_arm).items():
+        numbers.append(_number(key, row, found, before[key].value(prior)))
+    return (*numbers, *_loop_numbers(found, base))
 
 
-def _rows(found: FoundNumbers, base: Vehicle, mass: float) -> Mapping[str, _Row]:
+def _rows(found: FoundNumbers, base: Vehicle, mass: float, *, has_arm: bool) -> Mapping[str, _Row]:
     """Return the numbers that follow from the searched ones, by key."""
     geometry = Geometry.of(base)
     late = PART_OF_ROW * found.dt
-
-    def coefficient(k: int) -> Callable[[FitNumbers], float]:
-        return lambda n: mass * speed_map(n, found, base)[k]
 
     def inertia(k: int) -> Callable[[FitNumbers], float]:
         return lambda n: mass * geometry.inertia(n)[k]
@@ -128,16 +130,15 @@ def _rows(found: FoundNumbers, base: Vehicle, mass: float) -> Mapping[str, _Row]
     def kappa(n: FitNumbers) -> float:
         return geometry.inertia(n)[2] / n.inertia_z
 
-    thrust = ("c2", "c1", "c0")
     turned = ("inertia_x", "inertia_y")
     ratio = SCALE_FACTOR
     # Without gyroscopic torques the log tells the inertia about z over the reaction torque alone.
     flat = ratio if "flatness" in found.searched else FLATNESS / 2.0
-    rows = {
-        "thrust_max": _Row("m/s^2", lambda n: 4.0 * (n.c2 + n.c1 + n.c0), thrust, scale=ratio),
-        "rotors.thrust_map.c2": _Row("N s^2", coefficient(0), thrust, scale=ratio),
-        "rotors.thrust_map.c1": _Row("N s", coefficient(1), thrust),
-        "rotors.thrust_map.c0": _Row("N", coefficient(2), thrust),
+    # And the inertia over the arm alone: arms of a similar vehicle are not those of this one.
+    arm = 0.0 if has_arm else ARM
+
+    rows = _thrust_rows(found, base, mass)
+    rows |= {
         "rotors.motor_tau": _Row("s", field("tau"), ("tau",), floor=late),
         "motor_delay": _Row("s", field("delay"), ("delay",), floor=late),
         "voltage_power": _Row("1", field("voltage_power"), ("voltage_power",)),
@@ -147,9 +148,10 @@ def _rows(found: FoundNumbers, base: Vehicle, mass: float) -> Mapping[str, _Row]
         rows[f"inertia_over_arm.{axis}"] = _Row("m", field(name), (name,), scale=ratio)
     for k, axis in enumerate("xyz"):
         needs = (f"inertia_{axis}",) if axis != "z" else (*turned, "flatness")
-        share = flat if axis == "z" else ratio
+        share = sqrt((flat if axis == "z" else ratio) ** 2 + arm**2)
         rows[f"inertia.{axis}"] = _Row("kg m^2", inertia(k), needs, scale=share)
-    rows["rotors.kappa"] = _Row("m", kappa, ("inertia_z", *turned, "flatness"), scale=flat)
+    needs = ("inertia_z", *turned, "flatness")
+    rows["rotors.kappa"] = _Row("m", kappa, needs, scale=sqrt(flat**2 + arm**2))
     for axis in "xyz":
         name = f"drag_{axis}"
         rows[f"drag.{axis}"] = _Row("1/s", field(name), (name,), floor=DRAG_FLOOR, scale=DRAG_SHARE)
@@ -182,15 +184,52 @@ def _rows(found: FoundNumbers, base: Vehicle, mass: float) -> Mapping[str, _Row]
     }
 
 
-def _number(key: str, row: _Row, found: FoundNumbers) -> FittedNumber:
-    """Return a number with its interval, by the derivatives."""
+def _thrust_rows(found: FoundNumbers, base: Vehicle, mass: float) -> dict[str, _Row]:
+    """Return the numbers of the thrust, by key.
+
+    A log with setpoints of the thrust tells the ratio of the thrust to them. Full thrust and the
+    rotors' map are the prior's.
+    """
+    thrust = ("c2", "c1", "c0")
+    ratio = SCALE_FACTOR
+    is_ratio = found.drive == "thrust_setpoint"
+
+    def coefficient(k: int) -> Callable[[FitNumbers], float]:
+        return lambda n: mass * speed_map(n, found, base)[k]
+
+    def full(n: FitNumbers) -> float:
+        return 4.0 * (n.c2 + n.c1 + n.c0)
+
+    needs = () if is_ratio else thrust
+    rows = {
+        "thrust_max": _Row(
+            "m/s^2", (lambda _: base.thrust_max) if is_ratio else full, needs, scale=ratio
+        ),
+        "rotors.thrust_map.c2": _Row("N s^2", coefficient(0), needs, scale=ratio),
+        "rotors.thrust_map.c1": _Row("N s", coefficient(1), needs),
+        "rotors.thrust_map.c0": _Row("N", coefficient(2), needs),
+    }
+    if is_ratio:
+        rows["thrust_ratio"] = _Row("1", lambda n: full(n) / base.thrust_max, thrust, scale=ratio)
+    return rows
+
+
+def _number(key: str, row: _Row, found: FoundNumbers, prior: float) -> FittedNumber:
+    """Return a number with its interval, by the derivatives.
+
+    Args:
+        key: of the number.
+        row: how it follows from the searched ones.
+        found: what was found in the logs.
+        prior: the number of the prior vehicle.
+    """
     value = row.value(found.numbers)
     told = [name for name in row.needs if name in found.searched]
-    # A log with setpoints of the thrust tells the ratio of the thrust to them. Full thrust and the
-    # rotors' map are the prior's times that ratio.
-    is_scaled = found.drive == "thrust_setpoint" and key in FULL_THRUST
+    # A log of the rotors' speeds alone does not tell the full speed.
+    is_scaled = found.drive == "rotor_speeds" and key == "thrust_max"
     if is_scaled or not told:
-        return FittedNumber(key, row.unit, value, value, value, "prior")
+        source: Source = "prior" if isclose(value, prior, rel_tol=SAME) else "derived"
+        return FittedNumber(key, row.unit, value, value, value, source)
     gradient = np.zeros(len(found.searched))
     for k, name in enumerate(found.searched):
         at = getattr(found.numbers, name)
@@ -246,6 +285,9 @@ def speed_map(
 ) -> tuple[float, float, float]:
     """Return c2, c1, c0 of a rotor's thrust over the mass against its speed in rad/s."""
     assert base.rotors
+    if found.drive == "thrust_setpoint":
+        square, linear, constant = base.rotors.thrust_map
+        return square / base.mass, linear / base.mass, constant / base.mass
     scale = found.speed_scale or SpeedScale(base.rotors.motor_omega_max, 0.0)
     # s = (W - idle) / full
     c2 = numbers.c2 / scale.full**2
@@ -308,7 +350,7 @@ def _uncertainty(numbers: tuple[FittedNumber, ...]) -> Uncertainty:
 
     def share(keys: Sequence[str], half_width: float) -> float:
         known = [by_key[key] for key in keys]
-        if any(number.source == "prior" for number in known):
+        if any(number.source in ("prior", "derived") for number in known):
             return half_width / sqrt(3)
         return _relative(known)
 

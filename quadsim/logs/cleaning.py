@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from quadsim.logs.flight_log import SIGNALS, FlightLog
+from quadsim.logs.motion_checks import expect_motion
 from quadsim.logs.raw_log import LogError, RawLog
 from quadsim.logs.unit_checks import expect_units
 
@@ -33,8 +34,11 @@ FASTEST_TURN = 100.0
 LARGEST_TURN = 1.0
 # A sensor saturates this close to its largest reading.
 NEAR = 0.998
-# Share of impossible readings above which the whole signal is in another unit
+# Share of impossible readings above which the whole signal is in another unit. Rates in deg/s, read
+# as rad/s, are impossible in the fastest turns alone.
 MOST_IMPOSSIBLE = 0.5
+MOST_IMPOSSIBLE_RATES = 0.01
+RATES = ("body_rates", "rate_setpoints")
 # Share of times that fall above which the rows are in the reverse order
 MOST_FALLING = 0.9
 # Shares of missing readings between which a line names them; a slower sensor lacks most.
@@ -64,6 +68,7 @@ def cleaned(raw: RawLog) -> FlightLog:
     start = float(t[0])
     t -= start
     expect_units(raw.name, t, signals)
+    expect_motion(raw.name, t, signals)
     breaks = restarts | _gaps(t, remarks) | _jumps(t, signals, remarks)
     pieces = tuple(_pieces(breaks, len(t)))
     if not pieces:
@@ -166,7 +171,7 @@ def _possible(name: str, readings: np.ndarray, raw: RawLog, remarks: list[str]) 
         saturated = np.zeros_like(wrong)
         if name in raw.largest:
             saturated = known & ~wrong & (np.abs(found) >= NEAR * raw.largest[name])
-    if wrong.sum() > MOST_IMPOSSIBLE * total:
+    if wrong.sum() > (MOST_IMPOSSIBLE_RATES if name in RATES else MOST_IMPOSSIBLE) * total:
         usual = float(np.median(np.abs(found[wrong])))
         wanted = (
             f"expected {signal.words} [{signal.unit}] from {signal.least:g} to {signal.largest:g}"

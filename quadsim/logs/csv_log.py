@@ -1,14 +1,14 @@
 """Logs as CSV. A mapping gives the meaning of their columns.
 
-The separator is a comma, a semicolon or a tab. The first line names the columns. An empty cell and
-one that is not a number are missing readings.
+The separator is a comma, a semicolon or a tab. The first line, below comments that begin with #,
+names the columns. An empty cell and one that is not a number are missing readings.
 """
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Sequence
-from itertools import islice
+from collections.abc import Collection, Iterator, Sequence
+from itertools import count, islice
 from math import nan
 from pathlib import Path
 from typing import IO
@@ -33,8 +33,9 @@ LONGEST_HEADER = 100_000
 
 def is_text(head: bytes) -> bool:
     """Return whether a file that begins so is a text in columns."""
-    line, _, _ = head.partition(b"\n")
-    return b"\0" not in head and any(separator in line for separator in (b",", b";", b"\t"))
+    lines = [line for line in head.splitlines() if not _is_comment(line.decode(errors="replace"))]
+    first = lines[0] if lines else b""
+    return b"\0" not in head and any(separator in first for separator in (b",", b";", b"\t"))
 
 
 def read_csv_log(path: Path, mapping: str | Path | None = None) -> list[RawLog]:
@@ -49,17 +50,20 @@ def read_csv_log(path: Path, mapping: str | Path | None = None) -> list[RawLog]:
         FileError: the mapping cannot be read.
     """
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
-        first = file.readline(LONGEST_HEADER)
-        separator = max(",;\t", key=first.count)
-        header = [name.strip().strip('"') for name in first.rstrip("\r\n").split(separator)]
-        used = _mapping_of(header, mapping, path)
+        line, first = _first_line(file, path)
+        separator = max(",;\t", key=lambda each: len(_cells(first, each)))
+        header = [name.strip().removeprefix("#").strip() for name in _cells(first, separator)]
+        used = _mapping_of(header, mapping, f"{path}:{line}")
         wanted = used.column_names()
         places = [place for place, name in enumerate(header) if name in wanted]
+        _expect_once(header, wanted, f"{path}:{line}")
         blocks = []
         bad_lines = 0
         rows = 0
         is_cut = False
         for lines in _lines(file):
+            if lines and not rows:
+                _expect_as_wide(lines[0], header, separator, f"{path}:{line}")
             room = MOST_ROWS - rows
             block, bad = _numbers(lines[:room], separator, places)
             blocks.append(block)
@@ -80,23 +84,72 @@ def read_csv_log(path: Path, mapping: str | Path | None = None) -> list[RawLog]:
     return [mapped(columns, used, path.name, remarks)]
 
 
-def _mapping_of(header: Sequence[str], given: str | Path | None, path: Path) -> LogMapping:
-    """Return the mapping of a file. Raises LogError, FileError."""
+def _first_line(file: IO[str], path: Path) -> tuple[int, str]:
+    """Return the number and the text of the line that names the columns.
+
+    Raises:
+        LogError: it is longer than any line of names.
+    """
+    for number in count(1):
+        line = file.readline(LONGEST_HEADER)
+        if len(line) == LONGEST_HEADER:
+            wanted = f"expected a line of names of at most {LONGEST_HEADER} characters"
+            raise LogError(f"{path}:{number}: {wanted}, got a longer one")
+        if not line or not _is_comment(line):
+            return number, line.rstrip("\r\n")
+    raise AssertionError
+
+
+def _is_comment(line: str) -> bool:
+    """Return whether a line is empty or a comment; one with separators is a line of names."""
+    text = line.strip()
+    return not text or (text.startswith("#") and not any(each in text for each in ",;\t"))
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    """Return the cells of a line, of which those in quotes may have separators."""
+    return next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+
+
+def _expect_once(header: Sequence[str], wanted: Collection[str], place: str) -> None:
+    """Raise LogError if a column that is read is there twice."""
+    for name in wanted:
+        if header.count(name) > 1:
+            got = f"got it {header.count(name)} times"
+            raise LogError(f"{place}: expected one column {name!r}, {got}: rename or remove one")
+
+
+def _expect_as_wide(line: str, header: Sequence[str], separator: str, place: str) -> None:
+    """Raise LogError if the first row has other cells than the names say.
+
+    A separator at the end of a line, and the empty cell behind it, say nothing.
+    """
+    cells = _cells(line, separator)
+    named = len(header) - (header[-1] == "")
+    given = len(cells) - (cells[-1].strip() == "" and len(cells) > named)
+    if given != named:
+        wanted = f"expected a row of {named} cells, as many as there are names"
+        advice = f"put names that contain {separator!r} into quotes"
+        raise LogError(f"{place}: {wanted}, got {given}: {advice}")
+
+
+def _mapping_of(header: Sequence[str], given: str | Path | None, place: str) -> LogMapping:
+    """Return the mapping of a file whose names are at a place. Raises LogError, FileError."""
     if any(_is_number(name) for name in header if name):
         wanted = "expected a first line that names the columns"
-        raise LogError(f"{path}:1: {wanted}, got {cut(', '.join(header))!r}")
+        raise LogError(f"{place}: {wanted}, got {cut(', '.join(header))!r}")
     if given is not None:
         found = load_mapping(given)
         if not set(found.time.names) <= set(header):
             names = cut(", ".join(header))
             wanted = f"expected the column {found.time.names[0]!r} of {given} for the time"
-            raise LogError(f"{path}:1: {wanted}, got {names}")
+            raise LogError(f"{place}: {wanted}, got {names}")
         return found
     found = fitting_mapping(header)
     if found is None:
         known = ", ".join(shipped_mappings())
         wanted = f"expected the columns of a shipped mapping ({known}) or --mapping FILE.yaml"
-        raise LogError(f"{path}:1: {wanted}, got the columns {cut(', '.join(header))}")
+        raise LogError(f"{place}: {wanted}, got the columns {cut(', '.join(header))}")
     return found
 
 
@@ -126,7 +179,7 @@ def _numbers_one_by_one(
     found = np.full((len(lines), len(places)), nan)
     bad = 0
     for k, line in enumerate(lines):
-        cells = next(csv.reader([line], delimiter=separator), [])
+        cells = _cells(line, separator)
         numbers = [_number(cells[place]) if place < len(cells) else None for place in places]
         found[k] = [nan if number is None else number for number in numbers]
         bad += None in numbers

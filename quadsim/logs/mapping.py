@@ -72,6 +72,8 @@ UNITS_OF = {
     "throttle": ("1", "%"),
     "battery": ("V", "mV"),
 }
+# Signals from 0 to 1, which may be written in numbers of their own
+SHARES = ("motor_commands", "throttle")
 LargestReading = Annotated[float, Meta(gt=0)]
 IN_THE_WORLD = ("position", "velocity")
 IN_THE_BODY = ("body_rates", "specific_force", "rate_setpoints")
@@ -86,7 +88,7 @@ class Entry(Struct, frozen=True, kw_only=True):
         setting("the columns, in the order of FlightLog; -NAME changes the sign of a column"),
     ] = None
     unit: Annotated[str | None, setting("unit of the columns; without one, the SI unit")] = None
-    zero: Annotated[float, setting("what is written for 0")] = 0.0
+    zero: Annotated[float | None, setting("what is written for 0; without one, 0")] = None
     full: Annotated[float | None, setting("what is written for 1")] = None
     saturates_at: Annotated[
         LargestReading | None, setting("the largest reading of the sensor, in the unit")
@@ -231,8 +233,9 @@ def _readings(columns: Mapping[str, np.ndarray], entry: Entry) -> np.ndarray:
     if entry.full is None:
         readings *= entry.scale
     else:
-        readings -= entry.zero
-        readings /= entry.full - entry.zero
+        zero = entry.zero or 0.0
+        readings -= zero
+        readings /= entry.full - zero
     return readings if len(signs) > 1 else readings[:, 0]
 
 
@@ -256,5 +259,28 @@ def _problems(mapping: LogMapping) -> Iterator[FieldProblem]:
             near = did_you_mean(entry.unit, known)
             wanted = f"expected one of {', '.join(known)}, got {entry.unit!r}"
             yield FieldProblem(f"{name}.unit", wanted if len(known) < 5 else f"{wanted}: {near}")
-        if entry.full is not None and entry.full == entry.zero:
-            yield FieldProblem(f"{name}.full", "expected another number than zero has")
+        yield from _scale_problems(name, entry)
+        twice = [column for column in entry.names if entry.names.count(column) > 1]
+        if twice:
+            yield FieldProblem(name, f"expected each column once, got {twice[0]!r} twice")
+
+
+def _scale_problems(name: str, entry: Entry) -> Iterator[FieldProblem]:
+    """Yield the keys of an entry that cannot be, or would do nothing."""
+    if entry.full is None:
+        if entry.zero is not None:
+            yield FieldProblem(f"{name}.zero", "expected full beside it, got zero alone")
+    elif name not in SHARES:
+        wanted = f"expected it at {' and '.join(SHARES)}, which are shares"
+        yield FieldProblem(f"{name}.full", f"{wanted}, got it at {name}: write unit")
+    elif entry.unit is not None:
+        wanted = "expected either unit, or zero and full"
+        yield FieldProblem(f"{name}.unit", f"{wanted}, got both: remove one")
+    elif entry.full == (entry.zero or 0.0):
+        yield FieldProblem(f"{name}.full", "expected another number than zero has")
+    if name != "time":
+        return
+    if entry.written and entry.written[0].startswith("-"):
+        yield FieldProblem("time", f"expected a column that rises, got {entry.written[0]!r}")
+    if entry.saturates_at is not None:
+        yield FieldProblem("time.saturates_at", "expected none, as a clock does not saturate")

@@ -6,8 +6,9 @@ derivative of position, and body rates are that of the attitude.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from math import isfinite
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,15 +22,24 @@ LEAST_FORCE = 3.0
 LARGEST_FORCE = 60.0
 # A signal is compared with a derivative over this time, in which noise averages out [s].
 OVER = 0.1
-# A slope of 1 is right. Delays and noise lower it; another unit changes it by far more.
+# A slope of 1 is right. Delays and noise lower it; another unit changes it by far more. Signals
+# that are alike to CLEAR tell smaller errors of the scale, too.
 LEAST_SLOPE = 0.3
 LARGEST_SLOPE = 3.0
+CLEAR = 0.9
+LEAST_CLEAR_SLOPE = 0.75
+LARGEST_CLEAR_SLOPE = 1.35
 # Likeness, at most 1, from which a slope says something, and rows that it takes
 LEAST_LIKENESS = 0.5
 FEWEST = 10
 # Motion from which a comparison says something [m/s], [rad/s]
 LEAST_SPEED = 0.2
 LEAST_RATE = 0.1
+# Body rates are compared with their setpoints over this time, later by the lag of a rate loop.
+FOLLOWED_OVER = 0.4
+FOLLOWED_AFTER = 0.1
+LEAST_FOLLOWED = 0.5
+LARGEST_FOLLOWED = 2.0
 ADVICE = "correct unit or frame of the mapping"
 
 
@@ -54,6 +64,23 @@ def expect_units(name: str, t: np.ndarray, signals: Mapping[str, np.ndarray]) ->
     if {"quaternion", "body_rates"} <= signals.keys():
         turned = _turned(t, signals["quaternion"], lag)
         _expect_slope(name, "body_rates", _mean(signals["body_rates"], lag), turned, LEAST_RATE)
+    if {"rate_setpoints", "body_rates"} <= signals.keys():
+        _expect_followed(name, signals["rate_setpoints"], signals["body_rates"], step)
+
+
+def _expect_followed(name: str, asked: np.ndarray, rates: np.ndarray, step: float) -> None:
+    """Raise LogError if the body rates do not follow their setpoints, one to one."""
+    over = max(1, round(FOLLOWED_OVER / step))
+    after = round(FOLLOWED_AFTER / step)
+    x = _mean(asked, over)[: len(asked) - over - after]
+    y = _mean(rates, over)[after:]
+    for axis, compared in enumerate(_compared(x, y, LEAST_RATE)):
+        if compared is None:
+            continue
+        if not LEAST_FOLLOWED <= compared.slope <= LARGEST_FOLLOWED:
+            wanted = f"expected setpoints that the gyro follows about {'xyz'[axis]}"
+            got = f"got rates of {compared.slope:.3g} times the setpoints"
+            raise LogError(f"{name}: rate_setpoints: {wanted}, {got}: {ADVICE}")
 
 
 def _expect_gravity(name: str, force: np.ndarray) -> None:
@@ -80,21 +107,47 @@ def _expect_slope(
         derived: the derivative over the same time  (m, 3).
         least: root mean square of a motion that says something.
     """
-    for axis in range(3):
-        good = np.isfinite(measured[:, axis]) & np.isfinite(derived[:, axis])
-        x = derived[good, axis]
-        y = measured[good, axis]
-        if len(x) < FEWEST or _size(x) < least or _size(y) == 0.0:
+    for axis, compared in enumerate(_compared(derived, measured, least)):
+        if compared is None:
             continue
-        # The cosine between the two: the mean motion counts, too.
-        likeness = float(np.mean(x * y)) / (_size(x) * _size(y))
-        if abs(likeness) < LEAST_LIKENESS:
-            continue
-        slope = _size(y) / _size(x) * np.sign(likeness)
-        if not LEAST_SLOPE <= slope <= LARGEST_SLOPE:
+        is_clear = compared.likeness >= CLEAR
+        least_slope = LEAST_CLEAR_SLOPE if is_clear else LEAST_SLOPE
+        largest_slope = LARGEST_CLEAR_SLOPE if is_clear else LARGEST_SLOPE
+        if not least_slope <= compared.slope <= largest_slope:
             of = "position" if signal == "velocity" else "the attitude"
             wanted = f"expected the derivative of {of} along {'xyz'[axis]}"
-            raise LogError(f"{name}: {signal}: {wanted}, got {slope:.3g} times that: {ADVICE}")
+            raise LogError(
+                f"{name}: {signal}: {wanted}, got {compared.slope:.3g} times that: {ADVICE}"
+            )
+
+
+class Compared(NamedTuple):
+    """Two signals along one axis."""
+
+    # cosine between the two: the mean motion counts, too
+    likeness: float
+    # size of the second over the size of the first, with the sign of the likeness
+    slope: float
+
+
+def _compared(x: np.ndarray, y: np.ndarray, least: float) -> Iterator[Compared | None]:
+    """Yield how two signals compare along each axis, None if that says nothing.
+
+    Args:
+        x: a signal  (m, 3).
+        y: a signal that should be equal  (m, 3).
+        least: root mean square of x that says something.
+    """
+    for axis in range(3):
+        good = np.isfinite(x[:, axis]) & np.isfinite(y[:, axis])
+        mine = x[good, axis]
+        other = y[good, axis]
+        if len(mine) < FEWEST or _size(mine) < least or _size(other) == 0.0:
+            yield None
+            continue
+        likeness = float(np.mean(mine * other)) / (_size(mine) * _size(other))
+        slope = _size(other) / _size(mine) * float(np.sign(likeness))
+        yield Compared(likeness, slope) if abs(likeness) >= LEAST_LIKENESS else None
 
 
 def _size(x: np.ndarray) -> float:

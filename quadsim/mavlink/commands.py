@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from enum import Enum, auto
-from functools import partial
 from time import perf_counter
 
 from quadsim.mavlink.client import MavlinkClient
@@ -14,37 +12,41 @@ from quadsim.mavlink.messages import (
     CommandAck,
     CommandLong,
     DataTransmissionHandshake,
-    Message,
     SetAttitudeTarget,
+    SetMode,
     SetPositionTargetLocalNed,
-    Timesync,
+    Statustext,
 )
-from quadsim.mavlink.setpoints import (
-    Rates,
-    Setpoint,
-    attitude_setpoint,
-    control_of,
-    path_setpoint,
-)
-from quadsim.mavlink.udp_link import UdpLink
+from quadsim.mavlink.packets import SYSTEM
+from quadsim.mavlink.questions import VERSION, answers
+from quadsim.mavlink.setpoints import Law, Rates, SetpointError, attitude_setpoint, path_setpoint
+from quadsim.mavlink.udp_link import Address, Received, UdpLink
 from quadsim.vehicle import Vehicle
 
 # Commands of COMMAND_LONG
+SET_MODE = 176
 ARM = 400
+SET_INTERVAL = 511
 REQUEST_MESSAGE = 512
+REQUEST_CAPABILITIES = 520
 RESET = 31000
-# Messages that REQUEST_MESSAGE may ask for: both parts of the track
+# Messages that REQUEST_MESSAGE may ask for: both parts of the track, and the version
 TRACK_PARTS = (130.0, 131.0)
+AUTOPILOT_VERSION = 148.0
 # MAV_RESULT
 ACCEPTED = 0
 DENIED = 2
 UNSUPPORTED = 3
+GUIDED = 4  # the mode of ArduPilot's copters in which setpoints are flown
+WARNING = 4  # MAV_SEVERITY_WARNING
+# Texts that are sent at most until the next race begins; each is sent once to a program.
+MOST_TEXTS = 50
 # [s] In lock step, the time for a setpoint; without one the flight goes on with the last one.
 PATIENCE = 1.0
 # [s] A race in lock step begins once the client has been quiet for so long, but no later than after
 # PATIENCE: until then, the client may answer messages from before the race.
 QUIET = 0.1
-# [s] Time without a packet of the client, after which a race in lock step is over
+# [s] Time without a packet of the client, in lock step without a setpoint, that ends a race
 SILENCE = 10.0
 
 
@@ -54,22 +56,27 @@ class Phase(Enum):
     START = auto()  # the vehicle stands at the start until the client arms it
     RACE = auto()  # the vehicle flies
     RESET = auto()  # the client has ended the race, and wants to start anew
-    SILENT = auto()  # in lock step, no packet of the client has come for SILENCE
+    SILENT = auto()  # the client has been silent for SILENCE
 
 
 class Commands:
     """Obeys the client, and flies its setpoints.
 
+    The program that arms the vehicle is the pilot. Until the race ends, commands and setpoints of
+    other programs are refused; their questions are answered.
+
     Attributes:
         phase: phase of the present race.
         is_armed: whether the vehicle is armed.
+        counts_from: time since the simulator's start at which a program was first heard at the
+            start, or asked for a reset there [s]; None: none was heard. A countdown begins then.
         wanted: messages since the last control period that want a setpoint each, in lock step.
         unanswered: periods in lock step in which no setpoint came within PATIENCE.
 
     Args:
         link: the link to the client.
         client: the controller, which flies by the last setpoint.
-        downlink: sends the track, for which the client may ask.
+        downlink: sends the track and other messages for which the client may ask.
         clock: time since the simulator's start.
         vehicle: the vehicle.
     """
@@ -84,6 +91,7 @@ class Commands:
     ):
         self.phase = Phase.START
         self.is_armed = False
+        self.counts_from: float | None = None
         self.wanted = 0
         self.unanswered = 0
         self._link = link
@@ -93,13 +101,19 @@ class Commands:
         self._vehicle = vehicle
         # setpoints since the last control period
         self._setpoints = 0
-        # reading of the wall clock when the last packet came [s]
+        # readings of the wall clock at the pilot's last packet and at its last setpoint [s]
         self._heard = 0.0
+        self._heard_setpoint = 0.0
+        # what was sent to whom since the last race
+        self._texts: set[tuple[Address, str]] = set()
 
     def begin_start(self) -> None:
         """Begin to wait at the start, with a vehicle that is not armed."""
         self.phase = Phase.START
         self.is_armed = False
+        self.counts_from = None
+        self._link.follow(None)
+        self._texts.clear()
 
     def begin_race(self) -> None:
         """Begin a race, in which only setpoints from now on count."""
@@ -107,7 +121,7 @@ class Commands:
         self.phase = Phase.RACE
         self.wanted = 0
         self._setpoints = 0
-        self._heard = perf_counter()
+        self._heard = self._heard_setpoint = perf_counter()
 
     # When the client is heard.
 
@@ -116,7 +130,9 @@ class Commands:
         while True:
             self._listen(end - perf_counter())
             if perf_counter() >= end:
-                return
+                break
+        if self.phase is Phase.RACE and perf_counter() - self._heard >= SILENCE:
+            self.phase = Phase.SILENT
 
     def let_answers_pass(self) -> None:
         """Obey what the client still answers to messages from before the race."""
@@ -129,82 +145,165 @@ class Commands:
     def await_setpoint(self) -> None:
         """Wait in lock step until each message that wants a setpoint has one, or for PATIENCE.
 
-        A client from which no packet has come for SILENCE ends the race.
+        A client that has sent no setpoint for SILENCE ends the race.
         """
         end = perf_counter() + PATIENCE
         while self._setpoints < self.wanted and self.phase is Phase.RACE:
             if perf_counter() >= end:
                 self.unanswered += 1
+                if self._link.pilot:
+                    self._tell("lock step: no setpoint came for 1 s", self._link.pilot)
                 break
             self._listen(end - perf_counter())
         self._setpoints = 0
         self.wanted = 0
-        if perf_counter() - self._heard >= SILENCE:
+        if perf_counter() - self._heard_setpoint >= SILENCE:
             self.phase = Phase.SILENT
 
     def _listen(self, wait: float) -> bool:
-        """Obey the messages that have come, and return whether any has.
+        """Obey the messages that have come, and return whether the pilot has sent any.
 
         Args:
             wait: time to wait for the first one [s].
         """
-        messages = self._link.receive(wait)
-        if messages:
+        found = self._link.receive(wait)
+        wants_track = False
+        for received in found:
+            target = getattr(received.message, "target_system", 0)
+            if target not in (0, SYSTEM):
+                self._link.received["for other systems"] += 1
+                continue
+            if self.phase is Phase.START and self.counts_from is None:
+                self.counts_from = self._clock.boot
+            wants_track = self._obey(received) or wants_track
+        # However often it was asked for, it is sent once.
+        if wants_track:
+            self._downlink.send_track()
+        is_heard = any(self._may_fly(received.sender) for received in found)
+        if is_heard:
             self._heard = perf_counter()
-        for message in messages:
-            for answer in self._answers(message):
-                self._link.send(answer)
-        return bool(messages)
+        return is_heard
+
+    def _may_fly(self, sender: Address) -> bool:
+        """Return whether a program is the pilot, or may become it."""
+        return self._link.pilot in (None, sender)
 
     # What a message does.
 
-    def _answers(self, message: Message) -> Iterator[Message]:
-        """Obey a message, and yield the answers to it."""
-        match message:
-            case SetAttitudeTarget():
-                self._take(attitude_setpoint(message, self._vehicle))
-            case SetPositionTargetLocalNed():
-                self._take(path_setpoint(message))
-            case CommandLong():
-                yield CommandAck(message.command, self._obey(message))
-            case Timesync(tc1=theirs, ts1=ours):
-                # A client that asks leaves one of the two at 0.
-                now = round(1e9 * self._clock.boot)
-                if not ours:
-                    yield Timesync(theirs, now)
-                elif not theirs:
-                    yield Timesync(now, ours)
-            case DataTransmissionHandshake():
-                self._downlink.send_track()
-            case _:
-                pass
+    def _obey(self, received: Received) -> bool:
+        """Obey and answer a message; return whether it asks for the track."""
+        message, sender = received
+        if isinstance(message, SetAttitudeTarget | SetPositionTargetLocalNed):
+            self._take(message, sender)
+        elif isinstance(message, CommandLong):
+            result = self._result(message, sender)
+            self._link.answer(CommandAck(message.command, result), sender)
+            return _asks_for_track(message)
+        elif isinstance(message, SetMode):
+            if self._may_fly(sender):
+                self._downlink.custom_mode = message.custom_mode
+        elif isinstance(message, DataTransmissionHandshake):
+            return True
+        else:
+            for answer in answers(message, self._clock):
+                self._link.answer(answer, sender)
+        return False
 
-    def _take(self, setpoint: Setpoint | None) -> None:
-        """Fly a setpoint; one whose numbers cannot be used changes nothing."""
+    def _take(
+        self, message: SetAttitudeTarget | SetPositionTargetLocalNed, sender: Address
+    ) -> None:
+        """Fly a setpoint of the pilot; one that cannot be flown changes nothing, and says why."""
+        if not self._may_fly(sender):
+            self._tell("setpoint ignored: another program flies", sender)
+            return
         self._setpoints += 1
-        if setpoint is None:
+        self._heard_setpoint = perf_counter()
+        try:
+            if isinstance(message, SetAttitudeTarget):
+                setpoint = attitude_setpoint(message, self._vehicle)
+            else:
+                setpoint = path_setpoint(message)
+        except SetpointError as error:
             self._link.received["unusable"] += 1
-        elif self.is_armed:
-            self._fly(setpoint)
+            self._tell(str(error), sender)
+            return
+        if self.is_armed:
+            self._client.law = Law(setpoint, self._vehicle)
+        else:
+            self._tell("setpoint ignored: not armed (COMMAND_LONG 400)", sender)
 
-    def _fly(self, setpoint: Setpoint) -> None:
-        """Make a setpoint the law of the controller."""
-        self._client.law = partial(control_of, setpoint, vehicle=self._vehicle)
+    def _tell(self, text: str, to: Address) -> None:
+        """Send a program a text, unless it has been sent it since the last race."""
+        if (to, text) not in self._texts and len(self._texts) < MOST_TEXTS:
+            self._texts.add((to, text))
+            self._link.answer(Statustext(WARNING, text.encode()), to)
 
-    def _obey(self, command: CommandLong) -> int:
+    def _result(self, command: CommandLong, sender: Address) -> int:
         """Obey a command, and return its MAV_RESULT."""
-        if command.command == ARM:
-            self.is_armed = command.param1 > 0.5
-            if not self.is_armed:
-                self._fly(Rates((0.0, 0.0, 0.0), 0.0))  # the motors stop
-            return ACCEPTED
-        if command.command == RESET:
-            if self.phase is Phase.RACE:
-                self.phase = Phase.RESET
-            return ACCEPTED
-        if command.command == REQUEST_MESSAGE:
-            if command.param1 not in TRACK_PARTS:
+        number = command.command
+        if number in (ARM, SET_MODE, RESET):
+            if not self._may_fly(sender):
+                self._tell("command refused: another program flies", sender)
                 return DENIED
-            self._downlink.send_track()
+            if number == ARM:
+                return self._arm(command.param1, sender)
+            if number == SET_MODE:
+                return self._set_mode(command)
+            self._reset(sender)
+            return ACCEPTED
+        if number == REQUEST_CAPABILITIES:
+            self._link.answer(VERSION, sender)
+            return ACCEPTED
+        if number in (REQUEST_MESSAGE, SET_INTERVAL):
+            return self._request(command.param1, sender)
+        return UNSUPPORTED
+
+    def _arm(self, wanted: float, sender: Address) -> int:
+        """Arm (1) or disarm (0) the vehicle, and return a MAV_RESULT."""
+        if wanted not in (0.0, 1.0):
+            return DENIED
+        self.is_armed = wanted == 1.0
+        if self.is_armed:
+            self._link.follow(sender)
+        else:
+            if self.phase is Phase.START:
+                self._link.follow(None)
+            # The motors stop.
+            self._client.law = Law(Rates((0.0, 0.0, 0.0), 0.0), self._vehicle)
+        return ACCEPTED
+
+    def _set_mode(self, command: CommandLong) -> int:
+        """Take a mode, which HEARTBEAT tells from then on, and return a MAV_RESULT."""
+        main, sub = command.param2, command.param3
+        if not 0.0 <= main < 256.0 or not 0.0 <= sub < 256.0:
+            return DENIED
+        # MAVSDK numbers modes as PX4 does, in two bytes; ArduPilot's clients ask for GUIDED alone.
+        is_guided = (main, sub) == (GUIDED, 0.0)
+        self._downlink.custom_mode = GUIDED if is_guided else int(sub) << 24 | int(main) << 16
+        return ACCEPTED
+
+    def _reset(self, sender: Address) -> None:
+        """End the race; at the start, begin the countdown anew."""
+        if self.phase is Phase.RACE:
+            self.phase = Phase.RESET
+        elif self.phase is Phase.START:
+            self.is_armed = False
+            self._link.follow(None)
+            self.counts_from = self._clock.boot
+            self._downlink.resets += 1
+            if not self._downlink.has_countdown:
+                self._tell("the race begins when you arm, see --countdown", sender)
+
+    def _request(self, wanted: float, sender: Address) -> int:
+        """Send a message that was asked for, and return a MAV_RESULT."""
+        if wanted in TRACK_PARTS:
+            return ACCEPTED
+        if wanted == AUTOPILOT_VERSION:
+            self._link.answer(VERSION, sender)
             return ACCEPTED
         return UNSUPPORTED
+
+
+def _asks_for_track(command: CommandLong) -> bool:
+    """Return whether a command asks for the track."""
+    return command.command == REQUEST_MESSAGE and command.param1 in TRACK_PARTS

@@ -5,7 +5,7 @@ from __future__ import annotations
 from quadsim.config.spec import Spec
 from quadsim.dynamics.quadrotor import State
 from quadsim.mavlink.clock import SimulatorClock
-from quadsim.mavlink.messages import Collision, Heartbeat, Statustext
+from quadsim.mavlink.messages import Collision, Heartbeat, Statustext, SysStatus
 from quadsim.mavlink.pictures import Eye, chunks, jpeg
 from quadsim.mavlink.race_data import NO_RACE, RaceStatus, status_message, track_messages
 from quadsim.mavlink.senses import Senses
@@ -13,6 +13,8 @@ from quadsim.mavlink.served import Served
 from quadsim.mavlink.telemetry import (
     Motion,
     attitude_message,
+    global_position_message,
+    home_message,
     imu_message,
     motors_message,
     odometry_message,
@@ -21,6 +23,7 @@ from quadsim.mavlink.telemetry import (
 from quadsim.mavlink.udp_link import UdpLink
 from quadsim.physics.plant_state import PlantState
 from quadsim.racing.events import Event, Frame
+from quadsim.sensing import Sensing
 from quadsim.sensing.barometer import washed_height
 from quadsim.sensing.timing import Ticks
 
@@ -34,12 +37,20 @@ RATES = {
     "STATUS": 4.0,
     # The simulator sends the track once; teams have lost it, so it comes again and again here.
     "TRACK": 1.0,
+    # Those that follow are ours: MAVSDK and ground stations wait for them.
+    "SYS_STATUS": 1.0,
+    "GLOBAL_POSITION_INT": 10.0,
+    "HOME_POSITION": 1.0,
 }
 # HEARTBEAT: a quadrotor, a generic autopilot, flags of base_mode
 QUADROTOR = 2
 GENERIC = 0
 CUSTOM_MODE = 1
 ARMED = 128
+# MAV_SYS_STATUS_SENSOR: gyroscope, accelerometer, magnetometer, pressure, satellites (here: the
+# position), control of rates, attitude, yaw, height and position, motors, checks before arming
+INERTIAL = 0x1 | 0x2 | 0x8 | 0x400 | 0x800 | 0x8000 | 0x10000000
+PLACED = 0x4 | 0x20 | 0x1000 | 0x2000 | 0x4000
 # COLLISION.id
 GATE = 1001
 ENVIRONMENT = 1002
@@ -53,17 +64,32 @@ class Downlink:
     Attributes:
         resets: races that the client has ended, of which ODOMETRY has the count.
         skipped: pictures that were left out, as the flight lagged behind the wall clock.
+        custom_mode: mode that the client has set last, which HEARTBEAT tells; it changes no flight.
+        tells_poses: whether the client is sent poses, of the vehicle and of the gates.
+        has_countdown: whether the client is told a start in the future.
 
     Args:
         link: the link to the client.
         clock: time since the simulator's start.
         spec: specification of the flights.
+        sensing: sensors whose measurements are sent; None: the truth.
         served: how the flights are served.
     """
 
-    def __init__(self, link: UdpLink, clock: SimulatorClock, spec: Spec, served: Served):
+    def __init__(
+        self,
+        link: UdpLink,
+        clock: SimulatorClock,
+        spec: Spec,
+        sensing: Sensing | None,
+        served: Served,
+    ):
         self.resets = 0
         self.skipped = 0
+        self.custom_mode = 0
+        measures_pose = sensing is None or sensing.pose is not None
+        self.tells_poses = served.round == "first" and measures_pose
+        self.has_countdown = served.countdown is not None
         self._link = link
         self._clock = clock
         self._spec = spec
@@ -74,12 +100,31 @@ class Downlink:
         self._ticks: dict[str, Ticks] = {}
         self._status = NO_RACE
 
+    @property
+    def is_compiled(self) -> bool:
+        """Whether pictures can be drawn without compiling code first, or none are sent."""
+        return self._eye is None or self._eye.is_compiled
+
+    def prepare(self) -> None:
+        """Draw a picture that is not sent, so that compiling holds up no message."""
+        if self._eye is not None:
+            self._eye.picture((0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0))
+
     def begin(self, status: RaceStatus) -> None:
         """Begin a flight, or the wait for one, at t = 0. status: the state of its race."""
         self._ticks = {name: Ticks(rate) for name, rate in RATES.items()}
         if self._eye is not None:
             self._ticks["picture"] = Ticks(self._eye.rate)
         self._status = status
+
+    def tell_start(self, boot: float | None) -> None:
+        """Tell in the race status when the race is to start.
+
+        Args:
+            boot: time since the simulator's start [s]; None: it is not known.
+        """
+        start_ms = -1 if boot is None else round(1e3 * boot)
+        self._status = self._status._replace(start_boot_ms=start_ms)
 
     def send_state(self, state: PlantState[State], senses: Senses, is_armed: bool) -> int:
         """Send the messages that are due at a state of the vehicle.
@@ -100,7 +145,10 @@ class Downlink:
         # The vehicle and the race.
         if self._due("HEARTBEAT", t):
             mode = CUSTOM_MODE | (ARMED if is_armed else 0)
-            send(Heartbeat(QUADROTOR, GENERIC, mode))
+            send(Heartbeat(QUADROTOR, GENERIC, mode, self.custom_mode))
+        if self._due("SYS_STATUS", t):
+            well = INERTIAL | (PLACED if self.tells_poses else 0)
+            send(SysStatus(well, well, well))
         if self._due("STATUS", t):
             send(status_message(self._status._replace(boot_ms=round(1e3 * boot))))
         if self._due("TRACK", t):
@@ -120,7 +168,7 @@ class Downlink:
 
         # The motion, if it is known.
         motion = senses.motion
-        if motion is None or self._served.round == "second":
+        if motion is None or not self.tells_poses:
             return len(samples)
         return self._send_motion(motion, t)
 
@@ -132,6 +180,10 @@ class Downlink:
             send(attitude_message(motion, boot))
         if self._due("LOCAL_POSITION_NED", t):
             send(position_message(motion, boot))
+        if self._due("GLOBAL_POSITION_INT", t):
+            send(global_position_message(motion, boot))
+        if self._due("HOME_POSITION", t):
+            send(home_message(self._spec.flown_course.start.position))
         if not self._due("ODOMETRY", t):
             return 0
         send(odometry_message(motion, boot, self.resets))
@@ -144,9 +196,8 @@ class Downlink:
     def send_track(self) -> None:
         """Send the track."""
         self._transfers += 1
-        has_poses = self._served.round == "first"
         transfer = self._transfers % 2**16
-        for message in track_messages(self._spec.course, transfer, has_poses):
+        for message in track_messages(self._spec.course, transfer, self.tells_poses):
             self._link.send(message)
 
     def _send_picture(self, eye: Eye, state: PlantState[State]) -> None:

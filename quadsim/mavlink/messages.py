@@ -9,6 +9,7 @@ refuse each other's messages.
 
 from __future__ import annotations
 
+from binascii import crc_hqx
 from dataclasses import dataclass, fields
 from functools import cache
 from struct import Struct
@@ -51,8 +52,11 @@ U8 = Annotated[int, WireType("uint8_t")]
 U8X = Annotated[int, WireType("uint8_t", extension=True)]
 I8X = Annotated[int, WireType("int8_t", extension=True)]
 I32X = Annotated[int, WireType("int32_t", extension=True)]
+I8 = Annotated[int, WireType("int8_t")]
 U16 = Annotated[int, WireType("uint16_t")]
+I16 = Annotated[int, WireType("int16_t")]
 U32 = Annotated[int, WireType("uint32_t")]
+I32 = Annotated[int, WireType("int32_t")]
 U64 = Annotated[int, WireType("uint64_t")]
 I64 = Annotated[int, WireType("int64_t")]
 F32 = Annotated[float, WireType("float")]
@@ -60,7 +64,9 @@ Floats = tuple[float, ...]
 F4 = Annotated[Floats, WireType("float", 4)]
 F21 = Annotated[Floats, WireType("float", 21)]
 F32S = Annotated[Floats, WireType("float", 32)]
+Data8 = Annotated[bytes, WireType("uint8_t", 8)]
 Data253 = Annotated[bytes, WireType("uint8_t", 253)]
+Text16 = Annotated[bytes, WireType("char", 16)]
 Text50 = Annotated[bytes, WireType("char", 50)]
 
 UNKNOWN_COVARIANCE = (float("nan"), *20 * (0.0,))
@@ -86,6 +92,61 @@ class Heartbeat(Message):
     custom_mode: U32 = 0
     system_status: U8 = 4  # MAV_STATE_ACTIVE
     mavlink_version: U8 = 3
+
+
+@dataclass(frozen=True)
+class SysStatus(Message):
+    """Which sensors there are, work and are well, bits of MAV_SYS_STATUS_SENSOR."""
+
+    ID = 1
+    NAME = "SYS_STATUS"
+    onboard_control_sensors_present: U32
+    onboard_control_sensors_enabled: U32
+    onboard_control_sensors_health: U32
+    load: U16 = 0
+    voltage_battery: U16 = 65535  # unknown
+    current_battery: I16 = -1
+    battery_remaining: I8 = -1
+    drop_rate_comm: U16 = 0
+    errors_comm: U16 = 0
+    errors_count1: U16 = 0
+    errors_count2: U16 = 0
+    errors_count3: U16 = 0
+    errors_count4: U16 = 0
+
+
+@dataclass(frozen=True)
+class SetMode(Message):
+    """The mode that the vehicle is to have."""
+
+    ID = 11
+    NAME = "SET_MODE"
+    target_system: U8
+    base_mode: U8
+    custom_mode: U32
+
+
+@dataclass(frozen=True)
+class ParamRequestList(Message):
+    """Asks for all parameters."""
+
+    ID = 21
+    NAME = "PARAM_REQUEST_LIST"
+    target_system: U8
+    target_component: U8
+
+
+@dataclass(frozen=True)
+class ParamValue(Message):
+    """A parameter, one of `param_count`."""
+
+    ID = 22
+    NAME = "PARAM_VALUE"
+    param_id: Text16
+    param_value: F32
+    param_type: U8
+    param_count: U16
+    param_index: U16
 
 
 @dataclass(frozen=True)
@@ -116,6 +177,46 @@ class LocalPositionNed(Message):
     vx: F32
     vy: F32
     vz: F32
+
+
+@dataclass(frozen=True)
+class GlobalPositionInt(Message):
+    """Latitude and longitude [1e-7 deg], heights [mm], velocity [cm/s] and heading [0.01 deg]."""
+
+    ID = 33
+    NAME = "GLOBAL_POSITION_INT"
+    time_boot_ms: U32
+    lat: I32
+    lon: I32
+    alt: I32
+    relative_alt: I32
+    vx: I16
+    vy: I16
+    vz: I16
+    hdg: U16
+
+
+@dataclass(frozen=True)
+class MissionRequestList(Message):
+    """Asks for the count of waypoints."""
+
+    ID = 43
+    NAME = "MISSION_REQUEST_LIST"
+    target_system: U8
+    target_component: U8
+    mission_type: U8X = 0
+
+
+@dataclass(frozen=True)
+class MissionCount(Message):
+    """The count of waypoints."""
+
+    ID = 44
+    NAME = "MISSION_COUNT"
+    target_system: U8
+    target_component: U8
+    count: U16
+    mission_type: U8X = 0
 
 
 @dataclass(frozen=True)
@@ -252,6 +353,43 @@ class EncapsulatedData(Message):
 
 
 @dataclass(frozen=True)
+class AutopilotVersion(Message):
+    """What the autopilot can do, and its versions; 0 is unknown."""
+
+    ID = 148
+    NAME = "AUTOPILOT_VERSION"
+    capabilities: U64
+    flight_sw_version: U32 = 0
+    middleware_sw_version: U32 = 0
+    os_sw_version: U32 = 0
+    board_version: U32 = 0
+    flight_custom_version: Data8 = bytes(8)
+    middleware_custom_version: Data8 = bytes(8)
+    os_custom_version: Data8 = bytes(8)
+    vendor_id: U16 = 0
+    product_id: U16 = 0
+    uid: U64 = 0
+
+
+@dataclass(frozen=True)
+class HomePosition(Message):
+    """Where the vehicle starts: latitude and longitude [1e-7 deg], height [mm], place [m]."""
+
+    ID = 242
+    NAME = "HOME_POSITION"
+    latitude: I32
+    longitude: I32
+    altitude: I32
+    x: F32
+    y: F32
+    z: F32
+    q: F4
+    approach_x: F32 = 0.0
+    approach_y: F32 = 0.0
+    approach_z: F32 = 0.0
+
+
+@dataclass(frozen=True)
 class Collision(Message):
     """The vehicle has touched something."""
 
@@ -319,8 +457,15 @@ MESSAGES: dict[int, type[Message]] = {
     kind.ID: kind
     for kind in (
         Heartbeat,
+        SysStatus,
+        SetMode,
+        ParamRequestList,
+        ParamValue,
         Attitude,
         LocalPositionNed,
+        GlobalPositionInt,
+        MissionRequestList,
+        MissionCount,
         CommandLong,
         CommandAck,
         SetAttitudeTarget,
@@ -329,6 +474,8 @@ MESSAGES: dict[int, type[Message]] = {
         Timesync,
         DataTransmissionHandshake,
         EncapsulatedData,
+        AutopilotVersion,
+        HomePosition,
         Collision,
         Statustext,
         Odometry,
@@ -382,22 +529,18 @@ def _crc_extra(kind: type[Message], base: list[tuple[str, WireType]]) -> int:
     return (crc & 0xFF) ^ (crc >> 8)
 
 
-def _table() -> tuple[int, ...]:
-    """Return the checksum of each single byte."""
-    found = []
-    for byte in range(256):
-        crc = byte
-        for _ in range(8):
-            crc = crc >> 1 ^ (0x8408 if crc & 1 else 0)
-        found.append(crc)
-    return tuple(found)
+def _reversed(byte: int) -> int:
+    """Return a byte with its bits in reverse order."""
+    return int(f"{byte:08b}"[::-1], 2)
 
 
-X25_TABLE = _table()
+REVERSED = bytes(map(_reversed, range(256)))
 
 
 def x25(data: bytes, crc: int = 0xFFFF) -> int:
     """Return MAVLink's checksum of bytes, CRC-16/MCRF4XX: X.25 without the final inversion.
+
+    It is the checksum of `crc_hqx` with all bits in reverse order.
 
     Args:
         data: the bytes.
@@ -408,9 +551,13 @@ def x25(data: bytes, crc: int = 0xFFFF) -> int:
         >>> hex(x25(b"123456789"))
         '0x6f91'
     """
-    for byte in data:
-        crc = crc >> 8 ^ X25_TABLE[(crc ^ byte) & 0xFF]
-    return crc
+    found = crc_hqx(data.translate(REVERSED), _reversed_word(crc))
+    return _reversed_word(found)
+
+
+def _reversed_word(word: int) -> int:
+    """Return 16 bits in reverse order."""
+    return REVERSED[word & 0xFF] << 8 | REVERSED[word >> 8]
 
 
 def pack(message: Message) -> bytes:

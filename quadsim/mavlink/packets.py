@@ -17,6 +17,9 @@ HEADER = Struct("<BBBBBBBHB")
 CRC = Struct("<H")
 SIGNED = 1  # the only flag of `incompatible` that is known
 SIGNATURE = 13  # length of a signature [bytes]
+# Pieces of a datagram that are no packets, after which the rest of it is left out: each false
+# beginning of a packet costs a checksum
+MOST_BAD = 20
 # The simulator as a member of a MAVLink network: an autopilot
 SYSTEM = 1
 COMPONENT = 1
@@ -56,13 +59,14 @@ class Packer:
 def parse(datagram: bytes) -> Parsed:
     """Return the messages in a datagram. Nothing in it is an error.
 
-    After a piece that is no packet, the search goes on at the next byte that may begin one.
+    After a piece that is no packet, the search goes on at the next byte that may begin one, up to
+    MOST_BAD such pieces.
     """
     messages: list[Message] = []
     unknown = 0
     bad = 0
     at = 0
-    while at < len(datagram):
+    while at < len(datagram) and bad < MOST_BAD:
         end = _end_of_packet(datagram, at)
         if end is None:
             bad += 1

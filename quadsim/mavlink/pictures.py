@@ -9,8 +9,10 @@ from struct import Struct
 import numpy as np
 from PIL import Image
 
+from quadsim.controllers.lanes.compiled import is_cached
 from quadsim.course import Course
 from quadsim.render.look import plain_look
+from quadsim.render.raster import draw, rows_of_faces
 from quadsim.render.scene import Scene
 from quadsim.rotation import Quaternion, Vec3
 from quadsim.sensing.camera import Camera
@@ -37,6 +39,11 @@ class Eye:
         self.rate = camera.rate
         self._scene = Scene(course, camera)
         self._look = plain_look()
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether the loops that draw are in the cache of compiled code."""
+        return is_cached(rows_of_faces) and is_cached(draw)
 
     def picture(self, p: Vec3, q: Quaternion) -> np.ndarray:
         """Return what the camera sees.

@@ -23,3 +23,6 @@ class Served:
     lock_step: bool = False
     # by how much the barometer reads low in hover, in proportion to the thrust [m]
     baro_wash: float = 0.0
+    # time from the client's first message, or from a reset, to the start that it is told [s]; None:
+    # the race begins when the client arms
+    countdown: float | None = None

@@ -57,11 +57,12 @@ class Server:
     def __init__(self, spec: Spec, sensing: Sensing | None, served: Served):
         self._spec = spec
         self._lock_step = served.lock_step
+        self._countdown = served.countdown
         self.sensing = sensing
         self.client = MavlinkClient(served, sensing)
         self.link = UdpLink(served.client, served.port, served.camera_port)
         self.clock = SimulatorClock()
-        self.downlink = Downlink(self.link, self.clock, spec, served)
+        self.downlink = Downlink(self.link, self.clock, spec, sensing, served)
         self.commands = Commands(self.link, self.client, self.downlink, self.clock, spec.vehicle)
 
     def close(self) -> None:
@@ -70,6 +71,8 @@ class Server:
 
     def wait(self, parts: FlightParts, limit: float | None = None) -> bool:
         """Wait at the start until the client arms the vehicle; return whether it has.
+
+        With a countdown, wait until it is over, too.
 
         Args:
             parts: the parts of the race, whose vehicle stands at the start.
@@ -83,22 +86,37 @@ class Server:
         self.clock.go_on()
         began = self.clock.wall(self.clock.boot)
         step = 0
-        while not self.commands.is_armed:
+        while not self._may_start():
             t = step * dt
             if limit is not None and t >= limit:
                 return False
             self.commands.listen_until(began + t)
             self.clock.follow_wall()
+            self.downlink.tell_start(self._start())
             self._send_state(PlantState(t, x, ()), senses)
             # Steps that were missed are left out: nothing moves.
             step = max(step + 1, int((perf_counter() - began) / dt))
         return True
 
+    def _start(self) -> float | None:
+        """Return when the countdown ends, since the simulator's start [s]; None: none is on."""
+        begins = self.commands.counts_from
+        if self._countdown is None or begins is None:
+            return None
+        return begins + self._countdown
+
+    def _may_start(self) -> bool:
+        """Return whether the vehicle is armed, and no countdown is on."""
+        if not self.commands.is_armed:
+            return False
+        start = self._start()
+        return start is None or self.clock.boot >= start
+
     def race(self, parts: FlightParts) -> Iterator[Frame]:
         """Fly a race by the client's setpoints, and yield its frames.
 
-        It ends as every flight does, or without an outcome if the client resets it, or is silent in
-        lock step; `commands.phase` tells.
+        It ends as every flight does, or without an outcome if the client resets it or is silent;
+        `commands.phase` tells.
 
         Args:
             parts: the parts of the race, whose controller is the client.

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from math import cos, degrees, radians
 from typing import NamedTuple
 
 from quadsim.mavlink.axes import frd, ned, ned_attitude
 from quadsim.mavlink.messages import (
     ActuatorOutputStatus,
     Attitude,
+    GlobalPositionInt,
     HighresImu,
+    HomePosition,
     LocalPositionNed,
     Odometry,
 )
@@ -21,6 +24,13 @@ BODY_FRD = 12  # MAV_FRAME_BODY_FRD
 # HIGHRES_IMU.fields_updated: accelerometer, gyroscope, height by pressure
 UPDATED = 0b0000_0011_1111 | 1 << 11
 MOTORS = 4
+# Where the course's origin lies on the globe, as messages of latitude and longitude need a place:
+# the home of PX4's simulations [deg], [m]
+LATITUDE = 47.397742
+LONGITUDE = 8.545594
+ALTITUDE = 488.0
+# Length of a degree of latitude [m]
+DEGREE = 111319.49
 
 
 class Motion(NamedTuple):
@@ -41,6 +51,36 @@ def attitude_message(motion: Motion, boot: float) -> Attitude:
 def position_message(motion: Motion, boot: float) -> LocalPositionNed:
     """Return LOCAL_POSITION_NED; the origin is the course's."""
     return LocalPositionNed(_ms(boot), *ned(motion.position), *ned(motion.velocity))
+
+
+def global_position_message(motion: Motion, boot: float) -> GlobalPositionInt:
+    """Return GLOBAL_POSITION_INT, with the course's origin at a place of our choice."""
+    yaw, _, _ = euler_angles(ned_attitude(motion.attitude))
+    latitude, longitude, altitude = _on_globe(motion.position)
+    speeds = [min(max(round(100.0 * v), -32768), 32767) for v in ned(motion.velocity)]
+    return GlobalPositionInt(
+        _ms(boot),
+        latitude,
+        longitude,
+        altitude,
+        round(1e3 * motion.position[2]),
+        *speeds,
+        hdg=round(100.0 * degrees(yaw)) % 36000,
+    )
+
+
+def home_message(start: Vec3) -> HomePosition:
+    """Return HOME_POSITION. start: where the vehicle starts, east north up [m]."""
+    level = (1.0, 0.0, 0.0, 0.0)
+    return HomePosition(*_on_globe(start), *ned(start), q=level)
+
+
+def _on_globe(position: Vec3) -> tuple[int, int, int]:
+    """Return latitude and longitude [1e-7 deg] and altitude [mm] of a position of the course."""
+    east, north, up = position
+    latitude = LATITUDE + north / DEGREE
+    longitude = LONGITUDE + east / (DEGREE * cos(radians(LATITUDE)))
+    return round(1e7 * latitude), round(1e7 * longitude), round(1e3 * (ALTITUDE + up))
 
 
 def odometry_message(motion: Motion, boot: float, resets: int) -> Odometry:

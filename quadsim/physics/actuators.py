@@ -1,7 +1,9 @@
 """Actuators: the map from a command to the wrench on the rigid body, common to all plants.
 
     limits -> link and latency -> rate loop -> allocation with priorities -> rotor lag
-    -> faults of rotors -> wrench and drag
+    -> wrench and drag
+
+Faults of the vehicle change the rate loop, the rotors and the wrench, see `Condition`.
 
 Vehicles without rotors skip allocation and lag: their thrust and torque act at once. The code uses
 scalars and tuples: at 400 Hz the overhead of 3-element arrays would dominate the cost.
@@ -10,15 +12,25 @@ scalars and tuples: at 400 Hz the overhead of 3-element arrays would dominate th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite
+from math import isfinite, prod
 from typing import NamedTuple
 
 from quadsim.dynamics.allocation import PerRotor
 from quadsim.dynamics.first_order import response
 from quadsim.dynamics.quadrotor import Control
 from quadsim.dynamics.rate_torque import gyroscopic, rate_torque
-from quadsim.dynamics.rotors import SOUND, Motors
-from quadsim.physics.faults import RotorFault
+from quadsim.dynamics.rotors import SOUND, Motors, RotorHealth
+from quadsim.physics.faults import (
+    ROTORS,
+    VECTORS,
+    FactorFault,
+    FactorPart,
+    FaultOfVehicle,
+    RotorFault,
+    RotorPart,
+    VectorFault,
+    VectorPart,
+)
 from quadsim.physics.link import Link
 from quadsim.physics.plant_state import MotorUse
 from quadsim.rotation import Quaternion, Vec3
@@ -78,14 +90,79 @@ def drag_force(vehicle: Vehicle, v_body: Vec3) -> Vec3:
     return -vehicle.mass * dx * vx, -vehicle.mass * dy * vy, -vehicle.mass * dz * vz
 
 
-def rotor_strengths(faults: Sequence[RotorFault], t: float) -> PerRotor:
-    """Return the share of its nominal thrust that each rotor gives at the time t [s]  (4,)."""
-    strengths = [1.0] * len(SOUND)
-    for fault in faults:
-        if fault.window.active(t):
-            assert fault.rotor is not None, "the rotor of this fault is not drawn yet"
-            strengths[fault.rotor - 1] *= fault.strength
-    return tuple(strengths)
+class Condition(NamedTuple):
+    """The condition of a vehicle with faults."""
+
+    rotors: RotorHealth = SOUND
+    # factor on the gains of the rate loop
+    rate_gain: float = 1.0
+    # factor on the mass of the body
+    mass: float = 1.0
+    # torque that is always there [N m]
+    torque: Vec3 = (0.0, 0.0, 0.0)
+    # place of the centre of mass, along x and y of the body [m]
+    centre: tuple[float, float] = (0.0, 0.0)
+
+    def on_body(self, force: float, torque: Vec3, drag: Vec3) -> Wrench:
+        """Return the wrench on a body of the nominal mass that moves it as a body of this mass.
+
+        Args:
+            force: thrust of the rotors [N].
+            torque: torque of the rotors about their centre [N m].
+            drag: drag, in the body frame [N].
+        """
+        x, y, z = torque
+        mx, my, mz = self.torque
+        cx, cy = self.centre
+        dx, dy, dz = drag
+        return Wrench(
+            force=(dx / self.mass, dy / self.mass, (dz + force) / self.mass),
+            torque=(x + mx - cy * force, y + my + cx * force, z + mz),
+        )
+
+
+INTACT = Condition()
+
+
+def condition_at(t: float, faults: Sequence[FaultOfVehicle]) -> Condition:
+    """Return the condition of a vehicle at the time t [s].
+
+    The factors of several faults multiply, torques and displacements add up.
+    """
+    active = [fault for fault in faults if fault.window.active(t)]
+    if not active:
+        return INTACT
+
+    def on_rotors(part: RotorPart) -> PerRotor:
+        """Return the factors on a number of each rotor."""
+        of_part = [one for one in active if isinstance(one, RotorFault) and one.part == part]
+        return tuple(
+            prod(fault.factor for fault in of_part if fault.rotor == rotor)
+            for rotor in range(1, ROTORS + 1)
+        )
+
+    def on_vehicle(part: FactorPart) -> float:
+        """Return the factor on a number of the vehicle."""
+        of_part = [one for one in active if isinstance(one, FactorFault) and one.part == part]
+        return prod(fault.factor for fault in of_part)
+
+    def added(part: VectorPart) -> tuple[float, ...]:
+        """Return the sum of the vectors of a part."""
+        of_part = [one for one in active if isinstance(one, VectorFault) and one.part == part]
+        vectors = [fault.vector for fault in of_part] or [(0.0,) * VECTORS[part].size]
+        return tuple(map(sum, zip(*vectors, strict=True)))
+
+    thrust = on_vehicle("thrust")
+    strengths = tuple(thrust * strength for strength in on_rotors("rotor"))
+    x, y, z = added("torque")
+    cx, cy = added("centre")
+    return Condition(
+        rotors=RotorHealth(strengths, on_rotors("motor"), on_vehicle("battery")),
+        rate_gain=on_vehicle("rate_gain"),
+        mass=on_vehicle("mass"),
+        torque=(x, y, z),
+        centre=(cx, cy),
+    )
 
 
 class Actuators:
@@ -99,7 +176,7 @@ class Actuators:
         self,
         vehicle: Vehicle,
         dt: float,
-        faults: Sequence[RotorFault] = (),
+        faults: Sequence[FaultOfVehicle] = (),
         link: Link | None = None,
     ):
         """Begin at t = 0, hovering.
@@ -107,7 +184,7 @@ class Actuators:
         Args:
             vehicle: vehicle that has the actuators.
             dt: physics step [s].
-            faults: faults of the rotors, with rotor numbers and times.
+            faults: faults of the vehicle, with nothing left to draw.
             link: link for the commands; None: a wire.
         """
         self._vehicle = vehicle
@@ -151,17 +228,23 @@ class Actuators:
 
         # The rate loop and the rotors turn it into force and torque.
         wanted = self._damped(acting.body_rates, omega_body) if self._lead else acting.body_rates
-        torque = rate_torque(omega_body, wanted, self._gain, vehicle.inertia)
+        condition = INTACT
+        gain = self._gain
+        if self._faults:
+            condition = condition_at(self._steps * self._dt, self._faults)
+            x, y, z = gain
+            factor = condition.rate_gain
+            gain = (factor * x, factor * y, factor * z)
+        torque = rate_torque(omega_body, wanted, gain, vehicle.inertia)
         force = vehicle.mass * acting.thrust
         if self.motors:
-            strengths = self._strengths() if self._faults else SOUND
-            force, torque = self.motors.drive(force, torque, strengths)
+            force, torque = self.motors.drive(force, torque, condition.rotors)
         self.thrust = force / vehicle.mass
-        self.angular_acceleration = angular_acceleration(omega_body, torque, vehicle.inertia)
 
-        drag_x, drag_y, drag_z = drag_force(vehicle, v_body)
+        wrench = condition.on_body(force, torque, drag_force(vehicle, v_body))
+        self.angular_acceleration = angular_acceleration(omega_body, wrench.torque, vehicle.inertia)
         self._steps += 1
-        return Wrench(force=(drag_x, drag_y, drag_z + force), torque=torque)
+        return wrench
 
     def _damped(self, commanded: Vec3, rates: Vec3) -> Vec3:
         """Return the commanded rates less the lead times the derivative of the rates [rad/s]."""
@@ -180,7 +263,3 @@ class Actuators:
 
     def close(self) -> None:
         """Do nothing, as there are no resources to release."""
-
-    def _strengths(self) -> PerRotor:
-        """Return the rotors' shares of their nominal thrust in the step that starts now."""
-        return rotor_strengths(self._faults, self._steps * self._dt)

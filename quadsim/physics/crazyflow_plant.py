@@ -30,7 +30,7 @@ from quadsim.dynamics.allocation import mixer
 from quadsim.dynamics.quadrotor import Control, State
 from quadsim.files.extras import needs_extra
 from quadsim.physics.actuators import angular_acceleration, clamp_command
-from quadsim.physics.faults import RotorFault
+from quadsim.physics.faults import FaultOfVehicle
 from quadsim.physics.link import CommandNoise, Link
 from quadsim.physics.plant_state import PlantState, start_state
 from quadsim.rotation import Vec3
@@ -78,7 +78,7 @@ class CrazyflowPlant:
         start: Start | None = None,
         body: Vehicle | None = None,
         gusts: Iterator[Vec3] | None = None,
-        faults: Sequence[RotorFault] = (),
+        faults: Sequence[FaultOfVehicle] = (),
         noise: CommandNoise | None = None,
     ):
         """Start at rest; for the arguments see quadsim.physics.plant.RigidPlant.

@@ -2,16 +2,19 @@
 
     rotor2=.5@3.2        rotor 2 gives half of its nominal thrust, from 3.2 s on
     rotor2=0@3.2-4       rotor 2 gives no thrust from 3.2 to 4 s
+    motor2=2             the lag of motor 2 is doubled
+    mass=1.1@2           a payload of a tenth of the mass is picked up at 2 s
+    centre=.005          the centre of mass is 5 mm off the middle
     camera=lost@2~1      no measurement arrives for 1 s from 2 s on
     gyro=frozen@2-2.5    the last measurement's values are repeated
     gyro=.1:0:0@3        a bias of .1 rad/s about x is added from 3 s on
     commands=lost@2~.1   the last command that arrived stays in force
 
-Omitted parts of a text are drawn from the seed: the rotor in `rotor=.5@3`, the direction of a bias
-in `gyro=.1@3`, and the time in `rotor2=.5` and in `gyro=frozen~.1`.
+Omitted parts of a text are drawn from the seed: the rotor in `rotor=.5@3`, the direction in
+`gyro=.1@3`, and the time in `rotor2=.5` and in `gyro=frozen~.1`.
 
-Neither the planner nor the estimator has information about a fault. Rotors fail in the actuators,
-sensors when they sample, and commands on their way to the plant.
+Neither the planner nor the estimator has information about a fault. Parts of the vehicle fail in
+the actuators, sensors when they sample, and commands on their way to the plant.
 """
 
 from __future__ import annotations
@@ -37,8 +40,33 @@ SAME = 1e-9
 # decimals of a time in a text [s], and of a time and of a bias that the seed draws
 NANOSECONDS = 9
 DRAWN_DIGITS = 4
+# decimals of a torque [N m] and of a centre of mass [m] that the seed draws
+VECTOR_DIGITS = 6
 # latest time, as in the setting `timeout` [s]
 LATEST = 1e5
+
+
+class Factors(NamedTuple):
+    """The meaning of a factor, and its range."""
+
+    meaning: str
+    low: float
+    high: float
+
+
+class Vectors(NamedTuple):
+    """The meaning of a vector, its axes, its unit, and its largest component."""
+
+    meaning: str
+    axes: str
+    unit: str
+    largest: float
+
+    @property
+    def size(self) -> int:
+        """The number of components."""
+        return len(self.axes.split(":"))
+
 
 Effect = Literal["frozen", "lost"]
 # sensors that can fail as a whole, by their keys in a sensing file
@@ -47,10 +75,30 @@ WHOLE_SENSORS: tuple[WholeSensor, ...] = get_args(WholeSensor)
 # parts of an imu
 ImuPart = Literal["gyro", "accelerometer"]
 IMU_PARTS: tuple[ImuPart, ...] = get_args(ImuPart)
-# part of an imu -> unit of its bias, and the largest accepted bias
-BIASES: dict[ImuPart, tuple[str, float]] = {
-    "gyro": ("rad/s", 100.0),
-    "accelerometer": ("m/s^2", 1000.0),
+# part of an imu -> its bias
+BIASES: dict[ImuPart, Vectors] = {
+    "gyro": Vectors("a bias", "x:y:z", "rad/s", 100.0),
+    "accelerometer": Vectors("a bias", "x:y:z", "m/s^2", 1000.0),
+}
+# parts of which the vehicle has four, and the allowed factors on thrust or lag
+RotorPart = Literal["rotor", "motor"]
+ROTOR_FACTORS: dict[RotorPart, Factors] = {
+    "rotor": Factors("the share of thrust that is left", 0.0, 1.0),
+    "motor": Factors("a factor on the motor's lag", 0.1, 10.0),
+}
+# numbers of the whole vehicle, and the allowed factors on them
+FactorPart = Literal["thrust", "battery", "mass", "rate_gain"]
+FACTORS: dict[FactorPart, Factors] = {
+    "thrust": Factors("the share of all rotors' thrust that is left", 0.0, 1.0),
+    "battery": Factors("the share of the highest rotor speed that is left", 0.5, 1.0),
+    "mass": Factors("a factor on the mass", 0.5, 2.0),
+    "rate_gain": Factors("a factor on the gains of the rate loop", 0.1, 3.0),
+}
+# vectors that are added, in the body frame
+VectorPart = Literal["torque", "centre"]
+VECTORS: dict[VectorPart, Vectors] = {
+    "torque": Vectors("a torque", "x:y:z", "N m", 10.0),
+    "centre": Vectors("a centre of mass", "x:y", "m", 0.1),
 }
 EXAMPLES = "rotor2=.5@3.2, camera=lost@2-4, gyro=.1:0:0@3 or commands=lost~.1"
 
@@ -85,18 +133,46 @@ class Window(NamedTuple):
 
 @dataclass(frozen=True)
 class RotorFault:
-    """A rotor gives less than its nominal thrust."""
+    """A rotor gives less than its nominal thrust, or its motor has another lag."""
 
     # number from 1, in the order of quadsim.vehicle.Rotors; None: drawn from the seed
     rotor: int | None
-    # remaining share of the nominal thrust, from 0 to 1
-    strength: float
+    # on the nominal thrust or lag
+    factor: float
     window: Window
+    part: RotorPart = "rotor"
 
     def __str__(self) -> str:
         """Return the fault's text."""
         number = "" if self.rotor is None else self.rotor
-        return f"rotor{number}={_short(self.strength)}{self.window}"
+        return f"{self.part}{number}={_short(self.factor)}{self.window}"
+
+
+@dataclass(frozen=True)
+class FactorFault:
+    """A number of the vehicle is multiplied by a factor."""
+
+    part: FactorPart
+    factor: float
+    window: Window
+
+    def __str__(self) -> str:
+        """Return the fault's text."""
+        return f"{self.part}={_short(self.factor)}{self.window}"
+
+
+@dataclass(frozen=True)
+class VectorFault:
+    """A torque acts on the vehicle, or its centre of mass is off the middle."""
+
+    part: VectorPart
+    # in the body frame, or its norm, with a direction from the seed [N m or m]
+    vector: tuple[float, ...]
+    window: Window
+
+    def __str__(self) -> str:
+        """Return the fault's text."""
+        return f"{self.part}={_vector_text(self.vector)}{self.window}"
 
 
 @dataclass(frozen=True)
@@ -123,7 +199,7 @@ class BiasJump:
 
     def __str__(self) -> str:
         """Return the fault's text."""
-        return f"{self.sensor}={':'.join(map(_short, self.jump))}{self.window}"
+        return f"{self.sensor}={_vector_text(self.jump)}{self.window}"
 
 
 @dataclass(frozen=True)
@@ -137,8 +213,9 @@ class CommandLoss:
         return f"commands=lost{self.window}"
 
 
-Fault = RotorFault | SensorFault | BiasJump | CommandLoss
+FaultOfVehicle = RotorFault | FactorFault | VectorFault
 FaultOfSensor = SensorFault | BiasJump
+Fault = FaultOfVehicle | FaultOfSensor | CommandLoss
 
 
 def sensor_key(fault: FaultOfSensor) -> str:
@@ -149,6 +226,11 @@ def sensor_key(fault: FaultOfSensor) -> str:
 def _short(number: float) -> str:
     """Return the shortest text for exactly this number."""
     return repr(float(number)).removesuffix(".0")
+
+
+def _vector_text(vector: tuple[float, ...]) -> str:
+    """Return the text of a vector, or of its norm."""
+    return ":".join(map(_short, vector))
 
 
 # ---- from texts ---------------------------------------------------------------------------------
@@ -171,9 +253,16 @@ def parse_fault(text: str) -> Fault:
     if target == "commands":
         _effect(what, ("lost",), text)
         return CommandLoss(window)
-    if target.startswith("rotor"):
-        return RotorFault(_rotor(target, text), _strength(what, text), window)
-    known = ["rotor1", "rotor", *WHOLE_SENSORS, *IMU_PARTS, "commands"]
+    if target in FACTORS:
+        return FactorFault(target, _factor(what, FACTORS[target], text), window)
+    if target in VECTORS:
+        return VectorFault(target, _vector(what, VECTORS[target], text), window)
+    for part, factors in ROTOR_FACTORS.items():
+        if target.startswith(part):
+            rotor = _rotor(target, part, text)
+            return RotorFault(rotor, _factor(what, factors, text), window, part)
+    numbered = [part + number for part in ROTOR_FACTORS for number in ("1", "")]
+    known = [*numbered, *FACTORS, *VECTORS, *WHOLE_SENSORS, *IMU_PARTS, "commands"]
     raise ValueError(f"no part {target!r} in {text!r}: {did_you_mean(target, known)}")
 
 
@@ -211,26 +300,47 @@ def _seconds(text: str | None, wanted: str, fault: str) -> float | None:
     return round(seconds, NANOSECONDS)
 
 
-def _rotor(target: str, text: str) -> int | None:
+def _rotor(target: str, part: RotorPart, text: str) -> int | None:
     """Return the number of the rotor, None if the text has none. Raises ValueError."""
-    number = target.removeprefix("rotor")
+    number = target.removeprefix(part)
     if not number:
         return None
     if number not in map(str, range(1, ROTORS + 1)):
-        wanted = f"expected rotor1 to rotor{ROTORS}, or rotor for a drawn one"
+        wanted = f"expected {part}1 to {part}{ROTORS}, or {part} for a drawn one"
         raise ValueError(f"{wanted}, got {text!r}")
     return int(number)
 
 
-def _strength(what: str, text: str) -> float:
-    """Return the remaining share of a rotor's nominal thrust. Raises ValueError."""
-    if what == "lost":
+def _factor(what: str, factors: Factors, text: str) -> float:
+    """Return a factor within its range. Raises ValueError."""
+    can_be_lost = factors.low == 0.0
+    if what == "lost" and can_be_lost:
         return 0.0
-    share = decimal_number(what)
-    if share is None or not 0.0 <= share <= 1.0:
-        wanted = "expected the share of thrust that is left, from 0 (lost) to 1"
+    factor = decimal_number(what)
+    if factor is None or not factors.low <= factor <= factors.high:
+        low = f"{factors.low:g} (lost)" if can_be_lost else f"{factors.low:g}"
+        wanted = f"expected {factors.meaning}, from {low} to {factors.high:g}"
         raise ValueError(f"{wanted}, got {what!r} in {text!r}")
-    return share
+    return factor
+
+
+def _vector(what: str, vectors: Vectors, text: str, others: str = "") -> tuple[float, ...]:
+    """Return a vector, or its norm. Raises ValueError.
+
+    Args:
+        what: text of the vector.
+        vectors: what is allowed.
+        text: text of the fault.
+        others: what else is allowed in its place, for the error.
+    """
+    parts = what.split(":")
+    numbers = [number for part in parts if (number := decimal_number(part)) is not None]
+    fits = len(numbers) == len(parts) and len(parts) in (1, vectors.size)
+    if not fits or not all(abs(number) <= vectors.largest for number in numbers):
+        form = f"{vectors.meaning} as one number or {vectors.axes}"
+        wanted = f"expected {others}{form} [{vectors.unit}] up to {vectors.largest:g}"
+        raise ValueError(f"{wanted}, got {what!r} in {text!r}")
+    return tuple(numbers)
 
 
 def _effect(what: str, known: Sequence[Any], text: str) -> Any:
@@ -244,15 +354,10 @@ def _imu_part_fault(sensor: ImuPart, what: str, window: Window, text: str) -> Fa
     """Return the fault of the gyroscope or the accelerometer. Raises ValueError."""
     if what == "frozen":
         return SensorFault(sensor, "frozen", window)
-    unit, largest = BIASES[sensor]
-    parts = what.split(":")
-    numbers = [number for part in parts if (number := decimal_number(part)) is not None]
-    fits = len(numbers) == len(parts) and len(parts) in (1, 3)
-    if not fits or not all(abs(number) <= largest for number in numbers):
-        wanted = f"expected frozen, or a bias as one number or x:y:z [{unit}] up to {largest:g}"
-        hint = "; the imu is lost as a whole, imu=lost" if what == "lost" else ""
-        raise ValueError(f"{wanted}, got {what!r} in {text!r}{hint}")
-    return BiasJump(sensor, tuple(numbers), window)
+    if what == "lost":
+        wanted = f"expected imu=lost, as the imu is lost as a whole, got {text!r}"
+        raise ValueError(wanted)
+    return BiasJump(sensor, _vector(what, BIASES[sensor], text, "frozen, or "), window)
 
 
 # ---- parts drawn from the seed ------------------------------------------------------------------
@@ -302,4 +407,10 @@ def _drawn(fault: Fault, seeds: np.random.SeedSequence, latest: float) -> Fault:
     if isinstance(fault, BiasJump) and len(fault.jump) == 1:
         jump = np.round(fault.jump[0] * direction, DRAWN_DIGITS)
         return replace(fault, jump=tuple(jump.tolist()))
+    if isinstance(fault, VectorFault) and len(fault.vector) == 1:
+        # A centre of mass is displaced along x and y alone.
+        within = direction[: VECTORS[fault.part].size]
+        within = within / np.linalg.norm(within)
+        vector = np.round(fault.vector[0] * within, VECTOR_DIGITS)
+        return replace(fault, vector=tuple(vector.tolist()))
     return fault

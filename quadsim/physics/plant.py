@@ -14,7 +14,7 @@ from quadsim.course import Course, Start
 from quadsim.dynamics.quadrotor import State
 from quadsim.physics.actuators import Actuators, Wrench
 from quadsim.physics.crazyflow_plant import CrazyflowPlant
-from quadsim.physics.faults import RotorFault
+from quadsim.physics.faults import FaultOfVehicle
 from quadsim.physics.plant_state import MotorUse, PlantState, start_state
 from quadsim.physics.rigid_body import RigidArena, RigidBody
 from quadsim.physics.rotorpy_plant import RotorpyPlant
@@ -164,7 +164,7 @@ class ActuatorsProtocol(Protocol):
 
 
 # (vehicle, dt, faults of rotors) -> the actuators
-ActuatorsFactory = Callable[[Vehicle, float, Sequence[RotorFault]], ActuatorsProtocol]
+ActuatorsFactory = Callable[[Vehicle, float, Sequence[FaultOfVehicle]], ActuatorsProtocol]
 
 
 class RigidPlant:
@@ -181,7 +181,7 @@ class RigidPlant:
         start: Start | None = None,
         body: Vehicle | None = None,
         gusts: Iterator[Vec3] | None = None,
-        faults: Sequence[RotorFault] = (),
+        faults: Sequence[FaultOfVehicle] = (),
         actuators: ActuatorsFactory = Actuators,
     ):
         """Start at rest.
@@ -194,7 +194,7 @@ class RigidPlant:
             body: vehicle whose mass and inertia the world uses; None: the vehicle. The flight
                 controller always uses mass and inertia of `vehicle`.
             gusts: acceleration in each physics step, world frame [m/s^2].
-            faults: faults of the rotors, with rotor numbers and times.
+            faults: faults of the vehicle, with nothing left to draw.
             actuators: function of vehicle, dt and faults that makes the actuators.
         """
         body = body or vehicle

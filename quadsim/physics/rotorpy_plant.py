@@ -29,7 +29,7 @@ from quadsim.dynamics.first_order import response
 from quadsim.dynamics.quadrotor import Control, State
 from quadsim.files.extras import needs_extra
 from quadsim.physics.actuators import angular_acceleration, clamp_command
-from quadsim.physics.faults import RotorFault
+from quadsim.physics.faults import FaultOfVehicle
 from quadsim.physics.link import HOVER
 from quadsim.physics.plant_state import PlantState, start_state
 from quadsim.rotation import Vec3
@@ -57,7 +57,7 @@ class RotorpyPlant:
         start: Start | None = None,
         body: Vehicle | None = None,
         gusts: Iterator[Vec3] | None = None,
-        faults: Sequence[RotorFault] = (),
+        faults: Sequence[FaultOfVehicle] = (),
     ):
         """Start at rest; for the arguments see quadsim.physics.plant.RigidPlant.
 

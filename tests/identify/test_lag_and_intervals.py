@@ -105,3 +105,12 @@ def test_lags_of_the_rate_loop_do_not_depend_on_the_rate_of_the_log(rows):
     found = fit_rate_loop(prepare(stretches(thin), prior), TRUE.rotors.motor_tau, prior.rate_tau)
     assert found is not None
     assert found.numbers.tau == pytest.approx(TRUE.rate_tau, rel=0.02)
+
+
+def test_a_number_on_which_nothing_depends_is_as_uncertain_as_its_prior():
+    rng = np.random.default_rng(0)
+    values = rng.normal(size=200)
+    jacobian = np.stack([np.ones(200), np.zeros(200)], axis=1)
+    found = covariances(Linearized(jacobian, values, np.arange(200) // 10, np.array([1.0, 4.0])))
+    assert np.isfinite(found.reported).all()
+    assert found.reported[1, 1] == pytest.approx(0.25)

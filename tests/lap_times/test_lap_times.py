@@ -18,6 +18,7 @@ from quadsim.campaign.flights.baseline import (
     fly_baselines,
     judge,
     load_baseline,
+    worst_seed,
 )
 from quadsim.campaign.run.pool import Pool, Processes
 from quadsim.cli.cli import race
@@ -167,6 +168,16 @@ def test_a_stored_distribution_passes_against_itself_and_fails_against_a_slower_
         assert judge(slow.stored, fast.stored, slow.effects)[1].ok, "faster is no failure"
 
 
+def test_the_worst_seed_does_not_finish_any_more_or_lost_most():
+    def stored(*laps):
+        return StoredNumbers("", "", laps, (1.0,) * len(laps))
+
+    slower = worst_seed(stored(5.0, 6.0, None, 5.0), stored(5.5, 6.1, 9.0, 4.0))
+    assert slower == (0, 5.0, 5.5)
+    assert worst_seed(stored(5.0, 6.0, 7.0), stored(9.0, None, 8.0)).number == 1
+    assert worst_seed(stored(None, None), stored(5.0, None)) is None
+
+
 def test_a_flight_that_cannot_be_flown_is_one_line_with_its_file(tmp_path, capsys):
     path = tmp_path / "mine.yaml"
     for course, variant, named in (
@@ -196,6 +207,7 @@ def test_regen_prints_the_difference_and_stores_it(tmp_path, capsys, monkeypatch
     assert race(["regress", str(path), "--regen"]) == 0
     stored = load_baseline(path).stored
     assert stored.laps == (None,) * 4
+    assert "false alarms with 4 attempts: success < " in capsys.readouterr().out
     better = StoredNumbers("old", "", (9.0,) * 4, stored.thrust_tv)
     path.write_text(baseline_text(load_baseline(path), better))
     capsys.readouterr()
@@ -203,4 +215,8 @@ def test_regen_prints_the_difference_and_stores_it(tmp_path, capsys, monkeypatch
     out = capsys.readouterr().out
     assert "+100.00 %" in out, "all finished then, none does now"
     assert "success WORSE" in out
+    lines = out.splitlines()
+    assert f"then old, now {stored.commit}" in lines
+    place = lines.index("worst seed 0: then 9.000 s, now not finished")
+    assert lines[place + 1].startswith("race fly paper_flat ")
     assert load_baseline(path).stored == stored

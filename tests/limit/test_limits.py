@@ -2,7 +2,7 @@
 
 import json
 import shutil
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ from quadsim.course.gate import EstimatedGate
 from quadsim.files.arrays import npz_bytes
 from quadsim.limit.limits import SOLUTIONS, LimitError, LimitProblem, dump, limit_of, load
 from quadsim.vehicle import Vehicle, load_vehicle
+from quadsim.vehicle.vehicle import Rotors, VehicleFile
 
 (ORIGINAL,) = SOLUTIONS.glob("figure8_swift_3_rotors_*.npz")
 SWIFT = load_vehicle("swift")
@@ -152,3 +153,42 @@ def test_a_damaged_file_beside_a_whole_one_counts_as_none_with_a_remark(tmp_path
     assert limit_of(spec, tmp_path, remark=remarks.append).time == pytest.approx(sum(LAPS))
     (remark,) = remarks
     assert remark.startswith(str(tmp_path))
+
+
+# Changes of a vehicle's numbers that leave its limit: names and origins, when commands arrive, what
+# is drawn from, and a rotor's equation, of which the model has the lag alone.
+LEAVE_THE_LIMIT = {"source", "latency", "uncertainty", "motor_response"}
+
+
+def test_every_other_number_of_a_vehicle_makes_another_limit():
+    """A solution of one vehicle is shown for no other."""
+    changes = {
+        "source": "elsewhere",
+        "mass": 0.9,
+        "inertia": (0.0026, 0.0021, 0.0043),
+        "radius": 0.11,
+        "rate_tau": (0.03, 0.03, 0.06),
+        "rate_lead": (0.01, 0.01, 0.01),
+        "omega_max": (9.0, 9.0, 3.0),
+        "drag": (0.3, 0.3, 0.3),
+        "latency": 0.02,
+        "uncertainty": dict.fromkeys(("mass", "thrust", "rate_lag", "motor_lag", "drag"), 0.1),
+    }
+    of_rotors = {
+        "arm_l": 0.2,
+        "motor_omega_min": 160.0,
+        "motor_omega_max": 2900.0,
+        "motor_tau": 0.04,
+        "motor_response": (30.0, 0.0, 30.0, 0.0),
+        "thrust_map": (1.5e-6, 0.0, 0.0),
+        "kappa": 0.02,
+    }
+    vehicles = {name: SWIFT.but(**{name: value}) for name, value in changes.items()}
+    vehicles |= {name: SWIFT.but(rotors={name: value}) for name, value in of_rotors.items()}
+    # thrust_max is a key of vehicles without rotors alone; rotor_x and rotor_y are another arm_l.
+    keys = {f.name for record in (VehicleFile, Rotors) for f in fields(record)}
+    assert vehicles.keys() == keys - {"thrust_max", "rotors", "rotor_x", "rotor_y"}
+
+    for name, vehicle in vehicles.items():
+        assert vehicle != SWIFT, name
+        assert (replace(FIGURE8, vehicle=vehicle).key == FIGURE8.key) == (name in LEAVE_THE_LIMIT)

@@ -7,6 +7,7 @@ from zlib import crc32
 import numpy as np
 
 from quadsim.logs.frames import products
+from quadsim.rotation import to_body
 
 G = 9.80665
 ROWS = 400
@@ -16,7 +17,8 @@ RATE = 100.0
 def known_signals(rows=ROWS):
     """Return time and signals of a flight: it rolls and turns while it climbs in a curve.
 
-    The attitude is the integral of the body rates, and the velocity the derivative of the position.
+    The attitude is the integral of the body rates, the velocity the derivative of the position, and
+    the accelerometer measures the acceleration in the body's axes, without the free fall.
     """
     t = np.arange(rows) / RATE
     rates = np.stack((2.0 * np.cos(3.0 * t), np.sin(2.0 * t), 0.5 + 0.0 * t), axis=1)
@@ -25,12 +27,13 @@ def known_signals(rows=ROWS):
         half = 0.5 / RATE * w
         turn = np.array((1.0, *half)) / np.hypot(1.0, np.linalg.norm(half))
         attitude.append(products(attitude[-1], turn))
+    rise = np.stack((-np.sin(t), np.cos(t), G + 0.0 * t), axis=1)
     return t, {
         "position": np.stack((np.sin(t), 1.0 - np.cos(t), 0.3 * t), axis=1),
         "velocity": np.stack((np.cos(t), np.sin(t), 0.3 + 0.0 * t), axis=1),
         "quaternion": np.array(attitude),
         "body_rates": rates,
-        "specific_force": np.stack((0.1 * np.sin(t), 0.2 * np.cos(t), G + np.sin(5.0 * t)), axis=1),
+        "specific_force": np.stack(to_body(np.array(attitude).T, rise.T), axis=1),
         # front right, rear left, front left, rear right
         "motor_commands": np.stack([0.4 + 0.01 * k + 0.1 * np.sin(t) for k in range(4)], axis=1),
         "battery": 16.0 - 0.01 * t,

@@ -187,11 +187,12 @@ def test_a_jump_of_the_pose_divides_the_log_and_a_change_of_sign_does_not():
 
     assert cleaned(changed("quaternion", turn)).pieces == (slice(0, ROWS),)
 
-    def turn_over(quaternion):
-        w, x, y, z = quaternion[200:].T.copy()
-        quaternion[200:] = np.stack((-x, w, z, -y), axis=1)
-
-    assert len(cleaned(changed("quaternion", turn_over)).pieces) == 2
+    turned = known_signals()[1]["quaternion"]
+    w, x, y, z = turned[200:].T.copy()
+    turned[200:] = np.stack((-z, y, -x, w), axis=1)
+    t, signals = known_signals()
+    log = RawLog("flight", t, {"body_rates": signals["body_rates"], "quaternion": turned})
+    assert len(cleaned(log).pieces) == 2
 
 
 # Units and frames
@@ -203,7 +204,9 @@ def test_a_jump_of_the_pose_divides_the_log_and_a_change_of_sign_does_not():
         ("motor_commands", 65535.0, "motor_commands: expected motor commands [1] from 0 to 1"),
         ("specific_force", 1 / 9.80665, "specific_force: expected an accelerometer [m/s^2] that"),
         ("specific_force", -1.0, "specific_force: expected an accelerometer that reads +9.81"),
-        ("body_rates", 180.0 / np.pi, "body_rates: expected the derivative of the attitude"),
+        ("body_rates", 180.0 / np.pi, "body_rates: expected body rates [rad/s] from -100 to 100"),
+        ("body_rates", np.pi / 180.0, "body_rates: expected the derivative of the attitude"),
+        ("body_rates", 2.0, "body_rates: expected the derivative of the attitude"),
         ("body_rates", (1.0, -1.0, -1.0), "body_rates: expected the derivative of the attitude"),
         ("position", 1e3, "velocity: expected the derivative of position"),
         ("velocity", (1.0, 1.0, -1.0), "velocity: expected the derivative of position along z"),
@@ -324,6 +327,53 @@ def test_cells_that_are_no_numbers_are_missing_readings(tmp_path):
     assert "lines with cells that are missing or no numbers: 2" in log.remarks
 
 
+MINE = "time: {column: t}\nbody_rates: {columns: [gx, gy, gz]}\n"
+
+
+def gyro_csv(tmp_path, head, row):
+    """Return a CSV log of 60 rows and its mapping."""
+    file = tmp_path / "mine.csv"
+    file.write_text("\n".join([head, *(row.format(t=0.01 * k) for k in range(60))]))
+    mapping = tmp_path / "mine.yaml"
+    mapping.write_text(MINE)
+    return file, mapping
+
+
+@pytest.mark.parametrize(
+    ("head", "row"),
+    [
+        ('t,"pos (x,y)",gx,gy,gz,rest', "{t:.2f},7,0.1,0.2,0.3,9"),
+        ('"t","gx","gy","gz",', '{t:.2f},"0.1",0.2,0.3,'),
+        ("t; gx; gy; gz", "{t:.2f}; 0.1; 0.2; 0.3"),
+        ("# made by hand\n\n# t,gx,gy,gz", "{t:.2f},0.1,0.2,0.3"),
+        ("t,gx,gy,gz,rest,rest", "{t:.2f},0.1,0.2,0.3,1,1"),
+    ],
+)
+def test_names_are_read_as_the_rows_are(tmp_path, head, row):
+    file, mapping = gyro_csv(tmp_path, head, row)
+    (log,) = read_logs(file, mapping)
+    np.testing.assert_allclose(log.body_rates, np.tile((0.1, 0.2, 0.3), (60, 1)))
+    assert not any("missing or no numbers" in remark for remark in log.remarks)
+
+
+@pytest.mark.parametrize(
+    ("head", "row", "problem"),
+    [
+        ("t,gx,gy,gz,gx", "{t:.2f},0.1,0.2,0.3,99", ":1: expected one column 'gx', got it 2 times"),
+        ("t,pos (x,y),gx,gy,gz", "{t:.2f},7,0.1,0.2,0.3", ":1: expected a row of 6 cells"),
+        ("t,gx,gy,gz", "{t:.2f},0.1,0.2,0.3,5", ":1: expected a row of 4 cells"),
+        (
+            "t,gx,gy,gz" + 100_000 * "x",
+            "{t:.2f},0.1,0.2,0.3",
+            ":1: expected a line of names of at most",
+        ),
+    ],
+)
+def test_names_that_do_not_fit_the_rows_are_one_line(tmp_path, head, row, problem):
+    with pytest.raises(LogError, match=re.escape(problem)):
+        read_logs(*gyro_csv(tmp_path, head, row))
+
+
 def test_a_long_log_is_read_up_to_a_number_of_rows(tmp_path, monkeypatch):
     monkeypatch.setattr(csv_log, "MOST_ROWS", 300)
     (log,) = read_logs(write_csv(tmp_path / "flight.csv", nanobench_columns()))
@@ -339,6 +389,20 @@ def test_a_long_log_is_read_up_to_a_number_of_rows(tmp_path, monkeypatch):
         ("body_rates: {columns: [a, b, c]}", "time: missing"),
         ("time: {column: t}\nworld: NED\neuler: {columns: [a, b, c]}", "world: expected an attit"),
         ("time: {column: t}\nthrottle: {column: a, zero: 1, full: 1}", "throttle.full: expected"),
+        ("time: {column: -t}", "time: expected a column that rises, got '-t'"),
+        ("time: {column: t}\nthrottle: {column: a, zero: 1}", "throttle.zero: expected full besi"),
+        (
+            "time: {column: t}\nthrottle: {column: a, unit: '%', full: 100}",
+            "throttle.unit: expected either unit, or zero and full, got both",
+        ),
+        (
+            "time: {column: t}\nbody_rates: {columns: [a, b, c], full: 2}",
+            "body_rates.full: expected it at motor_commands and throttle",
+        ),
+        (
+            "time: {column: t}\nbody_rates: {columns: [a, b, -b]}",
+            "body_rates: expected each column once, got 'b' twice",
+        ),
         ("time: {column: t}\nheight: {column: a}", "height"),
     ],
 )

@@ -2,7 +2,7 @@
 
 import json
 import os
-import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -17,36 +17,6 @@ os.environ["MAVLINK20"] = "1"  # before pymavlink is imported
 mavutil = pytest.importorskip("pymavlink.mavutil")
 
 EXAMPLE = ROOT / "examples" / "mavlink_client.py"
-COURSE = """
-loop: false
-opening: [1.5, 1.5]
-frame_width: 0.6
-bounds: [[-5, 15], [-5, 5], [0, 6]]
-start: {position: [0, 0, 1.5], yaw_deg: 0}
-gates:
-  - {position: [4, 0, 1.5], yaw_deg: 0}
-"""
-
-
-@pytest.fixture
-def port():
-    """A UDP port that is free."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-        free.bind(("127.0.0.1", 0))
-        return free.getsockname()[1]
-
-
-@pytest.fixture
-def serve(tmp_path, monkeypatch, port):
-    """Return a function that serves a race of one gate in lock step, for the exit code."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "one.yaml").write_text(COURSE)
-    words = ["serve", "one.yaml", "--vehicle", "archer", "--lock-step", "--camera", "none"]
-
-    def started(*more, timeout="20"):
-        return race([*words, "--port", str(port), "--timeout", timeout, *more])
-
-    return started
 
 
 class Client(threading.Thread):
@@ -72,7 +42,7 @@ def test_the_example_flies_a_race_which_is_recorded(serve, port, tmp_path, capsy
     client = subprocess.Popen(
         [sys.executable, EXAMPLE, str(port)], stdout=subprocess.PIPE, text=True
     )
-    assert serve("--json") == 0
+    assert serve("--lock-step", "--json") == 0
     said, _ = client.communicate()
     assert said.startswith("finished in ")
     result = json.loads(capsys.readouterr().out)
@@ -136,7 +106,7 @@ def test_questions_are_answered_a_reset_starts_anew_and_bad_packets_are_counted(
     """In the second round, so that neither pose nor track is told."""
     client = Client(port, questions)
     client.start()
-    assert serve("--round", "second", "--json") == 1
+    assert serve("--lock-step", "--round", "second", "--json") == 1
     client.join()
     found = client.found
     assert found["command 400"] == 0
@@ -157,10 +127,79 @@ def test_questions_are_answered_a_reset_starts_anew_and_bad_packets_are_counted(
     assert outcomes == ["crashed", "interrupted"]
 
 
+def flies_beside_another(link):
+    """Fly through the gate, answering each ODOMETRY, while another program tries to disarm."""
+    other = mavutil.mavlink_connection("udpout:{}:{}".format(*next(iter(link.clients))))
+    link.mav.command_long_send(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
+    heard = 0
+    while True:
+        message = link.recv_match(type=["ODOMETRY", "STATUSTEXT"], blocking=True, timeout=10.0)
+        if message is None or message.get_type() == "STATUSTEXT":
+            other.close()
+            return message and message.text, heard
+        other.mav.heartbeat_send(6, 8, 0, 0, 0)
+        other.mav.command_long_send(1, 1, 400, 0, 0, 0, 0, 0, 0, 0, 0)
+        while other.recv_match(type="ODOMETRY") is not None:
+            heard += 1
+        link.mav.set_position_target_local_ned_send(
+            0, 1, 1, 1, 0b110111000111, 0, 0, 0, 0, 3, 0, 0, 0, 0, 0, 0
+        )
+
+
+@pytest.mark.socket
+def test_another_program_hears_the_race_in_lock_step_and_changes_nothing(serve, port, capsys):
+    client = Client(port, flies_beside_another)
+    client.start()
+    assert serve("--lock-step", "--json") == 0
+    client.join()
+    said, heard = client.found
+    assert said.startswith("race finished after 1.8")
+    assert heard > 100
+    result = json.loads(capsys.readouterr().out)
+    assert result["unanswered"] == 0
+
+
+def resets_and_waits(link):
+    """Reset, wait for a start in the future, arm before it, and let the vehicle fall."""
+    link.mav.command_long_send(1, 1, 31000, 0, 0, 0, 0, 0, 0, 0, 0)
+    told = []
+    while True:
+        message = link.recv_match(
+            type=["ENCAPSULATED_DATA", "STATUSTEXT", "ODOMETRY"], blocking=True, timeout=10.0
+        )
+        if message is None or message.get_type() == "STATUSTEXT":
+            return told, message and message.text
+        if message.get_type() == "ODOMETRY" and told:
+            link.mav.set_attitude_target_send(0, 1, 1, 128, [1, 0, 0, 0], 0, 0, 0, 0)
+        elif message.get_type() == "ENCAPSULATED_DATA" and message.data[0] == 1:
+            _, boot, start = struct.unpack_from("<BQq", bytes(message.data))
+            if start >= 0 and not told:
+                link.mav.command_long_send(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
+            if start >= 0:
+                told.append((start - boot, start))
+
+
+@pytest.mark.socket
+@pytest.mark.slow
+def test_a_start_in_the_future_is_told_to_a_client_that_resets_first(serve, port):
+    client = Client(port, resets_and_waits)
+    client.start()
+    assert serve("--countdown", "0.6") == 1
+    client.join()
+    told, said = client.found
+    ahead = [wait for wait, _ in told]
+    assert 0 < ahead[0] <= 600
+    assert min(ahead) <= 0
+    # The race begins when it was told.
+    starts = {start for _, start in told}
+    assert max(starts) - min(starts) <= 30
+    assert said.startswith("race crashed after ")
+
+
 @pytest.mark.socket
 def test_nobody_comes_and_the_wait_ends(serve, capsys):
-    assert serve(timeout="0.05") == 130
-    assert "no race was flown" in capsys.readouterr().err
+    assert serve(timeout="0.05") == 1
+    assert "no client has armed the vehicle within 0.05 s" in capsys.readouterr().err
 
 
 def test_settings_of_a_planner_are_refused(capsys):

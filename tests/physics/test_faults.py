@@ -10,10 +10,15 @@ from plant_cases import FULL, ROTORS, SKY, both_plants
 from quadsim.course import load_course
 from quadsim.physics.actuators import Actuators
 from quadsim.physics.faults import (
+    FACTORS,
+    ROTOR_FACTORS,
+    VECTORS,
     BiasJump,
     CommandLoss,
+    FactorFault,
     RotorFault,
     SensorFault,
+    VectorFault,
     Window,
     drawn,
     first_lap,
@@ -56,6 +61,15 @@ def seeds(seed):
         ("gyro=.1:0:-.2@3", BiasJump("gyro", (0.1, 0.0, -0.2), Window(3.0))),
         ("accelerometer=2", BiasJump("accelerometer", (2.0,), Window(None))),
         ("commands=lost@2~.1", CommandLoss(Window(2.0, 0.1))),
+        ("motor2=2@1", RotorFault(2, 2.0, Window(1.0), "motor")),
+        ("motor=1.5", RotorFault(None, 1.5, Window(None), "motor")),
+        ("thrust=.9@1", FactorFault("thrust", 0.9, Window(1.0))),
+        ("battery=.95@2-3", FactorFault("battery", 0.95, Window(2.0, 1.0))),
+        ("mass=1.1@2", FactorFault("mass", 1.1, Window(2.0))),
+        ("rate_gain=.8", FactorFault("rate_gain", 0.8, Window(None))),
+        ("torque=0:0:.04@1", VectorFault("torque", (0.0, 0.0, 0.04), Window(1.0))),
+        ("centre=.005:0@0", VectorFault("centre", (0.005, 0.0), Window(0.0))),
+        ("centre=.01", VectorFault("centre", (0.01,), Window(None))),
     ],
 )
 def test_a_text_stands_for_a_fault_and_a_fault_gives_back_a_text(text, fault):
@@ -91,6 +105,18 @@ def test_a_text_stands_for_a_fault_and_a_fault_gives_back_a_text(text, fault):
         "imu=.1",
         "commands=frozen",
         "engine=lost",
+        "motor5=2",
+        "motor1=0",
+        "motor1=lost",
+        "mass=0",
+        "mass=lost",
+        "thrust=1.1",
+        "battery=.1",
+        "rate_gain=frozen",
+        "torque=1:2",
+        "torque=11",
+        "centre=0:0:0",
+        "centre=1",
         "rotor2=.5@2\n",
     ],
 )
@@ -153,6 +179,62 @@ def test_a_fault_to_come_changes_no_bit():
     assert (later[100:, 2] < sound[100:, 2]).all()
 
 
+def test_a_slow_motor_takes_as_long_as_its_factor_says():
+    """A command steps by the same amount at both lags."""
+    commands = [(0.0, 0.0, 0.0, 12.0)] * 80
+    fast = wrench_of([], 80, commands)[:, 2]
+    slow = wrench_of([f"motor{k}=2@0" for k in (1, 2, 3, 4)], 160, commands * 2)[:, 2]
+    np.testing.assert_allclose(slow[1::2], fast, rtol=1e-9)
+
+
+def test_an_empty_battery_lowers_the_highest_thrust_alone():
+    full = (0.0, 0.0, 0.0, RACER.thrust_max)
+    share = wrench_of(["battery=.9@0"], 400, [full] * 400)[-1, 2] / (4 * FULL)
+    assert share == pytest.approx(0.9**2)
+    low = [(0.0, 0.0, 0.0, 0.7 * RACER.thrust_max)] * 100
+    np.testing.assert_array_equal(wrench_of(["battery=.9@0"], 100, low), wrench_of([], 100, low))
+
+
+def test_a_payload_divides_the_force_and_a_weak_thrust_multiplies_it():
+    commands = np.random.default_rng(1).uniform((-5, -5, -2, 2), (5, 5, 2, 30), (200, 4))
+    sound = wrench_of([], 200, commands)
+    heavy = wrench_of(["mass=1.25@0"], 200, commands)
+    np.testing.assert_allclose(heavy[:, :3], sound[:, :3] / 1.25, rtol=1e-12)
+    np.testing.assert_array_equal(heavy[:, 3:], sound[:, 3:])
+    weak = wrench_of(["thrust=.8@0"], 200, commands)
+    np.testing.assert_allclose(weak, 0.8 * sound, rtol=1e-12, atol=1e-12)
+
+
+def test_a_rate_loop_with_half_its_gain_asks_for_half_the_torque():
+    turn = [(1.0, -1.0, 0.0, GRAVITY)] * 3
+    np.testing.assert_allclose(
+        wrench_of(["rate_gain=.5@0"], 3, turn)[0, 3:5],
+        0.5 * wrench_of([], 3, turn)[0, 3:5],
+        rtol=0.1,
+    )
+
+
+def test_a_torque_acts_as_given_and_a_centre_of_mass_ahead_lifts_the_tail():
+    """Thrust behind the centre of mass pushes the tail up, which turns the nose down, about +y."""
+    weight = RACER.mass * GRAVITY
+    pushed = wrench_of(["torque=.01:-.02:.03@0"], 1)[0]
+    np.testing.assert_allclose(pushed, [0.0, 0.0, weight, 0.01, -0.02, 0.03], atol=1e-12)
+    ahead = wrench_of(["centre=.005:0@0"], 1)[0]
+    np.testing.assert_allclose(ahead, [0.0, 0.0, weight, 0.0, 0.005 * weight, 0.0], atol=1e-12)
+    left = wrench_of(["centre=0:.005@0"], 1)[0]
+    np.testing.assert_allclose(left, [0.0, 0.0, weight, -0.005 * weight, 0.0, 0.0], atol=1e-12)
+
+
+def test_every_part_of_the_vehicle_has_a_fault_that_changes_the_wrench():
+    texts = [f"{part}={factors.low or 0.5:g}@0" for part, factors in FACTORS.items()]
+    texts += [f"{part}2=.5@0" for part in ROTOR_FACTORS]
+    texts += [f"{part}={':'.join(['.01'] * vectors.size)}@0" for part, vectors in VECTORS.items()]
+    commands = [(3.0, -3.0, 1.0, RACER.thrust_max)] * 40
+    sound = wrench_of([], 40, commands)
+    for text in texts:
+        assert (wrench_of([text], 40, commands) != sound).any(), text
+
+
 @pytest.mark.parametrize("kind", both_plants)
 def test_a_vehicle_turns_over_to_the_side_of_a_lost_rotor(kind):
     front_left = parse_fault("rotor3=lost@.1")
@@ -185,15 +267,18 @@ def test_what_is_drawn_for_a_fault_does_not_depend_on_what_it_is_or_on_those_aft
 
 
 def test_draws_are_uniform_over_times_rotors_and_directions():
-    rotor, jump = parse_fault("rotor=.5"), parse_fault("gyro=.2")
-    found = [drawn([rotor, jump], seeds(seed), 5.0) for seed in range(400)]
-    times = np.array([fault.window.start for fault, _ in found])
+    faults = [parse_fault(text) for text in ("rotor=.5", "gyro=.2", "centre=.005")]
+    found = [drawn(faults, seeds(seed), 5.0) for seed in range(400)]
+    times = np.array([fault.window.start for fault, _, _ in found])
     assert 0.0 <= times.min() < 0.1
     assert 4.9 < times.max() <= 5.0
     np.testing.assert_allclose(np.quantile(times, [0.25, 0.5, 0.75]), [1.25, 2.5, 3.75], atol=0.4)
-    counts = np.bincount([fault.rotor for fault, _ in found], minlength=5)[1:]
+    counts = np.bincount([fault.rotor for fault, _, _ in found], minlength=5)[1:]
     assert (abs(counts - 100) < 35).all()
-    jumps = np.array([fault.jump for _, fault in found])
+    centres = np.array([fault.vector for _, _, fault in found])
+    np.testing.assert_allclose(np.linalg.norm(centres, axis=1), 0.005, atol=2e-6)
+    np.testing.assert_allclose(centres.mean(axis=0), 0.0, atol=0.001)
+    jumps = np.array([fault.jump for _, fault, _ in found])
     np.testing.assert_allclose(np.linalg.norm(jumps, axis=1), 0.2, atol=2e-4)
     np.testing.assert_allclose(jumps.mean(axis=0), 0.0, atol=0.03)
 

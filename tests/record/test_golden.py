@@ -14,6 +14,7 @@ from plant_cases import needs_bullet
 
 import quadsim
 from quadsim.cli.cli import race
+from quadsim.config.spec import Spec
 from quadsim.dynamics.quadrotor import STATE
 from quadsim.figures.run_figure import draw
 from quadsim.record.run import RunError
@@ -46,6 +47,12 @@ def test_it_is_shown(capsys):
 def test_it_is_drawn(run):
     assert "figure8" in draw(run).get_suptitle()
     assert stored_competitor(GOLDEN).laps == (4.430911951186431,)
+
+
+def test_its_record_is_that_of_a_flight_of_this_version(run):
+    """A new setting counts up RUN_FORMAT, after which this run is flown again."""
+    found = json.loads(json.dumps(Spec.of_record(run.spec).record()))
+    assert found | {"host": run.spec["host"]} == run.spec
 
 
 @needs_bullet

@@ -36,6 +36,8 @@ class Ways:
     """Ways in which a vehicle differs from its nominal one."""
 
     strengths: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    # [s] from which the rotors have these strengths
+    since: float = 0.0
     varied: Randomization = field(default_factory=Randomization)
     # angular acceleration per thrust [1/m], as by a centre of mass off the middle
     turn: Vec3 = (0.0, 0.0, 0.0)
@@ -55,7 +57,7 @@ def flown(vehicle: Vehicle, ways: Ways, seconds: float, dt=0.01, seed=0, most=0.
         most: highest command, as a share of the highest thrust.
     """
     rng = np.random.default_rng(seed)
-    faults = [RotorFault(i, share, Window(0.0)) for i, share in enumerate(ways.strengths, 1)]
+    faults = [RotorFault(i, share, Window(ways.since)) for i, share in enumerate(ways.strengths, 1)]
     actuators = Actuators(ways.varied.vehicle(vehicle), STEP, faults)
     rates = np.zeros(3)
     after = state(rates, GRAVITY, (0.0, 0.0, 0.0))
@@ -105,6 +107,14 @@ def weak(rotor, share):
 def test_a_weak_rotor_is_found_within_a_third_of_a_second(rotor, share):
     found = learned(SWIFT, Ways(weak(rotor, share)), 0.3).shares
     assert found == pytest.approx(weak(rotor, share), abs=0.02)
+
+
+@pytest.mark.parametrize(("share", "gyro_noise"), [(0.7, None), (0.5, None), (0.7, 0.05)])
+def test_a_rotor_that_fails_in_flight_is_found_as_fast(share, gyro_noise):
+    """After two seconds the shares are known well, and yet they change by a third within 0.2 s."""
+    ways = Ways(weak(2, share), since=2.0)
+    found = learned(SWIFT, ways, 2.2, gyro_noise=gyro_noise).shares
+    assert found == pytest.approx(weak(2, share), abs=0.05)
 
 
 def test_a_gyroscope_finds_a_weak_rotor_too():
@@ -195,3 +205,25 @@ def test_the_learned_control_at_rest_does_not_turn_the_vehicle():
     assert np.abs(x.body_rates).max() < 1e-9
     sound = replace(system, params=quadrotor(ModelParams.of(SWIFT), 0.01).params)
     assert np.abs(sound.next(x, system.rest).body_rates).max() > 1e-3
+
+
+def test_the_highest_command_of_a_vehicle_with_a_weak_rotor_does_not_make_it_spin():
+    """At full thrust the mixer gives up yaw; a sound vehicle may still be commanded all of it."""
+    model = ModelParams.of(SWIFT)
+    share = 0.075
+    costs = (*model.tilt_cost, model.yaw_cost)
+    turn_x, turn_y, turn_z = (share / c for c in costs)
+    weak_rotor = Delivered(1.0 - share, turn_x, turn_y, turn_z)
+    system = quadrotor(LearnedModel.of_model(model, weak_rotor), 0.01)
+
+    def spin(thrust):
+        """Return the yaw rate after a second at this thrust [rad/s]."""
+        x = State.of((0, 0, 0), (0, 0, 0), (1, 0, 0, 0), (0, 0, 0), GRAVITY, (0, 0, 0))
+        for _ in range(100):
+            x = system.next(x, Control(0.0, 0.0, 0.0, thrust))
+        return abs(x.wz)
+
+    assert spin(system.high.thrust) < 3.5
+    assert spin(model.thrust_max) > 7.0
+    sound = quadrotor(LearnedModel.of_model(model, Delivered()), 0.01)
+    assert sound.high.thrust == model.thrust_max

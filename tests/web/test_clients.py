@@ -6,10 +6,12 @@ import socket
 from contextlib import suppress
 
 import pytest
-from web_cases import until
+from web_cases import COURSE, until
 from websockets.exceptions import ConnectionClosed
 from wire import connect, link, open_socket, press_start
 
+from quadsim.course import load_course, parse_course
+from quadsim.course.course import course_errors
 from quadsim.web.page.dashboard import PAUSE, SCENE, SHARE, pause_after
 from quadsim.web.page.server.messages import MAX_BYTES
 from quadsim.web.page.server.viser_private import LoopEvent
@@ -80,6 +82,32 @@ def test_a_course_that_is_not_on_the_menu_is_not_chosen(page):
 
 
 @pytest.mark.socket
+def test_a_course_comes_from_a_file_with_its_faults_by_line_and_goes_into_one(page):
+    text = load_course(COURSE).text
+    wrong = text.replace("yaw_deg: 45}", "yaw: 45}", 1)
+
+    def bring(linked, text, name="theirs.yaml"):
+        file = {"name": name, "text": text}
+        return linked.ask("answered", "bring_file", form="editor", field="bring", **file)["problem"]
+
+    with link(page.port) as linked:
+        problem = bring(linked, wrong)
+        line = next(line for line in wrong.splitlines() if "yaw: 45" in line)
+        assert problem.startswith("theirs.yaml")
+        assert line.strip() in problem
+        assert str(course_errors(wrong, "theirs.yaml")[0]) in problem
+        assert linked.part("head")["phase"] == "rest"
+        assert bring(linked, text) == ""
+        assert until(lambda: linked.part("head")["phase"] == "editing")
+        assert linked.form("editor")[0]["file"]["value"] == "theirs"
+        linked.send("press", form="editor", field="take")
+        found = linked.got("download")
+        assert found["name"] == "theirs.yaml"
+        data = page.server.downloads.response(found["address"]).body
+        assert parse_course(data.decode(), "theirs").gates == load_course(COURSE).gates
+        assert linked.press("editor", "done") == ""
+
+
 def test_every_field_has_a_label_and_says_what_it_does(page):
     with link(page.port) as linked:
         for form in ("race", "competitors", "numbers", "view"):

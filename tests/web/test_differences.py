@@ -6,13 +6,11 @@ import pytest
 from web_cases import choices, competitor
 
 from quadsim.controllers.presets import PRESETS
-from quadsim.report.preset_changes import number_text
 from quadsim.web.race.competitor import named
 from quadsim.web.state.differences import brief, compared, differences, distinct_names
 
 USUAL = PRESETS["race"]["colored"]
 T = f"{USUAL.mppi.temperature:g}"
-GAMMA = brief(number_text(USUAL.sampling.gamma))
 
 
 def record(sampler="colored", **more):
@@ -25,6 +23,8 @@ SEED = record(seed=5)
 COLD = record(numbers={"temperature": 0.2})
 FEW = record(numbers={"samples": 512})
 WHITE = record(numbers={"gamma_rates": 0.0, "gamma_thrust": 0.0})
+BOLD = record(settings={"crash": 0.0})
+LONG = record(laps=2)
 HAND = record("hand")
 
 
@@ -65,12 +65,17 @@ def test_a_number_that_one_sampler_has_not_is_no_difference_from_it():
     [
         ([PLAIN, GAUSSIAN], ["colored", "gaussian"]),
         ([PLAIN, SEED], ["colored seed 0", "colored seed 5"]),
-        ([PLAIN, COLD, GAUSSIAN], [f"colored T {T}", "colored T 0.2", "gaussian"]),
-        ([PLAIN, WHITE], [f"colored γ {GAMMA}", "colored γ 0"]),
+        # what the preset has is not named
+        ([PLAIN, COLD, GAUSSIAN], ["colored", "colored T 0.2", "gaussian"]),
+        ([PLAIN, WHITE], ["colored", "colored γ 0"]),
+        # a cost of crashes is no crash
+        ([PLAIN, BOLD], ["colored", "colored crash cost 0"]),
+        # each is named by what is its own, numbers of the planner first
+        ([COLD, LONG, SEED], ["colored T 0.2", "colored laps 2", "colored seed 5"]),
         ([PLAIN, PLAIN], ["colored", "colored 2"]),
         # no single number tells all three apart, two do; what most have is left out
         ([PLAIN, COLD, FEW], ["colored", "colored T 0.2", "colored samples 512"]),
-        ([COLD, COLD, PLAIN], ["colored", "colored 2", f"colored T {T}"]),
+        ([COLD, COLD, PLAIN], ["colored T 0.2", "colored T 0.2 2", "colored"]),
     ],
 )
 def test_names_say_what_tells_flights_apart(records, names):

@@ -10,13 +10,16 @@ import msgspec
 import pytest
 from web_cases import Clock
 from websockets.exceptions import InvalidStatus
-from wire import CAMERA, PATIENCE, connect, get
+from websockets.sync.client import connect as connected
+from wire import CAMERA, PATIENCE, PROTOCOL, connect, get
 
 from quadsim.web.page.server import guard
+from quadsim.web.page.server.behind import behind_of
 from quadsim.web.page.server.guard import OneLineOfNoFiles
 from quadsim.web.page.server.messages import MOST_WAITING, problem_of
-from quadsim.web.page.server.page_server import new_token, probe, serve
+from quadsim.web.page.server.page_server import kept_token, new_token, probe, serve
 from quadsim.web.page.server.seats import SCENE as SCENES
+from quadsim.web.page.server.viser_private import scene_page
 from quadsim.web.page.server.wrong_tokens import MOST, MOST_ADDRESSES, SPAN, WrongTokens
 
 TOKEN = "a-token-of-this-test"
@@ -81,7 +84,8 @@ def test_without_the_token_nothing_is_served(token_server):
 
 
 @pytest.mark.socket
-def test_who_guesses_at_the_token_is_refused_even_with_the_right_one(caplog):
+def test_who_guesses_at_the_token_is_refused_but_not_who_has_the_cookie(caplog):
+    """A laboratory may have one address."""
     server = serve("127.0.0.1", 0, TOKEN, "race")
     port = server.get_port()
     # An old page asks again and again with one token, which is no guess.
@@ -89,9 +93,12 @@ def test_who_guesses_at_the_token_is_refused_even_with_the_right_one(caplog):
         assert get(port, Cookie=f"race{port}=old")[0] == 401
     for k in range(MOST - 1):
         assert get(port, path=f"/?token=guess{k}")[0] == 401
+    for path in ("/", SCENE, f"/?token={TOKEN}"):
+        assert get(port, path=path)[0] == 429
+    assert refused(port) == 429
     right = {"Cookie": f"race{port}={TOKEN}"}
-    assert [get(port, path=path, **right)[0] for path in ("/", SCENE)] == [429, 429]
-    assert refused(port, additional_headers=right) == 429
+    assert [get(port, path=path, **right)[0] for path in ("/", SCENE)] == [200, 200]
+    assert refused(port, additional_headers=right) is None
     assert [record.getMessage() for record in caplog.records] == [
         f"race web: {MOST} wrong tokens from 127.0.0.1: it is refused for 60 s"
     ]
@@ -260,6 +267,63 @@ def test_a_file_that_a_browser_has_is_not_sent_again(open_server):
 
 
 @pytest.mark.socket
+def test_the_client_of_the_scene_is_sent_once_and_kept_under_its_hash(open_server):
+    port = open_server.get_port()
+    script = scene_page(True)
+    path = f"/static/{script.name}"
+    status, headers = get(port, path=path)
+    assert (status, int(headers["Content-Length"])) == (200, len(script.script))
+    assert "immutable" in headers["Cache-Control"]
+    assert int(get(port, path=SCENE)[1]["Content-Length"]) < len(script.script) / 100
+    assert get(port, path=path.replace("scene-", "scene-0"))[0] == 404
+
+
+@pytest.mark.socket
+@pytest.mark.parametrize("path", ["/", "/nothing", "/scene/", "/static/app.js", "/link/"])
+def test_at_other_paths_there_is_no_websocket(open_server, path):
+    with pytest.raises(InvalidStatus) as error:
+        connected(f"ws://127.0.0.1:{open_server.get_port()}{path}", subprotocols=[PROTOCOL])
+    assert error.value.response.status_code == 404
+
+
+BEHIND = behind_of("https://lab.example/race")
+
+
+@pytest.mark.socket
+def test_behind_a_proxy_the_page_has_another_name_and_needs_the_token():
+    assert new_token("127.0.0.1", BEHIND)
+    server = serve("127.0.0.1", 0, TOKEN, "race", behind=BEHIND)
+    port = server.get_port()
+    try:
+        status, headers = get(port, path=f"/?run=a&token={TOKEN}", host="lab.example")
+        assert (status, headers["Location"]) == (303, "/race/?run=a")
+        assert headers["Set-Cookie"].endswith("; Secure")
+        cookie = {"Cookie": headers["Set-Cookie"].partition(";")[0]}
+        # the proxy may forward the name or not
+        for host in ("lab.example", f"127.0.0.1:{port}"):
+            assert get(port, host=host, Origin="https://lab.example", **cookie)[0] == 200
+            for origin in ("http://evil.example", "http://lab.example:81", "null"):
+                assert get(port, host=host, Origin=origin, **cookie)[0] == 403
+        assert get(port, host="evil.example", **cookie)[0] == 403
+        # a visitor who guesses takes the page from no other one
+        for k in range(MOST):
+            get(port, path=f"/?token=guess{k}", X_Forwarded_For="10.9.9.9, 10.0.0.1")
+        asked = f"/?token={TOKEN}"
+        assert get(port, path=asked, X_Forwarded_For="10.0.0.1")[0] == 429
+        assert get(port, path=asked, X_Forwarded_For="10.0.0.1, 10.0.0.2")[0] == 303
+    finally:
+        server.stop()
+
+
+def test_an_address_at_a_proxy_is_a_plain_one():
+    assert behind_of("https://lab.example:443") == ("https://lab.example", "lab.example", "/")
+    assert behind_of("http://[::1]:81/a/b/").host == "[::1]:81"
+    for wrong in ("lab.example/race", "ftp://a", "https://", "https://a:b", "https://a/?x", ""):
+        with pytest.raises(ValueError, match=r"^behind: expected .*https://name/path"):
+            behind_of(wrong)
+
+
+@pytest.mark.socket
 def test_no_two_scenes_have_the_same_nonce(open_server):
     port = open_server.get_port()
     policies = {get(port, path=SCENE)[1]["Content-Security-Policy"] for _ in range(2)}
@@ -294,6 +358,17 @@ def test_only_other_machines_need_a_token():
     assert new_token("localhost") is None
     assert len(new_token("0.0.0.0")) >= 20
     assert new_token("192.168.1.7") != new_token("192.168.1.7")
+
+
+def test_a_token_is_kept_in_a_file_for_its_owner_alone(tmp_path):
+    file = tmp_path / "token"
+    token = kept_token(file)
+    assert kept_token(file) == token != kept_token(tmp_path / "other")
+    assert file.stat().st_mode & 0o077 == 0
+    file.write_text("short")
+    for wrong in (file, tmp_path / "no" / "such"):
+        with pytest.raises(ValueError, match=r"^token-file: "):
+            kept_token(wrong)
 
 
 @pytest.mark.socket

@@ -24,7 +24,7 @@ from quadsim.web.page.parts.tower import tower_of
 from quadsim.web.page.scene.camera import MODES
 from quadsim.web.race.competitor import named
 from quadsim.web.race.lap_timing import lap_timings
-from quadsim.web.race.snapshot import Snapshot
+from quadsim.web.race.snapshot import Preparing, Snapshot
 from quadsim.web.state.commands import ChooseRace, SetNumber, apply
 from quadsim.web.state.line_up import line_up_of
 from quadsim.web.state.page_state import PageState
@@ -151,8 +151,11 @@ def test_before_the_first_plan_is_ready_the_head_says_that_it_is_made(competitor
     none_yet = {name: column[:0] for name, column in competitors[0].x.items()}
     live = replace(competitors[0], live=True, outcome=None, x=none_yet)
     next_one = coming(choices())
-    compiling = Snapshot(flying=True, compiling=True, competitors=(live,))
-    assert "Compiling the planner" in said(head_of(compiling, [], next_one))
+    third = Preparing("compiling", 3, 5)
+    compiling = Snapshot(flying=True, preparing=third, competitors=(live,))
+    assert "Compiling planner 3 of 5" in said(head_of(compiling, [], next_one))
+    building = Snapshot(preparing=Preparing("building", 1, 2))
+    assert said(head_of(building, [], next_one)).startswith("START: building flight 1 of 2")
     planning = head_of(Snapshot(flying=True, competitors=(live,)), [], next_one)
     assert planning.phase == "planning"
     assert said(planning).startswith("Planning the first step of colored")
@@ -181,9 +184,37 @@ def test_the_tower_says_who_did_not_finish_and_counts_misses(competitors):
         competitors[1], "timeout", replace(last, kind="miss"), replace(last, kind="wrong_way")
     )
     first, second = tower_of(at([competitors[0], missed], 99.0)).rows
-    assert (first.is_out, second.is_out, second.interval) == (False, True, "DNF")
+    assert (first.is_out, second.is_out, second.time) == (False, True, "DNF")
     assert (first.misses, second.misses) == (0, 2)
     assert not any(row.is_out for row in tower_of(at(competitors, 99.0)).rows)
+    stopped = ended(competitors[1], "interrupted")
+    assert tower_of(at([stopped], 99.0)).rows[0].time == "stopped"
+
+
+def test_the_tower_has_the_time_of_the_lap_and_at_the_end_of_the_race_above_the_limit(competitors):
+    one = competitors[0]
+    during, after = (tower_of(at([one], t)) for t in (one.laps[0] + 0.5, 99.0))
+    assert float(during.rows[0].time) == pytest.approx(0.5, abs=0.02)
+    assert (during.rows[0].above, during.is_final) == ("", False)
+    race = sum(one.laps)
+    above = f"{100 * (race / limit_of(one.record).time - 1):+.1f} %"
+    assert (after.rows[0].time, after.rows[0].above) == (f"{race:.3f}", above)
+    assert after.is_final
+    # while another one flies on, nothing is final
+    assert not tower_of(at(competitors, one.last_t)).is_final
+
+
+def test_two_that_end_level_have_the_same_place(competitors):
+    same = named([competitors[0], competitors[0]])
+    assert [row.place for row in tower_of(at(same, 99.0)).rows] == [1, 1]
+    assert [row.place for row in tower_of(at(competitors, 99.0)).rows] == [1, 2]
+
+
+def test_beside_a_live_flight_recorded_runs_are_called_so(competitors):
+    live = replace(competitors[1], live=True)
+    shown = tower_of(at([live, competitors[0]], 1.0)).rows
+    assert {row.name: row.is_recorded for row in shown} == {"colored": True, "gaussian": False}
+    assert not any(row.is_recorded for row in tower_of(at(competitors, 1.0)).rows)
 
 
 def test_before_a_start_is_said_who_flies_where_and_what_they_differ_in():

@@ -16,6 +16,7 @@ from quadsim.record.archive import list_runs, read_run
 from quadsim.web.race.pace import Pace
 from quadsim.web.race.page_race import PageRace
 from quadsim.web.race.session import Session
+from quadsim.web.race.snapshot import Preparing
 from quadsim.web.race.stored_competitor import stored_competitor
 from quadsim.web.state.choices import Choices, planner_kinds
 from quadsim.web.state.numbers import SLIDERS, Change, with_change
@@ -248,13 +249,12 @@ def test_a_flight_that_must_compile_first_says_so_and_another_does_not(session, 
     fast(session)
     session.tell(PageRace.start, [choices()])
     assert over(session)
-    assert not any(n.kind == "wait" for n in session.snapshot.notices)
+    assert session.snapshot.preparing is None
     gliders.compiled = Event()
     session.tell(PageRace.restart)
-    assert until(lambda: session.snapshot.compiling)
-    assert any(n.kind == "wait" for n in session.snapshot.notices)
+    assert until(lambda: session.snapshot.preparing == Preparing("compiling", 1, 1))
     gliders.compiled.set()
-    assert until(lambda: not session.snapshot.compiling)
+    assert until(lambda: not session.snapshot.preparing)
 
 
 def test_the_same_start_again_is_dropped_until_its_first_plan_is_ready(session, gliders):

@@ -28,7 +28,7 @@ def names(standings):
 
 
 def said(entries, t):
-    return standings_at(entries, t).headline.words(lambda entry: entry.name)
+    return standings_at(entries, t).headline.words
 
 
 def ended(entry, t, outcome):
@@ -147,6 +147,15 @@ def test_who_is_out_is_behind_and_the_last_one_flies_alone(two):
     assert said([crashed, slow], 99.0) == "gaussian has finished alone"
     both = [ended(slow, 0.8, "crashed"), crashed]
     assert said(both, 99.0) == "colored came farthest; nobody finished"
+
+
+def test_a_dead_heat_and_a_double_crash_have_no_winner(two):
+    same = named([two[0], two[0]])
+    assert said(same, 99.0) == "colored finishes level with colored 2"
+    late = replace(two[0], laps=(two[0].laps[0] + 0.002, *two[0].laps[1:]))
+    assert said(named([two[0], late]), 99.0) == "colored beats colored 2 by 0.002 s"
+    crashed = [ended(one, 1.0, "crashed") for one in same]
+    assert said(crashed, 99.0) == "colored came as far as colored 2; nobody finished"
 
 
 def test_flights_that_were_stopped_keep_their_order(two):

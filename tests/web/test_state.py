@@ -197,7 +197,7 @@ def test_the_line_up_is_called_as_it_will_be_in_flight_and_says_what_differs():
     )
     found = line_up_of(state)
     usual = PRESETS["race"]["colored"].mppi.temperature
-    assert found.names == (f"colored T {usual:g}", "colored T 0.2")
+    assert found.names == ("colored", "colored T 0.2")
     assert found.compared == f"They differ in temperature ({usual:g} / 0.2); all else is equal."
     assert found.problem == ""
     wrong = line_up_of(after(ChooseRace("course", "no_such"), state=state))

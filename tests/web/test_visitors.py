@@ -125,6 +125,13 @@ def test_who_chooses_a_course_or_edits_one_takes_no_race_from_others(page, root)
         assert one.set("race", "course", "paper_flat") == ""
         assert until(lambda: one.part("tower")["rows"] == [])
         assert until(lambda: one.part("map") != race)
+        # the head is of the course that is shown, too, until the visitor goes back to the race
+        assert until(lambda: one.part("head")["phase"] == "rest")
+        assert other.part("head")["phase"] == "replay"
+        one.send("seek", t=0.2)
+        assert until(lambda: one.part("tower")["rows"])
+        assert until(lambda: one.part("head")["phase"] == "paused")
+        assert one.part("next")["sentence"][-1]["text"] == " on paper_flat"
         assert one.press("editor", "new") == ""
         assert until(lambda: one.part("head")["phase"] == "editing")
         client.waiting()

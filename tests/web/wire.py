@@ -26,6 +26,7 @@ CAMERA = {
 }
 PROTOCOL = websockets.Subprotocol(f"viser-v{viser.__version__}")
 PATIENCE = 10.0  # for an answer [s]
+NO_SEAT = "a_seat_that_no_page_names"
 
 
 class Client:
@@ -57,7 +58,7 @@ class Client:
 def open_socket(port, host="127.0.0.1", seat="", **options):
     """A websocket by viser's protocol. Raises what websockets raises for one that is refused."""
     return connected(
-        f"ws://{host}:{port}/scene/{seat}",
+        f"ws://{host}:{port}/scene/{seat or NO_SEAT}",
         subprotocols=[PROTOCOL],
         max_size=None,
         max_queue=None,

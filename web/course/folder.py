@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from hashlib import sha256
 from pathlib import Path
 
 import msgspec
@@ -13,6 +14,8 @@ from quadsim.web.course.draft import Draft
 
 # Name of the folder among the runs
 COURSES = "courses"
+# Hashes of its files as the page wrote them: others, and those changed since, are not overwritten
+WRITTEN = ".written.json"
 LONGEST_NAME = 64
 
 
@@ -25,8 +28,6 @@ class CourseFolder:
 
     def __init__(self, runs_dir: str | Path):
         self._folder = Path(runs_dir) / COURSES
-        # Texts written by this object, by file, as these files may be overwritten
-        self._own: dict[Path, str] = {}
         # The other text that the last save of a file has replaced
         self._replaced: dict[Path, str] = {}
 
@@ -55,10 +56,9 @@ class CourseFolder:
         if not self._may_write(path):
             raise ValueError(f"{path}: expected a new name, there is a course already")
         self._replaced.pop(path, None)
-        before = self._own.get(path, "") if path.exists() else ""
+        before = path.read_text(encoding="utf-8") if path.exists() else ""
         text = draft.text()
-        write_whole(path, text.encode())
-        self._own[path] = text
+        self._write(path, text)
         if before not in ("", text):
             self._replaced[path] = before
         return str(path)
@@ -80,8 +80,7 @@ class CourseFolder:
             raise ValueError(f"{path}: expected a file that was written over, got another")
         if not self._may_write(file):
             raise ValueError(f"{path}: expected the course that was saved, got a changed file")
-        write_whole(file, text.encode())
-        self._own[file] = text
+        self._write(file, text)
         del self._replaced[file]
 
     def _may_write(self, path: Path) -> bool:
@@ -89,9 +88,23 @@ class CourseFolder:
         if not path.is_symlink() and not path.exists():
             return True
         try:
-            return path.read_text(encoding="utf-8") == self._own.get(path)
-        except (OSError, UnicodeDecodeError):
+            return sha256(path.read_bytes()).hexdigest() == self._written().get(path.name)
+        except OSError:
             return False
+
+    def _write(self, path: Path, text: str) -> None:
+        """Write a file, and its hash beside it. Raises RunError."""
+        data = text.encode()
+        write_whole(path, data)
+        hashes = {**self._written(), path.name: sha256(data).hexdigest()}
+        write_whole(self._folder / WRITTEN, msgspec.json.encode(hashes))
+
+    def _written(self) -> dict[str, str]:
+        """Return the hashes of the files as they were last written here, by their names."""
+        try:
+            return msgspec.json.decode((self._folder / WRITTEN).read_bytes(), type=dict[str, str])
+        except (OSError, msgspec.DecodeError):
+            return {}
 
 
 def _check_name(name: str) -> None:

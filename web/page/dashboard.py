@@ -86,10 +86,16 @@ class Dashboard:
         Playback(link, session, viewing, seats, self.camera)
         answer_signals(link, viewing)
         joining = Joining(self.board, session.cockpit, viewing, seats, self.camera)
-        self._editor = CourseEditor(session, self.start)
+        self._editor = CourseEditor(session, self.start, server.downloads)
         self._competitors = CompetitorForm(self.start)
         self._export = ExportForm(
-            session, self.start, viewing, seats, self.camera, server.downloads
+            session,
+            self.start,
+            viewing,
+            seats,
+            self.camera,
+            server.downloads,
+            server.needs_token,
         )
         forms = (
             RaceForm(self.start),

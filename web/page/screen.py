@@ -125,7 +125,9 @@ class Screen:
             self._put("map", for_all.edited_map)
             return
         head = moment.once(for_all, lambda: head_of(s, moment.timings, for_all.head, for_all.seeds))
-        self._put("head", head)
+        # A course that was chosen after a race stands in the scene in place of it.
+        is_coming = not stage.race and stage.course and not s.preparing
+        self._put("head", for_all.head if is_coming and not s.is_taking_off else head)
         if is_drawn:
             drawn = moment.drawn(by_place)
             name = ("map", by_place)

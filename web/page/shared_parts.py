@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import inf
+from secrets import token_hex
 
 from quadsim.web.page.due import Due
 from quadsim.web.page.forms.course_editor import CourseEditor
 from quadsim.web.page.parts.board import Board
 from quadsim.web.page.parts.elements import EMPTY
-from quadsim.web.page.parts.head import Head, SeedsResult, Word, coming_head
+from quadsim.web.page.parts.head import Head, SeedsResult, Word, coming_head, next_of
 from quadsim.web.page.parts.line_up_table import table_of
 from quadsim.web.page.parts.seeds_table import seeds_of
 from quadsim.web.page.parts.time_line import time_line_of
@@ -38,6 +39,7 @@ class SharedParts:
         self._past_due = Due(0.0)
         self._coming_due = Due(0.0)
         self._edited_due = Due(0.0)
+        self._server = token_hex(8)
         self.for_all = ForAll(Head("rest", []), Head("editing", []), EMPTY)
 
     def update(self, s: Snapshot) -> None:
@@ -65,8 +67,9 @@ class SharedParts:
 
     def _update_no_race(self, state: PageState, line_up: LineUp) -> None:
         """Make the head before a race, and head and map of the course in work, if they changed."""
-        if self._coming_due((line_up, state.world, state.race.course)):
+        if self._coming_due((line_up, _set_up_of(state))):
             self.for_all = replace(self.for_all, head=coming_head(state, line_up))
+            self._board.put("next", next_of(state, line_up, self._server))
         if self._edited_due(self._editor.shown):
             said = self._editor.said()
             self.for_all = replace(
@@ -74,6 +77,11 @@ class SharedParts:
                 edited=Head("editing", [Word("Course editor")], more=said),
                 edited_map=self._editor.map(),
             )
+
+
+def _set_up_of(state: PageState) -> object:
+    """Return the part of the state that a link to the set-up names."""
+    return state.race, state.rows, state.world, state.expect, state.rules
 
 
 def _flown_of(state: PageState) -> object:

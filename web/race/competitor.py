@@ -34,7 +34,6 @@ POSITION = ("px", "py", "pz")
 VELOCITY = ("vx", "vy", "vz")
 QUATERNION = ("qw", "qx", "qy", "qz")
 # kinds of events
-CRASHES = ("hit", "ground", "bounds", "contact")
 MISSES = ("miss", "wrong_way")
 
 SAME_TIME = 1e-9  # [s] Times that differ by less belong to one frame.

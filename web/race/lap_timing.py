@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from quadsim.racing.events import Event, sector_times
+from quadsim.record.run import CRASHES
 from quadsim.report.metrics import total_variation
-from quadsim.web.race.competitor import CRASHES, MISSES, Competitor
+from quadsim.web.race.competitor import MISSES, Competitor
 from quadsim.web.race.snapshot import Snapshot
 from quadsim.web.race.standings import Standing, Way, standings_at
 

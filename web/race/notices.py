@@ -10,7 +10,7 @@ from typing import Literal
 from quadsim.racing.events import Event, Frame
 from quadsim.web.race.competitor import Competitor
 
-Kind = Literal["error", "crash", "lap", "wait"]
+Kind = Literal["error", "crash", "lap"]
 KEPT = 20  # number of the last notices
 LAP_END = 0.02  # time before a frame in which a lap can have ended [s]
 

@@ -21,7 +21,7 @@ from quadsim.web.race.live_flight import FlownFrame, LiveFlight
 from quadsim.web.race.live_heat import LiveHeat
 from quadsim.web.race.notices import Notices
 from quadsim.web.race.pace import Pace
-from quadsim.web.race.snapshot import Snapshot
+from quadsim.web.race.snapshot import Preparing, Snapshot
 from quadsim.web.race.stored_competitor import stored_competitor
 from quadsim.web.state.choices import Choices, HeatChoices, expect_one_hand, names_of
 from quadsim.web.state.numbers import Change
@@ -100,13 +100,21 @@ class PageRace:
         root: the folder of runs.
         take_off: function that starts a live flight from its choices.
         cockpit: source of the sticks of a manual flight; None: a new one.
+        prepares: called with what `start` is about to do, which takes seconds.
     """
 
-    def __init__(self, root: str, take_off: TakeOff = take_off, cockpit: Cockpit | None = None):
+    def __init__(
+        self,
+        root: str,
+        take_off: TakeOff = take_off,
+        cockpit: Cockpit | None = None,
+        prepares: Callable[[Preparing], None] = lambda _: None,
+    ):
         self.show_trajectories = False  # whether a page shows the sampled trajectories
         self.notices = Notices()
         self._root = root
         self._take_off = take_off
+        self._prepares = prepares
         self._choices: list[AnyChoices] = []
         self._live: list[Flyer] = []
         self._stored: tuple[Competitor, ...] = ()
@@ -146,9 +154,6 @@ class PageRace:
         for flight in flights:
             flight.show_as([shown.pop(0) for _ in flight.entries])
         self._stored = tuple(shown)
-        if not all(flight.is_cached for flight in flights):
-            compiling = "Compiling the planner for this machine"
-            self.notices.add("wait", compiling, "once; it takes some 15 s")
         self._begin()
 
     def _built(self, choices: Sequence[AnyChoices]) -> list[Flyer]:
@@ -162,7 +167,8 @@ class PageRace:
         names = names_of(alone)
         names += ["the race"] * (len(choices) - len(names))
         flights: list[Flyer] = []
-        for name, one in zip(names, choices, strict=True):
+        for number, (name, one) in enumerate(zip(names, choices, strict=True), 1):
+            self._prepares(Preparing("building", number, len(choices)))
             try:
                 flights.append(self._take_off(one))
             except ValueError as error:
@@ -259,7 +265,7 @@ class PageRace:
             competitors=tuple(self._competitors),
             race=self._count,
             notices=self.notices.recent,
-            compiling=any(not f.is_cached and not len(f.entries[0].t) for f in self._flying),
+            preparing=self._compiling,
             by_hand=self._hand is not None,
             waiting=self._waiting and flying,
             speed=self._pace.speed,
@@ -317,6 +323,15 @@ class PageRace:
     def _flying(self) -> list[Flyer]:
         """The live flights that have not ended."""
         return [flight for flight in self._live if not flight.is_over]
+
+    @property
+    def _compiling(self) -> Preparing | None:
+        """The planner that is compiled; None: all are."""
+        new = [flight for flight in self._live if not flight.is_cached]
+        waiting = [flight for flight in new if not flight.is_over and not len(flight.entries[0].t)]
+        if not waiting:
+            return None
+        return Preparing("compiling", len(new) - len(waiting) + 1, len(new))
 
     @property
     def _flown(self) -> float:

@@ -9,7 +9,7 @@ import queue
 import threading
 import traceback
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Concatenate, ParamSpec
@@ -17,7 +17,7 @@ from typing import Concatenate, ParamSpec
 from quadsim.record.run import RunError
 from quadsim.web.race.cockpit import Cockpit
 from quadsim.web.race.page_race import REST, AnyChoices, PageRace, TakeOff, take_off
-from quadsim.web.race.snapshot import Snapshot
+from quadsim.web.race.snapshot import Preparing, Snapshot
 
 Arguments = ParamSpec("Arguments")
 
@@ -58,7 +58,7 @@ class Session:
         self.root = root
         self.snapshot = Snapshot()
         self.cockpit = Cockpit()
-        self._race = PageRace(root, take_off, self.cockpit)
+        self._race = PageRace(root, take_off, self.cockpit, self._show)
         self._commands: queue.SimpleQueue[Callable[[], float | None]] = queue.SimpleQueue()
         self._last: Start | None = None  # None: another command came after it
         self._closing = False
@@ -96,6 +96,10 @@ class Session:
         """Return whether a start is awaited, or no plan of its race is ready yet."""
         s = self.snapshot
         return start.race is None or (start.race == s.race and s.is_taking_off)
+
+    def _show(self, preparing: Preparing) -> None:
+        """Show what a start does, before the race begins."""
+        self.snapshot = replace(self.snapshot, preparing=preparing)
 
     def _start(self, start: Start) -> None:
         """Begin a race, on the race's thread."""

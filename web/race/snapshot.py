@@ -3,9 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal, NamedTuple
 
 from quadsim.web.race.competitor import SAME_TIME, Competitor
 from quadsim.web.race.notices import Notice
+
+
+class Preparing(NamedTuple):
+    """What a START waits for.
+
+    Attributes:
+        what: flights that are built, or planners that are compiled.
+        number: of the one that is worked on, from 1.
+        of: how many there are.
+    """
+
+    what: Literal["building", "compiling"]
+    number: int
+    of: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +40,7 @@ class Snapshot:
     competitors: tuple[Competitor, ...] = ()
     race: int = 0  # number of the race; a page draws a new scene when it changes
     notices: tuple[Notice, ...] = ()
-    compiling: bool = False  # whether a flight waits for its planner to be compiled
+    preparing: Preparing | None = None  # what the flights wait for; None: they do not
     by_hand: bool = False  # whether a competitor is flown by hand; the race then runs in real time
     waiting: bool = False  # whether the race waits for the start of the manual flight
     speed: float = 1.0  # race seconds per second that are asked for

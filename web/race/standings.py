@@ -6,7 +6,7 @@ far along the race they are, see quadsim.racing.along.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,6 +18,9 @@ from quadsim.web.race.competitor import Competitor
 NOT_OUT = (None, "finished", "interrupted")
 
 LEVEL = 0.005  # gap below which two that fly are level [s]
+SAME_RESULT = 0.0005  # difference below which two that finished are level [s]
+SAME_PLACE = 0.01  # difference below which two that are out came equally far [m]
+SMALL = 0.01  # lead below which it is told in milliseconds [s]
 
 
 class Way(NamedTuple):
@@ -40,6 +43,14 @@ class Standing:
     is_out: bool  # whether the flight has ended and did not complete the compared laps
     gap: float  # behind the leader [s]; 0 for the leader; nan: not known yet
     interval: float  # behind the competitor ahead [s], as the gap
+
+    def is_level_with(self, ahead: Standing) -> bool:
+        """Return whether the competitor is level with the one ahead of it."""
+        if self.is_out or ahead.is_out:
+            return self.is_out and ahead.is_out and ahead.place - self.place < SAME_PLACE
+        if self.time is not None and ahead.time is not None:
+            return self.time - ahead.time < SAME_RESULT
+        return self.time is None and abs(self.interval) < LEVEL
 
 
 @dataclass(frozen=True)
@@ -71,19 +82,31 @@ class Standings:
     @property
     def headline(self) -> Headline:
         """One sentence with the leader and the lead."""
-        first, *others = self.going or self.order[:1]
+        first, *others = self.going or self.order
         if first.is_out:
-            verb = "came farthest; nobody finished" if len(self.order) > 1 else "is out"
-            return Headline(first.entry, verb)
+            return _all_out(first, others)
         if not others:
             verb = "flies" if first.time is None else "has finished"
             return Headline(first.entry, verb + (" alone" if len(self.order) > 1 else ""))
-        second = others[0]
-        if second.time is None and abs(second.gap) < LEVEL:
-            return Headline(first.entry, "is level with", second.entry, over=self.over)
-        verb = "leads" if second.time is None else "beats"
+        second, *more = others
+        has_ended = second.time is not None
+        behind = f"; {len(more)} more behind" if more else ""
+        if second.is_level_with(first):
+            verb = "finishes level with" if has_ended else "is level with"
+            return Headline(first.entry, verb, second.entry, over=self.over, end=behind * has_ended)
+        verb = "beats" if has_ended else "leads"
         by = second.gap if np.isfinite(second.gap) else None
-        return Headline(first.entry, verb, second.entry, by, len(others) - 1, self.over)
+        return Headline(first.entry, verb, second.entry, by, self.over, behind)
+
+
+def _all_out(first: Standing, others: Sequence[Standing]) -> Headline:
+    """Return the sentence about a race that nobody finished."""
+    if not others:
+        return Headline(first.entry, "is out")
+    nobody = "; nobody finished"
+    if others[0].is_level_with(first):
+        return Headline(first.entry, "came as far as", others[0].entry, end=nobody)
+    return Headline(first.entry, "came farthest", end=nobody)
 
 
 class Headline(NamedTuple):
@@ -93,23 +116,27 @@ class Headline(NamedTuple):
     verb: str
     other: Competitor | None = None
     by: float | None = None  # [s]
-    more: int = 0  # number of competitors behind the other one
     over: str = ""  # the compared part of the race, see Standings.over
+    end: str = ""  # what follows the sentence
 
-    def words(self, name: Callable[[Competitor], str], number: Callable[[str], str] = str) -> str:
-        """Return the sentence.
-
-        Args:
-            name: function that returns the name of a competitor as it is to be written.
-            number: function that returns the lead as it is to be written.
-        """
-        parts = [name(self.leader), self.verb]
+    @property
+    def parts(self) -> list[str | Competitor]:
+        """The sentence, in which competitors stand for their names."""
+        found: list[str | Competitor] = [self.leader, f" {self.verb}"]
         if self.other is not None:
-            parts.append(name(self.other))
+            found += [" ", self.other]
         if self.by is not None:
-            parts.append(f"by {number(f'{self.by:.2f} s')}")
-        sentence = " ".join([*parts, self.over]).rstrip()
-        return f"{sentence}; {self.more} more behind" if self.more else sentence
+            # two times that read the same differ by milliseconds
+            decimals = 2 if abs(self.by) >= SMALL else 3
+            found.append(f" by {self.by:.{decimals}f} s")
+        if self.over:
+            found.append(f" {self.over}")
+        return [*found, self.end] if self.end else found
+
+    @property
+    def words(self) -> str:
+        """The sentence as text."""
+        return "".join(part if isinstance(part, str) else part.name for part in self.parts)
 
 
 class _Reached(NamedTuple):
@@ -143,18 +170,17 @@ def standings_at(entries: Sequence[Competitor], t: float) -> Standings:
     order = []
     for k, one in enumerate(ranked):
         ahead = ranked[max(k - 1, 0)]
-        order.append(
-            Standing(
-                entry=one.entry,
-                number=one.number,
-                rank=k + 1,
-                place=one.place,
-                time=one.time,
-                is_out=one.is_out,
-                gap=_behind(one, ranked[0]),
-                interval=_behind(one, ahead),
-            )
+        standing = Standing(
+            entry=one.entry,
+            number=one.number,
+            rank=k + 1,
+            place=one.place,
+            time=one.time,
+            is_out=one.is_out,
+            gap=_behind(one, ranked[0]),
+            interval=_behind(one, ahead),
         )
+        order.append(standing)
     is_partial = any(entry.laps_to_fly > laps for entry in entries)
     return Standings(laps, is_partial, tuple(order))
 

@@ -47,7 +47,7 @@ def summary_at(entries: Sequence[Competitor], t: float) -> Summary:
     """
     standings = standings_at(entries, t)
     course = entries[0].course.name
-    said = standings.headline.words(lambda entry: entry.name)
+    said = standings.headline.words
     return Summary(
         headline=f"{course}, {min(t, max(entry.last_t for entry in entries)):.2f} s: {said}",
         compared=compared([entry.record for entry in entries]),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cache
+from pathlib import Path
 from typing import Annotated, Any, NamedTuple, Self
 
 from quadsim.config.presets import PresetSource
@@ -67,6 +68,11 @@ class RaceChoices:
     ] = "none"
     # folder of runs with the solutions of `race limit`
     runs_dir: str = FlightSettings.runs_dir
+
+    @property
+    def course_name(self) -> str:
+        """The name of the course: of a file, without its folder."""
+        return Path(self.course).stem if "/" in self.course else self.course
 
 
 class Planners(NamedTuple):

@@ -27,6 +27,7 @@ from quadsim.web.state.menu import Menu
 from quadsim.web.state.page_state import (
     EVERYBODY,
     GHOSTS,
+    NOBODY,
     PageState,
     Playhead,
     RemovedRow,
@@ -240,6 +241,8 @@ def _with_visitors(
         case Watch(number, of):
             return state.with_visitor(number, replace(visitor, of=of))
         case SetPlayhead(number, playhead):
+            if number == state.chooser:
+                state = replace(state, chooser=NOBODY)
             return state.with_visitor(number, replace(visitor, playhead=playhead))
         case SetView(number, name, value):
             view = _with_choice(visitor.view, name, value)
@@ -358,7 +361,11 @@ def _offering(state: PageState, course: str) -> PageState:
 
 def _set_up(state: PageState, asked: SetUp) -> PageState:
     """Return the state with another race; the rows before can be put back. Raises ValueError."""
-    OF_RACE["course"].expect_offered(asked.race.course, state.menu)
+    race = replace(asked.race, runs_dir=state.race.runs_dir)
+    for name in OF_RACE_CHOICES:
+        value = getattr(asked.race, name)
+        OF_RACE[name].expect_offered(value, state.menu)
+        race = replace(race, **{name: _of_setting(name, value)})
     rows = []
     for number, choices in enumerate(asked.competitors, state.next_number):
         _expect_on_menu(choices, state.menu)
@@ -374,7 +381,7 @@ def _set_up(state: PageState, asked: SetUp) -> PageState:
     return replace(
         state,
         removed=before[-MOST_REMOVED:],
-        race=replace(asked.race, runs_dir=state.race.runs_dir),
+        race=race,
         rows=tuple(rows),
         world=asked.world,
         expect=asked.expect,

@@ -31,9 +31,19 @@ LEFT_OUT = {
     "variation",
 }
 # Short names of numbers, as in the literature, for the name of a flight
-SHORT = {"temperature": "T", "target_ess": "ESS", "solved_ess": "ESS", "gamma": "γ"}
+SHORT = {
+    "temperature": "T",
+    "target_ess": "ESS",
+    "solved_ess": "ESS",
+    "gamma": "γ",
+    "crash": "crash cost",  # not a flight that crashed
+}
 # Settings whose values are names, which need no name before them
 NAMES = ("pilot", "preset", "vehicle", "sensing", "plant")
+# Settings that are named before all others, and after them
+FIRST = ("sampler", "pilot", "preset")
+LAST = ("laps", "seed")
+MOST_IN_TAG = 3  # settings in the name of a flight, at most
 LONGEST = 12  # length of a value in the name of a flight, at most [characters]
 LONGEST_IN_WORDS = 24  # length of a value in a sentence, at most [characters]
 
@@ -41,10 +51,17 @@ Record = Mapping[str, Any]
 
 
 class Difference(NamedTuple):
-    """A setting that differs between flights."""
+    """A setting that differs between flights.
+
+    Attributes:
+        name: of the setting.
+        values: of each flight; empty: it has none.
+        usual: whether each flight has the value of its preset, which its name leaves out.
+    """
 
     name: str
-    values: tuple[str, ...]  # of each flight; empty: it has none
+    values: tuple[str, ...]
+    usual: tuple[bool, ...]
 
 
 def differences(records: Sequence[Record]) -> list[Difference]:
@@ -54,18 +71,27 @@ def differences(records: Sequence[Record]) -> list[Difference]:
         records: the specs of the flights, as they are recorded.
     """
     settings = [dict(_settings(record)) for record in records]
-    changed = dict.fromkeys(name for record in records for name in changed_numbers(record))
-    for record, found in zip(records, settings, strict=True):
-        numbers = _numbers(record)
-        found |= {name: numbers[name] for name in changed if name in numbers}
-    names = dict.fromkeys(name for found in settings for name in found)
-    all_values = {name: tuple(found.get(name, "") for found in settings) for name in names}
+    changed = [changed_numbers(record) for record in records]
+    names = dict.fromkeys(name for numbers in changed for name in numbers)
+    numbers = [_numbers(record) for record in records]
+    found = []
+    for name in names:
+        values = tuple(of_flight.get(name, "") for of_flight in numbers)
+        usual = tuple(name not in of_flight for of_flight in changed)
+        found.append(Difference(name, values, usual))
+    for name in dict.fromkeys(name for of_flight in settings for name in of_flight):
+        values = tuple(of_flight.get(name, "") for of_flight in settings)
+        found.append(Difference(name, values, _usual(values)))
+    found.sort(key=lambda difference: _order(difference.name))
     # A setting that a sampler or a person does not have differs among the others alone.
-    return [
-        Difference(name, values)
-        for name, values in all_values.items()
-        if len(set(filter(None, values))) > 1
-    ]
+    return [one for one in found if len(set(filter(None, one.values))) > 1]
+
+
+def _order(name: str) -> int:
+    """Return the place of a setting among the differences: parts, the rest, laps and seed."""
+    if name in FIRST:
+        return 0
+    return 2 if name in LAST else 1
 
 
 def compared(records: Sequence[Record]) -> str:
@@ -164,10 +190,20 @@ def _tags(records: Sequence[Record]) -> list[str]:
         for difference in differences(records)
         if all(len(brief(value)) <= LONGEST for value in difference.values)
     ]
-    candidates = [[one] for one in usable] + [list(two) for two in combinations(usable, 2)]
-    tagged = [[_tag(chosen, k) for k in range(len(records))] for chosen in candidates]
-    # The first of the candidates that tell most flights apart
-    return max(tagged, key=lambda tags: len(set(tags)), default=[""] * len(records))
+    tagged = [
+        [_tag(chosen, k) for k in range(len(records))]
+        for count in range(1, MOST_IN_TAG + 1)
+        for chosen in combinations(usable, count)
+    ]
+    is_usual = [all(one.usual[k] for one in usable) for k in range(len(records))]
+
+    def told(tags: Sequence[str]) -> tuple[int, int]:
+        """Return how many flights differ in name, and how many unusual ones are named."""
+        unnamed = sum(not tag and not usual for tag, usual in zip(tags, is_usual, strict=True))
+        return len(set(tags)), -unnamed
+
+    # The first of those that tell most
+    return max(tagged, key=told, default=[""] * len(records))
 
 
 def brief(value: str) -> str:
@@ -183,18 +219,18 @@ def brief(value: str) -> str:
     return parts[0] if parts[0] == parts[-1] else f"{parts[0]}/{parts[-1]}"
 
 
-def _usual(difference: Difference) -> str | None:
-    """Return the value that most flights have, which a name leaves out; None: there is none."""
-    (value, most), *others = Counter(difference.values).most_common(2)
+def _usual(values: Sequence[str]) -> tuple[bool, ...]:
+    """Return which flights have the value that most have; without a majority none of them."""
+    (value, most), *others = Counter(values).most_common(2)
     is_alone = not others or others[0][1] < most
-    return value if is_alone else None
+    return tuple(is_alone and one == value for one in values)
 
 
 def _tag(chosen: Sequence[Difference], k: int) -> str:
     """Return the values of flight k in a name, without the usual ones; a name is its own value."""
     words = []
     for difference in chosen:
-        if difference.values[k] == _usual(difference):
+        if difference.usual[k]:
             continue
         value = brief(difference.values[k]) or "none"
         name = SHORT.get(difference.name, difference.name.replace("_", " "))

@@ -20,6 +20,7 @@ from quadsim.web.state.view import View
 PaceName = Literal["0.1 x", "0.25 x", "0.5 x", "1 x", "2 x", "4 x"]
 REAL_TIME: PaceName = "1 x"
 EVERYBODY = 0  # in place of the number of a visitor
+NOBODY = -1
 World = Literal["as ghosts", "in one world"]
 GHOSTS: World = "as ghosts"
 TOGETHER: World = "in one world"
@@ -91,7 +92,7 @@ class PageState:
         expect, rules: of a race in one world.
         pace: race seconds per second that flights are asked for.
         chooser: number of the visitor who chose the course last, to whom it is shown in place of a
-            race; EVERYBODY: to all.
+            race; EVERYBODY: to all; NOBODY: to none, as the visitor went back to the race.
         against: names of stored runs that are shown beside the next flight.
         visitors: the visitors by their numbers.
         left: visitors who have left, by the names of their seats, the last one last.

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from math import inf, nan, sqrt
 from pathlib import Path
 from statistics import fmean, stdev
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import yaml
 from msgspec import Meta, Struct, to_builtins
@@ -227,6 +227,30 @@ def judge(then: StoredNumbers, now: StoredNumbers, effects: Effects) -> list[Ver
         _relative("lap", laps, effects.lap),
         _relative("thrust_tv", chatter, effects.thrust_tv),
     ]
+
+
+class WorstSeed(NamedTuple):
+    """The attempt that has become worst, and its mean laps [s]; None: it has not finished."""
+
+    number: int  # of the attempt, from 0
+    then: float | None
+    now: float | None
+
+
+def worst_seed(then: StoredNumbers, now: StoredNumbers) -> WorstSeed | None:
+    """Return the attempt that has become worst; None if no attempt has finished then.
+
+    An attempt that does not finish any more is worse than one that is slower.
+    """
+    pairs = zip(then.laps, now.laps, strict=False)
+    both = [WorstSeed(k, before, after) for k, (before, after) in enumerate(pairs)]
+    finished = [one for one in both if one.then is not None]
+    return max(finished, key=_lost_time, default=None)
+
+
+def _lost_time(pair: WorstSeed) -> float:
+    """Return by how much an attempt is slower [s], inf if it does not finish any more."""
+    return inf if pair.now is None else pair.now - (pair.then or 0.0)
 
 
 def _relative(name: str, pairs: Sequence[tuple[float, float]], effect: float) -> Verdict:

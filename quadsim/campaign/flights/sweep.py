@@ -6,8 +6,10 @@ setting's default are those of the variant as it is, so that several sweeps shar
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import csv
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -26,6 +28,7 @@ from quadsim.course import Course
 from quadsim.files.extras import imported
 from quadsim.files.json_values import without_nan
 from quadsim.record.run import RunError
+from quadsim.record.whole_files import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -82,6 +85,24 @@ class Sweep(Documented):
         """Return the numbers of all points as plain dictionaries; None for unknown numbers."""
         return without_nan({"points": [asdict(point) for point in self.points]})
 
+    def save(self, folder: Path, stem: str) -> list[Path]:
+        """Write the result as Markdown, JSON, PNG, SVG and CSV, and return the files.
+
+        The CSV file has a row for each variant at each value, with the names of `points`, such as
+        stats.lap_mean and change.lap_difference.mean.
+
+        Args:
+            folder: folder for the files.
+            stem: name of the files without its ending.
+
+        Raises:
+            RunError: the folder cannot be written.
+        """
+        table = folder / f"{stem}.csv"
+        files = super().save(folder, stem)
+        write_whole(table, _csv(self.points).encode())
+        return [*files, table]
+
     def _drawn(self) -> Figure:
         """Draw success and lap differences over the values of each setting."""
         from quadsim.campaign.flights.sweep_figure import draw_sweep  # here: it loads matplotlib
@@ -105,6 +126,31 @@ class Sweep(Documented):
         settings = ", ".join(dict.fromkeys(curve.swept.name for curve in self.curves))
         variants = ", ".join(dict.fromkeys(curve.variant for curve in self.curves))
         return f"<Sweep {courses}: {settings}; {variants}; {len(self.points)} points>"
+
+
+def _csv(points: Sequence[SweepPoint]) -> str:
+    """Return the numbers of points as CSV; a number that is not known is empty."""
+    rows = [dict(_flat("", asdict(point))) for point in points]
+    names = dict.fromkeys(name for row in rows for name in row)
+    text = StringIO()
+    table = csv.DictWriter(text, list(names), lineterminator="\n")
+    table.writeheader()
+    table.writerows(without_nan(rows))
+    return text.getvalue()
+
+
+def _flat(name: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """Yield the numbers and texts within a value with their names, joined by dots."""
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            yield from _flat(f"{name}.{key}" if name else str(key), inner)
+    elif isinstance(value, tuple | list) and all(isinstance(one, str) for one in value):
+        yield name, " ".join(value)
+    elif isinstance(value, tuple | list):
+        for number, inner in enumerate(value):
+            yield from _flat(f"{name}.{number}", inner)
+    elif value is not None:
+        yield name, value
 
 
 def _blocks(curves: Sequence[Curve]) -> list[Block]:

@@ -3,6 +3,7 @@
 [[env.track.gates]]          pos [m], rpy [rad]: the passage is the gate's x axis
 [[env.track.obstacles]]      pos [m]: upper end of a pole of 3 cm diameter
 [[env.track.drones]]         pos [m], rpy [rad] of the start
+env.track.randomize          whether the simulator draws all places, which a course file cannot say
 env.track.gate_order         signed numbers from 1, in newer levels
 env.track.gate_size          width, height [m], in some levels; else the opening is 0.4 m
 env.track.safety_limits      pos_limit_low, pos_limit_high [m]
@@ -32,6 +33,10 @@ POLE_RADIUS = 0.015  # [m]
 def read_lsy(text: str, file: str, reading: Reading) -> ForeignTrack:
     """Return the track of a level. Raises FileError."""
     track = toml_entry(text, file).at("env").at("track")
+    draws = track.get("randomize")
+    if draws and draws.value:
+        wanted = "expected a level with its places in the file, got one that draws them"
+        raise draws.error(f"{wanted}: fly it by race fly --competition lsy_level3")
     size = track.get("gate_size")
     width, height = OPENING, OPENING
     if size:

@@ -120,7 +120,7 @@ class NominalRotors:
         for i, u in enumerate(commands):
             torque = self._torque(u, turned(interval, i / steps))
             asked = allocate(self._share, self._vehicle.mass * u.thrust, torque, low, high)
-            self._motors.follow(map(self._rotors.speed, asked))
+            self._motors.turn(map(self._rotors.speed, asked))
 
             delivered = [self._rotors.thrust(speed) for speed in self._motors.speeds]
             thrusts.append(delivered)
@@ -145,13 +145,10 @@ class NominalRotors:
 
     def _torque(self, u: Control, turning: Turning) -> Vec3:
         """Return the torque that the rate loop asks for [N m]."""
-        wx, wy, wz = (
-            command - lead * acceleration
-            for command, lead, acceleration in zip(
-                u.body_rates, self._vehicle.rate_lead, turning.acceleration, strict=True
-            )
-        )
-        return rate_torque(turning.rates, (wx, wy, wz), self._gains, self._vehicle.inertia)
+        lx, ly, lz = self._vehicle.rate_lead
+        bx, by, bz = turning.acceleration
+        commanded = (u.wx - lx * bx, u.wy - ly * by, u.wz - lz * bz)
+        return rate_torque(turning.rates, commanded, self._gains, self._vehicle.inertia)
 
 
 def turned(interval: Interval, share: float) -> Turning:

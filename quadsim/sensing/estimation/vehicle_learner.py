@@ -53,7 +53,7 @@ from quadsim.rotation import Vec3, matrix
 from quadsim.sensing.config import ImuConfig
 from quadsim.sensing.estimation.nominal_rotors import Interval, Turning
 from quadsim.sensing.estimation.prediction import Acted
-from quadsim.sensing.estimation.wrench_learner import WrenchLearner
+from quadsim.sensing.estimation.wrench_learner import SOUND_ROTORS, WrenchLearner
 from quadsim.sensing.nominal import Nominal
 from quadsim.vehicle import GRAVITY, Vehicle
 from quadsim.vehicle.tolerances import VehicleTolerances
@@ -107,9 +107,6 @@ RESERVE_STD = 0.3
 THRUST_MAX_WALK = 1e-2
 # innovation gate: limit of the normalised innovation squared, 3 degrees of freedom
 OUTLIER = 25.0
-
-
-SOUND_ROTORS = Delivered()
 
 
 class Row(IntEnum):

@@ -17,6 +17,7 @@ there no rotor is taken to be stronger than nominal. b and eta differ only if th
 
 from __future__ import annotations
 
+from math import isnan
 from typing import NamedTuple
 
 import numpy as np
@@ -29,10 +30,18 @@ from quadsim.vehicle import Vehicle
 SHARES = slice(0, 4)
 ALWAYS = slice(4, 7)
 SIZE = 10
+# the variances of the shares, in a covariance
+SHARE_DIAGONAL = (np.arange(4), np.arange(4))
+ALL_NOMINAL = [1.0] * 4
+SOUND_ROTORS = Delivered()
 # rows of the torques in a measurement, and the columns of what acts on one torque each
 AXES = np.arange(1, 4)
 ALWAYS_COLUMNS = np.arange(4, 7)
 GAIN_COLUMNS = np.arange(7, 10)
+
+# the part of the Jacobian that does not change: a constant torque acts as it is
+CONSTANT_ROWS = np.zeros((4, SIZE))
+CONSTANT_ROWS[AXES, ALWAYS_COLUMNS] = 1.0
 
 
 class Deviations(NamedTuple):
@@ -72,6 +81,12 @@ ERROR_RATE = 2.0
 ERROR_FACTOR = 3.0
 # An innovation of more standard deviations counts less.
 OUTLIER = 3.0
+# mean surprise, in standard deviations, from which the shares of rotors are taken to have changed
+SURPRISE = 1.5
+# weight of the newest surprise in the mean
+SURPRISE_SHARE = 0.2
+# standard deviation of such a change
+CHANGED_STD = 0.2
 # share of the time near the highest thrust from which no rotor is taken to be stronger than nominal
 MOSTLY_FULL = 0.2
 # by more than this share, and the standard deviation of that
@@ -107,6 +122,8 @@ class WrenchLearner:
         self._R = std**2
         # mean square of the errors of each measurement, as far as they were used [m^2/s^4]  (4,)
         self._error = np.zeros(4)
+        # mean error of each measurement in its standard deviations  (4,)
+        self._surprise = np.zeros(4)
         # `full` and `missing_yaw` of the rotors, behind their lag
         self._full = 0.0
         self._missing_yaw = 0.0
@@ -120,8 +137,11 @@ class WrenchLearner:
 
     def _delivered(self) -> Delivered:
         """Return the output of the rotors by the present estimate."""
-        shares = 1.0 + counted(self._theta[SHARES] - 1.0, SHARE_TOLERANCE, LARGEST_SHARE)
-        always = counted(self._theta[ALWAYS], ALWAYS_TOLERANCE, LARGEST_ALWAYS)
+        theta = self._theta.tolist()
+        shares = [1.0 + counted(eta - 1.0, SHARE_TOLERANCE, LARGEST_SHARE) for eta in theta[SHARES]]
+        always = [counted(torque, ALWAYS_TOLERANCE, LARGEST_ALWAYS) for torque in theta[ALWAYS]]
+        if shares == ALL_NOMINAL and not any(always):
+            return SOUND_ROTORS
         thrust, *turn = self.rotors.signs @ shares / 4
         scale = self.rotors.turn_per_thrust * self._led
         return Delivered(float(thrust), *(turn * scale).tolist(), *(always * scale).tolist())
@@ -132,8 +152,8 @@ class WrenchLearner:
         Args:
             interval: what was commanded, and how the vehicle turned.
             thrust_max: the highest thrust, as it is known [m/s^2].
-            measured: p at the end, or with sensors its mean [m/s^2]  (4,), NaN for what was not
-                measured; None: nothing was.
+            measured: p at the end, or with sensors its mean [m/s^2]  (4,), with NaN for a thrust
+                that was not measured; None: nothing was.
         """
         followed = self.rotors.advance(interval, thrust_max)
         self._full += self._rotor_response * (followed.full - self._full)
@@ -145,23 +165,34 @@ class WrenchLearner:
 
         # The thrust tells the shares' mean only if it has settled below the highest thrust, and
         # yaw tells something only if it is not limited.
-        R = self._R.copy()
-        R[0] += (FULL_STD * self._full) ** 2 + followed.unsettled**2
-        R[3] += self._missing_yaw**2
-        H = self._jacobian(thrusts)
-        is_measured = ~np.isnan(measured)
-        error = np.where(is_measured, measured, H @ self._theta) - H @ self._theta
+        variance = self._R.copy()
+        variance[0] += (FULL_STD * self._full) ** 2 + followed.unsettled**2
+        variance[3] += self._missing_yaw**2
+        rows = slice(1, None) if isnan(measured[0]) else slice(None)
+        R = variance[rows]
+        H = self._jacobian(thrusts)[rows]
+        error = measured[rows] - H @ self._theta
 
         # What the filter cannot explain in sound flight, too, is noise.
-        tells = is_measured & (R < 4.0 * self._R)
-        bounded = np.minimum(error**2, 4.0 * (self._R + self._error))
-        rate = ERROR_RATE * self._dt
-        self._error = np.where(tells, self._error + rate * (bounded - self._error), self._error)
-        R = R + ERROR_FACTOR * self._error
+        nominal = self._R[rows]
+        known = self._error[rows]
+        bounded = np.minimum(error**2, 4.0 * (nominal + known))
+        known += np.where(4.0 * nominal > R, ERROR_RATE * self._dt * (bounded - known), 0.0)
+        R = R + ERROR_FACTOR * known
 
-        deviation = np.sqrt(np.sum((H @ self._P) * H, axis=1) + R)
-        R = R * np.maximum(abs(error) / deviation / OUTLIER, 1.0)
-        self._correct(error[is_measured], H[is_measured], R[is_measured])
+        deviation = np.sqrt(((H @ self._P) * H).sum(axis=1) + R)
+        surprise = error / deviation
+
+        # Errors that keep their sign tell that a rotor has changed.
+        mean = self._surprise[rows]
+        mean += SURPRISE_SHARE * (surprise - mean)
+        if abs(self._surprise[AXES]).max() > SURPRISE:
+            self._P[SHARE_DIAGONAL] += CHANGED_STD**2
+            self._surprise[:] = 0.0
+
+        # A single large error counts less.
+        R = R * np.maximum(abs(surprise) / OUTLIER, 1.0)
+        self._correct(error, H, R)
         self._limit_strongest()
         self.delivered = self._delivered()
 
@@ -170,16 +201,18 @@ class WrenchLearner:
 
         thrusts: of the nominal rotors [m/s^2]  (4,).
         """
-        H = np.zeros((4, SIZE))
-        H[:, SHARES] = self.rotors.signs * thrusts
-        H[AXES, ALWAYS_COLUMNS] = 1.0
-        H[AXES, GAIN_COLUMNS] = self.rotors.signs[1:] @ thrusts
+        H = CONSTANT_ROWS.copy()
+        of_shares = self.rotors.signs * thrusts
+        H[:, SHARES] = of_shares
+        H[AXES, GAIN_COLUMNS] = of_shares.sum(axis=1)[1:]
         return H
 
     def _limit_strongest(self) -> None:
         """Lower all shares near the highest thrust if a rotor is stronger than nominal."""
+        if self._full <= MOSTLY_FULL:
+            return
         excess = self._theta[SHARES].max() - 1.0 - SPARE_SHARE
-        if excess > 0.0 and self._full > MOSTLY_FULL:
+        if excess > 0.0:
             H = np.zeros((1, SIZE))
             H[0, SHARES] = 0.25
             self._correct(np.array([-excess]), H, np.array([SPARE_STD**2]))
@@ -187,14 +220,17 @@ class WrenchLearner:
     def _correct(self, error: np.ndarray, H: np.ndarray, R: np.ndarray) -> None:
         """Correct by innovations (n,) with Jacobian (n, 10) and variances (n,)."""
         HP = H @ self._P
-        gain = np.linalg.solve(HP @ H.T + np.diag(R), HP).T  # pyright: ignore[reportArgumentType]
+        S = HP @ H.T
+        S.flat[:: len(S) + 1] += R
+        gain = np.linalg.solve(S, HP).T
         self._theta = self._theta + gain @ error
         P = self._P - gain @ HP
         self._P = 0.5 * (P + P.T)
 
 
-def counted(offset: np.ndarray, tolerance: float, largest: float) -> np.ndarray:
-    """Return offsets with nothing of those within the tolerance, and nearly all of large ones."""
-    size = abs(offset)
-    kept = np.maximum(1.0 - (tolerance / np.maximum(size, tolerance)) ** 2, 0.0)
-    return np.clip(kept * offset, -largest, largest)
+def counted(offset: float, tolerance: float, largest: float) -> float:
+    """Return zero for an offset within the tolerance, and nearly all of a large one."""
+    if abs(offset) <= tolerance:
+        return 0.0
+    kept = 1.0 - (tolerance / offset) ** 2
+    return min(max(kept * offset, -largest), largest)

@@ -5,6 +5,7 @@ from contextlib import ExitStack, contextmanager
 import pytest
 from browser_cases import (
     DRAWN,
+    head,
     opened,
     scene,
     waited,
@@ -29,6 +30,11 @@ def test_after_a_long_outage_the_page_and_its_scene_connect_again(browser, tmp_p
         lost = page.get_by_role("status").filter(has_text="Disconnected")
         lost.first.wait_for()
         assert "disconnected" in page.title()
+        # nothing looks alive that is not, and what is not sent is told
+        assert page.locator("[data-act=start]").evaluate("e => e.inert")
+        page.keyboard.press("s")
+        page.get_by_text("Not sent").wait_for()
+        assert "the server is away" in head(page)
         page.evaluate(MANY_FAILURES)
         assert lost.count() == 1
         with served(tmp_path, Gliders(), MENU, Choices(course=COURSE), port) as again:
@@ -36,6 +42,7 @@ def test_after_a_long_outage_the_page_and_its_scene_connect_again(browser, tmp_p
             assert waited(page, lambda: len(again.server.get_clients()) == 1)
             assert scene(page).url != seat
             assert page.title() == "race"
+            assert not page.locator("[data-act=start]").evaluate("e => e.inert")
 
 
 @contextmanager

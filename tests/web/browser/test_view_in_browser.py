@@ -161,14 +161,26 @@ def test_on_a_phone_the_head_stays_above_and_nothing_is_wider_than_the_screen(ra
         box = phone.locator(".head").bounding_box()
         assert (box["x"], box["y"], box["width"]) == (0, 0, 390)
         assert phone.evaluate("document.documentElement.scrollWidth") == 390
+    assert numbers_that_are_cut(phone) == 0
     tower = phone.locator(".tower").bounding_box()
     assert tower["y"] + tower["height"] < 5000
     phone.evaluate("scrollTo(0, 0)")
 
 
+def numbers_that_are_cut(page):
+    """Return how many of the mission's numbers of the tower do not fit into their cells."""
+    script = """cells => cells.filter(cell => !cell.textContent || !cell.clientWidth
+        || cell.scrollWidth > cell.clientWidth).length"""
+    cells = page.locator(".tower td:is(.timed, .hits, .chatter)")
+    assert cells.count() >= 3
+    return cells.evaluate_all(script)
+
+
 def test_nothing_covers_the_scene_in_a_small_window_or_at_a_large_zoom(page, race):
     """Also at 200 % of a window of 1280 x 800, which is one of 640 x 400."""
     size = page.viewport_size
+    type_time(page, 0.4)
+    assert waited(page, lambda: "t 0.40 of" in head(page))
     script = """() => {
         const view = document.querySelector(".viewport"), box = view.getBoundingClientRect();
         const found = [];
@@ -180,11 +192,13 @@ def test_nothing_covers_the_scene_in_a_small_window_or_at_a_large_zoom(page, rac
     toggle = page.locator("[data-act=settings]")
     if toggle.get_attribute("aria-expanded") == "true":
         toggle.click()
-    for width, height, least in ((640, 400, 200), (1024, 768, 400), (2560, 1440, 900)):
+    sizes = ((640, 400, 200), (1024, 768, 400), (1366, 768, 400), (2560, 1440, 900))
+    for width, height, least in sizes:
         page.set_viewport_size({"width": width, "height": height})
         page.locator(".viewport").scroll_into_view_if_needed()
         wide, high, over = page.evaluate(script)
         assert over == []
         assert wide >= 0.55 * width
         assert high >= least
+        assert waited(page, lambda: numbers_that_are_cut(page) == 0)
     page.set_viewport_size(size)

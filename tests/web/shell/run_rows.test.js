@@ -1,7 +1,7 @@
 // Claims about the rows of the table of runs.
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { fits, order } from "../../../web/page/shell/run_rows.js";
+import { fits, lastRace, order } from "../../../web/page/shell/run_rows.js";
 
 const COLUMNS = [{ key: "when" }, { key: "sampler" }, { key: "time" }];
 const rows = [
@@ -35,6 +35,28 @@ test("rows without a value and rows with a problem come last, whatever the direc
 
 test("by time the rows with a problem stand among the others", () => {
   assert.equal(sorted("when", true), "dbac");
+});
+
+test("the last race has the last row and those of other competitors just before it, the last seed of each", () => {
+  const row = (name, when, cells, vehicles = 1) => ({
+    name,
+    vehicles,
+    problem: "",
+    cells: { when: `2026-11-28 14:${when}`, course: "figure8", flown_by: "colored", numbers: "", ...cells },
+  });
+  const many = [
+    row("a", "00:00", { flown_by: "gaussian" }), // minutes before
+    row("b", "10:00", {}),
+    row("c", "10:10", { flown_by: "gaussian" }),
+    row("d", "10:20", {}),
+    row("e", "10:30", { flown_by: "gaussian" }),
+    row("f", "10:15", { course: "split_s" }),
+  ];
+  const found = (rows, most = 8) => lastRace(rows, most).map(({ name }) => name);
+  assert.deepEqual(found(many), ["d", "e"]);
+  assert.deepEqual(found(many, 1), ["e"]);
+  assert.deepEqual(found([...many, row("g", "10:40", {}, 4)]), ["g"]);
+  assert.deepEqual(found([{ ...many[0], problem: "damaged" }]), []);
 });
 
 test("numbers in texts count as numbers", () => {

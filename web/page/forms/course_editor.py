@@ -8,20 +8,32 @@ from __future__ import annotations
 
 from functools import partial
 from math import inf
+from pathlib import Path
 from time import perf_counter
 
 import viser
 
-from quadsim.course import Course
+from quadsim.course import Course, parse_course
+from quadsim.course.course import course_errors
 from quadsim.files.strict_yaml import FileError
 from quadsim.record.run import RunError
 from quadsim.web.course.draft import Draft, Item, Pose
 from quadsim.web.course.edit import Checked, CourseEdit, limit_path
 from quadsim.web.course.numbers import Number
-from quadsim.web.page.forms.forms import Field, Fields, Form, PressField, SetField, button, note
+from quadsim.web.page.forms.forms import (
+    BringFile,
+    Field,
+    Fields,
+    Form,
+    PressField,
+    SetField,
+    button,
+    note,
+)
 from quadsim.web.page.parts.course_map import Map
 from quadsim.web.page.parts.elements import EMPTY, Content, Element, bad, box, heading, small
 from quadsim.web.page.scene.edit_scene import EditScene
+from quadsim.web.page.server.downloads import Downloads
 from quadsim.web.page.server.link import LinkVisitor
 from quadsim.web.race.next_start import NextStart
 from quadsim.web.race.session import Session
@@ -48,13 +60,15 @@ class CourseEditor(Form):
 
     Args:
         start: what START flies, which is offered a saved course.
+        downloads: the files that wait for visitors.
     """
 
     name = "editor"
     title = "Course editor"
 
-    def __init__(self, session: Session, start: NextStart):
+    def __init__(self, session: Session, start: NextStart, downloads: Downloads):
         self._session = session
+        self._downloads = downloads
         self._start = start
         self._edit = CourseEdit(session.root)
         # Number of the last race
@@ -139,6 +153,7 @@ class CourseEditor(Form):
             note("about", ABOUT),
             button("copy", "Edit a copy", "of the course that is chosen for the next START"),
             button("new", "New course"),
+            Field("bring", "file", "From a file", help="a course in YAML on your machine"),
         ]
         if self._edit.history.before:
             fields.append(button("resume", "Go on editing"))
@@ -179,6 +194,7 @@ class CourseEditor(Form):
             Field("laps", "number", "Laps of a race", entries.laps, low=1, high=MOST_LAPS, step=1),
             Field("file", "text", "Name", self._course_name, help=file),
             button("save", "Save and choose", tone="main"),
+            button("take", "To a file", "the course in YAML, to your machine"),
             *self._replaced_fields(),
             search,
             *lines,
@@ -230,8 +246,21 @@ class CourseEditor(Form):
             edit.change(ADD[pressed](edit.draft))
         elif pressed in SHIFTS:
             edit.change(edit.draft.shift(SHIFTS[pressed]))
+        elif pressed == "take":
+            name = f"{self._course_name}.yaml"
+            visitor.send(self._downloads.kept(name, edit.draft.text().encode()))
         else:
             self._act(visitor.number, pressed)
+
+    def bring(self, visitor: LinkVisitor, asked: BringFile) -> None:
+        """Edit the course of a file. Raises ValueError: what `race check` finds, with its lines."""
+        errors = course_errors(asked.text, asked.name)
+        if errors:
+            told = [f"{error}\n{error.excerpt}".rstrip() for error in errors[:SHOWN]]
+            raise ValueError("\n".join(told))
+        name = Path(asked.name).stem
+        self._begin(visitor.number, parse_course(asked.text, asked.name))
+        self._course_name = name
 
     def _act(self, visitor: int, pressed: str) -> None:
         """Do what a button says. Raises ValueError."""

@@ -33,6 +33,10 @@ OPENS_RUNS = (
     "It shows these runs to everybody who looks at the page then, and this time, camera and view to"
     " who opens it."
 )
+NEEDS_TOKEN = (
+    " Who has not opened this page before needs its token, too: add &token=... of the address that"
+    " `race web` printed."
+)
 OPENS_SET_UP = "It sets up the next START for everybody who looks at the page then."
 BUTTONS = {
     "page": "animated, plays offline",
@@ -40,15 +44,9 @@ BUTTONS = {
     "zip": "the folders of the runs that are shown",
     "PNG": "the view",
     "link": "an address that shows this",
+    "course": "the file of the course",
     "set-up": "an address that sets up the next START like this",
 }
-
-
-class Download(Message, tag="download"):
-    """A file that waits for its visitor at an address of this server."""
-
-    name: str
-    address: str
 
 
 class Address(Message, tag="address"):
@@ -80,6 +78,7 @@ class ExportForm(Form):
         seats: Seats,
         camera: Camera,
         downloads: Downloads,
+        needs_token: bool,
     ):
         self._session = session
         self._start = start
@@ -87,6 +86,7 @@ class ExportForm(Form):
         self._seats = seats
         self._camera = camera
         self._downloads = downloads
+        self._needs = NEEDS_TOKEN if needs_token else ""
         self._worker = ThreadPoolExecutor(1, "export")
 
     def close(self) -> None:
@@ -110,9 +110,16 @@ class ExportForm(Form):
                 mode = self._camera.mode_of(client) if client else FREE
                 view = self._viewing.view_of(visitor.number)
                 address = link_to(s.competitors, s.t, mode, view, self._session.root)
-                visitor.send(Address("Link to what is shown", address, OPENS_RUNS))
+                opens = OPENS_RUNS + self._needs
+                visitor.send(Address("Link to what is shown", address, opens))
             case "set-up":
-                visitor.send(Address("Link that sets up this race", self._start.link, OPENS_SET_UP))
+                opens = OPENS_SET_UP + self._needs
+                visitor.send(Address("Link that sets up this race", self._start.link, opens))
+            case "course":
+                course = s.competitors[0].course if s.competitors else self._start.course()
+                if course is None:
+                    raise ValueError("course: expected one that can be read")
+                visitor.send(self._downloads.kept(f"{course.name}.yaml", course.text.encode()))
             case what:
                 self._worker.submit(self._make, visitor, client, what, s)
 
@@ -127,7 +134,7 @@ class ExportForm(Form):
         except Exception:
             traceback.print_exc()
         else:
-            visitor.send(Download(file.name, self._downloads.offer(file.name, file.data)))
+            visitor.send(self._downloads.kept(file.name, file.data))
 
 
 def _file(client: viser.ClientHandle | None, what: str, s: Snapshot) -> File:

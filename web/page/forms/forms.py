@@ -22,11 +22,12 @@ from quadsim.web.page.server.messages import MAX_TEXT
 from quadsim.web.state.fields import ShownField
 from quadsim.web.state.menu import Menu
 
-Kind = Literal["choice", "text", "number", "slider", "check", "button", "note"]
+Kind = Literal["choice", "text", "number", "slider", "check", "button", "file", "note"]
 Tone = Literal["", "bad", "main"]
 Value = bool | int | float | str
 
 Name = Annotated[str, Meta(max_length=100)]
+LONGEST_FILE = 40_000  # length of a file that a visitor brings [characters]
 
 
 class Field(msgspec.Struct, omit_defaults=True):
@@ -94,8 +95,21 @@ class PressField(Message, tag="press"):
     of: Annotated[int, Meta(ge=0, le=10**9)] = 0
 
 
+class BringFile(Message, tag="bring_file"):
+    """A visitor brings a text file for a form. name: of the file."""
+
+    form: Name
+    field: Name
+    name: Name
+    text: Annotated[str, Meta(max_length=LONGEST_FILE)]
+    of: Annotated[int, Meta(ge=0, le=10**9)] = 0
+
+
+Request = SetField | PressField | BringFile
+
+
 class Answered(Message, tag="answered"):
-    """The answer to a change of a field. problem: why it was not taken; empty: it was."""
+    """The answer to a request. problem: why it was not taken, of a file with its lines."""
 
     form: str
     field: str
@@ -136,6 +150,10 @@ class Form:
         """Press a button. Raises ValueError."""
         raise NotImplementedError
 
+    def bring(self, visitor: LinkVisitor, asked: BringFile) -> None:
+        """Take a file. Raises ValueError."""
+        raise NotImplementedError
+
 
 class Forms:
     """Shows forms to all visitors, and gives them what visitors have chosen."""
@@ -149,6 +167,7 @@ class Forms:
         board.put("groups", groups)
         board.link.on(SetField, self._set)
         board.link.on(PressField, self._press)
+        board.link.on(BringFile, self._bring)
 
     def _set(self, visitor: LinkVisitor, asked: SetField) -> None:
         self._answer(visitor, asked)
@@ -156,22 +175,28 @@ class Forms:
     def _press(self, visitor: LinkVisitor, asked: PressField) -> None:
         self._answer(visitor, asked)
 
-    def _answer(self, visitor: LinkVisitor, asked: SetField | PressField) -> None:
-        """Carry out a request; the answer says in one line why it was refused."""
+    def _bring(self, visitor: LinkVisitor, asked: BringFile) -> None:
+        self._answer(visitor, asked)
+
+    def _answer(self, visitor: LinkVisitor, asked: Request) -> None:
+        """Carry out a request; the answer says why it was refused."""
         problem = ""
         try:
             form = self._forms[asked.form]  # type: ignore[index]
             field = form.field(visitor.number, asked.field)
             if field is None:
                 raise ValueError(f"{form.title}: expected a field that is there now")
-            if (field.kind == "button") != isinstance(asked, PressField):
-                raise ValueError(f"{field.name}: expected a press of a button, or a value")
+            wanted = {"button": PressField, "file": BringFile}.get(field.kind, SetField)
+            if not isinstance(asked, wanted):
+                raise ValueError(f"{field.name}: expected a press of a button, a file, or a value")
             if not field.is_enabled:
                 value = f"; it stays {shown(field.value)}" if isinstance(asked, SetField) else ""
                 raise ValueError(f"{field.label} cannot be changed now{value}")
             if isinstance(asked, SetField):
                 asked.value = read(field, asked.value)
                 form.set(visitor.number, asked)
+            elif isinstance(asked, BringFile):
+                form.bring(visitor, asked)
             else:
                 form.press(visitor, asked)
         except KeyError:

@@ -77,7 +77,7 @@ class FollowNext(Message, tag="follow_next"):
 class ShowNotice(Message, tag="shown"):
     """A notice for some seconds."""
 
-    kind: Literal["error", "crash", "lap", "wait", "info"]
+    kind: Literal["error", "crash", "lap", "info"]
     title: str
     text: str = ""
 

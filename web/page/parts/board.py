@@ -25,12 +25,12 @@ from quadsim.web.page.server.seats import Seat, Seats
 from quadsim.web.state.page_state import EVERYBODY
 
 PartName = Literal[
-    "head", "now", "tower", "time_line", "map", "groups",
+    "head", "next", "now", "tower", "time_line", "map", "groups",
     "laps", "events", "planner", "curves", "chatter", "seeds", "by_hand",
     "race", "competitors", "numbers", "in_flight", "view", "editor", "export",
     "line_up", "picture",
 ]  # fmt: skip
-ALWAYS = frozenset(("head", "now", "tower", "time_line", "map", "groups", "by_hand"))
+ALWAYS = frozenset(("head", "next", "now", "tower", "time_line", "map", "groups", "by_hand"))
 PARTS: tuple[PartName, ...] = get_args(PartName)
 WANTED = 2.0  # time after a question for which a part that is shown is kept up to date [s]
 MOST_SHOWN = 32  # number of parts that a page shows at once

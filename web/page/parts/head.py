@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Literal, NamedTuple
 
 import msgspec
 
-from quadsim.palette import styles_on_dark
+from quadsim.palette import HIT_ON_DARK, styles_on_dark
 from quadsim.report.run_text import not_comparable
 from quadsim.web.page.parts.elements import Element, rounded
 from quadsim.web.page.parts.flight_result import Result, result
@@ -17,15 +18,30 @@ from quadsim.web.race.snapshot import Snapshot
 from quadsim.web.race.standings import standings_at
 from quadsim.web.state.differences import compared
 from quadsim.web.state.line_up import LineUp
+from quadsim.web.state.line_up_link import line_up_text
 from quadsim.web.state.page_state import PageState
 
 WATCH = "Watch who leads, and the chatter of the thrust: jumps that no motor can follow."
-COMPILING = "Compiling the planner for this machine: once, it takes some 15 s"
+# What a START waits for, see Preparing
+WAITS = {
+    "building": "START: building flight {number} of {of}",
+    "compiling": "Compiling planner {number} of {of} for this machine: once, it takes some 15 s",
+}
 # Share of the asked speed, or of real time, below which the page says that the machine is too slow
 SLOW = 0.6
 
 Phase = Literal[
-    "rest", "compiling", "planning", "waiting", "flying", "paused", "replay", "ended", "editing"
+    "rest",
+    "building",
+    "compiling",
+    "planning",
+    "waiting",
+    "flying",
+    "paused",
+    "replay",
+    "stopped",
+    "ended",
+    "editing",
 ]
 
 
@@ -58,6 +74,23 @@ class Head(msgspec.Struct):
     more: Element | None = None
 
 
+class Next(msgspec.Struct):
+    """What START flies, beside its button, whatever is on the page.
+
+    Attributes:
+        sentence: the competitors and the course.
+        problem: why START cannot fly them; empty: it can.
+        set_up: the set-up as a part of an address, see quadsim.web.state.line_up_link; empty: it is
+            too long for one.
+        server: what tells this server from the one before it.
+    """
+
+    sentence: list[Word]
+    problem: str
+    set_up: str
+    server: str
+
+
 class SeedsResult(NamedTuple):
     """The result of several seeds in one sentence, and the number of the last race of them."""
 
@@ -77,12 +110,13 @@ def head_of(
         coming: the head before a race.
         seeds: result of several seeds, which stands in the head at the end of the last of them.
     """
-    if s.compiling:
-        return Head("compiling", [Word(COMPILING)])
-    if s.is_taking_off:
-        names = _joined(
-            [Word(one.name, one.style.colour) for one in s.competitors if one.live], " and "
-        )
+    if s.preparing:
+        words = WAITS[s.preparing.what].format(**s.preparing._asdict())
+        return Head(s.preparing.what, [Word(words)])
+    # Flights take off one after another.
+    waiting = [one for one in s.competitors if s.flying and one.live and not len(one.t)]
+    if waiting:
+        names = _joined([Word(one.name, one.style.colour) for one in waiting], " and ")
         many = Word(": with many samples it takes seconds")
         return Head("planning", [Word("Planning the first step of "), *names, many])
     if not timings:
@@ -103,15 +137,32 @@ def head_of(
     )
 
 
-def coming_head(state: PageState, line_up: LineUp) -> Head:
-    """Return the head before a race: what START flies, and what to look for."""
+def line_up_words(state: PageState, line_up: LineUp) -> list[Word]:
+    """Return the competitors that START flies, in their colours."""
     styles = styles_on_dark([row.choices.kind for row in state.rows])
     pairs = zip(line_up.names, styles, strict=True)
-    names = [Word(name, own.colour) for name, own in pairs]
-    where = f"on {state.race.course}"
+    return _joined([Word(name, own.colour) for name, own in pairs], " against ")
+
+
+def next_of(state: PageState, line_up: LineUp, server: str) -> Next:
+    """Return what START flies. server: see Next."""
+    where = Word(f" on {state.race.course_name}")
+    set_up = ""
+    with suppress(ValueError):
+        set_up = line_up_text(state)
+    sentence = [Word("START flies "), *line_up_words(state, line_up), where]
+    return Next(sentence, line_up.problem, set_up, server)
+
+
+def coming_head(state: PageState, line_up: LineUp) -> Head:
+    """Return the head before a race: what START flies, and what to look for."""
+    names = line_up_words(state, line_up)
+    where = f"on {state.race.course_name}"
+    if line_up.problem:
+        return Head("rest", [Word("START cannot fly this", HIT_ON_DARK)], line_up.problem)
     if len(names) == 1:
         return Head("rest", [Word("START flies "), *names, Word(f" {where}")])
-    sentence = [Word("START flies "), *_joined(names, " against ")]
+    sentence = [Word("START flies "), *names]
     differs = f"{where}, {state.world}. {line_up.compared}"
     return Head("rest", sentence, differs, warnings=[WATCH])
 
@@ -127,16 +178,10 @@ def _joined(words: Sequence[Word], between: str) -> list[Word]:
 def _leads(timings: list[LapTiming], t: float) -> list[Word]:
     """Return one sentence with the leader and the lead."""
     headline = standings_at([one.entry for one in timings], t).headline
-    words = [Word(headline.leader.name, headline.leader.style.colour), Word(f" {headline.verb}")]
-    if headline.other is not None:
-        words += [Word(" "), Word(headline.other.name, headline.other.style.colour)]
-    if headline.by is not None:
-        words.append(Word(f" by {headline.by:.2f} s"))
-    if headline.over:
-        words.append(Word(f" {headline.over}"))
-    if headline.more:
-        words.append(Word(f"; {headline.more} more behind"))
-    return words
+    return [
+        Word(part) if isinstance(part, str) else Word(part.name, part.style.colour)
+        for part in headline.parts
+    ]
 
 
 def _alone(s: LapTiming) -> list[Word]:
@@ -169,7 +214,10 @@ def _phase(s: Snapshot, timings: Sequence[LapTiming]) -> Phase:
         if s.waiting:
             return "waiting"
         return "flying" if s.flying else "replay"
-    return "ended" if not s.flying and all(one.over for one in timings) else "paused"
+    if s.flying or not all(one.over for one in timings):
+        return "paused"
+    is_stopped = any(one.entry.outcome == "interrupted" for one in timings)
+    return "stopped" if is_stopped else "ended"
 
 
 def _state(s: Snapshot, timings: Sequence[LapTiming]) -> str:

@@ -107,7 +107,7 @@ def _key(s: Snapshot) -> object:
 
     What a flight adds later does not change an earlier time of it.
     """
-    how = (s.race, s.t, s.is_live, s.playing, s.flying, s.speed)
+    how = (s.race, s.t, s.is_live, s.playing, s.flying, s.speed, s.preparing)
     if s.is_live:
-        return (*how, s.waiting, s.compiling, s.factor, s.competitors)
+        return (*how, s.waiting, s.factor, s.competitors)
     return (*how, tuple((entry.outcome, entry.folder) for entry in s.competitors))

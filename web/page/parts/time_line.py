@@ -7,7 +7,8 @@ from typing import Literal, get_args
 
 import msgspec
 
-from quadsim.web.race.competitor import CRASHES, MISSES, Competitor
+from quadsim.record.run import CRASHES
+from quadsim.web.race.competitor import MISSES, Competitor
 from quadsim.web.race.snapshot import Snapshot
 from quadsim.web.state.page_state import PaceName
 

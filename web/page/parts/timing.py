@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from quadsim.heat.result import Pass, overtakes
 from quadsim.racing.events import Event
+from quadsim.record.run import CRASHES
 from quadsim.record.schema import NumberChange
 from quadsim.web.page.parts.elements import (
     Content,
@@ -23,7 +24,7 @@ from quadsim.web.page.parts.elements import (
     small,
     table,
 )
-from quadsim.web.race.competitor import CRASHES, Competitor, heat_of
+from quadsim.web.race.competitor import Competitor, heat_of
 from quadsim.web.race.lap_timing import LapTiming
 from quadsim.web.race.numbers_in_flight import drawn_samples, late_plans
 
@@ -33,14 +34,21 @@ FEW_SAMPLES = 5  # number of effective samples below which the meter is red
 LEGEND = "in the scene: the plan white; sampled trajectories yellow, the cheapest, to violet"
 
 
-def above_limit(entry: Competitor) -> str:
-    """Return the relative excess of a flight's time over the best known limit, as text.
+def share_above_limit(entry: Competitor) -> float | None:
+    """Return the relative excess of a flight's time over the best known limit [%].
 
-    The text is empty for a flight that did not finish, and if no limit is known.
+    None: the flight did not finish, or no limit is known.
     """
     if entry.outcome != "finished" or entry.limit is None:
+        return None
+    return rounded(100.0 * entry.limit.above(sum(entry.laps)), 1)
+
+
+def above_limit(entry: Competitor) -> str:
+    """Return this excess as text; empty if there is none."""
+    share = share_above_limit(entry)
+    if share is None or entry.limit is None:
         return ""
-    share = rounded(100.0 * entry.limit.above(sum(entry.laps)), 1)
     return f"{share:.1f} % above the best known limit of {entry.limit.time:.3f} s"
 
 
@@ -122,8 +130,8 @@ def planner(s: LapTiming) -> Element:
         return box(heading("manoeuvres"), line("no plan: manoeuvres excite the vehicle"))
     drawn = drawn_samples(s.entry, s.i)
     ess = float(x["ess"][s.i])
-    target = spec.planner.mppi.target_ess
-    steered = f"target {target:g} of 1024" if target else "temperature fixed"
+    target = spec.planner.mppi.ess_of(drawn.count or drawn.most)
+    steered = f"target {target:.0f}" if target else "temperature fixed"
     meter = bar(
         ess / max((drawn.count or drawn.most) * GOOD_SHARE, 1.0),
         "tall" if ess > FEW_SAMPLES else "tall few",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from math import isfinite
 from typing import Literal
 
@@ -11,6 +12,7 @@ import msgspec
 from quadsim.web.page.parts.elements import rounded
 from quadsim.web.page.parts.flight_result import result
 from quadsim.web.page.parts.laps import best_sectors
+from quadsim.web.page.parts.timing import share_above_limit
 from quadsim.web.race.lap_timing import LapTiming, order
 from quadsim.web.race.standings import standings_at
 
@@ -41,8 +43,13 @@ class TowerRow(msgspec.Struct):
     """A competitor.
 
     Attributes:
-        interval: to the competitor ahead [s] as text, or how the flight ended.
+        place: in the order of the race; two that ended level have the same one.
+        is_recorded: whether it is a stored run beside live flights.
+        interval: to the competitor ahead [s] as text.
         gap: to the leader [s] as text.
+        time: of this lap, and of the race once it is finished [s] as text; else how it ended.
+        above: excess over the best known limit as text; empty: there is none.
+        hits, misses: of gates, obstacles and other vehicles, and of gates passed by.
         chatter: total variation of the commanded thrust [m/s^2/s] as text.
         chatter_share: of the largest one.
         progress: finished share of the race.
@@ -54,11 +61,14 @@ class TowerRow(msgspec.Struct):
     name: str
     colour: str
     dash: tuple[int, ...]
+    is_recorded: bool
     lap: str
     interval: str
     gap: str
     last: Time
     best: Time
+    time: str
+    above: str
     chatter: str
     chatter_share: float
     hits: int
@@ -70,10 +80,16 @@ class TowerRow(msgspec.Struct):
 
 
 class Tower(msgspec.Struct):
-    """The competitors, the leader first. over: the compared part; empty: the whole race."""
+    """The competitors, the leader first.
+
+    Attributes:
+        over: the compared part of the race; empty: the whole race.
+        is_final: whether all flights have ended, so that the rows are the result.
+    """
 
     rows: list[TowerRow]
     over: str = ""
+    is_final: bool = False
 
 
 def tower_of(timings: Sequence[LapTiming]) -> Tower:
@@ -82,11 +98,19 @@ def tower_of(timings: Sequence[LapTiming]) -> Tower:
     best = best_sectors([row for s in timings for row in s.sectors], gates)
     best_lap = min((s.best for s in timings if s.best), default=0.0)
     most = max(s.chatter for s in timings)
-    rows = [_row(s, best_lap, best, most) for s in order(timings)]
-    if len(rows) == 1 and not rows[0].is_out:
+    ordered = order(timings)
+    has_live = any(s.entry.live for s in timings)
+    rows = [_row(s, best_lap, best, most) for s in ordered]
+    for row, s in zip(rows, ordered, strict=True):
+        row.is_recorded = has_live and not s.entry.live
+    for k, (ahead, s) in enumerate(pairwise(ordered), 1):
+        # Two that ended level have the same place.
+        if s.over and ahead.over and s.standing.is_level_with(ahead.standing):
+            rows[k].place = rows[k - 1].place
+    if len(rows) == 1:
         rows[0].interval = ""  # there is no other competitor
     over = standings_at([one.entry for one in timings], timings[0].t).over
-    return Tower(rows, over)
+    return Tower(rows, over, is_final=all(s.over for s in timings))
 
 
 def _row(s: LapTiming, best_lap: float, best: Sequence[float], most: float) -> TowerRow:
@@ -105,11 +129,14 @@ def _row(s: LapTiming, best_lap: float, best: Sequence[float], most: float) -> T
         name=entry.name,
         colour=entry.style.colour,
         dash=entry.style.dash,
+        is_recorded=False,
         lap=f"{s.lap}/{entry.laps_to_fly}",
         interval=_interval(s),
         gap=_behind(s.standing.gap) if s.standing.rank > 1 else "",
         last=_time(s.last, best_lap, own),
         best=_time(s.best, best_lap, own),
+        time=_time_or_end(s),
+        above=_above(s),
         chatter=f"{s.chatter:.0f}" if has_chatter else "-",
         chatter_share=round(s.chatter / max(most, 1e-9), 2) if has_chatter else 0.0,
         hits=s.hits,
@@ -124,10 +151,25 @@ def _row(s: LapTiming, best_lap: float, best: Sequence[float], most: float) -> T
 def _interval(s: LapTiming) -> str:
     """Return the interval of a competitor to the one ahead."""
     if s.standing.is_out:
-        return "DNF"
+        return "-"
     if s.standing.rank == 1:
         return "leads"
     return _behind(s.standing.interval)
+
+
+def _time_or_end(s: LapTiming) -> str:
+    """Return the time of the lap, of the race once it is finished, or how the flight ended."""
+    if not s.over:
+        return f"{rounded(s.lap_time, 2):.2f}"
+    if s.entry.outcome == "finished":
+        return f"{sum(s.entry.laps):.3f}"
+    return "stopped" if s.entry.outcome == "interrupted" else "DNF"
+
+
+def _above(s: LapTiming) -> str:
+    """Return the excess of a finished race over the best known limit as text."""
+    share = share_above_limit(s.entry) if s.over else None
+    return "" if share is None else f"{share:+.1f} %"
 
 
 def _behind(seconds: float) -> str:

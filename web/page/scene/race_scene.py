@@ -14,6 +14,7 @@ from viser.transforms import SO3
 from quadsim.course import Course, Cylinder, Gate, Obstacle
 from quadsim.course.opening import outer_half_sizes
 from quadsim.palette import HIT_ON_DARK, NEXT, Style
+from quadsim.record.run import CRASHES
 from quadsim.web.page.scene.drones import (
     SPAN,
     Drone,
@@ -25,7 +26,7 @@ from quadsim.web.page.scene.drones import (
 )
 from quadsim.web.page.scene.estimate import EstimateView
 from quadsim.web.page.scene.limit_ghost import LimitGhost
-from quadsim.web.race.competitor import CRASHES, Competitor, heat_of
+from quadsim.web.race.competitor import Competitor, heat_of
 from quadsim.web.race.lap_timing import LapTiming, crashed_gates
 from quadsim.web.race.limit_race import limit_race
 

@@ -11,8 +11,17 @@ from urllib.parse import quote
 from websockets.datastructures import Headers
 from websockets.http11 import Response
 
+from quadsim.web.page.server.link import Message
+
 DOWNLOAD = "/download/"
 MOST = 4  # number of files that wait; older ones are forgotten
+
+
+class Download(Message, tag="download"):
+    """A file that waits for its visitor at an address of this server."""
+
+    name: str
+    address: str
 
 
 class Downloads:
@@ -30,6 +39,10 @@ class Downloads:
             while len(self._files) > MOST:
                 self._files.popitem(last=False)
         return address
+
+    def kept(self, name: str, data: bytes) -> Download:
+        """Keep a file until it is fetched, and return the message that names it."""
+        return Download(name, self.offer(name, data))
 
     def response(self, path: str) -> Response | None:
         """Return the answer for the address of a file, once; None: there is none."""

@@ -16,18 +16,26 @@ from errno import EMFILE, ENFILE
 from functools import partial
 from http import HTTPStatus
 from math import inf
+from typing import NamedTuple
 from urllib.parse import parse_qs, parse_qsl, urlencode, urlsplit
 
 from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
+from quadsim.web.page.server.behind import Behind
 from quadsim.web.page.server.downloads import Downloads
 from quadsim.web.page.server.link import LINK_PATH, Link
 from quadsim.web.page.server.messages import MAX_BYTES, PageConnection, is_link
 from quadsim.web.page.server.seats import SEAT, seat_in
-from quadsim.web.page.server.shell_files import POLICY, own_response
-from quadsim.web.page.server.viser_private import ProcessRequest, Serves, scene_page, serving
+from quadsim.web.page.server.shell_files import POLICY, STATIC, own_response
+from quadsim.web.page.server.viser_private import (
+    ProcessRequest,
+    ScenePage,
+    Serves,
+    scene_page,
+    serving,
+)
 from quadsim.web.page.server.wrong_tokens import SPAN, WrongTokens
 
 ALL_INTERFACES = ("0.0.0.0", "::")
@@ -41,10 +49,21 @@ HEADERS = {
     "Referrer-Policy": "no-referrer",  # an address may hold the token
 }
 LOG = logging.getLogger("race web")
+# Of a file whose name has the hash of its content, for the visitor who has the token
+FOREVER = "private, max-age=31536000, immutable"
 # Within which a visitor sends a whole request [s]
 OPEN_TIMEOUT = 5.0
 # Between two lines that say that files cannot be opened [s]
 QUIET = 60.0
+
+
+class Answer(NamedTuple):
+    """An answer, and the headers that depend on what it is."""
+
+    response: Response
+    policy: str = POLICY
+    frames: str = "DENY"
+    caching: str = "no-store"
 
 
 class Guard:
@@ -55,20 +74,33 @@ class Guard:
         token: token required of every visitor; None: no token is required.
         has_shell: whether the page's own document holds viser's in a frame; else viser's alone is
             the page.
+        behind: address of the page at a proxy; None: browsers reach the server itself.
 
     Attributes:
         link: receiver of the messages of the page's own scripts.
         downloads: the files that wait for visitors.
+        needs_token: whether a visitor has to know the token.
     """
 
-    def __init__(self, host: str, port: int, token: str | None, has_shell: bool = True):
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        token: str | None,
+        has_shell: bool = True,
+        behind: Behind | None = None,
+    ):
         self.link = Link()
         self.downloads = Downloads()
         names = (host, "127.0.0.1", "localhost", "::1")
         self._hosts = {host_and_port(name, port) for name in names}
+        self._behind = behind
+        if behind:
+            self._hosts.add(behind.host)
         # A server that listens on all interfaces does not have a fixed name.
         self._any_host = host in ALL_INTERFACES
         self._token = token
+        self.needs_token = token is not None
         self._wrong = WrongTokens()
         self._has_shell = has_shell
         self._cookie = f"race{port}"
@@ -101,43 +133,65 @@ class Guard:
         self, viser_answers: ProcessRequest, connection: ServerConnection, request: Request
     ) -> Response | None:
         """Answer a request; None lets a websocket connect."""
-        response = self.refusal(connection, request)
         path = path_of(request)
-        if response is None and request.headers.get("Upgrade") == "websocket":
+        is_websocket = request.headers.get("Upgrade") == "websocket"
+        refusal = self.refusal(connection, request)
+        if refusal is None and is_websocket and self._is_served(path):
             if path != LINK_PATH:
                 # The link's tables are text. The scene has arrays of floats, which hardly shrink.
                 request.headers.pop("Sec-WebSocket-Extensions", None)
             return viser_answers(connection, request)
-        is_scene = seat_in(path) is not None if self._has_shell else path == "/"
-        policy = POLICY
-        frames = "DENY"
-        caching = "no-store"
-        if response is None and is_scene:
-            nonce = secrets.token_urlsafe(18)
-            around = "'self'" if self._has_shell else "'none'"
-            policy = SCENE_POLICY.format(nonce=nonce, around=around)
-            frames = "SAMEORIGIN" if self._has_shell else "DENY"
-            response = scene_response(nonce, scene_alone=self._has_shell)
-        elif response is None and self._has_shell:
-            response = self.downloads.response(path)
-            if response is None:
-                response = own_response(path, request)
-                if response is not None:
-                    caching = "no-cache"  # is asked for again, with its ETag
-        response = response or connection.respond(HTTPStatus.NOT_FOUND, "there is no such page\n")
-        response.headers["Content-Security-Policy"] = policy
-        response.headers["X-Frame-Options"] = frames
-        response.headers["Cache-Control"] = caching
+        found = None
+        if refusal is None and not is_websocket:
+            found = self._found(path, request)
+        nothing = connection.respond(HTTPStatus.NOT_FOUND, "there is no such page\n")
+        answer = found or Answer(refusal or nothing)
+        answer.response.headers["Content-Security-Policy"] = answer.policy
+        answer.response.headers["X-Frame-Options"] = answer.frames
+        answer.response.headers["Cache-Control"] = answer.caching
         for name, value in HEADERS.items():
-            response.headers[name] = value
-        return response
+            answer.response.headers[name] = value
+        return answer.response
+
+    def _is_served(self, path: str) -> bool:
+        """Return whether there is a websocket at a path: the link, or a scene's."""
+        if not self._has_shell:
+            return path == "/"
+        return path == LINK_PATH or seat_in(path) is not None
+
+    def _found(self, path: str, request: Request) -> Answer | None:
+        """Return the answer for a path; None: there is nothing."""
+        scene = scene_page(self._has_shell)
+        if path == STATIC + scene.name:
+            return Answer(script_response(scene.script), caching=FOREVER)
+        if not self._has_shell:
+            return self._scene(scene, STATIC.lstrip("/")) if path == "/" else None
+        if seat_in(path) is not None:
+            return self._scene(scene, ".." + STATIC)
+        download = self.downloads.response(path)
+        if download is not None:
+            return Answer(download)
+        own = own_response(path, request)
+        # The page's own files are asked for again, with their ETags.
+        return None if own is None else Answer(own, caching="no-cache")
+
+    def _scene(self, scene: ScenePage, folder: str) -> Answer:
+        """Return the document of a scene. folder: of the script, seen from the document."""
+        nonce = secrets.token_urlsafe(18)
+        around = "'self'" if self._has_shell else "'none'"
+        document = scene.document.replace("NONCE", nonce).replace("SCRIPT", folder + scene.name)
+        return Answer(
+            response_of(document.encode(), "text/html; charset=utf-8"),
+            policy=SCENE_POLICY.format(nonce=nonce, around=around),
+            frames="SAMEORIGIN" if self._has_shell else "DENY",
+        )
 
     def refusal(self, connection: ServerConnection, request: Request) -> Response | None:
         """Return the answer to a rejected request, None for an accepted one.
 
         A request is accepted if its Host is this server, if its Origin, which browsers send, is the
         server's own page, and if its cookie holds the token. An address from which many different
-        wrong tokens came is refused for a while.
+        wrong tokens came is refused for a while, but for visitors who have the cookie.
         """
         headers = request.headers
         if any(len(headers.get_all(name)) > 1 for name in ("Host", "Origin", "Cookie")):
@@ -146,31 +200,45 @@ class Guard:
         host = headers.get("Host", "")
         if not self._any_host and host not in self._hosts:
             return connection.respond(HTTPStatus.FORBIDDEN, "this server has another name\n")
-        if headers.get("Origin", f"http://{host}") != f"http://{host}":
+        own = {f"http://{host}"} | ({self._behind.origin} if self._behind else set())
+        if headers.get("Origin", f"http://{host}") not in own:
             foreign = "pages of another origin may not use this server\n"
             return connection.respond(HTTPStatus.FORBIDDEN, foreign)
         if self._token is None:
             return None
-        address = str((connection.remote_address or ("",))[0])
-        if self._wrong.is_refused(address):
-            wait = f"too many wrong tokens: wait {SPAN:g} s\n"
-            return connection.respond(HTTPStatus.TOO_MANY_REQUESTS, wait)
         kept = cookie_of(request, self._cookie)
         if self._is_token(kept):
             return None
+        address = self._address_of(connection, request)
+        if self._wrong.is_refused(address):
+            wait = f"too many wrong tokens: wait {SPAN:g} s\n"
+            return connection.respond(HTTPStatus.TOO_MANY_REQUESTS, wait)
         asked = parse_qs(urlsplit(request.path).query).get("token", [""])
         if not self._is_token(asked[0]):
             for wrong in filter(None, (kept, asked[0])):
                 self._wrong.add(address, wrong)
             advice = "open the address with ?token=... that `race web` printed\n"
             return connection.respond(HTTPStatus.UNAUTHORIZED, advice)
-        # Move the token from the address to a cookie.
+        return self._with_cookie(connection, request)
+
+    def _with_cookie(self, connection: ServerConnection, request: Request) -> Response:
+        """Move the token from the address to a cookie."""
         response = connection.respond(HTTPStatus.SEE_OTHER, "")
         others = [pair for pair in parse_qsl(urlsplit(request.path).query) if pair[0] != "token"]
-        response.headers["Location"] = "/?" + urlencode(others) if others else "/"
+        root = self._behind.path if self._behind else "/"
+        response.headers["Location"] = f"{root}?{urlencode(others)}" if others else root
         cookie = f"{self._cookie}={self._token}; HttpOnly; SameSite=Strict; Path=/"
+        if self._behind and self._behind.is_encrypted:
+            cookie += "; Secure"
         response.headers["Set-Cookie"] = cookie
         return response
+
+    def _address_of(self, connection: ServerConnection, request: Request) -> str:
+        """Return the address of a visitor, which a proxy adds to a list of its own."""
+        forwarded = request.headers.get_all("X-Forwarded-For")
+        if self._behind and forwarded:
+            return forwarded[-1].rpartition(",")[2].strip()
+        return str((connection.remote_address or ("",))[0])
 
     def _is_token(self, text: str) -> bool:
         """Compare with the token in constant time."""
@@ -196,12 +264,15 @@ def path_of(request: Request | None) -> str:
     return urlsplit(request.path).path if request else ""
 
 
-def scene_response(nonce: str, scene_alone: bool) -> Response:
-    """Return viser's page, in which every script has the nonce."""
-    body = scene_page(scene_alone).replace("NONCE", nonce).encode()
-    size = str(len(body))
-    headers = Headers({"Content-Type": "text/html; charset=utf-8", "Content-Length": size})
+def response_of(body: bytes, kind: str) -> Response:
+    """Return an answer with a body of a kind."""
+    headers = Headers({"Content-Type": kind, "Content-Length": str(len(body))})
     return Response(HTTPStatus.OK, "OK", headers, body)
+
+
+def script_response(script: bytes) -> Response:
+    """Return a script."""
+    return response_of(script, "text/javascript; charset=utf-8")
 
 
 def shorten_record(record: logging.LogRecord) -> bool:

@@ -26,7 +26,7 @@ from websockets.exceptions import ConnectionClosed
 from quadsim.files.yaml_errors import cut
 
 LINK_PATH = "/link"
-MAX_LINK_BYTES = 4096  # largest message that a page may send
+MAX_LINK_BYTES = 100_000  # largest message that a page may send, such as a course
 OPENING = 0.05  # time between two looks whether the page is built [s]
 MAX_WAITING = 64  # largest number of unread messages to a page; further ones are dropped
 

@@ -3,26 +3,55 @@
 from __future__ import annotations
 
 import errno
+import re
 import secrets
 import socket
 import warnings
+from pathlib import Path
 
 import rich
 import viser
 
+from quadsim.web.page.server.behind import Behind
 from quadsim.web.page.server.guard import ALL_INTERFACES, Guard, host_and_port
 from quadsim.web.page.server.seats import Seats
 from quadsim.web.page.server.viser_private import wake_on_the_loop
 
+TOKEN = re.compile(r"[A-Za-z0-9_-]{16,200}")
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 # addresses reserved for documentation: a socket to one shows the interface in use
 ELSEWHERE_4 = (socket.AF_INET, "192.0.2.1")
 ELSEWHERE_6 = (socket.AF_INET6, "2001:db8::1")
 
 
-def new_token(host: str) -> str | None:
-    """Return a new token, or None for loopback, which only this machine can reach."""
-    return None if host in LOOPBACK else secrets.token_urlsafe(18)
+def new_token(host: str, behind: Behind | None = None) -> str | None:
+    """Return a new token, or None for loopback, which only this machine can reach.
+
+    behind: address at a proxy, which other machines can reach whatever the host is.
+    """
+    return None if host in LOOPBACK and behind is None else secrets.token_urlsafe(18)
+
+
+def kept_token(file: Path) -> str:
+    """Return the token of a file, so that a page that starts again has the same one.
+
+    A missing file is made, for its owner alone.
+
+    Raises:
+        ValueError: the file has no token, or cannot be read or made; the message is one line.
+    """
+    try:
+        if not file.exists():
+            file.touch(mode=0o600)
+            file.write_text(secrets.token_urlsafe(18) + "\n", encoding="ascii")
+        token = file.read_text(encoding="ascii").strip()
+    except (OSError, UnicodeError) as error:
+        problem = getattr(error, "strerror", "") or "expected a text in ASCII"
+        raise ValueError(f"token-file: {file}: {problem.lower()}") from None
+    if not TOKEN.fullmatch(token):
+        wanted = "expected a token of 16 letters, digits, - and _ at least"
+        raise ValueError(f"token-file: {file}: {wanted}")
+    return token
 
 
 class PageServer(viser.ViserServer):
@@ -37,17 +66,24 @@ class PageServer(viser.ViserServer):
         link: receiver of the messages of the page's own scripts.
         downloads: the files that wait for visitors.
         seats: relate the two connections of each visitor.
+        needs_token: whether a visitor has to know the token.
     """
 
     def __init__(self, guard: Guard, host: str, port: int, label: str):
         super().__init__(host=host, port=port, label=label, verbose=False)
         self.link = guard.link
         self.downloads = guard.downloads
+        self.needs_token = guard.needs_token
         self.seats = Seats(self)
 
 
 def serve(
-    host: str, port: int, token: str | None, label: str, has_shell: bool = True
+    host: str,
+    port: int,
+    token: str | None,
+    label: str,
+    has_shell: bool = True,
+    behind: Behind | None = None,
 ) -> PageServer:
     """Return a running server.
 
@@ -57,6 +93,7 @@ def serve(
         label: name of the server on the page.
         has_shell: whether the page's own document holds viser's in a frame; else viser's alone is
             the page.
+        behind: address of the page at a proxy; None: browsers reach the server itself.
 
     Raises:
         ValueError: the server cannot listen there; the message is one line.
@@ -66,7 +103,7 @@ def serve(
     warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")
     # viser prints banners through rich; stdout is for results
     rich.reconfigure(stderr=True, quiet=True)
-    guard = Guard(host, port, token, has_shell)
+    guard = Guard(host, port, token, has_shell, behind)
     with guard.guarding():
         server = PageServer(guard, host, port, label)
     if server.get_port() != port:

@@ -6,21 +6,25 @@ line or has a test (tests/web/test_guard.py, test_clients.py, test_memory.py).
 * `serving`: viser has no argument for the checks of a request and for a second kind of websocket,
   so that the function by which it opens its port is replaced while it starts. It could go with a
   parameter for websockets' `process_request` and `create_connection`.
-* `scene_page`: viser's document has inline scripts, which a Content-Security-Policy forbids unless
-  a nonce marks them; and its own panels have to stay out of sight. It could go with a nonce of
-  viser's and an option without panels.
+* `scene_page`: viser's document has one inline script with all of its client, which a
+  Content-Security-Policy forbids unless a nonce marks it, and which no browser keeps, as the nonce
+  is new each time. It becomes a file that is named by its hash. viser's own panels have to stay out
+  of sight. It could go with a script of viser's in a file and an option without panels.
 * `wake_on_the_loop`: viser wakes its connections from the thread that sends, which asyncio forbids.
 """
 
 from __future__ import annotations
 
 import asyncio
+import json
+import re
 import threading
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import viser
 import websockets.asyncio.server as websockets_server
@@ -33,10 +37,12 @@ ProcessRequest = Callable[[ServerConnection, Request], Response | None]
 ChangeServes = Callable[[Serves], Serves]
 ChangeProcess = Callable[[ProcessRequest], ProcessRequest]
 
-PAGE_CHANGES = {  # of viser's page: its loader and the script that this writes have the nonce
-    "<script data-p=": '<script nonce="NONCE" data-p=',
+# viser's inline script: the packed client in attributes, and the loader that unpacks it
+LOADER = re.compile(r"<script (data-p=[^>]*)>(.*?)</script>", re.DOTALL)
+ATTRIBUTE = re.compile(r'data-(\w+)="([^"]*)"')
+LOADER_CHANGES = {  # as a file: the attributes are a constant, the client's script has the nonce
     "const d=document.currentScript.dataset;": (
-        "const {dataset:d,nonce:pass}=document.currentScript;"
+        "const pass=document.currentScript.nonce;const d=DATA;"
     ),
     'e.type="module";': 'e.type="module";e.nonce=pass;',
 }
@@ -76,9 +82,23 @@ def serving(
             websockets_server.serve = original  # type: ignore[misc]
 
 
+class ScenePage(NamedTuple):
+    """viser's page in two files.
+
+    Attributes:
+        document: in which NONCE stands for the nonce of an answer, SCRIPT for the script's address.
+        script: the client, which is the same for all.
+        name: of the script's file, with the hash of its content.
+    """
+
+    document: str
+    script: bytes
+    name: str
+
+
 @cache
-def scene_page(scene_alone: bool) -> str:
-    """Return viser's page, in which NONCE stands for the nonce of an answer.
+def scene_page(scene_alone: bool) -> ScenePage:
+    """Return viser's page.
 
     scene_alone: whether its own panels are hidden.
 
@@ -87,15 +107,24 @@ def scene_page(scene_alone: bool) -> str:
     """
     file = Path(viser.__file__).parent / "client/build/index.html"
     page = file.read_text(encoding="utf-8")
-    changes = dict(PAGE_CHANGES)
+    loaders = LOADER.findall(page)
+    if len(loaders) != 1:
+        raise _other_viser("one script with data-p")
+    attributes, script = loaders[0]
+    for old, new in LOADER_CHANGES.items():
+        if script.count(old) != 1:
+            raise _other_viser(repr(old))
+        script = script.replace(old, new)
+    script = script.replace("DATA", json.dumps(dict(ATTRIBUTE.findall(attributes))), 1)
+    document = LOADER.sub('<script nonce="NONCE" src="SCRIPT"></script>', page)
     if scene_alone:
-        changes["</head>"] = f"{SCENE_ALONE}</head>"
-    for old, new in changes.items():
-        if page.count(old) != 1:
-            where = f"PAGE_CHANGES in {__file__}"
-            raise RuntimeError(f"viser {viser.__version__}: its page has no {old!r}; see {where}")
-        page = page.replace(old, new)
-    return page
+        document = document.replace("</head>", f"{SCENE_ALONE}</head>", 1)
+    name = f"scene-{sha256(script.encode()).hexdigest()[:32]}.js"
+    return ScenePage(document, script.encode(), name)
+
+
+def _other_viser(lacks: str) -> RuntimeError:
+    return RuntimeError(f"viser {viser.__version__}: its page has not {lacks}; see {__file__}")
 
 
 class LoopEvent(asyncio.Event):

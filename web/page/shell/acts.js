@@ -1,6 +1,7 @@
 // What buttons and keys do. Keys act in the page and in the frame of the scene, but not in a box that is typed into.
 import { make } from "./dom.js";
 import * as drawer from "./drawer.js";
+import * as head from "./head.js";
 import * as keys from "./keys.js";
 import { send } from "./link.js";
 import * as notes from "./notes.js";
@@ -15,7 +16,10 @@ function start() {
   const asked = Math.round(Number(box.value)) || 1;
   box.value = Math.min(Math.max(asked, Number(box.min)), Number(box.max));
   document.activeElement.blur(); // a number that stands in a box counts first
-  send({ type: "start", seeds: Number(box.value) });
+  if (!send({ type: "start", seeds: Number(box.value) })) return;
+  // The server tells why a line-up cannot be flown, where it is set up.
+  if (head.problemOfStart()) return;
+  head.starting();
   drawer.open(false);
 }
 

@@ -2,7 +2,7 @@
 // canvas in each element with data-charts. The pointer shows the values there; pressing and dragging moves the
 // replay; the wheel zooms; a double click shows everything, or follows the race again.
 import { make } from "./dom.js";
-import { on, send } from "./link.js";
+import { isOpen, on, send } from "./link.js";
 import { alsoShows, show } from "./parts.js";
 import { extent, rowsIn, scale, text, ticks, valueAt, zoomed, zoomedInTime } from "./scales.js";
 
@@ -40,10 +40,10 @@ let waiting = 0; // when the awaited answer was asked for [ms]; 0: no answer is 
 const isSeen = (tab) => document.querySelector(`[data-charts="${tab}"]`).clientWidth > 0;
 
 function ask() {
-  if (isSeen("Signals") && !document.hidden && Date.now() - waiting > PATIENCE) {
+  if (isOpen() && isSeen("Signals") && !document.hidden && Date.now() - waiting > PATIENCE) {
     const frames = race.frames.map((columns) => columns.t.length);
-    const sent = send({ type: "ask_signals", race: race.race, frames });
-    waiting = sent ? Date.now() : 0;
+    send({ type: "ask_signals", race: race.race, frames });
+    waiting = Date.now();
   }
   setTimeout(ask, race.is_playing ? ASK : REST);
 }

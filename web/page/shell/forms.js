@@ -12,6 +12,8 @@ const REST = 500; // [ms] for which a number in flight has to rest, so that keys
 // plan.
 const PATIENCE = 1500;
 const PATIENCE_IN_FLIGHT = 6000;
+const LONGEST_FILE = 40000; // of what the server takes, see BringFile in forms.py [characters]
+const LONGEST_NAME = 100; // of a file [characters]
 const drawer = document.querySelector(".drawer");
 const groups = {}; // by name: its element, and its fields by name
 
@@ -76,7 +78,7 @@ function build(group, fields) {
       placed.get(group.place).push(place);
     }
     // Buttons in a row stand side by side.
-    if (field.kind !== "button") row = null;
+    if (!["button", "file"].includes(field.kind)) row = null;
     else if (!row) placed.get(place).push((row = make("div", { className: "buttons" })));
     (row ?? { append: (element) => placed.get(place).push(element) }).append(made.element);
   }
@@ -283,6 +285,29 @@ function buttonField(group, field) {
   return made;
 }
 
+// A button that opens a file of the visitor's machine and sends its text.
+function fileField(group, field) {
+  const made = buttonField(group, field);
+  const box = make("input", { type: "file", accept: ".yaml,.yml" });
+  made.element.onclick = () => box.click();
+  box.onchange = async () => {
+    const [file] = box.files;
+    if (!file) return;
+    group.problem?.remove();
+    if (file.size > LONGEST_FILE) return complain(group, made, `expected a file of ${LONGEST_FILE} bytes at most`);
+    send({
+      type: "bring_file",
+      form: group.name,
+      field: field.name,
+      name: file.name.slice(-LONGEST_NAME),
+      text: await file.text(),
+      of: made.state.of,
+    });
+    box.value = ""; // the same file may come again, corrected
+  };
+  return made;
+}
+
 function noteField() {
   const element = make("p");
   const made = { element, controls: [] };
@@ -298,6 +323,7 @@ const CONTROLS = {
   slider: sliderField,
   check: checkField,
   button: buttonField,
+  file: fileField,
   note: noteField,
 };
 
@@ -309,12 +335,15 @@ function answered({ form, field, problem }) {
   if (made.error) {
     fail(made, problem);
     if (problem) restore(made);
-  } else if (problem) {
-    group.problem?.remove();
-    group.problem = make("p", { className: "error", textContent: problem });
-    group.problem.setAttribute("role", "alert");
-    made.element.closest(".buttons").after(group.problem);
-  }
+  } else if (problem) complain(group, made, problem);
+}
+
+// Say under the buttons why one of them does nothing.
+function complain(group, made, problem) {
+  group.problem?.remove();
+  group.problem = make("p", { className: "error", textContent: problem });
+  group.problem.setAttribute("role", "alert");
+  made.element.closest(".buttons").after(group.problem);
 }
 
 export function begin() {

@@ -1,9 +1,17 @@
 // The head: who leads, by how much, what differs, and the state of the race, see head.py.
 import { grown, make, say } from "./dom.js";
+import { on } from "./link.js";
 import { show } from "./parts.js";
 
+const PATIENCE = 5000; // [ms] after which a START that shows nothing is given up
+const BEGUN = ["building", "compiling", "planning"];
 const editing = document.querySelector(".editing");
+const button = document.querySelector('[data-act="start"]');
 const part = (name) => document.querySelector(`.head .${name}`);
+let shown = null; // what the server says
+let race = 0; // number of the race
+let problem = ""; // why START cannot fly its line-up
+let waiting = 0; // timer while START is sent and the server says nothing of it
 
 function words(element, found) {
   const wanted = JSON.stringify(found);
@@ -18,22 +26,72 @@ function words(element, found) {
   );
 }
 
+function draw(head) {
+  document.body.dataset.phase = head.phase;
+  words(part("sentence"), head.sentence);
+  say(part("differs"), head.differs);
+  part("differs").title = head.differs; // may be cut in a small window
+  words(part("numbers"), head.numbers);
+  say(part("state"), head.state);
+  part("state").title = head.state;
+  words(
+    part("warnings"),
+    head.warnings.map((text) => ({ text })),
+  );
+  editing.replaceChildren(...(head.more ? [grown(head.more)] : []));
+  editing.hidden = !head.more;
+}
+
+// START is sent: say so at once, until the server says what comes of it.
+export function starting() {
+  clearTimeout(waiting);
+  waiting = setTimeout(answered, PATIENCE);
+  say(button, "starting");
+  button.ariaBusy = "true";
+  draw({
+    phase: "building",
+    sentence: [{ text: "START: the server gets it" }],
+    numbers: [],
+    warnings: [],
+    differs: "",
+    state: "",
+  });
+}
+
+function answered() {
+  clearTimeout(waiting);
+  waiting = 0;
+  say(button, "START");
+  button.ariaBusy = "false";
+  if (shown) draw(shown);
+}
+
+// Why START cannot fly its line-up; empty: it can.
+export const problemOfStart = () => problem;
+
 export function begin() {
   show("head", (head) => {
-    document.body.dataset.phase = head.phase;
-    words(part("sentence"), head.sentence);
-    say(part("differs"), head.differs);
-    words(part("numbers"), head.numbers);
-    say(part("state"), head.state);
-    words(
-      part("warnings"),
-      head.warnings.map((text) => ({ text })),
-    );
-    editing.replaceChildren(...(head.more ? [grown(head.more)] : []));
-    editing.hidden = !head.more;
+    shown = head;
+    if (waiting && BEGUN.includes(head.phase)) answered();
+    else if (!waiting) draw(head);
   });
   show("now", (now) => {
+    if (waiting && now.race !== race) answered();
+    race = now.race;
     document.querySelector('[data-act="stop"]').disabled = !now.flying;
     document.querySelector('[data-act="restart"]').disabled = !now.race;
+  });
+  show("next", (next) => {
+    problem = next.problem;
+    part("next").classList.toggle("error", problem !== "");
+    words(part("next"), problem ? [{ text: `START cannot fly this: ${problem}` }] : next.sentence);
+    part("next").title = part("next").textContent;
+  });
+  // A START that is refused or asks back shows a notice or a question.
+  on("shown", ({ kind }) => waiting && kind === "error" && answered());
+  on("question", () => waiting && answered());
+  on("close", () => {
+    if (waiting) answered();
+    say(part("state"), "the server is away");
   });
 }

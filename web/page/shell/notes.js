@@ -4,7 +4,7 @@ import { copy, make } from "./dom.js";
 import * as keys from "./keys.js";
 import { on, send } from "./link.js";
 
-const SECONDS = { error: 10, crash: 6, lap: 6, wait: 6, info: 3 };
+const SECONDS = { error: 10, crash: 6, lap: 6, info: 3 };
 const MOST = 3; // notices at once
 const place = document.querySelector(".notes");
 
@@ -50,15 +50,12 @@ export function openWindow(title, content, answers) {
   keys.over(layer);
 }
 
-const lost = new Set();
 const LOST = "Disconnected: the page shows the last that arrived. It connects again by itself.";
-export function connection(which, on) {
-  if (on) lost.delete(which);
-  else lost.add(which);
+function connected(on) {
   const line = document.querySelector(".lost");
-  line.hidden = !lost.size;
-  line.textContent = lost.size ? LOST : "";
-  document.title = lost.size ? "race (disconnected)" : "race";
+  line.hidden = on;
+  line.textContent = on ? "" : LOST;
+  document.title = on ? "race" : "race (disconnected)";
 }
 
 export function begin() {
@@ -74,10 +71,10 @@ export function begin() {
       ],
     );
   });
-  on("open", () => connection("link", true));
-  on("close", () => connection("link", false));
+  on("open", () => connected(true));
+  on("close", () => connected(false));
   on("address", ({ title, address, opens }) => {
-    const whole = new URL(address, location.origin).href;
+    const whole = new URL(address, document.baseURI).href;
     const copied = make("button", {
       type: "button",
       textContent: "Copy the address",
@@ -86,5 +83,5 @@ export function begin() {
     const what = make("p", { className: "note", textContent: opens });
     openWindow(title, [make("p", {}, make("code", { textContent: whole })), copied, what], [["Close", null]]);
   });
-  on("download", ({ name, address }) => make("a", { href: address, download: name }).click());
+  on("download", ({ name, address }) => make("a", { href: `.${address}`, download: name }).click());
 }

@@ -1,18 +1,15 @@
 // The parts of the page, which are asked for as they change, see board.py.
-import { on, send } from "./link.js";
-import { connection } from "./notes.js";
-import { load, seat } from "./scene.js";
+import { isOpen, on, send } from "./link.js";
+import * as scene from "./scene.js";
 
 const MOVING = 100; // [ms] between two questions while the race moves
 const REST = 200; // [ms] between two while it stands still
 const PATIENCE = 5000; // [ms] after which an answer is no longer waited for
-const ALONE = 8000; // [ms] without the scene's own connection until the page says so, and opens it again
 const shows = {};
 let have = {};
 let asked = 0; // when the last question was sent [ms]; 0: it is answered
 let moves = false;
 let next = 0;
-let seen = 0; // when the scene was last connected, or opened again [ms]
 const also = []; // functions that return the names of parts that are shown beside those that every page shows
 
 // Call a function with each new content of a part; `again`: in place of the functions before.
@@ -29,9 +26,10 @@ export function alsoShows(names) {
 // Ask for what has changed, and again after a pause.
 export function ask() {
   clearTimeout(next);
-  if (!document.hidden && Date.now() - asked > PATIENCE) {
+  if (isOpen() && !document.hidden && Date.now() - asked > PATIENCE) {
     const shown = also.flatMap((names) => names());
-    asked = send({ type: "ask", have, seat: seat(), shows: shown }) ? Date.now() : 0;
+    send({ type: "ask", have, seat: scene.seat(), shows: shown });
+    asked = Date.now();
   }
   next = setTimeout(ask, moves ? MOVING : REST);
 }
@@ -39,8 +37,7 @@ export function ask() {
 export function begin() {
   // Another server counts from one again.
   on("open", () => {
-    [have, asked, seen] = [{}, 0, Date.now()];
-    connection("scene", true);
+    [have, asked] = [{}, 0];
     ask();
   });
   on("parts", (answer) => {
@@ -51,12 +48,7 @@ export function begin() {
       for (const shown of shows[name] ?? []) shown(content);
     }
     for (const shown of shows.camera ?? []) shown(answer.camera);
-    const isAlone = !answer.camera && Date.now() - seen > ALONE;
-    if (answer.camera || isAlone) {
-      connection("scene", !isAlone);
-      seen = Date.now();
-    }
-    if (isAlone) load(); // at another seat
+    scene.heardOf(answer.camera !== "");
   });
   ask();
 }

@@ -19,3 +19,21 @@ export const order =
     const ahead = typeof x === "number" ? x - y : x.localeCompare(y, "en", { numeric: true });
     return down ? -ahead : ahead;
   };
+
+const SPAN = 60000; // [ms] within which flights of one course were stored that belong together
+const storedAt = ({ cells }) => Date.parse(cells.when.replace(" ", "T"));
+
+// Return the rows of the last race: the last row, and those of other competitors that were stored shortly before it.
+// Of several seeds it is the last one.
+export function lastRace(rows, most) {
+  const [last, ...before] = rows.filter((row) => !row.problem).sort(order({ key: "when", down: true }));
+  if (!last) return [];
+  const found = [last];
+  const isSame = (a, b) => a.cells.flown_by === b.cells.flown_by && a.cells.numbers === b.cells.numbers;
+  for (const row of before) {
+    const isNear = storedAt(last) - storedAt(row) <= SPAN && row.cells.course === last.cells.course;
+    const isOther = !found.some((one) => isSame(one, row)) && row.vehicles === 1;
+    if (isNear && isOther && last.vehicles === 1 && found.length < most) found.push(row);
+  }
+  return found.reverse();
+}

@@ -157,7 +157,7 @@ function texts(row) {
   const cell = make("td", { colSpan: columns.length + 2, className: "texts" });
   const wording = wordings[row.name];
   if (!wording) return Object.assign(cell, { textContent: "..." });
-  const address = new URL("?" + new URLSearchParams({ run: row.name }), location.origin + "/").href;
+  const address = new URL("?" + new URLSearchParams({ run: row.name }), document.baseURI).href;
   const lines = [
     ["command", wording.command],
     ["Python", wording.python],

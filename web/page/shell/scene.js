@@ -5,8 +5,13 @@ import { on, send } from "./link.js";
 const frame = document.getElementById("scene");
 const ASKED = ["fixedDpr"]; // what an address may ask of viser
 const SEAT = 18; // random bytes of the name of a seat
+const LOADED = 30000; // [ms] from the document to the scene's own connection, on a slow machine
+const LOST = 8000; // [ms] without this connection until the scene is opened again
+const loading = document.querySelector(".viewport .loading");
 const watching = [];
 let name = "";
+let since = 0; // when the scene's document had come, or its connection was lost [ms]; 0: neither
+let patience = LOADED; // [ms] from then until the scene is opened again
 let isLoaded = false; // whether the page has loaded, before which the scene does not begin to
 let wasOpen = false;
 
@@ -14,6 +19,7 @@ export const seat = () => name;
 
 export function begin() {
   frame.addEventListener("load", () => {
+    since = name ? Date.now() : 0;
     for (const watch of watching) watch(frame.contentWindow);
   });
   // The page is drawn before the scene, which is twenty times as large.
@@ -32,9 +38,18 @@ export function begin() {
   });
 }
 
+// The server says whether the scene has its connection. A document that still comes is waited for.
+export function heardOf(isConnected) {
+  loading.hidden = isConnected;
+  if (isConnected) [since, patience] = [0, LOST];
+  else if (!since && patience === LOST) since = Date.now();
+  else if (since && Date.now() - since > patience) load();
+}
+
 // Open the scene at a new seat.
-export function load() {
+function load() {
   if (!isLoaded) return;
+  [since, patience] = [0, LOADED];
   const given = new URLSearchParams(location.search);
   const asked = new URLSearchParams({ darkMode: "" });
   for (const name of ASKED) if (given.has(name)) asked.set(name, given.get(name));
@@ -42,7 +57,7 @@ export function load() {
   name = btoa(String.fromCharCode(...random))
     .replaceAll("+", "-")
     .replaceAll("/", "_");
-  frame.contentWindow.location.replace(`/scene/${name}?${asked}`);
+  frame.contentWindow.location.replace(new URL(`scene/${name}?${asked}`, document.baseURI));
 }
 
 // Call a function with the window of the frame whenever it has loaded.

@@ -10,6 +10,9 @@ const HEADS = [
   ["gap", "gap", "gap to the leader [s]"],
   ["last", "last", "last lap [s]"],
   ["best", "best", "best lap [s]"],
+  ["time", "timed", "time of this lap; of the race once it is finished [s]"],
+  ["limit", "above", "above the best known limit"],
+  ["hits", "hits", "gates, obstacles, vehicles and ground that were hit"],
   [
     "chatter",
     "chatter",
@@ -17,24 +20,23 @@ const HEADS = [
   ],
 ];
 const NOTE = "purple: best of all, green: own best; chatter [m/s²/s]: less is better";
-const WIDE = 480; // width from which there is room for the gap [px]
-const NARROW = 420; // width below which there is no room for the lap and the last lap [px]
 
 function row() {
   const cells = HEADS.map(([, name]) => make("td", { className: name }));
-  const [, name, , , , , , chatter] = cells;
+  const of = Object.fromEntries(HEADS.map(([, name], k) => [name, cells[k]]));
   const line = make("i", { className: "swatch" });
-  name.append(line, make("b"), make("span", { className: "hits" }));
+  of.place.append(make("span"), line);
+  of.name.append(make("b"));
   const bar = make("i", { className: "bar" });
-  chatter.append(make("span"), bar);
+  of.chatter.append(make("span"), bar);
   const sectors = make("div", { className: "sectors" });
   const progress = make("i");
-  const below = make("td", { colSpan: HEADS.length }, sectors, make("div", { className: "progress" }, progress));
+  const below = make("td", {}, sectors, make("div", { className: "progress" }, progress));
   return {
     row: make("tr", {}, ...cells),
     under: make("tr", { className: "under" }, below),
     below,
-    cells,
+    of,
     line,
     bar,
     sectors,
@@ -42,33 +44,27 @@ function row() {
   };
 }
 
-// Hits and misses, if there are any.
-function bad({ hits, misses }) {
-  const counted = (count, word, words) => (count ? ` ${count} ${count > 1 ? words : word}` : "");
-  return counted(hits, "hit", "hits") + counted(misses, "miss", "misses");
-}
+// The hits, none as well, and misses, if there are any.
+const hitsOf = ({ hits, misses }) => String(hits) + (misses ? ` + ${misses} miss` : "");
 
 function fill(parts, found) {
-  const { cells, bar, sectors, progress } = parts;
-  const [place, name, lap, interval, gap, last, best, chatter] = cells;
-  say(place, String(found.place));
+  const { of, bar, sectors, progress } = parts;
+  const name = of.name.querySelector("b");
   dashed(parts.line, found.colour, found.dash);
-  say(name.querySelector("b"), found.name);
-  name.title = found.name;
-  name.querySelector("b").style.color = found.colour;
-  say(lap, found.lap);
-  say(interval, found.interval);
-  interval.classList.toggle("out", found.is_out);
-  say(gap, found.gap);
-  for (const [cell, time] of [
-    [last, found.last],
-    [best, found.best],
-  ]) {
-    say(cell, time.text);
-    cell.dataset.mark = time.mark;
+  of.name.title = found.name;
+  name.style.color = found.colour;
+  say(name, found.is_recorded ? `${found.name} (recorded)` : found.name);
+  for (const key of ["lap", "interval", "gap", "above"]) say(of[key], found[key]);
+  say(of.place.firstChild, String(found.place));
+  say(of.timed, found.time);
+  of.timed.classList.toggle("out", found.is_out);
+  for (const key of ["last", "best"]) {
+    say(of[key], found[key].text);
+    of[key].dataset.mark = found[key].mark;
   }
-  say(name.querySelector(".hits"), bad(found));
-  say(chatter.querySelector("span"), found.chatter);
+  say(of.hits, hitsOf(found));
+  of.hits.classList.toggle("out", found.hits + found.misses > 0);
+  say(of.chatter.querySelector("span"), found.chatter);
   bar.style.setProperty("--share", found.chatter_share);
   bar.style.background = found.colour;
   if (sectors.childElementCount !== found.sectors.length)
@@ -87,23 +83,31 @@ export function begin() {
   const heads = HEADS.map(([text, name, title]) =>
     make("th", { className: name, textContent: text, title: title ?? "" }),
   );
+  const title = make("caption");
   const body = make("tbody");
   const note = make("p", { className: "note" });
-  const table = make("table", {}, make("thead", {}, make("tr", {}, ...heads)), body);
+  const table = make("table", {}, title, make("thead", {}, make("tr", {}, ...heads)), body);
   place.append(table, note);
   let rows = [];
-  show("tower", ({ rows: found, over }) => {
+  // The row of sectors is as wide as the columns for which there is room, see shell.css.
+  const fit = () => {
+    const columns = heads.filter((head) => head.clientWidth).length;
+    for (const { below } of rows) if (columns && below.colSpan !== columns) below.colSpan = columns;
+  };
+  new ResizeObserver(fit).observe(place);
+  show("tower", ({ rows: found, over, is_final }) => {
     place.hidden = !found.length;
     if (rows.length !== found.length) {
       rows = found.map(row);
       body.replaceChildren(...rows.flatMap((one) => [one.row, one.under]));
     }
-    const hasGap = found.length > 2 && place.clientWidth > WIDE;
-    const isNarrow = place.clientWidth < NARROW;
-    table.classList.toggle("few", !hasGap);
-    table.classList.toggle("narrow", isNarrow);
-    for (const { below } of rows) below.colSpan = HEADS.length - !hasGap - 2 * isNarrow;
+    table.classList.toggle("few", found.length < 3);
+    table.classList.toggle("unlimited", !found.some(({ above }) => above));
+    document.body.classList.toggle("final", is_final);
+    title.hidden = !is_final;
+    say(title, over ? `Result ${over}` : "Result");
+    fit();
     found.forEach((one, k) => fill(rows[k], one));
-    say(note, over ? `${over} · ${NOTE}` : NOTE);
+    say(note, over && !is_final ? `${over} · ${NOTE}` : NOTE);
   });
 }

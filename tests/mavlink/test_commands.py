@@ -1,0 +1,258 @@
+"""What the messages of several programs do, without a socket and without a flight."""
+
+from math import nan
+
+import pytest
+
+from quadsim.mavlink.client import MavlinkClient
+from quadsim.mavlink.clock import SimulatorClock
+from quadsim.mavlink.commands import Commands, Phase
+from quadsim.mavlink.messages import (
+    AutopilotVersion,
+    CommandAck,
+    CommandLong,
+    DataTransmissionHandshake,
+    Heartbeat,
+    MissionCount,
+    MissionRequestList,
+    ParamRequestList,
+    ParamValue,
+    SetMode,
+    SetPositionTargetLocalNed,
+    Statustext,
+)
+from quadsim.mavlink.served import Served
+from quadsim.mavlink.setpoints import Rates
+from quadsim.mavlink.udp_link import Received
+from quadsim.vehicle import load_vehicle
+
+PILOT = ("127.0.0.1", 14550)
+OTHER = ("127.0.0.1", 40000)
+ACCEPTED, DENIED, UNSUPPORTED = 0, 2, 3
+FORWARD = SetPositionTargetLocalNed(0, 1, 1, 1, 0b110111000111, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0)
+HANDSHAKE = DataTransmissionHandshake(2, 0, 0, 0, 0, 0, 0)
+
+
+def command(number, *numbers, system=1):
+    """Return COMMAND_LONG."""
+    return CommandLong(system, 1, number, 0, *numbers, *(7 - len(numbers)) * (0.0,))
+
+
+ARM = command(400, 1.0)
+
+
+class Link:
+    """A link whose messages a test gives, and which keeps the answers."""
+
+    def __init__(self):
+        self.pilot = None
+        self.received = {"unusable": 0, "for other systems": 0}
+        self.given = []
+        self.answers = []
+
+    def receive(self, wait):
+        found, self.given = self.given, []
+        return found
+
+    def answer(self, message, to):
+        self.answers.append((message, to))
+
+    def follow(self, pilot):
+        self.pilot = pilot
+
+
+class Downlink:
+    """Counts the tracks that are sent."""
+
+    def __init__(self):
+        self.tracks = 0
+        self.resets = 0
+        self.custom_mode = 0
+        self.has_countdown = False
+
+    def send_track(self):
+        self.tracks += 1
+
+
+class World:
+    """Commands with a link and a downlink of the test."""
+
+    def __init__(self):
+        self.link = Link()
+        self.downlink = Downlink()
+        self.client = MavlinkClient(Served(), None)
+        self.commands = Commands(
+            self.link, self.client, self.downlink, SimulatorClock(), load_vehicle("archer")
+        )
+        self.commands.begin_start()
+
+    def say(self, *messages, sender=PILOT):
+        """Let a program send messages; return the answers, each message alone."""
+        self.link.given = [Received(message, sender) for message in messages]
+        self.link.answers.clear()
+        self.commands.listen_until(0.0)
+        assert all(to == sender for _, to in self.link.answers)
+        return [message for message, _ in self.link.answers]
+
+    def result(self, message, sender=PILOT):
+        """Let a program send a command; return the result."""
+        (ack,) = [m for m in self.say(message, sender=sender) if isinstance(m, CommandAck)]
+        return ack.result
+
+    def fly(self):
+        """Let the pilot arm the vehicle and fly."""
+        assert self.result(ARM) == ACCEPTED
+        self.commands.begin_race()
+        assert self.say(FORWARD) == []
+        return self.client.law
+
+
+@pytest.fixture
+def world():
+    return World()
+
+
+def texts(answers):
+    """Return the texts among answers."""
+    return [message.text.decode() for message in answers if isinstance(message, Statustext)]
+
+
+def test_the_pilot_is_who_arms_and_others_fly_nothing(world):
+    law = world.fly()
+    assert texts(world.say(FORWARD, FORWARD, sender=OTHER)) == [
+        "setpoint ignored: another program flies"
+    ]
+    for refused in (ARM, command(400, 0.0), command(31000), command(176, 1.0, 4.0)):
+        assert world.result(refused, sender=OTHER) == DENIED
+    assert world.say(SetMode(1, 1, 4), sender=OTHER) == []
+    assert world.commands.is_armed
+    assert world.commands.phase is Phase.RACE
+    assert world.downlink.custom_mode == 0
+    assert world.client.law is law
+    # Its questions are answered.
+    assert world.result(command(512, 148.0), sender=OTHER) == ACCEPTED
+
+
+def test_what_is_for_another_system_is_neither_obeyed_nor_answered(world):
+    law = world.fly()
+    assert world.say(command(400, 0.0, system=77)) == []
+    assert world.commands.is_armed
+    assert world.client.law is law
+    assert world.link.received["for other systems"] == 1
+    # 0 is every system.
+    assert world.result(command(400, 0.0, system=0)) == ACCEPTED
+    assert not world.commands.is_armed
+
+
+@pytest.mark.parametrize("number", [nan, 0.7, -1.0, 2.0, float("inf")])
+def test_arming_by_another_number_than_0_and_1_is_denied(world, number):
+    law = world.fly()
+    assert world.result(command(400, number)) == DENIED
+    assert world.commands.is_armed
+    assert world.client.law is law
+
+
+def test_disarming_stops_the_motors(world):
+    world.fly()
+    assert world.result(command(400, 0.0)) == ACCEPTED
+    assert world.client.law.setpoint == Rates((0.0, 0.0, 0.0), 0.0)
+
+
+def test_a_setpoint_before_arming_is_answered_once(world):
+    said = texts(world.say(FORWARD, FORWARD))
+    assert said == ["setpoint ignored: not armed (COMMAND_LONG 400)"]
+    assert world.client.law is None
+    assert texts(world.say(FORWARD)) == []
+    # anew at the next start
+    world.commands.begin_start()
+    assert texts(world.say(FORWARD)) == said
+
+
+def test_a_setpoint_that_cannot_be_flown_is_said_once_and_changes_nothing(world):
+    law = world.fly()
+    wrong = SetPositionTargetLocalNed(0, 1, 1, 7, 0b110111000111, *11 * (0,))
+    unlike = SetPositionTargetLocalNed(0, 1, 1, 1, 0b110111001111, *11 * (0,))
+    said = texts(world.say(wrong, wrong, unlike, unlike))
+    assert said == [
+        "setpoint refused: frame 7, expected 1 or 8",
+        "setpoint refused: nothing for x",
+    ]
+    assert world.link.received["unusable"] == 4
+    assert world.client.law is law
+
+
+def test_a_reset_before_arming_counts(world):
+    assert world.commands.counts_from is None
+    world.commands._clock.boot = 3.0
+    assert world.result(command(31000)) == ACCEPTED
+    assert world.downlink.resets == 1
+    assert world.commands.counts_from == 3.0
+    assert world.commands.phase is Phase.START
+    # With a countdown, the vehicle may be armed before the start; a reset disarms it.
+    assert world.result(ARM) == ACCEPTED
+    world.commands._clock.boot = 4.0
+    assert world.result(command(31000)) == ACCEPTED
+    assert not world.commands.is_armed
+    assert world.link.pilot is None
+    assert world.commands.counts_from == 4.0
+
+
+def test_a_reset_without_a_countdown_says_when_the_race_begins(world):
+    assert texts(world.say(command(31000))) == ["the race begins when you arm, see --countdown"]
+    world.downlink.has_countdown = True
+    world.commands.begin_start()
+    assert texts(world.say(command(31000))) == []
+
+
+def test_the_countdown_begins_when_a_program_is_first_heard(world):
+    world.commands._clock.boot = 2.0
+    world.say(Heartbeat(6, 8, 0))
+    world.commands._clock.boot = 5.0
+    world.say(Heartbeat(6, 8, 0))
+    assert world.commands.counts_from == 2.0
+
+
+def test_the_track_is_sent_once_for_a_flood_of_questions(world):
+    world.say(*2000 * (HANDSHAKE,))
+    assert world.downlink.tracks == 1
+    world.say(command(512, 130.0))
+    assert world.downlink.tracks == 2
+
+
+@pytest.mark.parametrize(
+    ("numbers", "mode"),
+    [((1, 6, 0), 6 << 16), ((129, 4, 3), 3 << 24 | 4 << 16), ((1, 4, 0), 4)],
+    ids=["OFFBOARD of PX4", "hold of PX4", "GUIDED of ArduPilot"],
+)
+def test_a_mode_is_told_back(world, numbers, mode):
+    assert world.result(command(176, *numbers)) == ACCEPTED
+    assert world.downlink.custom_mode == mode
+
+
+def test_a_mode_that_is_no_number_is_denied(world):
+    assert world.result(command(176, 1.0, nan, 0.0)) == DENIED
+    assert world.downlink.custom_mode == 0
+
+
+def test_what_stations_ask_at_connection_is_answered(world):
+    for asked in (command(512, 148.0), command(511, 148.0), command(520, 1.0)):
+        version, ack = world.say(asked)
+        assert isinstance(version, AutopilotVersion)
+        assert ack.result == ACCEPTED
+    (parameter,) = world.say(ParamRequestList(1, 1))
+    assert isinstance(parameter, ParamValue)
+    assert (parameter.param_count, parameter.param_index) == (1, 0)
+    assert world.say(MissionRequestList(1, 1, mission_type=2)) == [
+        MissionCount(0, 0, 0, mission_type=2)
+    ]
+    # a message that does not exist here: metadata of components
+    assert world.result(command(512, 397.0)) == UNSUPPORTED
+    assert world.result(command(22)) == UNSUPPORTED  # take off
+
+
+def test_a_flood_of_texts_ends(world):
+    """Other programs, each of which is refused once."""
+    world.fly()
+    for port in range(1000):
+        world.say(FORWARD, sender=("127.0.0.1", port))
+    assert len(world.commands._texts) == 50
