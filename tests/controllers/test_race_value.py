@@ -1,6 +1,7 @@
 """The term `time_to_go`: the least of its definition, without steps, the same in the lanes."""
 
 import pickle
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import minimize
 from test_rollout_oracle import RADIUS, SYSTEM, controls, fly_lanes, launch, random_course
 
+from quadsim.config.build import build
 from quadsim.config.build_cost import cost_on, value_of
 from quadsim.config.build_plant import system_of
 from quadsim.config.spec import Spec
@@ -18,10 +20,13 @@ from quadsim.controllers.costs.race import RaceWeights, map_value, margin_of, ra
 from quadsim.controllers.costs.race_targets import RUN_OUT
 from quadsim.controllers.costs.race_value import OUTSIDE, Behind, time_to_go
 from quadsim.controllers.lanes.planner_loops import module_source
+from quadsim.controllers.sampled_trajectories import sampled_trajectories
 from quadsim.controllers.schedule import Schedule
 from quadsim.dynamics.quadrotor import State
+from quadsim.racing.flight import simulate
 from quadsim.value import PointMass
 from quadsim.value.leg import THRUST_SHARE, States, mean_square
+from tests.small import SMALL
 
 SPEC = Spec.of("split_s_swift", laps=1, time_to_go=2.0)
 COST = cost_on(SPEC, SPEC.course)
@@ -170,3 +175,21 @@ def test_lanes_agree_with_the_oracle():
     clear = oracle.clearance > 1e-10
     np.testing.assert_allclose(J[clear], oracle.J[clear], rtol=1e-9)
     assert np.ptp(oracle.terms[clear, -1]) > 0.5  # the term differs from sample to sample
+
+
+@pytest.mark.compiled  # the loops of a flight with this term
+def test_the_terms_that_are_shown_sum_to_what_the_rollout_says():
+    settings = {**SMALL, "laps": 1, "adapt": False, "overshoot": 0.0, "first_iterations": 2}
+    parts = build(Spec.of(sampler="colored", time_to_go=2.0, **settings))
+    with closing(parts.plant):
+        stream = simulate(parts)
+        for _ in range(3):
+            next(stream)
+        mppi = parts.controller.planner
+    last = mppi.last
+    J = np.empty((1, 64), np.float32)
+    none = np.zeros((1, 4, len(mppi.plan), 64), np.float32)
+    mppi.rollout(last.x, mppi.plan, none, last.target, J)
+    terms = sampled_trajectories(mppi).terms
+    assert terms["time_to_go"] > 1.0
+    assert sum(terms.values()) == pytest.approx(float(J[0, 0]), rel=1e-4)
