@@ -38,10 +38,8 @@ from quadsim.vehicle import GRAVITY
 NEAREST = 0.01
 # Cost of crossing a gate beside its opening [s/m]: a sample near it cannot change where it crosses
 OUTSIDE = 1.0
-# Time that a missed gate costs beside the way round it [s]
-MISSED = 0.5
 # Steps of Newton's method for the time of a leg that ends anyhow, and for the time to the crossing
-FIRST_STEPS = 2
+FIRST_STEPS = 3
 STEPS = 2
 # Least speed in the denominator of a time [m/s]
 SLOW = 0.1
@@ -85,7 +83,7 @@ class Aside(NamedTuple):
 class Approach(NamedTuple):
     """The leg from a sample to the exit of its gate, in the frame of the gate."""
 
-    distance: Any  # to the exit plane [m]
+    distance: Any  # to the exit plane, negative behind it [m]
     along: Axis
     left: Aside
     up: Aside
@@ -113,7 +111,7 @@ class Found(NamedTuple):
     rate: Any  # its change with the time
 
 
-def along_axis(axis, d, T, p):
+def along_axis(axis, d, T, p, slowest=None):
     """Return the best crossing of a leg along one axis, a Found.
 
     Args:
@@ -121,6 +119,7 @@ def along_axis(axis, d, T, p):
         d: distance [m].
         T: time of the leg [s].
         p: price and drag.
+        slowest: least velocity at the end [m/s]; None: any.
     """
     mean = d / T
     # E = ((u - a)^2 + 12 (b - u / 2)^2) / T with the velocity u at the end
@@ -128,6 +127,8 @@ def along_axis(axis, d, T, p):
     b = mean - 0.5 * axis.v
     per = p.price / T
     u = (per * (2.0 * a + 12.0 * b) - axis.slope) / (8.0 * per + axis.curve)
+    if slowest is not None:
+        u = maximum(u, slowest)
     change = u - a
     off = b - 0.5 * u
     thrust = per * (change * change + 12.0 * off * off)
@@ -187,7 +188,7 @@ def approach_of(x, gate):
     place = in_gate(x.position, gate)
     v_along, v_left, v_up = in_frame(x.velocity, passage, left, up)
     return Approach(
-        distance=maximum(-place.along, NEAREST),
+        distance=where(place.along > 0.0, -1.0, 1.0) * maximum(abs(place.along), NEAREST),
         along=Axis(v_along, GRAVITY * gate.nz, gate.slope_v_along, gate.curve_v_along),
         left=Aside(
             axis=Axis(v_left, GRAVITY * gate.lz, gate.slope_v_left, gate.curve_v_left),
@@ -213,8 +214,9 @@ def quartic_of(leg, p):
         leg: Approach.
         p: parameters of the term.
     """
-    by_speed = leg.distance / maximum(leg.along.v, SLOW)
-    by_thrust = sqrt(p.root * leg.distance)
+    distance = abs(leg.distance)
+    by_speed = distance / maximum(leg.along.v, SLOW)
+    by_thrust = sqrt(p.root * distance)
     T = minimum(by_speed, by_thrust)
     falls = 0.5 * T * T
     dx = leg.distance + falls * leg.along.gravity
@@ -243,6 +245,8 @@ def time_to_exit(equation, p):
     """
     dd, dv, vv = equation
     T = minimum(dd / maximum(dv, SLOW * sqrt(dd)), sqrt(p.root * sqrt(dd)))
+    # A sample that flies away has to turn first.
+    T = where(dv < 0.0, maximum(T, sqrt(p.unit * vv)), T)
     for _ in range(FIRST_STEPS):
         T2 = T * T
         excess = T2 * T2 - p.unit * (3.0 * dd - 4.0 * dv * T + vv * T2)
@@ -270,7 +274,7 @@ def time_through(leg, p):
     # Newton's method. The last step is not evaluated again, as the sum is a parabola near its least
     # value.
     for step in range(STEPS):
-        along = along_axis(leg.along, leg.distance, T, p)
+        along = along_axis(leg.along, leg.distance, T, p, slowest=0.0)
         aside = across(leg.left, T, p)
         upward = across(leg.up, T, p)
         rate = rest + along.rate + aside.rate + upward.rate
@@ -286,17 +290,13 @@ def time_through(leg, p):
 def time_to_go(x, gate, p):
     """Return the time that a point mass takes from the state x to the finish [s].
 
-    Behind a gate that was not passed the way leads back to its front, as in `progress`. Behind the
-    finish the time runs on.
+    A sample behind the plane of its gate, which it has missed or which faces away, turns back and
+    crosses it forward. Behind the finish the time runs on.
     """
     place = in_gate(x.position, gate)
     ahead = gate.later + time_through(approach_of(x, gate), p)
-    back = place.along + gate.approach
-    way = sqrt(back * back + place.left * place.left + place.up * place.up) + gate.approach
-    missed = gate.later + MISSED + way / p.speed
     finished = -(RUN_OUT + place.along) / p.speed
-    before_finish = gate.free_y < RUN_OUT
-    return where(before_finish, where(place.along > 0.0, missed, ahead), finished)
+    return where(gate.free_y < RUN_OUT, ahead, finished)
 
 
 @lru_cache(maxsize=16)
