@@ -38,6 +38,8 @@ from quadsim.vehicle import GRAVITY
 NEAREST = 0.01
 # Cost of crossing a gate beside its opening [s/m]: a sample near it cannot change where it crosses
 OUTSIDE = 1.0
+# Ways that a metre to the outer edge of the frame costs straight behind a gate
+ROUND = 8.0
 # Steps of Newton's method for the time of a leg that ends anyhow, and for the time to the crossing
 FIRST_STEPS = 3
 STEPS = 2
@@ -291,10 +293,13 @@ def time_to_go(x, gate, p):
     """Return the time that a point mass takes from the state x to the finish [s].
 
     A sample behind the plane of its gate, which it has missed or which faces away, turns back and
-    crosses it forward. Behind the finish the time runs on.
+    crosses it forward. Straight behind the gate the frame is in the way, so there the time is
+    longer, the further it is to the outer edge of the frame. Behind the finish the time runs on.
     """
     place = in_gate(x.position, gate)
-    ahead = gate.later + time_through(approach_of(x, gate), p)
+    outside = maximum(abs(place.left) - gate.free_y, abs(place.up) - gate.free_z)
+    to_edge = where(place.along > 0.0, maximum(gate.bar - outside, 0.0), 0.0)
+    ahead = gate.later + time_through(approach_of(x, gate), p) + ROUND * to_edge / p.speed
     finished = -(RUN_OUT + place.along) / p.speed
     return where(gate.free_y < RUN_OUT, ahead, finished)
 
