@@ -38,10 +38,10 @@ from quadsim.vehicle import GRAVITY
 NEAREST = 0.01
 # Cost of crossing a gate beside its opening [s/m]: a sample near it cannot change where it crosses
 OUTSIDE = 1.0
-# Time that a missed gate costs beside the way round it [s]
-MISSED = 0.5
+# Ways that a metre to the outer edge of the frame costs straight behind a gate
+ROUND = 8.0
 # Steps of Newton's method for the time of a leg that ends anyhow, and for the time to the crossing
-FIRST_STEPS = 2
+FIRST_STEPS = 3
 STEPS = 2
 # Least speed in the denominator of a time [m/s]
 SLOW = 0.1
@@ -72,6 +72,33 @@ class Axis(NamedTuple):
     curve: Any
 
 
+class Aside(NamedTuple):
+    """A leg along one of the two axes of an opening."""
+
+    axis: Axis
+    offset: Any  # from the middle of the opening at the begin [m]
+    half: Any  # half size of the opening [m]
+    slope: Any  # derivatives of the time to go behind the gate by the offset there
+    curve: Any
+
+
+class Approach(NamedTuple):
+    """The leg from a sample to the exit of its gate, in the frame of the gate."""
+
+    distance: Any  # to the exit plane, negative behind it [m]
+    along: Axis
+    left: Aside
+    up: Aside
+
+
+class Quartic(NamedTuple):
+    """The equation for the time of a leg that ends anyhow, see `time_to_exit`."""
+
+    dd: Any  # square of the distance [m^2]
+    dv: Any  # scalar product of distance and velocity [m^2/s]
+    vv: Any  # square of the velocity [m^2/s^2]
+
+
 class Place(NamedTuple):
     """The place at which a leg across the opening ends best."""
 
@@ -86,53 +113,54 @@ class Found(NamedTuple):
     rate: Any  # its change with the time
 
 
-def along_axis(axis, d, T, price, drag):
-    """Return the best crossing of a leg along one axis over the distance d, a Found.
+def along_axis(axis, d, T, p, slowest=None):
+    """Return the best crossing of a leg along one axis, a Found.
 
     Args:
         axis: Axis.
         d: distance [m].
         T: time of the leg [s].
-        price: a / f^2.
-        drag: k [1/s].
+        p: price and drag.
+        slowest: least velocity at the end [m/s]; None: any.
     """
     mean = d / T
     # E = ((u - a)^2 + 12 (b - u / 2)^2) / T with the velocity u at the end
-    a = axis.v - axis.gravity * T - drag * d
+    a = axis.v - axis.gravity * T - p.drag * d
     b = mean - 0.5 * axis.v
-    per = price / T
+    per = p.price / T
     u = (per * (2.0 * a + 12.0 * b) - axis.slope) / (8.0 * per + axis.curve)
+    if slowest is not None:
+        u = maximum(u, slowest)
     change = u - a
     off = b - 0.5 * u
     thrust = per * (change * change + 12.0 * off * off)
     behind = (axis.slope + 0.5 * axis.curve * u) * u
-    rate = (2.0 * per * (change * axis.gravity - 12.0 * off * mean / T)) - thrust / T
+    rate = 2.0 * per * (change * axis.gravity - 12.0 * off * mean / T) - thrust / T
     return Found(thrust + behind, rate)
 
 
-def best_offset(axis, y, half, slope, curve, T, price, drag):
-    """Return the place at which a leg across the opening ends best, a Place.
+def best_place(leg, T, p):
+    """Return where a leg along an axis of the opening ends best, a Place.
 
     Args:
-        axis: Axis.
-        y: offset at the begin [m].
-        half: half size of the opening [m].
-        slope, curve: derivatives of the time to go behind the gate by the offset.
-        T, price, drag: as in `along_axis`.
+        leg: Aside.
+        T: time of the leg [s].
+        p: price and drag.
     """
-    # The price of the thrust and the time behind the gate are quadratic in the offset, with the
-    # best velocity for each offset.
-    per = price / T
-    a = axis.v - axis.gravity * T + drag * y
-    b = -y / T - 0.5 * axis.v
+    # The price of the thrust and the time behind the gate are quadratic in the offset at the end,
+    # with the best velocity for each offset.
+    axis = leg.axis
+    per = p.price / T
+    a = axis.v - axis.gravity * T + p.drag * leg.offset
+    b = -leg.offset / T - 0.5 * axis.v
     best = 1.0 / (8.0 * per + axis.curve)
     pull = per * (2.0 * a + 12.0 * b) - axis.slope
-    pull_by_offset = per * (12.0 / T - 2.0 * drag)
-    first = per * (24.0 * b / T - 2.0 * drag * a) - best * pull * pull_by_offset + slope
-    second = per * (24.0 / (T * T) + 2.0 * drag * drag)
-    second = second - best * pull_by_offset * pull_by_offset + curve
+    pull_by_offset = per * (12.0 / T - 2.0 * p.drag)
+    first = per * (24.0 * b / T - 2.0 * p.drag * a) - best * pull * pull_by_offset + leg.slope
+    second = per * (24.0 / (T * T) + 2.0 * p.drag * p.drag)
+    second = second - best * pull_by_offset * pull_by_offset + leg.curve
     free = -first / second
-    inside = minimum(maximum(free, -half), half)
+    inside = minimum(maximum(free, -leg.half), leg.half)
     # Beside the opening the slope of the cost is OUTSIDE, which draws the place nearer.
     drawn = OUTSIDE / second
     beyond = free - inside
@@ -140,81 +168,140 @@ def best_offset(axis, y, half, slope, curve, T, price, drag):
     return Place(inside + beyond, abs(beyond))
 
 
-def time_to_go(x, gate, p):
-    """Return the time that a point mass takes from the state x to the finish [s]."""
+def across(leg, T, p):
+    """Return the best crossing of a leg along an axis of the opening, a Found.
+
+    Args:
+        leg: Aside.
+        T: time of the leg [s].
+        p: price and drag.
+    """
+    place = best_place(leg, T, p)
+    found = along_axis(leg.axis, place.offset - leg.offset, T, p)
+    behind = (leg.slope + 0.5 * leg.curve * place.offset) * place.offset
+    return Found(found.cost + behind + OUTSIDE * place.outside, found.rate)
+
+
+def approach_of(x, gate):
+    """Return the leg from the state x to the exit of the gate, an Approach."""
     passage = (gate.nx, gate.ny, gate.nz)
     left = (gate.lx, gate.ly, gate.lz)
     up = cross(passage, left)
     place = in_gate(x.position, gate)
     v_along, v_left, v_up = in_frame(x.velocity, passage, left, up)
-    half_left = maximum(gate.free_y - gate.margin, SMALLEST)
-    half_up = maximum(gate.free_z - gate.margin, SMALLEST)
-    along = Axis(v_along, GRAVITY * gate.nz, gate.slope_v_along, gate.curve_v_along)
-    aside = Axis(v_left, GRAVITY * gate.lz, gate.slope_v_left, gate.curve_v_left)
-    upward = Axis(v_up, GRAVITY * up[2], gate.slope_v_up, gate.curve_v_up)
-    d_along = maximum(-place.along, NEAREST)
+    return Approach(
+        distance=where(place.along > 0.0, -1.0, 1.0) * maximum(abs(place.along), NEAREST),
+        along=Axis(v_along, GRAVITY * gate.nz, gate.slope_v_along, gate.curve_v_along),
+        left=Aside(
+            axis=Axis(v_left, GRAVITY * gate.lz, gate.slope_v_left, gate.curve_v_left),
+            offset=place.left,
+            half=maximum(gate.free_y - gate.margin, SMALLEST),
+            slope=gate.slope_left,
+            curve=gate.curve_left,
+        ),
+        up=Aside(
+            axis=Axis(v_up, GRAVITY * up[2], gate.slope_v_up, gate.curve_v_up),
+            offset=place.up,
+            half=maximum(gate.free_z - gate.margin, SMALLEST),
+            slope=gate.slope_up,
+            curve=gate.curve_up,
+        ),
+    )
 
-    # The time of a leg to the exit alone, at the point to which the velocity leads
-    by_speed = d_along / maximum(v_along, SLOW)
-    by_thrust = sqrt(p.root * d_along)
+
+def quartic_of(leg, p):
+    """Return the equation for the time to the point of the exit to which the velocity leads.
+
+    Args:
+        leg: Approach.
+        p: parameters of the term.
+    """
+    distance = abs(leg.distance)
+    by_speed = distance / maximum(leg.along.v, SLOW)
+    by_thrust = sqrt(p.root * distance)
     T = minimum(by_speed, by_thrust)
-    d_left = minimum(maximum(place.left + v_left * T, -half_left), half_left) - place.left
-    d_up = minimum(maximum(place.up + v_up * T, -half_up), half_up) - place.up
-
-    # The time of a leg that ends there anyhow is the first root of a quartic equation:
-    #   T^4 = 3 a / ((1 - a) f^2) (3 d^2 - 4 d.v T + v^2 T^2),   d with the fall in the time T
     falls = 0.5 * T * T
-    dx = d_along + falls * along.gravity
-    dy = d_left + falls * aside.gravity
-    dz = d_up + falls * upward.gravity
-    dd = dx * dx + dy * dy + dz * dz
-    dv = dx * v_along + dy * v_left + dz * v_up
-    vv = v_along * v_along + v_left * v_left + v_up * v_up
+    dx = leg.distance + falls * leg.along.gravity
+    dy, dz = (
+        minimum(maximum(side.offset + side.axis.v * T, -side.half), side.half)
+        - side.offset
+        + falls * side.axis.gravity
+        for side in (leg.left, leg.up)
+    )
+    v_along, v_left, v_up = leg.along.v, leg.left.axis.v, leg.up.axis.v
+    return Quartic(
+        dd=dx * dx + dy * dy + dz * dz,
+        dv=dx * v_along + dy * v_left + dz * v_up,
+        vv=v_along * v_along + v_left * v_left + v_up * v_up,
+    )
+
+
+def time_to_exit(equation, p):
+    """Return the time of a leg that ends anyhow [s], the first root of the quartic equation
+
+        T^4 = 3 a / ((1 - a) f^2) (3 d^2 - 4 d.v T + v^2 T^2)
+
+    Args:
+        equation: Quartic.
+        p: parameters of the term.
+    """
+    dd, dv, vv = equation
     T = minimum(dd / maximum(dv, SLOW * sqrt(dd)), sqrt(p.root * sqrt(dd)))
+    # A sample that flies away has to turn first.
+    T = where(dv < 0.0, maximum(T, sqrt(p.unit * vv)), T)
     for _ in range(FIRST_STEPS):
-        slope = quartic_slope(T, dv, vv, p)
         T2 = T * T
         excess = T2 * T2 - p.unit * (3.0 * dd - 4.0 * dv * T + vv * T2)
-        T = minimum(maximum(T - excess / slope, 0.3 * T), 2.0 * T)
+        T = minimum(maximum(T - excess / quartic_slope(equation, T, p), 0.3 * T), 2.0 * T)
+    return T
 
-    # The time at which gate and what is behind it are best. The last step is not evaluated again:
-    # near the least value the sum is a parabola.
+
+def quartic_slope(equation, T, p):
+    """Return the slope of the quartic equation at T, bounded from below."""
+    _, dv, vv = equation
+    T3 = T * T * T
+    return maximum(4.0 * T3 + p.unit * (4.0 * dv - 2.0 * vv * T), 2.0 * T3)
+
+
+def time_through(leg, p):
+    """Return the least time to the exit and from there to the finish, without `later` [s].
+
+    Args:
+        leg: Approach.
+        p: parameters of the term.
+    """
+    equation = quartic_of(leg, p)
+    T = time_to_exit(equation, p)
     rest = 1.0 - THRUST_SHARE
+    # Newton's method. The last step is not evaluated again, as the sum is a parabola near its least
+    # value.
     for step in range(STEPS):
-        at_left = best_offset(
-            aside, place.left, half_left, gate.slope_left, gate.curve_left, T, p.price, p.drag
-        )
-        at_up = best_offset(
-            upward, place.up, half_up, gate.slope_up, gate.curve_up, T, p.price, p.drag
-        )
-        n = along_axis(along, d_along, T, p.price, p.drag)
-        y = along_axis(aside, at_left.offset - place.left, T, p.price, p.drag)
-        z = along_axis(upward, at_up.offset - place.up, T, p.price, p.drag)
-        rate = rest + n.rate + y.rate + z.rate
+        along = along_axis(leg.along, leg.distance, T, p, slowest=0.0)
+        aside = across(leg.left, T, p)
+        upward = across(leg.up, T, p)
+        rate = rest + along.rate + aside.rate + upward.rate
         T2 = T * T
-        curve = rest * quartic_slope(T, dv, vv, p) / (T2 * T2)
+        curve = rest * quartic_slope(equation, T, p) / (T2 * T2)
         change = minimum(maximum(-rate / curve, -0.3 * T), 0.4 * T)
         if step < STEPS - 1:
             T = T + change
-    left_behind = (gate.slope_left + 0.5 * gate.curve_left * at_left.offset) * at_left.offset
-    up_behind = (gate.slope_up + 0.5 * gate.curve_up * at_up.offset) * at_up.offset
-    behind = gate.later + left_behind + up_behind + OUTSIDE * (at_left.outside + at_up.outside)
-    ahead = rest * T + n.cost + y.cost + z.cost + (rate + 0.5 * curve * change) * change + behind
+    found = rest * T + along.cost + aside.cost + upward.cost
+    return found + (rate + 0.5 * curve * change) * change
 
-    # Behind a gate that was not passed the way leads back to its front, as in `progress`. Behind
-    # the finish time runs on.
-    back = place.along + gate.approach
-    way = sqrt(back * back + place.left * place.left + place.up * place.up) + gate.approach
-    missed = gate.later + MISSED + way / p.speed
+
+def time_to_go(x, gate, p):
+    """Return the time that a point mass takes from the state x to the finish [s].
+
+    A sample behind the plane of its gate, which it has missed or which faces away, turns back and
+    crosses it forward. Straight behind the gate the frame is in the way, so there the time is
+    longer, the further it is to the outer edge of the frame. Behind the finish the time runs on.
+    """
+    place = in_gate(x.position, gate)
+    outside = maximum(abs(place.left) - gate.free_y, abs(place.up) - gate.free_z)
+    to_edge = where(place.along > 0.0, maximum(gate.bar - outside, 0.0), 0.0)
+    ahead = gate.later + time_through(approach_of(x, gate), p) + ROUND * to_edge / p.speed
     finished = -(RUN_OUT + place.along) / p.speed
-    before_finish = gate.free_y < RUN_OUT
-    return where(before_finish, where(place.along > 0.0, missed, ahead), finished)
-
-
-def quartic_slope(T, dv, vv, p):
-    """Return the slope of the quartic equation for the time of a leg, bounded from below."""
-    T3 = T * T * T
-    return maximum(4.0 * T3 + p.unit * (4.0 * dv - 2.0 * vv * T), 2.0 * T3)
+    return where(gate.free_y < RUN_OUT, ahead, finished)
 
 
 @lru_cache(maxsize=16)

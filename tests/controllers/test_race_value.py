@@ -1,15 +1,18 @@
 """The term `time_to_go`: the least of its definition, without steps, the same in the lanes."""
 
 import pickle
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from oracle import decision_distance, fly_rows
+from race_cases import course, gate
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import minimize
 from test_rollout_oracle import RADIUS, SYSTEM, controls, fly_lanes, launch, random_course
 
+from quadsim.config.build import build
 from quadsim.config.build_cost import cost_on, value_of
 from quadsim.config.build_plant import system_of
 from quadsim.config.spec import Spec
@@ -18,10 +21,13 @@ from quadsim.controllers.costs.race import RaceWeights, map_value, margin_of, ra
 from quadsim.controllers.costs.race_targets import RUN_OUT
 from quadsim.controllers.costs.race_value import OUTSIDE, Behind, time_to_go
 from quadsim.controllers.lanes.planner_loops import module_source
+from quadsim.controllers.sampled_trajectories import sampled_trajectories
 from quadsim.controllers.schedule import Schedule
 from quadsim.dynamics.quadrotor import State
+from quadsim.racing.flight import simulate
 from quadsim.value import PointMass
 from quadsim.value.leg import THRUST_SHARE, States, mean_square
+from tests.small import SMALL
 
 SPEC = Spec.of("split_s_swift", laps=1, time_to_go=2.0)
 COST = cost_on(SPEC, SPEC.course)
@@ -39,8 +45,8 @@ def to_go(position, velocity, k):
 
 def by_definition(position, velocity, k):
     """The least over times and crossings within the opening, by a general optimiser."""
-    gate = COST.row._make(COST.targets[k])
-    slope, curve = np.array(gate[-10:]).reshape(2, 5)
+    row = COST.row._make(COST.targets[k])
+    slope, curve = np.array(row[-10:]).reshape(2, 5)
     start = States(position, velocity)
     half = VALUE.passages.half[k]
 
@@ -48,7 +54,7 @@ def by_definition(position, velocity, k):
         z, T = numbers[:5], numbers[5]
         thrust = mean_square(start, VALUE.passages.states(z, k), VALUE.mass.drag, T)
         price = (1.0 - THRUST_SHARE + THRUST_SHARE * thrust / VALUE.mass.thrust**2) * T
-        return price + gate.later + (slope * z + 0.5 * curve * z * z).sum()
+        return price + row.later + (slope * z + 0.5 * curve * z * z).sum()
 
     bounds = [(-half[0], half[0]), (-half[1], half[1]), *[(-60.0, 60.0)] * 3, (0.01, 3.0)]
     starts = (np.append(VALUE.crossings[k], T) for T in (0.1, 0.3, 0.6))
@@ -85,6 +91,26 @@ def test_on_the_best_way_it_is_the_time_to_go():
     assert to_go(start, np.zeros(3), 0) == pytest.approx(VALUE.time, abs=2e-3)
 
 
+@pytest.mark.parametrize(
+    "away",
+    [gate(5.0, z=23.0), gate(14.0, z=24.0, pitch=90.0), gate(5.0, y=5.0, yaw=180.0)],
+    ids=["above the last one", "straight down", "back"],
+)
+def test_gates_that_face_away_are_turned_to(away):
+    """The last gate is left behind the plane of the next one, which is still crossed forward."""
+    course_ = course(gate(5.0), away, gate(25.0, z=21.0))
+    weights = RaceWeights(margin=0.2, time_to_go=2.0)
+    value = map_value(course_, RADIUS, margin_of(weights), 1, PointMass(40.0, 0.3))
+    cost = race_cost(course_, RADIUS, weights, 1, value=value)
+    at = value.passages.states(value.crossings)
+    rest = (1.0, *[0.0] * (len(State._fields) - 7))
+    for k in range(2):
+        x = State(*at.position[k], *at.velocity[k], *rest)
+        row = cost.row._make(cost.targets[k + 1])
+        found = time_to_go(x, row, cost.terms[-1].parameters)
+        assert found == pytest.approx(value.to_go[k], abs=20e-3)
+
+
 def test_it_has_no_step_at_a_gate():
     """Just before a gate it is what it is behind it, also beside the best crossing."""
     rng = np.random.default_rng(1)
@@ -103,8 +129,7 @@ def test_it_has_no_step_at_a_gate():
 
 
 def test_missed_gates_cost_and_the_finish_pays():
-    gate = SPEC.course.gates[2]
-    passage = gate.rotation[:, 0]
+    passage = SPEC.course.gates[2].rotation[:, 0]
     exit_ = COST.targets[2][:3]
     velocity = 10.0 * passage
     missed = to_go(exit_ + 0.5 * passage, velocity, 2)
@@ -127,10 +152,9 @@ def test_crossings_beside_the_opening_cost():
 
 
 def test_displaced_gates_take_their_value_with_them():
-    gate = SPEC.course.gates[2]
-    x, y, z = gate.position
+    x, y, z = SPEC.course.gates[2].position
     gates = list(SPEC.course.gates)
-    gates[2] = replace(gate, position=(x + 0.5, y, z + 0.3))
+    gates[2] = replace(gates[2], position=(x + 0.5, y, z + 0.3))
     cost = cost_on(SPEC, replace(SPEC.course, gates=tuple(gates)))
     changed = {COST.row._fields[k] for k in np.nonzero(cost.targets != COST.targets)[1]}
     assert {"x", "z"} <= changed
@@ -161,12 +185,30 @@ def test_marks_carry_the_weights_of_all_steps():
 
 @pytest.mark.compiled  # loops of its own, as no other test has this term
 def test_lanes_agree_with_the_oracle():
-    course = random_course(0, obstacles=())
+    drawn = random_course(0, obstacles=())
     weights = RaceWeights(margin=0.2, time_to_go=2.0)
-    value = map_value(course, RADIUS, margin_of(weights), 1, PointMass(36.0, 0.3))
-    cost = race_cost(course, RADIUS, weights, 1, value=value)
+    value = map_value(drawn, RADIUS, margin_of(weights), 1, PointMass(36.0, 0.3))
+    cost = race_cost(drawn, RADIUS, weights, 1, value=value)
     oracle = fly_rows(SYSTEM, cost, launch(), *controls(0), clearance=decision_distance)
     J = fly_lanes(cost, launch(), *controls(0), dtype=np.float64)
     clear = oracle.clearance > 1e-10
     np.testing.assert_allclose(J[clear], oracle.J[clear], rtol=1e-9)
     assert np.ptp(oracle.terms[clear, -1]) > 0.5  # the term differs from sample to sample
+
+
+@pytest.mark.compiled  # the loops of a flight with this term
+def test_the_terms_that_are_shown_sum_to_what_the_rollout_says():
+    settings = {**SMALL, "laps": 1, "adapt": False, "overshoot": 0.0, "first_iterations": 2}
+    parts = build(Spec.of(sampler="colored", time_to_go=2.0, **settings))
+    with closing(parts.plant):
+        stream = simulate(parts)
+        for _ in range(3):
+            next(stream)
+        mppi = parts.controller.planner
+    last = mppi.last
+    J = np.empty((1, 64), np.float32)
+    none = np.zeros((1, 4, len(mppi.plan), 64), np.float32)
+    mppi.rollout(last.x, mppi.plan, none, last.target, J)
+    terms = sampled_trajectories(mppi).terms
+    assert terms["time_to_go"] > 1.0
+    assert sum(terms.values()) == pytest.approx(float(J[0, 0]), rel=1e-4)
