@@ -27,6 +27,7 @@ PAGE = FOLDER / "gallery.md"
 SIZE = {"width": 1440, "height": 810}
 SHOWN = 960  # width of a picture in the page [px]
 WAIT = 8000  # until the scene is drawn by software [ms]
+PATIENCE = 180_000  # for the picture itself on a slow machine [ms]
 COMMAND = re.compile(r"^    (race .*)$", re.MULTILINE)
 LINK = re.compile(r"\(gallery/(\w+)\.html\)")
 
@@ -79,7 +80,7 @@ def _picture(browser: Browser, page: Path) -> Image.Image:
     # Viser's notice that the scene is drawn by software
     tab.add_style_tag(content=".mantine-Notifications-root { display: none }")
     tab.wait_for_timeout(500)
-    picture = Image.open(io.BytesIO(tab.screenshot()))
+    picture = Image.open(io.BytesIO(tab.screenshot(timeout=PATIENCE)))
     tab.close()
     return picture.resize((SHOWN, SHOWN * SIZE["height"] // SIZE["width"]))
 
