@@ -10,8 +10,8 @@ The public names of this package are
     Planner, PRESETS, preset               numbers of the planner by name, see
                                            quadsim.controllers.presets
 
-They are loaded on first use, so that `from quadsim import controllers` takes milliseconds.
-Everything else is internal and may change.
+They are loaded on first use, so that `from quadsim import controllers` takes milliseconds. All
+other names are internal and may change.
 """
 
 from __future__ import annotations

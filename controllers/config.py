@@ -18,7 +18,7 @@ class MPPIConfig:
     controllers/presets.py.
 
     Raises:
-        SettingError: a number has a wrong type or is out of its range (a ValueError).
+        SettingError: a number has a wrong type or is out of range (a ValueError).
 
     Examples:
         >>> from quadsim import MPPIConfig
@@ -139,9 +139,9 @@ class MPPIConfig:
         check_fields(self)
 
     def ess_of(self, samples: int) -> float | None:
-        """Return the effective sample size that a number of samples is to have.
+        """Return the target of the effective sample size for a number of samples.
 
-        None: the temperature is fixed.
+        It is None if the temperature is fixed.
         """
         if self.target_ess is None:
             return None

@@ -1,10 +1,10 @@
-"""The numbers of the preset `race`, which follow from vehicle, course and control period.
+"""Derive the numbers of the preset `race` from vehicle, course and control period.
 
 The numbers in quadsim.controllers.presets hold for the reference: gates some 10 to 20 m apart
 with openings of 1.5 m and more, racing vehicles, a control period of 10 ms. The laws of this module
-give other numbers if a flight has another scale. Everything in the planner that is a length, a
-time or a rate is scaled with the flight, so that two flights that are similar (lengths times k,
-times times sqrt(k), accelerations alike, as gravity is) have similar plans. docs/derived.md has
+give other numbers for a flight of another scale. Lengths, times and rates in the planner are scaled
+with the flight. Two similar flights therefore have similar plans: if lengths are multiplied by k,
+times are multiplied by sqrt(k), and accelerations stay equal, like gravity. docs/derived.md has
 each law with its reason, and the flights that show it.
 """
 
@@ -60,14 +60,14 @@ YAW_GAIN = 0.9
 # The largest weight of a cost and the largest sigma of a sampler that may be set
 LARGEST_WEIGHT = 1e6
 LARGEST_SIGMA = 1000.0
-# The least cost of yaw that the laws reckon with [m]: a vehicle without rotors has none.
+# The least cost of yaw that the laws assume [m]; a vehicle without rotors has no cost of yaw.
 SMALLEST_YAW_COST = 1e-3
 # Smallest room that the laws reckon with [m]: the vehicle may be wider than an opening.
 SMALLEST_ROOM = 0.01
 
 
 class Law(NamedTuple):
-    """The number that a law gives, and its formula with the numbers of the flight."""
+    """The result of a law, and its formula with the numbers of the flight."""
 
     value: Any
     text: str
@@ -105,7 +105,7 @@ class Scale(NamedTuple):
             course: the planner's map.
             vehicle: the vehicle.
             period: control period [s].
-            seen_late: whether gates stand off the map and are known only from nearby.
+            seen_late: whether gates are displaced from the map and their true positions seen late.
         """
         model = ModelParams.of(vehicle)
         rooms = [
@@ -130,32 +130,32 @@ class Scale(NamedTuple):
 
     @property
     def time(self) -> float:
-        """The time scale, the root of a leg's length over the full acceleration [s]."""
+        """The time scale, the square root of a leg's length over the full acceleration [s]."""
         return sqrt(self.leg / self.acceleration)
 
     @property
     def narrowness(self) -> float:
-        """How much narrower the openings are than NARROW_SHARE of a leg; 1 if they are wider."""
+        """The ratio of NARROW_SHARE of a leg to the openings, at least 1."""
         return max(NARROW_SHARE * self.leg / self.room, 1.0)
 
     @property
     def narrowness_text(self) -> str:
-        """The narrowness as a factor of a formula, "" if the openings are wider."""
+        """The narrowness as text for a formula, "" if it is 1."""
         if self.narrowness <= 1.0:
             return ""
         return f"({NARROW_SHARE:g} leg {self.leg:.3g} m / {self.room_text}) "
 
     @property
     def room_text(self) -> str:
-        """The room in a formula."""
+        """The room as text for a formula."""
         return f"room {self.room:.3g} m"
 
 
 def derived(reference: Planner, scale: Scale) -> Planner:
     """Return the planner of a flight: the reference's planner with the numbers of its scale.
 
-    At a scale of the reference it is the reference, to the last digit. The horizon is in steps of
-    the reference's control period, see `with_period` in quadsim.controllers.presets.
+    At the reference's scale it equals the reference exactly. The horizon counts steps of the
+    reference's control period, see `with_period` in quadsim.controllers.presets.
 
     Args:
         reference: a planner of the preset `race`.
@@ -186,14 +186,14 @@ def derived(reference: Planner, scale: Scale) -> Planner:
 def horizon_law(scale: Scale) -> float:
     """Return the horizon as a multiple of the time scale [s].
 
-    A plan has to brake or turn for what comes after the next gate, which takes a time in proportion
-    to the time scale. A narrow opening is approached at less than full acceleration.
+    A plan has to brake or turn for the gate after the next one, which takes a time in proportion to
+    the time scale. A narrow opening is approached at less than full acceleration.
     """
     return HORIZON * scale.time * sqrt(scale.narrowness)
 
 
 def horizon(scale: Scale) -> Law:
-    """Return the horizon that is flown [s]: the law's, within its limits and on the grid."""
+    """Return the horizon of a flight [s], by the law, within limits and on a grid of values."""
     wanted = horizon_law(scale)
     seconds = GRID * max(round(min(wanted, LONGEST) / GRID), 1)
     root = f"{scale.narrowness_text}leg {scale.leg:.3g} m / {scale.acceleration:.3g} m/s^2"
@@ -202,27 +202,27 @@ def horizon(scale: Scale) -> Law:
 
 
 def steps_of(scale: Scale) -> int:
-    """Return the number of control steps in the horizon that is flown."""
+    """Return the number of control steps in the horizon of a flight."""
     return round(horizon(scale).value / scale.period)
 
 
 def stretch(scale: Scale) -> float:
-    """Return the ratio of the reference's horizon to the flown one, by which rates are scaled."""
+    """Return the ratio of the reference's horizon to the flight's, by which rates are scaled."""
     return LONGEST / horizon(scale).value
 
 
 def stretch_text(scale: Scale) -> str:
-    """Return that ratio in a formula."""
+    """Return the ratio of `stretch` as text for a formula."""
     return f"{LONGEST:g} s / horizon {horizon(scale).value:g} s"
 
 
 def sampling(reference: Sampling, scale: Scale) -> Any:
-    """Return the sampler with the noise of the scale.
+    """Return the reference's sampler with its noise scaled for a flight.
 
     Body rates are scaled by the inverse of the horizon, so that samples turn by the same angles.
     Thrust is an acceleration, which similar flights share. The cut-off is a fixed number of periods
     within the horizon. The noise keeps its density at the low frequencies, which move the vehicle,
-    so that the control period does not change what is sampled there.
+    so that the control period does not change the samples there.
     """
     kind: Any = reference
     steps = steps_of(scale)
@@ -245,7 +245,7 @@ def sampling(reference: Sampling, scale: Scale) -> Any:
 
 
 def sigma_text(reference: Sampling, scale: Scale) -> str:
-    """Return the formula of `sampling` for the standard deviations of the noise."""
+    """Return the formula of the noise's standard deviations, see `sampling`, as text."""
     kind: Any = reference
     yaw = f"yaw x {yaw_factor(kind.sigma, scale):.3g}"
     spectra = f"each by its spectrum for {steps_of(scale)} in place of {REFERENCE_STEPS} steps"
@@ -253,17 +253,17 @@ def sigma_text(reference: Sampling, scale: Scale) -> str:
 
 
 def cutoff_text(reference: Colored, scale: Scale) -> str:
-    """Return the formula of `sampling` for the frequencies of the cut-off."""
+    """Return the formula of the noise's cut-off frequencies, see `sampling`, as text."""
     frequencies = " ".join(f"{f:g}" for f in dict.fromkeys(reference.cutoff))
     return f"{frequencies} Hz x {stretch_text(scale)}"
 
 
 def yaw_factor(sigma: Sequence[float], scale: Scale) -> float:
-    """Return the factor on the noise of the yaw rate, beside the factor on roll and pitch.
+    """Return the factor on the noise of the yaw rate, in addition to the factor for all rates.
 
-    A race does not ask for yaw, and rotors near full thrust have no torque for it. A vehicle whose
-    rotors yaw well makes use of it if room is short. At most the noise is the same share of the
-    rate's limit as the noise of roll.
+    A race does not need yaw, and rotors near full thrust have no torque for it. A vehicle with
+    strong yaw torque uses it if room is short. The noise is at most the same share of the rate's
+    limit as the noise of roll.
 
     Args:
         sigma: standard deviations of the reference.
@@ -276,8 +276,8 @@ def yaw_factor(sigma: Sequence[float], scale: Scale) -> float:
 def density(gamma: float, steps: int) -> float:
     """Return the factor on sigma that keeps the density of the noise at low frequencies.
 
-    sigma^2 is spread over all frequencies up to the frequency of the control steps. A horizon of
-    fewer steps has fewer frequencies, and each would have more of it.
+    sigma^2 is spread over all frequencies of the horizon. A horizon with fewer steps has fewer
+    frequencies, and with the same sigma each of them would have more power.
 
     Args:
         gamma: exponent of the power spectral density, 0 for white noise.
@@ -304,17 +304,16 @@ def log_normal_sigma(sigma: float, factor: float) -> float:
 
 
 def three_digits(value: float) -> float:
-    """Return a number rounded to three digits, as preset files have them."""
+    """Return a number rounded to three digits, as in preset files."""
     return float(f"{value:.3g}")
 
 
 def samples(reference: int, scale: Scale) -> Law:
-    """Return the number of samples, a power of two times the reference's.
+    """Return the number of samples, the reference's number times a power of two.
 
     Samples turn by the same angles, so they spread in proportion to a leg, and more of them hit a
-    frame that is large beside it. The number grows with the square of that share, with the
-    narrowness of the openings, and with the time that a control period gives for the steps of the
-    horizon.
+    frame that is large in comparison. The number grows with the square of this ratio, with the
+    narrowness of the openings, and with the time of a control period per step of the horizon.
     """
     steps = max(steps_of(scale), 1)
     crowded = max(scale.frame / scale.leg / FRAME_SHARE, 1.0) ** 2
@@ -328,18 +327,19 @@ def samples(reference: int, scale: Scale) -> Law:
 
 
 def margin(reference: float, scale: Scale) -> Law:
-    """Return the margin in metres, which also bounds the margin to the ground.
+    """Return the margin [m], which also bounds the margin to the ground.
 
-    It is the reference's, unless the openings are smaller.
+    It equals the reference's margin, unless the openings are smaller.
     """
     value = min(reference, three_digits(MARGIN_ROOM * scale.room))
     return Law(value, f"{MARGIN_ROOM:g} x {scale.room_text}, at most {reference:g} m")
 
 
 def margin_share(reference: float, scale: Scale) -> Law:
-    """Return the margin as a share of half the free opening.
+    """Return the margin as a share of half of the free opening.
 
-    It is the reference's, unless the margin were less than a part of the vehicle's radius.
+    It equals the reference's share, unless the margin would be less than a part of the vehicle's
+    radius.
     """
     least = three_digits(MARGIN_RADII * scale.radius / scale.room)
     value = min(max(reference, least), LARGEST_SHARE)
@@ -369,7 +369,7 @@ def view_weight(reference: float, scale: Scale) -> float:
 
 
 class DerivedNumber(NamedTuple):
-    """A number of a planner, and why it is what it is."""
+    """A derived number of a planner, with its law and the law's inputs."""
 
     name: str
     value: Any

@@ -1,6 +1,6 @@
-"""Excitation: a flight of manoeuvres in a box, from which the numbers of a vehicle can be fitted.
+"""A flight of manoeuvres in a box, from which the numbers of a vehicle can be fitted.
 
-Each manoeuvre shows some numbers and leaves the others alone:
+Each manoeuvre excites only some numbers of the vehicle:
 
 | manoeuvre | shows |
 |---|---|
@@ -113,8 +113,8 @@ class Excitation:
         """Prepare a flight.
 
         Args:
-            vehicle: its limits scale the manoeuvres.
-            course: its bounds are the box, and its first gate is the way out.
+            vehicle: vehicle whose limits scale the manoeuvres.
+            course: course whose bounds are the box, and whose first gate ends the flight.
         """
         self.rest = np.array(Control(0.0, 0.0, 0.0, GRAVITY))
         self._vehicle = vehicle
@@ -141,7 +141,7 @@ class Excitation:
         self._steps = 0
 
     def control(self, estimate: Estimate) -> tuple[np.ndarray, PlanStats]:
-        """Return the command at the estimated state, and zero statistics, as there is no plan."""
+        """Return the command for the estimated state, and zero statistics, as there is no plan."""
         x = State(*estimate.x.tolist())
         manoeuvre, since = manoeuvre_at(estimate.t)
         self._integrate(x, manoeuvre, estimate.t)
@@ -160,7 +160,7 @@ class Excitation:
         return u, PlanStats(0.0, 0.0, 0.0)
 
     def _integrate(self, x: State, manoeuvre: Manoeuvre, t: float) -> None:
-        """Integrate the error of the height, while the manoeuvre keeps it."""
+        """Integrate the error of the height during manoeuvres that keep the height."""
         step = t - self._lifted
         self._lifted = t
         if manoeuvre.name != "steps" and (manoeuvre.name, manoeuvre.axis) != ("dash", 2):
@@ -169,7 +169,7 @@ class Excitation:
             self._lift = min(max(lift, -LARGEST_INTEGRAL), LARGEST_INTEGRAL)
 
     def _acceleration(self, x: State, manoeuvre: Manoeuvre, since: float) -> Vec3:
-        """Return the thrust, in the world, that leads to the manoeuvre's place [m/s^2]."""
+        """Return the thrust vector in the world that leads to the manoeuvre's place [m/s^2]."""
         place = list(self._centre)
         largest = GRAVITY * tan(TILT)
         if manoeuvre.name == "dash":

@@ -1,4 +1,4 @@
-"""PlannerInFlight: the planner of one flight, with its changes and its deadline."""
+"""The planner of one flight, with changes of its numbers and a deadline."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 
 class Change(NamedTuple):
-    """A change of a planner's numbers at some time of its flight."""
+    """A change of a planner's numbers at a time of its flight."""
 
     # time of the first plan with the new numbers [s]
     t: float
-    # returns the new numbers from those before
+    # returns the new numbers, given the previous ones
     after: Callable[[Planner], Planner]
 
 
@@ -46,16 +46,16 @@ class PlannerInFlight:
         deadline_ms: float | None = None,
         time: Callable[[], float] = perf_counter,
     ):
-        """Begin with the planner of the start.
+        """Begin with the planner at the start of the flight.
 
         Args:
             planner: the planner.
-            numbers: its numbers.
+            numbers: numbers of the planner.
             make: function that makes a planner of this flight with other numbers.
             changes: changes to make in flight, in the order of their times.
-            deadline_ms: time allowed for one plan [ms], which the number of samples follows; None:
+            deadline_ms: time allowed for one plan [ms], which decides the number of samples; None:
                 there is no deadline.
-            time: function that returns the time since any instant [s].
+            time: function that returns the time since a fixed instant [s].
         """
         self.planner = planner
         self._numbers = numbers
@@ -91,11 +91,11 @@ class PlannerInFlight:
         return answer
 
     def set_numbers(self, term: str, **numbers: Weight) -> None:
-        """Use other numbers of one term of the cost from the next plan on, see MPPI.set_numbers."""
+        """Use other numbers of one cost term from the next plan on; see MPPI.set_numbers."""
         self.planner.set_numbers(term, **numbers)
 
     def change(self, numbers: Planner) -> None:
-        """Plan with other numbers from the next plan on, which begins with the last one."""
+        """Use other numbers from the next plan on, which starts from the last plan."""
         planner = self._make(numbers)
         planner.continue_from(self.planner)
         # If the new numbers have the same temperature, keep the one adapted to the target ESS.
@@ -116,7 +116,7 @@ class PlannerInFlight:
         return planned_path(self.planner, estimate)
 
     def snapshot(self) -> PlannerSnapshot | None:
-        """Return the snapshot of the last plan that is stored with the run; None before it."""
+        """Return the snapshot of the last plan for the run, None before the first plan."""
         from quadsim.controllers.sampled_trajectories import (
             take_snapshot,  # here: it loads the compiler
         )
@@ -124,7 +124,7 @@ class PlannerInFlight:
         return take_snapshot(self.planner)
 
     def _make_changes(self, t: float) -> None:
-        """Make the changes that are due at t [s]. The last of them has all numbers."""
+        """Make the changes that are due at t [s], the last of which has all numbers."""
         due = None
         while self._next is not None and self._next.t <= t:
             due = self._next

@@ -1,4 +1,4 @@
-"""Records that a controller returns: the statistics of a plan, and a snapshot for display."""
+"""The records that a controller returns: statistics of a plan, and a snapshot for display."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Presets: planner parameters by name and sampler.
+"""Presets of the planner's parameters, by name and by sampler.
 
 The numbers of `paper` are from the cited paper; the numbers of `race` were tuned on this project's
 courses.
@@ -22,7 +22,7 @@ STEPS_MAX = 10**8  # samples x horizon of one iteration: more than half a second
 
 @dataclass(frozen=True)
 class Planner:
-    """All inputs of MPPI besides the course and the model.
+    """All inputs of MPPI except the course and the model.
 
     Examples:
         >>> from quadsim.controllers import preset
@@ -101,12 +101,12 @@ _RACE = Planner(
 
 
 def _smooth(base: Planner, sampling: Smooth | SmoothStar) -> Planner:
-    """Return the planner with this momentum sampler and a filtered plan."""
+    """Return the planner with a momentum sampler and a filtered plan."""
     return replace(base, sampling=sampling, mppi=replace(base.mppi, smooth=True))
 
 
 def _race(sampling: Sampling, **mppi: float) -> Planner:
-    """Return the preset `race` with this sampler and changed parameters of MPPI."""
+    """Return the preset `race` with a sampler and changed parameters of MPPI."""
     return replace(_RACE, sampling=sampling, mppi=replace(_RACE.mppi, **mppi))
 
 
@@ -137,11 +137,11 @@ PRESETS: dict[str, dict[str, Planner]] = {
 # full and a changed course has more iterations, as the plan has to become another one within 0.2 s
 # of a gate. A gate that is certain to be out of reach costs a hundredth of a crash: with a
 # fiftieth, flights went round gates to see them from behind. See docs/lab/unknown_gates.md.
-_NEWS = 6  # ratio of the iterations of a plan whose course has changed to those of others
+_NEWS = 6  # ratio of the iterations of a plan after a change of the course to the usual iterations
 
 
 def with_sight(planner: Planner) -> Planner:
-    """Return a planner of the preset `race` for gates that are known only from nearby."""
+    """Return a planner of the preset `race` for gates whose true positions are seen late."""
     assert isinstance(planner.cost, RaceWeights)
     mppi = replace(planner.mppi, first_noise=1.0, news_iterations=_NEWS * planner.mppi.iterations)
     return replace(planner, mppi=mppi, cost=replace(planner.cost, caution=0.01))
@@ -161,7 +161,7 @@ _CALM: dict[str, Sampling] = {
 
 
 def _calmer(sampler: str, sampling: Any) -> Sampling:
-    """Return the sampler of this name with less noise."""
+    """Return the sampler with this name and less noise."""
     if sampler in _CALM:
         return _CALM[sampler]
     sigma = tuple(round(_CALMER * s, 2) for s in sampling.sigma)
@@ -220,14 +220,14 @@ def preset(name: str, sampler: str) -> Planner:
 
 
 def instead_of(name: str) -> str:
-    """Return which preset to take in place of an unknown one."""
+    """Return advice on which preset to use instead of an unknown one."""
     if name.startswith("race_"):
         return "take 'race', whose numbers follow from vehicle, course and control period"
     return did_you_mean(name, PRESETS)
 
 
 def with_period(planner: Planner, dt: float) -> Planner:
-    """Return the planner with another control period, which looks as many seconds ahead.
+    """Return the planner with another control period and the same horizon in seconds.
 
     Args:
         planner: the planner.
@@ -238,7 +238,7 @@ def with_period(planner: Planner, dt: float) -> Planner:
 
 
 def per_channel(rates: float, thrust: float) -> tuple[float, float, float, float]:
-    """Return `rates` for each of the three body rates, followed by `thrust`."""
+    """Return four numbers: `rates` for each of the three body rates, then `thrust`."""
     return rates, rates, rates, thrust
 
 

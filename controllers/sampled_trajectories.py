@@ -21,7 +21,7 @@ MOST = LANES - 1  # samples; the updated plan takes the last lane of the block
 
 @dataclass(frozen=True)
 class SampledTrajectories:
-    """Positions [m] over the horizon, the samples ranked by cost."""
+    """The positions [m] of samples over the horizon, ranked by cost."""
 
     paths: np.ndarray  # (samples, points, 3) least cost first
     costs: np.ndarray  # (samples,) J
@@ -32,7 +32,7 @@ class SampledTrajectories:
 def sampled_trajectories(
     mppi: MPPI, samples: int = MOST, points: int = 25
 ) -> SampledTrajectories | None:
-    """Draw the best samples of the last iteration and roll them out again.
+    """Return the best samples of the last iteration, which are drawn and rolled out again.
 
     The planner is not changed.
 
@@ -69,15 +69,15 @@ def terms_of(
 ) -> dict[str, float]:
     """Return the horizon mean of each term of the cost along a trajectory, by name.
 
-    The compiled loops only return the sum of all terms. So the terms are computed again here, on
-    arrays over all steps and by the functions that the loops inline.
+    The compiled loops return only the sum of all terms. The terms are therefore computed again
+    here, on arrays over all steps, by the functions that the loops inline.
 
     Args:
         rollout: the rollout.
         x0: state  (n_x,).
         v: controls  (n_u, T).
         target: number of targets reached.
-        found: the trajectory of these controls, one sample.
+        found: the trajectory of these controls, a single sample.
     """
     system, d = rollout.system, rollout.dtype
     cost = rollout.cost.with_numbers(rollout.given)
@@ -143,9 +143,8 @@ def state_terms(
 def _terms_alone(cost: Cost) -> Cost:
     """Return a cost with the terms of nonzero weight, without crashes and targets.
 
-    Terms of the state alone are left out, too.
-
-    The loops leave the terms of weight zero out, and their values may be infinite or nan.
+    Terms of the state are left out, too. Terms of weight zero may have infinite values or nan; the
+    loops leave them out as well.
     """
     terms = tuple(
         term for term in cost.terms if np.any(term.weight) and not isinstance(term, StateTerm)
@@ -162,7 +161,7 @@ def controls(mppi: MPPI, last: Iteration, which: np.ndarray) -> np.ndarray:
         which: indices of the samples  (samples,).
 
     Returns:
-        (samples, n_u, T)
+        The controls  (samples, n_u, T).
     """
     U = last.nominal.T  # (n_u, T)
     T = len(last.nominal)

@@ -30,10 +30,10 @@ class Schedule:
     cost_rise: float = 0.0  # at least 0
 
     def noise(self, horizon: int) -> np.ndarray:
-        """Return n_t, the factors on the perturbations. The array is read-only.
+        """Return n_t, the factors on the perturbations, as a read-only array.
 
         Returns:
-            Factors of the blocks of samples with an even and with an odd index  (2, T).
+            Factors for the blocks of samples with even and with odd index  (2, T).
         """
         return _noise(self.first_noise, horizon)
 

@@ -20,7 +20,7 @@ def weights(J: np.ndarray, temperature: float) -> np.ndarray:
         temperature: lambda.
 
     Returns:
-        (M,), of sum 1.
+        The weights, whose sum is 1  (M,).
 
     Raises:
         FloatingPointError: no rollout has a finite cost.
@@ -46,7 +46,7 @@ def softmax_weights(J: np.ndarray, temperature: float) -> np.ndarray:
         temperature: lambda.
 
     Returns:
-        (n,), of sum 1; zeros if no sample has a finite cost.
+        The weights, whose sum is 1, or zeros if no sample has a finite cost  (n,).
     """
     if not isfinite(J.min()):
         J = np.where(np.isnan(J), np.inf, J)
@@ -58,20 +58,20 @@ def softmax_weights(J: np.ndarray, temperature: float) -> np.ndarray:
 
 
 def solve_temperature(J: np.ndarray, target: float, temperature: float) -> float:
-    """Return the temperature at which the weights of some samples have an effective sample size.
+    """Return the temperature at which the weights have a wanted effective sample size.
 
     log ESS rises with log lambda: d log ESS / d log lambda = 2 (E_w[x] - E_{w^2}[x]) >= 0 with
     x = (J - rho) / lambda and means under the weights w and w^2. Newton's method in the logarithms
-    is kept inside a bracket, which is halved where a step leaves it.
+    is kept inside a bracket, which is halved if a step leaves it.
 
     Args:
         J: cost of each sample  (n,).
         target: effective sample size to reach, below n.
-        temperature: lambda that the search starts from.
+        temperature: lambda from which the search starts.
 
     Returns:
-        lambda, with an effective sample size within ESS_TOLERANCE of the target, or the end of
-        TEMPERATURE_RANGE that is nearest; the given one if no sample has a finite cost.
+        lambda, at which the effective sample size is within ESS_TOLERANCE of the target, or
+        else the nearest end of TEMPERATURE_RANGE; `temperature` if no sample has a finite cost.
     """
     finite = J[np.isfinite(J)]
     if not len(finite):
@@ -103,7 +103,7 @@ def savitzky_golay(plan: np.ndarray, executed: np.ndarray) -> np.ndarray:
         executed: the last two executed controls, which pad the beginning  (2, n_u).
 
     Returns:
-        (T, n_u)
+        The filtered plan  (T, n_u).
     """
     padded = np.vstack([executed, plan, plan[-1:], plan[-1:]])
     shifted = np.stack([padded[i : i + len(plan)] for i in range(len(SAVITZKY_GOLAY))])

@@ -196,7 +196,7 @@ def edit(page: Page) -> None:
     group.click()
     page.get_by_role("button", name="Edit a copy").click()
     page.get_by_role("button", name="later", exact=True).wait_for()
-    page.get_by_role("button", name="pole", exact=True).click()
+    page.get_by_role("button", name="add pole", exact=True).click()
     page.get_by_text("1 obstacle, ").first.wait_for()
     group.evaluate("group => group.scrollIntoView()")
     page.wait_for_timeout(SETTLED)

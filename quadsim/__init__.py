@@ -1,4 +1,4 @@
-"""quadsim simulates quadrotor races flown by MPPI with Gaussian, colored or other sampling.
+"""Simulate quadrotor races that are flown by MPPI with Gaussian, colored or other sampling.
 
     import quadsim
     run = quadsim.fly("split_s_swift", sampler="colored", seed=0)

@@ -1,4 +1,4 @@
-"""The functions of the public interface, which `import quadsim` loads when one of them is used."""
+"""The functions of the public interface, which `import quadsim` loads on first use."""
 
 from __future__ import annotations
 
@@ -31,25 +31,25 @@ if TYPE_CHECKING:
 def fly(
     course: CourseLike | Spec | Mapping[str, Any] | None = None, **settings: Unpack[Keywords]
 ) -> Run:
-    """Simulate one flight and return the Run: laps, events, telemetry.
+    """Simulate one flight and return it as a Run, with laps, events and telemetry.
 
     Args:
-        course: a course by name ("split_s_swift"), a FILE.yaml, a Course, a complete Spec, which
-            `settings` change as `Spec.but` does, or `run.spec` of a stored run, which flies that
-            run again. Objects of your own that flew in it are given again.
+        course: name of a course ("split_s_swift"), path of a YAML file or Course; or a complete
+            Spec, which `settings` change as `Spec.but` does; or `run.spec` of a run, which repeats
+            the run. Your own objects that took part in the run must be given again.
         settings: every flight, planner, cost and model option of `race fly`, with `_` for `-`;
             `print(quadsim.settings())` lists them with units, ranges and defaults. For example
             sampler="gaussian", seed=3, horizon=120, sigma=(1, 1, 1, 4) [rad/s, rad/s, rad/s,
             m/s^2], vehicle="swift", laps=1, model_drag=0.0. sampler, terms, cost, plant, controller
-            and referee may be objects of your own, see docs/library.md.
+            and referee may be your own objects, see docs/library.md.
 
     Returns:
         The Run. The same arguments on the same machine give the same run to the last bit, for any
         number of threads.
 
     Raises:
-        SettingError: a setting is invalid; the message has its name, what was expected and what
-            was found (a ValueError).
+        SettingError: a setting is invalid; the message has its name, the expected and the found
+            value (a ValueError).
         FileError: a course, vehicle or preset cannot be read, or a file or an object that took part
             in a stored run is missing or differs (a ValueError).
 
@@ -69,10 +69,10 @@ def fly(
 def frames(
     course: CourseLike | Spec | Mapping[str, Any] | None = None, **settings: Unpack[Keywords]
 ) -> Iterator[Frame]:
-    """Simulate step by step and yield one Frame for each control period, the last with the outcome.
+    """Simulate step by step and yield a Frame for each control period; the last has the outcome.
 
-    Takes the arguments and raises the errors of `fly`. The simulation advances only when the next
-    frame is asked for; closing the iterator ends the flight.
+    Arguments and errors are those of `fly`. The simulation advances only when the next frame is
+    requested; closing the iterator ends the flight.
 
     Examples:
         >>> import quadsim
@@ -92,22 +92,22 @@ def race(
     parts: Mapping[str, Mapping[str, Any]] | None = None,
     **settings: Any,
 ) -> Heat:
-    """Race several vehicles in one world and return the Heat: runs, order, events.
+    """Race several vehicles in one world and return the Heat, with runs, order and events.
 
-    Each entrant flies with its own planner or pilot and sees the others. A race of one is the
-    flight of `fly`.
+    Each entrant flies with its own planner or pilot and perceives the others. A race with a single
+    entrant is the flight of `fly`.
 
     Args:
-        entrants: one to eight of them: texts as `race heat --entrants` takes them ("colored",
-            "fast=race+target-ess=100", "pilot=split_s_swift"), dictionaries of settings of `fly`,
-            Specs, or `quadsim.Entrant`; or {name: settings}; or `heat.spec` of a Heat, flown now or
-            loaded, which flies that race again, with another `seed` if one is given.
-        course: a name, a FILE.yaml or a Course; default: split_s_swift.
-        rotation: how many places further on the start grid each entrant starts.
-        parts: {entrant: {role: object}} of your own objects that flew in `heat.spec`, such as
-            {"mine": {"controller": Mine()}}.
+        entrants: one to eight entrants. An entrant is a text as for `race heat --entrants`
+            ("colored", "fast=race+target-ess=100", "pilot=split_s_swift"), a dictionary of settings
+            of `fly`, a Spec, or a `quadsim.Entrant`. A dictionary {name: settings} names the
+            entrants. `heat.spec` of a Heat repeats that race, with another `seed` if one is given.
+        course: name of a course, path of a YAML file or Course; split_s_swift by default.
+        rotation: number of places by which each entrant moves on around the start grid.
+        parts: {entrant: {role: object}} with your own objects that took part in `heat.spec`, such
+            as {"mine": {"controller": Mine()}}.
         settings: settings of the race (rules, expect, downwash, spacing, ...; `race heat --help`
-            has all), and settings of `fly` for all entrants.
+            lists them), and settings of `fly` for all entrants.
 
     Returns:
         The Heat. The same arguments on the same machine give the same race to the last bit, for any
@@ -151,7 +151,7 @@ def load_heat(heat: str | Path = "last", runs_dir: str = "runs") -> Heat:
     """Read a stored race of several vehicles.
 
     Args:
-        heat: its folder, a part of its name that no other race in `runs_dir` has, or "last".
+        heat: path of the race's folder, a unique part of its name, or "last".
         runs_dir: the folder of runs.
 
     Raises:
@@ -171,7 +171,7 @@ def load_heat(heat: str | Path = "last", runs_dir: str = "runs") -> Heat:
 
 
 def spec_of(course: CourseLike | Spec | Mapping[str, Any] | None, settings: Keywords) -> Spec:
-    """Return the Spec that `fly` flies, with its threads in use."""
+    """Return the Spec that `fly` flies, and use its number of threads."""
     if isinstance(course, Mapping):
         spec = Spec.of_record(course, **settings)
     elif isinstance(course, Spec):
@@ -185,7 +185,7 @@ def load_run(run: str | Path = "last", runs_dir: str = "runs") -> Run:
     """Read a stored run.
 
     Args:
-        run: its folder, a part of its name that no other run in `runs_dir` has, or "last".
+        run: path of the run's folder, a unique part of its name, or "last".
         runs_dir: the folder of runs.
 
     Raises:
@@ -201,11 +201,13 @@ def load_run(run: str | Path = "last", runs_dir: str = "runs") -> Run:
 
 
 def save_run(run: Run, runs_dir: str | Path = "runs") -> Path:
-    """Store a run as `race fly` does: run.json, telemetry.npz and events.csv.
+    """Store a run as `race fly` does, and return its folder.
+
+    The folder has run.json, telemetry.npz and events.csv.
 
     Args:
         run: the flight.
-        runs_dir: the run gets a folder of its own under this one.
+        runs_dir: folder of runs, in which the run gets its own folder.
 
     Returns:
         The run's folder.
@@ -235,26 +237,26 @@ def runs(  # noqa: PLR0913 (a keyword for each pattern)
     seed: int | None = None,
     outcome: str | None = None,
 ) -> StoredRuns:
-    """List the stored runs and races of a folder, oldest first; only their records are read.
+    """Return the stored runs and races of a folder, oldest first; only their records are read.
 
     Texts are patterns as in a shell: course="split_s*". A race of several vehicles is listed if any
-    of its entrants fits. What cannot be read is left out, and named in `.damaged`.
+    of its entrants fits. Unreadable runs are not listed; their problems are in `.damaged`.
 
     Args:
         runs_dir: the folder of runs.
         course: name of the course.
         vehicle: name of the vehicle.
-        sampler: name of the sampler; that of a flight by a controller of your own is its class.
-        preset: name of the preset; a learned pilot flies with none.
-        pilot: name of a learned pilot; "*" for all runs that a pilot flew.
-        controller: class of a controller of your own; "*" for all runs that one flew.
+        sampler: name of the sampler, or the class of your own controller.
+        preset: name of the preset; flights of learned pilots have none.
+        pilot: name of a learned pilot; "*" for all flights of learned pilots.
+        controller: class of your own controller; "*" for all flights of such controllers.
         seed: the seed.
         outcome: finished, crashed, stuck, timeout or interrupted.
 
     Returns:
-        A sequence of rows, with a table for `print` and `.to_pandas()`; `.load()` of a row reads
-            the whole Run, or the Heat of a race. `.flights` and `.races` have the one or the other
-            alone.
+        A sequence of rows, which `print` shows as a table and `.to_pandas()` converts; `.load()` of
+            a row reads the whole Run, or the Heat of a race. `.flights` has only runs, `.races`
+            only races.
 
     Examples:
         >>> import quadsim
@@ -286,14 +288,14 @@ def read_logs(path: str | Path, mapping: str | Path | None = None) -> list[Fligh
     Args:
         path: the folder of a stored run, or a file: CSV, Betaflight's blackbox, PX4's .ulg, the log
             of the Crazyflie's SD card, or a run as MCAP.
-        mapping: of a CSV file: what its columns are, by name or path; None: the shipped one that
-            fits.
+        mapping: meaning of the columns of a CSV file, by the name or path of a mapping; None: the
+            project's mapping that fits.
 
     Returns:
-        FlightLogs, whose signals have one set of units and frames.
+        FlightLogs, whose signals have common units and frames.
 
     Raises:
-        FileError: the log or the mapping cannot be used; one line (a ValueError).
+        FileError: the log or the mapping cannot be used (a ValueError).
 
     Examples:
         >>> import quadsim
@@ -317,25 +319,25 @@ def fit(
     like: str | Path | Vehicle | None = None,
     mapping: str | Path | None = None,
 ) -> VehicleFit:
-    """Fit a vehicle to flight logs, each number with its 95 % interval.
+    """Fit a vehicle to flight logs, with a 95 % interval for each number.
 
     Args:
-        logs: logs as `read_logs` takes or returns them, one or several.
-        test: logs on which the predictions of the fitted vehicle are measured; with none, the
-            fitted ones.
+        logs: one or several logs, as arguments or results of `read_logs`.
+        test: logs on which predictions of the fitted vehicle are evaluated; without any, the
+            fitted logs are used.
         name: name of the vehicle.
-        mass: of the vehicle with its battery, by a scale [kg], as a log tells only ratios to it;
-            None: the mass of `like`.
-        arm: from the centre to a rotor [m], as a log tells only the inertia over it; None: the arm
-            of `like`, and wide intervals of the inertia.
-        like: a similar vehicle, by name, path or as a Vehicle: the search starts from its numbers,
-            and what the logs do not tell comes from it; None: the vehicle of the project with the
-            nearest mass.
-        mapping: of logs as CSV, see `read_logs`.
+        mass: weighed mass of the vehicle with its battery [kg], because a log determines only
+            ratios to it; None: the mass of `like`.
+        arm: distance from the centre to a rotor [m], because a log determines only the ratio of the
+            inertia to it; None: the arm of `like`, and wide intervals of the inertia.
+        like: similar vehicle, by name, path or as a Vehicle. The search starts from its numbers,
+            and numbers that the logs do not determine are taken from it; None: the project's
+            vehicle with the nearest mass.
+        mapping: meaning of the columns of CSV logs, see `read_logs`.
 
     Returns:
         A VehicleFit: `.vehicle`, which `fly` flies, `.numbers` with intervals and sources,
-            `.remarks` on what the logs do not tell, `.to_yaml(path)`.
+            `.remarks` on numbers that the logs do not determine, `.to_yaml(path)`.
 
     Raises:
         FileError: a log cannot be used (a ValueError).
@@ -364,7 +366,7 @@ def fit(
 def _flights(
     logs: str | Path | FlightLog | Sequence[str | Path | FlightLog], mapping: str | Path | None
 ) -> list[FlightLog]:
-    """Return the flights of all logs, of which files are read."""
+    """Return the flights of all logs; logs that are given as files are read."""
     given = [logs] if isinstance(logs, str | Path) or not isinstance(logs, Sequence) else logs
     found: list[FlightLog] = []
     for one in given:
@@ -373,11 +375,11 @@ def _flights(
 
 
 def plot(run: Run, path: str | Path | None = None) -> Figure:
-    """Draw a run on one page: path, controls over time, spectrum of the thrust.
+    """Draw a run in one figure: path, controls over time, spectrum of the thrust.
 
     Args:
-        run: a quadrotor's run.
-        path: a file to write: .png, .svg or .pdf; None writes nothing.
+        run: run of a quadrotor.
+        path: file to write, with the suffix .png, .svg or .pdf; None writes nothing.
 
     Returns:
         The matplotlib Figure.
@@ -407,15 +409,14 @@ def compare(
         courses: one course or several.
         variants: {name: settings}, with the settings as a mapping or as a text such as
             "race_informed+samples=512"; or texts, such as ("gaussian", "colored"). Attempt i of
-            each flies seed + i.
+            each variant has the seed `seed` + i.
         attempts: flights of each variant on each course.
         jobs: worker processes; None: all flights in this process, one after the other. With workers
-            a script needs `if __name__ == "__main__":`, and objects of your own must be importable
-            by them.
-        campaign: an SQLite file that stores finished attempts; the same call resumes where it
-            stopped.
-        baseline: name of the variant that each other one is compared with, with p-values that are
-            corrected for the number of variants; None: every two variants are compared.
+            a script needs `if __name__ == "__main__":`, and the workers must be able to import your
+            own objects.
+        campaign: SQLite file that stores finished attempts; the same call resumes from it.
+        baseline: name of the variant with which every other variant is compared, with p-values
+            that are corrected for the number of variants; None: all pairs of variants are compared.
         settings: settings of all variants, as for `fly`; randomize=1.0 randomizes vehicle, start
             and wind by seed.
 
@@ -449,20 +450,20 @@ def sweep(
 ) -> Sweep:
     """Fly several values of settings, one setting at a time, paired by seed.
 
-    The sweep says what each value costs: finished flights, and the laps less those of the same
-    seeds at the first value, with 95 % intervals.
+    The sweep has the finished flights at each value, and the differences of lap times to the
+    flights with the same seeds at the first value, with 95 % intervals.
 
     Args:
         courses: one course or several.
-        over: two or more values of each setting by its name. The others are compared with the
-            first. A name may also be a number of the vehicle or of a sensor, such as
-            "vehicle.mass", "sensing.camera.noise", and several joined by "+" take the same value.
-            None stands for the setting's default.
-        variants: what flies at each value, as for `compare`.
-        attempts: flights of each variant at each value; attempt i flies seed + i.
+        over: two or more values of each setting by its name; the first value is the reference. A
+            name may also be a number of the vehicle or of a sensor, such as "vehicle.mass" or
+            "sensing.camera.noise". Several names joined by "+" have the same value. None stands
+            for the setting's default.
+        variants: variants that fly at each value, as for `compare`.
+        attempts: flights of each variant at each value; attempt i has the seed `seed` + i.
         jobs: worker processes, see `compare`.
-        campaign: an SQLite file that stores finished attempts; the same call resumes where it
-            stopped, and other sweeps and comparisons share its flights.
+        campaign: SQLite file that stores finished attempts; the same call resumes from it, and
+            other sweeps and comparisons share its flights.
         settings: settings of all variants, as for `fly`; randomize=1.0 randomizes vehicle, start
             and wind by seed.
 
@@ -495,17 +496,17 @@ def compare_heats(
     campaign: str | Path | None = None,
     **settings: Any,
 ) -> HeatComparison:
-    """Compare settings of races of several vehicles, each from the same starts.
+    """Compare settings of races of several vehicles, with the same starts for each setting.
 
     Args:
-        entrants: the line-up, as for `race`.
-        course: a name, a FILE.yaml or a Course; default: split_s_swift.
-        variants: {name: settings}, or a text such as "expect=own,expect=velocity", of the race and
-            of all its flights; None: one setting.
-        starts: races of each setting; race i has seed + i.
-        rotate: each entrant starts one place further on the grid in each next race.
+        entrants: the entrants, as for `race`.
+        course: name of a course, path of a YAML file or Course; split_s_swift by default.
+        variants: {name: settings}, or a text such as "expect=own,expect=velocity", with settings
+            of the race and of all its flights; None: a single variant.
+        starts: number of races of each variant; race i has the seed `seed` + i.
+        rotate: whether each entrant starts one place further on the grid in each next race.
         jobs: worker processes, see `compare`.
-        campaign: an SQLite file that stores finished races; the same call resumes where it stopped.
+        campaign: SQLite file that stores finished races; the same call resumes from it.
         settings: settings of all variants, as for `race`; randomize=1.0 randomizes vehicles, starts
             and wind by seed.
 

@@ -1,7 +1,4 @@
-"""The two streams of a command, and the look of its tables.
-
-Results go to stdout, progress and errors to stderr.
-"""
+"""The output of commands: results go to stdout, progress and errors to stderr."""
 
 from __future__ import annotations
 
@@ -36,11 +33,11 @@ COMPILING = "compiling the planner for this machine, once: some 15 s"
 
 
 class UsageError(ValueError):
-    """A command line that cannot be used. One line: the flag, what was expected, what was given."""
+    """The error of an invalid command line: the flag, the expected and the given value."""
 
 
 def prepare_process() -> None:
-    """Make streams that can be written to, warnings of one line, and no window."""
+    """Prepare a command: open closed streams, shorten warnings to a line, and open no windows."""
     # SIGTERM, and a terminal that is closed, end a command like Ctrl-C
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     if signal.getsignal(signal.SIGHUP) is signal.SIG_DFL:  # nohup ignores it
@@ -60,7 +57,7 @@ def prepare_process() -> None:
 
 
 def _open_closed_streams() -> None:
-    """Open what the shell has closed with `>&-`: the next file would take its number."""
+    """Open streams that the shell has closed with `>&-`, or a file would get their number."""
     for handle in range(3):
         try:
             os.fstat(handle)
@@ -78,21 +75,21 @@ def _show_warning(message: Any, *_: object) -> None:
 def emit(*parts: RenderableType) -> None:
     """Print results.
 
-    They are written as one string, so that a reader who leaves early is one BrokenPipeError, not an
-    exit by rich.
+    They are written as one string, so that a reader that closes the pipe causes a single
+    BrokenPipeError, rather than an exit by rich.
     """
     sys.stdout.write(_printed(console_of(file=sys.stdout), parts))
     sys.stdout.flush()
 
 
 def as_text(*parts: RenderableType, columns: int = 100) -> str:
-    """Return what `emit` prints, without colours, for a terminal of so many columns."""
+    """Return the output of `emit` without colours, for a terminal of this width in columns."""
     console = console_of(file=StringIO(), width=columns, color_system=None)
     return _printed(console, parts).rstrip("\n")
 
 
 def _printed(console: Console, parts: Iterable[RenderableType]) -> str:
-    """Return what a console prints, without spaces at the ends of lines."""
+    """Return the output of a console, without spaces at the ends of lines."""
     with console.capture() as captured:
         for part in parts:
             console.print(part, soft_wrap=isinstance(part, str))
@@ -101,11 +98,12 @@ def _printed(console: Console, parts: Iterable[RenderableType]) -> str:
 
 
 def console_of(**options: Any) -> Console:
-    """Return a console that escapes the control characters of all texts, which may come from files.
+    """Return a console that escapes the control characters of texts, which may come from files.
 
-    Its own colours are no part of the texts, and stay.
+    The console's own colours are not affected.
 
-    options: as for rich's Console.
+    Args:
+        options: options of rich's Console.
     """
     console = Console(highlight=False, **options)
     console.push_render_hook(_PlainTexts())
@@ -113,14 +111,14 @@ def console_of(**options: Any) -> Console:
 
 
 class _PlainTexts(RenderHook):
-    """Replaces what a console prints by the same with plain texts."""
+    """A hook that escapes the control characters of everything that a console prints."""
 
     def process_renderables(self, renderables: list[ConsoleRenderable]) -> list[ConsoleRenderable]:
         return [_PlainText(renderable) for renderable in renderables]
 
 
 class _PlainText:
-    """Something that a console prints, with plain texts."""
+    """A printed object whose texts have escaped control characters."""
 
     def __init__(self, inner: ConsoleRenderable):
         self._inner = inner
@@ -132,15 +130,15 @@ class _PlainText:
 
 
 def progress_console() -> Console:
-    """Return stderr for a line that moves.
+    """Return a console on stderr for a progress line that is rewritten.
 
-    It counts as a terminal only where it is one, though FORCE_COLOR may ask for colours in a file.
+    It treats stderr as a terminal only if it is one, even if FORCE_COLOR asks for colours.
     """
     return console_of(stderr=True, force_terminal=sys.stderr.isatty())
 
 
 def width() -> int:
-    """Return the columns of the terminal; 80 without one, unless COLUMNS names another number."""
+    """Return the terminal's width in columns, else the number in COLUMNS, or 80."""
     return Console(file=sys.stdout).width
 
 
@@ -149,8 +147,8 @@ def plain_table(*heads: str, left: Collection[int] = (), no_wrap: bool = False) 
 
     Args:
         heads: headings of the columns.
-        left: indices of the columns of text; the others are of numbers.
-        no_wrap: keep each cell on one line.
+        left: indices of the columns with text; the other columns have numbers.
+        no_wrap: whether each cell is kept on one line.
     """
     table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0), pad_edge=False)
     for i, head in enumerate(heads):
@@ -172,9 +170,9 @@ def complain(line: str) -> None:
 
 
 def plain(text: str) -> str:
-    """Return a text whose control characters are escaped, so that none reaches the terminal.
+    """Return a text with escaped control characters, so that none of them reaches the terminal.
 
-    They may come from names and files.
+    Control characters may come from names and files.
     """
     return CONTROL.sub(_escaped, text)
 
@@ -185,9 +183,9 @@ def _escaped(found: re.Match[str]) -> str:
 
 @contextmanager
 def uninterrupted() -> Iterator[list[int]]:
-    """Let Ctrl-C and SIGTERM wait until what is inside is done; then raise KeyboardInterrupt.
+    """Delay Ctrl-C and SIGTERM to the end of the context, which then raises KeyboardInterrupt.
 
-    It gives the list of the signals that wait.
+    The context yields the list of delayed signals.
     """
     waiting: list[int] = []
 

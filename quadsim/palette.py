@@ -1,7 +1,7 @@
 """One colour and one line style for each sampler, the same on every page, figure and table.
 
-The colours are Okabe and Ito's, which people with any kind of colour vision tell apart; the dashes
-tell them apart in grey.
+The colours are Okabe and Ito's, which people with any kind of colour vision can distinguish; the
+line styles distinguish them in grey.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ SPARE = (
     Style("#332288", (4, 4)),
 )
 OTHER = Style("#b0b0b0", (4, 4))
-# On the dark page, for a second competitor with the same sampler and those after it
+# On the dark page, for the second and later competitors with the same sampler
 SPARE_ON_DARK = (
     Style("#f4f4f4", (2, 3)),
     Style("#8f9dff", (9, 3)),
@@ -74,15 +74,15 @@ FINE = "#f2f2f2"
 
 
 def style(sampler: str) -> Style:
-    """Return the style of a sampler by its name, OTHER for one that has none."""
+    """Return the style of a sampler by its name, or OTHER."""
     return STYLES.get(sampler, OTHER)
 
 
 def styles(variants: Sequence[str]) -> list[Style]:
     """Return the styles of variants that are compared in one figure, up to 36 of which differ.
 
-    A sampler by its name has its own, any other variant the next spare one. After the spare ones
-    come their colours with each other's dashes.
+    A variant that is named after a sampler has the sampler's style, any other variant the next free
+    one. Once all are used, colours are combined with the line styles of other colours.
     """
     spare = cycle(
         Style(one.colour, SPARE[(k + turn) % len(SPARE)].dash)
@@ -95,7 +95,7 @@ def styles(variants: Sequence[str]) -> list[Style]:
 def styles_on_dark(samplers: Sequence[str]) -> list[Style]:
     """Return the styles of competitors on a dark page, all of which differ.
 
-    The first competitor of a sampler has the sampler's style, a later one the next spare one.
+    The first competitor with a sampler has the sampler's style, a later one the next free style.
     """
     spare = cycle(SPARE_ON_DARK)
     return [
@@ -105,5 +105,5 @@ def styles_on_dark(samplers: Sequence[str]) -> list[Style]:
 
 
 def dotted(s: Style) -> Style:
-    """Return the style of the same sampler once more in one figure, with other numbers."""
+    """Return the dotted style for a second curve of the same sampler in one figure."""
     return replace(s, dash=(1, 1))

@@ -4,12 +4,12 @@ An attitude is a unit quaternion q = (w, x, y, z) that turns vectors of the body
 world. Angles are in radians. Euler angles are yaw about z, then pitch about the new y, then roll
 about the new x, so that R = Rz(yaw) Ry(pitch) Rx(roll).
 
-The first part is plain arithmetic on scalars. The compiled lanes inline these functions, and they
-take rows of numbers and CasADi's symbols as well. The second part works on the floats of one state:
-at 400 Hz the overhead of arrays of three numbers would be most of the cost.
+The first part is plain arithmetic on scalars. The compiled lanes inline these functions, which also
+accept arrays and CasADi symbols. The second part works on the floats of one state: at 400 Hz the
+overhead of arrays of three numbers would be most of the cost.
 
-Flights are compared to the last bit. So where one quantity is computed by two formulas that round
-differently, here or elsewhere in the project, each caller keeps the formula that it has always had.
+Flights are compared to the last bit. Some quantities are computed by two formulas that round
+differently, here or elsewhere in the project; therefore each caller must keep its formula.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Quaternion = tuple[float, float, float, float]  # wxyz, of unit length
 
 # [rad] A turn below this is taken as linear.
 SMALL = 1e-9
-# An axis is vertical where its height is nearer to 1 than this.
+# An axis is vertical if its height is nearer to 1 than this.
 VERTICAL = 1e-12
 
 
@@ -38,10 +38,10 @@ def to_body(q, v):
 
     Args:
         q: attitude, wxyz  (4,).
-        v: vector of the world  (3,).
+        v: vector in world axes  (3,).
 
     Returns:
-        (3,)
+        The vector in body axes  (3,).
     """
     w, ux, uy, uz = q
     x, y, z = v
@@ -67,7 +67,7 @@ def body_axes(q):
         q: attitude, wxyz  (4,).
 
     Returns:
-        (9,), which `along` takes.
+        The three columns, an argument of `along`  (9,).
     """
     w, x, y, z = q
     xx = x * x
@@ -89,28 +89,28 @@ def body_axes(q):
 def along(axes, x, y, z):
     """Return R(q)^T (x, y, z) from body_axes(q).
 
-    It is the same as `to_body` in fewer operations, once the axes are known.
+    It equals `to_body`, with fewer operations if the axes are known.
 
     Args:
-        axes: `body_axes` of an attitude  (9,).
-        x, y, z: vector of the world.
+        axes: result of `body_axes`  (9,).
+        x, y, z: vector in world axes.
 
     Returns:
-        (3,)
+        The vector in body axes  (3,).
     """
     a, b, c, d, e, f, g, h, i = axes
     return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
 
 
 def in_frame(d, passage, left, up):
-    """Return the components of a vector along the three axes of a frame, e.g. of a gate.
+    """Return the components of a vector along the three axes of a frame, such as a gate's.
 
     Args:
-        d: vector of the world  (3,), scalars or rows of numbers.
+        d: vector in world axes, scalars or arrays  (3,).
         passage, left, up: axes of the frame in the world, each (3,).
 
     Returns:
-        (3,)
+        The components  (3,).
     """
     return (
         passage[0] * d[0] + passage[1] * d[1] + passage[2] * d[2],
@@ -124,10 +124,10 @@ def quaternion_rate(q, m):
 
     Args:
         q: attitude, wxyz  (4,).
-        m: half the body rates, in the body's axes  (3,).
+        m: half the body rates, in body axes  (3,).
 
     Returns:
-        (4,)
+        The rate of the quaternion  (4,).
     """
     qw, qx, qy, qz = q
     mx, my, mz = m
@@ -143,7 +143,7 @@ def quaternion_rate(q, m):
 
 
 def product(a: Sequence[float], b: Sequence[float]) -> Quaternion:
-    """Return a x b, the attitude a followed by the turn b in the axes of a."""
+    """Return the product a x b, the attitude a followed by the rotation b in a's axes."""
     aw, ax, ay, az = a
     bw, bx, by, bz = b
     return (
@@ -155,10 +155,10 @@ def product(a: Sequence[float], b: Sequence[float]) -> Quaternion:
 
 
 def exp(turn: Sequence[float]) -> Quaternion:
-    """Return the attitude after a turn from the identity.
+    """Return the quaternion of a rotation vector.
 
     Args:
-        turn: axis times angle [rad]  (3,).
+        turn: rotation vector, axis times angle [rad]  (3,).
     """
     x, y, z = turn
     angle = hypot(x, y, z)
@@ -167,7 +167,7 @@ def exp(turn: Sequence[float]) -> Quaternion:
 
 
 def log(q: Sequence[float]) -> Vec3:
-    """Return the shortest turn [rad] that leads from the identity to q, the inverse of `exp`."""
+    """Return the shortest rotation vector [rad] of a quaternion, the inverse of `exp`."""
     # q and -q are one attitude: the turn is the short one for the sign with w >= 0.
     w, x, y, z = q if q[0] >= 0.0 else tuple(-c for c in q)
     s = hypot(x, y, z)
@@ -176,16 +176,16 @@ def log(q: Sequence[float]) -> Vec3:
 
 
 def between(a: Sequence[float], b: Sequence[float]) -> Vec3:
-    """Return the turn in the body frame that leads from the attitude a to the attitude b [rad]."""
+    """Return the rotation vector in the body frame from attitude a to attitude b [rad]."""
     return log(product((a[0], -a[1], -a[2], -a[3]), b))
 
 
 def turned(q: Sequence[float], turn: Sequence[float]) -> Quaternion:
-    """Return the attitude q followed by a turn in the body frame, of unit length.
+    """Return the attitude q followed by a rotation in the body frame, as a unit quaternion.
 
     Args:
         q: attitude, wxyz  (4,).
-        turn: axis times angle [rad]  (3,).
+        turn: rotation vector, axis times angle [rad]  (3,).
     """
     w, x, y, z = product(q, exp(turn))
     n = 1.0 / sqrt(w * w + x * x + y * y + z * z)
@@ -193,9 +193,9 @@ def turned(q: Sequence[float], turn: Sequence[float]) -> Quaternion:
 
 
 def turned_at(q: Sequence[float], body_rates: Sequence[float], dt: float) -> Quaternion:
-    """Return the attitude q after dt [s] at constant body rates [rad/s], of unit length.
+    """Return the attitude q after dt [s] at constant body rates [rad/s], as a unit quaternion.
 
-    The same as `turned(q, body_rates * dt)` but for rounding.
+    It equals `turned(q, body_rates * dt)` up to rounding errors.
     """
     wx, wy, wz = body_rates
     rate = hypot(wx, wy, wz)
@@ -212,12 +212,12 @@ def turned_at(q: Sequence[float], body_rates: Sequence[float], dt: float) -> Qua
 
 
 def from_yaw(yaw: float) -> Quaternion:
-    """Return the level attitude of this yaw [rad]."""
+    """Return the level attitude with a yaw [rad]."""
     return cos(0.5 * yaw), 0.0, 0.0, sin(0.5 * yaw)
 
 
 def from_euler(yaw: float, pitch: float, roll: float) -> Quaternion:
-    """Return the attitude of these Euler angles [rad]."""
+    """Return the attitude with given Euler angles [rad]."""
     about_y = (cos(0.5 * pitch), 0.0, sin(0.5 * pitch), 0.0)
     about_x = (cos(0.5 * roll), sin(0.5 * roll), 0.0, 0.0)
     return product(product(from_yaw(yaw), about_y), about_x)
@@ -226,7 +226,8 @@ def from_euler(yaw: float, pitch: float, roll: float) -> Quaternion:
 def euler_angles(q: Sequence[float]) -> Vec3:
     """Return yaw, pitch and roll of an attitude [rad], the inverse of `from_euler`.
 
-    Where the body's x axis is vertical, yaw and roll turn about the same axis: the roll is 0.
+    If the body's x axis is vertical, yaw and roll rotate about the same axis, and 0 is returned for
+    the roll.
     """
     xx, xy, xz, yx, yy, _, _, _, zz = body_axes(q)
     yz = 2.0 * (q[2] * q[3] + q[0] * q[1])
@@ -240,11 +241,12 @@ def euler_angles(q: Sequence[float]) -> Vec3:
 
 
 def without_jumps(q: np.ndarray) -> np.ndarray:
-    """Return a sequence of quaternions in which each has the sign that is nearer to the one before.
+    """Return quaternions with signs that make the sequence continuous.
 
-    q and -q are one attitude; a simulator may change from one to the other between two steps.
+    q and -q are the same attitude; a simulator may switch between them from step to step.
 
-    q: quaternions wxyz  (n, 4)
+    Args:
+        q: quaternions wxyz  (n, 4).
     """
     signs = np.where(np.sum(q[1:] * q[:-1], axis=1) < 0.0, -1.0, 1.0)
     return q * np.concatenate([[1.0], np.cumprod(signs)])[: len(q), None]
@@ -258,7 +260,7 @@ def matrix(q: Sequence[float]) -> np.ndarray:
 
 
 def euler_matrix(yaw: float, pitch: float, roll: float) -> np.ndarray:
-    """Return R = Rz(yaw) Ry(pitch) Rx(roll) of these Euler angles [rad].  (3, 3)"""
+    """Return R = Rz(yaw) Ry(pitch) Rx(roll) for Euler angles [rad].  (3, 3)"""
     cy = np.cos(yaw)
     cp = np.cos(pitch)
     cr = np.cos(roll)

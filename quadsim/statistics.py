@@ -1,7 +1,7 @@
 """Statistics of flights: intervals, tests, and the differences that a sample can detect.
 
-scipy.special has the distributions and loads in a tenth of the time of scipy.stats (.7 s), which
-the functions that need it import themselves.
+The distributions come from scipy.special, which loads in a tenth of the time of scipy.stats (0.7
+s). Functions that need scipy.stats import it themselves.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ class Mean:
 
 
 def mean_interval(values: Sequence[float], confidence: float = 0.95) -> Mean:
-    """Return mean and mean -+ t sd / sqrt(n); nan if n is too small to tell.
+    """Return the mean with the interval mean +- t sd / sqrt(n), or nan if n is too small.
 
-    Of paired differences this is the paired t-interval.
+    For paired differences this is the paired t-interval.
     """
     x = np.asarray(values, float)
     n = len(x)
@@ -49,9 +49,9 @@ def mean_interval(values: Sequence[float], confidence: float = 0.95) -> Mean:
 def clustered_mean(groups: Sequence[Sequence[float]], confidence: float = 0.95) -> Mean:
     """Return the mean of all values, with an interval for values that are alike within a group.
 
-    The group is the unit: the variance is that of the groups' sums of residuals (the cluster-robust
-    one, Liang and Zeger 1986), with Student's t of one less than their number. Groups of one value
-    each have `mean_interval`. It is nan for fewer than two groups.
+    The variance is estimated from the groups' sums of residuals (cluster-robust variance, Liang and
+    Zeger 1986), with Student's t for the number of groups minus one. If each group has one value,
+    the result equals `mean_interval`. It is nan for fewer than two groups.
 
     Args:
         groups: the values of each group, such as the times of the flights of one race.
@@ -72,17 +72,17 @@ def clustered_mean(groups: Sequence[Sequence[float]], confidence: float = 0.95) 
 def ratio_interval(pairs: Sequence[tuple[float, float]]) -> Mean:
     """Return the geometric mean of b / a over the pairs (a, b) of positive numbers.
 
-    Its sd is the standard deviation of the logarithms. Pairs with a number that is not positive are
-    left out.
+    The `sd` of the result is the standard deviation of the logarithms. Pairs with a number that is
+    not positive are left out.
     """
     logs = mean_interval([log(b / a) for a, b in pairs if a > 0 < b])
     return Mean(exp(logs.mean), exp(logs.low), exp(logs.high), logs.n, logs.sd)
 
 
 def p_of_mean(mean: Mean) -> float:
-    """Return the two-sided p of the t-test that the true mean is 0; nan for fewer than two values.
+    """Return the two-sided p-value of the t-test that the true mean is 0.
 
-    Of paired differences this is the paired t-test.
+    It is nan for fewer than two values. For paired differences this is the paired t-test.
     """
     if mean.n < 2:
         return nan
@@ -93,15 +93,15 @@ def p_of_mean(mean: Mean) -> float:
 
 
 def p_of_ratio(ratio: Mean) -> float:
-    """Return the two-sided p that the true ratio is 1, of what `ratio_interval` returns."""
+    """Return the two-sided p-value that the true ratio is 1, for a result of `ratio_interval`."""
     return p_of_mean(Mean(log(ratio.mean), nan, nan, ratio.n, ratio.sd) if ratio.n else ratio)
 
 
 def holm(ps: Sequence[float]) -> list[float]:
-    """Return p-values that are corrected for their number (Holm 1979); nan stays, and counts not.
+    """Return p-values that are corrected for their number (Holm 1979).
 
-    The probability that any hypothesis that is true is rejected at 5 % is at most 5 %, however the
-    tests depend on each other.
+    At a level of 5 %, the probability that any true hypothesis is rejected is at most 5 %, whatever
+    the dependence between the tests. A nan remains nan, and is not counted.
 
     Args:
         ps: p-values of the tests of one family.
@@ -121,7 +121,7 @@ def holm(ps: Sequence[float]) -> list[float]:
 
 
 def upper_bound(values: Sequence[float], confidence: float = 0.95) -> float:
-    """Return the one-sided bound that the mean is below with the given confidence.
+    """Return the one-sided upper bound of the mean with the given confidence.
 
     It is nan for fewer than two values.
     """
@@ -129,10 +129,10 @@ def upper_bound(values: Sequence[float], confidence: float = 0.95) -> float:
 
 
 def detectable(sd: float, n: int, power: float = 0.8) -> float:
-    """Return the smallest true mean that a two-sided 5 % t-test detects with this power.
+    """Return the smallest true mean that a two-sided 5 % t-test detects with a given power.
 
     Args:
-        sd: standard deviation of one (paired) difference.
+        sd: standard deviation of a single (paired) difference.
         n: number of differences.
         power: probability of detection.
     """
@@ -147,7 +147,7 @@ def false_alarm(sd: float, n: int, effect: float, confidence: float) -> float:
     """Return the probability that `upper_bound` exceeds `effect` although the true mean is 0.
 
     Args:
-        sd: standard deviation of one difference.
+        sd: standard deviation of a single difference.
         n: number of differences.
         effect: the bound that raises an alarm.
         confidence: confidence of `upper_bound`.
@@ -174,10 +174,10 @@ def clustered_wilson(
 ) -> tuple[float, float]:
     """Return the score interval of a proportion whose trials are alike within a group.
 
-    It is Wilson's interval of an effective number of trials (Korn and Graubard 1998): the number
-    of independent trials that have the variance of the groups' successes, at most that of all
-    trials, with Student's t of one less than the number of groups. If all trials succeed, or none
-    does, they show no variance, and each group counts as one trial.
+    It is Wilson's interval for an effective number of trials (Korn and Graubard 1998): the number
+    of independent trials with the same variance as the groups' successes, at most the number of all
+    trials, with Student's t for the number of groups minus one. If all trials or no trials succeed
+    there is no variance, and each group counts as one trial.
 
     Args:
         successes: successes in each group, such as the flights of one race that have finished.
@@ -200,12 +200,12 @@ def clustered_wilson(
 
 
 def _normal(confidence: float) -> float:
-    """Return half the width of a two-sided interval of the standard normal distribution."""
+    """Return half of the width of a two-sided interval of the standard normal distribution."""
     return float(ndtri((1 + confidence) / 2))
 
 
 def _score_interval(p: float, n: float, confidence: float) -> tuple[float, float]:
-    """Return Wilson's interval of a proportion p among n trials, which may be no whole number."""
+    """Return Wilson's interval of a proportion p among n trials; n need not be an integer."""
     z = _normal(confidence)
     centre = p + z * z / (2.0 * n)
     half = z * sqrt(p * (1.0 - p) / n + z * z / (4.0 * n * n))
@@ -214,11 +214,11 @@ def _score_interval(p: float, n: float, confidence: float) -> tuple[float, float
 
 
 def mcnemar(only_a: int, only_b: int) -> float:
-    """Return the exact two-sided p that a and b succeed alike.
+    """Return McNemar's exact two-sided p-value that a and b are equally successful.
 
     Args:
-        only_a: pairs in which a alone succeeded.
-        only_b: pairs in which b alone succeeded.
+        only_a: number of pairs in which only a succeeded.
+        only_b: number of pairs in which only b succeeded.
     """
     from scipy.stats import binomtest
 
@@ -228,7 +228,7 @@ def mcnemar(only_a: int, only_b: int) -> float:
 
 
 def fisher(k_a: int, n_a: int, k_b: int, n_b: int) -> float:
-    """Return Fisher's exact two-sided p that k_a of n_a and k_b of n_b have one proportion."""
+    """Return Fisher's exact two-sided p-value that k_a / n_a and k_b / n_b are equal."""
     from scipy.stats import fisher_exact
 
     found = fisher_exact([[k_a, n_a - k_a], [k_b, n_b - k_b]])

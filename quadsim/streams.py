@@ -2,10 +2,10 @@
 
 Every random number of the project comes from one of these streams.
 
-A stream is a `numpy.random.SeedSequence`. Streams of one seed differ in their spawn keys, so that
-numbers drawn from one of them are independent of the numbers drawn from another. A stream is
-derived from the seed and from its own key alone: drawing from one stream changes no other, and a
-new stream with a new key changes none of those below.
+A stream is a `numpy.random.SeedSequence`. Streams of the same seed differ in their spawn keys, so
+that numbers drawn from different streams are independent. A stream depends only on the seed and its
+own key: drawing from one stream changes no other stream, and a new stream with a new key changes
+none of the streams below.
 
 Flights of a seed are compared across versions, so the keys are never changed:
 
@@ -13,7 +13,7 @@ Flights of a seed are compared across versions, so the keys are never changed:
                             (2), gates (3), their heights and turns, and obstacles (3, 0), faults
                             (4); fault k, counted from 0, (4, k); link (5), noise of commands (5, 0)
     race of several         seed of entrant k, counted from 0, (6, k), but for the first one, whose
-                            seed is the race's; what vehicle k sees of the others (7, k); its plan
+                            seed is the race's; perception of others by vehicle k (7, k); its plan
                             for vehicle m (8, k, m)
     its sensors             imu (2, 0), rotors (2, 1), pose (2, 2), camera (2, 3), its dropouts
                             (2, 3, 0), its bursts of misses (2, 3, 1); the flight controller's own
@@ -24,11 +24,11 @@ Flights of a seed are compared across versions, so the keys are never changed:
     double integrator       planner (); vehicle (0), gusts (1), sensors (2), gates (3), faults (4),
                             link (5) are not used
     environments            starts of course k (k), vehicle of its row i (k, i), in a race of
-                            several that of racer j (k, i, j)
+                            several the vehicle of racer j (k, i, j)
     generated courses       course number k, counted from 1, (k - 1)
 
-Pictures and training have entropy of two words in place of a key, see `pose_stream`, `look_streams`
-and `training_stream`.
+The entropy of pictures and training has two numbers instead of a key, see `pose_stream`,
+`look_streams` and `training_stream`.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Streams(NamedTuple):
     gusts: SeedSequence  # disturbance of every physics step
     sensors: SeedSequence  # noise of all sensors, see `sensor_streams`
     gates: SeedSequence  # how far the gates stand off the map
-    faults: SeedSequence  # what the texts of faults leave out, see `fault_stream`
+    faults: SeedSequence  # numbers that the texts of faults leave open, see `fault_stream`
     link: SeedSequence  # which frames of the link are lost
 
 
@@ -73,7 +73,7 @@ class SensorStreams(NamedTuple):
 class LookStreams(NamedTuple):
     """The random streams of the look of one picture.
 
-    A part that is not varied draws nothing, and the streams of the others stay as they are.
+    A part that is not varied draws no numbers, which does not change the other streams.
     """
 
     textures: SeedSequence  # paint of ground, obstacles and gates
@@ -92,7 +92,7 @@ class PictureStreams(NamedTuple):
 def quadrotor_streams(seed: int) -> Streams:
     """Return the streams of a quadrotor's flight.
 
-    Every planner that flies a seed meets the same vehicle and the same gusts.
+    Every planner that flies with a seed has the same vehicle and the same gusts.
     """
     root = SeedSequence(seed)
     return Streams(
@@ -107,7 +107,7 @@ def quadrotor_streams(seed: int) -> Streams:
 
 
 def entrant_seed(seed: int, entrant: int) -> int:
-    """Return the seed of one entrant's flight, so that a race of one is that flight.
+    """Return the seed of one entrant's flight; the first entrant has the seed of the race.
 
     Args:
         seed: seed of the race.
@@ -120,7 +120,7 @@ def entrant_seed(seed: int, entrant: int) -> int:
 
 
 def sighting_stream(seed: int, vehicle: int) -> SeedSequence:
-    """Return the stream of the noise in what a vehicle of a race sees of the others.
+    """Return the stream of the noise in a vehicle's perception of other vehicles in a race.
 
     Args:
         seed: seed of the race.
@@ -130,12 +130,12 @@ def sighting_stream(seed: int, vehicle: int) -> SeedSequence:
 
 
 def opponent_stream(seed: int, vehicle: int, other: int) -> SeedSequence:
-    """Return the stream of the samples with which a vehicle plans another one's flight.
+    """Return the stream of the samples with which a vehicle plans another vehicle's flight.
 
     Args:
         seed: seed of the race.
         vehicle: index of the vehicle that plans, from 0.
-        other: index of the other one.
+        other: index of the other vehicle.
     """
     return _child(SeedSequence(seed), 8, vehicle, other)
 
@@ -195,7 +195,7 @@ def miss_stream(camera: SeedSequence) -> SeedSequence:
 def alignment_stream(imu: SeedSequence) -> SeedSequence:
     """Return the stream of the scale factors and the misalignment of an inertial unit.
 
-    A unit without them draws nothing, and its noise is the same with them.
+    The errors do not change the noise of the unit.
 
     Args:
         imu: the stream of the unit.
@@ -206,7 +206,7 @@ def alignment_stream(imu: SeedSequence) -> SeedSequence:
 def offroad_streams(seed: int) -> Streams:
     """Return the streams of an off-road drive.
 
-    `gusts` is the disturbance of its state; vehicle, sensors, gates and faults are not used.
+    `gusts` is the stream of the disturbance; vehicle, sensors, gates and faults are not used.
     """
     root = SeedSequence(seed)
     return Streams(
@@ -235,7 +235,7 @@ def double_integrator_streams(seed: int) -> Streams:
 
 
 def start_stream(seed: int, course: int) -> SeedSequence:
-    """Return the stream that decides where episodes on a course start in flight.
+    """Return the stream of the states in which episodes on a course start.
 
     Args:
         seed: seed of the environment.
@@ -263,7 +263,7 @@ def observation_noise_key(seed: int) -> np.ndarray:
 
 
 def fresh_seed() -> int:
-    """Return a seed from the operating system, for environments that are reset without one."""
+    """Return a seed from the operating system, for environments that are reset without a seed."""
     return int(SeedSequence().generate_state(1)[0])
 
 
@@ -273,12 +273,12 @@ def training_stream(seed: int) -> SeedSequence:
 
 
 def batch_stream(seed: int) -> SeedSequence:
-    """Return the stream that orders and varies the pictures from which a network learns."""
+    """Return the stream of the order and the variation of pictures in a network's training."""
     return _child(training_stream(seed), 0)
 
 
 def venue_stream(seed: int, venue: int) -> SeedSequence:
-    """Return the stream of noise and banners in the pictures of a venue that is learnt from.
+    """Return the stream of noise and banners in the training pictures of a venue.
 
     Args:
         seed: seed of all pictures.
@@ -288,13 +288,13 @@ def venue_stream(seed: int, venue: int) -> SeedSequence:
 
 
 def identification_streams() -> tuple[SeedSequence, SeedSequence]:
-    """Return the streams of the commands by which a rate loop is identified, and is checked."""
+    """Return the streams of the commands for identifying a rate loop and for checking it."""
     root = SeedSequence(0)
     return _child(root, 0), _child(root, 1)
 
 
 def pose_stream(seed: int, picture: int) -> SeedSequence:
-    """Return the stream that decides from where a picture is taken.
+    """Return the stream of the pose from which a picture is taken.
 
     Args:
         seed: seed of all pictures.
@@ -304,7 +304,7 @@ def pose_stream(seed: int, picture: int) -> SeedSequence:
 
 
 def look_streams(seed: int, picture: int) -> LookStreams:
-    """Return the streams that decide how a picture looks.
+    """Return the streams of the look of a picture.
 
     Args:
         seed: seed of all pictures.
@@ -337,7 +337,7 @@ def texture_stream() -> SeedSequence:
 
 
 def course_stream(seed: int, number: int) -> SeedSequence:
-    """Return the stream that decides a generated course.
+    """Return the stream of a generated course.
 
     Args:
         seed: seed of all generated courses.

@@ -6,7 +6,7 @@ A rollout takes the plain functions of a model and a cost through these files:
     text.py           write the graph as assignments
     planner_loops.py  put them into the loops over time and lanes
     compiled.py       compile that module, or load its code from the disk (code_cache.py)
-    sharing.py        run a compiled loop on several threads, with those of helpers.py
+    sharing.py        run a compiled loop on several threads, which helpers.py starts
     lanes.py          call the compiled loops: Rollout
 
 environment.py does the same for learning environments, transform.py and passes.py for the Fourier

@@ -1,7 +1,7 @@
 """Operations for compiled functions that several threads run at once.
 
-The atomic ones act on a whole number of 64 bits at an address. They are sequentially consistent:
-every thread sees them in one order.
+The atomic operations act on a 64-bit integer at an address. They are sequentially consistent:
+all threads see them in the same order.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def store(typing_context, address, number):
 
 
 def _changed(operation):
-    """Return the type and the code of an operation that returns the number before it."""
+    """Return the type and the code of an atomic operation that returns the previous number."""
 
     def generate(context, builder, signature, values):
         address, number = values
@@ -55,19 +55,19 @@ def _changed(operation):
 
 @extending.intrinsic
 def add(typing_context, address, number):
-    """Add to the number at an address, and return the number before."""
+    """Add to the number at an address, and return the previous number."""
     return _changed("add")
 
 
 @extending.intrinsic
 def exchange(typing_context, address, number):
-    """Set the number at an address, and return the number before."""
+    """Set the number at an address, and return the previous number."""
     return _changed("xchg")
 
 
 @extending.intrinsic
 def pause(typing_context):
-    """Leave the core to its other hardware thread for a moment; does nothing but on x86."""
+    """Yield the core to its other hardware thread for a moment, on x86 only."""
 
     def generate(context, builder, signature, values):
         if platform.machine() in X86:
@@ -80,7 +80,7 @@ def pause(typing_context):
 
 @extending.intrinsic
 def ticks(typing_context):
-    """Return the processor's counter of time; 0 on processors that are no x86."""
+    """Return the processor's time stamp counter, 0 on processors other than x86."""
 
     def generate(context, builder, signature, values):
         if platform.machine() not in X86:

@@ -1,8 +1,8 @@
-"""Compiled code on the disk, one file for each function and signature.
+"""The cache of compiled code on the disk, with a file for each function and signature.
 
-A file holds the sha256 of the code, then the code. It replaces numba's cache, which loads files
-unchecked: a truncated or changed file would end every later flight in a traceback or in an illegal
-instruction.
+A file has the sha256 of the code, then the code. This cache replaces numba's, which loads files
+unchecked: a truncated or changed file would end every later flight with a traceback or an
+illegal instruction.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class CodeCache(NullCache):
             )
 
     def _path(self, sig: Any, codegen: Any) -> Path | None:
-        """Return the file of a signature, named by a digest of all inputs of the code."""
+        """Return the file of a signature, whose name has a digest of all inputs of the code."""
         folder = cache_folder()
         if folder is None:
             return None
@@ -99,7 +99,7 @@ class CodeCache(NullCache):
 
 @cache
 def _inlined() -> str:
-    """Return a digest of the INLINED files."""
+    """Return a digest of the content of the INLINED files."""
     digest = sha256()
     for name in INLINED:
         digest.update(Path(__file__).with_name(name).read_bytes())
@@ -107,7 +107,7 @@ def _inlined() -> str:
 
 
 def _read(path: Path) -> bytes | None:
-    """Return the code of a file; None if it is missing, or damaged, with a warning."""
+    """Return the code in a file, None if it is missing or, with a warning, if it is damaged."""
     try:
         with path.open("rb") as file:
             data = file.read(LARGEST)

@@ -47,7 +47,7 @@ def kept(function: Any) -> Any:
 
 
 def _refused(error: NumbaError) -> str:
-    """Return the compiler's error on one line, with the function and line of the generated text."""
+    """Return the compiler's error on one line, with function and line of the generated text."""
     texts = (line.strip() for line in COLOUR.sub("", str(error)).splitlines())
     problem = next((text for text in texts if text and not text.startswith("Failed in")), "")
     place = getattr(error, "loc", None)
@@ -62,10 +62,10 @@ def _refused(error: NumbaError) -> str:
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Raise KeyboardInterrupt at the end if the code inside has swallowed one, or failed by it.
+    """Raise KeyboardInterrupt at the end of the context if the code inside has suppressed it.
 
     An exception that a signal raises inside a callback from LLVM is printed and dropped, as in any
-    callback from C.
+    callback from C, or leads to another error.
     """
     before = signal.getsignal(signal.SIGINT)
     came: list[int] = []
@@ -91,7 +91,7 @@ def interruptible() -> Iterator[None]:
 
 
 def load_module(name: str, source: str) -> ModuleType:
-    """Return the module with this text.
+    """Return the module with a source text.
 
     No file is written; tracebacks and compilers read the lines through `linecache`.
     """
@@ -109,7 +109,7 @@ def load_module(name: str, source: str) -> ModuleType:
 
 
 def is_cached(function: Callable) -> bool:
-    """Return whether code of this function is on the disk, so that its first call is fast."""
+    """Return whether a function's code is in the cache, so that its first call is fast."""
     folder = cache_folder()
     if folder is None:
         return False

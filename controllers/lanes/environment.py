@@ -5,8 +5,8 @@ restart. The inlined functions are the same as in a rollout, and like a rollout 
 lanes: environment i is lane i % LANES of block i // LANES. All environments of a block share a
 course.
 
-The text consists of the templates RESTART, PARTS and ADVANCE, with the traced lines in the places
-`<name>` (see `parts.fill`). The core of `advance` then reads
+The text consists of the templates RESTART, PARTS and ADVANCE, in which the traced lines replace the
+places `<name>` (see `parts.fill`). The core of `advance` then reads
 
     for l in range(L):
         # the action within -1..1, as a command
@@ -19,13 +19,13 @@ The text consists of the templates RESTART, PARTS and ADVANCE, with the traced l
 
 Rare events, a passed gate or the end of an episode, set a flag, and a separate loop handles them.
 An episode starts from a row of `starts`: the state, the number of its target row, the
-parameters of the system, the last action. The choice of the row depends on the seed, the
-environment and the number of the episode alone, never on threads.
+parameters of the system, the last action. The choice of the row depends only on the seed, the
+environment and the number of the episode, and not on threads.
 
 LLVM vectorises a lane loop only if it can prove that written and read arrays do not overlap. So the
 lane loops write to arrays made in the same function, with a layout that the compiler knows, and
-`move` copies rows from and to the arguments. These arrays are reused for many blocks, as making
-them takes longer than a step.
+`move` copies rows from and to the arguments. These arrays are reused for many blocks, because
+allocating them takes longer than a step.
 """
 
 from __future__ import annotations
@@ -256,7 +256,7 @@ def advance(desk, first, last, episodes, beginnings, step, outcome):
 
 @cache
 def _load(source: str) -> ModuleType:
-    """Return the module with this text, compiled at its first use."""
+    """Return the module with a source text, compiled at its first use."""
     digest = hashlib.sha256(source.encode()).hexdigest()[:16]
     return load_module(f"environment_{digest}", source)
 
@@ -270,7 +270,7 @@ def environment_module(system: System, cost: Cost, learning: Learning) -> Module
 
 
 def environment_source(system: System, cost: Cost, learning: Learning) -> str:
-    """Return the text of the module.
+    """Return the text of the module with the loops `begin` and `advance`.
 
     The text depends on the names and functions of model and cost, not on their numbers.
 
@@ -309,7 +309,7 @@ def environment_source(system: System, cost: Cost, learning: Learning) -> str:
 
 
 def _step(system: System, cost: Cost, learning: Learning) -> dict[str, str]:
-    """Write the lane loop of one step, and the lines that read its numbers.
+    """Return the text of the lane loop of one step, and of the lines that read its numbers.
 
     The loop converts the action to a command, steps the model and computes the terms of the reward.
 
@@ -364,7 +364,7 @@ def _action(graph: Graph, name: str, k: int) -> Symbol:
 
 
 def _command(name: str, action: Symbol) -> Symbol:
-    """Return the control of this name for an action in -1..1."""
+    """Return the control with this name for an action in -1..1."""
     low = action.graph.variable(f"low_{name}")
     command = low + (1.0 + action) * action.graph.variable(f"half_{name}")
     command.name = f"u_{name}"
@@ -372,13 +372,13 @@ def _command(name: str, action: Symbol) -> Symbol:
 
 
 def _condition(function: StepFunction | None, *args: Any) -> Value:
-    """Trace an optional function of a cost that learning requires."""
+    """Return the traced result of a cost's function that is optional, but needed for learning."""
     assert function
     return trace_number(function, *args)
 
 
 def _pay(system: System, learning: Learning) -> dict[str, str]:
-    """Write the lane loop of reward and observation, which runs when the next gates are known.
+    """Return the text of the lane loop of reward and observation, which runs after a step.
 
     Returns:
         Parts of ADVANCE, by the name of their place.
@@ -419,7 +419,7 @@ class _Observed(NamedTuple):
 
 
 def _observe(system: System, learning: Learning, first_gate: int) -> _Observed:
-    """Write the observation at the start of an episode.
+    """Return the text of the observation at the start of an episode.
 
     Args:
         system: the model.

@@ -23,9 +23,9 @@ L = LANES
 
 @njit(inline="always")
 def drawn(seed, environment, episode, of):
-    """Return a number below `of`: splitmix64's finaliser of the other arguments.
+    """Return a pseudo-random number below `of` from the other arguments.
 
-    The finaliser is that of Steele, Lea and Flood (2014).
+    The hash is the finaliser of splitmix64 (Steele, Lea and Flood 2014).
     """
     h = U8(seed) * U8(0x9E3779B97F4A7C15)
     h += U8(environment) * U8(0xD1B54A32D192ED03)
@@ -45,13 +45,13 @@ def move(source, to):
 
 @njit(fastmath=FAST, error_model="numpy")
 def hold(over, state, after, moved, way_before, way_now, crashed, reached):
-    """Let the vehicles whose episode has ended stay where they are, with all that they reached.
+    """Keep the states and results of vehicles whose episode has ended.
 
     Args:
         over: whether an episode has ended  (L,).
         state, after: states before and after a step  (n_x, L).
         moved: distances flown in the step [m]  (L,).
-        way_before, way_now: ways to the remaining gates [m]  (L,).
+        way_before, way_now: remaining ways through the gates before and after the step [m]  (L,).
         crashed, reached: see `judge`  (L,).
     """
     waits = I4(0)
@@ -96,12 +96,12 @@ def judge(b, crashed, reached, episodes, outcome, last_row, limit):
         crashed: 1 for a vehicle that has crashed in this step  (L,).
         reached: number of targets that were reached in this step  (L,).
         episodes: the running episodes, see quadsim.learn.lanes.Episodes.
-        outcome: to fill, see quadsim.learn.lanes.Outcome.
-        last_row: row at which a race is finished.
-        limit: steps of the longest episode.
+        outcome: arrays to fill, see quadsim.learn.lanes.Outcome.
+        last_row: index of the target row at which a race is finished.
+        limit: number of steps of the longest episode.
 
     Returns:
-        Whether an episode of the block has ended, now or before.
+        Whether any episode of the block has ended, in this step or before.
     """
     row = episodes.row[b]
     steps = episodes.steps[b]
@@ -124,7 +124,7 @@ def judge(b, crashed, reached, episodes, outcome, last_row, limit):
 @kept
 @njit(nogil=True)
 def to_rows(desk, first, last, lanes, rows):
-    """Copy lanes (blocks, n, LANES) to numbers of each environment (environments, n)."""
+    """Copy lanes (blocks, n, LANES) to rows, one for each environment (environments, n)."""
     if desk:
         share(desk, last)  # pyright: ignore[reportCallIssue]
         return
@@ -137,7 +137,7 @@ def to_rows(desk, first, last, lanes, rows):
 @kept
 @njit(nogil=True)
 def to_lanes(desk, first, last, rows, lanes):
-    """Copy numbers of each environment (environments, n) to lanes (blocks, n, LANES)."""
+    """Copy rows, one for each environment (environments, n), to lanes (blocks, n, LANES)."""
     if desk:
         share(desk, last)  # pyright: ignore[reportCallIssue]
         return

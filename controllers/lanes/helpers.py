@@ -1,10 +1,10 @@
 """Threads that help the calling thread with the blocks of a compiled loop.
 
-The caller writes its job to a desk, which it shares with the helpers, and takes blocks from a
-counter on the desk until none is left, as every helper does that is awake. It never waits for a
-helper that is not running: it waits for the blocks that helpers have in work, and closes the job
-for all others. So a loop on several threads takes hardly longer than on one where other programs
-use the cores. Which thread runs a block makes no difference to the results.
+The caller writes its job to a desk, an array that it shares with the helpers. The caller and every
+awake helper take blocks from a counter on the desk until none is left. The caller waits only for
+blocks that helpers have begun, and closes the job for all other helpers. A loop on several threads
+therefore takes hardly longer than on one thread if other programs use the cores. The results do not
+depend on which thread runs a block.
 
     caller                                      helper
     write the job, NEXT = 0, OPEN = ticket      wait until OPEN is a new ticket
@@ -12,20 +12,20 @@ use the cores. Which thread runs a block makes no difference to the results.
     OPEN = 0                                    if OPEN is still that ticket: take blocks
     wait until WORKING is 0                     WORKING -= 1
 
-As all of these are sequentially consistent, a helper that finds the job open is counted before the
-caller looks, and one that comes later finds it closed. The desk has room for one job. If another
-thread of the process has its job there, the caller runs its blocks by itself.
+All these operations are sequentially consistent. A helper that finds the job open is therefore
+counted before the caller reads WORKING, and a later helper finds the job closed. The desk has room
+for one job. If it has the job of another thread of the process, the caller runs its blocks alone.
 
-A helper waits by looking at the desk for SPINS rounds, longer than the gap between two loops of a
-control step, and then sleeps until a caller rings its bell.
+A helper polls the desk for SPINS rounds, longer than the gap between two loops of a control step,
+and then sleeps until a caller wakes it by its bell, a lock.
 
-A helper whose core another program takes in the middle of a block makes the caller wait for a time
-slice, some milliseconds. A caller that has waited for longer than a few portions of its own work
-therefore leaves the helpers asleep for the next loops, for twice as many each time.
+If another program takes a helper's core in the middle of a block, the caller waits for a time
+slice, some milliseconds. A caller that has waited longer than a few portions of its own work
+therefore does not wake the helpers for the next loops; the number of these loops doubles each time.
 
-A helper that looks for work keeps its core from other programs, so one of them may take turns with
-the caller instead. Linux counts the time for which the caller waits for a core. If that is more
-than a share WAITED of the time for which it runs, the caller leaves the helpers asleep, too.
+A polling helper keeps its core from other programs, so one of them may alternate with the caller
+instead. Linux measures the time for which the caller waits for a core. If it exceeds the share
+WAITED of the caller's running time, the caller does not wake the helpers, either.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ STRIDE = 32  # number of blocks that are taken at a time
 SEATS = 40  # number of helpers that may work at once
 TICKET = 48  # number of the last job
 REST = 56  # number of loops for which the helpers are left asleep
-OPEN = LINE  # number of the job on the desk; 0: none, or closed
+OPEN = LINE  # number of the job on the desk; 0: there is no job, or it is closed
 NEXT = 2 * LINE  # the first block that nobody has taken
 WORKING = 3 * LINE  # number of helpers that look at the job
 TAKEN = 4 * LINE  # 1 while a caller uses the desk
@@ -70,7 +70,7 @@ REST_MIN, REST_MAX = 8, 1024  # numbers of loops of a rest
 WATCHED = 64  # number of loops with helpers after which a caller looks at its waiting time
 WAITED = 0.1  # waiting time over running time above which the helpers rest
 SHARES = 8  # blocks are taken in about this many portions for each thread
-# Of run_parts: address of the desk, of a part, of what the parts share; number of blocks, threads
+# Of run_parts: address of the desk, of a part, of the shared data; number of blocks, threads
 RUN_PARTS = (types.int64, types.int64, types.int64, types.int64)
 HELP_CALLERS = (types.int64, types.int64)
 
@@ -112,7 +112,7 @@ def run_parts(desk, part, shared, blocks):
     Args:
         desk: address of the desk.
         part: address of the part, see `sharing.share`.
-        shared: address of what the parts share.
+        shared: address of the data that the parts share.
         blocks: number of blocks.
     """
     threads = load(desk + SEATS) + 1  # pyright: ignore[reportCallIssue]
@@ -146,7 +146,7 @@ def run_parts(desk, part, shared, blocks):
 @kept
 @njit(nogil=True)
 def help_callers(desk, spins):
-    """Help with the jobs on a desk until none has come for a number of rounds."""
+    """Help with the jobs on a desk until there has been none for a number of rounds."""
     last = 0  # the job that this helper has worked on
     left = spins
     while left > 0:
@@ -171,7 +171,7 @@ class Helper(NamedTuple):
 
 
 class OnCore(NamedTuple):
-    """How long a thread has run, and has waited for a core while it could have run."""
+    """The time for which a thread has run, and for which it has waited for a core."""
 
     thread: int
     ran: int  # [ns]
@@ -179,7 +179,7 @@ class OnCore(NamedTuple):
 
     @classmethod
     def of_this_thread(cls) -> OnCore:
-        """Return the times of the calling thread; zeros where the system does not count them."""
+        """Return the times of the calling thread, zeros if the system does not count them."""
         thread = threading.get_ident()
         try:
             with open("/proc/thread-self/schedstat", "rb") as file:
@@ -209,10 +209,10 @@ class Helpers:
         atexit.register(self._end)
 
     def wake(self, number: int) -> int:
-        """Wake some helpers for the loop that is called next.
+        """Wake some helpers for the next loop, and return the address of their desk.
 
         Returns:
-            The address of the desk; 0 if the caller is to run the loop by itself.
+            The address of the desk, 0 if the caller is to run the loop alone.
         """
         if self._numbers[REST // 8] > 0:
             self._numbers[REST // 8] -= 1
@@ -228,7 +228,7 @@ class Helpers:
         return self._desk
 
     def _rests_now(self) -> bool:
-        """Return whether another program took turns with the caller; then the helpers rest now."""
+        """Return whether another program alternated with the caller, so that the helpers rest."""
         self._watched = 0
         before = self._on_core
         self._on_core = now = OnCore.of_this_thread()
@@ -241,7 +241,7 @@ class Helpers:
         return True
 
     def _start(self, number: int) -> None:
-        """Start as many helpers as there are to be."""
+        """Start helpers until there are `number`."""
         with self._starts:
             while len(self._helpers) < number:
                 bell = threading.Lock()
@@ -252,7 +252,7 @@ class Helpers:
                 self._helpers.append(Helper(thread, bell))
 
     def _serve(self, bell: LockType) -> None:
-        """Help, and sleep while there is nothing to do, until the process ends."""
+        """Help, or sleep while there is nothing to do, until the process ends."""
         while True:
             bell.acquire()
             if self._ends:
@@ -260,7 +260,7 @@ class Helpers:
             self._help(self._desk, SPINS)
 
     def _end(self) -> None:
-        """Let the helpers end before the compiled code that they run is unloaded."""
+        """End the helpers before the compiled code that they run is unloaded."""
         self._ends = True
         for helper in self._helpers:
             ring(helper.bell)
@@ -268,7 +268,7 @@ class Helpers:
 
 
 def ring(bell: LockType) -> None:
-    """Unlock the bell of a helper, which may have been rung before."""
+    """Wake a helper by unlocking its bell, which may be unlocked already."""
     if bell.locked():
         with suppress(RuntimeError):  # another caller has rung it in this moment
             bell.release()
@@ -286,7 +286,7 @@ def helpers() -> Helpers:
 
 
 def _forget() -> None:
-    """Let a forked process start threads of its own: it has none of its parent's."""
+    """Forget the parent's threads in a forked process, which starts its own."""
     global _helpers
     _helpers = None
 

@@ -61,7 +61,7 @@ class RolloutNumbers(NamedTuple):
 
 @dataclass(frozen=True)
 class Rollout:
-    """J^m of M samples for one system and one cost. float32 unless asked otherwise."""
+    """The function that computes the costs J^m of M samples, for one system and one cost."""
 
     system: System
     cost: Cost
@@ -75,14 +75,14 @@ class Rollout:
     def __call__(
         self, x0: np.ndarray, U: np.ndarray, noise: np.ndarray, target: int, J: np.ndarray
     ) -> None:
-        """Fill J with the horizon mean of the cost of v = clip(U + n_t noise), see schedule.
+        """Fill J with the mean cost of v = clip(U + n_t noise) over the horizon, see schedule.
 
         Args:
             x0: state  (n_x,).
             U: plan  (T, n_u).
             noise: perturbations  (series, n_u, halves * T, LANES).
             target: number of targets reached.
-            J: to fill  (blocks, LANES).
+            J: array to fill  (blocks, LANES).
         """
         d = self.dtype
         numbers = self._numbers(x0, target, len(U))
@@ -95,7 +95,7 @@ class Rollout:
     def trajectories(self, x0: np.ndarray, v: np.ndarray, target: int) -> Trajectories:
         """Return the trajectories under given controls.
 
-        They are rolled out as one block on the calling thread, independent of the other threads.
+        They are computed as one block on the calling thread, independently of other threads.
 
         Args:
             x0: state  (n_x,).
@@ -131,7 +131,7 @@ class Rollout:
         return is_cached(self._module.rollout)
 
     def _numbers(self, x0: np.ndarray, target: int, horizon: int) -> RolloutNumbers:
-        """Return the numbers of the loops, computed once per state.
+        """Return the inputs of the loops, which are computed once per state.
 
         All iterations and chunks of a control step start from the same state.
         """
@@ -142,7 +142,7 @@ class Rollout:
         return self._found[key]
 
     def _find_numbers(self, x0: np.ndarray, target: int, horizon: int) -> RolloutNumbers:
-        """Return the numbers of the loops.
+        """Return the inputs of the loops.
 
         Raises:
             ValueError: the weight of crashes depends on the step, and there are obstacles.
@@ -187,8 +187,8 @@ OWN_FOLDER = f"{Path(__file__).parents[2]}{os.sep}"
 def compiled_module(system: System, cost: Cost, dtype: type) -> ModuleType:
     """Return the compiled loops for a model and a cost.
 
-    They come from the disk's cache if they were built before. Only the inputs of their text
-    matter, not the numbers: parameters and weights may change.
+    They are loaded from the cache if they were compiled before. They depend on the functions of
+    model and cost, but not on numbers: parameters and weights may change.
 
     Args:
         system: the model.
@@ -234,7 +234,7 @@ def _is_of_project(function: object) -> bool:
 
 
 def _shape(system: System, cost: Cost, dtype: type) -> tuple:
-    """Return the key of the compiled loops: the inputs of their text."""
+    """Return the key of the compiled loops: the values that their text depends on."""
     obstacles = cost.obstacles
     return (
         system.step,
@@ -253,7 +253,7 @@ def _shape(system: System, cost: Cost, dtype: type) -> tuple:
 
 
 def _load(system: System, cost: Cost, dtype: type) -> ModuleType:
-    """Return the module of the compiled loops, the loaded one if their text is the same."""
+    """Return the module of the compiled loops, which is reused if their text is the same."""
     source = module_source(system, cost, dtype)
     digest = hashlib.sha256(source.encode()).hexdigest()[:16]
     name = f"rollout_{digest}"

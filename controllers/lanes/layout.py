@@ -1,7 +1,7 @@
 """The memory layout of samples: perturbations z of shape (series, n_u, halves * T, LANES).
 
-LANES samples, one in each lane of the vector code, make a block. A series holds one block of T
-steps, or two blocks (halves) one after the other in time, as one Fourier transform of length 2 T
+LANES samples, one in each lane of the vector code, make a block. A series has one block of T steps,
+or two blocks (halves) one after the other in time, because one Fourier transform of length 2 T
 yields two samples. Sample m is lane m % LANES of block m // LANES. One number per sample, such as a
 cost or weight, has the shape (blocks, LANES).
 
@@ -37,10 +37,10 @@ def mean_of_chunks(means: Sequence[np.ndarray], weights: np.ndarray) -> np.ndarr
 
     Args:
         means: weighted mean of each chunk  (T, n_u) each.
-        weights: weight of each sample, of sum 1  (M,).
+        weights: weight of each sample; their sum is 1  (M,).
 
     Returns:
-        (T, n_u)
+        The weighted mean  (T, n_u).
     """
     firsts = [chunk.start for chunk in chunks(len(weights))]
     shares = np.add.reduceat(weights, firsts)
@@ -51,7 +51,7 @@ def in_blocks(numbers: np.ndarray) -> np.ndarray:
     """Return one number per sample (M,) in blocks; lanes without a sample are zero.
 
     Returns:
-        (blocks, LANES)
+        The numbers  (blocks, LANES).
     """
     padded = np.zeros(blocks(len(numbers)) * LANES)
     padded[: len(numbers)] = numbers

@@ -1,7 +1,7 @@
-"""Standard normals by counter: Philox-4x32-10 (Salmon et al. 2011) and Box-Muller, in lanes.
+"""Counter-based standard normals: Philox-4x32-10 (Salmon et al. 2011) and Box-Muller, in lanes.
 
-Each number is a function of (key, call, place in the array) alone. So results do not depend on the
-number of threads, and any sample can be made again without the ones before it.
+Each number is a function only of the key, the call and the place in the array. Results therefore
+do not depend on the number of threads, and any sample can be recomputed without earlier ones.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def _float(typing_context, x):
 
 @njit(inline="always")
 def philox(c0, c1, c2, c3, k0, k1):
-    """Return the four uint32 of ten rounds on the counter c0..c3 (uint32) under the key k0, k1."""
+    """Return four uint32: ten rounds of Philox on the counter c0..c3 with the key k0, k1."""
     for _ in range(10):
         p0 = U8(0xD2511F53) * U8(c0)
         p1 = U8(0xCD9E8D57) * U8(c2)
@@ -61,7 +61,7 @@ def philox(c0, c1, c2, c3, k0, k1):
 def log_unit(x) -> Any:
     """Return ln x for float32 0 < x <= 1.
 
-    The exponent is split off, and atanh's series taken of the mantissa in [1/sqrt 2, sqrt 2).
+    It is the sum of the exponent's part and atanh's series for the mantissa in [1/sqrt 2, sqrt 2).
     """
     # numba takes int32 - int32 to 64 bits, of which a vector holds half as many.
     bits = I4(_bits(x) - I4(0x3F3504F3))  # pyright: ignore[reportCallIssue]
@@ -77,7 +77,7 @@ def log_unit(x) -> Any:
 def sin_cos_turn(u):
     """Return sin and cos of 2 pi u / 2^32.
 
-    Taylor series at half the angle, then the double-angle formulas.
+    They are computed by Taylor series at half of the angle and the double-angle formulas.
     """
     x = F(I4(u)) * F(math.pi / 2**32)  # half the angle, in [-pi/2, pi/2)
     x2 = x * x
@@ -91,7 +91,7 @@ def sin_cos_turn(u):
 
 @inline
 def box_muller(a, b) -> tuple[Any, Any]:
-    """Return two independent standard normals from two uint32. The radius reaches 5.9."""
+    """Return two independent standard normals from two uint32, with a radius of at most 5.9."""
     r = math.sqrt(F(-2) * log_unit(F(I4(a >> U4(8))) * F(2.0**-24) + F(2.0**-25)))
     s, c = sin_cos_turn(b)
     return r * s, r * c
@@ -106,7 +106,7 @@ def normal_rows(out, scale, lane, group, key, call):
     Args:
         out: array to fill  (rows, lanes).
         scale: standard deviations  (rows,).
-        lane, group: lane and group of four rows of its first number.
+        lane, group: lane and group of four rows of the first number.
         key: key of the generator  (2,) uint32.
         call: index of the call.
     """
@@ -135,7 +135,7 @@ def normal_rows(out, scale, lane, group, key, call):
 @kept
 @njit(fastmath=FAST, error_model="numpy", nogil=True)
 def normal_blocks(desk, first, last, out, scale, key, call, first_block):
-    """Fill the blocks of out from `first` to before `last`, see fill_normals and lanes.sharing."""
+    """Fill the blocks of `out` from `first` to before `last`, see fill_normals and sharing."""
     if desk:
         share(desk, last)  # pyright: ignore[reportCallIssue]
         return
@@ -146,7 +146,7 @@ def normal_blocks(desk, first, last, out, scale, key, call, first_block):
 def fill_normals(
     out: np.ndarray, scale: np.ndarray, key: np.ndarray, call: int, first: int = 0
 ) -> None:
-    """Fill out with out[b, r, l] = scale[r] N(0, 1), independent over everything.
+    """Fill out with independent normals, out[b, r, l] = scale[r] N(0, 1).
 
     Args:
         out: array to fill  (blocks, rows, LANES).

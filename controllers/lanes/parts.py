@@ -50,7 +50,7 @@ class Point(NamedTuple):
 
 
 def header(dtype: type) -> str:
-    """Return the beginning of a generated module whose numbers have this NumPy type."""
+    """Return the beginning of a generated module whose numbers have a NumPy type."""
     return HEADER.format(dtype=np.dtype(dtype).name, lanes=LANES, fast=sorted(FAST))
 
 
@@ -141,7 +141,7 @@ def line_test(touches: Callable, row: type[NumberTuple], p0: str, p1: str, aroun
     """Return the text of an obstacle test.
 
     Args:
-        touches: (p0, p1, row) -> whether the line touches the obstacle of this row.
+        touches: function of (p0, p1, row) that returns whether the line touches the row's obstacle.
         row: the NamedTuple of an obstacle's numbers, its box first: x_low, y_low, z_low, x_high,
             y_high, z_high.
         p0, p1: expressions of the coordinates of the line's ends, with {k} for the axis.

@@ -1,4 +1,4 @@
-"""Stockham's passes of a complex transform, as text.
+"""Write the passes of Stockham's algorithm for a complex Fourier transform, as text.
 
 A pass of radix r transforms x to y, for a length that has already been split by s:
 
@@ -9,8 +9,8 @@ A pass of radix r transforms x to y, for a length that has already been split by
 contiguous, the inner loop runs over s W numbers. Real parts fill the first half of an array,
 imaginary parts the second half.
 
-Of a band-limited series only B = n / r frequencies, from -B / 2 to below B / 2, are not zero. In
-the pass of radix r each sum then has one term, with f the frequency of row p:
+A band-limited series has only B = n / r frequencies that are not zero, from -B / 2 to below B / 2.
+In the pass of radix r each sum then has one term, where f is the frequency of row p:
 
     y[r p + k] = e^{2 pi i f k / n} x[p]                                      p < B, k < r
 """
@@ -59,7 +59,7 @@ for p in range({m}):
 
 
 class Pass(NamedTuple):
-    """The numbers of one pass."""
+    """The parameters of one pass."""
 
     r: int  # radix
     m: int  # remaining length after the pass
@@ -71,7 +71,7 @@ class Pass(NamedTuple):
 
 
 def passes(n: int, lanes: int, band: int) -> tuple[str, str, list[complex]]:
-    """Return the passes from an array x to an array y and back.
+    """Return the text of all passes, which go from an array x to an array y and back.
 
     Args:
         n: length of the transform.
@@ -79,7 +79,7 @@ def passes(n: int, lanes: int, band: int) -> tuple[str, str, list[complex]]:
         band: B, the number of frequencies in x, a divisor of n; n: all of them.
 
     Returns:
-        The text, the name of the array with the result, and the twiddle factors of the passes.
+        The text, the name of the array with the result, and the twiddle factors.
     """
     text = ""
     turns: list[complex] = []
@@ -128,14 +128,14 @@ def frequencies(band: int) -> list[int]:
 
 
 def fast_length(n: int) -> int:
-    """Return the first length from n on whose passes are all unrolled."""
+    """Return the smallest length of at least n whose passes are all unrolled."""
     while max(radices(n), default=1) > WRITTEN_OUT:
         n += 1
     return n
 
 
 def radices(n: int) -> list[int]:
-    """Return the prime factors of n, largest first, with twos merged in pairs to fours."""
+    """Return the prime factors of n, largest first, with pairs of twos merged to fours."""
     primes = []
     d = 2
     while n > 1:
@@ -150,7 +150,7 @@ def radices(n: int) -> list[int]:
 
 
 def _turns(one: Pass) -> str:
-    """Write the line that loads the factors of p: `c1, s1 = turns[0 + 3 * p + 0, 0], ...`."""
+    """Return the line that loads the factors of p: `c1, s1 = turns[0 + 3 * p + 0, 0], ...`."""
     if one.m == 1:
         return "pass"  # the last pass has no twiddle factors
     loads = []
@@ -161,7 +161,7 @@ def _turns(one: Pass) -> str:
 
 
 def _lines(one: Pass) -> list[str]:
-    """Write the lines that load r_j and i_j, sum them to R_k and I_k, rotate and store these."""
+    """Return the lines that load r_j and i_j, sum them to R_k and I_k, and store these."""
     r, m, inner, size = one.r, one.m, one.inner, one.size
     loads = []
     for j in range(r):
@@ -174,7 +174,7 @@ def _lines(one: Pass) -> list[str]:
 
 
 def _stores(one: Pass, real: list[str], imaginary: list[str]) -> list[str]:
-    """Write the lines that rotate the r numbers of these names and store them."""
+    """Return the lines that rotate r numbers, given their names, and store them."""
     stores = [f"{one.y}[o] = {real[0]}; {one.y}[o + {one.size}] = {imaginary[0]}"]
     for k in range(1, one.r):
         re, im = real[k], imaginary[k]
@@ -198,9 +198,10 @@ SUMS = {
 
 
 def _odd_sums(r: int) -> list[str]:
-    """Write the sums of an odd radix.
+    """Return the lines that compute the sums of an odd radix.
 
-    The terms j and r - j share their products: sums a_j take the cosine, differences b_j the sine.
+    The terms j and r - j share their products: the sums a_j are multiplied by the cosine, and the
+    differences b_j by the sine.
     """
     half = range(1, (r + 1) // 2)
     lines = [

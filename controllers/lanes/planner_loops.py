@@ -1,6 +1,6 @@
-"""Generate the planner's loops: a model's step and a cost's terms, inlined into loops over lanes.
+"""Generate the planner's loops, which inline a model's step and a cost's terms.
 
-`rollout` computes the costs of blocks of samples, and for display the trajectories of one block.
+`rollout` computes the costs of blocks of samples and, for display, the trajectories of one block.
 `module_source` returns the text that is compiled; `race bench --show-code` prints it. For a point
 mass on a line with a cost of one term its core reads
 
@@ -27,12 +27,13 @@ traced from the model and the cost, see `parts.fill`.
 
 The lane loop has no gather and no data-dependent branch: if a sample reaches its target, a flag is
 set, and a rarely executed second loop moves those lanes to their next target row. All numbers in
-the lane loop have the width of a float: one 64-bit integer would halve the width of all vectors.
+the lane loop are as wide as a float, because one 64-bit integer would halve the number of lanes of
+all vectors.
 
 Obstacles are tested by straight lines between positions `stride` steps apart (marks). After every
-MARKS marks, bounding boxes around the marks of some lanes of the block select the obstacles, as
-most blocks are near none. A sample that touched an obstacle pays for the crash from the end of that
-line on.
+MARKS marks, bounding boxes around the marks of some lanes of the block select the obstacles,
+because most blocks are near no obstacle. A sample that has touched an obstacle has crashed from the
+end of that line on.
 """
 
 from __future__ import annotations
@@ -258,7 +259,8 @@ def module_source(system: System, cost: Cost, dtype: type) -> str:
 
     Args:
         system: the model; the text depends on the names of its numbers, not on their values.
-        cost: the cost, likewise; terms of weight zero are left out.
+        cost: the cost; the text depends on the names of its numbers; terms of weight zero are left
+            out.
         dtype: NumPy type of all numbers.
 
     Raises:
@@ -286,7 +288,7 @@ def module_source(system: System, cost: Cost, dtype: type) -> str:
 def operations(system: System, cost: Cost) -> int:
     """Return the number of arithmetic operations of one step of one sample.
 
-    Control and cost are included, terms at marks by their share of the steps.
+    The operations of control and cost are included, and terms at marks by their share of the steps.
     """
     step = _step(system, cost)
     return step.operations + round(step.at_marks / term_steps(system.dt))
@@ -302,7 +304,7 @@ class _Step(NamedTuple):
 
 
 def _step(system: System, cost: Cost) -> _Step:
-    """Trace control, model and cost, and write the parts of the loops that depend on them."""
+    """Return the text of the parts of the loops that depend on control, model and cost."""
     # Trace
     graph = Graph()
     x = graph.record(system.state, "x", "state[{k}, l]")
@@ -388,13 +390,13 @@ def _state_terms(system: System, cost: Cost, around: str) -> _AtMarks:
 
 
 def _read_plan(system: System) -> str:
-    """Write the lines that read the plan at step t: `plan_thrust = U[t, 3]`."""
+    """Return the lines that read the plan at step t: `plan_thrust = U[t, 3]`."""
     lines = [f"plan_{name} = U[t, {k}]" for k, name in enumerate(system.controls)]
     return "\n".join(lines)
 
 
 def _read_limits(system: System) -> str:
-    """Write the lines that read the control limits: `low_thrust = low[3]`."""
+    """Return the lines that read the control limits: `low_thrust = low[3]`."""
     lines = [
         f"{side}_{name} = {side}[{k}]"
         for side in ("low", "high")
@@ -404,7 +406,7 @@ def _read_limits(system: System) -> str:
 
 
 def _read_cost(cost: Cost, writer: Writer) -> str:
-    """Write the lines that read weights and parameters: `p_floor = cost_numbers[k_t, 12]`."""
+    """Return the lines that read weights and parameters: `p_floor = cost_numbers[k_t, 12]`."""
     lines = [
         f"{name} = cost_numbers[k_t, {k}]"
         for k, name in enumerate(cost.number_names)
@@ -420,7 +422,7 @@ def _clipped(graph: Graph, name: str, k: int) -> Symbol:
 
 
 def trace_model(graph: Graph, system: System, x: Any, u: Any, params: Any = None) -> Any:
-    """Trace the model's step.
+    """Return the next state as symbols, by tracing the model's step.
 
     Args:
         graph: graph that records the operations.
@@ -458,7 +460,7 @@ class TracedCost(NamedTuple):
 def trace_cost(
     graph: Graph, cost: Cost, x: Any, x_next: Any, u: Any, target: Any, crashed_before: Symbol
 ) -> TracedCost:
-    """Trace the terms of a cost, and the functions for reached targets and crashes.
+    """Return the traced terms of a cost, and its functions for reached targets and crashes.
 
     Parameters and weights are variables of the surrounding text, named as in Cost.number_names.
 
@@ -506,7 +508,7 @@ def trace_cost(
 
 
 def _expect_read(graph: Graph, term: Term, own: Any, value: Value) -> None:
-    """Check that a term reads all its parameters, as an unread parameter may be misspelt.
+    """Check that a term uses all its parameters, because an unused one may be misspelt.
 
     Args:
         graph: the graph of the traced term.
@@ -515,7 +517,7 @@ def _expect_read(graph: Graph, term: Term, own: Any, value: Value) -> None:
         value: result of the term.
 
     Raises:
-        TraceError: a parameter takes no part in an operation.
+        TraceError: a parameter is not used in any operation.
     """
     read = {arg.number for node in graph.nodes for arg in node.args if isinstance(arg, Symbol)}
     if isinstance(value, Symbol):
@@ -531,7 +533,7 @@ def _expect_read(graph: Graph, term: Term, own: Any, value: Value) -> None:
 def _weigh(graph: Graph, weight: Symbol, value: Value) -> Symbol:
     """Return weight times value, multiplied from the left: w a b = (w a) b.
 
-    A product that is a variable or the result of a helper function is not split, as in the source.
+    A product that is a variable or the result of a helper function is not split.
     """
     if isinstance(value, Symbol) and value.kind in ("mul", "div") and not value.name:
         left, right = value.args
@@ -542,14 +544,14 @@ def _weigh(graph: Graph, weight: Symbol, value: Value) -> Symbol:
 
 
 def _marks(cost: Cost, template: str) -> str:
-    """Fill one of the templates of marks; return "" if the cost has no obstacles."""
+    """Return a filled template of marks, "" if the cost has no obstacles."""
     if cost.obstacles is None:
         return ""
     return fill(template, marks=MARKS, boxes=BOXES)
 
 
 def _meet_obstacles(cost: Cost) -> str:
-    """Write the function that tests lines against obstacles; "" if the cost has none."""
+    """Return the text of the function that tests lines against obstacles, "" if there are none."""
     if cost.obstacles is None:
         return ""
     test = line_test(

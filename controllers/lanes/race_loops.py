@@ -22,16 +22,17 @@ ABSENT = F(1e30)  # squared distance of an opponent that is not in the race [m^2
 
 @njit(fastmath=FAST, error_model="numpy")
 def order(a, b, finish, row, way, place):
-    """Add one to the place of racer a or b, whichever is behind the other, in each race.
+    """Add one to the place of racer a or racer b, whichever is behind, in each race.
 
-    A racer leads that finished first, else that has passed more gates, else that has less to go.
+    The racer that finished first is ahead; otherwise the racer that has passed more gates;
+    otherwise the racer with the shorter remaining way.
 
     Args:
         a, b: numbers of the racers.
         finish: step in which a racer has finished  (racers, L).
-        row: number of its target's row  (racers, L).
-        way: its way to the remaining gates [m]  (racers, L).
-        place: places, counted here  (racers, L).
+        row: index of a racer's target row  (racers, L).
+        way: remaining way of a racer through the gates [m]  (racers, L).
+        place: places of the racers, which are increased here  (racers, L).
     """
     for i in range(L):
         earlier = finish[a, i] < finish[b, i]
@@ -51,7 +52,7 @@ def apart(mine, theirs, absent, near):
     Args:
         mine, theirs: states of the vehicle and of the opponent  (n_x, L).
         absent: whether the opponent is out  (L,).
-        near: to fill; the squared distance is ABSENT for an opponent that is out  (7, L).
+        near: array to fill; the squared distance is ABSENT for an opponent that is out  (7, L).
     """
     for i in range(L):
         dx = theirs[0, i] - mine[0, i]
@@ -68,11 +69,11 @@ def apart(mine, theirs, absent, near):
 
 @njit(fastmath=FAST, error_model="numpy")
 def nearer_first(one, other, swaps):
-    """Exchange two opponents in the races in which the second is nearer.
+    """Exchange two opponents in each race in which the second one is nearer.
 
     Args:
-        one, other: the opponents, see `apart`  (7, L).
-        swaps: memory for which of them are exchanged  (L,).
+        one, other: results of `apart` for the opponents  (7, L).
+        swaps: work space for the races in which they are exchanged  (L,).
     """
     for i in range(L):
         swaps[i] = I4(1) if other[0, i] < one[0, i] else I4(0)
@@ -91,9 +92,9 @@ def observations_to_rows(desk, first, last, obs, others, rows):
 
     Args:
         desk, first, last: see quadsim.controllers.lanes.sharing; the blocks are groups of races.
-        obs: observations of each vehicle by itself  (blocks, n, LANES).
-        others: observations of its opponents  (blocks, m, LANES).
-        rows: to fill  (races, racers, n + m).
+        obs: observations of each vehicle without its opponents  (blocks, n, LANES).
+        others: observations of each vehicle's opponents  (blocks, m, LANES).
+        rows: array to fill  (races, racers, n + m).
     """
     if desk:
         share(desk, last)  # pyright: ignore[reportCallIssue]

@@ -4,9 +4,9 @@ The environments' own loops (quadsim.controllers.lanes.environment) step each ve
 alone. The loops here add the interactions between vehicles: collisions, ranks, and observations of
 the opponents.
 
-The loops run over lanes. Racer a of race r is lane r % LANES of block r // LANES * racers + a. So
-the vehicles of a race share a lane of consecutive blocks (a group), and a loop over lanes compares
-racer a with racer b in LANES races at once.
+The loops run over lanes. Racer a of race r is lane r % LANES of block r // LANES * racers + a. The
+vehicles of a race therefore share a lane of consecutive blocks (a group), and a loop over lanes
+compares racer a with racer b in LANES races at once.
 """
 
 from __future__ import annotations
@@ -196,7 +196,7 @@ def look(desk, first, last, episodes, field, looks, chosen):
 
 @cache
 def _load(source: str) -> ModuleType:
-    """Return the module with this text, compiled at its first use."""
+    """Return the module with a source text, compiled at its first use."""
     digest = hashlib.sha256(source.encode()).hexdigest()[:16]
     return load_module(f"races_{digest}", source)
 
@@ -215,7 +215,7 @@ def races_module(system: System, racing: Racing, observed: int) -> ModuleType:
 
 
 def races_source(system: System, racing: Racing, observed: int) -> str:
-    """Return the text of the module.
+    """Return the text of the module with the loops `meet` and `look`.
 
     Raises:
         TraceError: one of the functions uses an operation that cannot be compiled.
@@ -235,7 +235,7 @@ def races_source(system: System, racing: Racing, observed: int) -> str:
 
 
 def _nearest(racing: Racing) -> str:
-    """Write the least distance between two vehicles that fly straight in a step."""
+    """Return the lines for the least distance between two vehicles that fly straight in a step."""
     graph = Graph()
     a_before = graph.record(Point, "a_from", "a_before[{k}, l]")
     b_before = graph.record(Point, "b_from", "b_before[{k}, l]")
@@ -249,7 +249,7 @@ def _nearest(racing: Racing) -> str:
 
 
 def _pay(racing: Racing) -> tuple[str, str]:
-    """Write the additional reward of a race, and the lines that read its weights."""
+    """Return the lines for the additional reward of a race, and the lines that read its weights."""
     graph = Graph()
     touched = graph.input("has_touched", "hit[a, l]")
     gained = graph.variable("gained")
@@ -268,7 +268,7 @@ class _Seen(NamedTuple):
 
 
 def _seen(system: System, racing: Racing) -> _Seen:
-    """Write the observation of the j-th nearest opponent."""
+    """Return the lines for the observation of the j-th nearest opponent."""
     graph = Graph()
     x = graph.record(system.state, "x", "state[{k}, l]")
     away = graph.record(racing.away, "away", "near[1 + {k}, l]")

@@ -1,4 +1,4 @@
-"""Loops over blocks that run on several threads, and whose text is compiled once.
+"""Run loops over blocks on several threads, although their text is compiled only once.
 
 Such a loop is a plain function that runs the blocks from `first` to before `last`:
 
@@ -13,14 +13,14 @@ Such a loop is a plain function that runs the blocks from `first` to before `las
 
     on_threads(scaled, len(x), x, factor)
 
-`share` hands the function itself and its arguments to `helpers.run_parts`, which calls the function
-again on several threads, with some of the blocks and with zero in the place of `desk`. A call from
-Python with zero in that place runs on the calling thread alone. numba's own parallel loops would be
-compiled twice and linked three times, and wait for threads that are not running.
+`share` passes the function and its arguments to `helpers.run_parts`, which calls the function again
+on several threads, with some of the blocks and zero as `desk`. A call from Python with zero as
+`desk` runs only on the calling thread. numba's own parallel loops would be compiled twice and
+linked three times, and would wait for threads that are not running.
 
-The parts know the function and its arguments by address only, which is safe because `share` returns
-when all parts have: until then the caller holds the arguments. No block may depend on another one,
-as the order in which they run differs.
+The parts get the function and its arguments by address. This is safe because `share` returns only
+after all parts have returned, and until then the caller keeps the arguments. No block may depend on
+another one, because their order is not fixed.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ NO_MEMORY = "no memory is left for a loop on several threads"
 
 @extending.intrinsic
 def share(typing_context, desk, blocks):
-    """Run the function that calls this on several threads, for all blocks.
+    """Run the calling function for all blocks on several threads.
 
-    The first arguments of that function are `desk`, `first` and `last`, of 64 bits each. It
-    returns nothing, and raises nothing unless memory runs out.
+    The first arguments of the calling function are the 64-bit integers `desk`, `first` and `last`.
+    It has no result, and raises an error only if memory runs out.
 
     Args:
         desk: address of the desk, see quadsim.controllers.lanes.helpers.
@@ -60,7 +60,7 @@ def share(typing_context, desk, blocks):
         result, error, *arguments = loop.args
         arguments = arguments[OWN:]
 
-        # Store what the parts share: whether one of them has failed, and the arguments.
+        # Store the data that the parts share: whether one of them has failed, and the arguments.
         record = ir.LiteralStructType([FLAG, *(argument.type for argument in arguments)])
         shared = cgutils.alloca_once(builder, record)
         builder.store(FLAG(0), cgutils.gep_inbounds(builder, shared, 0, 0))
@@ -109,12 +109,12 @@ def on_threads(loop: Callable, blocks: int, *arguments: Any) -> None:
     """Run a loop that shares its blocks on the threads in use.
 
     Args:
-        loop: the compiled function of (desk, first, last, *arguments).
+        loop: compiled function of (desk, first, last, *arguments).
         blocks: number of blocks.
-        arguments: its further arguments.
+        arguments: further arguments of the loop.
 
     Raises:
-        MemoryError: the loop makes arrays, for which no memory is left.
+        MemoryError: there is no memory for arrays that the loop makes.
     """
     wanted = min(threads(), blocks) - 1
     desk = helpers().wake(wanted) if wanted > 0 else 0

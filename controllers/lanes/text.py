@@ -91,10 +91,10 @@ class Writer:
         self.operations = 0
 
     def lines(self, results: Iterable[Any]) -> str:
-        """Return the assignments that compute these results and have not been written before.
+        """Return the assignments for some results, without those that were written before.
 
         Args:
-            results: symbols; plain numbers among them need no line.
+            results: symbols, or plain numbers, which need no line.
         """
         symbols = [result for result in results if isinstance(result, Symbol)]
         needed = self._needed(symbols)
@@ -119,7 +119,7 @@ class Writer:
         return "\n".join(lines)
 
     def __call__(self, value: Value) -> str:
-        """Return the expression of a symbol whose lines are written, or of a number."""
+        """Return the expression of a number, or of a symbol whose lines have been written."""
         if isinstance(value, bool):
             return str(value)
         if not isinstance(value, Symbol):
@@ -129,7 +129,7 @@ class Writer:
         return self._operation(value)
 
     def _needed(self, results: Sequence[Symbol]) -> list[Symbol]:
-        """Return the nodes without a variable yet on which these results depend, in order."""
+        """Return the nodes on which results depend and that have no variable yet, in order."""
         found: dict[int, Symbol] = {}
         todo = list(results)
         while todo:
@@ -142,7 +142,7 @@ class Writer:
         return [found[number] for number in sorted(found)]
 
     def _count_uses(self, needed: Sequence[Symbol], results: Sequence[Symbol]) -> None:
-        """Count the operations that each node is an operand of."""
+        """Count the operations in which each node is an operand."""
         for node in needed:
             if node.kind in LEAVES:
                 continue
@@ -177,7 +177,7 @@ class Writer:
     def _within(self, value: Value, binding: int) -> str:
         """Return an operand, in parentheses if its precedence is below `binding`.
 
-        So the order of operations is the same as in the source.
+        The order of operations is thus the same as in the source.
         """
         text = self(value)
         if not isinstance(value, Symbol) or value.number in self._names:

@@ -11,11 +11,11 @@ import numpy as np
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import shown_value
 
-_chosen = threading.local()  # its `number` is the one that this thread has set
+_chosen = threading.local()  # its `number` is the number that this thread has set
 
 
 def threads() -> int:
-    """Return the number of threads that loops use which this thread calls."""
+    """Return the number of threads for loops that the calling thread runs."""
     return getattr(_chosen, "number", 0) or most_threads()
 
 
@@ -28,16 +28,16 @@ def most_threads() -> int:
 
 
 def use_threads(n: int | None) -> int:
-    """Set the number of threads of the loops that this thread calls.
+    """Set the number of threads for loops that the calling thread runs.
 
     Args:
-        n: the number; None: every core that this process may run on.
+        n: number of threads; None: one for every core that this process may run on.
 
     Returns:
         The number in use.
 
     Raises:
-        SettingError: n is no whole number in 1..cores (a ValueError).
+        SettingError: n is not an integer from 1 to the number of cores (a ValueError).
     """
     most = most_threads()
     n = most if n is None else n

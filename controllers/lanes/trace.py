@@ -10,9 +10,9 @@ graph: every operator and every NumPy function that it applies adds a node.
     x_next = trace(step, x, u, p, dt)        # a State of symbols
 
 Because the function itself is called, records (NamedTuples), properties, helper functions, loops of
-fixed length and numbers held by closures need no translation. What cannot be recorded is a branch
-on a symbol, as it has no value yet: that raises a `TraceError` with the function, the line and
-what to write instead.
+fixed length and numbers held by closures need no translation. A branch on a symbol cannot be
+recorded, because the symbol has no value yet: it raises a `TraceError` with the function, the line
+and an alternative.
 
 Equal operations on equal operands are one node, so that terms may compute the same quantity, a
 gate's frame for example, without computing it twice.
@@ -81,7 +81,7 @@ LARGEST_POWER = 4  # x**n with a whole n up to this is written as products
 
 
 class TraceError(TypeError):
-    """A function cannot be compiled for the rollouts.
+    """The error of a function that cannot be compiled for the rollouts.
 
     The message names the function and the line, and suggests an alternative.
     """
@@ -93,7 +93,7 @@ class Symbol:
     Args:
         graph: the graph of this node.
         kind: an operation, "input" or "variable".
-        args: operands, Symbols and numbers; for an input the expression that is read.
+        args: operands, Symbols and numbers; for an input the expression from which it is read.
         number: number of earlier nodes, which orders the graph topologically.
     """
 
@@ -132,7 +132,7 @@ class Symbol:
         raise trace_error(f"numpy.{function.__name__} is not known; known are {KNOWN}")
 
     def _clipped(self, *limits: Any, **options: Any) -> Symbol:
-        """Return the value of np.clip(self, low, high); the limits may be keywords."""
+        """Return the symbol of np.clip(self, low, high); the limits may be keywords."""
         names = {"a_min": "min", "a_max": "max"}
         given = dict(zip(("min", "max"), limits, strict=False))
         given |= {names.get(name, name): limit for name, limit in options.items()}
@@ -326,8 +326,8 @@ class Graph:
         Args:
             kind: the NamedTuple, whose fields may be records too.
             name: prefix of the variables: field `px` of the record `x` is the variable `x_px`.
-            expression: the expression that each symbol is read from, with `{k}` for the number of
-                the field, counted through nested records; "": the symbols are variables that the
+            expression: expression from which each symbol is read, with `{k}` for the number of the
+                field, counted through nested records; "": the symbols are variables that the
                 surrounding text assigns.
         """
         names = [f"{name}_{field}" for field in flat_names(kind)]
@@ -338,7 +338,7 @@ class Graph:
         return unflat(kind, iter(symbols))
 
     def apply(self, kind: str, *args: Any) -> Symbol:
-        """Return the node of this operation on these operands, existing or new."""
+        """Return the node of an operation on operands, which is made if it does not exist."""
         operands = tuple(operand(arg) for arg in args)
         if kind in ("and", "or", "not") and not all(map(is_condition, operands)):
             raise trace_error(
@@ -359,7 +359,7 @@ class Graph:
 
 
 def is_condition(value: Value) -> bool:
-    """Return whether a value is a condition, not a number."""
+    """Return whether a value is a condition rather than a number."""
     if not isinstance(value, Symbol):
         return isinstance(value, bool)
     if value.kind == "where":
@@ -368,17 +368,17 @@ def is_condition(value: Value) -> bool:
 
 
 def _key(value: Value) -> tuple:
-    """Return a key that two operands share if they are the same."""
+    """Return a key that is equal for equal operands."""
     if isinstance(value, Symbol):
         return "symbol", value.number
     return type(value), repr(value)  # 0.0 and -0.0 are equal, but not the same
 
 
 def operand(value: Any) -> Value:
-    """Return a Symbol, a bool or a finite float.
+    """Return a value as a Symbol, a bool or a finite float.
 
     Raises:
-        TraceError: the value is anything else.
+        TraceError: the value cannot be converted.
     """
     if isinstance(value, Symbol):
         return value
@@ -418,13 +418,13 @@ def trace_number(function: Callable, *args: Any) -> Value:
     """Call a function with symbols and return its result, a number or a condition.
 
     Raises:
-        TraceError: the function cannot be recorded, fails, or returns anything else.
+        TraceError: the function cannot be recorded, fails, or returns another value.
     """
     return check_number(function, trace(function, *args))
 
 
 def check_number(function: Callable, value: Any) -> Value:
-    """Return the result of a traced function.
+    """Return the result of a traced function, a number or a condition.
 
     Raises:
         TraceError: the result is neither a number nor a condition.
@@ -438,7 +438,7 @@ def check_number(function: Callable, value: Any) -> Value:
 
 
 def wrong_result(function: Callable, expected: str, value: Any) -> TraceError:
-    """Return the error of a function whose result is not the expected one."""
+    """Return the error of a function with an unexpected result."""
     code = getattr(function, "__code__", None)
     place = f"{code.co_filename}:{code.co_firstlineno}: " if code else ""
     found = f"{type(value).__name__} {value!r:.60}"
@@ -473,7 +473,7 @@ def naming() -> Iterator[None]:
 
 
 def _is_traced(frame: FrameType) -> bool:
-    """Return whether a frame belongs to a traced function, not to this module or NumPy."""
+    """Return whether a frame belongs to a traced function rather than to this module or NumPy."""
     module = frame.f_globals.get("__name__", "")
     return frame.f_code.co_filename != __file__ and not module.startswith(
         ("numpy", "contextlib", "collections")
@@ -481,11 +481,11 @@ def _is_traced(frame: FrameType) -> bool:
 
 
 def _name(name: str, value: Any, weakly: bool = False) -> None:
-    """Name a symbol, or the symbols of a record, unless they have a variable's name already.
+    """Name a symbol, or the symbols of a record, unless they have the name of a variable.
 
     Args:
         name: the name.
-        value: a symbol, a record or a tuple; anything else is left alone.
+        value: a symbol, a record or a tuple; other values are ignored.
         weakly: whether a later name may replace this one.
     """
     if isinstance(value, Symbol):
@@ -509,7 +509,7 @@ def label(function: Callable) -> str:
 
 
 def trace_error(problem: str) -> TraceError:
-    """Return the error, with the file and line of the source that caused it."""
+    """Return an error with a problem, and the file and line of the source that caused it."""
     frame = sys._getframe()
     while frame.f_back is not None and frame.f_code.co_filename == __file__:
         frame = frame.f_back

@@ -1,13 +1,13 @@
-"""Normals with a given spectrum: an inverse Fourier transform in lanes, as generated code.
+"""Draw normals with a given spectrum, by generated code for inverse Fourier transforms in lanes.
 
-There is a module for each length n and number of frequencies B that are not zero.
+A module is generated for each length n and number B of frequencies that are not zero.
 
     z_t = sum_{k<n} Z_k e^{2 pi i k t / n},  Z_k = s_k (xi_k + i eta_k),  s_{n-k} = s_k
 
 The real and the imaginary part of z are two independent stationary series whose power at k/n is
 s_k^2: the phase of white noise is arbitrary, so no symmetry of Z and no unpacking of halves is
-needed. W lanes at a time pass from x to y and back, and every stride is a literal in the text, so
-that LLVM can prove that nothing overlaps.
+needed. The passes go from x to y and back for W lanes at a time. Every stride is a literal in the
+text, so that LLVM can prove that the arrays do not overlap.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def fill_transformed(
         out: array to fill  (series, channels, steps, LANES), at most n steps.
         scale: s of the real parts, then the same s of the imaginary parts, in the order of
             `passes.frequencies`  (channels, 2 B).
-        offset: factors on z_1; if the first one is zero, all are zero  (steps,).
+        offset: factors on z_1; if the first factor is zero, all are zero  (steps,).
         key: key of the generator  (2,) uint32.
         call: index of the call.
         first_pair: number of the first pair of series, which seeds the normals.
@@ -94,7 +94,7 @@ def fill_transformed(
 
 
 def transform_loop(n: int, band: int) -> Callable:
-    """Return the compiled loop for this length and number of frequencies that are not zero."""
+    """Return the compiled loop for a length and a number of frequencies that are not zero."""
     return _module(n, band)[0].transformed
 
 
@@ -103,7 +103,7 @@ def _module(n: int, band: int) -> tuple[ModuleType, np.ndarray]:
     """Return the loop of a transform, and its twiddle factors e^{i phi}  (turns, 2).
 
     Args:
-        n: length.
+        n: length of the transform.
         band: B, the number of frequencies that are not zero.
     """
     text, result, turns = passes(n, W, band)

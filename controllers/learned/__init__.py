@@ -1,1 +1,1 @@
-"""Learned controllers (pilots): observations, network and file."""
+"""Learned controllers (pilots), with their observations, networks and files."""

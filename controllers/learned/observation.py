@@ -1,4 +1,4 @@
-"""Observations of a pilot: plain functions over scalars, like the models.
+"""The observations of a learned pilot, as plain functions over scalars like the models.
 
 The compiled lanes and single flights share these functions. The state is given in the body frame,
 so that it does not depend on position and heading of the course: velocity, direction of gravity,
@@ -26,7 +26,7 @@ AFTER_LAST = 5.0  # distance from an open course's last gate to a virtual gate b
 
 
 class Vector(NamedTuple):
-    """Three numbers, in the world or in the body frame."""
+    """A vector in the world frame or in the body frame."""
 
     x: float
     y: float
@@ -34,7 +34,7 @@ class Vector(NamedTuple):
 
 
 class GateNumbers(NamedTuple):
-    """The position and the size of a gate's opening, as vectors of the world [m]."""
+    """The position and the size of a gate's opening, as vectors in the world frame [m]."""
 
     centre: Vector
     left: Vector  # from the centre to the middle of the left edge
@@ -104,7 +104,7 @@ def corners(p, axes, gate):
         gate: GateNumbers.
 
     Returns:
-        GateCorners, in LENGTH.
+        GateCorners, in units of LENGTH.
     """
     dx = gate.centre.x - p[0]
     dy = gate.centre.y - p[1]
@@ -148,16 +148,16 @@ def observe(
     gates: Sequence[float] | np.ndarray,
     last: Sequence[float] | np.ndarray,
 ) -> np.ndarray:
-    """Return what a pilot observes, as the learning environments do: an Observation as an array.
+    """Return a pilot's observation as an array, as the learning environments do.
 
     Args:
         x: state of the quadrotor: position [m], velocity [m/s], attitude (a unit quaternion wxyz),
-            body rates [rad/s] and so on, as an Estimate has it  (n_x,).
-        gates: a row of `gate_rows`, by the number of gates passed  (18,).
-        last: the last action, each in -1..1  (4,).
+            body rates [rad/s] and so on, as in an Estimate  (n_x,).
+        gates: the row of `gate_rows` for the number of gates passed  (18,).
+        last: the last action, four numbers in -1..1  (4,).
 
     Returns:
-        38 numbers of the order of one, float32; docs/learning.md has their order and their units.
+        The observation  (38,) float32; docs/learning.md lists its numbers with their units.
 
     Examples:
         >>> import quadsim
@@ -176,16 +176,16 @@ def observe(
 
 
 def gate_rows(course: Course, laps: int) -> np.ndarray:
-    """Return the next two gates for each number of gates passed, up to all of them.
+    """Return the next two gates for each number of gates passed.
 
     Args:
         course: the course.
-        laps: laps of the race.
+        laps: number of laps of the race.
 
     Returns:
-        (laps * gates + 1, 18), of the next gate and then of the gate after it, in the world frame
-        [m]: the centre of the opening, the vector from there to the middle of the left edge, and to
-        the middle of the upper edge.
+        A row for each number of passed gates  (laps * gates + 1, 18). For the next gate and for
+        the gate after it, in the world frame [m]: the centre of the opening, and the vectors
+        from there to the middle of the left edge and of the upper edge.
 
     Examples:
         >>> import quadsim
@@ -215,7 +215,7 @@ def gate_numbers(gate: Gate) -> tuple[float, ...]:
 def normalised(
     u: Sequence[float] | np.ndarray, low: Sequence[float], high: Sequence[float]
 ) -> np.ndarray:
-    """Return a command within its limits as an action in -1..1."""
+    """Return a command within its limits as an action in -1..1.  (4,)"""
     lower = np.asarray(low)
     upper = np.asarray(high)
     return 2 * (np.asarray(u) - lower) / (upper - lower) - 1
@@ -224,7 +224,7 @@ def normalised(
 def command(
     action: Sequence[float] | np.ndarray, low: Sequence[float], high: Sequence[float]
 ) -> np.ndarray:
-    """Return an action in -1..1 as a command: body rates [rad/s] and thrust [m/s^2]."""
+    """Return an action in -1..1 as a command: body rates [rad/s] and thrust [m/s^2].  (4,)"""
     lower = np.asarray(low)
     upper = np.asarray(high)
     return lower + (np.clip(action, -1, 1) + 1) / 2 * (upper - lower)

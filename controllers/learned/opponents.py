@@ -1,7 +1,8 @@
-"""Observations of the other racers: plain functions over scalars, as in `observation`.
+"""The observations of other racers, as plain functions over scalars.
 
 Position and velocity of an opponent are given relative to the observing vehicle, in its body frame
-(x forward, y left, z up). The nearest opponent comes first, as it is the most important to avoid.
+(x forward, y left, z up). The nearest opponent comes first, because it is the most important to
+avoid.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from quadsim.rotation import along, body_axes
 
 
 class Away(NamedTuple):
-    """Relative position and velocity of another vehicle, world frame."""
+    """The relative position and velocity of another vehicle, world frame."""
 
     position: Vector  # [m]
     velocity: Vector  # [m/s]
@@ -40,8 +41,8 @@ def seen_opponent(x, away):
     """Return the Opponent that a vehicle observes.
 
     Args:
-        x: State of the vehicle that observes.
-        away: Away, to an opponent that is in the race.
+        x: State of the observing vehicle.
+        away: Away of an opponent that is in the race.
     """
     axes = body_axes(x.attitude)
     p = away.position

@@ -1,9 +1,9 @@
-"""A pilot: a learned policy in a file of numbers and JSON, evaluated by numpy alone.
+"""Pilots: learned policies in files of numbers and JSON, which are evaluated by NumPy alone.
 
 The file is an .npz with the weights of each layer and `about`, the JSON of an `About`: observations
-and commands of the pilot, its vehicle and its training. Nothing in the file is executed.
-`layer_0` and `layer_1` are matrix (inputs, outputs) and bias (outputs,) of the first layer,
-`layer_2` and `layer_3` of the second, and so on.
+and commands of the pilot, its vehicle and its training. The file has no code. `layer_0` and
+`layer_1` are the matrix (inputs, outputs) and the bias (outputs,) of the first layer, `layer_2` and
+`layer_3` those of the second, and so on.
 
 A file is accepted if all numbers are plausible: control periods of 1 to 100 ms, actions held for at
 most 100 periods, body rates up to 100 rad/s, thrust up to 1000 m/s^2, each lower limit below its
@@ -103,14 +103,14 @@ class About(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 class AboutFile(About, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The record with the format of the file."""
+    """The record in a pilot's file, together with the format of the file."""
 
     format: str
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Pilot:
-    """The weights of a policy's mean, and what they are for."""
+    """A learned pilot: the weights of a policy's mean, and the record of its file."""
 
     name: str
     about: About
@@ -122,16 +122,16 @@ class Pilot:
         """Return the action in -1..1.
 
         Args:
-            obs: (SIZE,), or rows of it.
+            obs: an observation (SIZE,), or several (n, SIZE).
 
         Returns:
-            (4,), or rows of it.
+            An action (4,), or several (n, 4).
         """
         outputs = forward(self.weights, obs, self.about.activation)
         return np.tanh(outputs) if self.about.output == "tanh" else np.clip(outputs, -1.0, 1.0)
 
     def __repr__(self) -> str:
-        """Return one line: the layers, the output, the vehicle and the training's course."""
+        """Return one line: layers, output, vehicle and course of the training."""
         about = self.about
         sizes = "-".join(str(len(array)) for array in (*self.weights[::2], self.weights[-1]))
         given = about.activation
@@ -147,7 +147,7 @@ class Pilot:
         return self.path if self.path in pilot_names() else str(Path(self.path).absolute())
 
     def check(self, vehicle: str, dt: float) -> None:
-        """Raise FileError unless the pilot fits this vehicle and control period."""
+        """Raise FileError unless the pilot fits a vehicle and a control period [s]."""
         if vehicle != self.about.vehicle:
             wanted = f"expected the vehicle it was trained for, {self.about.vehicle}"
             raise FileError(f"pilot {self.name}: {wanted}, got {vehicle}")
@@ -177,9 +177,9 @@ class PilotController:
         """Prepare a flight.
 
         Args:
-            policy: returns the action in -1..1 (4,) for an observation (SIZE,).
-            actions: how an action becomes a command.
-            course, laps: the race.
+            policy: function that returns the action in -1..1 (4,) for an observation (SIZE,).
+            actions: conversion of an action to a command.
+            course, laps: course and number of laps of the race.
             rest: the control that acts until the first action  (4,).
         """
         self.rest = np.array(rest)
@@ -191,7 +191,7 @@ class PilotController:
         self._until_next = 0  # control periods until the next action
 
     def control(self, estimate: Estimate) -> tuple[np.ndarray, PlanStats]:
-        """Return the command and zero statistics, as there is no plan.
+        """Return the command, and zero statistics, as there is no plan.
 
         See quadsim.racing.flight.Controller.
         """
@@ -211,9 +211,9 @@ def forward(
 
     Args:
         weights: matrix (inputs, outputs) and bias (outputs,) of each layer in turn.
-        x: inputs, (inputs,) or (rows, inputs).
-        activation: activation of the hidden layers, or of each of them: relu, max(0, x), tanh or
-            identity.
+        x: inputs  (inputs,) or (rows, inputs).
+        activation: activation of all hidden layers, or one for each of them: "relu", max(0, x),
+            "tanh" or "identity".
     """
     *hidden, matrix, bias = weights
     for k, one in enumerate(activations(activation, len(hidden) // 2)):
@@ -228,7 +228,7 @@ def forward(
 def activations(
     activation: Activation | Sequence[Activation], hidden: int
 ) -> tuple[Activation, ...]:
-    """Return the activation of each hidden layer, of which there are `hidden`.
+    """Return the activation of each of the `hidden` hidden layers.
 
     Raises:
         ValueError: another number of activations is given.
@@ -243,7 +243,7 @@ def activations(
 
 
 def layers(count: int) -> dict[str, Declared]:
-    """Return the arrays of a file with this number of layers."""
+    """Return the declarations of the arrays in a file with a number of layers."""
     widths = [SIZE, *(f"width of hidden layer {k}" for k in range(1, count)), ACTIONS]
     found = {}
     for k, (inputs, outputs) in enumerate(pairwise(widths)):
@@ -253,7 +253,7 @@ def layers(count: int) -> dict[str, Declared]:
 
 
 def _layer_count(data: bytes) -> int:
-    """Return the number of layers in the content of a file; 1 for none and for a damaged file."""
+    """Return the number of layers in a file's content, 1 if there are none or it is damaged."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             names = [name for name in archive.namelist() if name.startswith("layer_")]
@@ -303,9 +303,9 @@ def pilot_of(data: bytes, path: Path, given: str) -> Pilot:
     """Return the pilot in the content of a file.
 
     Args:
-        data: the content.
-        path: the file.
-        given: its path as it was given, or the name of a pilot that comes with the project.
+        data: content of the file.
+        path: path of the file.
+        given: the path as given, or the name of a pilot that comes with the project.
 
     Raises:
         FileError: the content is damaged.

@@ -1,10 +1,10 @@
-"""Policies of one's own as pilots: saved as numbers, or flown as they are.
+"""Fly a user's own policy as a pilot, from a file of numbers or as a Python function.
 
     quadsim.save_pilot(network, "mine.npz", vehicle="swift", hold=2)    layers, in a file
     quadsim.fly(controller=quadsim.PolicyController(function, hold=2))  any function, not in a file
 
-A network is layers of numbers: pairs (matrix, bias), a `Sequential` of PyTorch, or a model of
-Stable-Baselines3. PyTorch is not imported here: a network that has been made brings it along.
+A network is given as pairs (matrix, bias), as a `Sequential` of PyTorch, or as a model of
+Stable-Baselines3. PyTorch is not imported here; the user's network has imported it already.
 """
 
 from __future__ import annotations
@@ -69,31 +69,30 @@ def save_pilot(
     activation: Activation | Sequence[Activation] | None = None,
     output: Output | None = None,
 ) -> Pilot:
-    """Write a policy of one's own as a pilot, which `race fly --pilot` flies.
+    """Write a user's own policy as a pilot, which `race fly --pilot` flies.
 
-    The network takes the 38 numbers of the learning environments and returns an action of 4, see
-    docs/learning.md. The file has its layers as they are.
+    The input of the network has the 38 numbers of the learning environments, its output the 4
+    numbers of an action, see docs/learning.md. The layers are stored unchanged.
 
     Args:
         policy: the network. Pairs (matrix, bias), one for each layer, of shapes (inputs, outputs)
             and (outputs,); or a `Sequential` of PyTorch with Linear, Tanh, ReLU and Identity; or a
-            model of Stable-Baselines3 (PPO, A2C, SAC, TD3, DDPG), of which its mean is kept; or a
-            Pilot.
+            model of Stable-Baselines3 (PPO, A2C, SAC, TD3, DDPG), whose mean is stored; or a Pilot.
         path: FILE.npz to write.
-        vehicle: the vehicle that it was trained for. Its limits are the commands at -1 and 1.
-        course: the course of the training, for people.
+        vehicle: vehicle of the training. Its limits are the commands at -1 and 1.
+        course: name of the training's course, for information.
         dt: control period [s].
-        hold: control periods for which an action is held, as in the training.
-        activation: of the hidden layers of pairs, or of each of them: "tanh" (default), "relu" or
-            "identity". The other networks have their own.
-        output: how the last layer's outputs become actions in -1..1: "clip" (default) or "tanh".
-            The other networks have their own.
+        hold: number of control periods for which an action is held, as in the training.
+        activation: activation of all hidden layers of pairs, or one for each of them: "tanh"
+            (default), "relu" or "identity". Other networks have their own.
+        output: conversion of the last layer's outputs to actions in -1..1: "clip" (default) or
+            "tanh". Other networks have their own.
 
     Returns:
-        The pilot as the file has it.
+        The pilot in the file.
 
     Raises:
-        SettingError: the policy or a number cannot be stored; one line (a ValueError).
+        SettingError: the policy or a number cannot be stored (a ValueError).
         FileError: the vehicle cannot be read, or the file cannot be written (a ValueError).
 
     Examples:
@@ -139,12 +138,12 @@ def save_pilot(
 
 
 def vehicle_digest(vehicle: Vehicle) -> str:
-    """Return the sha256 [hex] of a vehicle's numbers, as a pilot's file has it."""
+    """Return the sha256 [hex] of a vehicle's numbers for a pilot's file."""
     return hashlib.sha256(json.dumps(asdict(vehicle)).encode()).hexdigest()
 
 
 def _environment(vehicle: Vehicle, dt: float) -> System:
-    """Return the system whose limits are the actions -1 and 1 of the learning environments."""
+    """Return the system whose limits are the commands at the actions -1 and 1."""
     return quadrotor(ModelParams.of(vehicle), dt)
 
 
@@ -173,7 +172,7 @@ def _of_modules(policy: object) -> Network:
     """Return the layers of a network of PyTorch, or of a model of Stable-Baselines3."""
     modules = list(_modules(policy))
     pairs: list[tuple[Any, Any]] = []
-    after: list[Activation | None] = []  # the activation after each layer, None: none was named
+    after: list[Activation | None] = []  # the activation after each layer; None if none was named
     for module in modules:
         kind = type(module).__name__
         if kind == "Linear":
@@ -224,13 +223,13 @@ def _modules(policy: object) -> Iterator[object]:
 
 
 class Tanh:
-    """Stands for the tanh behind the last layer, which the algorithm applies by itself."""
+    """A placeholder for the tanh after the last layer, which the algorithm itself applies."""
 
 
 def _checked(
     pairs: Sequence[Any], activation: Activation | Sequence[Activation], output: Output
 ) -> Network:
-    """Return the network of these layers. Raises SettingError."""
+    """Return the network of pairs (matrix, bias). Raises SettingError."""
     if not 1 <= len(pairs) <= MOST_LAYERS:
         raise SettingError("policy", f"expected 1 to {MOST_LAYERS} layers, got {len(pairs)}")
     layers = [_layer(number, pair) for number, pair in enumerate(pairs, 1)]
@@ -300,22 +299,22 @@ class FlownSpec(Protocol):
 
     @property
     def planner(self) -> Any:
-        """The planner's numbers, with the control period `mppi.dt` [s]."""
+        """The planner's numbers, including the control period `mppi.dt` [s]."""
         ...
 
 
 @dataclass(frozen=True)
 class PolicyController:
-    """Makes a controller of any policy: a function, a network, a policy with a memory.
+    """A controller made of any policy: a function, a network, or a policy with a memory.
 
-    The policy is given the observations of the learning environments and returns an action, four
-    numbers in -1..1: body rates about x, y, z and thrust, of which -1 and 1 are the vehicle's
-    limits. Other numbers are clipped.
+    The policy gets the observations of the learning environments and returns an action, four
+    numbers in -1..1 for body rates about x, y, z and thrust; -1 and 1 are the vehicle's limits.
+    Numbers outside this range are clipped.
 
     Args:
-        policy: function of an observation (38,), float32, that returns an action (4,). A class is
-            made anew for each flight, without arguments, for a policy with a memory.
-        hold: control periods for which an action is held, as in the training.
+        policy: function of an observation (38,), float32, that returns an action (4,). For a policy
+            with a memory give a class, which is instantiated without arguments for each flight.
+        hold: number of control periods for which an action is held, as in the training.
 
     Examples:
         >>> import numpy as np
@@ -357,7 +356,7 @@ def checked_action(policy: object, given: object) -> np.ndarray:
     """Return an action, clipped to -1..1.  (4,)
 
     Raises:
-        SettingError: it is not four finite numbers.
+        SettingError: the action is not four finite numbers.
     """
     try:
         action = np.asarray(given)

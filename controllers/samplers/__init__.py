@@ -1,6 +1,6 @@
-"""Samplers: distributions of the perturbations z of v = u + z, one short file each.
+"""Samplers: distributions of the perturbations z of v = u + z, each in its own file.
 
-A sampler is a frozen dataclass of its parameters. Its method `build` makes the source of
+A sampler is a frozen dataclass of its parameters. Its method `build` returns the source of
 perturbations for MPPI.
 """
 
@@ -29,12 +29,12 @@ SAMPLERS: dict[str, type[Sampling]] = {
 
 
 def is_registered(sampler: object) -> bool:
-    """Return whether a sampler is one of SAMPLERS, not the user's own."""
+    """Return whether a sampler is one of SAMPLERS rather than a user's own."""
     return type(sampler) in SAMPLERS.values()
 
 
 def sampler_name(sampler: object) -> str:
-    """Return the name of a registered sampler, or the class name of the user's own."""
+    """Return the name of a registered sampler, or the class name of a user's own."""
     names = {kind: name for name, kind in SAMPLERS.items()}
     return names.get(cast(Any, type(sampler)), type(sampler).__name__)
 

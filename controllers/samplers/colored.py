@@ -1,21 +1,22 @@
 """Colored sampling, PSD(f) ~ 1/f^gamma: Gaussians in the frequency domain, then an inverse FFT.
 
-Timmer and Koenig 1995; Vlahov et al. 2024, section III-A and Algorithm 1. There are three methods:
+References are Timmer and Koenig 1995, and Vlahov et al. 2024, section III-A and Algorithm 1. There
+are three methods:
 
 exact    a transform of length n >= 2T whose steps 0..T-1 and T..2T-1 are two samples. The periodic
          wrap of the transform falls outside both, and the variance is sigma^2 at every t. The two
          are antithetic rather than independent: at one t they correlate by -.08, -.30, -.52 for
-         gamma 1, 2, 4 and n = 2T. n is the first such length without a prime factor above 13, as a
-         large prime factor would take many times as long.
-paper    the published formula to the letter: length T (so z_0 and z_{T-1} are neighbours), divided
+         gamma 1, 2, 4 and n = 2T. n is the smallest such length without a prime factor above 13,
+         because a large prime factor would take many times as long.
+paper    the published formula exactly: length T (so z_0 and z_{T-1} are neighbours), divided
          by zeta = T^-2 N^gamma (1 + 4 sum_{n=1}^{N-1} n^-gamma).
 library  the authors' public CUDA code: length 2T with the first half kept, normalised without the
          DC bin, and an offset z_t -= z_1 .97^t, so that every sample starts near zero.
 
 With a cut-off f_c, the noise of `exact` is band-limited: its amplitudes are multiplied by
-1 / (1 + (f / f_c)^4), and are zero above 3.15 f_c, at which this factor is 1 %. That lowers the
-variance below sigma^2. With gamma 0 it is a low-pass Gaussian. The transform starts from the
-frequencies that are left, so most of the others are not drawn.
+1 / (1 + (f / f_c)^4), and are zero above 3.15 f_c, at which this factor is 1 %. This lowers the
+variance below sigma^2. With gamma 0 the noise is low-pass Gaussian. Most frequencies that are zero
+are not drawn, because the transform starts from the others.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ def spectrum(n: int, gamma: float, law: Law) -> np.ndarray:
         law: the method.
 
     Returns:
-        (n,)
+        The standard deviations  (n,).
     """
     k = np.minimum(np.arange(n), n - np.arange(n))
     real = 2 * k % n == 0
@@ -76,15 +77,15 @@ def spectrum(n: int, gamma: float, law: Law) -> np.ndarray:
 
 
 def roll_off(n: int, dt: float, cutoff: float) -> np.ndarray:
-    """Return the factors 1 / (1 + (f / f_c)^4) on the amplitudes of a transform, or zero.
+    """Return the factors 1 / (1 + (f / f_c)^4) on amplitudes, zero if below 1 %.
 
     Args:
         n: length of the transform.
         dt: control period [s].
-        cutoff: f_c [Hz].
+        cutoff: cut-off frequency f_c [Hz].
 
     Returns:
-        (n,)
+        The factors  (n,).
     """
     k = np.minimum(np.arange(n), n - np.arange(n))
     f = k / (n * dt)  # [Hz]
@@ -155,7 +156,7 @@ class ColoredNoise:
     `exact` the steps 0..T-1 are one sample and the steps T..2T-1 a second one.
 
     Args:
-        sampler: the numbers of the noise.
+        sampler: parameters of the noise.
         samples: largest number of samples drawn at a time.
         horizon: T, number of control periods.
         key: key of the random numbers  (2,) uint32.
@@ -186,7 +187,7 @@ class ColoredNoise:
             ]
         )
 
-        # The frequencies that are drawn: those of the narrowest band outside which all are zero
+        # The drawn frequencies: the narrowest band that contains all nonzero amplitudes
         highest = int(np.flatnonzero(deviations[:, : n // 2 + 1].any(axis=0)).max(initial=0))
         band = narrowest_band(n, highest)
         self.normals = band / n
@@ -211,7 +212,7 @@ class ColoredNoise:
             samples: number of samples; None: the largest number.
 
         Returns:
-            (series, n_u, halves * T, LANES)
+            The perturbations  (series, n_u, halves * T, LANES).
         """
         z = self._z[: self._series(self._samples if samples is None else samples)]
         # Two series come from one transform.
@@ -220,5 +221,5 @@ class ColoredNoise:
         return z
 
     def _series(self, samples: int) -> int:
-        """Return the number of series for a number of samples."""
+        """Return the number of series (transforms) that hold a number of samples."""
         return -(-samples // self._held)

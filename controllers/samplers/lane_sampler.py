@@ -14,12 +14,14 @@ from msgspec import Meta
 
 Sigma = tuple[Annotated[float, Meta(gt=0, le=1000)], ...]  # standard deviation of each control
 Gamma = tuple[Annotated[float, Meta(ge=0, le=10)], ...]  # exponent of each control, PSD ~ 1/f^gamma
-Cutoff = tuple[Annotated[float, Meta(ge=0, le=1e6)], ...]  # of each control [Hz]; 0 or (): none
+Cutoff = tuple[
+    Annotated[float, Meta(ge=0, le=1e6)], ...
+]  # of each control [Hz]; 0 or (): no cut-off
 Shift = Literal["corrected", "published"]
 
 
 class Momentum:
-    """D dt, the change of the plan in the last iteration; see quadsim.controllers.samplers.smooth.
+    """The change D dt of the plan in the last iteration; see quadsim.controllers.samplers.smooth.
 
     Args:
         horizon: T, number of control periods.
@@ -32,7 +34,7 @@ class Momentum:
         self._shift = shift
 
     def shift(self, steps: int) -> None:
-        """Shift by a number of control periods; the last change is repeated at the end."""
+        """Shift the change by a number of control periods; its last row is repeated at the end."""
         T = len(self.change)
         rows = np.minimum(np.arange(T) + steps, T - 1)
         if self._shift == "published":

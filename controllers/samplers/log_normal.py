@@ -1,6 +1,6 @@
-"""Log-MPPI (Mohamed et al. 2022): the product of a normal and a log-normal.
+"""Log-MPPI (Mohamed et al. 2022): noise that is the product of a normal and a log-normal.
 
-The noise is white like Gaussian noise, but has heavy tails.
+The noise is white like Gaussian noise, but has heavier tails.
 
     z = sigma xi exp(sigma eta),  xi, eta ~ N(0, 1) independent for every sample, time and control
 
@@ -27,8 +27,8 @@ CEILING = np.float32(60.0)
 class LogNormal:
     """v = u + sigma xi exp(sigma eta), xi and eta ~ N(0, 1) independent; Mohamed et al. 2022.
 
-    sigma (n_u,) is in the units of the controls as the factor of xi, and without a unit as the
-    factor of eta. The standard deviation is sigma exp(sigma^2).
+    The parameter sigma (n_u,) has the units of the controls as the factor of xi, and no unit as the
+    factor of eta. The standard deviation of the noise is sigma exp(sigma^2).
 
     Examples:
         >>> from quadsim import LogNormal

@@ -50,7 +50,8 @@ class PlainSampler(Protocol):
             controls: number of controls.
 
         Returns:
-            (samples, horizon, controls), finite. Otherwise MPPI raises SettingError, a ValueError.
+            Finite perturbations  (samples, horizon, controls). Otherwise MPPI raises SettingError,
+            a ValueError.
         """
         ...
 

@@ -4,11 +4,11 @@
     v = U + d dt            sampled controls: no sum over t, so v is as white as Gaussian sampling's
     D <- sum_m w^m d^m      U <- U + D dt
 
-So D dt is the change of the plan U in the last iteration, and sampling is centred on U plus that
-change: Gaussian sampling with sigma dt and a momentum. Smooth-MPPI* (Vlahov et al. 2024, section
-IV-C) is the same with sigma / dt. From one period to the next, D is shifted with the plan
-(`corrected`). In the authors' public CUDA code, on which the paper's tables are based, an error
-replaces every derivative by the one at index 1 (`published`).
+D dt is the change of the plan U in the last iteration, and sampling is centred on U plus this
+change. Smooth-MPPI is therefore Gaussian sampling with sigma dt and a momentum. Smooth-MPPI*
+(Vlahov et al. 2024, section IV-C) is the same with sigma / dt. From one period to the next, D is
+shifted with the plan (`corrected`). In the authors' public CUDA code, on which the paper's tables
+are based, an error replaces every derivative by the one at index 1 (`published`).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from quadsim.files.values import check_fields
 
 @dataclass(frozen=True)
 class SmoothStar:
-    """Smooth-MPPI*, Vlahov et al. 2024: sigma in the units of the controls.
+    """Smooth-MPPI* (Vlahov et al. 2024), with sigma in the units of the controls.
 
     Examples:
         >>> from quadsim import SmoothStar
@@ -47,7 +47,7 @@ class SmoothStar:
 
 @dataclass(frozen=True)
 class Smooth:
-    """Smooth-MPPI, Kim et al. 2022: sigma of the controls' derivatives.
+    """Smooth-MPPI (Kim et al. 2022), with sigma in the units of the controls' derivatives.
 
     Examples:
         >>> from quadsim import Smooth

@@ -1,4 +1,4 @@
-"""Benchmarks: control steps and their parts, flights along gates, environments, peers.
+"""Benchmarks of control steps and their parts, flights along gates, environments, and peers.
 
 `race bench` prints the results as tables.
 """

@@ -141,7 +141,7 @@ class Start(NamedTuple):
 
 
 def paper_case(system: str, sampler: str) -> Case:
-    """Return the case at the paper's budget, the racer's at its own, on all threads."""
+    """Return the case with the paper's budget, or the racer's own budget, on all threads."""
     if system in PRESETS:
         config = preset(PRESETS[system], "gaussian").mppi
     else:
@@ -176,7 +176,7 @@ def _sizes() -> Iterator[Case]:
 
 
 def starting(case: Case) -> Start:
-    """Return a case's planner, with the other settings of its preset, and its start state."""
+    """Return the planner of a case, with the settings of its preset, and the initial state."""
     budget: dict[str, Any] = {
         "samples": case.samples,
         "horizon": case.horizon,
@@ -193,7 +193,7 @@ def starting(case: Case) -> Start:
 
 
 def measure(case: Case, seconds: float, peak: float) -> CaseTime:
-    """Time the control steps of a case.
+    """Return the times of the control steps of a case.
 
     Args:
         case: the case.

@@ -39,7 +39,7 @@ PIECE = 0.02  # approximate duration of one timed piece [s]
 
 
 class PublishedSpeed(NamedTuple):
-    """A published speed of another project, for its own machine and model."""
+    """A published speed of another project, on its own machine and with its own model."""
 
     who: str
     steps_per_s: float
@@ -52,7 +52,7 @@ PUBLISHED = (
 
 
 class EnvsSpeed(NamedTuple):
-    """The speed of environments with this number of vehicles."""
+    """The speed of environments with a number of vehicles."""
 
     vehicles: int
     threads: int
@@ -71,7 +71,7 @@ class RacesSpeed(NamedTuple):
 
 
 def measure_races(seconds: float) -> list[RacesSpeed]:
-    """Time races of each size of RACES on one thread and on all.
+    """Return the speeds of races of each size in RACES, on one thread and on all.
 
     Args:
         seconds: approximate duration of the timing for each row.
@@ -102,7 +102,7 @@ def measure_races(seconds: float) -> list[RacesSpeed]:
 
 
 def race_lane_steps(races: Races) -> Callable[[], None]:
-    """Return a function that steps these races in lanes, with actions around hover."""
+    """Return a function that steps races in lanes, with actions around hover."""
     lanes = RaceLanes(races.task, races.races, 0, restart=True)
     lanes.begin(0)
     actions = around_hover(lanes.last.shape)
@@ -121,7 +121,7 @@ def race_array_steps(races: Races) -> Callable[[], None]:
 
 
 def measure_envs(seconds: float) -> list[EnvsSpeed]:
-    """Time environments of each number of VEHICLES on one thread and on all.
+    """Return the speeds of environments with each number in VEHICLES, on one thread and on all.
 
     Args:
         seconds: approximate duration of the timing for each row.
@@ -165,7 +165,7 @@ def array_steps(envs: RacingVectorEnv) -> Callable[[], None]:
 
 
 def around_hover(shape: tuple[int, ...]) -> np.ndarray:
-    """Return actions near hover in an array of this shape; its second axis has the controls."""
+    """Return random actions near hover in this shape, whose second axis has the controls."""
     actions = np.random.default_rng(0).normal(0, 0.1, shape).astype(np.float32)
     actions[:, 3] -= 0.5  # about hover: a quarter of the thrust range
     return actions

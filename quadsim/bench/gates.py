@@ -1,4 +1,4 @@
-"""Measure the dependence of time on the number of gates, on lines of few and many gates.
+"""Measure how planning time depends on the number of gates, on straight lines of gates.
 
 The flights take their control steps in alternation. Flights of one seed repeat each other exactly,
 so the work of a control step is the same in each repetition; the shortest time of each step is the
@@ -53,7 +53,7 @@ def line_of_gates(gates: int) -> Course:
 
 
 def measure_gates(flown: float = FLOWN, **settings: Any) -> list[GatesTime]:
-    """Time flights along each number of GATES.
+    """Return the times of flights along each number of gates in GATES.
 
     Args:
         flown: simulated time of each flight [s].
@@ -87,7 +87,7 @@ def _in_turn(specs: Sequence[Spec], repetition: int) -> Iterator[list[StepTime]]
 
 
 def _timed(flight: Iterator[Frame]) -> StepTime | None:
-    """Take the next control step, and return its time; None when the flight is over."""
+    """Run the next control step and return its time, None if the flight is over."""
     began = perf_counter()
     frame = next(flight)
     whole = 1e3 * (perf_counter() - began)
@@ -95,7 +95,7 @@ def _timed(flight: Iterator[Frame]) -> StepTime | None:
 
 
 def _gates_time(spec: Spec, whole: np.ndarray, plan: np.ndarray) -> GatesTime:
-    """Return the times of one flight; whole, plan: times of its control steps [ms]."""
+    """Return the times of one flight from the times of its control steps and plans [ms]."""
     flown = len(whole) * spec.planner.mppi.dt
     return GatesTime(
         gates=len(spec.course.gates),

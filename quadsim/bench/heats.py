@@ -37,7 +37,7 @@ HOVER = (0.0, 0.0, 0.0, 9.81)
 
 
 class OthersTime(NamedTuple):
-    """The time of a control step beside other vehicles."""
+    """The time of a control step in a race with other vehicles."""
 
     expect: str
     others: int
@@ -70,7 +70,7 @@ class HeatTime(NamedTuple):
 
 
 class HeatTimes(NamedTuple):
-    """The measurements of `race bench --heats`."""
+    """The times of control steps, of the world and of whole races with several vehicles."""
 
     beside: list[OthersTime]
     worlds: list[WorldTime]
@@ -82,13 +82,13 @@ def measure_heats(seconds: float) -> HeatTimes:
 
     Args:
         seconds: approximate time for each case of the world, and for each series of control steps
-            beside a race [s].
+            in a race [s].
     """
     return HeatTimes(list(others_times()), list(world_times(seconds)), list(heat_times(seconds)))
 
 
 def others_times() -> Iterator[OthersTime]:
-    """Yield the times of control steps, by the kind of prediction and the number of others."""
+    """Yield the times of control steps for kinds of prediction and numbers of other vehicles."""
     alone = PlannerInLine("nothing", 0)
     alone.step_ms()
     for expect in EXPECTED:
@@ -106,7 +106,7 @@ class PlannerInLine:
     """The planner of a vehicle that flies in line with others."""
 
     def __init__(self, expect: Expect, others: int):
-        """Make the planner."""
+        """Make the planner of a vehicle."""
         spec = Spec.of()
         entrants = tuple(Entrant(str(k), spec) for k in range(others + 1))
         heat = HeatSpec(entrants, HeatSettings(expect=expect))
@@ -209,7 +209,7 @@ def heat_times(seconds: float) -> Iterator[HeatTime]:
 
 
 def run_until(frames: Iterator[HeatFrame], t: float) -> float:
-    """Fly a race until t [s] or to its earlier end, and return the reached race time [s]."""
+    """Fly a race until t [s] or its earlier end, and return the reached race time [s]."""
     last = 0.0
     for frame in frames:
         last = frame.t

@@ -1,7 +1,7 @@
 """A comparison with pytorch-mppi and JAX, with the same model and cost, without gates.
 
-All are timed in the same run. Each library is timed only after its costs agree with ours for the
-same noise.
+All planners are timed in the same run. A library is timed only after its costs have agreed with
+this project's costs for the same noise.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ POINT = (50.0, 0.0, 2.0)  # [m]
 
 
 class PeerTime(NamedTuple):
-    """The time of a control step through another library, beside ours."""
+    """The time of a control step with another library and with this project."""
 
     name: str
     ms_p50: float
@@ -43,14 +43,16 @@ class PeerTime(NamedTuple):
 
 
 def require_peers() -> None:
-    """Raise UsageError if the extra is not installed, before minutes of timing."""
+    """Raise UsageError if the extra is not installed."""
     missing = [name for name in ("torch", "pytorch_mppi", "jax") if find_spec(name) is None]
     if missing:
         raise UsageError(f"--peers: {needs_extra(' and '.join(missing), 'peers')}")
 
 
 def compare(seconds: float) -> list[PeerTime]:
-    """Time each library and ours, for about the given number of seconds each."""
+    """Return the times of each library and of this project's planner.
+
+    Each is timed for about the given number of seconds."""
     mppi, x = starting(paper_case("quadrotor", "gaussian"))
     config = replace(mppi.config, rest_fraction=0.0)
     ours = MPPI(mppi.system, point_cost(), preset("paper", "gaussian").sampling, config)
@@ -65,15 +67,16 @@ def compare(seconds: float) -> list[PeerTime]:
 
 
 def largest_difference(ours: MPPI, costs: Callable, x: np.ndarray) -> float:
-    """Return the largest relative difference between a library's costs and ours.
+    """Return the largest relative difference between a library's costs and this project's.
 
     Args:
-        ours: our planner.
-        costs: the library's costs: (x, v) -> J (M,), with controls v (M, T, n_u).
-        x: initial state (n_x,).
+        ours: this project's planner.
+        costs: function of the library that returns the costs J (M,) of a state x and controls v
+            (M, T, n_u).
+        x: initial state  (n_x,).
 
     Raises:
-        ValueError: the difference is beyond AGREEMENT.
+        ValueError: the difference exceeds AGREEMENT.
     """
     z = ours.sampler.sample(7).copy()  # (blocks, n_u, T, LANES)
     mine = np.empty((len(z), LANES), np.float32)
@@ -105,7 +108,7 @@ class Desired(NamedTuple):
 
 
 def point_cost() -> Cost:
-    """Return eq. (8) without gates: fly to a point at a height and a speed.
+    """Return the cost of eq. (8) without gates, for flying to a point at a height and a speed.
 
     The point is never reached, and nothing crashes.
     """
@@ -154,7 +157,7 @@ def stabilize(x, x_next, u, point, p):
 
 
 def array_backend(library: ModuleType) -> dict[str, Callable]:
-    """Return a library's equivalents, by name, of the NumPy functions that are called here."""
+    """Return a library's equivalents of the NumPy functions that are called here, by name."""
     functions = {name: getattr(library, name) for name in ("minimum", "maximum", "sqrt", "where")}
     if library.__name__ == "torch":  # torch's minimum and maximum take no plain numbers
         for name in ("minimum", "maximum"):
@@ -163,7 +166,7 @@ def array_backend(library: ModuleType) -> dict[str, Callable]:
 
 
 def _of_tensors(torch: ModuleType, choose: Callable) -> Callable:
-    """Return torch's minimum or maximum, extended to plain numbers."""
+    """Return torch's minimum or maximum, extended to accept plain numbers."""
 
     def chosen(a: Any, b: Any) -> Any:
         return choose(torch.as_tensor(a), torch.as_tensor(b))
@@ -178,14 +181,14 @@ def rebind(function: Callable, backend: dict[str, Callable]) -> FunctionType:
 
 
 class Model(NamedTuple):
-    """Our model and cost in another library; states and controls are sequences of arrays."""
+    """This project's model and cost in another library, on sequences of arrays."""
 
     step: Callable  # (x, u) -> the next state
     cost: Callable  # (x, u) -> the cost of x
 
 
 def model(ours: MPPI, library: ModuleType) -> Model:
-    """Return our model and cost with the library's functions."""
+    """Return this project's model and cost with the library's functions."""
     system = ours.system
     cost = ours.cost
     backend = array_backend(library)
@@ -204,7 +207,7 @@ def model(ours: MPPI, library: ModuleType) -> Model:
 
 
 class TorchPeer:
-    """pytorch_mppi.MPPI as its users call it: float32, batched dynamics, and our threads."""
+    """A planner of pytorch_mppi with float32, batched dynamics, and the same number of threads."""
 
     def __init__(self, ours: MPPI):
         """Use a planner's model, cost and budget.
@@ -252,7 +255,7 @@ class TorchPeer:
     def costs(self, x: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return the costs J (M,) of controls v (M, T, n_u) from the state x (n_x,).
 
-        As in ours, J is the mean over the next states of all steps.
+        As in this project, J is the mean over the next states of all steps.
         """
         torch = self._torch
         state = torch.tensor(x, dtype=torch.float32).expand(len(v), -1)
@@ -265,7 +268,7 @@ class TorchPeer:
 
 
 class JaxPeer:
-    """The same algorithm in JAX: one compiled function, a scan over the horizon."""
+    """The same algorithm in JAX, as one compiled function with a scan over the horizon."""
 
     def __init__(self, ours: MPPI):
         """Use a planner's model, cost and budget.

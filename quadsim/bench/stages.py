@@ -36,9 +36,9 @@ def stages(case: Case, seconds: float) -> list[PartTime]:
 def parts_ms(start: Start, sampler: str, seconds: float) -> dict[str, float]:
     """Return the median time of each part of one iteration [ms].
 
-    `rest` is the whole minus its parts, and may be negative, as the medians are independent.
-    Colored noise is made in one loop: `normals` is the time of the same number of normals alone,
-    and `transform` is the rest of the loop's time.
+    `rest` is the whole minus its parts, and may be negative, because the medians are independent.
+    Colored noise is made in one loop: `normals` is the time of drawing the same number of normals
+    alone, and `transform` is the rest of the loop's time.
     """
     mppi = start.mppi
     noise_of_colored = {}

@@ -1,4 +1,4 @@
-"""The measurements of `race bench` as tables."""
+"""Show the measurements of `race bench` as tables."""
 
 from __future__ import annotations
 
@@ -197,7 +197,8 @@ def races_table(rows: Sequence[RacesSpeed]) -> Table:
 def other_simulators(plants: Mapping[str, float]) -> Iterator[str]:
     """Yield a line for each simulator of one vehicle in this run, and for each published figure.
 
-    plants: steps per second by name.
+    Args:
+        plants: speed by the name of the simulator [steps/s].
     """
     for name, steps in plants.items():
         yield (f"one vehicle, no gates, reward or observation: {name}: {steps / 1e6:.2g} million/s")
@@ -212,7 +213,7 @@ def _beside(number: float, first: float) -> str:
 
 
 def _order(row: CaseTime) -> tuple:
-    """Sort the quadrotor first, by samples at the paper's horizon, then by horizon."""
+    """Return the sort key of a case: the quadrotor first, by samples, then by horizon."""
     paper = paper_case(QUADROTOR, "gaussian")
     return (
         row.system != QUADROTOR,
@@ -223,5 +224,5 @@ def _order(row: CaseTime) -> tuple:
 
 
 def _size(row: CaseTime) -> str:
-    """The budget of a case as text."""
+    """Return the budget of a case as text."""
     return f"{row.samples} x {row.horizon} x {row.iterations}"

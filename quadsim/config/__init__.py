@@ -1,1 +1,1 @@
-"""The configuration of a flight: settings, presets, Spec, and how a Spec is built."""
+"""The configuration of a flight: settings, presets, Spec, and the parts built from a Spec."""

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 
 def with_threads(spec: Spec) -> Spec:
-    """Use the spec's number of CPU threads from now on, and return the spec with it filled in.
+    """Use the spec's number of CPU threads from now on, and return the spec with this number.
 
     Raises:
         SettingError: the number is less than 1, or more than this machine has.
@@ -52,7 +52,7 @@ def with_threads(spec: Spec) -> Spec:
 
 
 def use_threads_of(given: object) -> None:
-    """Use this number of CPU threads from now on, or leave the number as it is for None.
+    """Use this number of CPU threads from now on; None does not change the number.
 
     Raises:
         SettingError: the number is less than 1, or more than this machine has.
@@ -67,15 +67,15 @@ def use_threads_of(given: object) -> None:
 def build(
     spec: Spec, arena: Arena | None = None, referee: RefereeProtocol | None = None
 ) -> FlightParts:
-    """Return the parts of one flight, which `simulate` takes. The caller closes the plant.
+    """Return the parts of one flight for `simulate`. The caller closes the plant.
 
     Args:
         spec: specification of the flight.
-        arena: the world that its vehicle shares with others; None: a world of its own.
-        referee: the referee; None: the referee of the spec.
+        arena: world that the vehicle shares with others; None: the vehicle's own world.
+        referee: referee of the flight; None: the spec's referee.
 
     Raises:
-        SettingError: an object of the user's own cannot take its part (a ValueError).
+        SettingError: one of the user's own objects does not fit its role (a ValueError).
         ValueError: course, laps and vehicle do not fit together.
     """
     from quadsim.controllers.mppi import MPPI  # here: it loads the compiler
@@ -106,8 +106,8 @@ def controller_of(spec: Spec) -> Controller:
     """Return the controller of a flight: the user's own, manoeuvres, a pilot, or the planner.
 
     Raises:
-        SettingError: the user's controller has no control at rest of 4 numbers, or a deadline is
-            given that it cannot keep.
+        SettingError: the user's controller has no control at rest of 4 numbers, or has a deadline
+            that only planners support.
     """
     from quadsim.controllers.mppi import MPPI  # here: it loads the compiler
 
@@ -128,7 +128,7 @@ def referee_of(spec: Spec) -> RefereeProtocol:
     """Return the referee of one flight: the user's own, or the racing referee.
 
     Raises:
-        SettingError: the user's referee has no counts or no outcome.
+        SettingError: the user's referee lacks the counts or the outcome.
         ValueError: course, laps and vehicle do not fit together.
     """
     if spec.referee is not None:
@@ -158,7 +158,7 @@ def racing_referee(spec: Spec, stuck_after: float | None = None) -> Referee:
 
 
 def pilot_of(spec: Spec) -> PilotController | None:
-    """Return the learned pilot that flies in the planner's place, None without one."""
+    """Return the learned pilot that flies instead of the planner, None if there is none."""
     if spec.pilot is None:
         return None
     actions = spec.pilot.about.actions
@@ -170,7 +170,7 @@ def planner_of(spec: Spec, stream: SeedSequence | None = None) -> MPPI:
 
     Args:
         spec: specification of the flight.
-        stream: seed of the planner's perturbations; None: the flight's own.
+        stream: seed of the planner's perturbations; None: the flight's seed.
 
     Raises:
         SettingError: the user's term or cost cannot be compiled.
@@ -197,7 +197,7 @@ def in_flight(spec: Spec, planner: MPPI) -> PlannerInFlight:
 
 
 def flight_frames(spec: Spec) -> Iterator[Frame]:
-    """Build and simulate a flight; yield a Frame per control step, the last with the outcome."""
+    """Build and simulate a flight, and yield its Frames; the last one has the outcome."""
     parts = build(spec)
     with closing(parts.plant):
         yield from simulate(parts)

@@ -1,4 +1,4 @@
-"""Build the cost of a Spec: the racing or the reference cost, with what the user adds."""
+"""Build the cost of a Spec: the racing or the reference cost, with the user's own terms."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ def cost_on(spec: Spec, course: Course) -> Cost:
 
 
 def changed_cost(change: Callable[[Cost], object], cost: Cost) -> Cost:
-    """Return the cost that the user's function makes of the default one.
+    """Return the result of the user's function that changes the default cost.
 
     Raises:
-        SettingError: the function returns anything else than a Cost, or one that is inconsistent.
+        SettingError: the function does not return a Cost, or returns an inconsistent one.
     """
     try:
         found = called("cost", change, "the default Cost", cost)
@@ -100,12 +100,12 @@ def value_of(spec: Spec, weights: RaceWeights) -> CourseValue | None:
 
 
 def sight_of(spec: Spec, weights: RaceWeights, known: Course) -> Sight | None:
-    """Return from where gates are known that stand off the map; None where caution has no use.
+    """Return the distance from which displaced gates are known, None if caution has no use.
 
     Args:
         spec: specification of the flight.
         weights: the planner's weights.
-        known: the course as it is known now.
+        known: the course that is known at present.
     """
     displacement = spec.displacement
     if spec.known_from is None or not displacement.gates or not weights.caution:

@@ -1,4 +1,4 @@
-"""Build the navigation of a Spec, which gives the controller its estimate."""
+"""Build the navigation of a Spec, which makes the estimates for the controller."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ def navigation_of(
 
     Args:
         spec: specification of the flight.
-        plant: its plant, at the start.
-        referee: its referee, which may count the gates.
+        plant: plant of the flight, at the start.
+        referee: referee of the flight, which may count the gates.
         rest: the control that acts until the first one is given  (n_u,).
     """
     return Navigation(
@@ -65,7 +65,7 @@ def _latency(spec: Spec) -> float:
 def _gate_count(spec: Spec, referee: RefereeProtocol) -> GateCount:
     """Return the count of the gates passed.
 
-    The referee counts them unless the state is estimated, or is predicted ahead of the referee.
+    The referee counts the gates, unless the state is estimated or predicted ahead.
     """
     is_late = _latency(spec) or spec.link.rate or spec.clock == "wall"
     if spec.sensing or (is_late and spec.predict):
@@ -89,7 +89,7 @@ def _state_source(spec: Spec, plant: Plant) -> StateSource:
 
 
 def _known_vehicle(spec: Spec) -> Vehicle | None:
-    """Return the vehicle whose rotors are to be learned, if they are."""
+    """Return the vehicle whose rotors are learned, None if they are not."""
     return spec.vehicle if learns_rotors(spec) else None
 
 
@@ -98,8 +98,8 @@ def _sensed_state(spec: Spec, sensing: Sensing, plant: Plant) -> SensedState:
 
     Args:
         spec: specification of the flight.
-        sensing: its sensors.
-        plant: its plant.
+        sensing: sensors of the flight.
+        plant: plant of the flight.
 
     Raises:
         SettingError: there is no inertial measurement unit among the sensors.
@@ -156,7 +156,7 @@ def _sensors(spec: Spec, sensing: Sensing, plant: Plant) -> Sensors:
 
 
 def _eye(spec: Spec, sensing: Sensing) -> Eye | None:
-    """Return what draws the pictures of a pixel camera; None without one."""
+    """Return the renderer of a pixel camera's pictures, None if there is no pixel camera."""
     if sensing.pixels is None:
         return None
     # Imported here, as it loads the compiler.
@@ -169,7 +169,7 @@ def _eye(spec: Spec, sensing: Sensing) -> Eye | None:
 def rotor_std(config: RotorConfig | None, vehicle: Vehicle) -> float:
     """Return the standard deviation of the thrust computed from rotor speeds [m/s^2].
 
-    It is the value at full rotor speed, for independent noise of the four rotors.
+    It applies at full rotor speed, with independent noise of the four rotors.
     """
     if config is None or vehicle.rotors is None:
         return LEAST_ROTOR_STD

@@ -47,8 +47,8 @@ if TYPE_CHECKING:
 def system_of(spec: Spec) -> System:
     """Return the planner's model of the vehicle; one step of it is one control period.
 
-    If the output of the rotors is learned in flight, the model has it from the start, so that one
-    loop is compiled for the whole flight.
+    If the output of the rotors is learned in flight, the model includes it from the start, so that
+    only one loop is compiled for the whole flight.
     """
     model = spec.model
     if learns_rotors(spec):
@@ -59,8 +59,8 @@ def system_of(spec: Spec) -> System:
 def learns_rotors(spec: Spec) -> bool:
     """Return whether the planner learns the output of the rotors in flight.
 
-    Firmware and other simulators have rate loops and mixers of their own, whose commands to the
-    rotors cannot be followed. A pilot has no model that could be adapted.
+    Firmware and other simulators have their own rate loops and mixers, so the commands to the
+    rotors are not known. A pilot has no model that could be adapted.
     """
     has_lag = spec.vehicle.rotors is not None and spec.model.motor_tau > 0.0
     is_followed = spec.flight_controller == "ideal" and spec.plant in ("bullet", "rigid")
@@ -78,13 +78,13 @@ def start_of(spec: Spec) -> State:
 
 
 def plant_of(spec: Spec, arena: Arena | None = None) -> Plant:
-    """Return the plant of one flight: the user's own, or a named one. The caller closes it.
+    """Return the plant of one flight, the user's own or a named one. The caller closes it.
 
     The seed randomizes the vehicle, the start and the gusts of a named plant.
 
     Args:
         spec: specification of the flight.
-        arena: the world that the vehicle shares with others; None: a world of its own.
+        arena: world that the vehicle shares with others; None: the vehicle's own world.
     """
     if not isinstance(spec.plant, str):
         return OwnPlant(made("plant", spec.plant, spec))
@@ -115,7 +115,7 @@ def _disturbances(spec: Spec, varied: Randomization, mass: float) -> Iterator[Ve
 
     Args:
         spec: specification of the flight.
-        varied: what its seed has drawn.
+        varied: changes of the vehicle that the seed has drawn.
         mass: mass of the body [kg].
     """
     stream = spec.streams.gusts
@@ -130,20 +130,20 @@ def _disturbances(spec: Spec, varied: Randomization, mass: float) -> Iterator[Ve
 def actuators_of(
     spec: Spec, vehicle: Vehicle, dt: float, faults: Sequence[FaultOfVehicle]
 ) -> Actuators | BetaflightActuators:
-    """Return the actuators of a vehicle, behind the spec's link and flight controller.
+    """Return the actuators of a vehicle with the spec's link and flight controller.
 
-    Before the firmware, each command is reached within a control period.
+    A link to the firmware interpolates, so that each command is reached within a control period.
 
     Args:
         spec: specification of the flight.
-        vehicle: as it is flown, which the seed may have changed.
+        vehicle: the flown vehicle, which the seed may have changed.
         dt: physics step [s].
-        faults: its faults.
+        faults: faults of the vehicle.
 
     Raises:
         FirmwareError: the firmware is not built, or does not arm.
-        FileError: it does not take its configuration.
-        SettingError: there is a file already where its log would be written.
+        FileError: the firmware does not accept its configuration.
+        SettingError: the file of the firmware's log exists already.
     """
     stream = spec.streams.link
     if spec.betaflight is None:
@@ -163,7 +163,7 @@ def actuators_of(
 
 
 def _command_noise(spec: Spec) -> CommandNoise | None:
-    """Return the noise on the commands of a flight, None without any."""
+    """Return the noise on the commands of a flight, None if there is none."""
     std = spec.variation.command_noise
     if not any(std):
         return None
@@ -172,9 +172,9 @@ def _command_noise(spec: Spec) -> CommandNoise | None:
 
 
 def _imu_noise(spec: Spec, imu: ImuConfig, dt: float) -> ImuNoise:
-    """Return the noise of the firmware's unit, which samples every dt [s].
+    """Return the noise of the firmware's inertial unit, which samples every dt [s].
 
-    It has the density of the unit that the estimator reads.
+    Its noise density equals that of the unit that the estimator reads.
     """
     samples = 1.0 / (imu.rate * dt)  # of the firmware's to one of the estimator's
     stream = sensor_streams(spec.streams.sensors).flight_controller

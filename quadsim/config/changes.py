@@ -1,4 +1,4 @@
-"""Changes of a planner's numbers in flight: made on the page, recorded, and made again."""
+"""Changes of a planner's numbers in flight, which are made on the page and recorded."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from quadsim.record.schema import ChangedPlanner, NumberChange
 
 
 def changeable_numbers(planner: Planner) -> dict[str, Any]:
-    """Return the numbers of a planner that may change in flight, as a NumberChange has them."""
+    """Return the numbers of a planner that may change in flight, in the form of a NumberChange."""
     return {"sampling": plain(planner.sampling), "mppi": plain(planner.mppi)}
 
 
@@ -22,7 +22,7 @@ def planner_after(change: NumberChange, planner: Planner) -> Planner:
     """Return a planner with its numbers after a change.
 
     Raises:
-        msgspec.ValidationError: the change was read from a file that is damaged.
+        msgspec.ValidationError: the change comes from a damaged file.
     """
     numbers = msgspec.convert(change.planner, ChangedPlanner)
     sampling = planner.sampling

@@ -1,4 +1,4 @@
-"""Checks of the parts of a flight, each by itself and against the others."""
+"""Checks of the parts of a flight, of each part alone and of parts together."""
 
 from __future__ import annotations
 
@@ -37,25 +37,25 @@ ROUNDING = 1e-6
 
 
 def plant_name(plant: object) -> str:
-    """Return a plant as an error shows it."""
+    """Return the name of a plant for errors."""
     return plant if isinstance(plant, str) else "a plant of your own"
 
 
 def sensing_name(sensing: Sensing | None) -> str:
-    """Return a sensing as an error shows it; None stands for exact knowledge."""
+    """Return the name of a sensing for errors; None stands for exact knowledge."""
     return sensing.name if sensing else PERFECT
 
 
 def check_type(name: str, part: object, kind: type) -> None:
-    """Raise SettingError unless a part is an object of its type."""
+    """Raise SettingError unless a part has the expected type."""
     if not isinstance(part, kind):
         raise SettingError(name, f"expected a {kind.__name__}, got {shown_value(part)}")
 
 
 def check_classes(name: str, part: object) -> None:
-    """Check that a part and all in it are of the project's own classes. Raises SettingError.
+    """Check that a part and its values have the project's own classes. Raises SettingError.
 
-    A record has their numbers alone, which would fly without a subclass's methods.
+    A record has only their numbers, so a repeated flight would lack the methods of a subclass.
     """
     if not is_dataclass(part):
         return
@@ -68,11 +68,11 @@ def check_classes(name: str, part: object) -> None:
 
 
 def check_numbers(name: str, part: object) -> None:
-    """Check the numbers of a part that comes from no file by the rules of its file.
+    """Check the numbers of a part that was not read from a file by the rules of its file.
 
     Args:
-        name: the name of the setting.
-        part: a vehicle, a sensing or a randomization; anything else has been checked.
+        name: name of the setting.
+        part: a vehicle, a sensing or a randomization; other parts are checked elsewhere.
 
     Raises:
         SettingError: a number is out of range, or the numbers do not fit together.
@@ -108,7 +108,7 @@ def check_cost(cost: object) -> None:
 
 
 def check_period(dt: float, plant_dt: float) -> None:
-    """Check that a control period [s] has whole physics steps [s]. Raises SettingError."""
+    """Check that a control period [s] is a multiple of the physics step. Raises SettingError."""
     try:
         whole_multiple(dt, plant_dt)
     except ValueError:
@@ -135,7 +135,7 @@ def check_network(sensing: Sensing | None) -> None:
 
 
 def check_record_sensing(record_sensing: bool, sensing: Sensing | None) -> None:
-    """Check that a flight whose sensing is to be kept has sensors. Raises SettingError."""
+    """Check that a flight that records its sensing has sensors. Raises SettingError."""
     if record_sensing and sensing is None:
         wanted = "expected a sensing with sensors beside it"
         raise SettingError("record_sensing", f"{wanted}, got {PERFECT}")
@@ -144,7 +144,7 @@ def check_record_sensing(record_sensing: bool, sensing: Sensing | None) -> None:
 def check_known_from(
     known_from: float | None, sensing: Sensing | None, pilot: Pilot | None
 ) -> None:
-    """Check that who flies makes use of the true places of gates. Raises SettingError."""
+    """Check that the controller can use true positions of gates. Raises SettingError."""
     if known_from is None:
         return
     if sensing is not None:
@@ -156,7 +156,7 @@ def check_known_from(
 
 
 def check_planner(planner: Planner) -> None:
-    """Check the numbers of a planner against each other. Raises SettingError."""
+    """Check that the numbers of a planner fit together. Raises SettingError."""
     if is_registered(planner.sampling):
         _check_channels(planner.sampling)
     for path, problem in contradictions_of_planner(planner):
@@ -175,7 +175,7 @@ def _check_channels(sampling: Sampling) -> None:
 
 
 def check_beside_reference(displace_gates: float, view_weight: float, map_scale: float) -> None:
-    """Check that no setting is given that a reference does not know. Raises SettingError."""
+    """Check that no setting excludes following a reference. Raises SettingError."""
     for name, number in (("displace_gates", displace_gates), ("view_weight", view_weight)):
         if number:
             why = "for a preset whose reference ignores displaced gates and the camera"
@@ -186,14 +186,14 @@ def check_beside_reference(displace_gates: float, view_weight: float, map_scale:
 
 
 def check_reference(reference: StoredSolution | None, problem: LimitProblem) -> None:
-    """Check that the solution to be followed is one of this race. Raises SettingError."""
+    """Check that the solution to be followed belongs to this race. Raises SettingError."""
     if reference is None or reference.key != problem.key:
         got = reference.key if reference else None
         raise SettingError("reference", f"expected a solution of {problem.file_name}, got {got}")
 
 
 def check_beside_pilot(controller: object, deadline_ms: float | None) -> None:
-    """Check that no part is given that a flight with a pilot would ignore. Raises SettingError."""
+    """Check that no given part would be ignored by a learned pilot. Raises SettingError."""
     if controller is not None:
         problem = f"expected none beside a pilot, got {shown_value(controller)}"
         raise SettingError("controller", problem)
@@ -203,7 +203,7 @@ def check_beside_pilot(controller: object, deadline_ms: float | None) -> None:
 
 
 def check_no_firmware(betaflight: Text | None, blackbox: str | None) -> None:
-    """Check that nothing is given that only the firmware reads. Raises SettingError."""
+    """Check that no setting of the firmware is given without it. Raises SettingError."""
     if betaflight is not None:
         wanted = "expected none beside the flight controller 'ideal'"
         raise SettingError("betaflight", f"{wanted}, got {betaflight.name!r}")
@@ -213,7 +213,7 @@ def check_no_firmware(betaflight: Text | None, blackbox: str | None) -> None:
 
 
 def expect_new_log(blackbox: str | Path) -> None:
-    """Raise SettingError if there is a file already where the firmware's log would be written."""
+    """Raise SettingError if the file of the firmware's log exists already."""
     if Path(blackbox).exists():
         wanted = "expected a new file, of the log of this flight"
         advice = "name another, or remove it"
@@ -229,7 +229,7 @@ def check_firmware(
     plant: object,
     plant_dt: float,
 ) -> None:
-    """Check that the firmware has all that it needs. Raises SettingError."""
+    """Check that the vehicle and the plant fit the firmware. Raises SettingError."""
     if blackbox is not None and not Path(blackbox).absolute().parent.is_dir():
         wanted = "expected a file in a folder that exists"
         raise SettingError("blackbox", f"{wanted}, got {blackbox!r}")
@@ -249,12 +249,12 @@ def check_firmware(
 
 
 def is_whole(number: float) -> bool:
-    """Return whether a number is a whole one from 1 on, up to rounding."""
+    """Return whether a number is a positive integer, up to rounding errors."""
     return abs(number - round(number)) < ROUNDING and round(number) >= 1
 
 
 def check_link(link: LinkConfig, plant: object, plant_dt: float) -> None:
-    """Check that the plant has a link, and that its numbers agree. Raises SettingError."""
+    """Check that the plant has a link, and that the link's numbers agree. Raises SettingError."""
     if link == WIRE:
         return
     if plant not in PLANTS_WITH_ROTORS:
@@ -279,7 +279,7 @@ def check_faults(
     sensing: Sensing | None,
     flight_controller: str,
 ) -> None:
-    """Check that the parts that fail are there. Raises SettingError."""
+    """Check that the flight has the parts that faults affect. Raises SettingError."""
     for text in texts:
         try:
             fault = parse_fault(text)

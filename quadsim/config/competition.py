@@ -1,4 +1,4 @@
-"""Competitions: a course, a vehicle, what is drawn at random, what is known, and rates in one file.
+"""Competitions: files that prescribe a course, a vehicle, randomization, sensors and rates.
 
     source: learnsyslab/lsy_drone_racing, config/level2.toml
     course: lsy_level2
@@ -6,9 +6,8 @@
     randomize: 1
     dt: 0.02
 
-The keys but `source` and `course` are settings of `race fly`: those that a competition prescribes
-and not its racers. They stand in for what a flight leaves out; what is given beside the competition
-counts.
+All keys except `source` and `course` are settings of `race fly` that the organiser prescribes. They
+are the defaults of a flight; settings that are given with the competition take precedence.
 """
 
 from __future__ import annotations
@@ -75,7 +74,7 @@ def load_competition(name_or_path: str | Path) -> Competition:
     """Return a competition by name ("lsy_level2") or path ("mine.yaml").
 
     Raises:
-        FileError: there is no such competition, or the file is not one.
+        FileError: there is no such competition, or the file is not a competition.
 
     Examples:
         >>> from quadsim.config.competition import load_competition
@@ -87,7 +86,7 @@ def load_competition(name_or_path: str | Path) -> Competition:
 
 
 def parse_competition(text: str, file: str) -> Competition:
-    """Return the competition of a YAML text; `file` is shown in errors, and names it.
+    """Return the competition of a YAML text, named after `file`, which errors mention.
 
     Raises:
         FileError: the text is not a competition.
@@ -99,11 +98,11 @@ def parse_competition(text: str, file: str) -> Competition:
 
 
 def given_competition(given: Mapping[str, Any]) -> Competition | None:
-    """Return the competition among settings, None without one.
+    """Return the competition among settings, None if there is none.
 
     Raises:
-        SettingError: it is neither a name nor a Competition.
-        FileError: it cannot be read.
+        SettingError: the value is neither a name nor a Competition.
+        FileError: the competition cannot be read.
     """
     found = given.get("competition")
     if found is None or isinstance(found, Competition):
@@ -117,10 +116,10 @@ def given_competition(given: Mapping[str, Any]) -> Competition | None:
 def with_competition(
     given: Mapping[str, Any], competition: Competition | None
 ) -> Mapping[str, Any]:
-    """Return the settings of a flight with those that its competition prescribes.
+    """Return the settings of a flight, completed by its competition.
 
     Args:
-        given: the settings as they were given, which count before the competition's.
+        given: the given settings, which take precedence.
         competition: the competition.
     """
     if competition is None:
@@ -133,7 +132,7 @@ def prescribed_courses(given: Mapping[str, Any] | None) -> tuple[str, ...]:
     """Return the course of the competition among settings, () without a competition.
 
     Args:
-        given: the settings, in which a competition is a name or a FILE.yaml.
+        given: settings, in which a competition is a name or the path of a YAML file.
 
     Raises:
         FileError: the competition cannot be read.
@@ -143,7 +142,7 @@ def prescribed_courses(given: Mapping[str, Any] | None) -> tuple[str, ...]:
 
 
 def competition_schema() -> type[Any]:
-    """Return the schema of a competition file, whose keys are annotated as the settings are."""
+    """Return the schema of a competition file, whose keys have the annotations of settings."""
     hints: dict[str, Any] = {}
     for owner in OWNERS:
         hints |= get_type_hints(owner, include_extras=True)

@@ -1,4 +1,4 @@
-"""Presets of a flight's planner: named ones, and YAML files that name one as their base.
+"""Presets of a planner: named presets, and YAML files that change a named preset.
 
 A preset file holds the numbers that differ from those of its base:
 
@@ -38,14 +38,14 @@ GROUPS = ("sampling", "mppi", "cost")  # groups of numbers in a Planner and in a
 
 @dataclass(frozen=True)
 class PresetSource:
-    """A named preset, or the text of a preset file as it was read."""
+    """A named preset, or the text of a preset file."""
 
     name: str
     text: str | None = None  # None: a named preset
 
     @classmethod
     def read(cls, name_or_path: str) -> PresetSource:
-        """Return the preset of a name or a FILE.yaml. Raises FileError if it cannot be read."""
+        """Return a preset by name or by the path of a YAML file. Raises FileError."""
         if name_or_path.endswith(SUFFIXES):
             return cls(name_or_path, read_text(Path(name_or_path)))
         return cls(name_or_path)
@@ -56,7 +56,7 @@ class PresetSource:
         Args:
             sampler: name of the sampler.
             firmware: whether a firmware carries out the commands.
-            scale: scale of the flight, from which numbers follow; None: that of the reference.
+            scale: scale of the flight, from which numbers follow; None: the reference's scale.
         """
         if self.text is None:
             return _named(self.name, sampler, firmware, scale)
@@ -64,10 +64,11 @@ class PresetSource:
 
 
 def _named(name: str, sampler: str, firmware: bool, scale: Scale | None) -> Planner:
-    """Return a named preset. Before a firmware, whose filters and gains lag, its plan is smoothed.
+    """Return the numbers of a named preset; its plan is smoothed if a firmware flies.
 
-    An ideal rate loop follows a plan that changes in each period; a firmware does not, and pays for
-    trying with thrust. See docs/betaflight_results.md for the flights that show it.
+    An ideal rate loop follows a plan that changes in each period. A firmware has lags of
+    filters and gains: it cannot follow, and loses thrust in trying. The flights in
+    docs/betaflight_results.md show this.
     """
     found = preset(name, sampler)
     if scale is not None and name in DERIVED:
@@ -84,16 +85,16 @@ def parse_planner(
 ) -> Planner:
     """Return the planner of a preset file's text.
 
-    A key that the file leaves out keeps the number of its base. Keys of other samplers are skipped,
-    so that one file serves several samplers.
+    If the file leaves out a key, the number of its base is kept. Keys of other samplers are
+    skipped, so that one file serves several samplers.
 
     Args:
         text: the YAML.
-        file: shown in errors.
+        file: name of the file, for errors.
         sampler: name of the sampler.
         firmware: whether a firmware carries out the commands.
-        scale: scale of the flight, from which numbers of the base follow; None: that of the
-            reference.
+        scale: scale of the flight, from which numbers of the base follow; None: the
+            reference's scale.
 
     Raises:
         FileError: the file is not a preset.
@@ -116,7 +117,7 @@ def parse_planner(
 
 
 def _groups(document: Document) -> Iterator[tuple[str, list[str]]]:
-    """Yield each group that the file has, with its keys."""
+    """Yield the name and the keys of each group in the file."""
     for key, node in document.root.value:
         if key.value in GROUPS and isinstance(node, yaml.MappingNode):
             yield key.value, [k.value for k, _ in node.value]
@@ -125,7 +126,7 @@ def _groups(document: Document) -> Iterator[tuple[str, list[str]]]:
 def _base(document: Document, sampler: str, firmware: bool, scale: Scale | None) -> Planner:
     """Return the preset that the file's `base` names.
 
-    A file without `base` gets the first preset; its schema then reports the missing key.
+    If the file has no `base`, the first preset is returned; the schema reports the missing key.
     """
     name = None
     # Anything but a mapping is refused by the schema
@@ -141,7 +142,7 @@ def _base(document: Document, sampler: str, firmware: bool, scale: Scale | None)
 
 
 def _schema(base: Planner) -> type[Any]:
-    """Return the schema of a preset file: every number of the base's groups, none required."""
+    """Return the schema of a preset file: all numbers of the base's groups, as optional keys."""
     keys: list[Any] = [("base", str), ("vehicle", str | None, None)]
     for group in GROUPS:
         base_class = type(getattr(base, group))
@@ -155,7 +156,7 @@ def _schema(base: Planner) -> type[Any]:
 
 
 def _of_each_control(name: str, kind: Any) -> Any:
-    """Return a tuple's type with one number for each control in place of any length."""
+    """Return the type of a tuple with one number for each control; other types are unchanged."""
     if get_origin(kind) is Annotated:
         inner, *metadata = get_args(kind)
         return Annotated[_of_each_control(name, inner), *metadata]

@@ -1,4 +1,4 @@
-"""The record of a flight, read back into the fields of the Spec that flies the same."""
+"""Read the record of a flight into the fields of the Spec that repeats it."""
 
 from __future__ import annotations
 
@@ -44,23 +44,23 @@ HOST = tuple(f.name for f in fields(HostSettings))
 
 
 class RecordError(FileError):
-    """A recorded flight cannot be flown again. One line: which part of it, and what to do."""
+    """An error of a recorded flight that cannot be repeated: the part and the remedy."""
 
 
 class MissingPartError(RecordError):
-    """A recorded flight needs a part of the user's own, which was not given.
+    """An error of a recorded flight that needs one of the user's own parts.
 
     Attributes:
         role: the role of the part.
-        what: the first part of the message, without what to do.
+        what: the first part of the message, without the remedy.
     """
 
     def __init__(self, role: str, how: str):
         """Describe a missing part.
 
         Args:
-            role: its role.
-            how: what to do.
+            role: role of the part.
+            how: the remedy.
         """
         self.role = role
         self.what = f"{role}: the flight had one of your own, whose code is not in the record"
@@ -71,7 +71,7 @@ class MissingPartError(RecordError):
 
 
 class Beside(NamedTuple):
-    """The settings that are given beside the record of a flight."""
+    """The settings that are given in addition to the record of a flight."""
 
     # the user's own parts of the flight by role, and its pilot if its file has moved
     parts: dict[str, Any]
@@ -82,11 +82,11 @@ class Beside(NamedTuple):
 
 
 def sorted_settings(record: Mapping[str, Any], settings: Mapping[str, Any]) -> Beside:
-    """Return the settings beside a record by what they do.
+    """Return the settings that are given in addition to a record, sorted by their effect.
 
     Args:
         record: the spec of a run.
-        settings: keywords of `quadsim.fly`; None stands for none.
+        settings: keywords of `quadsim.fly`; None: no settings.
 
     Raises:
         SettingError: a part or a setting of the host is invalid.
@@ -111,7 +111,7 @@ def sorted_settings(record: Mapping[str, Any], settings: Mapping[str, Any]) -> B
 
 
 def _own_part(name: str, given: Any, described: object) -> object:
-    """Return the user's own part, such as a sampler, that takes the place of the recorded part.
+    """Return the user's own part, such as a sampler, that replaces the recorded one.
 
     A record describes own parts but lacks their code, so the user passes them again.
 
@@ -136,9 +136,10 @@ def _own_part(name: str, given: Any, described: object) -> object:
 
 
 def _own_controller(given: object, described: object) -> object:
-    """Return the controller that was given for a recorded one.
+    """Return the controller that is given for a recorded one.
 
-    A text names its class; the flight may have been given the class or an object of it.
+    A text names the class of the controller; the recorded flight may have used this class or an
+    object of it.
 
     Raises:
         SettingError: there is no such controller.
@@ -154,12 +155,12 @@ def _own_controller(given: object, described: object) -> object:
 
 
 def _pilot_of(given: object) -> object:
-    """Return the pilot of a name or a file, and anything else as it is. Raises FileError."""
+    """Return the pilot of a name or a file, and other values unchanged. Raises FileError."""
     return load_pilot(given) if isinstance(given, str | Path) else given
 
 
 def _is_pilot_of(record: Mapping[str, Any], pilot: object) -> bool:
-    """Return whether a pilot is the one of a recorded flight."""
+    """Return whether a pilot equals the pilot of a recorded flight."""
     described = record.get("pilot")
     return (
         isinstance(pilot, Pilot)
@@ -176,7 +177,7 @@ def spec_fields(record: Mapping[str, Any], beside: Beside) -> dict[str, Any]:
 
     Args:
         record: the spec of a run.
-        beside: the settings beside it, of which `changed` has no part in this.
+        beside: the settings that are given in addition; `changed` is not used.
 
     Raises:
         RecordError: a file or a part is missing or differs, or the record is not one of a flight.
@@ -200,7 +201,7 @@ def _check_roles(described: set[str], given: set[str]) -> None:
     """Check that the user's own parts are given for the roles that the record has.
 
     Raises:
-        RecordError: one is missing.
+        RecordError: a part is missing.
     """
     for role in sorted(described - given):
         how = f"give it again as {role}=..."
@@ -213,7 +214,7 @@ def _check_roles(described: set[str], given: set[str]) -> None:
 
 
 def _parts(read: RunSpec, beside: Beside) -> dict[str, Any]:
-    """Return the parts of a flight, and the settings that only a Spec holds."""
+    """Return the parts of a flight, and the settings that a Spec stores beside its parts."""
     own = beside.parts
     course: Course = own.get("course") or read.course.course()
     _check_ranges(read, course)
@@ -249,7 +250,7 @@ def _parts(read: RunSpec, beside: Beside) -> dict[str, Any]:
 
 
 def _check_ranges(read: RunSpec, course: Course) -> None:
-    """Check the parts of a record that come from files by the rules of these files.
+    """Check the parts of a record by the rules of the files that they come from.
 
     Raises:
         RecordError: a number is out of range.
@@ -291,7 +292,7 @@ def _planner(read: RunSpec, own: Mapping[str, Any]) -> Planner:
 
 
 def _sampling(name: str, numbers: Any) -> Sampling:
-    """Return a registered sampler with these numbers. Raises RecordError."""
+    """Return a registered sampler with given numbers. Raises RecordError."""
     if not isinstance(numbers, dict):
         raise RecordError(f"sampler: expected the numbers of {name!r}, got {numbers!r:.40}")
     if name in ("pilot", EXCITE):
@@ -334,14 +335,14 @@ def _reference(
 
 
 def check_same(record: Mapping[str, Any], found: Mapping[str, Any]) -> None:
-    """Check that a Spec has the record that it was made from.
+    """Check that a Spec's record equals the record that it was made from.
 
     Args:
         record: the spec of a run.
         found: the record of the Spec.
 
     Raises:
-        RecordError: a key differs; the message has the first.
+        RecordError: a key differs; the message has the first one.
     """
     asked = json.loads(canonical(hostless(dict(record))))
     found = json.loads(canonical(hostless(dict(found))))
@@ -356,7 +357,7 @@ def check_same(record: Mapping[str, Any], found: Mapping[str, Any]) -> None:
 
 
 def _check_same_parts(asked: Mapping[str, Any], found: Mapping[str, Any]) -> None:
-    """Raise RecordError with the first of the user's own parts that is not the recorded one."""
+    """Raise RecordError for the first own part that differs from the recorded one."""
     for role, part in asked.items():
         if part == found.get(role):
             continue

@@ -40,8 +40,8 @@ def stored_reference(
     Args:
         course, vehicle, laps: the race.
         weights: weights with the margin and the reserve of the solution to look for.
-        runs_dir: folder of runs, which is searched as well as the solutions that quadsim brings.
-        given: the settings that course and vehicle come from, for the advice of the error.
+        runs_dir: folder of runs, which is searched in addition to the project's solutions.
+        given: the settings from which course and vehicle were made, for the error's advice.
 
     Raises:
         FileError: there is no solution of this race.
@@ -65,11 +65,11 @@ def stored_reference(
 
 
 def _course_argument(course: Course, given: Mapping[str, Any]) -> str:
-    """Return the argument of a command that stands for the course.
+    """Return the argument of a command that selects the course.
 
     Args:
         course: the course.
-        given: the settings that it comes from.
+        given: the settings from which it was made.
     """
     name = given.get("course")
     if isinstance(name, str | Path):
@@ -81,11 +81,11 @@ def _course_argument(course: Course, given: Mapping[str, Any]) -> str:
 
 
 def _vehicle_flags(vehicle: Vehicle, given: Mapping[str, Any]) -> str:
-    """Return the values of flags that stand for the vehicle, its thrust included.
+    """Return the values of flags that select the vehicle and its thrust.
 
     Args:
         vehicle: the vehicle.
-        given: the settings that it comes from.
+        given: the settings from which it was made.
     """
     named, _, ratio = vehicle.name.partition("-twr")
     name = given.get("vehicle")
@@ -101,12 +101,12 @@ def followed_reference(
     """Return the solution that a recorded flight has followed.
 
     Args:
-        problem: the problem that it solves.
-        digest: sha256 of its content, as StoredSolution has it.
-        folders: folders of runs, which are searched as well as the solutions that quadsim brings.
+        problem: problem that the solution solves.
+        digest: sha256 of the solution's content, as in StoredSolution.
+        folders: folders of runs, which are searched in addition to the project's solutions.
 
     Raises:
-        FileError: the solution is not there any more.
+        FileError: the solution does not exist any more.
     """
     files = problem.files(*map(limits_folder, folders))
     for path in files:

@@ -1,4 +1,4 @@
-"""The parts of a flight that its settings stand for: files are read, and defaults are found."""
+"""Resolve the settings of a flight to its parts, by reading files and finding defaults."""
 
 from __future__ import annotations
 
@@ -56,17 +56,17 @@ T = TypeVar("T")
 
 
 def check_names(given: Mapping[str, Any]) -> None:
-    """Check that each name is a setting's. Raises SettingError."""
+    """Check that each name is the name of a setting. Raises SettingError."""
     for name in given:
         if name not in KEYWORDS:
             raise SettingError(name, f"no such setting, {did_you_mean(name, KEYWORDS)}")
 
 
 def with_excitation(given: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the settings with the defaults of a flight of manoeuvres, if it is to be one.
+    """Return the settings, with the defaults of manoeuvres if the flight is one of manoeuvres.
 
     Raises:
-        SettingError: something else is to fly, too.
+        SettingError: another controller is given, too.
     """
     if not checked("excite", given.get("excite") or False, SETTINGS["excite"].kind):
         return given
@@ -97,7 +97,7 @@ def flight_settings(given: Mapping[str, Any]) -> FlightSettings:
 
 @dataclass(frozen=True)
 class PlannerSource:
-    """The source of a planner before single numbers change: a preset or numbers of its own."""
+    """The source of a planner's numbers before settings change them: a preset, or a planner."""
 
     # a planner with numbers of its own; None: the preset's
     planner: Planner | None
@@ -115,7 +115,7 @@ class PlannerSource:
                 preset's reference.
 
         Raises:
-            FileError: there is no such preset, or its file does not hold a preset.
+            FileError: there is no such preset, or its file is not a preset.
         """
         if self.planner is not None:
             return self.planner
@@ -124,17 +124,17 @@ class PlannerSource:
 
 
 class Loader:
-    """The settings of a flight, and the objects that stand in for names among them.
+    """The settings of a flight, and the objects that replace names among them.
 
-    Each file is read once: `Spec.but` changes the objects that were read.
+    Each file is read only once, because `Spec.but` changes the objects that were read.
 
     Attributes:
         given: the settings.
-        read: the objects by the names of their settings.
+        read: the objects, by names of settings.
     """
 
     def __init__(self, given: Mapping[str, Any]):
-        """Begin with settings in which nothing has been read.
+        """Begin with settings, before any file is read.
 
         Args:
             given: the settings.
@@ -143,12 +143,12 @@ class Loader:
         self.read: dict[str, Any] = {}
 
     def part(self, name: str, kind: type[T], load: Callable[[str], T], default: str) -> T:
-        """Return a part that was given by name, as a FILE.yaml or as an object, or the default.
+        """Return a part that was given by name, by path or as an object, or else the default.
 
         Args:
             name: name of the setting.
             kind: type of the object.
-            load: reads the part that a name or path stands for; raises FileError.
+            load: function that reads the part of a name or path; raises FileError.
             default: name to load if no part is given.
 
         Raises:
@@ -158,7 +158,7 @@ class Loader:
         return load(default) if found is None else found
 
     def given_part(self, name: str, kind: type[T], load: Callable[[str], T]) -> T | None:
-        """Return a part that was given, None if none was; see `part`. Raises SettingError."""
+        """Return a part if it was given, else None; see `part`. Raises SettingError."""
         found = self.given.get(name)
         if found is None:
             return None
@@ -172,11 +172,11 @@ class Loader:
         return self.read[name]
 
     def configuration(self, flight: FlightSettings, vehicle: Vehicle) -> Text | None:
-        """Return the firmware's configuration: the given or the vehicle's, which may be missing.
+        """Return the given or the vehicle's configuration of the firmware, None if there is none.
 
         Raises:
-            SettingError: it is no file.
-            FileError: its file cannot be read.
+            SettingError: the setting is not a file.
+            FileError: the file cannot be read.
         """
         own = self.given.get("betaflight")
         if isinstance(own, Text):
@@ -191,7 +191,7 @@ class Loader:
         return shipped_configuration(vehicle)
 
     def controller(self) -> Any:
-        """Return the user's own controller, None if none was given. Raises SettingError."""
+        """Return the user's own controller if it was given, else None. Raises SettingError."""
         given = self.given.get("controller")
         if given is None:
             return None
@@ -199,11 +199,11 @@ class Loader:
         return self.read["controller"]
 
     def planner_source(self, flight: FlightSettings) -> PlannerSource:
-        """Return where the planner comes from.
+        """Return the source of the planner.
 
         Raises:
-            SettingError: a planner is given beside a sampler or a preset, or a part is
-                not of its type.
+            SettingError: a planner is given together with a sampler or a preset, or a part has a
+                wrong type.
             FileError: the file of a preset cannot be read.
         """
         sampling = self._sampling()
@@ -216,7 +216,7 @@ class Loader:
         return PlannerSource(self._planner(), self._preset(flight), sampler, sampling, firmware)
 
     def _planner(self) -> Planner | None:
-        """Return the planner that was given, None if none was. Raises SettingError."""
+        """Return the planner if it was given, else None. Raises SettingError."""
         planner = self.given.get("planner")
         if planner is None:
             return None
@@ -228,7 +228,7 @@ class Loader:
         return planner
 
     def _preset(self, flight: FlightSettings) -> PresetSource:
-        """Return the preset. Raises SettingError, FileError."""
+        """Return the source of the preset's numbers. Raises SettingError, FileError."""
         preset = self.given.get("preset")
         if isinstance(preset, PresetSource):
             return preset
@@ -244,7 +244,7 @@ class Loader:
         """Return a sampler that was given as an object or as "package.module:Class".
 
         Returns:
-            The sampler, or None for the name of a registered one and if none was given.
+            The sampler; None if the name of a registered sampler or no sampler was given.
 
         Raises:
             SettingError: there is no such sampler.
@@ -257,7 +257,7 @@ class Loader:
 
 
 def is_seen_late(flight: FlightSettings, randomization: RandomizationRanges) -> bool:
-    """Return whether gates stand off the map and are known only from nearby."""
+    """Return whether gates are displaced from the map and their true positions seen late."""
     off = Displacement.of(randomization, flight.randomize, flight.displace_gates)
     return flight.known_from is not None and off.gates > 0.0
 
@@ -276,7 +276,7 @@ def scale_of(
         vehicle: the vehicle.
         given: the settings, which may have a control period.
         base: the planner of the preset, with the control period if none is given.
-        seen_late: whether gates stand off the map and are known only from nearby.
+        seen_late: result of `is_seen_late`.
 
     Raises:
         SettingError: the control period is invalid.
@@ -288,11 +288,11 @@ def scale_of(
 
 
 def _with_law(planner: Planner, law: object) -> Planner:
-    """Return the planner, without its cut-off frequencies if the given law is not "exact".
+    """Return the planner, whose cut-off frequencies are removed unless the law is "exact".
 
     Args:
         planner: the planner of the preset.
-        law: the law that was given, if any.
+        law: the given law, if any.
     """
     sampling = planner.sampling
     if not isinstance(sampling, Colored) or law in (None, "exact"):
@@ -313,9 +313,9 @@ def with_numbers(planner: Planner, given: Mapping[str, Any]) -> Planner:
 
 
 def nominal_model(given: Mapping[str, Any], vehicle: Vehicle) -> ModelParams:
-    """Return the planner's model: the vehicle's nominal one with the given numbers.
+    """Return the planner's model: the vehicle's nominal model with the given numbers.
 
-    Behind the firmware it is replaced by the model that a flight on the test bench shows.
+    With the firmware it is replaced by the model that is identified on the test bench.
     """
     model = given.get("model")
     if model is None:
@@ -325,7 +325,7 @@ def nominal_model(given: Mapping[str, Any], vehicle: Vehicle) -> ModelParams:
 
 
 def with_settings(group: Group, values: Any, given: Mapping[str, Any]) -> Any:
-    """Return a group's dataclass with the settings that were given. Raises SettingError."""
+    """Return a group's values with the given settings. Raises SettingError."""
     owner: type[object] = values.__class__
     changes: dict[str, object] = {}
     for name, value in given.items():
@@ -342,7 +342,7 @@ def with_settings(group: Group, values: Any, given: Mapping[str, Any]) -> Any:
 
 
 def _owners(setting: Setting) -> str:
-    """Return an error's text with the samplers or costs that have this setting."""
+    """Return the samplers or costs that have a setting, as the text of an error."""
     names = [name for name, cls in SAMPLERS.items() if cls in setting.kinds]
     if names:
         return f"expected none, it is a setting of {' and '.join(names)} sampling only"
@@ -353,7 +353,8 @@ def _owners(setting: Setting) -> str:
 def view_weight_of(flight: FlightSettings, base: Planner, sensing: Sensing) -> float:
     """Return the weight of the cost term that makes the camera look along the flight.
 
-    It helps if a camera has to find displaced gates; otherwise a flight without yaw is faster.
+    The term helps if a camera has to find displaced gates; otherwise a flight without yaw is
+    faster.
     """
     if flight.view_weight is not None:
         return flight.view_weight
@@ -361,8 +362,8 @@ def view_weight_of(flight: FlightSettings, base: Planner, sensing: Sensing) -> f
 
 
 def default_timeout(course: Course, laps: int) -> float:
-    """Return the time limit [s]: 10 s, and the laps at 2 m/s along the lines between gates.
+    """Return the default time limit [s]: 10 s plus the time of the laps at 2 m/s.
 
-    It is at most the largest `timeout` that may be given.
+    It is at most the largest valid `timeout`.
     """
     return min(10.0 + laps * course.lap_length / 2.0, 1e5)

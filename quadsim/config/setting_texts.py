@@ -1,12 +1,12 @@
-"""Settings of a flight as one text, and the flight that they give.
+"""Parse the settings of a flight that are given as one text.
 
     gaussian                      a sampler, with the preset's numbers for it
     race+target-ess=200           presets, samplers and settings, joined by +
     gaussian+sigma=3:3:.6:6       several numbers are joined by colons
-    race+term=mine:calm=50        a cost term of one's own and its weight
-    controller=mine:Pid           a controller of one's own in the planner's place
+    race+term=mine:calm=50        a user's own cost term and its weight
+    controller=mine:Pid           a user's own controller instead of the planner
     race+fault=rotor2=.5@3        a fault in flight; faults and terms may be repeated
-    split_s.npz                   a learned pilot in the planner's place: a file, or split_s_swift
+    split_s.npz                   a learned pilot instead of the planner: a file, or split_s_swift
 
 Variants of a comparison and entrants of a race of several vehicles are such texts with a name
 before them: `soft=race+target-ess=200`. A setting alone, `margin=.3`, has no name.
@@ -45,7 +45,7 @@ _KINDS = {name: list(setting.kinds.values()) for name, setting in SETTINGS.items
 
 
 class Named(NamedTuple):
-    """A text of settings, and the name that stands before it."""
+    """A text of settings, and the name in front of it."""
 
     name: str | None  # None: there is none
     parts: str
@@ -54,14 +54,13 @@ class Named(NamedTuple):
 def named_parts(text: str, more: Mapping[str, Kind] | None = None) -> Named:
     """Return the name and the settings of a text such as "soft=race+target-ess=200".
 
-    What stands before the first = is a name if a part follows: a sampler, a preset, a pilot or
-    setting=value. It is a setting if what follows is a value of that setting, so that
-    "vehicle=paper" is no preset with a name. "pilot=FILE.npz" is both, the name "pilot" and the
-    setting.
+    The text before the first = is a name if it is followed by a sampler, a preset, a pilot or
+    setting=value. It is a setting if it is followed by a value of this setting: "vehicle=paper" is
+    not the preset "paper" with a name. "pilot=FILE.npz" is both the name "pilot" and the setting.
 
     Args:
         text: the text.
-        more: kinds of settings beside those of a flight, by name.
+        more: kinds of settings in addition to the settings of a flight, by name.
     """
     head, has_value, rest = text.partition("=")
     if not has_value or "+" in head:
@@ -80,7 +79,7 @@ def named_parts(text: str, more: Mapping[str, Kind] | None = None) -> Named:
 
 
 def _is_value(text: str, kinds: Sequence[Kind]) -> bool:
-    """Return whether a text stands for a value of a setting, out of range or not.
+    """Return whether a text is a value of a setting, in range or not.
 
     Args:
         text: the text after the =.
@@ -117,7 +116,7 @@ def parse_parts(text: str) -> dict[str, Any]:
         text: presets, samplers, pilots and settings joined by +, such as "race+target-ess=200".
 
     Raises:
-        ValueError: a part is not one of these.
+        ValueError: a part is none of these.
     """
     settings: dict[str, Any] = {}
     for part in text.split("+"):
@@ -132,10 +131,10 @@ def parse_part(part: str) -> tuple[str, Any]:
     """Return the name of a setting and its value or text.
 
     Args:
-        part: one of the parts that + joins, such as "target-ess=200" or "gaussian".
+        part: a part between two +, such as "target-ess=200" or "gaussian".
 
     Raises:
-        ValueError: it is no setting with a value, and neither a sampler, a preset nor a pilot.
+        ValueError: the part is neither a setting with a value, a sampler, a preset nor a pilot.
     """
     name, has_value, text = part.partition("=")
     if not has_value:
@@ -150,7 +149,7 @@ def parse_part(part: str) -> tuple[str, Any]:
 
 
 def _kind_of(part: str) -> str:
-    """Return the name of the setting that a part without a value is for."""
+    """Return the name of the setting to which a part without "=" belongs."""
     if part in SAMPLERS or ":" in part:
         return "sampler"
     if part.endswith(".npz") or part in pilot_names():
@@ -162,9 +161,9 @@ def _kind_of(part: str) -> str:
 
 
 def with_shared(own: Settings, shared: Settings) -> dict[str, Any]:
-    """Return the settings of one flight of several: its own, and the shared ones that it has not.
+    """Return the settings of one of several flights, completed by the shared settings.
 
-    Settings of a sampler apply to the flights with this sampler only.
+    Shared settings of a sampler apply only to flights with this sampler.
     """
     others = settings_of_other_samplers(sampler_of(own, shared))
     return {key: value for key, value in shared.items() if key not in others} | dict(own)
@@ -176,14 +175,14 @@ def sampler_of(own: Settings, shared: Settings) -> object:
 
 
 def settings_of_other_samplers(sampler: object) -> set[str]:
-    """Return the settings that this sampler lacks and another has, such as gamma."""
+    """Return the settings that only other samplers have, such as gamma."""
     cls = SAMPLERS.get(sampler) if isinstance(sampler, str) else type(sampler)
     own = {f.name for f in fields(cls)} if cls and is_dataclass(cls) else set()
     return {f.name for other in SAMPLERS.values() for f in fields(other)} - own
 
 
 def resolve(course: Place, settings: Settings) -> Spec:
-    """Return the Spec that `quadsim.fly` would fly, on one thread.
+    """Return the Spec that `quadsim.fly` would use, on one thread.
 
     Raises:
         SettingError: a setting is invalid.

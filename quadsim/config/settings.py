@@ -1,8 +1,8 @@
-"""The settings of a flight: one table, made from annotated dataclasses.
+"""The table of all settings of a flight, which is made from annotated dataclasses.
 
 A setting is a field of one of the dataclasses below. Its annotation holds its help, its unit and
 its range. Everything else follows from it: the flag of `race fly`, the keyword of `quadsim.fly`,
-and the error for a value that does not fit. A number of the planner is a key of a preset file and a
+and the error for an invalid value. A number of the planner is a key of a preset file and a
 slider of the page as well.
 """
 
@@ -47,9 +47,9 @@ CONTROL_UNITS = ", ".join(units_of(Control).values())
 
 @dataclass(frozen=True, kw_only=True)
 class PartSettings:
-    """The settings that choose the parts of a flight. None stands for the default of the help.
+    """The settings that choose the parts of a flight; None stands for the default in the help.
 
-    A Spec holds what they stand for: a vehicle in place of its name, the laps of the course.
+    A Spec has the chosen parts instead: a vehicle rather than its name, the laps of the course.
     """
 
     sampler: Annotated[
@@ -112,9 +112,9 @@ class PartSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class FlightNumbers:
-    """The settings that a Spec holds as they are given, and that a run records.
+    """The settings that a Spec stores unchanged, and that a run records.
 
-    A new one needs its field here and the place where it acts, then `make fix`, which writes the
+    A new setting needs a field here and code that uses it, then `make fix`, which writes the
     keywords and the tables of the documentation, and a value in
     `test_every_number_of_a_flight_is_recorded_and_read`.
     """
@@ -196,7 +196,7 @@ class FlightNumbers:
 
 @dataclass(frozen=True, kw_only=True)
 class HostSettings:
-    """The settings that a Spec holds as they are given, and that change no flight."""
+    """The settings that a Spec stores unchanged, and that do not change a flight."""
 
     threads: Annotated[
         ThreadCount | None, setting("CPU threads, which do not change results (default: all)")
@@ -215,7 +215,7 @@ class HostSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class FlightSettings(HostSettings, FlightNumbers, PartSettings):
-    """The settings of a flight apart from its planner's."""
+    """The settings of a flight, without those of its planner."""
 
 
 # The settings that a Spec holds as they are given
@@ -236,7 +236,7 @@ PREFIX = "model_"
 
 @dataclass(frozen=True)
 class Setting:
-    """One setting. Several classes of a group may share it: every sampler has a sigma."""
+    """One setting, which several classes of a group may share: every sampler has a sigma."""
 
     name: str  # keyword, "model_drag"
     group: Group
@@ -246,12 +246,12 @@ class Setting:
 
     @property
     def flag(self) -> str:
-        """The flag of the command line, "--model-drag"."""
+        """The flag of the command line, such as "--model-drag"."""
         return "--" + self.name.replace("_", "-")
 
     @property
     def unit(self) -> str:
-        """The unit of its numbers, "" if they have none."""
+        """The unit of the setting's numbers, "" if they have none."""
         return unit_of(self.kind)
 
     @property
@@ -261,7 +261,7 @@ class Setting:
 
 
 def description(kind: Kind) -> str:
-    """Return the help in an annotation, "" without one."""
+    """Return the help in an annotation, "" if there is none."""
     match kind:
         case inspect.Metadata():
             schema = kind.extra_json_schema or {}
@@ -272,7 +272,7 @@ def description(kind: Kind) -> str:
 
 
 def unit_of(kind: Kind) -> str:
-    """Return the unit in an annotation, "" without one."""
+    """Return the unit in an annotation, "" if there is none."""
     match kind:
         case inspect.Metadata():
             return (kind.extra or {}).get("unit") or unit_of(kind.type)
@@ -284,7 +284,7 @@ def unit_of(kind: Kind) -> str:
 
 
 def _kind_of_each_control(name: str, kind: Kind) -> Kind:
-    """Return a tuple's kind with one number for each control in place of any length."""
+    """Return the kind of a tuple with one number for each control; other kinds are unchanged."""
     if isinstance(kind, inspect.Metadata):
         inner = _kind_of_each_control(name, kind.type)
         return inspect.Metadata(inner, kind.extra_json_schema, kind.extra)
@@ -295,7 +295,7 @@ def _kind_of_each_control(name: str, kind: Kind) -> Kind:
 
 
 def _kinds(group: Group, owner: type) -> Iterator[tuple[str, Kind]]:
-    """Yield (field, kind) of each setting of a dataclass."""
+    """Yield the name and the kind of each setting of a dataclass."""
     known = {f.name for f in fields(owner)} - {"name"}
     for field in inspect.type_info(owner).fields:  # pyright: ignore[reportAttributeAccessIssue]
         if field.name in known:
@@ -321,7 +321,7 @@ SETTINGS = _table()
 
 
 class SettingValue(NamedTuple):
-    """A setting as one planner has it."""
+    """The value and the kind of a setting of one planner."""
 
     setting: Setting
     kind: Kind  # in the dataclass of this planner's sampler or cost
@@ -345,7 +345,7 @@ def kinds_of(planner: Planner) -> dict[str, Kind]:
 
 
 def values_of(planner: Planner, model: ModelParams) -> dict[str, SettingValue]:
-    """Return the settings that a planner and its model have, by name, in the order of the table."""
+    """Return the settings of a planner and its model by name, in the order of the table."""
     parts = {
         "sampling": planner.sampling,
         "mppi": planner.mppi,

@@ -1,4 +1,4 @@
-"""Spec: the complete specification of one flight, which is built from it and stored with it."""
+"""The complete specification of one flight, from which it is built and with which it is stored."""
 
 from __future__ import annotations
 
@@ -118,12 +118,13 @@ class Spec(FlightNumbers, HostSettings):
 
     The same spec gives the same Run to the last bit on the same machine.
 
-    `Spec.of("split_s_swift", sampler="gaussian", horizon=120)` makes one from settings, and every
-    setting of `race fly` is a keyword; `spec.but(seed=7)` returns one with changed settings.
+    `Spec.of("split_s_swift", sampler="gaussian", horizon=120)` makes a spec from settings, and
+    every setting of `race fly` is a keyword; `spec.but(seed=7)` returns a spec with changed
+    settings.
 
-    plant, controller and referee may be the user's own: an object for one flight, or a class or
-    function that is called with the Spec and makes one. The user's own sampler is
-    `planner.sampling`.
+    `plant`, `controller` and `referee` may be the user's own: an object for one flight, or a class
+    or function that is called with the Spec and returns such an object. A user's own sampler is
+    stored in `planner.sampling`.
 
     Raises:
         SettingError: the parts do not fit together (a ValueError).
@@ -164,7 +165,7 @@ class Spec(FlightNumbers, HostSettings):
     given: Mapping[str, Any] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self, settings: Mapping[str, Any] | None) -> None:
-        """Check the numbers, and the parts against each other."""
+        """Check the numbers, and that the parts fit together."""
         for name, kind in kinds_of(Spec).items():
             object.__setattr__(self, name, checked(name, getattr(self, name), kind))
         validate(self)
@@ -180,7 +181,9 @@ class Spec(FlightNumbers, HostSettings):
 
     @classmethod
     def of(cls, course: CourseLike | None = None, **settings: Unpack[Keywords]) -> Spec:
-        """Return the flight with these settings; the others come from preset, course and vehicle.
+        """Return the spec of a flight with these settings.
+
+        Other settings come from the preset, the course and the vehicle.
 
         Args:
             course: a name, a FILE.yaml or a Course.
@@ -200,19 +203,20 @@ class Spec(FlightNumbers, HostSettings):
     def of_record(cls, record: Mapping[str, Any], **settings: Any) -> Spec:
         """Return the Spec of a recorded flight, which flies the same to the last bit.
 
-        Files that the flight has followed (a pilot, a solution of `race limit`) are looked for in
-        their recorded places, and have to be the same. A record has the names of the user's own
-        parts and not their code: each is given anew, and has to be the same.
+        Files that the flight used (a pilot, a solution of `race limit`) are read from their
+        recorded places, and must be unchanged. A record has the names of the user's own parts, but
+        not their code: each part must be given again, and be unchanged.
 
         Args:
             record: `spec` of a run.
-            settings: keywords of `quadsim.fly`. Those that give the user's own parts of the flight,
-                its pilot if the file has moved, the folder of runs and the threads change no
-                flight; with any other, changes made in flight are not made again.
+            settings: keywords of `quadsim.fly`. The user's own parts of the flight, its pilot if
+                the file has moved, the folder of runs and the threads do not change the flight.
+                With any other keyword it is another flight, in which changes made in flight are not
+                repeated.
 
         Raises:
-            RecordError: a file or a part is missing or differs, or the record is not one of a
-                flight (a FileError).
+            RecordError: a file or a part is missing or differs, or the record is not the record of
+                a flight (a FileError).
             SettingError: a setting is invalid.
 
         Examples:
@@ -227,14 +231,14 @@ class Spec(FlightNumbers, HostSettings):
         return spec.but(**beside.changed) if beside.changed else spec
 
     def but(self, course: CourseLike | None = None, **changes: Unpack[Keywords]) -> Spec:
-        """Return the spec of the same settings with some of them changed.
+        """Return a spec with some settings changed.
 
-        Defaults are resolved anew: a new sampler, preset or vehicle brings its own. Settings that
-        were given stay. Changes in flight do not: they belong to the one flight in which they were
-        made.
+        Given settings are kept. Defaults are resolved anew, because a new sampler, preset or
+        vehicle has other defaults. Changes in flight are dropped, because they belong to the flight
+        in which they were made.
 
         Args:
-            course: another course; default: the same.
+            course: another course; by default the same course.
             changes: keywords of `quadsim.fly`; None resets a setting to its default.
 
         Raises:
@@ -251,7 +255,7 @@ class Spec(FlightNumbers, HostSettings):
 
     @property
     def sampler(self) -> str:
-        """The sampler's name, the class name of the user's own, "pilot", "hand" or "excite"."""
+        """The sampler's name, the class of a user's own sampler, "pilot", "hand" or "excite"."""
         if self.hand:
             return HAND
         if self.excite:
@@ -265,12 +269,12 @@ class Spec(FlightNumbers, HostSettings):
 
     @property
     def hand(self) -> Hand | None:
-        """The controller by which a person flies, None if nobody does."""
+        """The controller of a flight by hand, None for other flights."""
         return self.controller if isinstance(self.controller, Hand) else None
 
     @property
     def has_planner(self) -> bool:
-        """Whether a planner may fly: neither a learned pilot, a person nor manoeuvres do."""
+        """Whether a planner flies, rather than a learned pilot, a person or manoeuvres."""
         return self.pilot is None and self.hand is None and not self.excite
 
     @property
@@ -282,12 +286,12 @@ class Spec(FlightNumbers, HostSettings):
 
     @property
     def preset(self) -> str:
-        """The preset that the planner's numbers started from: a name or a file."""
+        """The preset on which the planner's numbers are based: a name or a file."""
         return self.planner.preset
 
     @property
     def streams(self) -> Streams:
-        """The random streams of this flight, made anew at each access."""
+        """New random streams of this flight."""
         return quadrotor_streams(self.seed)
 
     @property
@@ -297,7 +301,7 @@ class Spec(FlightNumbers, HostSettings):
 
     @property
     def flown_course(self) -> Course:
-        """The course with its gates where they truly stand; `course` is the planner's map."""
+        """The course with the true positions of its gates; `course` is the planner's map."""
         by = self.displacement
         stands = self.course
         if self.map_scale != 1.0:
@@ -306,7 +310,7 @@ class Spec(FlightNumbers, HostSettings):
 
     @property
     def displacement(self) -> Displacement:
-        """The half widths by which gates and obstacles stand off the map."""
+        """The half widths of the displacements of gates and obstacles from the map."""
         return Displacement.of(self.randomization, self.randomize, self.displace_gates)
 
     @property
@@ -323,19 +327,19 @@ class Spec(FlightNumbers, HostSettings):
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """The faults as they were given, with gaps where the seed draws."""
+        """The faults as given, in which numbers that the seed draws are missing."""
         return tuple(parse_fault(text) for text in self.fault)
 
     @property
     def drawn_faults(self) -> tuple[Fault, ...]:
-        """The faults of this flight, with what its seed draws: times, rotors, directions."""
+        """The faults of this flight, completed by the seed: times, rotors, directions."""
         if not self.fault:
             return ()
         latest = first_lap(self.course, self.vehicle)
         return drawn(self.faults, self.streams.faults, latest)
 
     def record(self) -> dict[str, Any]:
-        """Return the spec as JSON, as a run stores it: every number, at its default or not."""
+        """Return the spec as a JSON dict for a run, with every number, also at its default."""
         return {
             "system": "quadrotor",
             "course": {"name": self.course.name, "text": self.course.text},
@@ -370,7 +374,7 @@ class Spec(FlightNumbers, HostSettings):
         }
 
     def own_objects(self) -> dict[str, object]:
-        """Return {role: part} of the user's own objects; the role `terms` has a tuple."""
+        """Return the user's own objects by role; the role `terms` has a tuple."""
         parts: dict[str, object] = {
             "cost": self.cost,
             "controller": None if self.hand else self.controller,
@@ -387,12 +391,12 @@ class Spec(FlightNumbers, HostSettings):
         return {role: part for role, part in parts.items() if part is not None}
 
     def _own_controller(self) -> dict[str, Any]:
-        """Return {"controller": description} of the user's own controller, {} if none flies."""
+        """Return the user's own controller as {"controller": description}, {} if none flies."""
         own = self.own_objects()
         return {"controller": describe(own["controller"])} if "controller" in own else {}
 
     def _own_parts(self) -> dict[str, Any]:
-        """Return {role: description} of the user's own objects."""
+        """Return the descriptions of the user's own objects by role."""
         own: dict[str, Any] = {}
         for role, part in self.own_objects().items():
             if role == "terms":
@@ -408,12 +412,12 @@ class Spec(FlightNumbers, HostSettings):
 
 
 def _followed(reference: StoredSolution | None) -> dict[str, str] | None:
-    """Return the key and the hash of the solution that a planner follows, as a record has them."""
+    """Return the key and the hash of the solution that a planner follows, for a record."""
     return {"key": reference.key, "sha256": reference.digest} if reference else None
 
 
 def _of_firmware(text: Text | None) -> dict[str, Any] | None:
-    """Return the configuration and the firmware that reads it, as a record has them."""
+    """Return the configuration and the version of the firmware, for a record."""
     if text is None:
         return None
     firmware = built_firmware().identity
@@ -421,7 +425,7 @@ def _of_firmware(text: Text | None) -> dict[str, Any] | None:
 
 
 def validate(spec: Spec) -> None:
-    """Check the parts of a spec, each by itself and against the others.
+    """Check each part of a spec, and that the parts fit together.
 
     Raises:
         SettingError: some parts do not fit together.
@@ -460,7 +464,7 @@ def validate(spec: Spec) -> None:
 
 
 def _resolved(given: Mapping[str, Any]) -> Spec:
-    """Return the spec of these settings; the others come from preset, course and vehicle."""
+    """Return the spec of settings, completed by the preset, the course and the vehicle."""
     check_names(given)
     asked = given
     competition = given_competition(asked)
@@ -520,7 +524,7 @@ def _resolved(given: Mapping[str, Any]) -> Spec:
         settings=settings,
         **{name: getattr(flight, name) for name in HELD},
     )
-    # The spec is checked by now: what can never fly is refused before the firmware is asked for.
+    # The spec has been checked, so an invalid one is refused before the firmware is needed.
     if configuration is not None and given.get("model") is None:
         found = model_behind(vehicle, configuration, spec.plant_dt, planner.mppi.dt)
         return replace(spec, model=with_settings("model", found, given), settings=settings)

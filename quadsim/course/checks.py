@@ -49,7 +49,7 @@ class Layout(Protocol):
 
 
 def problems(course: Layout) -> Iterator[FieldProblem]:
-    """Yield all problems of a course; the first is the one to show."""
+    """Yield all problems of a course, the most important one first."""
     if course.laps > 1 and not course.loop:
         yield FieldProblem(
             "laps", f"expected 1 on an open course (or loop: true), got {course.laps}"
@@ -64,10 +64,10 @@ def problems(course: Layout) -> Iterator[FieldProblem]:
 
 
 def looks_like_radians(degrees: Sequence[float]) -> bool:
-    """Return whether angles that stand in degrees are probably in radians.
+    """Return whether angles that are given as degrees are probably radians.
 
-    All of them are small then, and some are no whole numbers: 1.57 rather than 90. A single angle
-    shows nothing.
+    Radians are all small numbers, and some are not whole: 1.57 rather than 90. A single angle is
+    never taken for radians.
 
     Args:
         degrees: the angles [deg].
@@ -88,13 +88,13 @@ def _start_problems(course: Layout) -> Iterator[FieldProblem]:
 
 
 def start_problems(course: Layout, start: Vec3) -> Iterator[str]:
-    """Yield what keeps a vehicle from starting at a place: bounds, frames or obstacles.
+    """Yield the reasons why a vehicle cannot start at a place: bounds, frames or obstacles.
 
     Args:
         course: the course.
         start: the place [m].
     """
-    # A vehicle that stands on the ground is lifted to it by the plant.
+    # The plant lifts a vehicle that starts in the ground.
     outside = _outside(course, np.array([(start[0], start[1], max(start[2], 0.0))]))
     if outside:
         yield outside
@@ -111,9 +111,10 @@ def start_problems(course: Layout, start: Vec3) -> Iterator[str]:
 
 
 def misplaced_gates(course: Layout) -> dict[int, str]:
-    """Return the problem of each gate that stands where it cannot be flown, by index.
+    """Return the problem of each gate that cannot be flown at its place, by index.
 
-    It is outside the bounds, in the ground, blocked by obstacles, or too near to the start.
+    Such a gate is outside the bounds, in the ground, blocked by obstacles, or too near to the
+    start.
     """
     found = {}
     for i, gate in enumerate(course.gates):
@@ -129,7 +130,7 @@ def misplaced_gates(course: Layout) -> dict[int, str]:
 
 
 def _gate_problems(course: Layout) -> Iterator[FieldProblem]:
-    """Yield the problems of every gate and of the room before and behind it."""
+    """Yield the problems of every gate and of the free space before and behind it."""
     for i, gate in enumerate(course.gates):
         yield from _problems_of_gate(course, i, gate)
 
@@ -159,7 +160,7 @@ def _problems_of_gate(course: Layout, i: int, gate: Gate) -> Iterator[FieldProbl
 
 
 def _obstacle_problems(course: Layout) -> Iterator[FieldProblem]:
-    """Yield the problems of obstacles, and the gates that they block."""
+    """Yield the problems of obstacles, and a problem for each gate that they block."""
     for i, obstacle in enumerate(course.obstacles):
         key = f"obstacles[{i}]"
         if obstacle.top <= 0.0:

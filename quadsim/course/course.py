@@ -113,7 +113,7 @@ class Course:
     def lap_length(self) -> float:
         """The length of straight lines through the gates once [m].
 
-        On a loop they are closed, on an open course they begin at the start.
+        On a loop the line returns to the first gate; on an open course it begins at the start.
         """
         centres = [gate.position for gate in self.gates]
         before = [centres[-1] if self.loop else self.start.position, *centres[:-1]]
@@ -122,8 +122,8 @@ class Course:
     def but(self, **changes: Unpack[CourseChanges]) -> Course:
         """Return the course with other gates, obstacles or laps, checked as a course file is.
 
-        Default bounds are computed anew. Published times are dropped if gates or obstacles
-        change, as they are times on the old gates.
+        Default bounds are computed anew. Published times are dropped if gates or obstacles change,
+        because they were flown on the old ones.
 
         Args:
             changes: keys of a course file, see docs/courses.md. `gates` and `obstacles` take Gate,
@@ -147,8 +147,8 @@ class Course:
     def to_yaml(self, path: str | Path | None = None) -> str:
         """Return the course as a course file, which `load_course` reads to an equal course.
 
-        It is the course's text if this describes the course; otherwise angles are equal up to the
-        rounding of degrees.
+        If the stored text still describes the course, it is returned unchanged. Otherwise the text
+        is written anew, and angles are equal up to the rounding of degrees.
 
         Args:
             path: a file to write; its name becomes the course's if the text has none. None writes
@@ -172,8 +172,8 @@ class Course:
         """Return the points that a view of the course has to show.  (n, 3)
 
         Args:
-            frames: whether these are the corners of frames and obstacles, or gates' centres alone;
-                the start is one of them in either case.
+            frames: True: the corners of frames and obstacles; False: only the centres of the gates.
+                The start is one of the points in either case.
         """
         start = np.array([self.start.position])
         if not frames:
@@ -190,7 +190,7 @@ def parse_course(text: str, file: str) -> Course:
 
     Args:
         text: the YAML.
-        file: shown in errors; names a course without a name.
+        file: name of the file, for errors; also the name of a course whose text has none.
 
     Raises:
         FileError: the text is not a course.
@@ -202,9 +202,9 @@ def parse_course(text: str, file: str) -> Course:
 
 
 def course_errors(text: str, file: str) -> list[FileError]:
-    """Return all that is wrong with a course file; the first is the one `parse_course` raises.
+    """Return all errors of a course file; `parse_course` raises the first of them.
 
-    What cannot be read hides what does not fit together.
+    If a value cannot be read, only such errors are found, and the parts are not compared.
 
     Args:
         text: the YAML.
@@ -227,7 +227,7 @@ def course_entries(course: Course) -> CourseFile:
 
 
 def course_of(entries: CourseFile, name: str, text: str = "") -> Course:
-    """Return the course that entries describe, also one whose parts do not fit together.
+    """Return the course that entries describe, even if its parts do not fit together.
 
     Args:
         entries: entries of a course file.
@@ -253,7 +253,7 @@ def course_of(entries: CourseFile, name: str, text: str = "") -> Course:
 
 
 def summary(course: Course) -> str:
-    """Return what a course has in a few words, as "7 gates, 75.0 m, loop, 3 laps"."""
+    """Return a short description of a course, such as "7 gates, 75.0 m, loop, 3 laps"."""
     parts = [_counted(len(course.gates), "gate")]
     if course.obstacles:
         parts.append(_counted(len(course.obstacles), "obstacle"))
@@ -263,7 +263,7 @@ def summary(course: Course) -> str:
 
 
 def _counted(count: int, what: str) -> str:
-    """Return a count of things, as "1 lap" or "3 laps"."""
+    """Return a count with its noun, such as "1 lap" or "3 laps"."""
     return f"{count} {what}" if count == 1 else f"{count} {what}s"
 
 
@@ -283,10 +283,10 @@ def _read(document: Document) -> Course:
 
 
 def _at_entries(found: Iterator[FieldProblem], document: Document) -> Iterator[FieldProblem]:
-    """Yield the problems of a course at the keys of its file, whose gates may be flown in an order.
+    """Yield the problems of a course with the keys of its file at which they occur.
 
     Args:
-        found: problems, of gates at their place in the order of flight.
+        found: problems, in which gates are numbered in the order of flight.
         document: the file.
     """
     order = document.fill(CourseFile).order
@@ -299,7 +299,7 @@ def _at_entries(found: Iterator[FieldProblem], document: Document) -> Iterator[F
 
 
 def is_described(course: Course) -> bool:
-    """Return whether a course is the one that its text describes."""
+    """Return whether a course still equals the course that its text describes."""
     try:
         return parse_course(course.text, course.name) == course
     except FileError:
@@ -329,17 +329,17 @@ def _changed(course: Course, changes: Mapping[str, Any]) -> Course:
     entries = written_entries(file)
     if any(key in changes for key in DECIDE_TIMES):
         entries.pop("published", None)
-    # A gate that is given leaves out what will be the course's
+    # The entry of a given gate leaves out an opening or frame that equals the course's
     defaults = {name: changes.get(name, getattr(file, name)) for name in OF_FRAMES}
     given = {key: _as_entry(key, value, entries, defaults) for key, value in changes.items()}
     return remade({**entries, **given}, parse_course, str(given.get("name", course.name)))
 
 
 def _as_entry(key: str, value: Any, entries: Mapping[str, Any], defaults: Mapping[str, Any]) -> Any:
-    """Return a changed value as a course file has it.
+    """Return a changed value in the form that a course file has.
 
     Args:
-        key: its key.
+        key: key of the value.
         value: entries of a file, or objects of a Course.
         entries: the entries of the course that is changed.
         defaults: opening and frame of the changed course.
@@ -355,7 +355,7 @@ def _as_entry(key: str, value: Any, entries: Mapping[str, Any], defaults: Mappin
 
 
 def _item_entry(item: Any, defaults: Mapping[str, Any]) -> Any:
-    """Return the entry of a gate, an obstacle or a published time; another value as it is."""
+    """Return the entry of a gate, obstacle or published time, and any other value unchanged."""
     match item:
         case Gate():
             same = [key for key in OF_FRAMES if np.array_equal(getattr(item, key), defaults[key])]
@@ -368,7 +368,7 @@ def _item_entry(item: Any, defaults: Mapping[str, Any]) -> Any:
 
 
 def _file(course: Course) -> CourseFile:
-    """Return the course as a file has it; the opening and the frame are those of most gates."""
+    """Return the entries of a course's file; most gates decide its default opening and frame."""
     of_most = {
         name: Counter(getattr(gate, name) for gate in course.gates).most_common(1)[0][0]
         for name in OF_FRAMES
@@ -415,9 +415,9 @@ def _obstacle_entry(obstacle: Obstacle) -> ObstacleEntry:
 
 
 def in_degrees(angle: float) -> float:
-    """Return an angle [rad] in degrees, the shortest number that gives it to the last bit.
+    """Return an angle [rad] as the shortest number of degrees that converts back exactly.
 
-    If no number does, as for most angles that were not read in degrees, it is the nearest.
+    Most angles that were not read in degrees have no such number; then the nearest is returned.
     """
     nearest = degrees(angle)
     rounded = (round(nearest, digits) for digits in range(16))
@@ -426,7 +426,7 @@ def in_degrees(angle: float) -> float:
 
 
 def _gate(entry: GateEntry, course: CourseFile) -> Gate:
-    """Return a gate; what its entry leaves out is the course's."""
+    """Return a gate, with the course's opening or frame if its entry has none."""
     return Gate(
         position=entry.position,
         yaw=radians(entry.yaw_deg),

@@ -27,7 +27,7 @@ GateNumber = Annotated[int, Meta(ge=-1000, le=1000)]
 
 @dataclass(frozen=True)
 class Published:
-    """A time on these gates that others have published."""
+    """A time on these gates that was published elsewhere."""
 
     who: Annotated[str, setting("authors of the time")]
     time: Annotated[float, setting("time on these gates", unit="s", gt=0)]
@@ -125,7 +125,7 @@ class CourseFile:
 def written_entries(course: CourseFile) -> dict[str, Any]:
     """Return the entries of a course's file, without those at their default.
 
-    An opening or a frame of a gate is left out, too, if it is the course's.
+    The opening or frame of a gate is left out, too, if it equals the course's.
     """
     shared = {key: getattr(course, key) for key in OF_FRAMES}
     gates = []
@@ -136,7 +136,7 @@ def written_entries(course: CourseFile) -> dict[str, Any]:
 
 
 def misnumbered(entries: CourseFile) -> tuple[int, str] | None:
-    """Return the index in `order` of a number that no gate has and the problem, None if all fit."""
+    """Return the index and problem of the first number in `order` that no gate has, or None."""
     count = len(entries.gates)
     for i, number in enumerate(entries.order):
         if not 1 <= abs(number) <= count:
@@ -146,10 +146,10 @@ def misnumbered(entries: CourseFile) -> tuple[int, str] | None:
 
 
 def in_flown_order(entries: CourseFile) -> CourseFile:
-    """Return the same course with its gates as they are flown, and without `order`.
+    """Return the same course with its gates in the order of flight, and without `order`.
 
     Args:
-        entries: entries of a course file, whose numbers in `order` are those of gates.
+        entries: entries of a course file; each number in `order` belongs to a gate.
     """
     if not entries.order:
         return entries
@@ -161,6 +161,6 @@ def in_flown_order(entries: CourseFile) -> CourseFile:
 
 
 def from_behind(gate: GateEntry) -> GateEntry:
-    """Return a gate that is flown the other way."""
+    """Return a gate whose legal passage is reversed."""
     yaw = gate.yaw_deg - 180.0 if gate.yaw_deg > 0.0 else gate.yaw_deg + 180.0
     return replace(gate, yaw_deg=yaw, pitch_deg=0.0 - gate.pitch_deg, roll_deg=0.0 - gate.roll_deg)

@@ -1,8 +1,8 @@
-"""Physical frames. A gate that is flown several times, from one side or from both, is one frame.
+"""The physical frames of a course; a gate that is flown several times is one frame.
 
-A course lists the passes: the same frame may be written with another yaw or roll, or with angles
-that differ by a turn. What stands in the world, what can be touched and what a camera sees are the
-frames.
+A course lists passes: the same frame may be listed for both directions, with another yaw or roll,
+or with angles that differ by a full turn. The world contains frames: a vehicle touches them, and a
+camera sees them.
 """
 
 from __future__ import annotations

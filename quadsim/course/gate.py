@@ -49,7 +49,7 @@ class Gate:
 
     @cached_property
     def rotation(self) -> np.ndarray:
-        """The rotation world from gate, with the columns passage, left and up.  (3, 3)"""
+        """The rotation from gate to world axes, with the columns passage, left and up.  (3, 3)"""
         return euler_matrix(self.yaw, self.pitch, self.roll)
 
     @cached_property
@@ -67,7 +67,7 @@ class Gate:
         """Return points of the world in the gate frame [m].
 
         Args:
-            points: (n, 3) [m].
+            points: points in the world [m]  (n, 3).
 
         Returns:
             An InGate of three arrays (n,).
@@ -107,11 +107,11 @@ class EstimatedGate(Gate):
 
     @classmethod
     def of(cls, gate: Gate, moved: Vec3, std: float) -> EstimatedGate:
-        """Return a gate that is estimated to stand off the map.
+        """Return a gate at an estimated displacement from its position on the map.
 
         Args:
             gate: gate of the map.
-            moved: its displacement from the map [m].
+            moved: displacement of the gate from the map [m].
             std: standard deviation of its position relative to the vehicle [m].
         """
         x, y, z = gate.position

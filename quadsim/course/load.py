@@ -1,4 +1,4 @@
-"""Courses by name: the files that come with the project, files of one's own, and drawn tracks."""
+"""Load courses by name: the project's files, a user's own files, and random tracks."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def course_names() -> tuple[str, ...]:
 def load_course(name_or_path: str | Path) -> Course:
     """Return a course by name ("split_s_swift") or path ("mine.yaml").
 
-    "lsy_level3-7" is the track of number 7 in quadsim.course.lsy_tracks.
+    "lsy_level3-7" is the track with the number 7 of quadsim.course.lsy_tracks.
 
     Raises:
         FileError: there is no such course, or the file is not a course.

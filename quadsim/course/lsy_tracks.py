@@ -1,16 +1,16 @@
-"""Tracks of the Learning Systems Lab's level 3: four gates and four poles, drawn from a number.
+"""Random tracks as in the Learning Systems Lab's level 3, with four gates and four poles.
 
-The rules are those of learnsyslab/lsy_drone_racing, lsy_drone_racing/envs/randomize.py (9c01c96,
-MIT): one after the other, a gate and a pole are placed in an arena so that
+The rules follow lsy_drone_racing/envs/randomize.py of learnsyslab/lsy_drone_racing (9c01c96, MIT):
+a gate and a pole in turn are placed in an arena so that
 
 * a gate keeps GATE_FREE from gates and the start, POLE_FREE from poles, and BORDER from the walls;
-  it stands aside from the legs that are there, if there is room;
-* it looks along the leg that leads to it, but for a turn of up to TURN;
+  it stands away from the existing legs, if there is room;
+* its passage points along the leg that leads to it, turned by up to TURN;
 * a pole keeps POLE_FREE from gates, START_FREE from the start and POLES_APART from poles; it stands
   beside the leg that leads to the gate, if there is room.
 
-Theirs are drawn on a grid of 0.1 m and from other random numbers, and if nothing has room stand
-where least is wrong; ours are drawn anew as a whole.
+The original draws places on a grid of 0.1 m from other random numbers, and if no place is free it
+takes the place that breaks the rules least. Here the whole track is drawn again.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ Place = np.ndarray  # x, y [m]
 
 
 def lsy_track(number: int) -> Course:
-    """Return the track of a number, named lsy_level3-NUMBER.
+    """Return the random track with this number, named lsy_level3-NUMBER.
 
     Args:
-        number: at least 0; each is another track.
+        number: seed of the track, at least 0.
 
     Examples:
         >>> from quadsim.course.lsy_tracks import lsy_track
@@ -69,7 +69,7 @@ def lsy_track(number: int) -> Course:
 
 
 def _draw(rng: np.random.Generator) -> str | None:
-    """Draw a track and return it as YAML; None if something finds no place."""
+    """Draw a track and return it as YAML, None if there is no room for a gate or pole."""
     start = np.zeros(2)
     gates: list[Place] = []
     poles: list[Place] = []
@@ -111,7 +111,7 @@ def _draw(rng: np.random.Generator) -> str | None:
 
 
 def _first(*choices: list[Place]) -> Place | None:
-    """Return the first place of the first choice that has any."""
+    """Return the first place of the first list that is not empty, None if all are empty."""
     return next((places[0] for places in choices if places), None)
 
 

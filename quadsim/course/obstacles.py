@@ -42,7 +42,7 @@ class Box:
 
     @property
     def position(self) -> Vec3:
-        """The position of the centre, by the name that a gate's has [m]."""
+        """The position of the centre [m], named as for a gate."""
         return self.centre
 
     @property
@@ -61,7 +61,7 @@ class Box:
         return hypot(*(max(abs(d) - h, 0.0) for d, h in zip(local, self.half, strict=True)))
 
     def outline(self, border: float = 0.0) -> np.ndarray:
-        """Return the corners from above, in turn, each side `border` [m] farther out.  (4, 2)"""
+        """Return x and y [m] of the corners in turn, each side `border` [m] farther out.  (4, 2)"""
         x, y, _ = self.half
         turn = np.array(self.axes)[:2, :2]
         signs = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
@@ -103,7 +103,8 @@ class Cylinder:
     def outline(self, border: float = 0.0) -> np.ndarray:
         """Return x and y [m] of points around the cylinder, counterclockwise.  (ROUND, 2)
 
-        border: distance from the cylinder's side [m].
+        Args:
+            border: distance of the points from the cylinder's side [m].
         """
         turn = 2.0 * pi * np.arange(ROUND) / ROUND
         circle = np.column_stack([np.cos(turn), np.sin(turn)])
@@ -120,7 +121,7 @@ Obstacle = Box | Cylinder
 
 
 def _corners(outline: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Return an outline (n, 2) at two heights [m].  (2 n, 3)"""
+    """Return the points of an outline (n, 2) at two heights [m].  (2 n, 3)"""
     below = np.column_stack([outline, np.full(len(outline), low)])
     above = np.column_stack([outline, np.full(len(outline), high)])
     return np.vstack([below, above])

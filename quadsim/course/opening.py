@@ -21,14 +21,14 @@ picture:
           in front of it|             plane            |behind it
 
     half        half sizes of the opening
-    free        half sizes within which the sphere's centre is free, negative where the sphere does
+    free        half sizes within which the sphere's centre is free, negative if the sphere does
                 not fit
     outer       half sizes outside which the sphere's centre is free
-    half_depth  distance from the gate's plane to its entry and exit plane, where the sphere is
+    half_depth  distance from the gate's plane to its entry and exit plane, in which the sphere is
                 clear of the frame
     slab        the space between entry and exit plane, within outer: in it and outside free, the
                 sphere touches a bar
-    on passage  in the opening or on the frame: a crossing of the plane there is one of this gate
+    on passage  in the opening or on the frame: a crossing of the plane there counts for this gate
     beyond      how far outside a rectangle of half sizes a point is, negative inside
 """
 
@@ -102,7 +102,7 @@ def half_sizes(opening: tuple[float, float]) -> HalfSizes:
 def free_half_sizes(opening: tuple[float, float], radius: float, margin: float = 0.0) -> HalfSizes:
     """Return the half sizes within which a sphere's centre is free of the frame [m].
 
-    They are negative where the sphere does not fit.
+    They are negative if the sphere does not fit.
 
     Args:
         opening: width and height [m].
@@ -152,7 +152,7 @@ def margin_inside(free: HalfSizes, wanted: float) -> float:
 
     Args:
         free: half sizes within which the sphere's centre is free [m].
-        wanted: the margin to keep where there is room for it [m].
+        wanted: the margin to keep if there is room for it [m].
     """
     return min(wanted, min(free) / 2)
 
@@ -173,8 +173,8 @@ def beyond(offset: Offset, half: HalfSizes) -> float:
 def on_passage(offset: Offset, opening: tuple[float, float], frame_width: float) -> bool:
     """Return whether a point of the plane lies in the opening or on the frame.
 
-    It tells which crossings of the plane are through the gate; a contact with the frame is found by
-    other means.
+    This decides which crossings of the plane belong to the gate; contacts with the frame are found
+    by `SweptGate.touch`.
     """
     return beyond(offset, half_sizes(opening)) <= frame_width
 
@@ -196,8 +196,8 @@ def between(a: InGate, b: InGate, fraction: float) -> InGate:
 def crossing(a: InGate, b: InGate) -> Crossing | None:
     """Return the crossing of the gate's plane by the segment from a to b, None if there is none.
 
-    As the plane belongs to the side behind the gate, a path that ends a segment on it crosses it
-    once.
+    The plane belongs to the side behind the gate, so a path with a vertex on the plane crosses it
+    only once.
     """
     if in_front(a) == in_front(b):
         return None

@@ -1,6 +1,6 @@
-"""Random courses: gates around a loop at random heights, from a seed alone.
+"""Random courses from a seed: gates around a loop at random heights.
 
-Each course is checked as a file is.
+Each course passes the checks of a course file.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ GATES = (5, 9)
 RADIUS = (5.0, 12.0)
 # [m] of gates' centres, least and most
 HEIGHT = (1.1, 4.0)
-# [rad] standard deviation of a gate's direction around that of the loop
+# [rad] standard deviation of a gate's direction from the loop's direction
 TURN = 0.7
 
 
@@ -43,7 +43,7 @@ class Leg(NamedTuple):
 def random_courses(number: int, seed: int) -> tuple[Course, ...]:
     """Return different random courses, named `random_SEED_1` and on.
 
-    The same arguments give the same courses, and a larger number begins with the same.
+    The same arguments give the same courses, and a larger `number` only adds courses at the end.
 
     Args:
         number: number of courses, at least 1.
@@ -66,7 +66,7 @@ def random_courses(number: int, seed: int) -> tuple[Course, ...]:
 
 
 def _course(name: str, stream: np.random.SeedSequence) -> Course:
-    """Return the first valid course among those drawn."""
+    """Draw courses until one is valid, and return it."""
     rng = np.random.default_rng(stream)
     while True:
         try:
@@ -89,7 +89,7 @@ def _draw(rng: np.random.Generator) -> str:
     heights = rng.uniform(*HEIGHT, n)
     p = np.column_stack([radii * np.cos(angles), radii * np.sin(angles), heights]).round(2)
 
-    # They face along the loop, from the gate before to the one after, but for a random turn.
+    # They face along the loop, from the previous to the next gate, with a random turn.
     along = np.roll(p, -1, 0) - np.roll(p, 1, 0)
     yaws = np.degrees(np.arctan2(along[:, 1], along[:, 0]) + rng.normal(0, TURN, n))
     yaws = (np.mod(yaws + 180, 360) - 180).round()

@@ -1,12 +1,12 @@
-"""The segment of one physics step against the gates: contacts with frames, crossings of planes.
+"""Find contacts with frames and crossings of gates' planes within one physics step.
 
-The rules, what a contact or a crossing means, are the referee's.
+The referee decides what a contact or a crossing means.
 
 In the gate frame (x along the legal passage) the vehicle is a sphere of radius r whose centre moves
 on a segment. The four bars, as boxes grown by r, are a slab around a free shaft: the sphere touches
-a bar if its centre is in the slab and not in the shaft. See quadsim.course.opening for both.
-Grown boxes stick out where a sphere would round an edge: contact is found up to .42 r early at the
-bars' edges, .73 r at their corners. On their faces, and straight through the opening, it is exact.
+a bar if its centre is in the slab and not in the shaft. quadsim.course.opening defines both.
+The edges of a grown box are not rounded, so contact is found up to .42 r early at the bars' edges
+and .73 r at their corners. It is exact on their faces and straight through the opening.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Incident(NamedTuple):
 
     @property
     def touched(self) -> str:
-        """The name of the touched object, as contacts have it: "gate 3", "obstacle 2"."""
+        """The name of the touched object, such as "gate 3" or "obstacle 2"."""
         return f"obstacle {self.obstacle + 1}" if self.obstacle >= 0 else f"gate {self.frame + 1}"
 
 
@@ -95,7 +95,7 @@ def lerp(a: Vec3, b: Vec3, s: float) -> Vec3:
 def first_within(a0: Vec3, a1: Vec3, b0: Vec3, b1: Vec3, reach: float) -> float | None:
     """Return the fraction of a step at which two points come within reach of each other.
 
-    Each moves on a straight line, so the way between them does, too.
+    Both move on straight lines, so the vector between them does, too.
 
     Args:
         a0, a1: the first point before and after the step [m].
@@ -122,16 +122,16 @@ def first_within(a0: Vec3, a1: Vec3, b0: Vec3, b1: Vec3, reach: float) -> float 
 
 
 class SweptGate:
-    """One gate and the radius of what flies through it [m]."""
+    """One gate, and the radius [m] of the sphere that flies through it."""
 
     def __init__(self, gate: Gate, index: int, radius: float, frame: int | None = None):
         """Prepare the tests of one gate.
 
         Args:
             gate: gate of the course.
-            index: reported with its incidents.
+            index: index of the gate, which its incidents carry.
             radius: radius of the sphere [m].
-            frame: index of the first gate of its physical frame; None: its own.
+            frame: index of the first gate of its physical frame; None: the same as `index`.
         """
         self.gate = gate
         self.index = index
@@ -158,7 +158,7 @@ class SweptGate:
         return on_passage(offset, self.gate.opening, self.gate.frame_width)
 
     def is_near(self, offset: Offset) -> bool:
-        """Return whether a crossing of the gate's plane there is about this gate."""
+        """Return whether a crossing of the plane at this point concerns this gate."""
         return beyond(offset, self.near) <= 0.0
 
     def touch(self, a: InGate, b: InGate) -> float | None:
@@ -168,7 +168,7 @@ class SweptGate:
             a, b: ends of the segment in the gate frame [m].
 
         Returns:
-            None if it enters none.
+            The fraction, from 0 to 1; None if the segment enters no bar.
         """
         slab = _clip_centred(a, b, self._slab)
         if slab is None:
@@ -199,11 +199,11 @@ class SweptGate:
         return found
 
     def in_own_axes(self, incident: Incident, of: SweptGate, p0: Vec3, p1: Vec3) -> Incident:
-        """Return an incident of this frame as it is in this gate's direction and axes.
+        """Return an incident of the same frame in this gate's direction and axes.
 
         Args:
             incident: found by another gate of the frame.
-            of: that gate.
+            of: the gate that found it.
             p0, p1: ends of the segment in the world [m].
         """
         at = self.gate.to_local(lerp(p0, p1, incident.s))
@@ -217,9 +217,8 @@ class SweptGate:
 class SweptGates:
     """All gates of a course, for a vehicle of one radius.
 
-    A gate that is flown through several times a lap is one SweptGate: `of` has the one of each gate
-    of the course. A frame that is flown from both sides has two, one for each side. `all` has the
-    first SweptGate of each frame.
+    A gate that is flown through several times a lap has a single SweptGate. A frame that is flown
+    from both sides has two, one for each side.
 
     Attributes:
         of: the SweptGate of each gate of the course.
@@ -244,7 +243,7 @@ class SweptGates:
         self._reach = np.array([g.reach for g in self.all])  # (gates,)
 
     def near(self, p0: Vec3, p1: Vec3) -> list[SweptGate]:
-        """Return the gates that a segment may concern, within reach of the ball around it."""
+        """Return the gates within reach of the ball around a segment."""
         square = ((self._centres - lerp(p0, p1, 0.5)) ** 2).sum(axis=1)  # (gates,)
         within = square <= (self._reach + dist(p0, p1) / 2) ** 2
         return [self.all[k] for k in np.flatnonzero(within)]

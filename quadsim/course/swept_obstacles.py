@@ -1,4 +1,4 @@
-"""The segment of one physics step against obstacles: contact of a sphere whose centre moves on it.
+"""Find contacts of a moving sphere with obstacles within one physics step.
 
 As for gates (quadsim.course.swept), obstacles are grown by the sphere's radius r, without rounded
 edges: contact is found up to .42 r early at edges, .73 r at a box's corners, and exactly on faces
@@ -25,7 +25,7 @@ class SweptObstacle:
 
         Args:
             obstacle: obstacle of the course.
-            index: reported with its incidents.
+            index: index of the obstacle, which its incidents carry.
             radius: radius of the sphere [m].
         """
         self.obstacle = obstacle
@@ -45,7 +45,7 @@ class SweptObstacle:
             p0, p1: ends of the segment in the world [m].
 
         Returns:
-            None if it does not touch it.
+            The fraction, from 0 to 1; None if there is no contact.
         """
         if isinstance(self.obstacle, Cylinder):
             return self._touch_cylinder(self.obstacle, p0, p1)

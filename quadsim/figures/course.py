@@ -29,7 +29,7 @@ ARROW: dict[str, Any] = {"arrowstyle": "->", "color": INK, "lw": 1.3}
 
 
 class Bar(NamedTuple):
-    """A gate from above, as line segments in metres.  (2, 2) each: ends, x and y"""
+    """A gate from above, as line segments [m], each with two ends in x and y  (2, 2)."""
 
     # The frame, from outer edge to outer edge
     frame: np.ndarray
@@ -51,8 +51,8 @@ def draw_course(axes: Axes, course: Course, *, bounds: bool = False, numbers: bo
     Args:
         axes: axes of matplotlib.
         course: course to draw.
-        bounds: draw the bounds as well.
-        numbers: write each gate's number beside it.
+        bounds: whether the bounds are drawn, too.
+        numbers: whether each gate's number is written beside it.
     """
     scale = arrow_scale(course.points(frames=False)[:, :2])
     draw_gates(axes, course, ABOVE, scale, numbers=numbers)
@@ -67,12 +67,12 @@ def draw_course(axes: Axes, course: Course, *, bounds: bool = False, numbers: bo
 
 
 def arrow_scale(points: np.ndarray) -> float:
-    """Return the length of arrows and distance of labels in a map of points (n, axes) [m]."""
+    """Return a length for arrows and distances of labels in a map of points (n, axes) [m]."""
     return max(float(np.ptp(points, axis=0).max()) / 20.0, 0.3)
 
 
 def draw_start(axes: Axes, position: np.ndarray) -> None:
-    """Draw the start of a flight; position: coordinates in the view  (2,)."""
+    """Draw the start of a flight at a position in the view [m]  (2,)."""
     axes.plot(
         *position,
         marker="o",
@@ -92,9 +92,9 @@ def draw_gates(
     Args:
         axes: axes of matplotlib.
         course: course with the gates.
-        plane: world axes of the view.
-        scale: see arrow_scale [m].
-        numbers: write each gate's number beside it.
+        plane: indices of the two world axes of the view.
+        scale: result of `arrow_scale` [m].
+        numbers: whether each gate's number is written beside it.
     """
     view = list(plane)
     for number, gate in enumerate(course.gates, start=1):
@@ -114,8 +114,8 @@ def draw_obstacles(axes: Axes, course: Course, plane: tuple[int, int], scale: fl
     Args:
         axes: axes of matplotlib.
         course: course with the obstacles.
-        plane: world axes of the view.
-        scale: see arrow_scale [m].
+        plane: indices of the two world axes of the view.
+        scale: result of `arrow_scale` [m].
     """
     for number, obstacle in enumerate(course.obstacles, start=1):
         corners = obstacle.corners()[:, list(plane)]
@@ -131,7 +131,7 @@ def draw_obstacles(axes: Axes, course: Course, plane: tuple[int, int], scale: fl
 
 
 def _draw_ring(axes: Axes, corners: np.ndarray, colour: str, width: float) -> None:
-    """Draw the border through four corners (4, 2), in the order of Gate.corners."""
+    """Draw the border through four corners (4, 2) in the order of Gate.corners."""
     ring = corners[[0, 1, 3, 2, 0]]
     axes.plot(*ring.T, color=colour, linewidth=width, solid_capstyle="butt", zorder=3)
 
@@ -140,7 +140,7 @@ def _label_position(gate: Gate, plane: tuple[int, int], scale: float) -> np.ndar
     """Return the position of a gate's number, outside its frame.
 
     From above the number is in front of the gate and to its left; from the side it is above the
-    gate, or in front of it if the opening is edge on.
+    gate, or in front of it if the opening is seen edge-on.
     """
     passage, left, _ = gate.rotation.T
     outer = outer_half_sizes(gate.opening, gate.frame_width)

@@ -1,4 +1,4 @@
-"""The page of pictures of a fitted vehicle: measured against simulated."""
+"""The figure of a fitted vehicle, which compares measured and simulated signals."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ TITLES = {"force": "accelerometer", "rate": "body rate", "velocity": "velocity"}
 
 
 def fit_figure(fit: VehicleFit) -> Figure:
-    """Return the page of pictures of a fit.
+    """Return the figure of a fit.
 
     Rows of measured and simulated signals, then errors of predicted positions, the distribution of
     the residuals, and step responses of the fitted vehicle.
@@ -65,7 +65,7 @@ def _draw_trace(axes: Axes, trace: Trace, *, is_first: bool) -> None:
 
 
 def _draw_predictions(axes: Axes, fit: VehicleFit) -> None:
-    """Draw the errors of predicted positions against the time since the begin."""
+    """Draw the errors of predicted positions over the time since the prediction began."""
     axes.set_title("error of the predicted position [m]")
     axes.set_xlabel("time since the begin [s]")
     if not fit.predictions:
@@ -100,7 +100,7 @@ def _draw_residuals(axes: Axes, fit: VehicleFit) -> None:
 
 
 def _draw_steps(axes: Axes, fit: VehicleFit) -> None:
-    """Draw how the fitted vehicle follows steps of its commands."""
+    """Draw the responses of the fitted vehicle to steps of its commands."""
     system = quadrotor(ModelParams.of(fit.vehicle), STEP_DT)
     late = round(fit.vehicle.latency / STEP_DT)
     count = round(STEP_TIME / STEP_DT)

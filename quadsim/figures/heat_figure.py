@@ -1,4 +1,4 @@
-"""A race on one page: ranks at each gate, gaps to the leader, and all paths from above."""
+"""The figure of a race: ranks at each gate, gaps to the leader, and all paths from above."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def draw_heat(
     events: Sequence[HeatEvent],
     course: Course,
 ) -> Figure:
-    """Draw a race.
+    """Return the figure of a race.
 
     Args:
         names: names of the entrants.

@@ -1,4 +1,4 @@
-"""A run on one page: its path from above and from the side, thrust, body rates, spectrum."""
+"""The figure of a run: its path from above and from the side, thrust, body rates, spectrum."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ LAPS = 6
 
 
 def draw(run: RecordedRun, limit: StoredSolution | None = None) -> Figure:
-    """Draw a run.
+    """Return the figure of a run.
 
     Args:
         run: run to draw.
@@ -86,11 +86,11 @@ def draw(run: RecordedRun, limit: StoredSolution | None = None) -> Figure:
 
 
 def draw_map(run: RecordedRun, course: Course) -> Figure:
-    """Draw the path from above alone, small enough for a page of text.
+    """Return a figure with only the path from above, small enough for a page of text.
 
     Args:
         run: run to draw.
-        course: its course.
+        course: course of the run.
     """
     with rc_context(STYLE):
         figure = Figure(figsize=(6.4, 4.0), dpi=100, layout="constrained")
@@ -124,7 +124,7 @@ def draw_views(
     Args:
         figure: figure of matplotlib.
         run: run to draw.
-        course: its course.
+        course: course of the run.
         limit: see `draw`.
     """
     extent = np.vstack([positions(run), course.points()])
@@ -161,9 +161,9 @@ def draw_view(
     Args:
         axes: axes of matplotlib.
         run: run to draw.
-        course: its course.
-        plane: world axes of the view.
-        scale: see arrow_scale [m].
+        course: course of the run.
+        plane: indices of the two world axes of the view.
+        scale: result of `arrow_scale` [m].
 
     Returns:
         The path, for a colour bar of the speed.
@@ -186,7 +186,7 @@ def has_estimate(run: RecordedRun) -> bool:
 
 
 def draw_estimate(axes: Axes, run: RecordedRun, plane: tuple[int, int]) -> None:
-    """Draw the estimated path in the view of these world axes, and the measured poses if kept."""
+    """Draw the estimated path in the view of two world axes, and measured poses if stored."""
     x = run.telemetry
     estimated = np.stack([x["est_px"], x["est_py"], x["est_pz"]], axis=1)
     if run.measurements and "pose.position" in run.measurements:
@@ -222,7 +222,7 @@ def draw_path(axes: Axes, points: np.ndarray, speed: np.ndarray) -> LineCollecti
 
 
 def draw_events(axes: Axes, run: RecordedRun, plane: tuple[int, int]) -> None:
-    """Draw the places of a run's events in the view of these world axes."""
+    """Draw the places of a run's events in the view of two world axes."""
     for kind, mark in MARKS.items():
         places = np.array([event.position for event in run.events if event.kind == kind])
         if len(places):
@@ -262,7 +262,7 @@ def draw_thrust(axes: Axes, run: RecordedRun) -> None:
 
 
 def draw_rates(rows: Sequence[Axes], run: RecordedRun) -> None:
-    """Draw commanded and delivered roll, pitch and yaw rate over time, one per row."""
+    """Draw commanded and delivered roll, pitch and yaw rates over time, one in each row."""
     for axes, name, axis in zip(rows, ("roll", "pitch", "yaw"), "xyz", strict=True):
         _draw_pair(axes, run, f"w{axis}_cmd", f"w{axis}")
         axes.set_ylabel(name)
@@ -271,7 +271,7 @@ def draw_rates(rows: Sequence[Axes], run: RecordedRun) -> None:
 
 
 def draw_estimate_error(axes: Axes, run: RecordedRun) -> None:
-    """Draw how far the estimated position is off over time, and what the estimator expects.
+    """Draw the error of the estimated position over time, and the error that the filter expects.
 
     The expected error is the root of the trace of the position's covariance.
     """

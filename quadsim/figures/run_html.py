@@ -1,4 +1,4 @@
-"""A run as HTML for notebooks: its path from above, and its numbers."""
+"""Show a run as HTML in notebooks: its path from above, and its numbers."""
 
 from __future__ import annotations
 

@@ -36,13 +36,13 @@ STYLE: dict[Any, Any] = {
 def line(s: Style) -> dict[str, Any]:
     """Return the arguments of `plot` for a style: colour and line style.
 
-    Dense signals use only the colour, as gaps would look like chatter.
+    Dense signals use only the colour, because gaps of a line would look like chatter.
     """
     return {"color": s.colour, "linestyle": (0, s.dash) if s.dash else "-"}
 
 
 def write_figure(figure: Figure, folder: Path, stem: str) -> tuple[Path, ...]:
-    """Write a figure as PNG and SVG and return the files.
+    """Write a figure as PNG and SVG, and return the paths of the files.
 
     Raises:
         RunError: the folder cannot be written.

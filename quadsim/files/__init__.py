@@ -1,4 +1,4 @@
-"""Files read strictly and written whole.
+"""Read files strictly, and write them completely or not at all.
 
-Every mistake in a file is one line with its place, its unit and what was found.
+The error for a mistake in a file is one line with the place, the expected unit and the found value.
 """

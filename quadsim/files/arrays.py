@@ -1,4 +1,4 @@
-"""Named arrays in .npz files. A reader declares what a file may hold; nothing in it is executed."""
+"""Read and write named arrays in .npz files; a reader declares the arrays that a file may have."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from quadsim.files.yaml_errors import shown
 
 LARGEST = 500_000_000  # [bytes], of a file and of all of its arrays together
 SUFFIX = ".npy"  # ends an array's name within the archive
-# Lengths of what an error shows: names of arrays, characters of a library's message
+# Numbers of arrays' names and of characters of a library's message that an error shows
 NAMES = 5
 LONGEST = 160
 
@@ -29,7 +29,7 @@ Schema = TypeVar("Schema")
 
 
 class Declared(NamedTuple):
-    """An array that a file may hold."""
+    """The declaration of an array that a file may have."""
 
     dtype: str  # NumPy's name of it; "str" stands for text of any length
     # Lengths of the dimensions. A name stands for any length, which is the same
@@ -44,7 +44,7 @@ TEXT = Declared("str")  # one text, such as a JSON document
 
 
 class ArrayError(ValueError):
-    """An array is not as it was declared. The message names it."""
+    """An error of an array that differs from its declaration; the message names the array."""
 
 
 def npz_bytes(arrays: Mapping[str, np.ndarray], compressed: bool = False) -> bytes:
@@ -64,7 +64,7 @@ def read_bytes(path: Path, what: str, largest: int = LARGEST) -> bytes:
         largest: the number of bytes above which a file is not read.
 
     Raises:
-        FileError: the file is missing, unreadable, too large or no regular file.
+        FileError: the file is missing, unreadable, too large or not a regular file.
     """
     try:
         status = path.stat()
@@ -103,15 +103,14 @@ def arrays_of(
 
     Args:
         data: the content of the file.
-        declared: the arrays that the file may hold. A name may be a pattern, such as "cost.*",
+        declared: the arrays that the file may have. A name may be a pattern, such as "cost.*",
             which stands for any number of arrays.
         path: the file's name for error messages.
         what: the kind of file for error messages, such as "a pilot".
         largest: the number of bytes that all arrays may take together.
 
     Raises:
-        FileError: the content is damaged or holds anything else than was declared. The message
-            is one line.
+        FileError: the content is damaged, or differs from the declaration.
     """
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -135,12 +134,12 @@ def record_of(text: np.ndarray, schema: type[Schema], path: object, what: str) -
     Args:
         text: the array.
         schema: the type of the document: a msgspec Struct, a dataclass, a dict of types. Numbers in
-            quotes are no numbers, and NaN is no JSON.
+            quotes and NaN are rejected.
         path: the file's name for error messages.
         what: the kind of file for error messages, such as "a pilot".
 
     Raises:
-        FileError: the text is no such document.
+        FileError: the text is not such a document.
     """
     try:
         return msgspec.json.decode(text.item(), type=schema)
@@ -165,10 +164,10 @@ def expect_format(
         expected: the only format that can be read.
         path: the file's name for error messages.
         what: the kind of file for error messages, such as "a pilot".
-        advice: what to do about a file of another format.
+        advice: advice for a file of another format.
 
     Raises:
-        FileError: the text is no such document, or of another format.
+        FileError: the text is not such a document, or has another format.
     """
     found = record_of(text, _Header, path, what).format
     if found != expected:
@@ -178,7 +177,7 @@ def expect_format(
 
 
 class _Member(NamedTuple):
-    """An array in the archive, and how it was declared."""
+    """An array in the archive, and its declaration."""
 
     entry: zipfile.ZipInfo
     wanted: Declared
@@ -190,7 +189,7 @@ def _members(
     """Return the archive's arrays by name, in the order of the declarations.
 
     Raises:
-        ArrayError: an array is missing, unknown or there twice, or all together are too large.
+        ArrayError: an array is missing, unknown or duplicate, or all together are too large.
     """
     entries = archive.infolist()
     counts = Counter(_name(entry) for entry in entries)
@@ -217,7 +216,7 @@ def _members(
 
 
 def _matches(name: str, pattern: str) -> bool:
-    """Return whether an array's name is one that was declared and that an error can show."""
+    """Return whether an array's name fits a declared pattern and can be printed."""
     return fnmatchcase(name, pattern) and name.isprintable() and len(name) <= LONGEST
 
 
@@ -230,8 +229,8 @@ def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> np.ndarray:
     """Return one array of the archive.
 
     Raises:
-        ArrayError: the member is no array, or an array of Python objects. NumPy's message, which
-            advises to trust the file, is left out.
+        ArrayError: the member is not an array, or is an array of Python objects. NumPy's message is
+            not shown, because it advises to trust the file.
     """
     content = io.BytesIO(archive.read(entry))
     try:
@@ -251,11 +250,11 @@ def _check(name: str, array: np.ndarray, wanted: Declared, lengths: dict[str, in
     Args:
         name: the array's name.
         array: the array.
-        wanted: how it was declared.
-        lengths: the lengths of named dimensions so far; new ones are added.
+        wanted: declaration of the array.
+        lengths: lengths of named dimensions so far; new ones are added.
 
     Raises:
-        ArrayError: the array is not as it was declared.
+        ArrayError: the array differs from its declaration.
     """
     is_text = wanted.dtype == "str" and array.dtype.kind == "U"
     fits = is_text or array.dtype == np.dtype(wanted.dtype)
@@ -271,12 +270,14 @@ def _check(name: str, array: np.ndarray, wanted: Declared, lengths: dict[str, in
 
 
 def _has_shape(shape: tuple[int, ...], wanted: Declared, lengths: dict[str, int]) -> bool:
-    """Return whether a shape is the declared one. The first array with a name decides its length.
+    """Return whether a shape fits the declaration.
+
+    The first array with a named dimension decides the length of this dimension.
 
     Args:
-        shape: the shape that was found.
-        wanted: how the array was declared.
-        lengths: the lengths of named dimensions so far; new ones are added.
+        shape: the found shape.
+        wanted: declaration of the array.
+        lengths: lengths of named dimensions so far; new ones are added.
     """
     if len(shape) != len(wanted.shape):
         return False
@@ -290,7 +291,7 @@ def _has_shape(shape: tuple[int, ...], wanted: Declared, lengths: dict[str, int]
 
 
 def _described(wanted: Declared) -> str:
-    """Return a declaration as an error shows it: "float64 (61, n)"."""
+    """Return a declaration as text for errors, such as "float64 (61, n)"."""
     dimensions = ", ".join(map(str, wanted.shape))
     comma = "," if len(wanted.shape) == 1 else ""
     kind = "text" if wanted.dtype == "str" else wanted.dtype
@@ -298,20 +299,20 @@ def _described(wanted: Declared) -> str:
 
 
 def _kind(array: np.ndarray) -> str:
-    """Return the type and shape of an array as an error shows them: "float32 (4, 3)"."""
+    """Return the type and shape of an array as text for errors, such as "float32 (4, 3)"."""
     kind = {"U": "text", "V": "records"}.get(array.dtype.kind, str(array.dtype))
     return f"{kind} {array.shape}"
 
 
 def listed(names: Iterable[str]) -> str:
-    """Return the first of these names, and how many more there are."""
+    """Return the first names as text, with the number of names that are left out."""
     every = [name if name.isprintable() and len(name) <= LONGEST else shown(name) for name in names]
     more = len(every) - NAMES
     return ", ".join(every[:NAMES]) + (f" and {more} more" if more > 0 else "")
 
 
 def _one_line(error: Exception) -> str:
-    """Return the message of a library on one line, cut if long, without control characters."""
+    """Return a library's message on one line, shortened and without control characters."""
     text = " ".join(str(error).split()) or type(error).__name__
     if len(text) > LONGEST:
         text = text[: LONGEST - 3] + "..."

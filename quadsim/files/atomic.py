@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all."""
+"""Write files completely or not at all."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from uuid import uuid4
 
 
 def replace_file(path: Path, data: bytes) -> None:
-    """Write the file whole or not at all, and onto the disk itself.
+    """Write a file completely or not at all, and flush it to the disk.
 
-    Several processes may write the same file at once. A folder, a pipe or a device is refused: a
-    user with all rights would replace /dev/null itself.
+    Several processes may write the same file at once. A folder, a pipe or a device is refused,
+    because root could otherwise replace /dev/null itself.
 
     Raises:
-        OSError: the file cannot be written, or the path is not that of a regular file.
+        OSError: the file cannot be written, or the path exists and is not a regular file.
     """
     if path.exists() and not path.is_file():
         problem = "expected a file or a new name, found a folder, a pipe or a device"
@@ -42,7 +42,7 @@ def unnamed_file(folder: Path) -> BinaryIO | None:
     """Open a new file without a name, which vanishes when its writer is killed.
 
     Returns:
-        The file, or None where the system has no such files.
+        The file; None if the system does not support such files.
     """
     try:
         return os.fdopen(os.open(folder, os.O_TMPFILE | os.O_WRONLY, 0o666), "wb")

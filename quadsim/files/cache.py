@@ -1,4 +1,4 @@
-"""The folder of what is made once on a machine and kept: compiled code, the built firmware."""
+"""The folder for things that are made once on a machine: compiled code, the built firmware."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ def cache_folder() -> Path | None:
     """Return $XDG_CACHE_HOME/quadsim or ~/.cache/quadsim, which may not exist yet.
 
     Returns:
-        The folder; None where the user has no home.
+        The folder; None if the user has no home directory.
     """
     home = os.environ.get("XDG_CACHE_HOME", "")
     # A relative one is to be ignored, by the specification of these folders.

@@ -1,4 +1,4 @@
-"""Rows of equal keys as the text of a CSV file."""
+"""Write rows with equal keys as the text of a CSV file."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ def csv_text(rows: Sequence[Mapping[str, object]], columns: Sequence[str] | None
     r"""Return a CSV file: a line of names, then one line for each row, each ended by \r\n.
 
     Args:
-        rows: name of a column -> value.
-        columns: the names in their order; None: those of the first row, of which there must be one.
+        rows: values by the names of columns.
+        columns: the names in order; None: the names in the first row, which must exist.
     """
     names = list(rows[0]) if columns is None else columns
     text = StringIO(newline="")

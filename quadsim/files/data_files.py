@@ -1,4 +1,4 @@
-"""YAML files by name or path: folders of courses, vehicles and presets are read in one way."""
+"""Find YAML files of courses, vehicles, presets and the like by name or by path."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def locate(name_or_path: str | Path, folder: Path, kind: str, listed: bool = Tru
     """Return the path of a file that is given by its name in a folder or by its path.
 
     Args:
-        name_or_path: anything with a separator or a YAML suffix is a path as it stands; a bare name
-            is looked up in the folder.
+        name_or_path: a path if it has a separator or a YAML suffix, else the name of a file in the
+            folder.
         folder: the folder of the named files.
         kind: the kind of file for error messages, such as "course".
         listed: whether `race <kind>s` lists the names; otherwise the error lists them.
@@ -52,7 +52,7 @@ def read_text(path: Path) -> str:
     """Return the text of a file.
 
     Raises:
-        FileError: the file is missing, a folder, unreadable, too large or not UTF-8.
+        FileError: the file is missing, unreadable, too large, not UTF-8 or a folder.
     """
     try:
         # nothing may ever be written to a pipe; a shell's <(command) is one in /dev/fd

@@ -1,4 +1,4 @@
-"""Optional packages: the extras of pyproject.toml, and how to install one that is missing."""
+"""Import optional packages, the extras of pyproject.toml, or say how to install them."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any
 
 
 def needs_extra(package: str, extra: str) -> str:
-    """Return the line that says which package is missing and what installs it.
+    """Return a line that names a missing package and the command that installs it.
 
-    The command names packages and not the extra, as no package index has this project.
+    The command names packages rather than the extra, because this project is in no package index.
 
     Args:
-        package: the package that could not be imported. It is installed alone where the metadata
-            of this project does not know the extra.
+        package: the missing package. The command installs only this package if the project's
+            metadata lacks the extra.
         extra: a name among the optional dependencies of pyproject.toml.
     """
     marker = f"extra == '{extra}'"
@@ -34,7 +34,7 @@ def imported(module: str, package: str, extra: str) -> Any:
         extra: the extra of the package, see `needs_extra`.
 
     Raises:
-        ModuleNotFoundError: it is not installed; the message is one line that says what to do.
+        ModuleNotFoundError: the package is not installed; the message says how to install it.
     """
     try:
         return import_module(module)

@@ -1,4 +1,4 @@
-"""Values that JSON can hold."""
+"""Convert values to values that JSON can represent."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import Any
 
 
 def without_nan(value: Any) -> Any:
-    """Return the value with None for nan and infinity, which JSON does not have.
+    """Return a value with nan and infinity replaced by None, because JSON does not have them.
 
-    Dictionaries, lists and tuples are searched.
+    Values within dictionaries, lists and tuples are replaced, too.
     """
     if isinstance(value, dict):
         return {key: without_nan(item) for key, item in value.items()}

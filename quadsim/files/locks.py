@@ -1,4 +1,4 @@
-"""Locks on folders, which end with the process that holds them, however it ends."""
+"""Lock folders; a lock ends with its process, even if the process is killed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def lock_folder(folder: Path) -> int:
 
     Raises:
         BlockingIOError: another process has the lock.
-        OSError: the folder is gone, or the file system has no locks.
+        OSError: the folder does not exist, or the file system has no locks.
     """
     handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
@@ -29,12 +29,12 @@ def lock_folder(folder: Path) -> int:
 
 @contextmanager
 def in_turn(folder: Path) -> Iterator[None]:
-    """Let one process at a time do what is inside; the others wait.
+    """Let only one process at a time run the body of the context; others wait.
 
-    On a file system without locks nobody waits.
+    On a file system without locks no process waits.
 
     Raises:
-        OSError: the folder is not there.
+        OSError: the folder does not exist.
     """
     handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:

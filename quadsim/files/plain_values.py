@@ -1,4 +1,4 @@
-"""Objects of Python as values that JSON can hold, for records."""
+"""Convert Python objects to values that JSON can represent, for records."""
 
 from __future__ import annotations
 
@@ -17,9 +17,11 @@ LARGE = 1000  # `plain` shows only the shape of an array of more numbers than th
 
 
 def plain(value: object, depth: int = DEEPEST) -> Json:
-    """Return a value as JSON can hold it: a large array as its shape, an object as its class.
+    """Return a value as JSON: a large array as its shape, an object as its class.
 
-    depth: levels of objects within each other that are shown.
+    Args:
+        value: the value.
+        depth: number of levels of nested objects that are converted.
     """
     if depth == 0:
         return "..."
@@ -43,8 +45,8 @@ def plain(value: object, depth: int = DEEPEST) -> Json:
 def qualified_name(kind: Any) -> str:
     """Return the module and name of a class or function.
 
-    A functools.partial has the names of its function, any other object the names of its class. A
-    script is "__main__" in every process.
+    For a functools.partial the names of its function are returned, for any other object the names
+    of its class. The module of a script is "__main__" in every process.
     """
     while isinstance(kind, partial):
         kind = kind.func

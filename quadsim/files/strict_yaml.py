@@ -1,4 +1,4 @@
-"""YAML files read strictly: every error is one line with its place and its unit.
+"""Read YAML files strictly: every error is one line with the place and the expected unit.
 
     paper_flat.yaml:14:12: gates[3].yaw_deg: expected a number [deg], got 'north'
 
@@ -24,13 +24,13 @@ EXCERPT = 100  # columns of a source line worth showing
 
 
 class FileError(ValueError):
-    """A file cannot be used. Its str() is one whole line.
+    """The error of a file that cannot be used; its text is one line.
 
     Attributes:
-        excerpt: the source line with a caret below, or "".
-        key: the key that is wrong, such as "gates[3].yaw_deg", or "".
-        problem: what is wrong with it, without the place, or "".
-        others: what else is wrong with the file, as errors of their own.
+        excerpt: the source line with a caret below it, or "".
+        key: the key with the problem, such as "gates[3].yaw_deg", or "".
+        problem: the problem without the place, or "".
+        others: further errors of the file.
 
     Examples:
         >>> import quadsim
@@ -53,7 +53,7 @@ def unit(name: str, **bounds: Any) -> msgspec.Meta:
     """Return the metadata of a schema's number for Annotated: its unit and its range.
 
     Args:
-        name: the unit, which errors show.
+        name: the unit, for errors.
         bounds: msgspec's bounds gt, ge, lt, le or min_length.
     """
     return msgspec.Meta(extra={"unit": name}, **bounds)
@@ -64,7 +64,7 @@ def setting(text: str, unit: str = "", **bounds: Any) -> msgspec.Meta:
 
     Args:
         text: the help of a flag, a slider or a page of the documentation.
-        unit: shown by errors.
+        unit: unit of the number, for errors.
         bounds: msgspec's bounds gt, ge, lt or le.
     """
     extra = {"unit": unit} if unit else None
@@ -73,9 +73,9 @@ def setting(text: str, unit: str = "", **bounds: Any) -> msgspec.Meta:
 
 @dataclass(frozen=True)
 class Document:
-    """One parsed file.
+    """A parsed file, with the places of all its values.
 
-    It remembers where everything stands, so that checks after loading can point there too.
+    Checks after loading can therefore name the line and column of a problem, too.
     """
 
     text: str
@@ -86,7 +86,7 @@ class Document:
         """Return the document as an instance of the schema.
 
         Raises:
-            FileError: the first misfit; `others` has the following ones.
+            FileError: the first error; its `others` has the following ones.
         """
         kind = msgspec.inspect.type_info(schema)
         try:
@@ -96,13 +96,13 @@ class Document:
         raise _first([_error(self.text, self.file, m.mark, m.path, m.problem) for m in found])
 
     def check(self, problems: Iterable[tuple[str, str]]) -> None:
-        """Raise what checks beyond the schema have found.
+        """Raise an error if checks beyond the schema have found problems.
 
         Args:
-            problems: keys and their problems; of one key the first is the one to mend.
+            problems: keys and their problems; only the first problem of a key is reported.
 
         Raises:
-            FileError: the first problem, if there is any; `others` has those of other keys.
+            FileError: the first problem; its `others` has the problems of other keys.
         """
         by_key: dict[str, str] = {}
         for path, problem in problems:
@@ -117,7 +117,7 @@ class Document:
 
 
 def _first(errors: Sequence[FileError]) -> FileError:
-    """Return the first of one error or more, which has the others."""
+    """Return the first error, with the others in its attribute `others`."""
     first, *others = errors
     first.others = tuple(others)
     return first
@@ -128,7 +128,7 @@ def load(text: str, file: str, schema: type[Schema]) -> Schema:
 
     Args:
         text: a YAML document.
-        file: the name that errors show.
+        file: name of the file, for errors.
         schema: a msgspec Struct or a dataclass.
 
     Raises:
@@ -138,7 +138,7 @@ def load(text: str, file: str, schema: type[Schema]) -> Schema:
 
 
 def parse(text: str, file: str) -> Document:
-    """Return the text as one document without aliases, anchors and tags. Raises FileError."""
+    """Return a text as a document without aliases, anchors and tags. Raises FileError."""
     try:
         root = _Composer(text).get_single_node()
     except Misfit as misfit:
@@ -158,15 +158,15 @@ def parse(text: str, file: str) -> Document:
 
 
 class _Composer(yaml.SafeLoader):
-    """PyYAML up to its tree of nodes; nothing is constructed.
+    """The part of PyYAML that makes a tree of nodes, without constructing Python objects.
 
-    It refuses everything that can hide, repeat or nest without end.
+    It rejects aliases, tags and the like, which can hide or repeat values or nest without end.
     """
 
     depth = 0
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        """Return the node that the next events make. Raises Misfit."""
+        """Return the node of the next parser events. Raises Misfit."""
         event = self.peek_event()
         if event.anchor:
             raise Misfit(event.start_mark, "", "aliases are not allowed")
@@ -182,7 +182,7 @@ class _Composer(yaml.SafeLoader):
 
 
 def _problem(error: yaml.MarkedYAMLError) -> str:
-    """Return PyYAML's complaint on one line."""
+    """Return PyYAML's error message on one line."""
     if error.problem == "but found another document":
         return "expected one document, found a second one"
     if r"'\t'" in str(error.problem):
@@ -194,7 +194,7 @@ def _problem(error: yaml.MarkedYAMLError) -> str:
 
 
 def _error(text: str, file: str, mark: Any, path: str, problem: str) -> FileError:
-    """Return the error with its one line, and with its excerpt for a terminal."""
+    """Return an error with its line of text, and an excerpt of the file for a terminal."""
     # PyYAML breaks lines here
     lines = re.split(r"\r\n|[\n\r\x85\u2028\u2029]", text)
     line = lines[mark.line] if mark.line < len(lines) else ""

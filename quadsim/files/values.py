@@ -1,7 +1,7 @@
 """Check values against annotations: their type, their range and their unit.
 
-A setting is given as a number in Python or as text on a command line. Its annotation, for example
-`Annotated[float, setting("control period", unit="s", gt=0)]`, holds all that is checked.
+A setting is given as a number in Python or as text on a command line. It is checked by its
+annotation, for example `Annotated[float, setting("control period", unit="s", gt=0)]`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Number = TypeVar("Number", int, float)
 
 
 class SettingError(ValueError):
-    """A setting is invalid. The message has its name, what was expected and what was found.
+    """The error of an invalid setting, with its name, the expected and the found value.
 
     Examples:
         >>> import quadsim
@@ -50,13 +50,14 @@ class FieldProblem(NamedTuple):
 
 
 class _Unfit(Exception):  # noqa: N818 (it never leaves this module)
-    """A value is not of the expected kind."""
+    """The error of a value that is not of the expected kind."""
 
 
 def checked(name: str, given: object, kind: Kind) -> object:
-    """Return the value as a setting holds it.
+    """Return a value of a setting, checked and converted to the expected type.
 
-    Text is read as a number if a number is asked for. A list, a tuple or an array becomes a tuple.
+    Text is converted to a number if a number is expected. A list, a tuple or an array becomes a
+    tuple.
 
     Args:
         name: name of the setting, for the error.
@@ -77,14 +78,15 @@ def checked(name: str, given: object, kind: Kind) -> object:
 def check_fields(record: object) -> None:
     """Check the annotated fields of a dataclass, for its `__post_init__`.
 
-    A list or an array becomes a tuple, and a number of NumPy one of Python. Text is no number here.
+    A list or an array becomes a tuple, and a NumPy number a Python number. Text is not accepted
+    as a number.
 
     Args:
-        record: an object of a frozen dataclass. Fields whose type has no annotation of a setting
-            are left alone.
+        record: an object of a frozen dataclass. Fields without the annotation of a setting are not
+            checked.
 
     Raises:
-        SettingError: a field is of another type or out of range.
+        SettingError: a field has a wrong type or is out of range.
     """
     for name, kind in kinds_of(type(record)).items():
         given = getattr(record, name)
@@ -94,7 +96,7 @@ def check_fields(record: object) -> None:
 
 
 def checked_object(name: str, given: object, kind: Kind) -> Any:
-    """Return a value that is given in Python, as `checked` does; text is no number here.
+    """Return a checked value as `checked` does, but without accepting text as a number.
 
     Raises:
         SettingError: the value is of another type or out of range.
@@ -109,13 +111,13 @@ def checked_object(name: str, given: object, kind: Kind) -> Any:
 
 @cache
 def kinds_of(cls: type) -> dict[str, Kind]:
-    """Return {field: kind} of the annotated fields of a dataclass, in order."""
+    """Return the kinds of a dataclass's annotated fields by name, in order."""
     hints = get_type_hints(cls, include_extras=True)
     return {name: inspect.type_info(hint) for name, hint in hints.items() if _is_annotated(hint)}
 
 
 def _is_annotated(hint: Any) -> bool:
-    """Return whether a type, or a type that it unites, has metadata of a setting."""
+    """Return whether a type, or a member of a union type, has metadata of a setting."""
     united = (hint, *get_args(hint))
     return any(isinstance(m, Meta) for one in united for m in getattr(one, "__metadata__", ()))
 
@@ -135,7 +137,7 @@ def bare(kind: Kind) -> Kind:
 
 
 def _read(given: object, kind: Kind) -> object:
-    """Return the value as `kind` asks for it. Raises _Unfit."""
+    """Return a value converted to the expected kind. Raises _Unfit."""
     if isinstance(given, np.generic):
         given = given.item()
     match kind:
@@ -202,14 +204,14 @@ def _items(given: object) -> list[object]:
 
 
 def _within(number: Number, kind: inspect.IntType | inspect.FloatType) -> Number:
-    """Return the number. Raises _Unfit if it lies outside the range of its kind."""
+    """Return a number. Raises _Unfit if it is outside the range of its kind."""
     if not is_in_range(number, kind):
         raise _Unfit
     return number
 
 
 def _wanted(kind: Kind) -> str:
-    """Return a kind in words with its unit and range, e.g. "4 numbers [m] >= 0"."""
+    """Return a kind as text with its unit and range, such as "4 numbers [m] >= 0"."""
     number = bare(kind)
     if isinstance(number, inspect.TupleType):
         number = bare(number.item_types[0])
@@ -220,7 +222,7 @@ def _wanted(kind: Kind) -> str:
 
 
 def _shown(given: object, kind: Kind) -> str:
-    """Return the value as an error shows it: a list of the wrong length as its length."""
+    """Return a value as text for errors; a list of wrong length is shown as its length."""
     bare_kind = bare(kind)
     if not isinstance(given, list | tuple | np.ndarray) or np.ndim(given) == 0:
         return shown_value(given)

@@ -1,4 +1,4 @@
-"""Texts of errors in a file: what a type asks for, what a YAML node holds, which name is near."""
+"""Texts for errors in a file: the expected type, the found YAML node, and similar names."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ LONGEST = 60  # characters of a text that an error shows
 
 
 def expected(kind: Any, unit: str = "", count: str = "") -> str:
-    """Return a text for what a type asks for, such as "3 numbers [m]".
+    """Return a text for the values that a type expects, such as "3 numbers [m]".
 
     Args:
         kind: a type of msgspec.inspect.
-        unit: the unit of its numbers.
-        count: the number of such values; "" for a single one.
+        unit: unit of the numbers.
+        count: number of values as text; "" for a single value.
     """
     noun = "mapping"
     rest = ""
@@ -61,20 +61,20 @@ def expected(kind: Any, unit: str = "", count: str = "") -> str:
 
 
 def _which_text(kind: inspect.StrType) -> str:
-    """Return which texts a type asks for, such as " like [0-9]+"; "" for any text."""
+    """Return the restriction of a text type, such as " like [0-9]+", "" if there is none."""
     if kind.pattern:
         return f" like {kind.pattern}"
     return " that is not empty" if kind.min_length else ""
 
 
 def limits(kind: Any) -> str:
-    """Return the range of a number, such as "> 0 and <= 100"."""
+    """Return the range of a number as text, such as "> 0 and <= 100"."""
     signs = ((">=", kind.ge), (">", kind.gt), ("<=", kind.le), ("<", kind.lt))
     return " and ".join(f"{sign} {bound:g}" for sign, bound in signs if bound is not None)
 
 
 def found(node: yaml.Node, kind: Any = None) -> str:
-    """Return a text for what a node holds, with the trap of YAML 1.1 that it fell into."""
+    """Return a text for the value of a node, with a hint if YAML 1.1 reads it unexpectedly."""
     if isinstance(node, yaml.SequenceNode):
         return f"a list of {len(node.value)}"
     if not isinstance(node, yaml.ScalarNode):
@@ -93,12 +93,12 @@ def found(node: yaml.Node, kind: Any = None) -> str:
 
 
 def shown(text: str) -> str:
-    """Return the text in quotes, on one line, with escaped control characters, cut where long."""
+    """Return a text in quotes, on one line, with escaped control characters and shortened."""
     return repr(cut(text))
 
 
 def shown_value(value: object) -> str:
-    """Return the value as Python writes it, on one line, cut where long; a function by its name."""
+    """Return the repr of a value on one line, shortened, or the name of a function."""
     name = getattr(value, "__qualname__", None)
     if isinstance(name, str):
         return cut(f"{getattr(value, '__module__', '')}.{name}")
@@ -111,9 +111,9 @@ def cut(text: str, longest: int = LONGEST) -> str:
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return "did you mean 'laps'?", or the list of all known names where none is near.
+    """Return "did you mean 'laps'?", or the list of all known names if none is similar.
 
-    A name whose unit is missing is near: "did you mean 'yaw_deg' (in degrees)?".
+    A name that lacks its unit counts as similar: "did you mean 'yaw_deg' (in degrees)?".
     """
     names = list(known)
     if f"{word}_deg" in names:
@@ -123,12 +123,12 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
 
 def unit_of(kind: inspect.Metadata, outer: str) -> str:
-    """Return the unit that an annotation names, or the outer one where it names none."""
+    """Return the unit of an annotation, or the outer unit if it has none."""
     return (kind.extra or {}).get("unit", outer)
 
 
 def unless_null(kind: inspect.UnionType) -> Any:
-    """Return X of `X | None`, the only union that these files know."""
+    """Return X of the type `X | None`, the only union that schemas use."""
     (inner,) = (k for k in kind.types if not isinstance(k, inspect.NoneType))
     return inner
 

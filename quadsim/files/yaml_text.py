@@ -1,4 +1,4 @@
-"""Write plain values as YAML that quadsim.files.strict_yaml reads back to equal values."""
+"""Write plain values as YAML, which quadsim.files.strict_yaml reads as equal values."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ T = TypeVar("T")
 
 
 def dump(entries: Mapping[str, Any]) -> str:
-    """Return the YAML of a mapping: a line for each key and each item of a list of mappings.
+    """Return a mapping as YAML, with a line for each key and each item of a list of mappings.
 
     Args:
         entries: texts, numbers, truth values, None, lists and mappings, by key.
 
     Raises:
-        SettingError: a value is anything else; the error names its key.
+        SettingError: a value has another type; the error names its key.
     """
     lines: list[str] = []
     for key, value in entries.items():
@@ -57,7 +57,7 @@ def entries_of(record: Any, keys: type | None = None) -> dict[str, Any]:
 
 
 def _entry_of(value: Any) -> Any:
-    """Return a value as `dump` takes it."""
+    """Return a value in a form that `dump` accepts."""
     if isinstance(value, tuple):
         return [_entry_of(item) for item in value]
     return entries_of(value) if is_dataclass(value) else value
@@ -67,8 +67,8 @@ def with_comments(text: str, comments: Mapping[str, str]) -> str:
     """Return the text of `dump` with comments at the ends of lines.
 
     Args:
-        text: what `dump` has returned.
-        comments: name of a key, of an inner mapping too -> comment of its line.
+        text: result of `dump`.
+        comments: comments by the names of keys, which may be keys of inner mappings.
     """
     lines = []
     for line in text.splitlines():
@@ -81,9 +81,9 @@ def remade(entries: Mapping[str, Any], read: Callable[[str, str], T], name: str)
     """Return the object that a file with these entries describes.
 
     Args:
-        entries: what `dump` takes.
-        read: makes the object of a text and the name of its file; raises FileError.
-        name: the name of the object.
+        entries: argument of `dump`.
+        read: function that makes the object from a text and the name of its file; raises FileError.
+        name: name of the object.
 
     Raises:
         SettingError: an entry cannot be used; the error names its key.
@@ -95,7 +95,7 @@ def remade(entries: Mapping[str, Any], read: Callable[[str, str], T], name: str)
 
 
 def written(text: str, path: str | Path | None) -> str:
-    """Return the text; with a path, write it to this file, whole or not at all.
+    """Return the text, and write it to a file if a path is given.
 
     Raises:
         FileError: the file cannot be written.
@@ -109,7 +109,7 @@ def written(text: str, path: str | Path | None) -> str:
 
 
 def _flow(value: Any, key: str) -> str:
-    """Return a value as it stands on one line. Raises SettingError with the key."""
+    """Return a value as YAML on one line. Raises SettingError with the key."""
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     match value:
@@ -135,7 +135,7 @@ def _flow(value: Any, key: str) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Return a text in double quotes, with escapes where YAML needs them."""
+    """Return a text in double quotes, with the escapes that YAML needs."""
     return '"' + "".join(map(_escaped, text)) + '"'
 
 

@@ -1,8 +1,8 @@
-"""A YAML node as the plain value that a msgspec type asks for.
+"""Convert YAML nodes to plain values of msgspec types.
 
-The schema decides what a scalar means, never YAML 1.1. Where a number belongs, `1e-3` is a number,
-and `yes`, `012` (octal there) and `22:30` (base 60 there) are errors. Where a text belongs, only a
-scalar that YAML reads as text is text.
+The schema decides the meaning of a scalar, not YAML 1.1. If a number is expected, `1e-3` is a
+number, and `yes`, `012` (octal in YAML 1.1) and `22:30` (base 60 there) are errors. If a text is
+expected, only a scalar that YAML reads as text is accepted.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from quadsim.files.yaml_errors import (
 
 
 class Misfit(Exception):  # noqa: N818 (strict_yaml makes a FileError of it, with the file's name)
-    """The node at `mark` (line, column), under the key `path`, is not what was asked for."""
+    """The error of a node that does not fit its type, with its place (line, column) and its key."""
 
     def __init__(self, mark: yaml.Mark, path: str, problem: str) -> None:
         super().__init__(problem)
@@ -40,16 +40,16 @@ class Misfit(Exception):  # noqa: N818 (strict_yaml makes a FileError of it, wit
 
 
 def value(node: yaml.Node, kind: Any, path: str = "", unit: str = "") -> Any:
-    """Return the node as the value that a type asks for.
+    """Return a node as a value of a type.
 
     Args:
         node: a node of PyYAML's tree.
         kind: a type of msgspec.inspect.
         path: the key of the node, such as "gates[3].yaw_deg".
-        unit: the unit of its numbers; a list hands its unit down to its items.
+        unit: unit of the numbers; the items of a list inherit the list's unit.
 
     Raises:
-        Misfit: the node is not of this type.
+        Misfit: the node does not fit the type.
     """
     text = node.value if isinstance(node, yaml.ScalarNode) else ""
     is_quoted = isinstance(node, yaml.ScalarNode) and node.style
@@ -77,7 +77,7 @@ def value(node: yaml.Node, kind: Any, path: str = "", unit: str = "") -> Any:
 
 
 def misfits(node: yaml.Node, kind: Any, path: str = "", unit: str = "") -> list[Misfit]:
-    """Return all that keeps a node from being the value of a type; `value` raises the first.
+    """Return all misfits of a node with a type; `value` raises the first of them.
 
     Args:
         node, kind, path, unit: see `value`.
@@ -104,7 +104,7 @@ def misfits(node: yaml.Node, kind: Any, path: str = "", unit: str = "") -> list[
 
 
 def _misfits_of_mapping(node: yaml.MappingNode, kind: Any, path: str) -> list[Misfit]:
-    """Return what is wrong with keys, their values, and missing keys."""
+    """Return the misfits of a mapping: wrong keys, wrong values, and missing keys."""
     fields = {f.encode_name: f for f in kind.fields}
     lines: dict[str, int] = {}
     found: list[Misfit] = []
@@ -122,7 +122,7 @@ def _misfits_of_mapping(node: yaml.MappingNode, kind: Any, path: str) -> list[Mi
 def _misfits_of_items(
     node: yaml.SequenceNode, kinds: Sequence[Any], path: str, unit: str
 ) -> list[Misfit]:
-    """Return what is wrong with the items of a list of the right length."""
+    """Return the misfits of the items of a list, whose length is right."""
     items = enumerate(zip(node.value, kinds, strict=True))
     return [m for i, (item, of) in items for m in misfits(item, of, f"{path}[{i}]", unit)]
 
@@ -141,7 +141,7 @@ def _missing(
 def descend(node: yaml.Node, path: str) -> yaml.Node:
     """Return the node at a key such as "gates[3].yaw_deg".
 
-    Where the file leaves that key to its default, it is the nearest node above.
+    If the file lacks the key, the nearest node above it is returned.
     """
     for part in re.findall(r"[^.\[\]]+", path):
         if isinstance(node, yaml.MappingNode):
@@ -155,7 +155,7 @@ def descend(node: yaml.Node, path: str) -> yaml.Node:
 
 
 def _within_range(number: float, node: yaml.Node, kind: Any, path: str, unit: str) -> float:
-    """Return the number. Raises Misfit if it is out of its range."""
+    """Return a number. Raises Misfit if it is out of range."""
     if not is_in_range(number, kind):
         wanted = f"expected {expected(kind, unit)} {limits(kind)}"
         raise Misfit(node.start_mark, path, f"{wanted}, got {node.value[:LONGEST]}")
@@ -182,10 +182,10 @@ def _mapping(node: yaml.Node, kind: Any, path: str) -> Any:
 
 
 def _key(node: yaml.Node, path: str, known: Mapping[str, Any], lines: dict[str, int]) -> str:
-    """Return the key, which is one of `known` and not among the `lines` read so far.
+    """Return a key, which must be one of `known` and not in `lines`, the keys read so far.
 
     Raises:
-        Misfit: the key is not one of them, or stands twice.
+        Misfit: the key is unknown or duplicate.
     """
     if not isinstance(node, yaml.ScalarNode):
         raise Misfit(node.start_mark, path, f"expected a key, got {found(node)}")
@@ -202,7 +202,7 @@ def _key(node: yaml.Node, path: str, known: Mapping[str, Any], lines: dict[str, 
 
 
 def _home(key: str, known: Mapping[str, Any]) -> str:
-    """Return the key of the mapping that has a key of this name, "" if none has."""
+    """Return the key of the inner mapping that has a key of this name, "" if there is none."""
     for name, field in known.items():
         kind: Any = field.type
         while isinstance(kind, inspect.Metadata | inspect.UnionType):

@@ -1,12 +1,12 @@
-"""The folder of a race: heat.json, and in it a folder for the run of each entrant.
+"""The folder of a race, which has heat.json and a folder for the run of each entrant.
 
     <UTC>_<course>_heat_s<seed>_<hash>/heat.json
     <UTC>_<course>_heat_s<seed>_<hash>/1_colored/run.json, telemetry.npz, events.csv
 
-heat.json has what the runs do not say: the settings of the race, its entrants, their places and
-their folders. Its order and its events follow from the runs, and are there for people and lists. A
-race is written under a name that ends in .part, locked by the process that writes it, and gets
-its own name once it is complete.
+heat.json has the settings of the race, its entrants, their places on the grid and their folders.
+The order and the events in it follow from the runs; they serve people and lists. A race is written
+to a folder whose name ends in .part, which is locked by the writing process and renamed once it is
+complete.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ LARGEST_HEAT = 20_000_000
 
 
 class RecordedEntrant(msgspec.Struct):
-    """An entrant of a recorded race, with all that its flight is made from."""
+    """An entrant of a recorded race, with everything from which its flight is made."""
 
     name: str
     place: int
@@ -73,7 +73,7 @@ class RecordedEntrant(msgspec.Struct):
 
 
 class RecordedHeatSpec(msgspec.Struct):
-    """The specification of a recorded race, with all that the race is made from."""
+    """The specification of a recorded race, with everything from which the race is made."""
 
     seed: int
     rotation: int
@@ -82,7 +82,7 @@ class RecordedHeatSpec(msgspec.Struct):
 
 
 class HeatFile(msgspec.Struct):
-    """The part of heat.json that is read back; the rest follows from the runs."""
+    """The keys of heat.json that are read; the other keys follow from the runs."""
 
     spec: dict[str, Any]  # as HeatSpec.record, without the specs of the entrants
     runs: list[str]
@@ -91,7 +91,7 @@ class HeatFile(msgspec.Struct):
 
 
 class LoadedHeat(NamedTuple):
-    """A race from the disk."""
+    """A race that was read from its folder."""
 
     # The record of its specification, see HeatSpec.record
     record: dict[str, Any]
@@ -110,13 +110,13 @@ class LoadedHeat(NamedTuple):
 
     @property
     def start_times(self) -> tuple[float, ...]:
-        """When each entrant started [s]."""
+        """The time at which each entrant started [s]."""
         stagger = self.spec.settings.stagger
         return tuple(stagger * (entrant.place - 1) for entrant in self.spec.entrants)
 
     @property
     def faults(self) -> dict[str, str]:
-        """The errors that planners have raised in flight, by the name of the entrant."""
+        """The errors of controllers in flight, by the name of the entrant."""
         of_each = zip(self.names, self.runs, strict=True)
         return {name: run.fault for name, run in of_each if run.fault}
 
@@ -129,9 +129,10 @@ def heat_name(heat: HeatSpec, record: Mapping[str, Any]) -> str:
 
 
 def heat_key(record: Mapping[str, Any]) -> str:
-    """Return the sha256 [hex] of all that decides a race, but for the libraries.
+    """Return the sha256 [hex] of everything that decides a race, except the libraries.
 
-    record: the record of its specification.
+    Args:
+        record: record of the race's specification.
     """
     entrants = [entrant | {"spec": hostless(entrant["spec"])} for entrant in record["entrants"]]
     return sha256(canonical({**record, "entrants": entrants})).hexdigest()
@@ -143,16 +144,16 @@ def save_heat(
     runs: tuple[RecordedRun, ...],
     root: str | Path,
 ) -> Path:
-    """Write a race, whole or not at all, and return its folder.
+    """Write a race completely or not at all, and return its folder.
 
     Args:
-        heat: its specification.
-        record: the record of that, as it was before the race.
+        heat: specification of the race.
+        record: record of the specification, made before the race.
         runs: the run of each entrant.
         root: folder of runs.
 
     Raises:
-        RunError: the disk is full, or the like; what was written is removed.
+        RunError: a file cannot be written; the files written so far are removed.
     """
     names = [entrant_folder(k, entrant) for k, entrant in enumerate(heat.names, 1)]
     flown_by = provenance()
@@ -180,7 +181,7 @@ def _json(
     runs: tuple[RecordedRun, ...],
     folders: list[str],
 ) -> bytes:
-    """Return heat.json."""
+    """Return the content of heat.json."""
     start_times = [heat.start_time(k) for k in range(len(runs))]
     # The spec of an entrant is in its run
     entrants = [_without(entrant, "spec") for entrant in record["entrants"]]
@@ -203,7 +204,7 @@ def _without(record: Mapping[str, Any], key: str) -> dict[str, Any]:
 
 
 def is_heat(path: str | Path) -> bool:
-    """Return whether a folder holds a race of several."""
+    """Return whether a folder holds a race of several vehicles."""
     return (Path(path) / HEAT).is_file()
 
 
@@ -217,9 +218,9 @@ def runs_of_heat(path: str | Path) -> list[Path]:
 
 
 def heat_title(path: str | Path) -> str:
-    """Return a stored race in a few words: course, the number of entrants, the winner.
+    """Return a short description of a stored race: course, number of entrants, winner.
 
-    It is the folder's name if the race is not readable.
+    If the race is not readable, the folder's name is returned.
     """
     try:
         data = read_bytes(Path(path) / HEAT, "the record of a race", LARGEST_HEAT)
@@ -235,11 +236,11 @@ def find_heat(wanted: str, root: str) -> Path:
     """Return the folder of a race.
 
     Args:
-        wanted: a folder, a part of the name of a race, or "last".
+        wanted: path of a folder, a part of the name of a race, or "last".
         root: folder of runs.
 
     Raises:
-        RunError: no race fits, or several do.
+        RunError: no race or several races fit.
     """
     if is_heat(wanted):
         return Path(wanted)
@@ -256,10 +257,10 @@ def find_heat(wanted: str, root: str) -> Path:
 
 
 def heat_folder(wanted: str, root: str) -> Path | None:
-    """Return the folder of a stored race that is meant as a whole; None if a run is meant.
+    """Return the folder of a stored race; None if `wanted` names a run.
 
     Args:
-        wanted: a folder, a part of the name of a race, or "last": the last that was flown.
+        wanted: path of a folder, a part of the name of a race, or "last" for the last flight.
         root: folder of runs.
     """
     if is_heat(wanted):
@@ -283,29 +284,29 @@ def run_folders(wanted: str, root: str) -> list[Path]:
     """Return the folder of a run, or the folders of all runs of a race of several vehicles.
 
     Args:
-        wanted: a folder, a part of a name, or "last": the last flight or race.
+        wanted: path of a folder, a part of a name, or "last" for the last flight or race.
         root: folder of runs.
 
     Raises:
-        RunError: nothing fits, or several things do.
+        RunError: no run or race fits, or several do.
     """
     heat = heat_folder(wanted, root)
     return [find_run(wanted, root)] if heat is None else runs_of_heat(heat)
 
 
 def export_name(folder: Path) -> str:
-    """Return the name under which a run or a race is exported, which is of one flight alone.
+    """Return a unique name under which a run or a race is exported.
 
-    The folder of an entrant, such as 1_colored, has the name of its race before its own.
+    The name of an entrant's folder, such as 1_colored, follows the name of its race.
     """
     place = folder.absolute()
     return f"{place.parent.name}_{place.name}" if is_heat(place.parent) else place.name
 
 
 def named_runs(folders: Sequence[Path]) -> list[tuple[str, RecordedRun]]:
-    """Return runs with the names that they have in one table.
+    """Return runs with distinct names, for one table.
 
-    The name is that of the folder; where two folders have one name, see `export_name`.
+    The name of a run is its folder's name, or `export_name` if two folders have the same name.
 
     Raises:
         RunError: a run is damaged.
@@ -315,7 +316,7 @@ def named_runs(folders: Sequence[Path]) -> list[tuple[str, RecordedRun]]:
 
 
 def with_whole_races(folders: Sequence[Path]) -> list[Path]:
-    """Return folders of runs, with the folder of a race in place of all of its runs.
+    """Return folders of runs, in which the folder of a race replaces the folders of all its runs.
 
     Raises:
         RunError: the folder of a race has no runs.
@@ -367,7 +368,7 @@ def read_heat(path: str | Path) -> LoadedHeat:
 
 
 def _with_specs(of_heat: Mapping[str, Any], runs: Sequence[RecordedRun]) -> dict[str, Any]:
-    """Return the record of a race: heat.json and, of each entrant, the spec of its run.
+    """Return the record of a race: heat.json, with the spec of the run of each entrant.
 
     Raises:
         LookupError, TypeError, ValueError: heat.json has no entrants, or not one for each run.
@@ -380,7 +381,7 @@ def _with_specs(of_heat: Mapping[str, Any], runs: Sequence[RecordedRun]) -> dict
 
 
 def is_record_of_heat(value: object) -> TypeGuard[Mapping[str, Any]]:
-    """Return whether a value is the record of a race, `spec` of a Heat."""
+    """Return whether a value is the record of a race, as in `Heat.spec`."""
     return isinstance(value, Mapping) and isinstance(value.get("entrants"), list | tuple)
 
 
@@ -389,18 +390,18 @@ def recorded_heat(
     parts: Mapping[str, Mapping[str, Any]] | None = None,
     settings: Mapping[str, Any] | None = None,
 ) -> HeatSpec:
-    """Return the specification of a recorded race, which flies the same again.
+    """Return the specification that repeats a recorded race.
 
     Args:
         record: `spec` of a Heat.
         parts: {entrant: {role: part}} of the user's own parts that flew, such as
             {"mine": {"controller": controller}}.
-        settings: runs_dir, the folder of runs in place of the recorded one; seed, which makes it
-            another race of the same entrants.
+        settings: `runs_dir`, another folder of runs; `seed`, which makes another race of the same
+            entrants.
 
     Raises:
-        RecordError: a file or a part is missing or differs, or the record is not one of a race.
-        SettingError: parts of an entrant that did not race, or a setting that would change the
+        RecordError: a file or a part is missing or differs, or the record is not of a race.
+        SettingError: parts of an unknown entrant are given, or a setting that would change the
             race.
     """
     try:
@@ -440,12 +441,12 @@ def _entrant_spec(
 
     Args:
         one: the entrant.
-        parts: the user's own parts of its flight, by role.
+        parts: the user's own parts of the entrant's flight, by role.
         settings: see `recorded_heat`.
 
     Raises:
         RecordError: a file or a part is missing or differs.
-        SettingError: the parts have a setting that would change the flight.
+        SettingError: the parts include a setting that would change the flight.
     """
     for name in sorted_settings(one.spec, parts).changed:
         wanted = f"expected parts of your own that flew as {one.name!r}"

@@ -1,4 +1,4 @@
-"""AwarePlanner: a planner that keeps clear of the other vehicles of its race."""
+"""A planner that keeps clear of the other vehicles of its race."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ CLOSE = 3.0
 
 
 class Perception:
-    """Gives one vehicle its perception of the others, in the time of its own flight."""
+    """The perception of the other vehicles by one vehicle, in the time of its own flight."""
 
     def __init__(self, number: int, traffic: Traffic, start_time: float, course: Course):
-        """Take the place of a vehicle in a race.
+        """Prepare the perception of one vehicle.
 
         Args:
             number: index of the vehicle.
-            traffic: what is known of all vehicles.
-            start_time: when its flight starts, in the time of the race [s].
-            course: the map, which says which vehicle is ahead.
+            traffic: states and announced plans of all vehicles.
+            start_time: start of the vehicle's flight, in the time of the race [s].
+            course: the map, by which it is decided which vehicle is ahead.
         """
         self.number = number
         self.traffic = traffic
@@ -42,7 +42,7 @@ class Perception:
         self._course = course
 
     def sightings(self, t: float) -> dict[int, Sighting]:
-        """Return what is seen of the others at t [s] of the flight: number -> Sighting."""
+        """Return the sightings of the other vehicles by number, at t [s] of the flight."""
         return self.traffic.sightings(self.number, t + self.start_time)
 
     def is_behind(self, seen: Sighting, estimate: Estimate) -> bool:
@@ -56,13 +56,13 @@ class Perception:
         return near and not self.is_behind(seen, estimate)
 
     def _along(self, passed: int, position: tuple[float, ...]) -> Along:
-        """Return how far a vehicle at a position [m] has come."""
+        """Return the progress of a vehicle at a position [m]."""
         x, y, z = position
         return Along.of(self._course, passed, (x, y, z))
 
 
 class Tactics(NamedTuple):
-    """How much a vehicle keeps clear of vehicles ahead and behind."""
+    """The clearances that a vehicle keeps from vehicles ahead and behind."""
 
     # factor on the weight of keeping clear of vehicles that are behind
     ahead_share: float = 1.0
@@ -73,8 +73,8 @@ class Tactics(NamedTuple):
 class AwarePlanner:
     """A controller that adds the other vehicles to its estimate, and plans with that.
 
-    The paths of the others come with the estimate. Tactics change only the weights of the terms
-    that keep clear of them.
+    The estimate has the predicted paths of the other vehicles. Tactics change only the weights of
+    the cost terms for the clearance.
     """
 
     def __init__(
@@ -86,15 +86,15 @@ class AwarePlanner:
         tactics: Tactics | None = None,
         announces: bool = False,
     ):
-        """Put a planner into a race.
+        """Prepare a planner for a race.
 
         Args:
             planner: the planner.
-            perception: what it perceives of the others.
-            expectation: how their paths are expected; None: they are ignored.
-            terms: number -> term of the planner's cost that keeps clear of that vehicle.
-            tactics: how much it keeps clear of vehicles ahead and behind; None: alike.
-            announces: whether it announces its plans to the others.
+            perception: perception of the other vehicles.
+            expectation: prediction of their paths; None: they are ignored.
+            terms: the cost term for the clearance from each vehicle, by the vehicle's number.
+            tactics: clearances from vehicles ahead and behind; None: the same for both.
+            announces: whether the vehicle announces its plans to the others.
         """
         self._planner = planner
         self._perception = perception
@@ -113,7 +113,7 @@ class AwarePlanner:
         return self._planner.rest
 
     def control(self, estimate: Estimate, /) -> tuple[np.ndarray, PlanStats]:
-        """Return the control to apply and statistics of the plan; see MPPI.control."""
+        """Return the control to apply, and statistics of the plan; see MPPI.control."""
         others: tuple[OtherVehicle, ...] = ()
         if self._expectation:
             perceived = self._perceived(estimate)
@@ -129,17 +129,17 @@ class AwarePlanner:
         return answer
 
     def last_others(self) -> tuple[OtherVehicle, ...]:
-        """Return the other vehicles as the last plan expected them."""
+        """Return the other vehicles as predicted for the last plan."""
         return self._last.others if self._last else ()
 
     def _perceived(self, estimate: Estimate) -> Perceived:
-        """Return what is perceived of the others at the time of an estimate."""
+        """Return the perceived state of the race at the time of an estimate."""
         seen = self._perception.sightings(estimate.t)
         behind = frozenset(m for m in seen if self._perception.is_behind(seen[m], estimate))
         return Perceived(seen, behind, self._own_path)
 
     def _use_tactics(self, perceived: Perceived, estimate: Estimate) -> None:
-        """Set the weights and the distances with which the planner keeps clear of the others."""
+        """Set the weights and the clearances of the planner's cost terms for other vehicles."""
         ahead_share, patience = self._tactics
         for m, term in self._terms.items():
             if m not in perceived.seen:

@@ -45,9 +45,9 @@ def default_keep(course: Course, radii: Sequence[float]) -> float:
 def default_spacing(course: Course, radii: Sequence[float]) -> float:
     """Return the distance between neighbouring starts by default [m].
 
-    It is 1 m if all vehicles have room then. Otherwise it is the largest multiple of 0.05 m with
-    room for all, at least twice the distance at which the two largest vehicles touch; 1 m if
-    no such distance has room.
+    It is 1 m if all vehicles have room at this spacing. Otherwise it is the largest multiple of
+    0.05 m at which they have room, but at least twice the distance at which the two largest
+    vehicles touch. If there is no such multiple, it is 1 m.
 
     Args:
         course: the course.
@@ -79,7 +79,7 @@ def has_room(course: Course, places: int, spacing: float) -> bool:
     Args:
         course: the course.
         places: the number of places.
-        spacing: distance between neighbours [m].
+        spacing: distance between neighbouring places [m].
     """
     try:
         grid = start_grid(course, places, spacing)

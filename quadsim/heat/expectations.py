@@ -1,4 +1,4 @@
-"""Expectations predict the path that each of the other vehicles will fly."""
+"""Predictions of the paths of the other vehicles in a race."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ OwnPath = Callable[[], ExpectedPath | None]
 class Perceived(NamedTuple):
     """The perceived state of a race from which a vehicle predicts the paths of the others."""
 
-    # what is seen of the others now: number -> Sighting
+    # present sightings of the other vehicles by number
     seen: dict[int, Sighting]
     # the numbers of the vehicles behind it
     behind: frozenset[int]
@@ -36,23 +36,23 @@ class Expectation(Protocol):
     """A prediction of the paths of other vehicles."""
 
     def paths(self, perceived: Perceived) -> dict[int, ExpectedPath]:
-        """Return the path of each vehicle that is seen: number -> path."""
+        """Return the predicted path of each visible vehicle by number."""
         ...
 
 
 class ConstantVelocity:
-    """Expects that the others keep the velocity that is seen."""
+    """The prediction that other vehicles keep their perceived velocities."""
 
     def paths(self, perceived: Perceived) -> dict[int, ExpectedPath]:
-        """Return straight lines."""
+        """Return a straight line for each vehicle."""
         return {m: straight(sighting) for m, sighting in perceived.seen.items()}
 
 
 class AnnouncedPlans:
-    """Expects that the others fly the plans that they have announced."""
+    """The prediction that other vehicles fly the plans that they have announced."""
 
     def __init__(self, traffic: Traffic):
-        """Take the announced plans from the traffic."""
+        """Use the plans that are announced in the traffic."""
         self._traffic = traffic
 
     def paths(self, perceived: Perceived) -> dict[int, ExpectedPath]:
@@ -79,17 +79,18 @@ class OpponentModel(NamedTuple):
 
 
 class OwnPlans:
-    """Plans the flights of the others with the vehicle's own model, cost and sampling.
+    """A prediction that plans the flights of other vehicles with the vehicle's own planner.
 
-    No plan is announced: each plan of an opponent starts from where it is seen, and keeps clear of
-    the paths that are expected of the other vehicles. An opponent behind also keeps clear of the
-    path that the vehicle itself has planned. An opponent ahead is not expected to do so: it has not
-    agreed to make room, so an overtake that relied on it would end in a contact.
+    Announced plans are not used. The plan of an opponent starts from its perceived state, and keeps
+    clear of the predicted paths of the other vehicles. An opponent behind also keeps clear of the
+    path that the vehicle itself has planned. An opponent ahead does not: it has not agreed to make
+    room, so an overtake that relied on it would end in a contact.
 
-    Opponents are planned in turn, at most one of them in a control period, so that the time does
-    not grow with their number. Meanwhile an opponent is expected to follow its last plan.
+    At most one opponent is planned in a control period, in turn, so that the time does not grow
+    with their number. Until its next turn an opponent is predicted to follow its last plan.
 
-    Body rates and thrust are not seen: they follow from how attitude and velocity change.
+    Body rates and thrust are not perceived; they are computed from changes of attitude and
+    velocity.
     """
 
     def __init__(
@@ -99,8 +100,8 @@ class OwnPlans:
 
         Args:
             number: index of the vehicle itself.
-            opponent: returns the planner for the flight of another vehicle, by its number.
-            velocity_noise: standard deviation of the velocities that are seen, per axis [m/s].
+            opponent: function that returns the planner for another vehicle, by its number.
+            velocity_noise: standard deviation of perceived velocities, per axis [m/s].
         """
         self._velocity_noise = velocity_noise
         self._number = number
@@ -110,13 +111,13 @@ class OwnPlans:
         self._paths: dict[int, ExpectedPath] = {}
         # a recent plan of the vehicle itself
         self._own: ExpectedPath | None = None
-        # what was seen a control period ago
+        # sightings of the last control period
         self._before: dict[int, Sighting] = {}
         # number of control periods so far
         self._periods = 0
 
     def paths(self, perceived: Perceived) -> dict[int, ExpectedPath]:
-        """Return the planned paths. One vehicle is planned again per call; all in the first."""
+        """Return the planned paths; each call renews one of them, the first call all."""
         seen = perceived.seen
         numbers = sorted(seen)
         new = [m for m in numbers if m not in self._paths]
@@ -142,8 +143,8 @@ class OwnPlans:
         """Return the planned path of one vehicle.
 
         Args:
-            m: its number.
-            seen: where it is seen.
+            m: number of the vehicle.
+            seen: perceived state of the vehicle.
             around: the paths of the vehicles around it.
         """
         # here: it loads the compiler
@@ -171,13 +172,13 @@ class OwnPlans:
         return planned_path(opponent.planner, estimate)
 
     def _seen_to_act(self, m: int, seen: Sighting, planned: Control, model: ModelParams) -> Control:
-        """Return the body rates and the thrust of another vehicle, from how its flight changes.
+        """Return another vehicle's body rates and thrust, from changes of its perceived state.
 
         Args:
-            m: its number.
-            seen: where it is seen.
-            planned: its control by the last plan.
-            model: the model of a vehicle.
+            m: number of the vehicle.
+            seen: perceived state of the vehicle.
+            planned: control of the vehicle by its last plan.
+            model: model of a vehicle.
         """
         before = self._before.get(m)
         if before is None or before.t >= seen.t:

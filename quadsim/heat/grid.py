@@ -1,8 +1,8 @@
 """The start grid of a race: places on an arc around gate 1, four in a row.
 
-The middle of the first row is the start of the course, and each further row stands behind the one
-before it. Vehicles look at gate 1. Where gate 1 is nearer than 1.5 m, rows are straight and look
-where the course's start looks.
+The middle of the first row is the start of the course, and each further row stands behind the
+previous one. Vehicles face gate 1. If gate 1 is nearer than 1.5 m, rows are straight and
+vehicles have the yaw of the course's start.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ LEAST_RADIUS = 1.5  # of the arc of a row [m]; a smaller one would be half a cir
 
 
 def start_grid(course: Course, places: int, spacing: float = SPACING) -> list[Start]:
-    """Return the places in which vehicles start; the first stands on the right of the first row.
+    """Return the places of the grid, beginning on the right of the first row.
 
-    A single place is the course's own start.
+    If there is only one place, it is the course's start.
 
     Args:
         course: the course.
         places: the number of places.
-        spacing: distance of neighbours, in a row and between rows [m].
+        spacing: distance between neighbours in a row and between rows [m].
 
     Raises:
-        SettingError: neighbours on the arc cannot be so far apart.
+        SettingError: the arc has no room for this spacing.
     """
     if places == 1:
         return [course.start]
@@ -69,7 +69,7 @@ def start_grid(course: Course, places: int, spacing: float = SPACING) -> list[St
 
 
 def place_fault(course: Course, start: Start) -> str:
-    """Return what is wrong with a place on the grid, "" where nothing is."""
+    """Return the problem of a place on the grid, "" if it is valid."""
     found = next(problems(replace(course, start=start)), None)
     return found.problem if found else ""
 
@@ -82,11 +82,12 @@ def check_grid(
     Args:
         course: the course.
         starts: the places of the vehicles.
-        radii: their radii [m].
-        contact: distance of centres that counts as a contact [m]; None: that at which they touch.
+        radii: radii of the vehicles [m].
+        contact: distance of centres that counts as a contact [m]; None: the distance at which
+            two vehicles touch.
 
     Raises:
-        SettingError: one of them has no room, or two are in contact.
+        SettingError: a vehicle has no room, or two vehicles are in contact.
     """
     for k, start in enumerate(starts):
         problem = place_fault(course, start)

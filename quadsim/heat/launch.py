@@ -52,7 +52,7 @@ FIRST_ITERATIONS = 20
 def heat_frames(heat: HeatSpec) -> Generator[HeatFrame, None, None]:
     """Build and simulate a race; yield a frame for each control step of each vehicle.
 
-    A race of one is the flight of its spec.
+    A race with a single entrant is the flight of its spec.
     """
     if len(heat.entrants) == 1:
         for frame in flight_frames(heat.flown_spec(0)):
@@ -76,8 +76,8 @@ def heat_frames(heat: HeatSpec) -> Generator[HeatFrame, None, None]:
 def _may_plan_side_by_side(heat: HeatSpec) -> bool:
     """Return whether the vehicles of a race may plan on several threads at once.
 
-    On the wall clock each vehicle pays for its planning time, so it has the machine to itself
-    meanwhile. A user's own controller or sampler may rely on being called on one thread.
+    With the wall clock each vehicle is delayed by its planning time, so it must not share the
+    machine while it plans. A user's own controller or sampler may not support several threads.
     """
     specs = [entrant.spec for entrant in heat.entrants]
     on_wall_clock = any(spec.clock == "wall" for spec in specs)
@@ -92,7 +92,7 @@ def _starter(heat: HeatSpec, k: int, arena: Arena, traffic: Traffic) -> Starter:
     """Return entrant k on the start grid.
 
     Raises:
-        SettingError: an object of the user's own cannot take its part.
+        SettingError: one of the user's own objects does not fit its role.
         ValueError: course, laps and vehicle do not fit together.
     """
     spec = heat.flown_spec(k)
@@ -113,7 +113,7 @@ def _fault(spec: Spec, error: Exception) -> str | None:
 
 
 def _start(heat: HeatSpec, k: int, arena: Arena, traffic: Traffic, referee: HeatReferee) -> Started:
-    """Put entrant k into the world, and begin its flight."""
+    """Put entrant k into the world, begin its flight, and return it."""
     # The planner's cost has a term for each other vehicle.
     terms = keep_clear_terms(heat, k)
     spec = with_terms(heat.flown_spec(k), terms)
@@ -129,12 +129,12 @@ def _start(heat: HeatSpec, k: int, arena: Arena, traffic: Traffic, referee: Heat
 
 
 def _no_others() -> tuple[OtherVehicle, ...]:
-    """Return no vehicle, as a learned pilot and a controller of the user's own expect none."""
+    """Return no vehicle, because learned pilots and users' own controllers predict none."""
     return ()
 
 
 def _with_planner(parts: FlightParts, planner: AwarePlanner, clock: str) -> FlightParts:
-    """Return a flight with this planner, which pays for its own planning time alone."""
+    """Return a flight with this planner, which is delayed by its own planning time only."""
     if clock == "wall":
         return replace(parts, controller=planner, clock=PlanningClock())
     return replace(parts, controller=planner)
@@ -152,9 +152,9 @@ def aware_planner(
     Args:
         heat: the race.
         k: index of the entrant.
-        planner: its planner, whose cost has these terms.
-        traffic: what the vehicles know of each other.
-        terms: number -> term that keeps clear of that vehicle.
+        planner: planner of the entrant, whose cost has the terms.
+        traffic: states and announced plans of all vehicles.
+        terms: the cost term for the clearance from each vehicle, by the vehicle's number.
     """
     awareness = heat.awareness(k)
     return AwarePlanner(
@@ -168,7 +168,7 @@ def aware_planner(
 
 
 def _tactics(awareness: Awareness) -> Tactics:
-    """Return the tactics that an awareness asks for."""
+    """Return the tactics of an awareness."""
     return Tactics(
         ahead_share=awareness.ahead_share,
         patience=Patience(awareness.patience) if awareness.patience else None,
@@ -176,7 +176,7 @@ def _tactics(awareness: Awareness) -> Tactics:
 
 
 def _announces(heat: HeatSpec, k: int) -> bool:
-    """Return whether entrant k announces its plans, as another entrant expects them."""
+    """Return whether entrant k announces its plans, because another entrant uses them."""
     others = [m for m in range(len(heat.entrants)) if m != k]
     return any(heat.awareness(m).expect == "plans" for m in others)
 
@@ -194,7 +194,7 @@ def with_terms(spec: Spec, terms: Mapping[int, KeepClear]) -> Spec:
 
 
 def keep_clear_terms(heat: HeatSpec, k: int) -> dict[int, KeepClear]:
-    """Return the terms by which entrant k keeps clear of the others: number -> term."""
+    """Return the cost terms for the clearance of entrant k, by the other vehicle's number."""
     spec = heat.entrants[k].spec
     awareness = heat.awareness(k)
     if awareness.expect == "nothing" or spec.pilot or spec.controller:
@@ -206,7 +206,7 @@ def keep_clear_terms(heat: HeatSpec, k: int) -> dict[int, KeepClear]:
 def _keep_clear_of(
     vehicles: Iterable[int], horizon: int, awareness: Awareness
 ) -> dict[int, KeepClear]:
-    """Return terms that keep clear of some vehicles: number -> term."""
+    """Return cost terms for the clearance from some vehicles, by number."""
     assert awareness.keep is not None  # a HeatSpec holds the number
     clearance = Clearance(
         weight=awareness.keep_weight,
@@ -219,7 +219,7 @@ def _keep_clear_of(
 
 
 def expectation_of(heat: HeatSpec, k: int, traffic: Traffic) -> Expectation | None:
-    """Return how entrant k expects the paths of the others; None if it ignores them."""
+    """Return the prediction of other vehicles by entrant k, None if it ignores them."""
     match heat.awareness(k).expect:
         case "nothing":
             return None

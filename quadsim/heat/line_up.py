@@ -2,9 +2,9 @@
 
 colored                       a sampler, with the preset's numbers for it
 soft=race+target-ess=200      a name; then presets, samplers and settings, joined by +
-colored+vehicle=cpc           without a name, which is then the whole text
-pilot=split_s_swift           a learned pilot in the planner's place
-colored+expect=velocity       settings of how the others are minded stand among those of the flight
+colored+vehicle=cpc           no name, so the whole text is the name
+pilot=split_s_swift           a learned pilot instead of the planner
+colored+expect=velocity       with a setting of the prediction of other vehicles
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ def line_up(
 
     Args:
         course: a name, a FILE.yaml or a Course; None: the default course.
-        entrants: texts, settings of a flight, Specs or Entrants; or the settings by name.
-        settings: settings of the race, and of all flights.
+        entrants: texts, settings of a flight, Specs or Entrants; or a dict of settings by name.
+        settings: settings of the race and of all flights.
 
     Raises:
         SettingError: a setting or an entrant is invalid.
@@ -79,7 +79,7 @@ def line_up(
 
 
 class _Made(NamedTuple):
-    """An entrant whose name may still need a number."""
+    """An entrant whose name is not final, as it may need a number."""
 
     name: str | None  # None: the entrant was given without a name
     kind: str | None  # default name, numbered if it occurs twice
@@ -113,7 +113,7 @@ def heats_of(
     starts: int,
     rotate: bool = True,
 ) -> list[HeatSpec]:
-    """Return some races of the same entrants, each with another seed.
+    """Return several races of the same entrants with consecutive seeds.
 
     Args:
         entrants: the entrants.
@@ -124,7 +124,7 @@ def heats_of(
             entrant starts from each place equally often.
 
     Raises:
-        SettingError: the entrants cannot race, or starts is no whole number from 1 on.
+        SettingError: the entrants cannot race, or `starts` is not a positive integer.
     """
     if not isinstance(starts, int) or starts < 1:
         raise SettingError("starts", f"expected a whole number >= 1, got {shown_value(starts)}")
@@ -138,11 +138,11 @@ def parse_heat_variants(text: str) -> dict[str, dict[str, Any]]:
     """Return settings of races, by name.
 
     Args:
-        text: joined by commas, such as "expect=own,gentle=expect=own+keep-weight=50". Without a
-            name the whole part is the name.
+        text: parts joined by commas, such as "expect=own,gentle=expect=own+keep-weight=50". A
+            part without a name is its own name.
 
     Raises:
-        SettingError: a part is no setting, or two have one name.
+        SettingError: a part is not a setting, or two parts have the same name.
     """
     found: dict[str, dict[str, Any]] = {}
     for one in text.split(","):
@@ -158,13 +158,13 @@ def parse_heat_variants(text: str) -> dict[str, dict[str, Any]]:
 
 
 def parts_of(texts: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Return {entrant: {role: text}} of the user's own parts that a recorded race needs again.
+    """Return the texts of the user's own parts of a recorded race, by entrant and by role.
 
     Args:
-        texts: such as "mine=controller=package.module:Class"; several parts are joined by +.
+        texts: texts such as "mine=controller=package.module:Class"; + joins several parts.
 
     Raises:
-        SettingError: a text is not of this form.
+        SettingError: a text does not have this form.
     """
     found = {}
     for text in texts:
@@ -181,7 +181,7 @@ def parts_of(texts: Sequence[str]) -> dict[str, dict[str, Any]]:
 
 
 def _named(one: object) -> tuple[str | None, Any]:
-    """Return the name of an entrant, None if it was given without one, and its settings."""
+    """Return the name of an entrant, None if it has no name, and its settings."""
     if isinstance(one, str):
         return named_parts(one, KINDS)
     if isinstance(one, Entrant):
@@ -235,7 +235,11 @@ def _entrant(
 
 
 def _read(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return checked settings of a race, texts as values, without None. Raises SettingError."""
+    """Return the checked settings of a race, with texts converted to values and without None.
+
+    Raises:
+        SettingError: a setting is invalid.
+    """
     return {
         name: checked(name, value, KINDS[name])
         for name, value in given.items()

@@ -1,8 +1,8 @@
-"""The loop of a race: several flights in one world, which is stepped once for all of them.
+"""The loop of a race: several flights in one world with common physics steps.
 
-In each physics step every flight goes on until it needs the next step. The vehicles whose control
-period has ended plan first, all of them from what is known at that instant (quadsim.racing.flight).
-Then all forces act, the world makes its step, and the marshal looks at all vehicles before their
+In each physics step every flight (quadsim.racing.flight) continues until it requests the next step.
+Vehicles whose control period has ended plan first, all with the information of that instant. Then
+all forces are applied, the world makes its step, and the marshal checks all vehicles before their
 own referees do.
 """
 
@@ -41,11 +41,11 @@ class PlantInArena(Protocol):
         ...
 
     def remove(self) -> None:
-        """Take the vehicle out of the world."""
+        """Remove the vehicle from the world."""
         ...
 
     def close(self) -> None:
-        """Release what the plant holds."""
+        """Release the resources of the plant."""
         ...
 
 
@@ -60,7 +60,7 @@ class Started(NamedTuple):
 
 
 def no_fault(error: Exception) -> str | None:
-    """Return None: every error ends the race."""
+    """Return None, so that every error ends the race."""
     return None
 
 
@@ -98,7 +98,7 @@ class HeatFrame(NamedTuple):
     frame: Frame
     # the other vehicles as the plan of this step expects them; times of their paths are of the race
     others: tuple[OtherVehicle, ...] = ()
-    # what the vehicle's controller has raised in this step, which ends its flight; "": nothing
+    # the error of the vehicle's controller in this step, which ends its flight; "" if there is none
     fault: str = ""
 
 
@@ -115,8 +115,8 @@ def heat_loop(
     Args:
         arena: the world, which the caller closes.
         starters: the vehicles.
-        marshal: watches their contacts.
-        traffic: what the vehicles know of each other.
+        marshal: marshal, which finds contacts between the vehicles.
+        traffic: states and announced plans of all vehicles.
         dt: physics step [s].
         make_plans: function that makes all plans of one instant.
     """
@@ -137,7 +137,7 @@ def _race(
     make_plans: MakePlans,
     started: dict[int, Started],
 ) -> Iterator[HeatFrame]:
-    """Simulate a race; `started` collects the flights that have begun."""
+    """Yield the frames of a race; `started` collects the flights that have begun."""
     flying: set[int] = set()
     for step in count():
         t = step * dt
@@ -189,10 +189,10 @@ def _race(
 def end_flights(items: Mapping[int, object], starters: Sequence[Starter]) -> dict[int, str]:
     """End the flights whose controllers have raised an error, and return their texts.
 
-    An error that is no fault of one vehicle is raised by its flight.
+    Other errors are raised by the flights themselves.
 
     Args:
-        items: number -> what the flight has asked for.
+        items: the request of each flight, by the vehicle's number.
         starters: the vehicles.
     """
     faults: dict[int, str] = {}
@@ -208,7 +208,7 @@ def end_flights(items: Mapping[int, object], starters: Sequence[Starter]) -> dic
 def _downwash(
     starters: Sequence[Starter], states: dict[int, PlantState[State]], k: int
 ) -> Vec3 | None:
-    """Return the force of all others' downwash on vehicle k [N], world frame; None: it feels none.
+    """Return the downwash on vehicle k by all others [N], world frame, None if there is none.
 
     Args:
         starters: the vehicles.

@@ -1,4 +1,4 @@
-"""The marshal of a race: finds contacts between vehicles, and applies the race's rules to them."""
+"""The marshal of a race, which finds contacts between vehicles and applies the rules to them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TOUCH_MARGIN = 2e-3
 
 
 class Move(NamedTuple):
-    """The way of a vehicle in one physics step."""
+    """The positions of a vehicle before and after one physics step."""
 
     # times of its flight [s]
     t0: float
@@ -30,12 +30,13 @@ class Move(NamedTuple):
 
 
 class HeatReferee:
-    """The referee of one vehicle in a race: the rules of a flight, and what the marshal calls."""
+    """The referee of one vehicle in a race, which also records the events of the marshal."""
 
     def __init__(self, referee: Referee):
         """Begin before the first gate.
 
-        referee: applies the rules of a flight alone.
+        Args:
+            referee: referee that applies the rules of a single flight.
         """
         self.flight = referee
         self._called: list[Event] = []
@@ -62,16 +63,16 @@ class HeatReferee:
         return self.flight.next_gate
 
     def call(self, event: Event, out: bool) -> None:
-        """Take an event of the marshal, after which the vehicle may be out."""
+        """Record an event of the marshal, after which the vehicle may be out."""
         self._called.append(event)
         self._out |= out
 
     def observe(
         self, t0: float, p0: Vec3, t1: float, p1: Vec3, contacts: Sequence[str] = ()
     ) -> list[Event]:
-        """Return the events of one physics step, as Referee does, and those of the marshal.
+        """Return the events of one physics step, by Referee and by the marshal.
 
-        A vehicle that is out passes no gate any more.
+        A vehicle that is out cannot pass a gate any more.
         """
         called = self._called
         self._called = []
@@ -81,15 +82,15 @@ class HeatReferee:
 
 
 class Marshal:
-    """Watches all vehicles of a race in every physics step."""
+    """Finds contacts between all vehicles of a race in every physics step."""
 
     def __init__(self, rules: Rules, referees: Sequence[HeatReferee], radii: Sequence[float]):
         """Begin before the start.
 
         Args:
-            rules: what a contact means.
+            rules: consequences of a contact.
             referees: the referee of each vehicle.
-            radii: their radii [m].
+            radii: radii of the vehicles [m].
         """
         self._rules = rules
         self._referees = referees
@@ -98,11 +99,11 @@ class Marshal:
         self._touched: dict[tuple[int, int], float] = {}
 
     def observe(self, t: float, moves: Mapping[int, Move]) -> None:
-        """Find the contacts of one physics step, and tell the referees of them.
+        """Find the contacts of one physics step, and report them to the referees.
 
         Args:
             t: time of the race after the step [s].
-            moves: the ways of all vehicles that fly, by number.
+            moves: the moves of all vehicles in flight, by number.
         """
         for k, m in combinations(sorted(moves), 2):
             a = moves[k]
@@ -123,12 +124,12 @@ class Marshal:
         return self._radii[k] + self._radii[m] + margin
 
     def _contact(self, s: float, pair: tuple[int, int], moves: Mapping[int, Move]) -> None:
-        """Tell the referees of a contact.
+        """Report a contact to the referees.
 
         Args:
-            s: fraction of the step at which it began.
+            s: fraction of the step at which the contact began.
             pair: numbers of the two vehicles.
-            moves: the ways of all vehicles.
+            moves: the moves of all vehicles.
         """
         at = {k: lerp(moves[k].p0, moves[k].p1, s) for k in pair}
         out = self._out(pair, at)
@@ -148,11 +149,11 @@ class Marshal:
             referee.call(event, k in out)
 
     def _out(self, pair: tuple[int, int], at: Mapping[int, Vec3]) -> tuple[int, ...]:
-        """Return who of two vehicles is out after their contact.
+        """Return the numbers of the vehicles that are out after a contact of two vehicles.
 
         Args:
-            pair: their numbers.
-            at: their positions at the contact [m].
+            pair: numbers of the two vehicles.
+            at: positions of the vehicles at the contact, by number [m].
         """
         if self._rules.out != "chaser":
             return pair if self._rules.out == "both" else ()
@@ -160,6 +161,6 @@ class Marshal:
         return (pair[0],) if first < second else (pair[1],)
 
     def _along(self, k: int, position: Vec3) -> Along:
-        """Return how far a vehicle has come, by the count of its referee."""
+        """Return the progress of a vehicle, by its referee's count of gates."""
         referee = self._referees[k].flight
         return Along.of(referee.course, referee.passed, position)

@@ -1,4 +1,4 @@
-"""Patience: less distance is kept from a vehicle that has been followed for a while."""
+"""Reduce the clearance from a vehicle that has been followed for a while."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ LEAST_SHARE = 0.5
 
 
 class Patience:
-    """The share of the distance that is kept from each vehicle, by the time lost behind it.
+    """The factor of the clearance from each vehicle, which depends on the time spent behind it.
 
-    It falls from 1 to a half within `seconds` behind a vehicle, and rises again as fast when that
-    vehicle is passed or far ahead.
+    It falls from 1 to 0.5 within `seconds` behind a vehicle, and rises at the same rate when that
+    vehicle has been passed or is far ahead.
 
     Examples:
         >>> from quadsim.heat.patience import Patience
@@ -20,10 +20,10 @@ class Patience:
     """
 
     def __init__(self, seconds: float):
-        """Begin with all patience.
+        """Begin with the full clearance.
 
         Args:
-            seconds: time behind a vehicle until half of the distance is kept [s].
+            seconds: time behind a vehicle after which the clearance is halved [s].
         """
         self._seconds = seconds
         # number -> time lost behind that vehicle, at most `seconds` [s]
@@ -32,11 +32,11 @@ class Patience:
         self._looked: dict[int, float] = {}
 
     def share(self, m: int, t: float, follows: bool) -> float:
-        """Return the share of the distance that is kept from vehicle m.
+        """Return the factor of the clearance from vehicle m.
 
         Args:
-            m: its number.
-            t: now [s].
+            m: number of the vehicle.
+            t: present time [s].
             follows: whether that vehicle is closely ahead.
         """
         passed = t - self._looked.get(m, t)

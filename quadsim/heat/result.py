@@ -1,4 +1,4 @@
-"""A race ends in a run of each entrant, an order, and events between the entrants."""
+"""The result of a race: the runs of the entrants, their order, and events between them."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class HeatEvent(NamedTuple):
     kind: str
     # the entrant that overtook, that was touched, or that is out
     name: str
-    # the other one; "" where there is none
+    # the other entrant; "" if there is none
     other: str = ""
     # number of the gate at which one overtook, or that was hit, from 1; 0: no gate
     gate: int = 0
@@ -67,13 +67,14 @@ class HeatRecorder:
     Attributes:
         record: the record of the race's specification.
         recorders: a recorder for each entrant.
-        faults: name of an entrant -> what its controller has raised, which ended its flight.
+        faults: the errors of controllers that have ended flights, by the entrant's name.
     """
 
     def __init__(self, heat: HeatSpec):
         """Begin before the start.
 
-        heat: specification of the race.
+        Args:
+            heat: specification of the race.
         """
         self._heat = heat
         # Taken before the race, in which parts of the user's own may change. Tuples become lists
@@ -99,11 +100,12 @@ class HeatRecorder:
 
 
 def run_records(of_heat: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the spec of each entrant's run: its own, and the race in which it was flown.
+    """Return the spec of each entrant's run, which also describes the race.
 
-    The run of a race of one is that of its flight.
+    In a race with a single entrant it is the spec of the flight.
 
-    of_heat: the record of the race's specification.
+    Args:
+        of_heat: record of the race's specification.
     """
     record = {**of_heat, "entrants": [dict(entrant) for entrant in of_heat["entrants"]]}
     entrants = record["entrants"]
@@ -135,12 +137,12 @@ def run_records(of_heat: Mapping[str, Any]) -> list[dict[str, Any]]:
 def placings(names: Sequence[str], runs: Sequence[RecordedRun], course: Course) -> list[Placing]:
     """Return the results, the winner first.
 
-    Entrants that have finished are ranked by their time, the others behind them by how far along
-    the race they came.
+    Entrants that have finished are ranked by their times, the others behind them by the distance
+    that they have reached.
 
     Args:
         names: names of the entrants.
-        runs: their runs, in the same order.
+        runs: runs of the entrants, in the same order.
         course: the course.
     """
     results = []
@@ -175,12 +177,12 @@ def _reached(run: RecordedRun, course: Course) -> float:
 def heat_events(
     names: Sequence[str], runs: Sequence[RecordedRun], start_times: Sequence[float]
 ) -> list[HeatEvent]:
-    """Return what happened between entrants, in the order of time.
+    """Return the events between entrants, in the order of time.
 
     Args:
         names: names of the entrants.
-        runs: their runs, in the same order.
-        start_times: when each of them started [s].
+        runs: runs of the entrants, in the same order.
+        start_times: start time of each entrant [s].
     """
     found = []
     for k, run in enumerate(runs):
@@ -221,15 +223,15 @@ class Pass(NamedTuple):
 def overtakes(
     names: Sequence[str], passes: Sequence[Sequence[Pass]], ends: Sequence[float]
 ) -> Iterator[HeatEvent]:
-    """Yield the overtakes: the order of two entrants at a gate is not that of before.
+    """Yield the overtakes, at which two entrants pass a gate in another order than before.
 
-    An order counts where one passes the gate at least UNAMBIGUOUS before the other does, or before
-    the other's flight ends.
+    An order counts if one entrant passes the gate at least UNAMBIGUOUS seconds before the other
+    passes it or the other's flight ends.
 
     Args:
         names: names of the entrants.
-        passes: the passages of each, in their order.
-        ends: when the flight of each ends [s].
+        passes: passages of each entrant, in order.
+        ends: end of each entrant's flight [s].
     """
     for a, b in combinations(range(len(names)), 2):
         yield from _overtakes_of_two((a, b), names, passes, ends)
@@ -261,5 +263,5 @@ def _overtakes_of_two(
 
 
 def heat_digest(runs: Sequence[RecordedRun]) -> str:
-    """Return the sha256 [hex] of all that a race's seed determines: that of its runs."""
+    """Return the sha256 [hex] of everything that a race's seed determines, by its runs."""
     return sha256("".join(run.digest() for run in runs).encode()).hexdigest()

@@ -1,7 +1,7 @@
 """The rules of a race of several vehicles, as data.
 
-elimination  Vehicles whose centres come within 0.1 m of each other are both out. They pass
-             through each other otherwise. (Geles et al. 2026, UZH's multi-drone protocol)
+elimination  Vehicles whose centres come within 0.1 m of each other are both out. Otherwise
+             they pass through each other. (Geles et al. 2026, UZH's multi-drone protocol)
 chaser       Of two vehicles that touch, the one behind is out. (Game of Drones, NeurIPS 2019)
 physics      Vehicles that touch push each other away, and nobody is out. A gate that is hit
              costs its penalty, and one that is missed is flown again. (Drone Champions League)
@@ -18,12 +18,12 @@ Out = Literal["both", "chaser", "nobody"]
 
 @dataclass(frozen=True)
 class Rules:
-    """Rules decide what a contact of two vehicles means."""
+    """The rules that decide the consequences of a contact of two vehicles."""
 
     name: RulesName
     # distance of two centres that counts as a contact [m]; None: that at which they touch
     contact: float | None
-    # who is out after a contact
+    # the vehicles that are out after a contact
     out: Out
     # whether vehicles collide in the simulated world
     collide: bool

@@ -17,9 +17,9 @@ Spacing = Annotated[float, unit("m", gt=0, le=20)]
 
 @dataclass(frozen=True)
 class Awareness:
-    """How a planner predicts the other vehicles, and the clearance that it keeps from them.
+    """A planner's prediction of the other vehicles, and the clearance that it keeps from them.
 
-    A HeatSpec holds the number in place of a `keep` of None, see quadsim.heat.distances.
+    A HeatSpec replaces a `keep` of None by its default, see quadsim.heat.distances.
 
     Examples:
         >>> from quadsim.heat.settings import Awareness
@@ -77,8 +77,8 @@ class Awareness:
 class HeatSettings(Awareness):
     """The settings of a race of several vehicles.
 
-    The settings inherited from Awareness apply to every planner without its own. A HeatSpec holds
-    the numbers in place of a `keep` and a `spacing` of None, see quadsim.heat.distances.
+    The settings inherited from Awareness apply to every planner without its own. A HeatSpec
+    replaces a `keep` and a `spacing` of None by their defaults, see quadsim.heat.distances.
 
     Examples:
         >>> from quadsim.heat.settings import HeatSettings
@@ -123,5 +123,5 @@ class HeatSettings(Awareness):
 
     @property
     def awareness(self) -> Awareness:
-        """The awareness of planners without their own."""
+        """The awareness of planners that do not have their own."""
         return Awareness(**{f.name: getattr(self, f.name) for f in fields(Awareness)})

@@ -1,7 +1,7 @@
 """Make the plans of several vehicles at the same time, each on a share of the CPU threads.
 
-Two threads do not make one plan twice as fast, as parts of a plan run on one thread. Two plans on a
-thread each take less time than the same two plans one after the other on both threads.
+Parts of a plan run on one thread only. Two plans on one thread each therefore take less time
+than the same two plans one after the other on two threads.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from quadsim.racing.flight import Planning
 class SideBySide:
     """Makes the plans of one instant, several at a time.
 
-    The plans are the same to the last bit as if they were made in turn. They are made in turn where
-    one of them is the first of its flight, for which loops may be compiled, and where the compiled
-    loops serve one caller at a time.
+    The plans are bitwise equal to plans that are made in turn. They are made in turn if one of them
+    is the first of its flight, for which loops may be compiled, or if the compiled loops serve only
+    one caller at a time.
 
     Use it as a context manager: its threads end when the context ends.
     """
@@ -44,7 +44,7 @@ class SideBySide:
         # Imported here, as it loads the compiler
         from quadsim.controllers.lanes.threads import threads
 
-        # Make them in turn where nothing can be shared, or a loop may have to be compiled.
+        # Make them in turn if threads cannot be shared, or if a loop may have to be compiled.
         available = threads()
         is_alone = len(plannings) < 2 or available < 2
         compiles = any(planning.is_first for planning in plannings)
@@ -65,7 +65,7 @@ class SideBySide:
 
 
 def _plan(planning: Planning, share: int) -> None:
-    """Make one plan on this number of threads."""
+    """Make one plan on a number of threads."""
     from quadsim.controllers.lanes.threads import use_threads
 
     use_threads(share)

@@ -19,13 +19,13 @@ from quadsim.heat.settings import Awareness, HeatSettings
 from quadsim.streams import entrant_seed
 
 MOST = 8  # vehicles of a race
-# Settings of a flight that are those of the race
+# Settings of a flight that the race decides
 SHARED = ("plant", "laps", "clock", "penalties")
 
 
 @dataclass(frozen=True)
 class Entrant:
-    """One competitor: how it flies, and what it expects of the others.
+    """A competitor: the spec of its flight, and its prediction of the other vehicles.
 
     Examples:
         >>> import quadsim
@@ -36,7 +36,7 @@ class Entrant:
 
     name: str
     spec: Spec
-    # None: what the race's settings say
+    # None: the awareness in the race's settings
     awareness: Awareness | None = None
 
 
@@ -44,7 +44,7 @@ class Entrant:
 class HeatSpec:
     """The complete specification of one race of several vehicles.
 
-    The same one gives the same race to the last bit on the same machine.
+    The same specification gives the same race to the last bit on the same machine.
 
     Raises:
         SettingError: the entrants do not fit together, or have no room to start (a ValueError).
@@ -66,7 +66,7 @@ class HeatSpec:
     starts: tuple[Start, ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        """Check the entrants against each other, and find their places."""
+        """Check that the entrants fit together, and compute their starts."""
         entrants = _with_one_step(self.entrants)
         penalties = RULES[self.settings.rules].penalties
         if penalties and len(entrants) > 1:
@@ -77,7 +77,7 @@ class HeatSpec:
         object.__setattr__(self, "starts", self._places())
 
     def _fill_distances(self) -> None:
-        """Replace each distance of None by the default of this course and these vehicles."""
+        """Replace distances of None by the defaults for this course and these vehicles."""
         radii = [entrant.spec.vehicle.radius for entrant in self.entrants]
         keep = default_keep(self.course, radii)
         settings = self.settings
@@ -118,15 +118,15 @@ class HeatSpec:
         return tuple(entrant.name for entrant in self.entrants)
 
     def place(self, entrant: int) -> int:
-        """Return the place of an entrant on the grid, both from 0."""
+        """Return the place of an entrant on the grid; both are counted from 0."""
         return (entrant + self.rotation) % len(self.entrants)
 
     def start_time(self, entrant: int) -> float:
-        """Return when an entrant starts [s]: the places start one after the other."""
+        """Return the start time of an entrant [s]; places start one after the other."""
         return self.settings.stagger * self.place(entrant)
 
     def awareness(self, entrant: int) -> Awareness:
-        """Return what an entrant expects of the others."""
+        """Return an entrant's prediction of the others, and the clearance that it keeps."""
         return self.entrants[entrant].awareness or self.settings.awareness
 
     def flown_spec(self, entrant: int) -> Spec:
@@ -137,7 +137,7 @@ class HeatSpec:
         return replace(spec, seed=entrant_seed(self.seed, entrant), start=own_start)
 
     def record(self) -> dict[str, Any]:
-        """Return the spec as JSON, as a stored race has it."""
+        """Return the specification as a JSON dict for a stored race."""
         return {
             "seed": self.seed,
             "rotation": self.rotation,
@@ -155,7 +155,7 @@ class HeatSpec:
 
 
 def _with_one_step(entrants: Sequence[Entrant]) -> tuple[Entrant, ...]:
-    """Return the entrants with the finest physics step among them, as they share one world."""
+    """Return the entrants with a common physics step, the finest of all, for their shared world."""
     if not entrants:
         return ()
     finest = min(entrant.spec.plant_dt for entrant in entrants)

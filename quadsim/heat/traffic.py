@@ -1,6 +1,6 @@
-"""Traffic: what each vehicle of a race knows of the others.
+"""The traffic of a race: the perceived states and announced plans of its vehicles.
 
-A vehicle sees where the others are, with noise and late. It may also announce its plan to them.
+A vehicle perceives the states of the others with noise and delay. It may also announce its plan.
 Times count from the first start of the race.
 """
 
@@ -20,17 +20,17 @@ ROUNDING = 1e-9  # [s]
 
 
 class Sight(NamedTuple):
-    """How well a vehicle sees the others."""
+    """The noise and the delay with which a vehicle perceives the others."""
 
     # standard deviations of the noise, per axis [m], [m/s]
     position_noise: float = 0.0
     velocity_noise: float = 0.0
-    # age of what it sees [s]
+    # age of the perceived states [s]
     delay: float = 0.0
 
 
 class Sighting(NamedTuple):
-    """A vehicle as another vehicle sees it."""
+    """The state of a vehicle as another vehicle perceives it."""
 
     # when it was there [s]
     t: float
@@ -53,15 +53,15 @@ class Noted(NamedTuple):
 
 
 class Traffic:
-    """Keeps where all vehicles are, and the plans that they have announced."""
+    """The states of all vehicles, and the plans that they have announced."""
 
     def __init__(self, vehicles: int, sight: Sight, streams: list[SeedSequence]):
         """Begin before the start.
 
         Args:
             vehicles: number of vehicles.
-            sight: how well the vehicles see each other.
-            streams: stream of the noise with which each vehicle sees.
+            sight: noise and delay with which vehicles perceive each other.
+            streams: random stream of the noise of each vehicle's perception.
         """
         self._sight = sight
         self._noted: list[deque[Noted]] = [deque() for _ in range(vehicles)]
@@ -72,7 +72,7 @@ class Traffic:
         self._pending: dict[int, ExpectedPath] = {}
 
     def note(self, k: int, t: float, x: State, passed: int) -> None:
-        """Note the state of vehicle k at t [s], and the gates that it has passed."""
+        """Record the state of vehicle k at t [s], and the number of gates that it has passed."""
         noted = self._noted[k]
         noted.append(Noted(t, x, passed))
         # Keep the newest state that can be seen, and all later states.
@@ -81,13 +81,13 @@ class Traffic:
             noted.popleft()
 
     def leave(self, k: int) -> None:
-        """Take vehicle k out of the traffic, as its flight has ended."""
+        """Remove vehicle k from the traffic, because its flight has ended."""
         self._left[k] = True
 
     def sightings(self, k: int, t: float) -> dict[int, Sighting]:
-        """Return what vehicle k sees of the others at t [s]: number -> Sighting.
+        """Return the sightings of other vehicles by vehicle k at t [s], by number.
 
-        A vehicle that has not started, or has left, is not there.
+        A vehicle that has not started, or has left, is not among them.
         """
         seen = {}
         for m, noted in enumerate(self._noted):
@@ -102,7 +102,7 @@ class Traffic:
         return seen
 
     def _with_noise(self, k: int, noted: Noted) -> Sighting:
-        """Return the state of a vehicle as vehicle k sees it."""
+        """Return the state of a vehicle as vehicle k perceives it."""
         x = noted.x
         position: Vec3 = x.position
         velocity: Vec3 = x.velocity
@@ -116,19 +116,19 @@ class Traffic:
         return Sighting(noted.t, position, velocity, x.attitude, noted.passed)
 
     def announce(self, k: int, path: ExpectedPath) -> None:
-        """Announce the plan of vehicle k, which the others know from the next instant on."""
+        """Announce the plan of vehicle k, which the others know from the next planning on."""
         self._pending[k] = path
 
     def publish(self) -> None:
         """Make the plans announced so far known to all vehicles.
 
-        It is called when all vehicles that plan at an instant have planned, so that what a vehicle
-        knows does not depend on the order in which the plans are computed.
+        It is called after all vehicles that plan at an instant have planned, so that the knowledge
+        of a vehicle does not depend on the order in which plans are computed.
         """
         for k, path in self._pending.items():
             self._announced[k] = path
         self._pending.clear()
 
     def announced(self, m: int) -> ExpectedPath | None:
-        """Return the last known plan of vehicle m; None if it has announced none."""
+        """Return the last known plan of vehicle m, None if it has announced no plan."""
         return self._announced[m]

@@ -42,10 +42,10 @@ class RacingBulletEnv(Env):
         render_mode, viewer: see RacingVectorEnv.
         plant: "bullet" or "rigid"; None: bullet if PyBullet is installed.
         settings: course, vehicle, laps, reward, dt, randomize, time_limit; see
-            quadsim.learn.task.task. There is one course.
+            quadsim.learn.task.task. Only one course may be given.
 
     Raises:
-        SettingError, FileError: a value does not fit (both are ValueError).
+        SettingError, FileError: a value is invalid (both are ValueError).
     """
 
     metadata = {"render_modes": list(RENDER_MODES), "render_fps": 100}  # noqa: RUF012
@@ -94,11 +94,11 @@ class RacingBulletEnv(Env):
         """Start an episode and return its first observation (38,).
 
         Args:
-            seed: decides what is randomized, 0 to 2^63 - 1.
-            options: not used; wrappers may hand on any.
+            seed: seed of the randomization, 0 to 2^63 - 1.
+            options: not used; wrappers may pass any.
 
         Raises:
-            SettingError: the seed is no whole number or out of its range.
+            SettingError: the seed is not an integer, or out of range.
         """
         seed = checked_reset(seed, options)
         super().reset(seed=seed)
@@ -117,7 +117,7 @@ class RacingBulletEnv(Env):
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Fly one step of dt under an action (4,); see RacingVectorEnv.step.
 
-        The referee decides `crashed` in the info.
+        `crashed` in the info is the referee's decision.
         """
         chosen = np.clip(checked_actions(action, (ACTIONS,)), -1, 1).astype(float)
         if self._plant is None:
@@ -172,7 +172,7 @@ class RacingBulletEnv(Env):
         return observe(self._plant.state.x, self._gates[self._referee.passed], self._last)
 
     def _way_left(self) -> float:
-        """Return the remaining way to the finish, measured as in the racing cost [m]."""
+        """Return the remaining distance to the finish, as in the racing cost [m]."""
         x = self._plant.state.x
         targets = self._cost.targets
         row = targets[min(self._referee.passed, len(targets) - 1)]
@@ -183,7 +183,7 @@ class RacingBulletEnv(Env):
         return np.array(self._plant.state.x)[None, POSE]
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the state for a copy, which has to be reset first.
+        """Return the state for a copy, which must be reset before it is used.
 
         The simulated world of the present episode cannot be copied.
         """
@@ -199,5 +199,5 @@ class _NoController:
     """A placeholder for the controller of a flight whose controls come from `step`."""
 
     def control(self, x: np.ndarray) -> np.ndarray:
-        """Raise, as controls come from `step`."""
+        """Raise an error, because controls come from `step`."""
         raise NotImplementedError

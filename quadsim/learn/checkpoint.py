@@ -1,7 +1,7 @@
 """Checkpoints of a training: the parameters of policy and value function, and the history.
 
-A training that continues from a checkpoint draws new episodes and new exploration. The file holds
-numbers and JSON alone; nothing in it is executed.
+A training that continues from a checkpoint draws new episodes and new exploration. The file has
+only numbers and JSON, and no code.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Checkpoint(NamedTuple):
 
 
 class StoredCheckpoint(Struct, forbid_unknown_fields=True):
-    """The JSON in a checkpoint's file."""
+    """The JSON document in a checkpoint's file."""
 
     format: str
     identity: dict[str, Any]
@@ -68,8 +68,8 @@ def checkpoint_bytes(checkpoint: Checkpoint, identity: Mapping[str, Any]) -> byt
     """Return the content of a checkpoint's file.
 
     Args:
-        checkpoint: the training up to now.
-        identity: settings of the training; only a training with equal settings continues it.
+        checkpoint: state of the training.
+        identity: settings of the training; only a training with equal settings may continue it.
     """
     state = {
         "format": FORMAT,
@@ -124,7 +124,7 @@ def differences(asked: Any, stored: Any, name: str = "") -> Iterator[str]:
     Args:
         asked: present values, as JSON.
         stored: values of a file, as JSON.
-        name: common name of both values.
+        name: name of the compared value, "" at the top level.
     """
     if isinstance(asked, dict) and isinstance(stored, dict):
         for key in asked | stored:

@@ -1,7 +1,7 @@
-"""The training of the network that finds gates: its layers, its losses, its steps.
+"""The layers, the losses and the training of the network that finds gates in pictures.
 
-PyTorch trains the network; `quadsim.learn.onnx_file` writes it, and
-`quadsim.sensing.pixels.network` uses what is written.
+The network is trained by PyTorch, written by `quadsim.learn.onnx_file`, and used by
+`quadsim.sensing.pixels.network`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from quadsim.streams import batch_stream
 # channels at strides 2, 4, 8, 16 and 32, and of the layer before the output
 CHANNELS = (8, 16, 32, 48, 64)
 HEAD = 24
-# probability of a corner, where it is in the cell, where its gate's centre is
+# probability of a corner, its position in the cell, and the vector to its gate's centre
 OUTPUTS = 5
 # numbers of a picture are divided by it
 WHITE = 255.0
@@ -50,7 +50,7 @@ WARM_UP = 0.05
 
 @dataclass(frozen=True)
 class NetworkTraining:
-    """The numbers of a training."""
+    """The settings of a network's training."""
 
     steps: int = 6000
     # number of cropped pictures in a batch; a batch of whole pictures has half as many
@@ -63,7 +63,7 @@ class NetworkTraining:
 
 
 class Losses(NamedTuple):
-    """The parts of the loss."""
+    """The terms of the loss."""
 
     heat: Tensor
     place: Tensor
@@ -71,7 +71,7 @@ class Losses(NamedTuple):
 
 
 class Block(nn.Sequential):
-    """A convolution with normalisation and rectifier."""
+    """A convolution with batch normalisation and rectifier."""
 
     def __init__(self, inputs: int, outputs: int, size: int = 3, stride: int = 1):
         convolution = nn.Conv2d(inputs, outputs, size, stride, size // 2, bias=False)
@@ -81,7 +81,7 @@ class Block(nn.Sequential):
 class Network(nn.Module):
     """An encoder, and a decoder that adds the encoder's layers (Lin et al. 2017).
 
-    Its parts have the order in which `quadsim.learn.onnx_file` writes them.
+    The layers are in the order in which `quadsim.learn.onnx_file` writes them.
     """
 
     def __init__(self) -> None:
@@ -106,13 +106,13 @@ class Network(nn.Module):
             bias[0] = float(np.log(RARE / (1.0 - RARE)))
 
     def forward(self, picture: Tensor) -> Tensor:
-        """Return logits of the probability, and the other outputs, by cell.
+        """Return the outputs of each cell, with the logit of the probability first.
 
         Args:
-            picture: numbers up to 255  (n, 3, height, width).
+            picture: colours from 0 to 255  (n, 3, height, width).
 
         Returns:
-            (n, OUTPUTS, height / STRIDE, width / STRIDE)
+            The outputs  (n, OUTPUTS, height / STRIDE, width / STRIDE).
         """
         x = self.first(picture / WHITE - 0.5)
         layers = []
@@ -131,7 +131,7 @@ class Targets(NamedTuple):
 
     # 1 at a corner, less around it  (n, rows, columns)
     heat: Tensor
-    # weight of each cell's heat: 0 where a corner is no task  (n, rows, columns)
+    # weight of each cell's heat; 0 if its corner is not to be found  (n, rows, columns)
     weight: Tensor
     # place and centre  (n, 4, rows, columns); size of the gate [cells]; which cells learn them
     vectors: Tensor
@@ -147,11 +147,11 @@ class Batch(NamedTuple):
 
 
 def batches(pictures: GatePictures, size: int, steps: int, seed: int) -> Iterator[Batch]:
-    """Yield batches: parts of pictures around a corner, and in a share of the steps whole ones.
+    """Yield batches of parts of pictures around a corner, and sometimes of whole pictures.
 
-    A part costs a quarter of a picture, and has most of its corners; gates that fill a picture are
-    learnt from whole ones, of which a batch has half as many. Each picture is used once before any
-    is used again; some are mirrored, and all have other colours.
+    A part takes a quarter of a picture's time, and has most of its corners. Gates that fill a
+    picture are learnt from whole pictures, of which a batch has half as many. Each picture is used
+    once before any is used again; some are mirrored, and the colours of all are changed.
     """
     rng = np.random.default_rng(batch_stream(seed))
     count, height, width = pictures.rgb.shape[:3]
@@ -184,12 +184,12 @@ def batches(pictures: GatePictures, size: int, steps: int, seed: int) -> Iterato
 
 
 def _part(corners: np.ndarray, shape: tuple[int, int], rng: np.random.Generator) -> tuple[int, int]:
-    """Draw the left and upper border of a part of a picture; it has a corner if there is one.
+    """Return the left and upper border of a random part of a picture, with a corner if possible.
 
     Args:
         corners: rows of `quadsim.learn.gate_pictures.Corner`  (corners, 5).
-        shape: height and width of the picture.
-        rng: random numbers.
+        shape: height and width of the picture [px].
+        rng: random number generator.
     """
     most = np.array([shape[1] - PART[1], shape[0] - PART[0]])
     tasks = np.flatnonzero(corners[:, 4] == 1.0)
@@ -203,7 +203,7 @@ def _part(corners: np.ndarray, shape: tuple[int, int], rng: np.random.Generator)
 
 
 def targets(corners: np.ndarray, shape: tuple[int, int]) -> Targets:
-    """Return the outputs that are wanted for corners.
+    """Return the desired outputs for corners.
 
     Args:
         corners: rows of `quadsim.learn.gate_pictures.Corner`  (n, corners, 5).
@@ -242,13 +242,13 @@ def targets(corners: np.ndarray, shape: tuple[int, int]) -> Targets:
             part = vectors[i, k, top:bottom, left:right]
             part[closer] = value[closer] if k < 2 else value
     near = (nearest < NEAR**2).astype(np.float32)
-    # A corner that is a task counts although another one that is none is near.
+    # A corner that is to be found counts even if another one near it is not.
     weight = np.maximum(weight, heat)
     return Targets(*map(torch.from_numpy, (heat, weight, vectors, size, near)))
 
 
 def losses(output: Tensor, wanted: Targets) -> Losses:
-    """Return the losses of a batch, each by the number of its corners."""
+    """Return the losses of a batch, divided by its number of corners."""
     logit = output[:, 0]
     heat = wanted.heat
     corner = heat == 1.0
@@ -270,14 +270,14 @@ def trained(
     seed: int,
     report: Callable[[Network, int, tuple[float, float, float]], None],
 ) -> Network:
-    """Return a network that has learnt from pictures.
+    """Return a network that is trained on pictures.
 
     Args:
         pictures: the pictures.
         numbers: steps, batches, learning rate.
-        seed: the same seed gives the same network on one machine.
-        report: is given the network, the steps so far and the mean losses since the last call, a
-            hundred times.
+        seed: seed of weights and batches; equal seeds give equal networks on one machine.
+        report: function that is called a hundred times, with the network, the steps so far and
+            the mean losses since the last call.
     """
     torch.manual_seed(seed)
     torch.set_num_threads(1)
@@ -311,7 +311,7 @@ def trained(
 
 
 def _rate(share: float) -> float:
-    """Return the learning rate at a share of the training, by its largest one."""
+    """Return the learning rate at a share of the training, divided by its largest value."""
     if share < WARM_UP:
         return 0.05 + 0.95 * share / WARM_UP
     return 0.005 + 0.995 * 0.5 * (1.0 + cos(pi * (share - WARM_UP) / (1.0 - WARM_UP)))

@@ -1,7 +1,7 @@
-"""Pictures from which the network that finds gates learns, and where the corners are in them.
+"""Pictures with their corners, on which the network that finds gates is trained.
 
-Every picture is drawn as a pixel camera of a flight draws it, with a look, a camera, a motion and a
-pose of its own (domain randomization, Tobin et al. 2017).
+Every picture is rendered as by a flight's pixel camera, with a random look, camera, motion and
+pose (domain randomization, Tobin et al. 2017).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from quadsim.sensing.pixel_camera import TimedPose, row_poses
 from quadsim.sensing.pixels.network import WIDTH
 from quadsim.streams import look_streams, training_stream, venue_stream
 
-# courses that are never trained on, so that evaluations on them show what was learnt
+# courses that are never trained on, so that evaluations on them are independent
 HELD_OUT = ("figure8", "paper_flat")
 TRAINED_ON = (
     "split_s_swift",
@@ -90,7 +90,7 @@ class GatePictures:
 
     # (n, height, width, 3) uint8
     rgb: np.ndarray
-    # rows are of `Corner`, nan where there are fewer  (n, CORNERS, 5) float32
+    # rows have the fields of `Corner`; missing corners are nan  (n, CORNERS, 5) float32
     corners: np.ndarray
 
 
@@ -104,7 +104,7 @@ class Moved(NamedTuple):
 
 @dataclass(frozen=True)
 class Ground:
-    """A course to take pictures of, with poses of a flight through it."""
+    """A course of which pictures are taken, with poses of a flight through it."""
 
     course: Course
     flown: tuple[Moved, ...] = ()
@@ -116,7 +116,7 @@ class Ground:
 
 
 def grounds(seed: int) -> list[Ground]:
-    """Return the courses to learn from: named ones, which are flown once, and random ones."""
+    """Return the courses of the training: named ones, which are flown once, and random ones."""
     named = []
     for name in TRAINED_ON:
         course = load_course(name)
@@ -137,14 +137,14 @@ def draw_pictures(
     seed: int,
     progress: Callable[[float], None] = lambda share: None,
 ) -> GatePictures:
-    """Draw pictures with all that varies.
+    """Return rendered pictures with random looks, cameras, motions and poses.
 
     Args:
-        places: courses, of which the random ones have no flight.
-        camera: the camera whose numbers vary.
+        places: the courses; random courses have no flight.
+        camera: camera whose parameters are varied.
         count: number of pictures.
-        seed: the same seed gives the same pictures.
-        progress: is told the share that is done.
+        seed: seed of the pictures.
+        progress: function that is called with the share of pictures that is done.
     """
     rng = np.random.default_rng(training_stream(seed))
     flown = [place for place in places if place.flown]
@@ -174,9 +174,9 @@ def draw_pictures(
 
 
 def _camera(camera: PixelCameraConfig, rng: np.random.Generator) -> PixelCameraConfig:
-    """Return a camera with other numbers, whose pictures have the size that the network takes.
+    """Return a camera with varied parameters, whose pictures have the size of the network's input.
 
-    A reduced picture has the mean of several pixels in each of its own, and less noise for it.
+    A pixel of a reduced picture is the mean of several pixels, and so has less noise.
     """
     scale = WIDTH / camera.width
     focal = scale * rng.uniform(0.8, 1.3)
@@ -198,9 +198,9 @@ def _camera(camera: PixelCameraConfig, rng: np.random.Generator) -> PixelCameraC
 
 
 def _look(seed: int, venue: int, rng: np.random.Generator) -> Look:
-    """Return a look in which the gates are orange: half are venues, half have any ground and sky.
+    """Return a random look with orange gates: half are venues, half have any ground and sky.
 
-    The gates' paint is brighter or darker, redder or yellower than the tracker expects.
+    The gates' paint differs in brightness and hue from the colour that the tracker expects.
     """
     streams = look_streams(seed, venue)
     if rng.random() < 0.5:
@@ -215,7 +215,7 @@ def _look(seed: int, venue: int, rng: np.random.Generator) -> Look:
 def _motions(
     place: Ground, config: PixelCameraConfig, seed: int, rng: np.random.Generator
 ) -> list[Moved]:
-    """Draw TOGETHER poses of a course, from its flight or around it."""
+    """Return TOGETHER random poses, from a course's flight or around the course."""
     found = []
     for pose in drawn_poses(place.course, config, TOGETHER, seed):
         if place.flown and rng.random() < FLOWN:
@@ -237,7 +237,7 @@ def _motions(
 def _picture(
     eye: CourseEye, place: Ground, config: PixelCameraConfig, moved: Moved
 ) -> tuple[np.ndarray, list[Corner]]:
-    """Return a picture and the corners in it."""
+    """Return a rendered picture, and the corners in it."""
     half = 0.5 * (config.exposure + config.readout) + STEP
     eyes, axes = row_poses(config, 0.0, moments(moved, half))
     picture = eye.picture(eyes, axes)
@@ -247,7 +247,7 @@ def _picture(
 
 
 def moments(moved: Moved, half: float) -> list[TimedPose]:
-    """Return the poses of a vehicle from `half` [s] before its pose until as long after it."""
+    """Return the poses of a moving vehicle from `half` [s] before to `half` [s] after its pose."""
     pose, velocity, rates = moved
     found = []
     for t in np.linspace(-half, half, int(2 * half / STEP) + 2).tolist():
@@ -259,18 +259,19 @@ def moments(moved: Moved, half: float) -> list[TimedPose]:
 def shown(
     points: np.ndarray, config: PixelCameraConfig, eyes: np.ndarray, axes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return where a rolling shutter shows points of the world [px], and their depth [m].
+    """Return the pixels and depths of points of the world, with a rolling shutter.
 
     Args:
-        points: (n, 3) [m].
+        points: points in the world [m]  (n, 3).
         config: the camera.
-        eyes, axes: pose of the camera at each row  (height, 3), (height, 3, 3).
+        eyes: position of the camera at each row [m]  (height, 3).
+        axes: rotation from camera to world axes at each row  (height, 3, 3).
 
     Returns:
-        (n, 2), nan if the depth is not positive, and (n,)
+        Pixels, nan if the depth is not positive  (n, 2), and depths [m]  (n,).
     """
     row = np.full(len(points), config.height // 2)
-    # The row that shows a point depends on where it is seen, and that on the row's pose.
+    # The row that shows a point depends on its pixel, which depends on the row's pose.
     for _ in range(3):
         local = np.einsum("ni,nij->nj", points - eyes[row], axes[row])
         pixels, depth = config.to_pixels(local)
@@ -285,12 +286,13 @@ def corners_in(
     axes: np.ndarray,
     segmentation: np.ndarray,
 ) -> list[Corner]:
-    """Return the corners of gates in a picture, each where its row shows it.
+    """Return the corners of gates in a picture, with the rolling shutter taken into account.
 
     Args:
         place: the course.
         config: the camera.
-        eyes, axes: pose of the camera at each row  (height, 3), (height, 3, 3).
+        eyes: position of the camera at each row [m]  (height, 3).
+        axes: rotation from camera to world axes at each row  (height, 3, 3).
         segmentation: the gate's number in each pixel, from 1  (height, width).
     """
     gates = frames(place.course.gates)
@@ -308,7 +310,7 @@ def corners_in(
         if not inside.any():
             continue
         away = float(np.linalg.norm(centres[k] - eye))
-        # the gate's number in the segmentation is that of its first pass
+        # in the segmentation a gate has the number of its first pass
         number = place.course.gates.index(gate) + 1
         ahead = abs(gate.to_local(tuple(eye.tolist())).along)
         # A centre behind the camera has no pixel.

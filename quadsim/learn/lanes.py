@@ -1,7 +1,7 @@
 """Many environments in the compiled lanes: their state, and the calls that step and restart them.
 
-Arrays lie as in quadsim.controllers.lanes.layout: environment i is lane i % LANES of block i //
-LANES.
+Arrays are laid out as in quadsim.controllers.lanes.layout: environment i is lane i % LANES of block
+i // LANES.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from quadsim.streams import observation_noise_key
 
 
 class Episodes(NamedTuple):
-    """The running episodes, which the compiled loops `begin` and `advance` both write."""
+    """The running episodes, which the compiled loops `begin` and `advance` write."""
 
     states: np.ndarray  # (blocks, n_x, LANES)
     rows: np.ndarray  # (blocks, n_row, LANES) row of the target
@@ -40,7 +40,7 @@ class Episodes(NamedTuple):
 
 
 class Beginnings(NamedTuple):
-    """The numbers that decide how episodes begin."""
+    """The arrays from which episodes begin."""
 
     starts: np.ndarray  # (courses, starts, n_x + 1 + n_p + n_u)
     targets: np.ndarray  # (courses, rows, n_row)
@@ -60,7 +60,7 @@ class Outcome(NamedTuple):
 
 
 class Step(NamedTuple):
-    """The numbers of one step, and those of the task, which `advance` reads."""
+    """The numbers of one step and of the task, which `advance` reads."""
 
     actions: np.ndarray  # (blocks, n_u, LANES)
     call: int  # number of this step since the seed
@@ -74,7 +74,7 @@ class Step(NamedTuple):
     limit: np.int32  # steps of the longest episode
     mode: int  # SAME_STEP, NEXT_STEP, DISABLED or WAIT
     p_reward: np.ndarray  # RewardParams as an array
-    noise: np.ndarray  # (SIZE,) standard deviations of the observation; negative: none
+    noise: np.ndarray  # (SIZE,) standard deviations of the observation; negative: no noise
     key: np.ndarray  # (2,) of the noise
 
 
@@ -85,19 +85,19 @@ class LaneEnvironments:
         task: courses, vehicle, starts and rewards.
         n: number of environments.
         seed: seed of their starts.
-        autoreset: step of the restart after an episode has ended: SAME_STEP, NEXT_STEP or DISABLED;
-            WAIT: no restart, and the vehicle stays at its place.
+        autoreset: step in which an ended episode restarts: SAME_STEP, NEXT_STEP or DISABLED. With
+            WAIT it does not restart, and the vehicle stays at its place.
 
     Attributes:
         racers: number of consecutive blocks that share races; lane i of each holds one racer of
             race i.
         X: states (blocks, n_x, LANES).
-        row: numbers of the target rows (blocks, LANES).
-        steps, passes: numbers of steps and passed gates of the episodes  (blocks, LANES).
+        row: indices of the target rows  (blocks, LANES).
+        steps, passes: numbers of steps and of passed gates in the episodes  (blocks, LANES).
         obs: observations (blocks, SIZE, LANES).
-        final: observations at the end of episodes that start anew in the same step.
-        reward, ended, cut, hit, crashed: results of the last step (blocks, LANES); cut: ended by
-            the time limit; hit: a gate was passed.
+        final: last observations of episodes that restart in the same step.
+        reward, ended, cut, hit, crashed: results of the last step  (blocks, LANES). `cut` means
+            ended by the time limit, and `hit` means that a gate was passed.
     """
 
     def __init__(self, task: LearningTask, n: int, seed: int = 0, autoreset: int = DISABLED):
@@ -186,7 +186,7 @@ class LaneEnvironments:
         self._load_loops()
 
     def reward_by(self, weights: RewardWeights) -> None:
-        """Set the weights of the reward; the margin of the task stays."""
+        """Set the weights of the reward; the margin of the task does not change."""
         self.rewards = weights
         self._rewards = np.array(weights.params, np.float32)
 
@@ -194,8 +194,8 @@ class LaneEnvironments:
         """Start episodes.
 
         Args:
-            seed: starts the series of episodes anew.
-            chosen: the environments whose episodes start (blocks, LANES); None: all of them.
+            seed: seed of a new series of episodes; None: the series continues.
+            chosen: mask of the environments whose episodes start  (blocks, LANES); None: all.
         """
         if seed is not None or self.tables is None:
             self.seed = self.seed if seed is None else seed
@@ -212,7 +212,7 @@ class LaneEnvironments:
         """Fly one step of dt.
 
         Args:
-            actions: (blocks, n_u, LANES) float32, clipped to -1..1.
+            actions: action of each environment, clipped to -1..1  (blocks, n_u, LANES) float32.
         """
         assert self.tables is not None, "step before begin"
         self._calls += 1
@@ -237,18 +237,18 @@ class LaneEnvironments:
         on_threads(advance, len(self.X), self.episodes, beginnings, step, self._outcome)
 
     def rows_to_lanes(self, rows: np.ndarray, lanes: np.ndarray) -> None:
-        """Copy numbers of each environment (environments, n) to lanes (blocks, n, LANES)."""
+        """Copy rows, one for each environment (environments, n), to lanes (blocks, n, LANES)."""
         on_threads(to_lanes, len(lanes), rows, lanes)
 
     def lanes_to_rows(self, lanes: np.ndarray, rows: np.ndarray) -> None:
-        """Copy lanes (blocks, n, LANES) to numbers of each environment (environments, n)."""
+        """Copy lanes (blocks, n, LANES) to rows, one for each environment (environments, n)."""
         on_threads(to_rows, len(lanes), lanes, rows)
 
     def _beginnings(self, found: Tables) -> Beginnings:
         return Beginnings(found.starts, found.targets, self.course, self.seed)
 
     def _course_of_blocks(self, blocks: int) -> np.ndarray:
-        """Return the row of the tables for each block.  (blocks,) int32"""
+        """Return the row of the tables that each block uses.  (blocks,) int32"""
         block = np.arange(blocks)
         course = block // self.racers % len(self.task.courses)
         return (course * self.racers + block % self.racers).astype(np.int32)

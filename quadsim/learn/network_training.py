@@ -1,4 +1,4 @@
-"""From nothing to the file of a trained network: flights, pictures, steps, what made it."""
+"""Train the network that finds gates: fly courses, render pictures, train, write the file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ DRAWN = 0.2
 
 
 class NetworkProgress(NamedTuple):
-    """How far a training is."""
+    """The progress of a training."""
 
     share: float
     # 0: pictures are drawn
@@ -43,15 +43,15 @@ def train_network(
     command: str,
     show: Callable[[NetworkProgress], None] = lambda progress: None,
 ) -> dict[str, str]:
-    """Train a network, write it, and return what made it, as its file has it.
+    """Train a network, write its file, and return the metadata in the file.
 
     Args:
         path: the file to write.
         count: number of pictures.
         numbers: steps, batches, learning rate.
-        seed: of flights, pictures, weights and steps.
-        command: the command line, for the file.
-        show: is told of the progress.
+        seed: seed of flights, pictures, weights and steps.
+        command: command line, for the metadata.
+        show: function that is called with the progress.
 
     Raises:
         RunError: the file cannot be written.

@@ -1,4 +1,4 @@
-"""A trained network as an ONNX file, with what made it."""
+"""Write a trained network as an ONNX file, with metadata on its training."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ FILES = 9
 def onnx_bytes(network: Network, about: Mapping[str, str]) -> bytes:
     """Return the content of an ONNX file.
 
-    Its input is `picture`  (1, 3, height, width) float32, numbers up to 255, of sizes that 32
-    divides; its output is that of the network with probabilities in place of their logits.
+    Its input is `picture`  (1, 3, height, width) float32, colours from 0 to 255, with height and
+    width divisible by 32. Its output is the network's, with probabilities instead of logits.
 
     Args:
-        network: a network in the mode of evaluation.
-        about: what made it, stored as metadata.
+        network: a network in evaluation mode.
+        about: metadata on the training.
 
     Raises:
         ModuleNotFoundError: onnx is not installed.
@@ -64,7 +64,7 @@ def onnx_bytes(network: Network, about: Mapping[str, str]) -> bytes:
 
 
 class Graph:
-    """The nodes and the numbers of a graph that is being made."""
+    """The nodes and the constants of a graph that is being built."""
 
     def __init__(self, onnx: Any):
         self._onnx = onnx
@@ -90,7 +90,7 @@ class Graph:
         return name
 
     def convolution(self, x: str, weight: Tensor, bias: Tensor, stride: int) -> str:
-        """Add a convolution."""
+        """Add a convolution, and return the name of its output."""
         size = weight.shape[-1]
         arrays = [
             self.constant(part.detach().float().contiguous().numpy()) for part in (weight, bias)
@@ -105,7 +105,7 @@ class Graph:
         )
 
     def block(self, x: str, block: torch.nn.Module) -> str:
-        """Add a convolution, multiplied by the normalisation after it, and a rectifier."""
+        """Add a convolution with folded normalisation and a rectifier; return its output's name."""
         assert isinstance(block, Block)
         convolution, normal, _ = block
         assert isinstance(convolution, torch.nn.Conv2d)

@@ -32,19 +32,19 @@ from quadsim.learn.spaces import (
 class RacingParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
     """A race of 2 to 8 vehicles with the agents racer_0, racer_1 and so on.
 
-    All start together. A racer leaves `agents` after the step in which it has finished, crashed or
-    collided with another racer, which puts both out. At the time limit all leave.
+    All start together. A racer leaves `agents` after the step in which it finishes, crashes or
+    collides with another racer; both are then out. At the time limit all racers leave.
 
     Args:
         course: a name, a FILE.yaml or a Course.
-        threads: CPU threads of this process; None leaves them as they are.
+        threads: CPU threads of this process; None does not change them.
         render_mode: None or "rgb_array".
         viewer: function that makes a viewer for every step, see RacingVectorEnv.
         settings: racers, collision_distance, vehicle, laps, reward, dt, start, randomize,
             time_limit and noise; see quadsim.learn.race_task.race_task.
 
     Raises:
-        SettingError, FileError: a value does not fit (both are ValueError).
+        SettingError, FileError: a value is invalid (both are ValueError).
 
     Examples:
         >>> from quadsim.learn import RacingParallelEnv
@@ -91,7 +91,7 @@ class RacingParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         self._number = {agent: number for number, agent in enumerate(self.possible_agents)}
 
     def observation_space(self, agent: str) -> Box:
-        """Return the space of a racer's observations.  (38 + 7 opponents,)"""
+        """Return the space of a racer's observations.  (38 + 7 * number of opponents,)"""
         return self._observation_spaces[agent]
 
     def action_space(self, agent: str) -> Box:
@@ -104,11 +104,11 @@ class RacingParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         """Start a race and return the observations and an empty info of each racer.
 
         Args:
-            seed: starts the series of races anew, 0 to 2^63 - 1.
-            options: not used; wrappers may hand on any.
+            seed: seed of a new series of races, 0 to 2^63 - 1; None: the series continues.
+            options: not used; wrappers may pass any.
 
         Raises:
-            SettingError: the seed is no whole number or out of its range.
+            SettingError: the seed is not an integer, or out of range.
         """
         seed = checked_reset(seed, options)
         (obs,) = self._races.reset(seed)

@@ -2,7 +2,7 @@
 
 This module loads PyTorch, which takes seconds. Two things differ from the library's algorithm. An
 action is held for several steps of the environment. A finish on a closed course counts as a
-truncation and not as a termination: as the policy does not observe the number of its lap, the
+truncation and not as a termination: the policy does not observe the number of its lap, so the
 return is bootstrapped with the value function.
 """
 
@@ -65,7 +65,7 @@ class Learner:
 
     Args:
         task: courses, vehicle, starts and rewards.
-        config: numbers of the algorithm.
+        config: hyperparameters of the algorithm.
         seed: seed of the environments, the initial weights and the exploration.
     """
 
@@ -131,12 +131,12 @@ class Learner:
         return found
 
     def parameters(self) -> dict[str, np.ndarray]:
-        """Return all numbers of policy and value function by name."""
+        """Return all parameters of policy and value function by name."""
         state = self._model.policy.state_dict()
         return {name: tensor.numpy().copy() for name, tensor in state.items()}
 
     def restore(self, parameters: Mapping[str, np.ndarray], steps_done: int) -> None:
-        """Restore parameters and number of steps."""
+        """Restore the parameters and the number of steps."""
         state = {name: torch.from_numpy(array) for name, array in parameters.items()}
         self._model.policy.load_state_dict(state)
         self.steps_done = steps_done

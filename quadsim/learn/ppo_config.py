@@ -1,4 +1,4 @@
-"""Numbers of the training's algorithm."""
+"""The hyperparameters of PPO."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class PPOConfig:
-    """Numbers of the algorithm."""
+    """The hyperparameters of PPO."""
 
     environments: int = 1024
     steps: int = 64  # actions of each environment between two updates

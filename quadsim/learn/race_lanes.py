@@ -1,8 +1,8 @@
 """Many races of several vehicles in the compiled lanes.
 
-The loops of LaneEnvironments step each vehicle as if it were alone; quadsim.controllers.lanes.races
-adds collisions, ranks and the racers' observations of each other. Racer a of race r is lane r %
-LANES of block r // LANES * racers + a.
+The loops of LaneEnvironments step each vehicle as if it were alone; the loops of
+quadsim.controllers.lanes.races add collisions, ranks and the racers' observations of each other.
+Racer a of race r is lane r % LANES of block r // LANES * racers + a.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Told(NamedTuple):
 
 
 class Field(NamedTuple):
-    """The vehicles of the races, as the compiled loops `meet` and `look` read and write them."""
+    """The vehicles of the races, which the compiled loops `meet` and `look` read and write."""
 
     others: np.ndarray  # (blocks, (racers - 1) * OPPONENT_SIZE, LANES) observed opponents
     out: np.ndarray  # (blocks, LANES) whether the racer was out before the last step
@@ -75,7 +75,7 @@ class RaceLanes(LaneEnvironments):
         task: courses, vehicle, racers, starts and rewards.
         races: number of races.
         seed: seed of their starts.
-        restart: whether a race that is over starts anew in the same step.
+        restart: whether a race that is over restarts in the same step.
 
     Attributes:
         others: observations of the opponents, nearest first
@@ -138,8 +138,8 @@ class RaceLanes(LaneEnvironments):
         """Start races.
 
         Args:
-            seed: starts the series of races anew.
-            chosen: the races that start (groups, LANES); None: all of them.
+            seed: seed of a new series of races; None: the series continues.
+            chosen: mask of the races that start  (groups, LANES); None: all.
         """
         if chosen is None:
             chosen = np.ones_like(self.done)
@@ -154,7 +154,7 @@ class RaceLanes(LaneEnvironments):
         """Fly one step of dt.
 
         Args:
-            actions: (blocks, n_u, LANES) float32, clipped to -1..1.
+            actions: action of each racer, clipped to -1..1  (blocks, n_u, LANES) float32.
         """
         np.copyto(self.out, self.over)
         np.copyto(self.field.before, self.X[:, :3])
@@ -174,7 +174,7 @@ class RaceLanes(LaneEnvironments):
             self._begin_done()
 
     def _begin_done(self) -> None:
-        """Restart the races that are over; `out` keeps its values of their last step."""
+        """Restart the races that are over; `out` keeps its values from their last step."""
         out = self.out.copy()
         rank = self.rank.copy()
         self.begin(None, self.done)
@@ -182,7 +182,7 @@ class RaceLanes(LaneEnvironments):
         np.copyto(self.rank, rank)
 
     def _keep_final(self) -> None:
-        """Keep the observations of the races that are over."""
+        """Store the last observations of the races that are over."""
         block, lane = np.nonzero(np.repeat(self.done, self.racers, axis=0))
         self.final[block, :, lane] = self.obs[block, :, lane]
         self.final_others[block, :, lane] = self.others[block, :, lane]
@@ -192,7 +192,7 @@ class RaceLanes(LaneEnvironments):
         return lanes.reshape(-1, self.racers, LANES)
 
     def _look(self, chosen: Any) -> None:
-        """Compute the observations of opponents for some groups of races.  (groups,)"""
+        """Compute the observations of opponents for the chosen groups of races.  (groups,)"""
         looks = Looks(
             racers=self.racers,
             noise=self._others_noise,

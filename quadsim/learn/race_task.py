@@ -2,7 +2,7 @@
 
     r_race = r + rank (places gained) - crash (collided)
 
-r is the reward of a single vehicle (quadsim.learn.reward).
+where r is the reward of a single vehicle (quadsim.learn.reward).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class RaceRewardWeights(RewardWeights):
     """Weights of the reward's terms in a race of several vehicles.
 
     Raises:
-        SettingError: a weight is no number, or out of its range (a ValueError).
+        SettingError: a weight is not a number, or out of range (a ValueError).
 
     Examples:
         >>> from quadsim.learn import RacingParallelEnv
@@ -55,7 +55,7 @@ def race_reward(collided, gained, p):
 
     Args:
         collided: 1 if the vehicle has collided with another racer, else 0.
-        gained: places gained, negative if lost.
+        gained: number of places gained, negative if places are lost.
         p: RaceRewardParams.
     """
     return p.rank * gained - p.crash * collided
@@ -83,10 +83,10 @@ def nearest_square(start, end):
 
 @dataclass(frozen=True)
 class RaceTask(LearningTask):
-    """A race of several vehicles to be learnt. The function `race_task` makes one from names.
+    """The task of a race of several vehicles; the function `race_task` makes one from names.
 
     Raises:
-        SettingError: a number is of another type or out of its range (a ValueError).
+        SettingError: a number has a wrong type or is out of range (a ValueError).
     """
 
     racers: Annotated[int, setting("number of vehicles in a race", ge=2, le=8)] = 4
@@ -116,7 +116,7 @@ def race_task(
     reward: Any = None,
     **settings: Any,
 ) -> RaceTask:
-    """Return a task of several racers, with the courses and the vehicle of these names.
+    """Return a task of several racers, with courses and vehicle given by names.
 
     Args:
         course, vehicle, laps: see quadsim.learn.task.task.

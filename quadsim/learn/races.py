@@ -1,4 +1,4 @@
-"""Many races of several vehicles through arrays of (races, racers, ...)."""
+"""Many races of several vehicles, with arrays of shape (races, racers, ...)."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ COUNT = inspect.type_info(Annotated[int, Meta(ge=1, le=10**7)])
 class Races:
     """Many races of several vehicles each, for training on all of them at once.
 
-    A racer that is out waits, with observations and rewards of zero, until its race is over: until
-    every racer has finished, crashed, collided or reached the time limit. The race then restarts in
-    the same step. The same seed gives the same numbers to the last bit, for any number of threads.
+    A racer that is out waits, with observations and rewards of zero, until every racer of its race
+    has finished, crashed, collided or reached the time limit. The race then restarts in the same
+    step. The same seed gives the same numbers to the last bit, for any number of threads.
 
     Args:
         races: number of races; LANES = 64 consecutive races share a course.
         restart: whether races that are over restart; otherwise their racers stay out.
-        threads: CPU threads of this process; None leaves them as they are.
+        threads: CPU threads of this process; None does not change them.
         settings: course, vehicle, laps, reward, racers, collision_distance, dt, start, randomize,
             time_limit and noise; see quadsim.learn.race_task.race_task.
 
     Raises:
-        SettingError, FileError: a value does not fit (both are ValueError).
+        SettingError, FileError: a value is invalid (both are ValueError).
 
     Examples:
         >>> from quadsim.learn.races import Races
@@ -67,10 +67,10 @@ class Races:
         """Start all races and return observations (races, racers, size).
 
         Args:
-            seed: starts the series of races anew, 0 to 2^63 - 1.
+            seed: seed of a new series of races, 0 to 2^63 - 1; None: the series continues.
 
         Raises:
-            SettingError: the seed is no whole number or out of its range.
+            SettingError: the seed is not an integer, or out of range.
         """
         seed = checked_reset(seed, None)
         if seed is None and not self._begun:
@@ -143,7 +143,7 @@ class Races:
         return by_race.reshape(-1, self.racers, by_lane.shape[2])[: self.races]
 
     def _by_race(self, lanes: np.ndarray) -> np.ndarray:
-        """Return a copy of one number per racer.  (blocks, LANES) -> (races, racers)"""
+        """Return a copy of one number of each racer.  (blocks, LANES) -> (races, racers)"""
         groups = lanes.reshape(-1, self.racers, LANES).transpose(0, 2, 1)
         return np.array(groups.reshape(-1, self.racers)[: self.races], order="C")
 
@@ -164,5 +164,5 @@ class Races:
 
 
 def observation_size(racers: int) -> int:
-    """Return the size of a racer's observation: its own numbers, and numbers per opponent."""
+    """Return the size of a racer's observation: its own numbers, and some for each opponent."""
     return SIZE + (racers - 1) * OPPONENT_SIZE

@@ -1,6 +1,7 @@
 """Views of an environment: a viewer's page, or pictures from above (rgb_array).
 
-The mode human is left to Gymnasium, which shows the pictures in a window of pygame."""
+Gymnasium itself provides the mode "human", which shows the pictures in a window of pygame.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +35,7 @@ class Viewer(Protocol):
     """A viewer displays the vehicles of an environment."""
 
     def show(self, states: np.ndarray) -> None:
-        """Show position, velocity and attitude (wxyz) of the vehicles.  (vehicles, 10)"""
+        """Show vehicles by position [m], velocity [m/s] and attitude (wxyz).  (vehicles, 10)"""
 
     def close(self) -> None:
         """Close the view."""
@@ -55,7 +56,7 @@ class Renderer:
         dt: duration of a step [s].
 
     Raises:
-        SettingError: there is no such mode, or the viewer cannot be called.
+        SettingError: the mode does not exist, or the viewer cannot be called.
     """
 
     def __init__(
@@ -82,7 +83,7 @@ class Renderer:
         self._viewer: Viewer | None = None
 
     def update(self, states: Callable[[], np.ndarray]) -> None:
-        """Show the states to the viewer; called after a reset and after each step.
+        """Show the states in the viewer, after a reset and after each step.
 
         Args:
             states: function that returns the array for Viewer.show.  (vehicles, 10)
@@ -98,7 +99,7 @@ class Renderer:
         return picture(self._course, states) if self._mode == "rgb_array" else None
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the state without the open viewer: a copy opens its own."""
+        """Return the state without the open viewer, as a copy opens its own."""
         return self.__dict__ | {"_viewer": None}
 
     def close(self) -> None:
@@ -116,7 +117,7 @@ def picture(course: Course, states: np.ndarray) -> np.ndarray:
         states: position, velocity and attitude of the vehicles.  (vehicles, 10)
 
     Returns:
-        (height, width, 3) uint8.
+        The picture  (height, width, 3) uint8.
     """
     (x_low, x_high), (y_low, y_high), (z_low, z_high) = course.bounds
     across = (WIDTH - 2 * BORDER) / (x_high - x_low)
@@ -124,7 +125,7 @@ def picture(course: Course, states: np.ndarray) -> np.ndarray:
     scale = min(across, upwards)  # [pixels/m]
 
     def pixel(point: np.ndarray) -> tuple[float, float]:
-        """Return column and row of a point of the world, x to the right and y up."""
+        """Return column and row of a point of the world; x points to the right and y up."""
         column = WIDTH / 2 + (point[0] - (x_low + x_high) / 2) * scale
         row = HEIGHT / 2 - (point[1] - (y_low + y_high) / 2) * scale
         return float(column), float(row)

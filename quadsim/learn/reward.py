@@ -37,7 +37,7 @@ class RewardWeights:
     """Weights of the reward's terms.
 
     Raises:
-        SettingError: a weight is no number, or out of its range (a ValueError).
+        SettingError: a weight is not a number, or out of range (a ValueError).
 
     Examples:
         >>> from quadsim.learn.reward import RewardWeights
@@ -96,9 +96,9 @@ def reward(progress, clearance, crashed, reached, action, last, p):
     """Return the reward of one step.
 
     Args:
-        progress: decrease of the remaining way [m].
+        progress: decrease of the remaining way through the gates [m].
         clearance: shortfall of the margin times the distance flown in the gate [m^2].
-        crashed, reached: 0 or 1.
+        crashed, reached: 1 if the vehicle has crashed or has passed a gate, else 0.
         action, last: this and the previous action, Control in -1..1.
         p: RewardParams.
     """

@@ -59,11 +59,11 @@ class RacingEnv(Env):
         """Start an episode and return its first observation (38,).
 
         Args:
-            seed: starts the series of episodes anew, 0 to 2^63 - 1.
-            options: not used; wrappers may hand on any.
+            seed: seed of a new series of episodes, 0 to 2^63 - 1; None: the series continues.
+            options: not used; wrappers may pass any.
 
         Raises:
-            SettingError: the seed is no whole number or out of its range.
+            SettingError: the seed is not an integer, or out of range.
         """
         seed = checked_reset(seed, options)
         super().reset(seed=seed)

@@ -28,13 +28,13 @@ def observation_space() -> Box:
 def action_space() -> Box:
     """Return the space of actions, body rates about x, y, z and thrust.  (4,)
 
-    -1 and 1 are the vehicle's limits.
+    The values -1 and 1 stand for the vehicle's limits.
     """
     return Box(-1.0, 1.0, (ACTIONS,), np.float32)
 
 
 def checked_actions(actions: Any, shape: tuple[int, ...]) -> np.ndarray:
-    """Return actions as float32 of this shape.
+    """Return actions as a float32 array with a given shape.
 
     Raises:
         ValueError: the actions are not numbers, have another shape, or are not finite.
@@ -64,11 +64,11 @@ def checked_reset(seed: Any, options: Any, known: Collection[str] | None = None)
     Args:
         seed: the seed.
         options: the options.
-        known: names of the options; None: no option is used, and any may be given, as libraries of
-            environments hand on options that are meant for others.
+        known: names of the options; None: no option is used and any may be given, because libraries
+            pass on options that are meant for other environments.
 
     Raises:
-        SettingError: the seed is no whole number or out of its range, or the options are no dict,
+        SettingError: the seed is not an integer or out of range, or the options are not a dict
             or have an unknown name.
     """
     if not (options is None or isinstance(options, Mapping)):

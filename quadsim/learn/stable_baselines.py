@@ -51,7 +51,7 @@ class RacingVecEnv(VecEnv):
     def reset(self) -> np.ndarray:
         """Start all episodes and return observations (num_envs, 38).
 
-        The seed of the last call of `seed` is used for one reset.
+        The seed of the last call of `seed` is used for the next reset only.
         """
         seed = self._seeds[0]
         self._reset_seeds()
@@ -60,7 +60,7 @@ class RacingVecEnv(VecEnv):
         return observations
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Keep the actions for `step_wait`.  (num_envs, 4)"""
+        """Store the actions for `step_wait`.  (num_envs, 4)"""
         self._actions = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict]]:
@@ -114,7 +114,7 @@ class RacingVecEnv(VecEnv):
     def env_method(
         self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any
     ) -> list[Any]:
-        """Call a method once for all environments; return its result for each given one."""
+        """Call a method once for all environments, and return its result for each given one."""
         result = getattr(self.envs, method_name)(*args, **kwargs)
         return [result] * self._count(indices)
 

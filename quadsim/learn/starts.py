@@ -1,4 +1,4 @@
-"""Initial states of episodes: rows of state, target row, vehicle parameters and last action.
+"""Initial rows of episodes: state, target row, vehicle parameters and last action.
 
 `standing` is the race's start. `anywhere` is for training: most episodes begin in flight, on the
 way to any gate and at any speed, so that every part of a course is learnt from the first minute on
@@ -85,19 +85,20 @@ def start_rows(
 ) -> np.ndarray:
     """Return the starts on a course; row i of all racers is the start of one race.
 
-    There is a single row if nothing is random.
+    If nothing is random there is only one row.
 
     Args:
         course, cost: the course and its racing cost.
         vehicle: the nominal vehicle.
         dt: duration of a step [s].
-        start: standing or anywhere.
+        start: "standing" or "anywhere".
         randomize: size of domain randomization.
         seeds: seeds of all random numbers.
         racers: number of vehicles that race together.
 
     Returns:
-        (racers, rows, n_x + 1 + n_p + n_u) float32.
+        State, index of the target row, parameters and last action of each start  (racers, rows, n_x
+        + 1 + n_p + n_u) float32.
     """
     rng = np.random.default_rng(seeds)
     count = ROWS if randomize or start == "anywhere" else 1
@@ -132,13 +133,13 @@ def system_params(vehicle: Vehicle, varied: Randomization, dt: float) -> tuple[f
 
 
 def hover_action(vehicle: Vehicle, dt: float) -> np.ndarray:
-    """Return the hover action, in -1..1.  (4,)"""
+    """Return the action of hovering, scaled to -1..1.  (4,)"""
     system = quadrotor(ModelParams.of(vehicle), dt)
     return normalised(system.rest, system.low, system.high)
 
 
 def in_flight(course: Course, cost: Cost, rng: np.random.Generator) -> StartInFlight:
-    """Draw a state on the way to some gate."""
+    """Return a random state on the way to a random gate."""
     target = int(rng.integers(len(cost.targets) - 1))
     share = rng.uniform(0.0, 0.85)
     speed = rng.uniform(0.0, SPEED)
@@ -183,10 +184,10 @@ def in_flight(course: Course, cost: Cost, rng: np.random.Generator) -> StartInFl
 def flying_together(
     course: Course, cost: Cost, rng: np.random.Generator, racers: int
 ) -> tuple[list[State], int]:
-    """Draw states on the way to some gate, in a line about SPACING apart, in random order.
+    """Return states in a line on the way to a random gate, about SPACING apart, in random order.
 
     Returns:
-        The states, and the row of their common target.
+        The states, and the index of their common target row.
     """
     first, target = in_flight(course, cost, rng)
     if racers == 1:
@@ -211,10 +212,10 @@ def flying_together(
 
 
 def _attitude(yaw: float, tilt: np.ndarray) -> np.ndarray:
-    """Return the attitude turned by a yaw, then slightly about body x and y.  wxyz (4,)
+    """Return the attitude with a yaw and a small tilt, wxyz.  (4,)
 
     Args:
-        yaw: [rad].
+        yaw: yaw angle [rad].
         tilt: small rotations about body x and y [rad].  (2,)
     """
     half_x, half_y = tilt / 2

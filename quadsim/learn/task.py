@@ -37,10 +37,10 @@ LAPS = inspect.type_info(LapCount)
 
 @dataclass(frozen=True)
 class LearningTask:
-    """A race to be learnt. The function `task` makes one from names.
+    """The task of a race of one vehicle; the function `task` makes one from names.
 
     Raises:
-        SettingError: a number is of another type or out of its range (a ValueError).
+        SettingError: a number has a wrong type or is out of range (a ValueError).
     """
 
     courses: tuple[Course, ...]
@@ -78,8 +78,7 @@ class LearningTask:
     def cost(self, k: int) -> Cost:
         """Return the racing cost of course k.
 
-        An environment uses the progress and the gate tests of this cost; the weights come from the
-        reward.
+        An environment uses the cost's progress and gate tests, and weights them by the reward.
         """
         weights = RaceWeights(margin=self.rewards.margin)
         return race_cost(self.courses[k], self.vehicle.radius, weights, self.laps[k])
@@ -101,7 +100,7 @@ class Tables:
 
 
 class CourseTables(NamedTuple):
-    """The parts from which the arrays of one course are made."""
+    """The arrays of one course."""
 
     course: Course
     laps: int
@@ -110,9 +109,9 @@ class CourseTables(NamedTuple):
 
 
 def tables(task: LearningTask, seed: int) -> Tables:
-    """Return the arrays of a task's courses, with starts drawn from the seed.
+    """Return the arrays of a task's courses, with random starts from the seed.
 
-    The arrays repeat each course for each racer, as every racer has its own starts: racer a on
+    Each course is repeated for each racer, because every racer has its own starts: racer a on
     course k has row k * racers + a.
     """
     rows: list[CourseTables] = []
@@ -161,14 +160,14 @@ def task(
     reward: Any = None,
     **settings: Any,
 ) -> LearningTask:
-    """Return a task, with the courses and the vehicle of these names.
+    """Return a task, with courses and vehicle given by names.
 
     Args:
         course: a name, a FILE.yaml, a Course, or a list of these.
         vehicle: a name, a FILE.yaml or a Vehicle.
-        laps: number of laps of every course; None: each course's own.
+        laps: number of laps on every course; None: each course's number.
         reward: RewardWeights, or {term: weight} for the terms that differ from the defaults.
-        settings: dt [s], start, randomize, time_limit [s], noise; None: the default.
+        settings: dt [s], start, randomize, time_limit [s] and noise; None stands for the default.
 
     Raises:
         SettingError: a value is invalid; its message is one line (a ValueError).
@@ -222,7 +221,7 @@ def _checked_settings(settings: Mapping[str, Any], kind: type[LearningTask]) -> 
     """Return the settings that are not None.
 
     Raises:
-        SettingError: a setting is unknown or out of its range.
+        SettingError: a setting is unknown or out of range.
     """
     kinds = kinds_of(kind)
     for name in settings:

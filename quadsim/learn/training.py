@@ -51,7 +51,7 @@ class Training:
 
     @property
     def checkpoint(self) -> Path:
-        """The file of the checkpoint, beside the pilot."""
+        """The path of the checkpoint, in the folder of the pilot."""
         return self.out.with_suffix(".checkpoint.npz")
 
     @property
@@ -95,7 +95,7 @@ class EvaluatedRaces(NamedTuple):
 
 
 class Score(NamedTuple):
-    """The quality of a pilot in its evaluation; scores compare field by field, greater is better.
+    """The quality of a pilot in an evaluation, compared field by field; greater is better.
 
     The number of flights comes first, as the mean of many flights is more reliable than the mean of
     a few.
@@ -118,7 +118,7 @@ def train(
     report: Callable[[Evaluation], None] = lambda row: None,
     progress: Callable[[Progress], None] = lambda progress: None,
 ) -> list[Evaluation]:
-    """Learn, evaluate and keep the best pilot.
+    """Train a pilot, keep the best one, and return the history of its evaluations.
 
     If there is a checkpoint beside the pilot, the training continues from it.
 
@@ -131,8 +131,8 @@ def train(
         A row for each evaluation: steps, reward per second, flights, finished, lap, gates, seconds.
 
     Raises:
-        FileError: the checkpoint is damaged or belongs to a different training, or the file of the
-            pilot is no pilot.
+        FileError: the checkpoint is damaged or belongs to a different training, or the pilot's file
+            is not a pilot.
         ImportError: stable-baselines3 is not installed.
         RunError: a file cannot be written.
     """
@@ -209,7 +209,7 @@ class Clock:
         return self._seconds_before + perf_counter() - self._began
 
     def share(self, steps: int) -> float:
-        """Return the elapsed share of the steps or of the time, whichever is greater."""
+        """Return the elapsed share of the training, by steps or by time, whichever is greater."""
         minutes = self._training.minutes
         of_time = self.seconds() / (60.0 * minutes) if minutes else 0.0
         return max(steps / self._training.steps, of_time)
@@ -231,11 +231,11 @@ def learning_rate(share: float, config: PPOConfig) -> float:
 def best_score(history: Sequence[Evaluation], kept: Pilot | None) -> Score | None:
     """Return the score that a new pilot has to exceed, None if there is none.
 
-    The pilot on the disk may be newer than the checkpoint, or missing.
+    The stored pilot may be newer than the checkpoint, or missing.
 
     Args:
         history: the evaluations up to the checkpoint.
-        kept: the pilot on the disk.
+        kept: the stored pilot, None if there is none.
     """
     if kept is None:
         return None
@@ -247,7 +247,7 @@ def best_score(history: Sequence[Evaluation], kept: Pilot | None) -> Score | Non
 
 
 def pilot_of(learner: Learner, training: Training) -> Pilot:
-    """Return the policy's mean as a pilot."""
+    """Return the mean of the policy as a pilot."""
     task = training.task
     system = task.system
     about = About(
@@ -274,7 +274,7 @@ def pilot_of(learner: Learner, training: Training) -> Pilot:
 def evaluate(
     pilot: Pilot, task: LearningTask, flights: int, seed: int = EVALUATION_SEED
 ) -> EvaluatedRaces:
-    """Fly races in the simulator with rotors, gusts and the referee."""
+    """Return races of a pilot, flown in the simulator with rotors, gusts and the referee."""
     finished: list[bool] = []
     laps: list[float] = []
     gates: list[float] = []

@@ -32,7 +32,7 @@ from quadsim.streams import fresh_seed
 
 COUNT = inspect.type_info(Annotated[int, Meta(ge=1)])
 RESET_MASK = "reset_mask"  # name of the option of a reset
-BYTES = 1500  # memory of one environment and of what a step returns, at least
+BYTES = 1500  # least memory of one environment and of the results of its step
 
 MODES = {
     AutoresetMode.SAME_STEP: SAME_STEP,
@@ -49,7 +49,7 @@ class RacingVectorEnv(VectorEnv):
     Args:
         num_envs: number of vehicles; LANES = 64 consecutive vehicles share a course.
         autoreset_mode: step in which an ended episode restarts.
-        threads: CPU threads of this process; None leaves them as they are.
+        threads: CPU threads of this process; None does not change them.
         render_mode: None or "rgb_array".
         viewer: function that makes a viewer for every step from the course, the number of vehicles
             and the duration of a step [s], such as quadsim.web.page.env_page.EnvPage.
@@ -57,7 +57,7 @@ class RacingVectorEnv(VectorEnv):
             quadsim.learn.task.task.
 
     Raises:
-        SettingError, FileError: a value does not fit (both are ValueError).
+        SettingError, FileError: a value is invalid (both are ValueError).
 
     Examples:
         >>> from quadsim.learn.vector_env import RacingVectorEnv
@@ -110,13 +110,12 @@ class RacingVectorEnv(VectorEnv):
         """Start episodes and return observations (num_envs, 38).
 
         Args:
-            seed: starts the series of episodes anew, 0 to 2^63 - 1.
+            seed: seed of a new series of episodes, 0 to 2^63 - 1; None: the series continues.
             options: "reset_mask", booleans (num_envs,), selects the environments to reset; by
                 default all are reset.
 
         Raises:
-            SettingError: the seed is no whole number or out of its range, or another option is
-                given.
+            SettingError: the seed is not an integer or out of range, or another option is given.
             ValueError: the mask has a wrong shape or type.
         """
         seed = checked_reset(seed, options, (RESET_MASK,))
@@ -138,13 +137,13 @@ class RacingVectorEnv(VectorEnv):
         """Fly one step of dt.
 
         Args:
-            actions: (num_envs, 4), clipped to -1..1.
+            actions: action of each vehicle, clipped to -1..1  (num_envs, 4).
 
         Returns:
             Observations (num_envs, 38), rewards, terminations, truncations (num_envs,), and info:
-            `passed`, whether a gate was passed in this step, `gates`, their number since the
-            episode began, `lap` (from 1), `time` [s], `crashed`, `finished`; with SAME_STEP also
-            `final_obs`, valid where `_final_obs`.
+            `passed`, whether a gate was passed in this step, `gates`, the number of gates passed
+            since the episode began, `lap` (from 1), `time` [s], `crashed`, `finished`; with
+            SAME_STEP also `final_obs`, valid where `_final_obs`.
 
         Raises:
             ValueError: the actions have a wrong shape, or are not finite.
@@ -219,7 +218,7 @@ class RacingVectorEnv(VectorEnv):
         return by_lane.reshape(-1, by_lane.shape[2])[: self.num_envs]
 
     def _used(self, lanes: np.ndarray) -> np.ndarray:
-        """Return a view of one number for each environment.  (blocks, LANES) -> (num_envs,)"""
+        """Return a view with one number for each environment.  (blocks, LANES) -> (num_envs,)"""
         return lanes.ravel()[: self.num_envs]
 
     def _rows(self, lanes: np.ndarray) -> np.ndarray:

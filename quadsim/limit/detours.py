@@ -1,9 +1,9 @@
-"""Detours: constraints around frames and boxes that a solution hits outside its gates' openings.
+"""Detours: constraints that lead a solution around frames and boxes that it has hit.
 
-A detour holds a few nodes in a half-space, as the space around a frame or a box is not convex. A
-race is first solved without detours. If the referee then finds a hit, nodes in a frame's slab are
-held before, behind or beside the slab, and nodes in a box beyond one of its faces, whichever is the
-shortest way out; then the race is solved again.
+A detour constrains a few nodes to a half-space, because the space around a frame or a box is not
+convex. A race is first solved without detours. If the referee then finds a hit, nodes in a frame's
+slab are constrained to lie before, behind or beside the slab, and nodes in a box beyond one of its
+faces. The nearest side is chosen, and the race is solved again.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Side(NamedTuple):
 
 
 class Way(NamedTuple):
-    """Neighbouring nodes of a segment, first to last, to be held beyond a side."""
+    """Neighbouring nodes of a segment, first to last, which are to stay beyond a side."""
 
     first: int
     last: int
@@ -55,9 +55,9 @@ class Way(NamedTuple):
 
 @dataclass(frozen=True)
 class Detour:
-    """A constraint: nodes in a part of a segment stay beyond one side of a gate's frame or a box.
+    """A constraint that nodes of a segment stay beyond one side of a gate's frame or a box.
 
-    In the frame of the gate or the box: side.sign * local[side.axis] >= distance.
+    In the axes of the gate or the box it is side.sign * local[side.axis] >= distance.
     """
 
     segment: int
@@ -82,13 +82,13 @@ class Detour:
         """Return the slack of the constraint, negative if it is violated [m].
 
         Args:
-            local: position in the frame of the gate or the box, numbers or CasADi's symbols.  (3,)
+            local: position in the axes of the gate or the box, numbers [m] or CasADi symbols  (3,).
         """
         return self.side.sign * local[self.side.axis] - self.distance
 
 
 class Hit(NamedTuple):
-    """A gate or a box that was hit, and when [s]."""
+    """A gate or a box that was hit, and the time of the hit [s]."""
 
     t: float
     place: Gate | Box
@@ -102,10 +102,10 @@ def detours(
     Args:
         solution: the solution with the hits.
         plan: segments of the route.
-        route: the gates and the sphere.
+        route: gates of the race and radius of the vehicle's sphere.
         hits: hit gates and boxes with their times.
     """
-    # Index of the node where each segment begins
+    # Index of the node at which each segment begins
     begins = np.cumsum([0, *(segment.intervals for segment in plan)])
     for t, place in hits:
         k = int(np.searchsorted(begins, np.searchsorted(solution.t, t))) - 1
@@ -134,7 +134,7 @@ def detours(
 
 
 def _ways_out_of_a_frame(local: np.ndarray, hit: int, half: Sequence[float]) -> Iterator[Way]:
-    """Yield the ways out of a frame: for each run of nodes the nearest side.
+    """Yield the nearest side of a frame for each run of nodes in its slab.
 
     The sides are the slab's two faces and the edge of the frame nearest to all nodes in the slab.
 
@@ -165,7 +165,7 @@ def _ways_out_of_a_frame(local: np.ndarray, hit: int, half: Sequence[float]) -> 
 
 
 def _way_out_of_a_box(local: np.ndarray, hit: int, half: Sequence[float]) -> Way:
-    """Return the way out of a box: one side for all nodes in it, the nearest to the deepest node.
+    """Return the side of a box that is nearest to the deepest node, for all nodes in the box.
 
     Args:
         local: nodes of the segment in the frame of the box [m].  (nodes, 3)
@@ -181,7 +181,7 @@ def _way_out_of_a_box(local: np.ndarray, hit: int, half: Sequence[float]) -> Way
 def _nearest_side(sides: Sequence[Side], local: np.ndarray, half: Sequence[float]) -> Side:
     """Return the side for which the largest depth of the points (n, 3) is smallest.
 
-    Of equal sides the first is returned.
+    If several sides are equal, the first is returned.
     """
     deepest = [float(side.depth(local, half).max()) for side in sides]
     return sides[int(np.argmin(deepest))]
@@ -190,7 +190,7 @@ def _nearest_side(sides: Sequence[Side], local: np.ndarray, half: Sequence[float
 def _within(inside: np.ndarray, node: int) -> tuple[int, int]:
     """Return the first and the last node of the run of inside nodes around a node.
 
-    Without an inside neighbour, both are the node itself.
+    If no neighbour is inside, both are the node itself.
     """
     first = node
     last = node

@@ -1,9 +1,10 @@
 """Dynamics x' = f(x, u) of a vehicle, for the optimiser and for the check of its solutions.
 
-rotors: the vehicle as the plant flies it, with four rotor speeds behind their lag, thrust map,
-mixer, rigid body and drag.
+The model "rotors" is the vehicle as in the plant, with the lag of four rotor speeds, thrust
+map, mixer, rigid body and drag.
 
-rates: the planner's model, with body rates and thrust behind first-order lags, by its own `step`.
+The model "rates" is the planner's model, in which body rates and thrust follow commands with
+first-order lags; it uses the planner's `step`.
 """
 
 from __future__ import annotations
@@ -55,9 +56,9 @@ FINE_STEP = 2e-4
 
 
 class Dynamics(ABC):
-    """A model as the optimiser sees it.
+    """A model of the vehicle for the optimiser.
 
-    States x and controls u are tuples of scalars, numbers or CasADi's symbols, or of rows.
+    States x and controls u are tuples of numbers, of CasADi symbols, or of arrays.
     """
 
     name: ModelName
@@ -74,11 +75,11 @@ class Dynamics(ABC):
 
     @abstractmethod
     def fine(self, x: Any, u: Any, dt: float) -> Iterator[tuple]:
-        """Yield the states within dt [s] in short steps, the last one after dt."""
+        """Yield the states after short steps under a constant u, the last one after dt [s]."""
 
     @abstractmethod
     def of_flight(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        """Return x and u with the motion and thrust of a state of the planner's model."""
+        """Return x and u with the same motion and thrust as a state of the planner's model."""
 
     def spare(self, x: Any, u: Any) -> tuple:
         """Return the quantities that are constrained to be at least 0."""
@@ -91,10 +92,11 @@ def dynamics(vehicle: Vehicle, model: str, reserve: float = 0.0) -> Dynamics:
     Args:
         vehicle: the vehicle.
         model: "rotors" or "rates".
-        reserve: share of the thrust that stays unused, for rates; if positive, YAW_MAX applies too.
+        reserve: share of the thrust that stays unused, for "rates"; if positive, YAW_MAX applies
+            too.
 
     Raises:
-        ValueError: the model does not cover the vehicle or the reserve.
+        ValueError: the model does not support the vehicle or the reserve.
     """
     if model == "rates":
         # The cost of yaw is left out to keep the problem smooth; a limit takes its place
@@ -119,14 +121,14 @@ def dynamics(vehicle: Vehicle, model: str, reserve: float = 0.0) -> Dynamics:
 class RotorDynamics(Dynamics):
     """The dynamics of a vehicle with its four rotors.
 
-    u: commanded rotor speeds [rad/s]; without rotor lag, the rotor thrusts [N], and the rotors have
-    no states.
+    The control u has the commanded rotor speeds [rad/s]. Without rotor lag it has the rotor thrusts
+    [N], and the state has no rotor speeds.
     """
 
     name = "rotors"
 
     def __init__(self, vehicle: Vehicle, rotors: Rotors):
-        """Take a vehicle and its rotors."""
+        """Prepare the dynamics of a vehicle with rotors."""
         self._vehicle = vehicle
         self._rotors = rotors
         self._mixer = mixer(rotors)
@@ -183,7 +185,7 @@ class RotorDynamics(Dynamics):
             yield x
 
     def of_flight(self, state: State) -> tuple[np.ndarray, np.ndarray]:
-        """Return x and u with the same motion, with the thrust shared by the four rotors."""
+        """Return x and u with the same motion and the thrust shared equally by the rotors."""
         share = 0.25 * self._vehicle.mass * state.thrust
         each = float(np.clip(share, self._weakest, self._strongest))
         u = np.full(4, self._rotors.speed(each) if self._lags else each)
@@ -194,17 +196,18 @@ class RotorDynamics(Dynamics):
 class RateDynamics(Dynamics):
     """The planner's model.
 
-    u: Control, limited such that the rotors keep the thrust for their torques and `step` never
-    clips. Without rotor lag, thrust and angular acceleration follow at once and are no states.
+    The control u is a Control, limited such that the rotors have enough thrust for torques and
+    `step` never clips. Without rotor lag, thrust and angular acceleration follow commands at once
+    and are not part of the state.
     """
 
     name = "rates"
 
     def __init__(self, model: ModelParams):
-        """Take the planner's model.
+        """Prepare the dynamics of the planner's model.
 
         Raises:
-            ValueError: the body rates of the model do not lag.
+            ValueError: the body rates of the model have no lag.
         """
         if min(model.rate_tau) <= 0.0:
             raise ValueError(
@@ -220,7 +223,7 @@ class RateDynamics(Dynamics):
         self.u_high = np.array(Control(roll, pitch, yaw, model.thrust_max))
 
     def rate(self, x: Any, u: Any) -> tuple:
-        """Return x' = d step / d dt at dt = 0, with a clip that never acts."""
+        """Return x' = d step / d dt at dt = 0, without clipping."""
         model = self._model
         dt = casadi.SX.sym("dt")
         follow = _response(dt, model.motor_tau)
@@ -247,7 +250,7 @@ class RateDynamics(Dynamics):
         return tuple(casadi.vertsplit(slope))
 
     def spare(self, x: Any, u: Any) -> tuple:
-        """Return the thrust left to both limits after the reserve of roll and pitch [m/s^2]."""
+        """Return the thrust's distances from both limits, less the torques' reserve [m/s^2]."""
         model = self._model
         now = _whole(x)
         command = Control(*u)
@@ -282,7 +285,7 @@ class RateDynamics(Dynamics):
 
 
 def runge_kutta(rate: Callable[[Any, Any], tuple], x: Any, u: Any, h: Any) -> tuple:
-    """Return x after h [s] under a constant u, by one step of the classical method of order 4."""
+    """Return x after h [s] under a constant u, by one step of the classical Runge-Kutta method."""
     k1 = rate(x, u)
     k2 = rate(_plus(x, 0.5 * h, k1), u)
     k3 = rate(_plus(x, 0.5 * h, k2), u)
@@ -296,7 +299,7 @@ def _plus(x: Any, h: Any, rate: tuple) -> tuple:
 
 
 def _whole(x: Any) -> State:
-    """Return the state with zeros for the fields that only rotor lag makes states."""
+    """Return the full state, with zeros for fields that exist only with rotor lag."""
     missing = len(State._fields) - len(x)
     return State(*x, *(0.0,) * missing)
 
@@ -307,5 +310,5 @@ def _body_limits(rate_max: tuple[float, ...]) -> np.ndarray:
 
 
 def _response(dt: Any, lag: float) -> Any:
-    """Return the share of the way to its command that a quantity makes in a short time dt [s]."""
+    """Return the share of the step to its command that a lagging quantity makes in dt [s]."""
     return dt / lag if lag > 0.0 else 1.0

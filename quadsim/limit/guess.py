@@ -1,4 +1,4 @@
-"""Initial guesses for the optimiser: straight lines, a run, or a solution on a coarser mesh."""
+"""Initial guesses for the optimiser, from straight lines, a run or a coarser solution."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SHARES = (0.2, 0.3, 0.45)
 
 
 class FlownRun(NamedTuple):
-    """A flown run, from which an initial guess is made."""
+    """A run from which an initial guess is made."""
 
     name: str
     # Columns of the run
@@ -38,7 +38,7 @@ class FlownRun(NamedTuple):
 
 @dataclass(frozen=True)
 class Guess:
-    """An initial guess: a model's states and controls over time, and the times of the passes."""
+    """An initial guess: states and controls of a model over time, and the times of passes."""
 
     name: str
     # Times [s]  (n,)
@@ -76,16 +76,16 @@ class Guess:
 
 
 def line_speeds(route: Route, acceleration: float) -> list[float]:
-    """Return the speeds of initial guesses by straight lines [m/s].
+    """Return the speeds of initial guesses along straight lines [m/s].
 
-    They are SHARES of the speed that this acceleration [m/s^2] gives on a mean leg from rest.
+    They are SHARES of the speed that an acceleration [m/s^2] from rest gives on a mean leg.
     """
     mean = sum(route.legs) / len(route.legs)
     return [round(share * sqrt(2.0 * acceleration * mean), 1) for share in SHARES]
 
 
 def straight(points: Sequence[Sequence[float]], model: Dynamics, speed: float) -> Guess:
-    """Return a level flight from point to point at a constant speed.
+    """Return a level flight from point to point at constant speed, as a guess.
 
     Args:
         points: positions, see Route.points [m].
@@ -118,14 +118,14 @@ def straight(points: Sequence[Sequence[float]], model: Dynamics, speed: float) -
 
 
 def flown(flight: FlownRun, model: Dynamics) -> Guess:
-    """Return a flown run as the model's states and controls."""
+    """Return a run as a guess, with states and controls of a model."""
     states = np.column_stack([flight.telemetry[column] for column in STATE])
     passes = np.array(flight.passes)
     return _of_states(flight.name, model, flight.telemetry["t"], states, passes)
 
 
 def solved(name: str, s: Solution, route: Route) -> Guess:
-    """Return a solution of the same route and model as a guess for a different mesh."""
+    """Return a solution of the same route and model as a guess for another mesh."""
     passes = []
     one_each = [1] * len(route.gates)
     for segment in segments(route, one_each):
@@ -144,7 +144,7 @@ def solved(name: str, s: Solution, route: Route) -> Guess:
 def _of_states(
     name: str, model: Dynamics, t: np.ndarray, states: np.ndarray, passes: np.ndarray
 ) -> Guess:
-    """Return a guess with the states and controls of a model.
+    """Return a guess with a model's states and controls from states of the quadrotor.
 
     Args:
         name: name of the guess.

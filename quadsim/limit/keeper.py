@@ -1,4 +1,4 @@
-"""Keeper: the file of the best solution that a search of a limit has found so far."""
+"""Store the best solution that a search of a limit has found so far."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Keeper:
     """Keeps the best known solution of a race in its file."""
 
     def __init__(self, problem: LimitProblem, folder: Path, best: StoredSolution | None):
-        """Take the race, the folder of its file, and the best solution known before."""
+        """Prepare the file of a race in a folder, given the best solution known before."""
         self.best = best
         # The fastest solution of this search, None if one that was known before is faster
         self.found: StoredSolution | None = None
@@ -24,7 +24,7 @@ class Keeper:
         self._failure: RunError | None = None
 
     def keep(self, found: StoredSolution | None) -> None:
-        """Keep a solution if it is the fastest; `finish` raises if it could not be written."""
+        """Store a solution if it is the fastest; `finish` reports an error of writing."""
         if found is None or not self._is_fastest(found):
             return
         self.best = self.found = found
@@ -35,10 +35,10 @@ class Keeper:
             self._failure = error
 
     def finish(self) -> None:
-        """Keep what could not be written among the temporary files, so that no search is lost.
+        """Write a solution that could not be stored to a temporary file, so that it is not lost.
 
         Raises:
-            RunError: the solution is not in its own file; the message says where it is.
+            RunError: the solution is in a temporary file, which the message names.
         """
         if self._failure is None or self.found is None:
             return
@@ -51,7 +51,7 @@ class Keeper:
         raise RunError(f"{self._failure}: {advice}")
 
     def _is_fastest(self, found: StoredSolution) -> bool:
-        """Return whether a solution is faster than all others, also of other processes."""
+        """Return whether a solution is the fastest, also compared with other processes."""
         with suppress(LimitError):
             newest = self._problem.best_known(self._path.parent)
             if newest and (self.best is None or newest.time < self.best.time):

@@ -1,11 +1,12 @@
-"""Stored solutions of `race limit`: read and written as npz, found by course, vehicle and laps.
+"""Stored solutions of `race limit`: npz files that are found by course, vehicle and laps.
 
-The optimiser that finds them is quadsim.limit.search. A LimitProblem names a race; a StoredSolution
-is the fastest way known to fly it, with the findings of its check. Solutions that come with the
-project lie in SOLUTIONS, and solutions found on this machine in the folder LIMITS among the runs.
+The optimiser that finds them is quadsim.limit.search. A LimitProblem describes a race; a
+StoredSolution is its fastest known flight, with the findings of the check. Solutions that come with
+the project are in the folder SOLUTIONS, solutions found on this machine in the folder LIMITS of the
+runs.
 
-A file holds the key of its problem and a sha256 of its content. A file whose content has another
-sha256 is damaged. What the solution says was checked before it was stored.
+A file has the key of its problem and the sha256 of its content, by which damage is detected. A
+solution is checked only before it is stored.
 """
 
 from __future__ import annotations
@@ -109,17 +110,17 @@ class Facts(Struct, frozen=True, kw_only=True):
 
 
 class LimitError(FileError):
-    """A solution that cannot be read. One line: the file, what is wrong."""
+    """An error of a solution that cannot be read: the file and the problem."""
 
 
 def limits_folder(runs_dir: str | Path) -> Path:
-    """Return the folder of the solutions that are kept among these runs."""
+    """Return the folder of solutions within a folder of runs."""
     return Path(runs_dir) / LIMITS
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A race by its nodes; from one node to the next the control is constant."""
+    """A flight of a race at discrete nodes; the control is constant between nodes."""
 
     # "rotors" or "rates", see quadsim.limit.dynamics
     model: ModelName
@@ -140,7 +141,7 @@ class Solution:
         return float(self.t[-1])
 
     def position(self, t: np.ndarray) -> np.ndarray:
-        """Return positions (n, 3) at times t (n,): cubic between nodes, which have velocities."""
+        """Return positions (n, 3) at times t (n,), by cubics with the nodes' velocities."""
         # Here, as reports load this module and scipy takes .3 s
         from scipy.interpolate import CubicHermiteSpline
 
@@ -182,7 +183,7 @@ class StoredSolution:
     def states(self, vehicle: Vehicle, t: np.ndarray) -> np.ndarray:
         """Return states in the order of State (n, 17) at times t (n,).
 
-        They are linear between the nodes, but for the position, which is cubic.
+        Between nodes the position is interpolated by cubics, and everything else linearly.
         """
         s = self.solution
         thrust = self._thrust(vehicle)
@@ -208,7 +209,7 @@ class StoredSolution:
         return Control(*controls.T).thrust  # pyright: ignore[reportReturnType]
 
     def above(self, time: float) -> float:
-        """Return by how much a race's time [s] exceeds this one, as a share."""
+        """Return the share by which a race time [s] exceeds this solution's time."""
         return time / self.time - 1.0
 
 
@@ -229,14 +230,14 @@ class LimitProblem:
 
     @classmethod
     def of(cls, course: Course, vehicle: Vehicle, laps: int) -> LimitProblem:
-        """Return the problem of a race from a standing start, by the vehicle's rotors if it has."""
+        """Return the problem of a race from a standing start, with rotors if there are any."""
         return cls(course, vehicle, laps, "rotors" if vehicle.rotors else "rates")
 
     @classmethod
     def of_run(cls, spec: dict) -> LimitProblem | None:
-        """Return the problem of a run's race, None if the limit of another race would be found.
+        """Return the problem of a run's race, None if no limit applies to it.
 
-        That is so for a plant with dynamics of its own, for a user's own plant or referee, and for
+        No limit applies to a plant of another simulator, to a user's own plant or referee, or to
         the timed mode.
         """
         own = {"plant", "referee"} & set(spec.get("own", {}))
@@ -252,9 +253,9 @@ class LimitProblem:
         return sha256(text.encode()).hexdigest()[:16]
 
     def _numbers(self) -> dict[str, Any]:
-        """Return the numbers that the search and its check read, and no others.
+        """Return the numbers that the search and its check read.
 
-        Names, latency, sensors and how well a vehicle is known do not change what it can do.
+        Names, latency, sensors and uncertainties of a vehicle do not change the limit.
         """
         course = self.course
         return {
@@ -272,7 +273,7 @@ class LimitProblem:
 
     @property
     def file_name(self) -> str:
-        """The name of the file of its solution, with the key at the end."""
+        """The name of the solution's file, which ends with the key."""
         parts = [self.course.name, self.vehicle.name, str(self.laps)]
         if self.closed:
             parts.append("closed")
@@ -316,20 +317,20 @@ class LimitProblem:
 
 
 def _gate_numbers(gate: Gate) -> tuple[float, ...]:
-    """Return the numbers of a gate that decide a limit [m], [rad]."""
+    """Return the numbers of a gate on which the least time depends [m], [rad]."""
     angles = (gate.yaw, gate.pitch, gate.roll)
     return (*gate.position, *angles, *gate.opening, gate.frame_width, gate.frame_depth)
 
 
 def _obstacle_numbers(obstacle: Obstacle) -> tuple[float, ...]:
-    """Return the numbers of an obstacle [m], [rad]: five of a cylinder, seven of a box."""
+    """Return the numbers of an obstacle, five for a cylinder and seven for a box [m], [rad]."""
     if isinstance(obstacle, Cylinder):
         return (*obstacle.base, obstacle.radius, obstacle.height)
     return (*obstacle.centre, *obstacle.size, obstacle.yaw)
 
 
 def _vehicle_numbers(vehicle: Vehicle) -> dict[str, Any]:
-    """Return the numbers of a vehicle that decide a limit, in the units of Vehicle and Rotors."""
+    """Return a vehicle's numbers on which the least time depends, in their usual units."""
     numbers: dict[str, Any] = {
         "mass": vehicle.mass,
         "inertia": vehicle.inertia,
@@ -354,7 +355,7 @@ def _vehicle_numbers(vehicle: Vehicle) -> dict[str, Any]:
 
 
 def _rounded(value: Any) -> Any:
-    """Round all numbers to 9 digits, as the last bits of an angle do not make another course."""
+    """Return a value with all numbers rounded to 9 digits, so that the last bits do not matter."""
     match value:
         case dict():
             return {key: _rounded(inner) for key, inner in value.items()}
@@ -366,7 +367,7 @@ def _rounded(value: Any) -> Any:
 
 
 def _fastest(found: Iterator[StoredSolution]) -> StoredSolution | None:
-    """Return the fastest of these solutions, the first of equal ones, None if there is none."""
+    """Return the fastest solution, the first if several are equal, None if there is none."""
     return min(found, key=lambda stored: stored.time, default=None)
 
 
@@ -379,12 +380,12 @@ def limit_of(
 ) -> StoredSolution | None:
     """Return the best solution known of a run's race, None if there is none.
 
-    A damaged file, and a spec that names no race, count as none.
+    Damaged files are skipped, and a spec that does not describe a race has no solution.
 
     Args:
         spec: the spec of the run.
         folders: folders to search besides the project's own; see `limits_folder`.
-        remark: is called with a line for each file that cannot be read.
+        remark: function that is called with a line for each file that cannot be read.
     """
     try:
         problem = LimitProblem.of_run(spec)
@@ -398,7 +399,7 @@ def limit_of(
 def _readable(
     problem: LimitProblem, folders: tuple[Path, ...], remark: Callable[[str], object]
 ) -> Iterator[StoredSolution]:
-    """Yield the solutions of a race that can be read; make a remark for each of the others."""
+    """Yield the readable solutions of a race, and call `remark` for each unreadable file."""
     for path in problem.files(*folders):
         try:
             yield problem.read(path)
@@ -431,7 +432,7 @@ def load(path: Path) -> StoredSolution:
     """Read a solution's file.
 
     Raises:
-        LimitError: the file is damaged, of another format, or no solution.
+        LimitError: the file is damaged, has another format, or is not a solution.
     """
     try:
         data = read_bytes(path, WHAT, LARGEST)
@@ -463,7 +464,7 @@ def load(path: Path) -> StoredSolution:
 
 
 def _hash(arrays: Mapping[str, np.ndarray]) -> str:
-    """Return the sha256 of the arrays of a file, but for the one that holds it [hex]."""
+    """Return the sha256 [hex] of a file's arrays, except the array that holds it."""
     found = sha256(arrays[FACTS].item().encode())
     for name in NODES:
         found.update(np.ascontiguousarray(arrays[name]).tobytes())

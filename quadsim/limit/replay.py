@@ -1,4 +1,4 @@
-"""A stored solution as a run, for replay and for races on the page."""
+"""Convert a stored solution to a run, for replays and for races on the page."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TIMEOUT = 1e4
 
 
 def referee_of(problem: LimitProblem) -> Referee:
-    """Return a new referee that continues after a hit, to report all hits of a race.
+    """Return a new referee that continues after a hit, so that it reports all hits of a race.
 
     Raises:
         ValueError: laps on an open course, or a gate too small for the vehicle.
@@ -33,8 +33,9 @@ def replayed(stored: StoredSolution, problem: LimitProblem, spec: dict[str, Any]
 
     Args:
         stored: the solution.
-        problem: its race.
-        spec: the record of a flight of this race. Vehicle and controller are set to the solution's.
+        problem: the solution's race.
+        spec: spec of a flight of this race, whose vehicle and controller are replaced by the
+            solution's.
     """
     referee = referee_of(problem)
     path = stored.path(RATE)
@@ -71,7 +72,7 @@ def replayed(stored: StoredSolution, problem: LimitProblem, spec: dict[str, Any]
 
 
 def _solution_as_controller(problem: LimitProblem) -> dict[str, Any]:
-    """Return the keys of a spec that name the vehicle, and the solution as the controller."""
+    """Return the keys of a spec that describe the vehicle and the solution as the controller."""
     return {
         "vehicle": asdict(problem.vehicle),
         "plant": problem.model,

@@ -1,4 +1,4 @@
-"""Route: the gates of a race in their order, from rest or as a closed lap, and its segments."""
+"""The route of a race: its gates in order, from rest or as a closed lap, and its segments."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ FEWEST = 6
 
 @dataclass(frozen=True)
 class Route:
-    """The gates to pass, laps unrolled, and the space for a sphere."""
+    """The gates to pass, in all laps, and the free space in them for the vehicle's sphere."""
 
     gates: tuple[Gate, ...]
     # None: a closed lap, which begins at the last gate in the state in which it ends
@@ -45,7 +45,7 @@ class Route:
     def of(cls, problem: LimitProblem) -> Route:
         """Return the route of a problem under the referee's rules.
 
-        A closed route is a lap that can be repeated for ever, without a start.
+        A closed route is a lap without a start, which can be repeated for ever.
         """
         course = problem.course
         radius = problem.vehicle.radius
@@ -74,8 +74,8 @@ class Route:
 
     @property
     def reach(self) -> float:
-        """The distance of a gate's entry and exit from its plane; there the sphere is clear [m]."""
-        # The frames of one course are equally deep but for a gate with a depth of its own.
+        """The distance from a gate's plane to its entry and exit, where the sphere is clear [m]."""
+        # The frames of a course have the same depth, except for a gate with its own depth.
         return half_depth(self.radius, depth=max(gate.frame_depth for gate in self.gates))
 
     def room(self, gate: Gate) -> HalfSizes:
@@ -96,8 +96,8 @@ class Route:
     def mesh(self, intervals: float) -> list[int]:
         """Return the number of intervals on each leg.
 
-        A leg of mean length has `intervals`. The number grows with the square root of a leg's
-        length, as does the time at a given mean acceleration.
+        A leg of mean length has `intervals` intervals. The number grows with the square root of a
+        leg's length, like the time at a given mean acceleration.
         """
         mean = sum(self.legs) / len(self.legs)
         return [max(FEWEST, round(intervals * sqrt(leg / mean))) for leg in self.legs]
@@ -105,9 +105,10 @@ class Route:
 
 @dataclass(frozen=True)
 class Segment:
-    """Intervals of equal length: to a gate's entry, to its exit, or to the last gate's plane.
+    """A part of a route with intervals of equal length.
 
-    The kind names the constraint at the segment's end, and inside a gate at every node.
+    It ends at a gate's entry, at its exit, or in the last gate's plane. The kind names the
+    constraint at this end and, inside a gate, at every node.
     """
 
     # Index of the gate

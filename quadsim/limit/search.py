@@ -1,6 +1,6 @@
-"""Search of a limit: several initial guesses on one mesh, the fastest again on a finer mesh.
+"""Search for a limit: solve from several guesses, and the best again on a finer mesh.
 
-The fastest verified solution is the best known one.
+The result is the fastest solution that passes the check.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class SolveAttempt:
 
     @property
     def time(self) -> float | None:
-        """The duration of the race [s], None without a solution."""
+        """The duration of the race [s], None if there is no solution."""
         return self.solved.solution.time if self.solved else None
 
 
@@ -60,7 +60,7 @@ class Search:
         """Prepare a search.
 
         Raises:
-            ValueError: the model does not cover the vehicle, or the referee does not cover the
+            ValueError: the model does not support the vehicle, or the referee does not support the
                 race.
         """
         referee_of(problem)
@@ -71,7 +71,7 @@ class Search:
     def attempts(
         self, flights: Iterable[FlownRun], intervals: int, progress: Progress
     ) -> Iterator[SolveAttempt]:
-        """Yield attempts: from flights, from straight lines, and the best on a finer mesh.
+        """Yield attempts from flights, from straight lines, and from the best one on a finer mesh.
 
         Args:
             flights: runs used as initial guesses.
@@ -120,7 +120,7 @@ class Search:
     def _rounds(
         self, guess: Guess, mesh: list[int], around: tuple[Detour, ...], progress: Progress
     ) -> Iterator[SolveAttempt]:
-        """Yield attempts of one guess: while frames are hit, repeat with a detour around each."""
+        """Yield attempts from one guess, repeated with detours as long as frames are hit."""
         plan = segments(self._route, mesh)
         name = guess.name
         for k in range(ROUNDS):
@@ -136,7 +136,7 @@ class Search:
             guess = solved(f"{name}, around frames {k + 1}", solution, self._route)
 
     def _hits(self, events: Iterable[Event]) -> list[Hit]:
-        """Return the hit frames and boxes; cylinders are left to a finer mesh."""
+        """Return the hit frames and boxes; hit cylinders need a finer mesh instead."""
         found = []
         for event in events:
             if event.kind != "hit":

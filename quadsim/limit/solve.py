@@ -31,7 +31,7 @@ Show = Callable[[int, float], None]
 
 
 class NotSolvedError(Exception):
-    """The optimiser gave up. The message is its return status, one line."""
+    """The optimiser has found no solution. The message is its return status."""
 
 
 class Watch(casadi.Callback):
@@ -71,7 +71,7 @@ class Watch(casadi.Callback):
         return casadi.Sparsity.dense(size, 1 if size else 0)
 
     def eval(self, arg: Sequence[Any]) -> list[int]:
-        """Report an iteration; return 1 to stop."""
+        """Report an iteration, and return whether the optimiser stops: 1 if it does, else 0."""
         time = float(arg[1])
         try:
             self._show(self._count, time)
@@ -139,7 +139,7 @@ def _show_nothing(iteration: int, time: float) -> None:
 
 
 def _read(s: Shooting, found: dict, in_segment: np.ndarray) -> Solution:
-    """Return the optimiser's result as a Solution; in_segment: intervals of each segment."""
+    """Return the optimiser's result as a Solution, given the intervals of each segment."""
     z = casadi.vertcat(*s.program.z)
     outputs = [casadi.horzcat(*s.x), casadi.horzcat(*s.u), casadi.vertcat(*s.lengths)]
     read = casadi.Function("read", [z], outputs)

@@ -4,12 +4,12 @@
     such that   x_{k+1} = Phi(x_k, u_k, h_s)
 
 where a segment s consists of n_s intervals of length h_s, and the continuity constraint equates the
-state at each node with the end of the interval before it. Further constraints are the limits of
-state, control and thrust, the gates' openings, and start and end.
+state at each node with the end of the previous interval. Further constraints are the limits of
+state, control and thrust, the gates' openings, and the states at the start and the end.
 
 Phi is the classical Runge-Kutta method with the attitude normalised. Without the normalisation the
-optimiser exploits the method's error of |q|, whose square scales the thrust: the laps are 15 % too
-fast and yet solve the equations to 1e-8.
+optimiser exploits the method's error of |q|, whose square scales the thrust: laps become 15 % too
+fast, although they satisfy the equations to 1e-8.
 """
 
 from __future__ import annotations
@@ -60,14 +60,14 @@ class Program:
     g_high: list = field(default_factory=list)
 
     def variable(self, name: str, start: np.ndarray, low: Any, high: Any, scale: Any = 1.0) -> Any:
-        """Add a variable and return it in its own unit.
+        """Add a variable to the program, and return it in its physical unit.
 
         Args:
             name: name of the symbol.
             start: initial guess  (n,).
-            low: lower limits, one or (n,).
-            high: upper limits, one or (n,).
-            scale: the optimiser uses the variable divided by this, one or (n,).
+            low: lower limits, a number or (n,).
+            high: upper limits, a number or (n,).
+            scale: factor by which the optimiser's variable is multiplied, a number or (n,).
         """
         n = len(start)
         scales = np.broadcast_to(scale, n).astype(float)
@@ -90,7 +90,7 @@ class Program:
 
 @dataclass
 class Shooting:
-    """The program of a route, and its symbols for reading a solution."""
+    """The program of a route, and the symbols with which a solution is read."""
 
     route: Route
     model: Dynamics
@@ -123,10 +123,10 @@ class ProgramInterval(NamedTuple):
 
 
 class Interval:
-    """One interval of a model, as CasADi functions that are made once."""
+    """One interval of a model as CasADi functions."""
 
     def __init__(self, model: Dynamics):
-        """Make the functions of a model."""
+        """Make the CasADi functions of a model."""
         self._model = model
         self._scale = state_scale(model)
         x = casadi.SX.sym("x", len(model.low))
@@ -155,7 +155,7 @@ class Interval:
             self._spare = casadi.Function("spare", [x, u], [casadi.vertcat(*spare)])
 
     def connect(self, program: Program, x: Any, u: Any, h: Any, after: Any) -> ProgramInterval:
-        """Constrain an interval of h [s] to lead from one state to the next, within the limits.
+        """Constrain an interval of h [s] to lead from one state to the next, and return it.
 
         Args:
             program: program to add the constraints to.
@@ -188,8 +188,8 @@ def shooting(
     Args:
         route: the gates.
         model: model of the vehicle.
-        intervals: on each of the route's legs.
-        guess: flight that the optimiser starts from.
+        intervals: number of intervals on each of the route's legs.
+        guess: initial guess.
         around: detours around frames and boxes beside the route.
     """
     s = Shooting(route, model, segments(route, intervals))
@@ -241,7 +241,7 @@ def shooting(
 
 
 def state_limits(bounds: Sequence[tuple[float, float]], model: Dynamics) -> StateLimits:
-    """Return the ranges of a model's state; bounds: ranges of x, y and z [m]."""
+    """Return the ranges of a model's state, given the ranges of x, y and z [m]."""
     low = model.low.copy()
     high = model.high.copy()
     low[POSITION] = [least for least, _ in bounds]
@@ -254,7 +254,7 @@ def state_limits(bounds: Sequence[tuple[float, float]], model: Dynamics) -> Stat
 
 
 def state_scale(model: Dynamics) -> np.ndarray:
-    """Return the scale of the state, for variables of order one.  (n_x,)"""
+    """Return the scale of each state, so that scaled variables are of order one.  (n_x,)"""
     scale = 0.1 * model.high
     # [m], [m/s], 1, [rad/s]
     scale[POSITION] = 10.0
@@ -281,7 +281,7 @@ def close(program: Program, first: Any, last: Any) -> None:
 
 
 def _hold_at(s: Shooting, segment: Segment, x: Any, at_end: bool) -> None:
-    """Add a segment's constraints on one of its nodes: the opening, and the plane at its end."""
+    """Constrain a node of a segment to the gate's opening, and at its end to the plane."""
     if segment.kind == "approach" and not at_end:
         return
     route = s.route
@@ -299,7 +299,7 @@ def _hold_at(s: Shooting, segment: Segment, x: Any, at_end: bool) -> None:
 
 
 def _hold_clear(s: Shooting, points: Sequence[Any], guess: np.ndarray, h: float) -> None:
-    """Constrain points to stay beside the cylinders that the guess does not fly over.
+    """Constrain points to stay beside every cylinder that the guess does not fly over.
 
     Args:
         s: the program.

@@ -1,4 +1,4 @@
-"""Check of a solution: fine integration from every node, limits in between, and the referee."""
+"""Check a solution by fine integration from every node, by the limits, and by the referee."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ FOUL = ("hit", "ground", "bounds", "timeout")
 
 @dataclass
 class Verified:
-    """The findings of the check of a solution; the solution counts if nothing is broken."""
+    """The findings of the check of a solution, which is valid if there are no faults."""
 
     # Largest gap between a node and the integrated end of the interval before it [m]
     residual: float = 0.0
@@ -54,7 +54,7 @@ class Verified:
     broken: list[str] = field(default_factory=list)
 
     def summary(self) -> Check:
-        """Return the findings as they are stored, with the number of events of each kind."""
+        """Return the findings for storage, with the number of events of each kind."""
         return Check(
             residual=self.residual,
             worth=self.worth,
@@ -72,7 +72,7 @@ def verify(solution: Solution, model: Dynamics, referee: Referee | None = None) 
     Args:
         solution: the optimiser's solution.
         model: the model of the solution.
-        referee: a new referee, see `referee_of`, which checks every step of the integration.
+        referee: new referee, see `referee_of`, which checks every step of the integration.
     """
     found = Verified()
     x = solution.x.tolist()
@@ -127,7 +127,7 @@ def _broken(found: Verified, solution: Solution) -> Iterator[str]:
 def _outside(found: Verified, solution: Solution, model: Dynamics) -> Iterator[str]:
     """Yield a line for each violated limit of the vehicle.
 
-    Controls are checked at the nodes, up to rounding; body rates at every step.
+    Controls are checked at the nodes, up to rounding errors, and body rates at every step.
     """
     allowed = (1.0 + RATE_SHARE) * model.high[BODY_RATES] + RATE_MORE
     if (np.array(found.body_rate) > allowed).any():

@@ -254,6 +254,11 @@ class Commands:
         if number == REQUEST_CAPABILITIES:
             self._link.answer(VERSION, sender)
             return ACCEPTED
+        if number == SET_INTERVAL and command.param1 != AUTOPILOT_VERSION:
+            is_set = self._may_fly(sender) and self._downlink.set_interval(
+                command.param1, command.param2
+            )
+            return ACCEPTED if is_set else DENIED
         if number in (REQUEST_MESSAGE, SET_INTERVAL):
             return self._request(command.param1, sender)
         return UNSUPPORTED

@@ -2,10 +2,23 @@
 
 from __future__ import annotations
 
+from math import isfinite
+
 from quadsim.config.spec import Spec
 from quadsim.dynamics.quadrotor import State
 from quadsim.mavlink.clock import SimulatorClock
-from quadsim.mavlink.messages import Collision, Heartbeat, Statustext, SysStatus
+from quadsim.mavlink.messages import (
+    ActuatorOutputStatus,
+    Attitude,
+    Collision,
+    GlobalPositionInt,
+    Heartbeat,
+    HomePosition,
+    LocalPositionNed,
+    Odometry,
+    Statustext,
+    SysStatus,
+)
 from quadsim.mavlink.pictures import Eye, chunks, jpeg
 from quadsim.mavlink.race_data import NO_RACE, RaceStatus, status_message, track_messages
 from quadsim.mavlink.senses import Senses
@@ -42,6 +55,20 @@ RATES = {
     "GLOBAL_POSITION_INT": 10.0,
     "HOME_POSITION": 1.0,
 }
+# Messages whose rate a client may change, by number; the largest rate [Hz]
+CHANGEABLE = {
+    kind.ID: kind.NAME
+    for kind in (
+        ActuatorOutputStatus,
+        Attitude,
+        GlobalPositionInt,
+        HomePosition,
+        LocalPositionNed,
+        Odometry,
+        SysStatus,
+    )
+}
+FASTEST = 400.0
 # HEARTBEAT: a quadrotor, a generic autopilot, flags of base_mode
 QUADROTOR = 2
 GENERIC = 0
@@ -97,6 +124,7 @@ class Downlink:
         self._eye = Eye(spec.flown_course, served.camera) if served.camera else None
         self._transfers = 0
         self._pictures = 0
+        self._rates = dict(RATES)
         self._ticks: dict[str, Ticks] = {}
         self._status = NO_RACE
 
@@ -112,10 +140,34 @@ class Downlink:
 
     def begin(self, status: RaceStatus) -> None:
         """Begin a flight, or the wait for one, at t = 0. status: the state of its race."""
-        self._ticks = {name: Ticks(rate) for name, rate in RATES.items()}
+        self._ticks = {name: Ticks(rate) for name, rate in self._rates.items()}
         if self._eye is not None:
             self._ticks["picture"] = Ticks(self._eye.rate)
         self._status = status
+
+    def set_interval(self, number: float, interval: float) -> bool:
+        """Change the rate of a message; return whether it can be changed.
+
+        In lock step, in which messages decide when a setpoint is awaited, none can.
+
+        Args:
+            number: the message's number.
+            interval: time between two messages [us]; 0: the usual time, -1: it is not sent.
+        """
+        name = CHANGEABLE.get(int(number)) if isfinite(number) else None
+        fastest = 1e6 / FASTEST
+        if name is None or self._served.lock_step:
+            return False
+        if interval == 0.0:
+            self._rates[name] = RATES[name]
+        elif interval == -1.0:
+            self._rates[name] = 0.0
+        elif interval >= fastest:
+            self._rates[name] = 1e6 / interval
+        else:
+            return False
+        self._ticks[name] = Ticks(self._rates[name])
+        return True
 
     def tell_start(self, boot: float | None) -> None:
         """Tell in the race status when the race is to start.
@@ -191,7 +243,7 @@ class Downlink:
 
     def _due(self, name: str, t: float) -> bool:
         """Return whether a message is due at t [s]."""
-        return self._ticks[name].due(t)
+        return self._rates.get(name, 1.0) > 0.0 and self._ticks[name].due(t)
 
     def send_track(self) -> None:
         """Send the track."""

@@ -1,4 +1,4 @@
-"""An off-road vehicle on flat ground: a simulated stand-in for the paper's, not a model of it.
+"""An off-road vehicle on flat ground, which replaces the paper's vehicle but does not model it.
 
     steer' = clip((steer_cmd - steer) / tau_s, +-rate)      the steering wheel lags, and takes about
                                                             2 s from lock to lock
@@ -44,9 +44,9 @@ class CarControl(NamedTuple):
 
 
 class CarParams(NamedTuple):
-    """The parameters of `step`: the ones of OffroadVehicle, with a response for each lag.
+    """The parameters of `step`: the parameters of OffroadVehicle, with a response for each lag.
 
-    A response is the share of its difference to the command that a state closes in one step.
+    A response is the share of the difference to its command that a state makes up in one step.
     """
 
     steer_response: float

@@ -1,6 +1,6 @@
-"""Corridor: two walls along a polygonal centre line, and the rules of a drive.
+"""A corridor of two walls along a polygonal centre line, and the rules of a drive.
 
-At a bend, one leg ends and the next leg begins at the line that halves the angle.
+At a bend, one leg ends and the next begins at the line that halves the angle.
 """
 
 from __future__ import annotations
@@ -92,9 +92,12 @@ class DriveReferee:
     """
 
     def __init__(self, corridor: Corridor, half_width: float, timeout: float):
-        """Start before the corridor.
+        """Begin at the start of the corridor.
 
-        half_width: half the width of the vehicle [m]; timeout: time limit [s].
+        Args:
+            corridor: the corridor.
+            half_width: half of the vehicle's width [m].
+            timeout: time limit [s].
         """
         self.outcome: str | None = None  # None until the drive has ended
         self.legs = 0  # number of completed legs

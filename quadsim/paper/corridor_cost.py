@@ -80,20 +80,20 @@ def to_go(x, x_next, u, leg, p):
 
 
 def lethal(x, x_next, u, leg, p):
-    """Return the distance travelled times the depth in the margin of a wall, 1 at the wall [m]."""
+    """Return the distance travelled times the depth in a wall's margin, 1 at the wall [m]."""
     dx, dy = off_end(x_next, leg)
     beyond = maximum(abs(leg.ex * dy - leg.ey * dx) - p.room, 0.0) / p.margin
     return travelled(x_next, p) * beyond
 
 
 def rollover(x, x_next, u, leg, p):
-    """Return the distance travelled times the square of lateral acceleration above its limit."""
+    """Return the distance travelled times the squared excess of the lateral acceleration."""
     lateral = maximum(abs(x_next.v * x_next.r) - p.lateral_max, 0.0)
     return travelled(x_next, p) * lateral * lateral
 
 
 def speed(x, x_next, u, leg, p):
-    """Return the distance travelled times the square of the speed above its limit."""
+    """Return the distance travelled times the squared excess of the speed over its limit."""
     fast = maximum(x_next.v - p.speed_max, 0.0)
     return travelled(x_next, p) * fast * fast
 
@@ -136,7 +136,7 @@ def corridor_cost(
 
 
 def targets(corridor: Corridor) -> np.ndarray:
-    """Return a LegTarget for each leg, and one for a last leg behind the goal.  (legs + 1, 7)"""
+    """Return a LegTarget for each leg, and one more for a leg behind the goal.  (legs + 1, 7)"""
     directions = corridor.directions
     ends = np.array(corridor.points[1:])
     legs = np.column_stack([ends, directions, corridor.ends])

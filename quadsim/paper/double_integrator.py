@@ -100,10 +100,10 @@ def summary(track: Track) -> dict[str, float | None]:
     """Return the numbers of a track for the figure.
 
     Returns:
-        settled: time from which on the axis is within AT_GOAL [s]; None: it never settles.
-        largest_control: [m/s^2]
-        control_at_rest: standard deviation in the last second [m/s^2].
-        power_above_20_hz: of the control [(m/s^2)^2].
+        settled: time after which the axis stays within AT_GOAL [s]; None if it never does.
+        largest_control: largest absolute control [m/s^2].
+        control_at_rest: standard deviation of the control in the last second [m/s^2].
+        power_above_20_hz: power of the control above 20 Hz [(m/s^2)^2].
     """
     away = np.flatnonzero(abs(track.p - GOAL.x) > AT_GOAL)
     settled = away[-1] + 1 if len(away) else len(track.t)
@@ -134,7 +134,7 @@ def psd(t: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def draw(tracks: Mapping[str, Track]) -> Figure:
-    """Draw position, control and the control's spectrum of one axis."""
+    """Return a figure of position, control and the control's spectrum along one axis."""
     with rc_context(STYLE):
         figure = Figure(figsize=(14, 4.4), dpi=110, layout="constrained")
         state, control, spectrum = figure.subplots(1, 3)

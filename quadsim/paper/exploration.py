@@ -58,7 +58,7 @@ def paths(controls: np.ndarray) -> np.ndarray:
     """Return the paths of the vehicle under controls, from the origin with heading east.
 
     Args:
-        controls: (samples, 2, horizon)
+        controls: controls of each sample  (samples, 2, horizon).
 
     Returns:
         Positions [m]  (samples, horizon + 1, 2).
@@ -77,7 +77,7 @@ def paths(controls: np.ndarray) -> np.ndarray:
 def draw(
     spread: Mapping[str, np.ndarray], variance: Mapping[str, np.ndarray], t: np.ndarray
 ) -> Figure:
-    """Draw the paths from above, and the variance of x over time.
+    """Return a figure of the paths from above, and of the variance of x over time.
 
     Args:
         spread: positions of each case [m]  (samples, times, 2).

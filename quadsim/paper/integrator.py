@@ -1,7 +1,7 @@
 """Two double integrators side by side, x' = v, v' = k u: the system of Table II and its cost.
 
-The numbers are from Vlahov et al. 2024, section IV-C. Explicit Euler: the position moves with the
-old velocity. The controls have no limits, within the range of float32.
+The numbers are from Vlahov et al. 2024, section IV-C. The integrator is explicit Euler, in which
+the position moves with the old velocity. The controls have no limits, within the range of float32.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def step(x, u, p, dt):
 
 
 def double_integrator(dt: float, gain: float = 1.0) -> System:
-    """Return the system at control period dt [s]. gain: acceleration per unit of control, k."""
+    """Return the system for a control period dt [s] and a gain k [m/s^2 per unit of control]."""
     return System(
         name="double_integrator",
         state=PointState,

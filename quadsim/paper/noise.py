@@ -49,7 +49,7 @@ def perturbations(sampling: Sampling, samples: int, seed: int = 0) -> np.ndarray
 
 
 def draw(samples: Mapping[str, np.ndarray], t: np.ndarray) -> Figure:
-    """Draw some samples (samples, HORIZON) of each noise over the time t (HORIZON,) [s]."""
+    """Return a figure of samples (samples, HORIZON) of each noise over time t (HORIZON,) [s]."""
     with rc_context(STYLE):
         figure = Figure(figsize=(9, 8), dpi=110, layout="constrained")
         rows = figure.subplots(len(samples), 1, sharex=True, sharey=True)

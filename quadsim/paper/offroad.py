@@ -93,7 +93,7 @@ def planner(sampling: Sampling, config: MPPIConfig, seed: int | np.random.SeedSe
 
 
 def drive(task: DriveTask) -> Drive:
-    """Drive the disturbed vehicle along the corridor until the referee ends the drive."""
+    """Return a drive of the disturbed vehicle along the corridor, which the referee ends."""
     streams = offroad_streams(task.seed)
     mppi = planner(task.sampling, task.config, streams.planner)
     vehicle = car(DRIVEN, PLANT_DT)
@@ -187,7 +187,7 @@ def csv_rows(of_attempt: Drive) -> list[dict]:
 
 
 def draw_drives(drives: Mapping[str, Sequence[Drive]]) -> Figure:
-    """Draw every attempt from above, coloured by the time since its start."""
+    """Return a figure of every attempt from above, coloured by the time since its start."""
     with rc_context(STYLE):
         figure = Figure(figsize=(13, 5), dpi=110, layout="constrained")
         columns = figure.subplots(1, len(drives), sharey=True)
@@ -214,7 +214,7 @@ def _draw_variant(axes: Axes, name: str, drives: Sequence[Drive]) -> LineCollect
 
 
 def draw_drive_controls(drives: Mapping[str, Sequence[Drive]]) -> Figure:
-    """Draw the commands in the first seconds of the first attempts."""
+    """Return a figure of the commands in the first seconds of the first attempts."""
     titles = ("throttle and brake", "steering")
     with rc_context(STYLE):
         figure = Figure(figsize=(9, 5), dpi=110, layout="constrained")

@@ -64,7 +64,7 @@ def make(runs: int, folder: Path) -> Result:
 
 
 def flown(variants: Sequence[Variant], runs: int, folder: Path) -> dict[str, list[AttemptRow]]:
-    """Return the attempts of each variant by seed, and fly the ones that the folder lacks.
+    """Return the attempts of each variant by seed; missing attempts are flown.
 
     Raises:
         RunError: an attempt is lost, or the folder cannot be used.
@@ -81,7 +81,7 @@ def flown(variants: Sequence[Variant], runs: int, folder: Path) -> dict[str, lis
 
 
 def load_flight(row: AttemptRow, spec: Spec, folder: Path) -> RecordedRun:
-    """Return an attempt with its telemetry, flown again if that is missing or damaged."""
+    """Return an attempt with its telemetry, which is flown again if it is missing or damaged."""
     if row.folder:
         try:
             return read_run(folder / row.folder)
@@ -137,7 +137,7 @@ def csv_rows(run: RecordedRun) -> list[dict]:
 
 
 def draw_laps(flights: Mapping[str, Sequence[RecordedRun]]) -> Figure:
-    """Draw for each sampler the first finished laps, and the controls of the fastest lap."""
+    """Return a figure of each sampler's first finished laps and controls of the fastest lap."""
     with rc_context(STYLE):
         figure = Figure(figsize=(12, 8), dpi=110, layout="constrained")
         parts = figure.subfigures(len(flights), 1, squeeze=False)[:, 0]

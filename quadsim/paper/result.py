@@ -1,8 +1,8 @@
-"""Result: the numbers, tables and files of an experiment.
+"""The result of an experiment: numbers, tables and files.
 
-The paper: B. Vlahov, J. Gibson, D. D. Fan, P. Spieler, A. Agha-mohammadi and E. A. Theodorou, "Low
-Frequency Sampling in Model Predictive Path Integral Control", IEEE Robotics and Automation Letters
-9(5), 2024.
+The paper is B. Vlahov, J. Gibson, D. D. Fan, P. Spieler, A. Agha-mohammadi and E. A. Theodorou,
+"Low Frequency Sampling in Model Predictive Path Integral Control", IEEE Robotics and Automation
+Letters 9(5), 2024.
 """
 
 from __future__ import annotations
@@ -27,6 +27,6 @@ class Result:
 
 
 def write_csv(path: Path, rows: Sequence[dict]) -> Path:
-    """Write rows of equal keys as CSV, and return the path. Raises RunError."""
+    """Write rows with equal keys as CSV, and return the path. Raises RunError."""
     write_whole(path, csv_text(rows).encode())
     return path

@@ -1,9 +1,9 @@
 """Runs of an experiment, computed by worker processes and stored in one SQLite file.
 
 A run is defined by a frozen dataclass with all its settings, including the seed, and by a function
-from this task to a result. The key is the text of the task with the versions of the libraries. A
-row is written in one transaction as soon as its run has ended, so that a command that is killed at
-any moment continues where it stopped.
+from this task to a result. Its key in the file is the text of the task with the versions of the
+libraries. A row is written in one transaction as soon as its run has ended, so that an interrupted
+command can be continued.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ Result = TypeVar("Result", bound=tuple)  # a NamedTuple
 def kept_runs(
     tasks: Sequence[Task], fly: Callable[[Task], Result], kind: type[Result], folder: Path
 ) -> list[Result]:
-    """Return the result of each task, and compute the ones that the folder lacks.
+    """Return the result of each task; results that the folder lacks are computed.
 
     Args:
         tasks: frozen dataclasses with all settings of a run.
@@ -141,7 +141,7 @@ def _read(
 
 
 def _write(database: sqlite3.Connection, key: str, result: tuple) -> None:
-    """Keep a result."""
+    """Store a result."""
     with uninterrupted(), database:  # the context of the database commits
         database.execute("INSERT OR REPLACE INTO runs VALUES (?, ?)", (key, as_bytes(result)))
 

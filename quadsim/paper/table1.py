@@ -1,4 +1,4 @@
-"""Rows of Table I: success and times of our attempts and the published ones; and paths."""
+"""Rows of Table I, which compare attempts of this project with published ones, and paths."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from quadsim.statistics import mean_interval, wilson
 
 
 class PublishedTimes(NamedTuple):
-    """A row of the published table. None: not given in the paper."""
+    """A row of the published table; None stands for numbers that the paper does not give."""
 
     mean: float | None = None  # of the times of the valid attempts [s]
     sd: float | None = None

@@ -107,7 +107,7 @@ class Motion(NamedTuple):
 
 
 class Score(NamedTuple):
-    """The numbers of a run for the table."""
+    """The cost and the computing time of a run, for the table."""
 
     cost: float  # accumulated cost
     plan_ms: float
@@ -140,7 +140,7 @@ def planner(
 
 
 def move(task: MotionTask) -> Motion:
-    """Simulate the double integrator from START under the planner's controls."""
+    """Return a run of the double integrator from START under the planner's controls."""
     mppi = planner(task.sampling, task.config, double_integrator_streams(task.seed).planner)
     system = double_integrator(task.config.dt)
     x = START
@@ -170,14 +170,14 @@ def score(task: MotionTask) -> Score:
 
 
 def accumulated_cost(motion: Motion) -> float:
-    """Return the sum of the cost over all states but the first, which is given."""
+    """Return the sum of the cost over all states except the first."""
     x = PointState(*motion.x[1:].T)
     found = evaluate(quadratic_cost(GOAL), x, x, (), GOAL)
     return sum(float(np.sum(term)) for term in found.terms.values())
 
 
 def scores(cells: Sequence[Cell], runs: int, folder: Path) -> dict[Cell, list[Score]]:
-    """Return the scores of these cells by seed, and compute missing ones."""
+    """Return the scores of cells by seed; missing scores are computed."""
     tasks = [
         MotionTask(samplings(cell.sigma)[cell.sampler], seed)
         for cell in cells
@@ -197,7 +197,8 @@ def make(runs: int, folder: Path) -> Result:
 def row(cell: Cell, runs: Sequence[Score]) -> dict:
     """Return one cell of the table as JSON; values that the paper lacks are None.
 
-    ms is the time of a control step on one thread with all cores busy, paper_ms on an RTX 3080.
+    `ms` is the time of a control step on one thread with all cores busy; `paper_ms` is the paper's
+    time on an RTX 3080.
     """
     cost = np.array([run.cost for run in runs])
     paper = TABLE2.get(cell)

@@ -79,7 +79,7 @@ def angular_acceleration(omega: Vec3, torque: Vec3, inertia: Vec3) -> Vec3:
 
 
 def drag_force(vehicle: Vehicle, v_body: Vec3) -> Vec3:
-    """Return the drag [N], linear along each axis of the body: -m d v.
+    """Return the drag -m d v [N] in the body's axes, linear in the velocity along each axis.
 
     Args:
         vehicle: vehicle with the coefficients d [1/s].
@@ -168,8 +168,8 @@ def condition_at(t: float, faults: Sequence[FaultOfVehicle]) -> Condition:
 class Actuators:
     """The actuators of one vehicle, stepped every dt [s].
 
-    The state consists of the commands on the link, the speeds of the rotors, and the time, which
-    decides the active faults.
+    The state consists of the commands on the link, the rotor speeds, and the time, which decides
+    which faults are active.
     """
 
     def __init__(
@@ -184,8 +184,8 @@ class Actuators:
         Args:
             vehicle: vehicle that has the actuators.
             dt: physics step [s].
-            faults: faults of the vehicle, with nothing left to draw.
-            link: link for the commands; None: a wire.
+            faults: faults of the vehicle, whose random numbers have been drawn.
+            link: link that carries the commands; None: a wire without losses.
         """
         self._vehicle = vehicle
         self._dt = dt

@@ -3,12 +3,12 @@
 Crazyflow is the simulator of the Learning Systems Lab's drone racing class. It provides the
 body-rate controller, which follows the Crazyflie's firmware, the allocation, which clips each rotor
 command by itself, the rotors' equation, the gyroscopic torques of the propellers, which the planner
-does not model, and the integrator. Its model is that of first principles.
+does not model, and the integrator. The model is Crazyflow's `first_principles`.
 
 The vehicle's file gives mass, inertia, drag, rotors with their equation, limits, rate loop and
 latency. The firmware's controller also levels the vehicle; these gains are zero here, and the gains
-of the body rates are those of the file's lags. With `cf21b_500` all other numbers are Crazyflow's
-own. This plant reports no contacts; the referee finds contacts by its swept test.
+of the body rates follow from the lags in the file. With the vehicle `cf21b_500` all other numbers
+are Crazyflow's own. This plant reports no contacts; the referee finds contacts by its swept test.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ SCIPY_FLAG = "SCIPY_ARRAY_API"
 
 
 def before_scipy() -> None:
-    """Let SciPy take JAX's arrays, which Crazyflow gives to it, if SciPy is not loaded yet.
+    """Let SciPy accept JAX arrays, which Crazyflow passes to it; call this before importing SciPy.
 
-    SciPy reads the environment once, when it is loaded. Crazyflow needs this flag.
+    SciPy reads the environment variable once, when it is imported.
     """
     if "scipy" not in sys.modules:
         os.environ.setdefault(SCIPY_FLAG, "1")
@@ -67,7 +67,7 @@ class Simulator(NamedTuple):
 class CrazyflowPlant:
     """One vehicle in Crazyflow's world.
 
-    Raises ValueError if Crazyflow is not installed, and for a vehicle that it cannot have.
+    Raises ValueError if Crazyflow is not installed, or if it cannot simulate the vehicle.
     """
 
     def __init__(
@@ -83,7 +83,8 @@ class CrazyflowPlant:
     ):
         """Start at rest; for the arguments see quadsim.physics.plant.RigidPlant.
 
-        noise: noise that is added to the commands; None: there is none.
+        Args:
+            noise: noise that is added to the commands; None: no noise.
 
         Raises:
             ValueError: the vehicle has no rotors, or rotors that are not on a square's diagonals;
@@ -144,11 +145,11 @@ class CrazyflowPlant:
         return PlantState(self._steps * self.dt, x, ())
 
     def close(self) -> None:
-        """Do nothing, as nothing is held."""
+        """Do nothing, as there are no resources to release."""
 
 
 def _expect_square(vehicle: Vehicle) -> Rotors:
-    """Return the rotors of a vehicle. Raises ValueError if Crazyflow cannot have them."""
+    """Return the rotors of a vehicle. Raises ValueError if Crazyflow cannot simulate them."""
     if vehicle.rotors is None:
         raise ValueError(
             f"plant: 'crazyflow' needs a vehicle with rotors, got {vehicle.name!r}: fly 'rigid'"
@@ -166,7 +167,8 @@ def _expect_square(vehicle: Vehicle) -> Rotors:
 def _simulator(rate: int) -> Simulator:
     """Return Crazyflow's simulator at a rate of physics steps [Hz].
 
-    Raises ValueError if it is not installed.
+    Raises:
+        ValueError: Crazyflow is not installed.
     """
     try:
         # Its libraries print which of their own options are not installed.
@@ -212,9 +214,9 @@ def _simulator(rate: int) -> Simulator:
 
 @contextmanager
 def _without_warnings(mujoco: Any) -> Iterator[None]:
-    """Ignore MuJoCo's warnings, which it prints and writes to a file in the present folder.
+    """Suppress MuJoCo's warnings, which it prints and writes to a file in the current folder.
 
-    They are about a model that could not be stored; it never is.
+    They say that the model cannot be stored, which this plant never does.
     """
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(_ignore)
@@ -227,16 +229,16 @@ def _without_warnings(mujoco: Any) -> Iterator[None]:
 
 
 def _ignore(message: str) -> None:
-    """Take a warning of MuJoCo."""
+    """Discard a warning of MuJoCo."""
 
 
 def _with_numbers(data: Any, vehicle: Vehicle, rotors: Rotors, body: Vehicle) -> Any:
-    """Return Crazyflow's data with the numbers of a vehicle, under their names there.
+    """Return Crazyflow's data with the numbers of a vehicle, under Crazyflow's names.
 
     Args:
         data: the simulator's data.
         vehicle: vehicle with the flight controller's numbers.
-        rotors: its rotors.
+        rotors: rotors of the vehicle.
         body: vehicle with the true mass and inertia.
     """
     c2, c1, c0 = rotors.thrust_map
@@ -296,12 +298,12 @@ def _with_numbers(data: Any, vehicle: Vehicle, rotors: Rotors, body: Vehicle) ->
 
 
 def _like(value: Any) -> np.ndarray:
-    """Return numbers in the precision of Crazyflow."""
+    """Return numbers as an array in Crazyflow's precision."""
     return np.asarray(value, np.float32)
 
 
 def _changed(params: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
-    """Return a controller's parameters with those of these names changed."""
+    """Return a controller's parameters with the named ones changed."""
     return {**params, **{name: _like(value) for name, value in changes.items()}}
 
 

@@ -1,7 +1,7 @@
 """Domain randomization: start pose, vehicle and gusts of a flight, drawn from its seed.
 
-All changes scale with a size: 0 changes nothing, 1 is a careful outdoor flight. The numbers depend
-on seed and size alone, so that two planners with the same seed fly under the same disturbances. The
+All changes scale with a size: 0 changes nothing, 1 is a careful outdoor flight. The changes depend
+only on seed and size, so that two planners with the same seed fly under the same disturbances. The
 planner's model remains the model of the nominal vehicle.
 """
 
@@ -32,7 +32,7 @@ MOST_DRAWS = 100
 
 @dataclass(frozen=True)
 class Randomization:
-    """Changes of the nominal start and vehicle. Shares are relative: 0.03 is 3 % more."""
+    """Changes of the nominal start and vehicle; 0.03 increases a vehicle's number by 3 %."""
 
     # displacement of the start [m]
     offset: Vec3 = (0.0, 0.0, 0.0)
@@ -53,7 +53,7 @@ class Randomization:
     command_noise: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
 
     def start(self, start: Start) -> Start:
-        """Return the start, moved and turned."""
+        """Return the start, displaced and turned."""
         x, y, z = start.position
         dx, dy, dz = self.offset
         return Start((x + dx, y + dy, z + dz), start.yaw + self.turn)
@@ -95,13 +95,13 @@ class Widths(NamedTuple):
 def widths(ranges: RandomizationRanges, vehicle: Vehicle | None = None) -> Widths:
     """Return the half widths of a vehicle's numbers.
 
-    They are those of the randomization. In the default one, a vehicle whose file has an uncertainty
-    is drawn from that: a uniform distribution has the half width sqrt(3) times its standard
-    deviation.
+    The randomization gives the half widths. With the default randomization, a vehicle whose file
+    has uncertainties is drawn from these: the half width of a uniform distribution is sqrt(3) times
+    its standard deviation.
 
     Args:
         ranges: the randomization.
-        vehicle: the nominal vehicle; None: one without an uncertainty of its own.
+        vehicle: the nominal vehicle; None: a vehicle without uncertainties in its file.
     """
     known = vehicle.uncertainty if vehicle else None
     if known is None or ranges.name != OUTDOOR_NAME:
@@ -118,21 +118,21 @@ def draw(
     ranges: RandomizationRanges = OUTDOOR,
     vehicle: Vehicle | None = None,
 ) -> Randomization:
-    """Return the changes of a flight: uniform distributions, all independent.
+    """Return the changes of a flight, drawn from independent uniform distributions.
 
-    The order in which the numbers are drawn is part of the meaning of a seed. A start in a frame,
-    in an obstacle or out of bounds is drawn again, alone.
+    The numbers are drawn in a fixed order, so that a seed keeps its meaning. A start in a frame, in
+    an obstacle or out of bounds is drawn again, without the other numbers.
 
     Args:
         seeds: the stream of the vehicle.
-        size: scale of all changes; 0: none.
-        course: the course as it stands; None: any start will do.
-        start: the nominal start; None: that of the course.
-        ranges: what is drawn, and how widely.
-        vehicle: the nominal vehicle, see `widths`; None: one without an uncertainty of its own.
+        size: scale of all changes; 0: no changes.
+        course: the course in which the vehicle starts; None: every start is valid.
+        start: the nominal start; None: the course's start.
+        ranges: half widths of the distributions at size 1.
+        vehicle: the nominal vehicle, see `widths`; None: a vehicle without uncertainties.
 
     Raises:
-        SettingError: no start of MOST_DRAWS has room (a ValueError).
+        SettingError: none of MOST_DRAWS starts is valid (a ValueError).
     """
     if size == 0:
         return Randomization()
@@ -174,14 +174,14 @@ def _with_room(
     course: Course,
     start: Start,
 ) -> Vec3:
-    """Return a displacement of the start that has room, the one given if it has. [m]
+    """Return a displacement [m] to a valid start: the given one, or else one that is drawn again.
 
     Args:
         offset: the displacement that was drawn [m].
         widths: half widths of the distributions along x, y, z at size 1 [m].
         size: scale of the half widths.
         rng: generator of further displacements.
-        course: the course as it stands.
+        course: the course in which the vehicle starts.
         start: the nominal start.
     """
     problem = ""
@@ -245,17 +245,17 @@ class Displacement(NamedTuple):
 
     @property
     def is_any(self) -> bool:
-        """Whether anything is displaced."""
+        """Whether any half width is above zero."""
         return any((self.gates, self.height, *self.turn, self.obstacles, self.obstacles_height))
 
     @classmethod
     def of(cls, ranges: RandomizationRanges, size: float, gates: float = 0.0) -> Displacement:
-        """Return the displacement by a randomization.
+        """Return the half widths of a randomization's displacements.
 
         Args:
             ranges: the randomization.
-            size: its scale.
-            gates: the least half width along x and y [m].
+            size: scale of the half widths.
+            gates: the least half width of a gate's displacement along x and y [m].
         """
         roll, pitch, yaw = (size * turn for turn in ranges.gates_turn)
         return cls(
@@ -279,19 +279,19 @@ class Move(NamedTuple):
 
 
 def displaced(course: Course, seeds: np.random.SeedSequence, by: Displacement) -> Course:
-    """Return the course with every gate and obstacle displaced, all distributions uniform.
+    """Return the course with every gate and obstacle displaced by uniform random numbers.
 
     A frame that is flown through several times is moved once. A gate that would stand out of
-    bounds, in the start or behind obstacles is drawn again along x and y, alone.
+    bounds, in the start or behind obstacles is drawn again, along x and y only.
 
     Args:
         course: the map.
         seeds: the stream of the gates.
-        by: half widths of the distributions. Without heights and turns a gate above another stays
-            clear of it.
+        by: half widths of the distributions. If heights and turns are not drawn, a gate above
+            another stays clear of it.
 
     Raises:
-        SettingError: a gate finds no place in MOST_DRAWS draws (a ValueError).
+        SettingError: none of MOST_DRAWS draws gives a gate a valid place (a ValueError).
     """
     rng = np.random.default_rng(seeds)
     numbers = frame_numbers(course.gates)
@@ -321,7 +321,7 @@ def displaced(course: Course, seeds: np.random.SeedSequence, by: Displacement) -
 
 
 def stretched(course: Course, factor: float) -> Course:
-    """Return the course with everything `factor` times as far from the start, horizontally.
+    """Return the course with horizontal distances from the start multiplied by `factor`.
 
     Gates and obstacles keep their sizes, attitudes and heights. The bounds are stretched too.
     """
@@ -377,13 +377,13 @@ def _turn_of(frame: Gate, move: Move) -> Quaternion:
 
 
 def _turned(gate: Gate, turn: Quaternion) -> Gate:
-    """Return a gate that is turned about its centre by a rotation in the world."""
+    """Return a gate that is turned about its centre by a rotation in the world frame."""
     yaw, pitch, roll = euler_angles(product(turn, from_euler(gate.yaw, gate.pitch, gate.roll)))
     return replace(gate, yaw=yaw, pitch=pitch, roll=roll)
 
 
 def _shifted(obstacle: Obstacle, dx: float, dy: float, dz: float) -> Obstacle:
-    """Return an obstacle that is displaced [m]."""
+    """Return an obstacle that is displaced by dx, dy and dz [m]."""
     if isinstance(obstacle, Cylinder):
         x, y, z = obstacle.base
         return replace(obstacle, base=(x + dx, y + dy, z + dz))

@@ -2,9 +2,9 @@
 
     command -> interpolation -> frame -> lost or not -> latency -> received
 
-A frame carries the command of its instant. With several frames in a control period, an
-interpolating link sends commands on a straight line from one command to the next. A receiver keeps
-the last command that has arrived.
+A frame carries the command of the instant at which it is sent. With several frames in a control
+period, an interpolating link sends commands on a straight line from one command to the next. A
+receiver keeps the last command that has arrived.
 
 Losses follow Gilbert's model of a channel (Bell System Technical Journal 39(5), 1960): the channel
 is good or bad, frames are lost while it is bad, and it changes from one frame to the next with
@@ -46,7 +46,7 @@ SETTINGS = {
 
 @dataclass(frozen=True)
 class LinkConfig:
-    """The numbers of a link; the default is a wire that carries a frame in each physics step."""
+    """The parameters of a link; the default is a wire that carries a frame in each physics step."""
 
     rate: float | None = None  # frames a second [Hz]; None: one in each physics step
     latency: float = 0.0  # in addition to the vehicle's latency [s]
@@ -73,7 +73,7 @@ class LinkConfig:
 
     @property
     def period(self) -> float:
-        """The time between two frames [s]; 0: a frame at every instant."""
+        """The time between two frames [s]; 0: a frame in every physics step."""
         return 1.0 / self.rate if self.rate else 0.0
 
     @property
@@ -104,15 +104,15 @@ class Received(NamedTuple):
 
 
 class CommandLosses:
-    """Losses of commands as faults; during one, the last command that arrived stays in force."""
+    """Losses of commands as faults; while one lasts, the last received command is kept."""
 
     def __init__(self, losses: Sequence[CommandLoss]):
-        """Begin with the command of hovering, which is in force until the first one arrives."""
+        """Begin with the command for hovering, which is kept until the first command arrives."""
         self._losses = losses
         self._arrived: tuple[float, ...] = HOVER
 
     def carried(self, t: float, u: tuple[float, ...]) -> tuple[float, ...]:
-        """Return the command in force when u is sent at t [s]."""
+        """Return the received command at the time t [s], when u is sent."""
         if not any(loss.window.active(t) for loss in self._losses):
             self._arrived = u
         return self._arrived
@@ -136,7 +136,7 @@ class CommandNoise:
         self._noise = [0.0] * len(self._std)
 
     def added(self, command: Control) -> Control:
-        """Return the command of a physics step with its noise."""
+        """Return the command of a physics step with noise added to it."""
         if self._steps % self._every == 0:
             self._noise = (self._std * self._random.standard_normal(len(self._std))).tolist()
         self._steps += 1
@@ -155,7 +155,7 @@ class Link:
         stream: SeedSequence | None = None,
         noise: CommandNoise | None = None,
     ):
-        """Begin at t = 0; the receiver has the command of hovering.
+        """Begin at t = 0, when the receiver has the command for hovering.
 
         Args:
             dt: physics step [s].
@@ -164,7 +164,7 @@ class Link:
             interpolation: time of the linear interpolation to a new command, a control period [s];
                 0: none.
             stream: random stream of the losses; needed only with losses.
-            noise: noise that is added to the commands; None: there is none.
+            noise: noise that is added to the commands; None: no noise.
         """
         self._dt = dt
         self._noise = noise
@@ -193,7 +193,7 @@ class Link:
         return max(round(self._frame_period / self._dt), 1)
 
     def carry(self, command: Control) -> Received:
-        """Give a command to the link for one physics step, and return what the receiver has."""
+        """Send a command for one physics step, and return the receiver's state."""
         if self._noise is not None:
             command = self._noise.added(command)
         self._on_the_way.append(self._frame(command))
@@ -205,7 +205,7 @@ class Link:
         return Received(arrived, is_new=True)
 
     def _frame(self, command: Control) -> Control | None:
-        """Return the command in the frame that is sent in this step, None without one."""
+        """Return the command in the frame that is sent in this step, None if no frame is sent."""
         if self._steps * self._dt < self._frames * self._config.period - ROUNDING * self._dt:
             return None
         self._frames += 1

@@ -1,7 +1,8 @@
 """Plants: the simulated vehicle. The controller's model of the vehicle may differ from the plant.
 
-A quadrotor is a rigid body behind its actuators; the rigid body moves in one of two worlds,
-PyBullet's and our own. Two more simulators, RotorPy and Crazyflow, have multirotors of their own.
+A quadrotor is a rigid body that is moved by its actuators. The rigid body is simulated by PyBullet
+or by quadsim.physics.rigid_body. Two other simulators, RotorPy and Crazyflow, bring their own
+multirotors.
 """
 
 from __future__ import annotations
@@ -74,7 +75,7 @@ class World(Protocol):
         ...
 
     def apply(self, force_body: Vec3, torque_body: Vec3) -> None:
-        """Apply a force [N] and a torque [N m] of the body frame for the next step only."""
+        """Apply a force [N] and a torque [N m], in the body frame, during the next step only."""
         ...
 
     def step(self) -> None:
@@ -106,7 +107,7 @@ class Arena(Protocol):
     """A world of several vehicles; see quadsim.physics.rigid_body.RigidArena."""
 
     def add(self, vehicle: Vehicle) -> Member:
-        """Add a vehicle; the first one is "vehicle 1" in the contacts of others."""
+        """Add a vehicle, and return it; the first one is "vehicle 1" in the contacts of others."""
         ...
 
     def step(self) -> None:
@@ -119,13 +120,13 @@ class Arena(Protocol):
 
 
 def new_arena(plant: str, course: Course, dt: float, collide: bool) -> Arena:
-    """Return the world of several vehicles for this kind of plant.
+    """Return a world without vehicles for several plants of this kind.
 
     Args:
         plant: "bullet" or "rigid".
         course: gates and obstacles that stand in the world.
         dt: physics step [s].
-        collide: whether vehicles collide with each other; otherwise they pass through.
+        collide: whether vehicles collide; otherwise they pass through each other.
 
     Raises:
         ValueError: PyBullet is not installed.
@@ -140,7 +141,7 @@ def new_arena(plant: str, course: Course, dt: float, collide: bool) -> Arena:
 
 
 class ActuatorsProtocol(Protocol):
-    """Turns a command into a wrench; see quadsim.physics.actuators.Actuators."""
+    """Converts a command to a wrench; see quadsim.physics.actuators.Actuators."""
 
     # thrust delivered along body z, mass-normalised [m/s^2]
     thrust: float
@@ -168,7 +169,7 @@ ActuatorsFactory = Callable[[Vehicle, float, Sequence[FaultOfVehicle]], Actuator
 
 
 class RigidPlant:
-    """A rigid body, moved by quadsim.physics.rigid_body, behind the vehicle's actuators.
+    """A vehicle that is simulated by its actuators and quadsim.physics.rigid_body.
 
     Each plant has its own world, so that the same commands give the same states.
     """
@@ -190,9 +191,9 @@ class RigidPlant:
             course: gates and obstacles that stand in the world.
             vehicle: vehicle that has the actuators.
             dt: physics step [s].
-            start: start instead of the course's start.
-            body: vehicle whose mass and inertia the world uses; None: the vehicle. The flight
-                controller always uses mass and inertia of `vehicle`.
+            start: the start; None: the course's start.
+            body: vehicle whose mass and inertia the world uses; None: `vehicle`. The flight
+                controller always uses the mass and inertia of `vehicle`.
             gusts: acceleration in each physics step, world frame [m/s^2].
             faults: faults of the vehicle, with nothing left to draw.
             actuators: function of vehicle, dt and faults that makes the actuators.
@@ -268,7 +269,8 @@ class RigidPlant:
 class SharedPlant(RigidPlant):
     """One of several vehicles in an Arena.
 
-    The owner of the arena calls `push` of all plants before a step, and `arrive` after it.
+    The owner of the arena calls `push` of all plants before a step of the arena, and `arrive` of
+    all plants after it.
     """
 
     def __init__(self, arena: Arena, *args: Any, **settings: Any):
@@ -290,12 +292,12 @@ class SharedPlant(RigidPlant):
         self._member.remove()
 
     def close(self) -> None:
-        """Release the actuators. The owner of the arena closes it."""
+        """Release the actuators; the owner of the arena closes the arena."""
         self._actuators.close()
 
 
 class BulletPlant(RigidPlant):
-    """The same plant in PyBullet. Raises ValueError if PyBullet is not installed."""
+    """A RigidPlant that PyBullet simulates. Raises ValueError if PyBullet is not installed."""
 
     def _new_world(self, course: Course, body: Vehicle, dt: float) -> World:
         _expect_bullet()

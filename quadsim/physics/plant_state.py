@@ -59,14 +59,14 @@ class PlantState(Generic[X]):
     def position(self) -> Vec3:
         """The position, the first three numbers of the state [m].
 
-        A state of fewer than three numbers is padded with zeros.
+        If the state has fewer than three numbers, zeros are appended.
         """
         x, y, z = (*self.x[:3], 0.0, 0.0)[:3]
         return x, y, z
 
 
 def start_state(start: Start, radius: float) -> State:
-    """Return the state at rest, level, with hover thrust.
+    """Return the state of a level vehicle at rest, with the thrust of hovering.
 
     Args:
         start: pose of the vehicle, which is lifted if it would touch the ground.

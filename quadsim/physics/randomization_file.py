@@ -1,11 +1,11 @@
-"""Randomization files: what domain randomization draws from a seed, and how widely.
+"""Randomization files, which say how widely domain randomization varies each number.
 
     mass: 0.1
     start: [0.1, 0.1, 0]
 
-All numbers are of size 1, `--randomize 1`, and in proportion to it. What a file leaves out is not
-drawn. `outdoor`, the default, stands in no file: it is OUTDOOR, with the tolerances of a vehicle
-that the estimators know too.
+The numbers apply at size 1, `--randomize 1`, and scale with the size. Numbers that a file leaves
+out are not varied. The default, `outdoor`, has no file: it is OUTDOOR, with the same tolerances of
+a vehicle that the estimators assume.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ NOTHING: Vec3 = (0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, kw_only=True)
 class RandomizationRanges:
-    """What domain randomization draws at size 1: half widths of uniform distributions.
+    """Half widths of the uniform distributions that domain randomization draws from at size 1.
 
     Examples:
         >>> import quadsim
@@ -138,7 +138,7 @@ def load_randomization(name_or_path: str | Path) -> RandomizationRanges:
 
 
 def parse_randomization(text: str, file: str) -> RandomizationRanges:
-    """Return the randomization of a YAML text; `file` is shown in errors, and names it.
+    """Return the randomization of a YAML text, named after `file`, which errors mention.
 
     Raises:
         FileError: the text is not a randomization.

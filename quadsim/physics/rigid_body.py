@@ -33,7 +33,7 @@ class RigidBody:
     """One vehicle above the ground at z = 0, among a course's gates and obstacles."""
 
     def __init__(self, course: Course, vehicle: Vehicle, dt: float):
-        """dt: physics step [s]."""
+        """Make a vehicle in a course's world, stepped every dt [s]."""
         self.vehicle = vehicle
         self._dt = dt
         self.removed = False
@@ -123,10 +123,10 @@ class RigidBody:
         return self._v
 
     def touch(self, name: str, position: Vec3, velocity: Vec3) -> None:
-        """Note a contact within the last step, and replace the state at its end.
+        """Record a contact within the last step, and replace the state at the end of the step.
 
         Args:
-            name: the touched object, "vehicle 2".
+            name: name of the touched object, such as "vehicle 2".
             position: position at the end of the step [m].
             velocity: velocity at the end of the step, world frame [m/s].
         """
@@ -143,7 +143,7 @@ class RigidBody:
         """Do nothing, as there are no resources to release."""
 
     def _touched(self, p0: Vec3, p1: Vec3) -> tuple[str, ...]:
-        """Return the gates and obstacles that the sphere touches between p0 and p1."""
+        """Return the names of gates and obstacles that the sphere touches between p0 and p1 [m]."""
         touched = []
         for swept in self._gates.near(p0, p1):
             contact = swept.touch(swept.gate.to_local(p0), swept.gate.to_local(p1))
@@ -162,7 +162,7 @@ class RigidArena:
         Args:
             course: gates and obstacles.
             dt: physics step [s].
-            collide: whether vehicles collide with each other; otherwise they pass through.
+            collide: whether vehicles collide; otherwise they pass through each other.
         """
         self._course = course
         self._dt = dt

@@ -133,11 +133,11 @@ class RotorpyPlant:
         return PlantState(self._steps * self.dt, x, ())
 
     def close(self) -> None:
-        """Do nothing, as nothing is held."""
+        """Do nothing, as there are no resources to release."""
 
 
 def _quadratic(rotors: Rotors) -> Rotors:
-    """Return the rotors with a thrust map k W^2 of the same thrust at full speed."""
+    """Return the rotors with a thrust map k W^2 that gives the same thrust at full speed."""
     k = rotors.thrust(rotors.motor_omega_max) / rotors.motor_omega_max**2
     return replace(rotors, thrust_map=(k, 0.0, 0.0))
 

@@ -1,4 +1,4 @@
-"""The PyBullet world; the only file that imports pybullet.
+"""The PyBullet world; no other file imports pybullet.
 
 PyBullet's frames and its xyzw quaternions are used only in this file. PyBullet silently clips
 velocities at 100 (m/s, rad/s) per coordinate, which no vehicle here approaches.
@@ -45,18 +45,18 @@ CONTACT_DISTANCE = 8
 
 
 class BulletArena:
-    """The ground at z = 0, gates and obstacles, and one vehicle or several among them.
+    """A world with the ground at z = 0, gates, obstacles, and one vehicle or several.
 
-    A vehicle is a rigid sphere with its own inertia. Each arena has a Bullet client of its own.
+    A vehicle is a rigid sphere with its own inertia. Each arena has its own Bullet client.
     """
 
     def __init__(self, course: Course, dt: float, collide: bool = True):
         """Make a world without vehicles.
 
         Args:
-            course: gates and obstacles that stand in it.
+            course: gates and obstacles that stand in the world.
             dt: physics step [s].
-            collide: whether vehicles collide with each other; otherwise they pass through.
+            collide: whether vehicles collide; otherwise they pass through each other.
         """
         self._client = bullet.connect(bullet.DIRECT)
         self.at: dict[str, int] = {"physicsClientId": self._client}
@@ -68,7 +68,7 @@ class BulletArena:
         # body -> its name in contacts
         self.names = {bullet.createMultiBody(0.0, plane, **self.at): "ground"}
 
-        # Each frame stands once, however often a lap leads through it, with its first number.
+        # Each frame is added once, with the number of its first pass.
         self._gates = frames(course.gates)
         self._numbers = tuple(course.gates.index(gate) + 1 for gate in self._gates)
         # gates near a vehicle: place in _gates -> body
@@ -95,7 +95,7 @@ class BulletArena:
         self.names[body.number] = f"vehicle {len(self._bodies)}"
 
     def put_up_gates(self) -> None:
-        """Keep only the gates around the vehicles in the world, as Bullet visits every body."""
+        """Keep only gates near vehicles in the world, because Bullet visits every body."""
         away = np.ones(len(self._gates), bool)
         for body in self._bodies:
             body.gates_stand_around = body.place_now
@@ -113,7 +113,7 @@ class BulletArena:
                 self.names[body] = f"gate {self._numbers[k]}"
 
     def _add_gate(self, gate: Gate) -> int:
-        """Add a gate as one static compound of boxes.
+        """Add a gate as one static compound of boxes, and return its body.
 
         A mesh would collide by its convex hull, which closes the opening.
         """
@@ -151,7 +151,7 @@ class BulletArena:
     def step(self) -> None:
         """Advance velocities, then poses by the new velocities, then find contacts.
 
-        Without the extra search, contacts would lag by one step.
+        The extra search for contacts is needed because Bullet reports contacts one step late.
         """
         if any(dist(b.place_now, b.gates_stand_around) > NEAR / 2 for b in self._bodies):
             self.put_up_gates()
@@ -232,7 +232,7 @@ class Body:
     def contacts(self) -> tuple[str, ...]:
         """Return the objects that the vehicle touches: "ground", "gate 3", "vehicle 2".
 
-        Bullet also lists near pairs, at a positive distance, which are left out.
+        Bullet also lists pairs that are only near each other, which are left out.
         """
         points = bullet.getContactPoints(bodyA=self.number, **self._at)
         touching = [point for point in points if point[CONTACT_DISTANCE] <= 0.0]
@@ -245,13 +245,13 @@ class Body:
 
 
 class BulletWorld(Body):
-    """One vehicle in a BulletArena of its own."""
+    """One vehicle in its own BulletArena."""
 
     def __init__(self, course: Course, vehicle: Vehicle, dt: float):
-        """Make the world.
+        """Make a world with one vehicle.
 
         Args:
-            course: gates and obstacles that stand in it.
+            course: gates and obstacles that stand in the world.
             vehicle: mass, inertia and radius of the vehicle.
             dt: physics step [s].
         """

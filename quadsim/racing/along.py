@@ -1,11 +1,11 @@
-"""How far along a race a vehicle is: the one notion by which "ahead" and "behind" are decided.
+"""A vehicle's progress in a race, which decides who is ahead.
 
-A vehicle has passed some gates, and is somewhere on the straight leg to the next one. Its share of
-the leg is d0 / (d0 + d1), by the distances d0 and d1 from the two ends of the leg. The share grows
-right after a gate, even if the vehicle first has to turn away from the next one, where the distance
-to the next gate grows as well. On the first leg, before which vehicles stand on a grid, the share
-is 1 - d1 / length, which is below 0 behind the start. The rules of a race, its results and the page
-compare vehicles by this measure.
+A vehicle has passed some gates, and is near the straight leg to the next one. The share of the leg
+that it has covered is d0 / (d0 + d1), where d0 and d1 are its distances from the two ends of the
+leg. The share grows right after a gate, even if the vehicle first has to turn away from the next
+one, where the distance to the next gate grows as well. On the first leg, before which vehicles
+stand on a grid, the share is 1 - d1 / length, which is below 0 behind the start. The rules of a
+race, its results and the page compare vehicles by this measure.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SAME_PLACE = 1e-9
 
 
 class Along(NamedTuple):
-    """How far a vehicle has come; the larger one is ahead.
+    """The progress of a vehicle; the vehicle with the larger progress is ahead.
 
     Examples:
         >>> from quadsim.racing.along import Along
@@ -40,12 +40,12 @@ class Along(NamedTuple):
 
     @classmethod
     def of(cls, course: Course, passed: int, position: Vec3) -> Along:
-        """Return how far a vehicle has come.
+        """Return the progress of a vehicle.
 
         Args:
             course: the course.
-            passed: number of gates that it has passed.
-            position: its position [m].
+            passed: number of gates that the vehicle has passed.
+            position: position of the vehicle [m].
         """
         gates = course.gates
         end = gates[passed % len(gates)].position
@@ -57,7 +57,7 @@ class Along(NamedTuple):
 
 
 def share_of_leg(d0: Distance, d1: Distance) -> Distance:
-    """Return the share of a leg that is behind a vehicle, from 0 to 1.
+    """Return the share of a leg that a vehicle has covered, from 0 to 1.
 
     Args:
         d0, d1: distances from the start and from the end of the leg [m].
@@ -66,7 +66,7 @@ def share_of_leg(d0: Distance, d1: Distance) -> Distance:
 
 
 def share_of_first_leg(d1: Distance, length: float) -> Distance:
-    """Return the share of the first leg that is behind a vehicle; below 0 behind the start.
+    """Return the share of the first leg that is covered, which is below 0 behind the start.
 
     Args:
         d1: distance from the first gate [m].
@@ -80,13 +80,13 @@ class Legs:
 
     Attributes:
         gates: number of gates of a lap.
-        ends: length of the way to the start and to each gate [m]  (legs + 1,)
+        ends: length of the race up to the start and up to each gate [m]  (legs + 1,)
         length: length of the whole race [m]
-        lap_ends: length of the way to the end of each lap [m]  (laps,)
+        lap_ends: length of the race up to the end of each lap [m]  (laps,)
     """
 
     def __init__(self, course: Course, laps: int):
-        """Lay out the legs of a race.
+        """Compute the legs of a race.
 
         Args:
             course: the course.
@@ -107,11 +107,11 @@ class Legs:
         """Return the distances along the race that a flight has reached; they never decrease.
 
         Args:
-            p: positions [m]  (n, 3)
-            passed: number of gates passed at each  (n,)
+            p: positions of the vehicle over time [m]  (n, 3)
+            passed: number of gates passed at each position  (n,)
 
         Returns:
-            The length of the way [m]  (n,)
+            The distance [m]  (n,).
         """
         leg = np.minimum(np.asarray(passed, int), len(self.ends) - 1)
         d0 = np.linalg.norm(p - self._from[leg], axis=1)

@@ -17,9 +17,9 @@ class Clock:
         """Return the time at which a plan is ready [s].
 
         Args:
-            t: when its planning started [s].
-            spent: how long it took on the wall clock [s]; 0 for the first plan of a flight, which
-                may include compiling.
+            t: time at which planning started [s].
+            spent: duration of planning on the wall clock [s]; 0 for the first plan of a flight,
+                which may include compiling.
         """
         return t
 
@@ -58,11 +58,11 @@ class WallClock(Clock):
 
 
 class PlanningClock(Clock):
-    """A clock on which planning takes as long as it takes on the wall clock, and nothing else does.
+    """A clock on which only planning takes time, namely its duration on the wall clock.
 
-    The vehicles of a race are planned one after the other, though each has a computer of its own;
-    the page pauses flights and flies them in slow motion. On this clock a vehicle pays for its own
-    planning time alone.
+    In a race this computer plans for one vehicle after the other, although each vehicle would have
+    its own computer, and the page pauses flights or shows them in slow motion. With this clock a
+    vehicle is delayed by its own planning only.
     """
 
     def ready(self, t: float, spent: float) -> float:

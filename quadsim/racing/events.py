@@ -12,7 +12,7 @@ from quadsim.sensing.kept import Kept
 
 # [s] A flight is over after this time without getting nearer to the next gate than before.
 NO_PROGRESS = 5.0
-# The same for a human pilot, who has to find the gate by sight [s]
+# Time without progress for a human pilot, who has to find the gate by sight [s]
 NO_PROGRESS_BY_HAND = 30.0
 # penalty of a hit in the timed mode [s], as in AirSim Drone Racing Lab
 PENALTY = 3.0
@@ -46,12 +46,12 @@ class Event:
     position: tuple[float, float, float]
     # number of the obstacle, from 1; 0: no obstacle
     obstacle: int = 0
-    # number of a vehicle that took part in the event, from 1; 0: none
+    # number of a vehicle that took part in the event, from 1; 0 if there was none
     vehicle: int = 0
 
     @property
     def place(self) -> str:
-        """The object of the event: "gate 3", "obstacle 2", "vehicle 2", or "" without one."""
+        """The object of the event: "gate 3", "obstacle 2" or "vehicle 2", "" if there is none."""
         if self.obstacle:
             return f"obstacle {self.obstacle}"
         if self.vehicle:
@@ -108,7 +108,7 @@ class Frame:
     estimate: tuple[float, ...] = field(default=(), repr=False)
     # columns of quadsim.physics.plant_state.MOTOR_UNITS, if a firmware commands the motors
     motors: tuple[float, ...] = field(default=(), repr=False)
-    # what the sensors have measured since the last frame, if it is kept (record_sensing)
+    # measurements since the last frame, if they are stored (record_sensing)
     kept: Kept | None = field(default=None, repr=False)
     # share that each rotor delivers of its nominal thrust, if it is estimated  (4,)
     rotor_shares: tuple[float, ...] = field(default=(), repr=False)
@@ -117,7 +117,8 @@ class Frame:
 def flown_laps(events: Iterable[Event], completed: int) -> list[float]:
     """Return the times of the completed laps [s].
 
-    A lap ends at its last gate; the first lap begins at t = 0, so the laps sum to the race time.
+    A lap ends at its last gate; the first lap begins at t = 0, so the lap times sum to the race
+    time.
     """
     last_pass = {e.lap: e.t for e in events if e.kind == "pass"}
     ends = [0.0, *(last_pass[lap] for lap in range(1, completed + 1))]
@@ -125,7 +126,7 @@ def flown_laps(events: Iterable[Event], completed: int) -> list[float]:
 
 
 def lap_penalties(events: Iterable[Event], completed: int) -> list[float]:
-    """Return the penalty time of each completed lap [s]: PENALTY for every hit.
+    """Return the penalty time of each completed lap [s], PENALTY for every hit.
 
     Without --penalties a hit ends the flight.
     """

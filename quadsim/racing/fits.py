@@ -1,4 +1,4 @@
-"""Whether a vehicle can fly a course: the check of `race check` and of the page's course editor."""
+"""The check whether a vehicle can fly a course, for `race check` and the course editor."""
 
 from __future__ import annotations
 

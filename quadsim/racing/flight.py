@@ -1,13 +1,13 @@
-"""simulate(): the loop in which the controller plans, the plant steps and the referee checks.
+"""The loop of a flight, in which the controller plans, the plant steps and the referee checks.
 
 `simulate` is a generator of Frames, one for each control step, and its consumer sets the pace: the
 command line collects the frames; the web page draws each frame and pauses by not requesting the
 next one.
 
 The loop itself is `flight`, which neither plans nor steps its plant but yields a request for each
-plan and each physics step. So one loop serves both a single flight, where `simulate` fulfils the
-requests, and a race, where quadsim.heat.loop plans several flights in parallel and steps one shared
-world.
+plan and each physics step. The same loop thus serves a single flight, for which `simulate` fulfils
+the requests, and a race, for which quadsim.heat.loop plans several flights in parallel and steps
+one shared world.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ SNAPSHOT_EVERY = 10
 
 @dataclass(frozen=True)
 class FlightParts:
-    """The parts of one flight, which serve for that flight only. Their owner closes the plant."""
+    """The parts of one flight, which must not be used again. Their owner closes the plant."""
 
     plant: Plant
     controller: Controller
@@ -168,16 +168,16 @@ class Plan(NamedTuple):
 
 
 class Planning:
-    """A request of a flight: its controller is to make a plan.
+    """A request of a flight that its controller makes a plan.
 
     The plans of several flights at one instant are independent: they may be made in any order, and
     on several threads.
 
     Attributes:
         is_first: whether this is the first plan of the flight, for which loops may be compiled.
-        error: what the controller has raised; None: nothing.
-        ends_flight: whether the flight ends here, as crashed, without a plan. Whoever runs the plan
-            sets it; otherwise the flight raises the error.
+        error: exception that the controller has raised; None if there is none.
+        ends_flight: whether the error ends the flight as crashed. The caller that runs the plan
+            may set it; otherwise the flight raises the error.
     """
 
     def __init__(
@@ -204,9 +204,10 @@ class Planning:
         self._plan: Plan | None = None
 
     def run(self) -> None:
-        """Make the plan, and measure its duration. What the controller raises is kept as `error`.
+        """Make the plan, and measure its duration.
 
-        So the flight that has asked raises it, and not the thread or the race that runs the plan.
+        An exception of the controller is stored as `error`, so that it is raised by the flight
+        that requested the plan rather than by the thread or race that runs it.
         """
         before = perf_counter()
         try:
@@ -223,7 +224,7 @@ class Planning:
         """The finished plan.
 
         Raises:
-            Exception: what the controller has raised.
+            Exception: the exception that the controller has raised.
             RuntimeError: the plan has not been made.
         """
         if self.error is not None:
@@ -234,7 +235,7 @@ class Planning:
 
 
 class PhysicsStep(NamedTuple):
-    """A request of a flight: its plant is to make one physics step."""
+    """A request of a flight that its plant makes one physics step."""
 
     # command during the step  (n_u,)
     u: tuple[float, ...]
@@ -246,12 +247,12 @@ def simulate(parts: FlightParts) -> Iterator[Frame]:
     The last frame has the outcome and the last control applied.
 
     With the wall clock, the previous control is applied until the new plan is ready; the next
-    planning step starts one period after this one started, or when this plan is ready if that is
-    later. With the default clock, planning takes no simulated time.
+    planning starts one period after the start of the previous one, or when the plan is ready if
+    that is later. With the default clock, planning takes no simulated time.
 
     Raises:
         ValueError: the period is not a whole multiple of the plant's step.
-        Exception: what a part of the user's own raises.
+        Exception: an exception of a user's own part.
     """
     for step in flight(parts):
         if isinstance(step, Planning):
@@ -265,8 +266,8 @@ def simulate(parts: FlightParts) -> Iterator[Frame]:
 def flight(parts: FlightParts) -> Iterator[Frame | Planning | PhysicsStep]:
     """Yield the frames of a flight, and between them a request for each plan and physics step.
 
-    The caller runs the plan, or steps the plant once, before it asks for the next item. The errors
-    are those of `simulate`.
+    The caller runs the plan, or steps the plant once, before it asks for the next item. The same
+    errors are raised as by `simulate`.
     """
     plant = parts.plant
     controller = parts.controller
@@ -347,7 +348,7 @@ def exact_navigation(
 ) -> Navigation:
     """Return a navigation with the true state and the referee's count of gates.
 
-    Model and course are not estimated.
+    Neither the model nor the course is estimated.
 
     Args:
         state: state of the plant at the start.
@@ -370,7 +371,7 @@ def apply_control(
     u: tuple[float, ...],
     until: float,
 ) -> list[Event]:
-    """Step the plant with a constant control; the referee checks every step.
+    """Step the plant with a constant control, and return the events of the referee.
 
     Args:
         plant: plant to step.
@@ -406,7 +407,7 @@ def control_steps(
         u: control  (n_u,).
         until: end time [s]; the last physics step ends nearest to this time.
         navigation: navigation whose sensors sample every state; None: no sensors.
-        losses: losses of commands on their way to the plant; None: all of them arrive.
+        losses: losses of commands on their way to the plant; None: all commands arrive.
 
     Returns:
         The events of these steps, in order.

@@ -1,4 +1,4 @@
-"""Hand: a controller for manual flight with the sticks of a remote control.
+"""A controller for manual flight with the sticks of a remote control.
 
 The sticks command body rates by Betaflight's "actual rates" (applyActualRates in fc/rc.c), and a
 thrust that grows with the square of the throttle, as the thrust of a rotor grows with the square of
@@ -38,14 +38,14 @@ class Sticks(NamedTuple):
 
 
 class Rates(NamedTuple):
-    """The map from stick to body rate about one axis; the defaults are Betaflight's."""
+    """The map from a stick to the body rate about one axis; the defaults are Betaflight's."""
 
     center: float = radians(70.0)  # per deflection, around the middle [rad/s]
     most: float = radians(670.0)  # at the end of the stick [rad/s]
     expo: float = 0.0  # 0..1, moves the rate beyond `center` towards the end
 
     def rate(self, stick: float) -> float:
-        """Return the body rate [rad/s] for a deflection of -1..1."""
+        """Return the body rate [rad/s] for a stick deflection from -1 to 1."""
         beyond = abs(stick) * (stick**5 * self.expo + stick * (1.0 - self.expo))
         return stick * self.center + (self.most - self.center) * beyond
 
@@ -76,8 +76,8 @@ class HandRates:
     def control(self, sticks: Sticks) -> Control:
         """Return the body rates and the thrust that the sticks command.
 
-        Pitch forward turns the nose down, which is about +y as roll to the right is about +x. Yaw
-        to the right is about -z.
+        Pitch forward turns the nose down, a positive rotation about y. Roll to the right is
+        positive about x, yaw to the right negative about z.
         """
         return Control(
             wx=self.roll.rate(sticks.roll),
@@ -97,12 +97,12 @@ class Received(NamedTuple):
 class Hand:
     """A Controller that returns the command of the sticks at the moment of the call.
 
-    Any thread may move the sticks during a flight. After SILENCE without stick input the failsafe
-    acts: no rotation, and a thrust below the weight.
+    Any thread may move the sticks during a flight. If there is no stick input for SILENCE seconds,
+    the failsafe acts: no rotation, and a thrust below the weight.
 
     Args:
-        rates: how the vehicle follows the sticks.
-        clock: returns the time on the wall clock [s].
+        rates: maps from the sticks to body rates and thrust.
+        clock: function that returns the time on the wall clock [s].
 
     Examples:
         >>> import quadsim
@@ -127,12 +127,12 @@ class Hand:
         self._received = Received(sticks, self._clock())
 
     def begin(self) -> None:
-        """Fly by the sticks from now on; before, the vehicle hovers."""
+        """Fly by the sticks from now on; until this call the vehicle hovers."""
         self._has_begun = True
 
     @property
     def sticks(self) -> Sticks | None:
-        """The present stick positions; None: no input for SILENCE."""
+        """The present stick positions; None if there was no input for SILENCE seconds."""
         received = self._received
         if received is None or self._clock() - received.at > SILENCE:
             return None

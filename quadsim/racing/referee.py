@@ -1,4 +1,4 @@
-"""The referee: checks every physics step against every gate, and ends the flight.
+"""The referee, which checks every physics step against every gate and ends the flight.
 
     pass        The vehicle crosses the next gate's plane forward, free of the frame.
     hit         The vehicle touches an obstacle, or a frame of any gate from any direction; the
@@ -59,8 +59,8 @@ class Nearest(NamedTuple):
 class Referee:
     """Applies the rules of a race to one flight.
 
-    `passed` counts the gates since the start, `events` holds all events so far, and `outcome` is
-    None while the vehicle flies, then "finished", "crashed", "stuck" or "timeout".
+    `passed` is the number of gates passed since the start, and `events` has all events so far.
+    `outcome` is None while the vehicle flies, then "finished", "crashed", "stuck" or "timeout".
     """
 
     def __init__(
@@ -72,7 +72,7 @@ class Referee:
         penalties: bool = False,
         stuck_after: float = NO_PROGRESS,
     ):
-        """Start before the first gate.
+        """Begin with the first gate as the next gate.
 
         Args:
             course: course with the true positions of its gates.
@@ -192,14 +192,13 @@ class Referee:
         return found
 
     def _judge(self, incident: Incident, target: int, t: float, t1: float) -> str | None:
-        """Return the kind of event that an incident is by the rules, None if it
-        does not count.
+        """Return the kind of event of an incident by the rules, None if it does not count.
 
         Args:
             incident: incident within the step.
-            target: index of the gate that was next when the step began. The plane of a gate that
-                became next within the step is no miss, or coplanar gates would be missed whenever
-                one is passed.
+            target: index of the gate that was next when the step began. Crossing the plane of a
+                gate that becomes the next gate within the step is no miss; otherwise coplanar gates
+                would be missed whenever one is passed.
             t: time of the incident [s].
             t1: end of the step [s].
         """
@@ -268,9 +267,9 @@ class Referee:
             self.outcome = "finished"
 
     def _compare(self, t: float, position: Vec3, speed: float, contacts: Sequence[str]) -> None:
-        """Record each contact once that the plant reports and the swept test has not found.
+        """Record, once, each contact that the plant reports and the swept test has not found.
 
-        Such a contact is an error of one of the two.
+        Such a contact shows an error of the plant or of the swept test.
         """
         touched = sorted({name for name in contacts if name.startswith(("gate ", "obstacle "))})
         for name in touched:
@@ -330,9 +329,9 @@ def check(course: Course, laps: int, gates: Sequence[SweptGate], radius: float) 
 
 
 def way_left(gate: Gate, p: Vec3) -> float:
-    """Return the remaining length of the way from p to the gate's centre [m].
+    """Return the length of the way from a position p to the gate's centre [m].
 
-    From behind the gate the way leads through the point where the gate's approach begins.
+    From behind the gate the way leads around it, through the beginning of the gate's approach.
     """
     here = gate.to_local(p)
     if here.along <= 0.0:
@@ -342,6 +341,6 @@ def way_left(gate: Gate, p: Vec3) -> float:
 
 
 def crossed_at_once(gate: Gate, following: Gate) -> bool:
-    """Return whether one crossing passes both gates: same place and same passage."""
+    """Return whether one crossing passes both gates, which have the same place and passage."""
     cosine = sum(a * b for a, b in zip(gate.axes[0], following.axes[0], strict=True))
     return cosine > SAME_WAY and dist(gate.position, following.position) < SAME_PLACE

@@ -1,11 +1,11 @@
-"""Archive: one folder a run, `<UTC>_<course>_<sampler>_s<seed>_<hash>/`.
+"""The archive of runs, one folder for each: `<UTC>_<course>_<sampler>_s<seed>_<hash>/`.
 
-In the sampler's place stands the class of a controller of the user's own, pilot or hand.
+If no sampler flew, the name has "pilot", "hand" or the class of a user's own controller instead.
 
 A folder holds run.json, telemetry.npz and events.csv. It is named `<name>.part` from before the
 flight until all files are written, so a folder without `.part` is complete. The process that fills
-it holds a lock on the `.part`, so that the next flight can tell what a killed one left behind. A
-race of several vehicles is kept in the same way, see quadsim.heat.archive.
+the folder holds a lock on it, so that the next flight recognises the folders of killed processes. A
+race of several vehicles is stored in the same way, see quadsim.heat.archive.
 """
 
 from __future__ import annotations
@@ -45,29 +45,29 @@ PART = ".part"
 HEAT = "heat.json"  # the record of a race of several vehicles
 # Pattern of how the name of a run begins
 STARTED = "[0-9]" * 8 + "T" + "[0-9]" * 6 + "Z_"
-# Names of runs listed in an error where several fit
+# Number of runs that an error lists if several fit
 LISTED = 3
 
 
 class ClaimedFolder:
-    """A folder that one process fills, a context: `with ClaimedFolder.open(root, name) as folder`.
+    """A folder that one process fills, used as `with ClaimedFolder.open(root, name) as folder`.
 
-    Until `finish` it is named `<name>.part` and locked. One that is left empty is removed.
+    Until `finish` it is named `<name>.part` and locked. A folder that stays empty is removed.
 
     Attributes:
-        path: its name once it is finished.
-        part: its name until then, where the files are written.
+        path: path of the finished folder.
+        part: path of the folder until it is finished, in which the files are written.
     """
 
     def __init__(self, path: Path, lock: int):
-        """Take a folder whose `.part` is made and locked by the handle `lock`."""
+        """Use a `.part` folder that exists and is locked by the handle `lock`."""
         self.path = path
         self.part = _part_of(path)
         self._lock = lock
 
     @classmethod
     def open(cls, root: str | Path, name: str) -> ClaimedFolder:
-        """Claim a folder of this name; a number is added to it if the name is taken.
+        """Return a claimed folder with this name; a number is added if the name is taken.
 
         Raises:
             RunError: the root cannot be written.
@@ -97,7 +97,7 @@ class ClaimedFolder:
         os.close(self._lock)
 
     def drop(self) -> None:
-        """Remove what is written."""
+        """Remove the files that are written so far."""
         shutil.rmtree(self.part, ignore_errors=True)
 
     def finish(self) -> Path:
@@ -111,12 +111,12 @@ def write_run(folder: Path, run: RecordedRun, flown_by: dict[str, Any]) -> None:
     """Write the files of a run into a folder.
 
     Args:
-        folder: where they are written; it is there.
+        folder: an existing folder.
         run: the run.
         flown_by: provenance of the process that flew.
 
     Raises:
-        RunError: the disk is full, or the like.
+        RunError: a file cannot be written, for example because the disk is full.
     """
     write_whole(folder / "telemetry.npz", write_npz(run))
     write_whole(folder / "events.csv", write_csv(run))
@@ -124,13 +124,13 @@ def write_run(folder: Path, run: RecordedRun, flown_by: dict[str, Any]) -> None:
 
 
 class RunFolder:
-    """The folder of one run, a context: `with RunFolder.open(root, spec) as folder: ...`.
+    """The folder of one run, used as `with RunFolder.open(root, spec) as folder: ...`.
 
-    `folder.save(run)` inside writes the run. A folder that is left without a save is removed.
+    `folder.save(run)` writes the run. A folder in which no run was saved is removed.
     """
 
     def __init__(self, claimed: ClaimedFolder, flown_by: dict[str, Any] | None = None):
-        """Take a claimed folder; flown_by: see `open`."""
+        """Use a claimed folder; for `flown_by` see `open`."""
         self._claimed = claimed
         # Read now: it is about the code that is about to fly
         self._provenance = flown_by or provenance()
@@ -139,7 +139,7 @@ class RunFolder:
     def open(
         cls, root: str | Path, spec: dict[str, Any], flown_by: dict[str, Any] | None = None
     ) -> RunFolder:
-        """Claim a folder before the flight.
+        """Return a folder that is claimed before the flight.
 
         Args:
             root: folder of runs.
@@ -147,7 +147,7 @@ class RunFolder:
             flown_by: provenance of a flight that another process flew.
 
         Raises:
-            RunError: the root cannot be written; nothing has flown yet.
+            RunError: the root cannot be written.
         """
         return cls(ClaimedFolder.open(root, run_name(spec)), flown_by)
 
@@ -168,16 +168,16 @@ class RunFolder:
         self._claimed.__exit__(*exception)
 
     def save(self, run: RecordedRun) -> Path:
-        """Write the run and take `.part` off the folder's name; return the folder.
+        """Write the run, remove `.part` from the folder's name, and return its path.
 
         Raises:
-            RunError: the disk is full, or the like; what was written is removed.
+            RunError: a file cannot be written; the files written so far are removed.
         """
         self.write(run)
         return self.finish()
 
     def write(self, run: RecordedRun) -> None:
-        """Write all files, still under the name that says the folder is not finished.
+        """Write all files; the folder keeps its name with `.part`.
 
         Raises:
             RunError: see `save`.
@@ -189,7 +189,7 @@ class RunFolder:
             raise
 
     def drop(self) -> None:
-        """Remove what is written."""
+        """Remove the files that are written so far."""
         self._claimed.drop()
 
     def finish(self) -> Path:
@@ -198,12 +198,12 @@ class RunFolder:
 
 
 def remove_unfinished(root: str | Path, complete: Callable[[str], bool] | None = None) -> None:
-    """Remove the `.part` folders of flights that were killed: no process holds their lock.
+    """Remove the `.part` folders of killed flights, whose lock no process holds.
 
     Args:
         root: folder of runs.
-        complete: whether the folder of this name is known to be complete; such a folder gets its
-            name instead.
+        complete: function that returns whether the folder of a name is known to be complete. Such a
+            folder is not removed, but renamed.
     """
     for part in Path(root).glob(f"{STARTED}*{PART}"):
         with suppress(OSError):
@@ -221,7 +221,7 @@ def remove_unfinished(root: str | Path, complete: Callable[[str], bool] | None =
 def run_name(spec: dict[str, Any]) -> str:
     """Return `<UTC>_<course>_<flown by>_s<seed>_<hash>`, see `flown_by`.
 
-    The hash is the first 8 hex digits of the sha256 of what decides the flight.
+    The hash is the first 8 hex digits of the sha256 of the settings that decide the flight.
     """
     utc = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
     names = (spec["course"]["name"], flown_by(spec), spec["seed"])
@@ -240,11 +240,11 @@ def find_run(wanted: str, root: str) -> Path:
     """Return the folder of a run.
 
     Args:
-        wanted: a folder, a part of the name of a run, or "last".
+        wanted: path of a folder, a part of the name of a run, or "last".
         root: folder of runs.
 
     Raises:
-        RunError: no run fits, or several do, or a race of several vehicles is meant.
+        RunError: no run or several runs fit, or the folder holds a race of several vehicles.
     """
     if (Path(wanted) / HEAT).exists():
         raise _a_heat(Path(wanted))
@@ -312,7 +312,7 @@ def read_run(path: str | Path) -> RecordedRun:
 
 
 def _digest(run: RecordedRun) -> str | None:
-    """Return the digest, None for a run that has none: laps without an end, a nan in the spec."""
+    """Return the digest of a run, None if its laps do not fit or its spec has a nan."""
     try:
         return run.digest()
     except (KeyError, ValueError):
@@ -320,9 +320,9 @@ def _digest(run: RecordedRun) -> str | None:
 
 
 def written_at(folder: Path) -> float:
-    """Return when the record of a run or a heat was written [s since 1970].
+    """Return the time at which a run or a heat was written [s since 1970].
 
-    It orders runs of one second.
+    It orders runs whose names have the same second.
     """
     file = folder / HEAT
     return (file if file.exists() else folder / "run.json").stat().st_mtime
@@ -335,7 +335,7 @@ def list_heats(root: str | Path) -> list[Path]:
 
 
 def _a_heat(folder: Path) -> RunError:
-    """Return the error of a race of several vehicles where one run is wanted."""
+    """Return the error that a folder holds a race of several vehicles rather than one run."""
     runs = sorted(file.parent.name for file in folder.glob("*/run.json"))
     named = f"name one of its runs, such as {folder / runs[0]}, or " if runs else ""
     return RunError(
@@ -344,14 +344,14 @@ def _a_heat(folder: Path) -> RunError:
 
 
 def _part_of(path: Path) -> Path:
-    """Return the name of a folder until it is finished."""
+    """Return the path of a folder until it is finished."""
     return path.with_name(path.name + PART)
 
 
 def _claim(path: Path) -> int | None:
-    """Make the `.part` of this name and return the handle of its lock, None where it is taken.
+    """Make the `.part` folder of a name and return the handle of its lock, None if it is taken.
 
-    A name belongs to the flight that makes its `.part` and holds the lock.
+    A name belongs to the flight that made its `.part` folder and holds the lock.
     """
     part = _part_of(path)
     with file_errors(part, "cannot make a run folder"):

@@ -1,4 +1,4 @@
-"""Telemetry as a CSV table, for other programs."""
+"""Write telemetry as a CSV table, for other programs."""
 
 from __future__ import annotations
 
@@ -12,17 +12,18 @@ from quadsim.record.run import RecordedRun, RunError, columns_of
 
 
 def telemetry_csv(runs: Sequence[tuple[str, RecordedRun]]) -> bytes:
-    """Return a table with a row for each control step.
+    """Return the telemetry of runs as a CSV table with a row for each control step.
 
-    The header has column and unit, `px [m]`. Of several runs the first column is the run's name.
-    A number of the planner that was changed in flight has a column `changed NAME` with its value at
-    each step, which is empty for a run in which it was not changed.
+    The header has names with units, such as `px [m]`. If there are several runs, the first column
+    has the run's name. For each number of the planner that was changed in flight, the column
+    `changed NAME` has its value at each step; it is empty for runs in which the number was not
+    changed.
 
     Args:
-        runs: the name of each run, and the run; at least one.
+        runs: pairs of a run's name and the run, at least one.
 
     Raises:
-        RunError: a run has other columns than the first, or changes that were written by hand.
+        RunError: a run has other columns than the first run, or its changes in flight are invalid.
     """
     first_name, first = runs[0]
     columns = columns_of(first.spec)

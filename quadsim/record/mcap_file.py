@@ -1,8 +1,8 @@
-"""A run as an MCAP file, which Foxglove and Rerun play.
+"""Convert a run to an MCAP file, which Foxglove and Rerun play.
 
-Messages are protobuf, as Rerun shows poses and transforms of that encoding alone. Times are
-nanoseconds since the start of the flight. World frame: ENU, z up; the vehicle's: x forward, y left,
-z up.
+Messages are protobuf, because Rerun shows poses and transforms only in this encoding. Times are
+nanoseconds since the start of the flight. The world frame is ENU with z up; the vehicle's frame has
+x forward, y left and z up.
 
 | topic | message | when |
 |---|---|---|
@@ -12,7 +12,7 @@ z up.
 | /command | quadsim.Command: t, wx, wy, wz [rad/s], thrust [m/s^2] | every control step |
 | /telemetry | quadsim.Telemetry: the columns of the telemetry | every control step |
 | /event | quadsim.Event: the columns of events.csv | every event |
-| /log | foxglove.Log: the event in words | every event |
+| /log | foxglove.Log: the event as text | every event |
 | /path | foxglove.PosesInFrame, the whole flown path | at the start |
 | /course | foxglove.SceneUpdate: gates with their numbers, obstacles | at the start |
 | /gates | foxglove.PosesInFrame, x along the passage, as Rerun shows no scene | at the start |
@@ -53,7 +53,7 @@ NANOSECONDS = 1_000_000_000
 
 
 class Message(NamedTuple):
-    """A message of the file."""
+    """A message of an MCAP file."""
 
     # Time since the start of the flight [ns]
     time: int
@@ -68,7 +68,7 @@ def mcap_bytes(run: RecordedRun) -> bytes:
     The metadata record `run` has course, vehicle, sampler, seed, outcome, lap times and digest.
 
     Raises:
-        ModuleNotFoundError: the packages of the extra `mcap` are not installed; one line.
+        ModuleNotFoundError: the packages of the extra `mcap` are not installed.
     """
     writer_module = imported("mcap_protobuf.writer", "mcap-protobuf-support", "mcap")
     data = io.BytesIO()
@@ -118,7 +118,7 @@ def _messages(run: RecordedRun) -> Iterator[Message]:
 
 
 def _attitudes(x: Mapping[str, np.ndarray], names: Sequence[str]) -> list[list[float]]:
-    """Return the attitudes of these columns, without changes of sign.  (frames, 4)"""
+    """Return the attitudes in named columns, with continuous signs.  (frames, 4)"""
     return without_jumps(np.column_stack([x[name] for name in names])).tolist()
 
 
@@ -171,7 +171,7 @@ def message_class(name: str, types: Mapping[str, str]) -> Any:
 
     Args:
         name: the message's name.
-        types: name of a field -> its type: double, int64 or string.
+        types: the type of each field by its name: double, int64 or string.
     """
     descriptor_pb2 = imported("google.protobuf.descriptor_pb2", "mcap-protobuf-support", "mcap")
     pool_module = imported("google.protobuf.descriptor_pool", "mcap-protobuf-support", "mcap")
@@ -194,7 +194,7 @@ def message_class(name: str, types: Mapping[str, str]) -> Any:
 
 
 class _Schemas:
-    """Makes messages of Foxglove's well-known schemas, which viewers recognise by their names."""
+    """Messages of Foxglove's well-known schemas, which viewers recognise by their names."""
 
     def __init__(self) -> None:
         # google.protobuf.timestamp_pb2 comes with the package of the schemas
@@ -203,14 +203,14 @@ class _Schemas:
         ).Timestamp
 
     def _new(self, schema: str, **fields: Any) -> Any:
-        """Return a message of a schema."""
+        """Return a message with these fields."""
         module = imported(
             f"foxglove_schemas_protobuf.{schema}_pb2", "foxglove-schemas-protobuf", "mcap"
         )
         return getattr(module, schema)(**fields)
 
     def _stamp(self, time: int) -> Any:
-        """Return a time [ns]."""
+        """Return a time [ns] as a protobuf time stamp."""
         seconds, nanos = divmod(time, NANOSECONDS)
         return self._timestamp(seconds=seconds, nanos=nanos)
 
@@ -295,7 +295,7 @@ class _Schemas:
         )
 
     def _gate(self, number: int, gate: Gate) -> Any:
-        """Return a gate: the borders of opening and frame, and its number above them."""
+        """Return a gate as the borders of its opening and frame, with its number above them."""
         opening = self._loop(gate.corners()[AROUND], NEXT)
         corners = gate.corners(gate.frame_width)[AROUND]
         frame = self._loop(corners, FRAME)

@@ -1,4 +1,4 @@
-"""Numbers of the planner that were changed in flight, as the tables of a run have them."""
+"""Numbers of the planner that were changed in flight, for the tables of a run."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def changes_of(spec: dict[str, Any]) -> list[NumberChange]:
     """Return the changes of a run, in the order of their times.
 
     Raises:
-        RunError: the spec was written by hand, and wrongly.
+        RunError: the spec was edited by hand, and its changes are invalid.
     """
     try:
         changes = msgspec.convert(spec.get(INTERACTIVE, []), list[NumberChange])
@@ -32,11 +32,11 @@ def values_in_flight(changes: Sequence[NumberChange], name: str, t: np.ndarray) 
 
     Args:
         changes: the changes of the run, in the order of their times.
-        name: the number.
+        name: name of the number.
         t: times of the steps [s]  (frames,)
 
     Returns:
-        The values, or nan if the number was not changed in this flight.  (frames,)
+        The values, nan if the number was not changed in this flight  (frames,).
     """
     own = [change for change in changes if change.name == name]
     values = np.full(len(t), own[0].before if own else np.nan)

@@ -1,6 +1,6 @@
-"""PlannerSnapshots: the planner's best sampled paths at some frames of a run, for display.
+"""The planner's best sampled paths at some frames of a run, for display.
 
-They do not enter a run's digest.
+They do not change a run's digest.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 from quadsim.controllers.plan import PlannerSnapshot
 
-# Names of arrays in telemetry.npz; TERM stands before the name of a cost term
+# Names of arrays in telemetry.npz; TERM is the prefix of a cost term's name
 FRAMES = "pictured"
 BEST = "best"
 TERM = "cost."
@@ -20,7 +20,7 @@ TERM = "cost."
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlannerSnapshots:
-    """All snapshots of a run, in order, in single precision."""
+    """All snapshots of a run, in order of time and in single precision."""
 
     # Index of the frame that each was taken at  (snapshots,)
     frames: np.ndarray
@@ -31,7 +31,7 @@ class PlannerSnapshots:
 
     @classmethod
     def of(cls, taken: Sequence[tuple[int, PlannerSnapshot]]) -> PlannerSnapshots | None:
-        """Collect pairs of frame and snapshot; return None if there are none."""
+        """Return the snapshots of pairs of frame and snapshot, None if there are no pairs."""
         if not taken:
             return None
         frames = [frame for frame, _ in taken]
@@ -44,7 +44,7 @@ class PlannerSnapshots:
         return cls(np.array(frames), best, terms)
 
     def latest(self, frame: int) -> tuple[int, PlannerSnapshot] | None:
-        """Return the last snapshot up to this frame, with the frame it was taken at."""
+        """Return the last snapshot up to a frame, and the frame at which it was taken."""
         i = int(np.searchsorted(self.frames, frame, side="right")) - 1
         if i < 0:
             return None
@@ -52,15 +52,15 @@ class PlannerSnapshots:
         return int(self.frames[i]), PlannerSnapshot(self.best[i], terms)
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Return the arrays of a file: one for each term, so that a replay can name it."""
+        """Return the arrays for a file; each cost term has its own, whose name a replay shows."""
         terms = {TERM + name: column for name, column in self.terms.items()}
         return {FRAMES: self.frames, BEST: self.best, **terms}
 
     @classmethod
     def taken_out_of(cls, arrays: dict[str, np.ndarray]) -> PlannerSnapshots | None:
-        """Remove the snapshots from the arrays of a file and return them; None if it has none.
+        """Remove the snapshots from the arrays of a file and return them, None if there are none.
 
-        Arrays that are only a part of snapshots stay where they are.
+        Incomplete snapshots are not removed.
         """
         if FRAMES not in arrays or BEST not in arrays:
             return None
@@ -69,7 +69,7 @@ class PlannerSnapshots:
         return cls(arrays.pop(FRAMES), arrays.pop(BEST), terms)
 
     def check(self, frames: int) -> None:
-        """Raise ValueError, one line, unless the snapshots fit a run of `frames` frames."""
+        """Raise ValueError unless the snapshots fit a run of `frames` frames."""
         self._check_frames(frames)
         self._check_best()
         for name, column in self.terms.items():

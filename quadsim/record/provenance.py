@@ -1,6 +1,6 @@
-"""Provenance: the machine and the versions that a run was flown with.
+"""The provenance of a run: the machine and the versions with which it was flown.
 
-None of it may change a flight.
+Nothing in it changes a flight.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ DESCRIBE = ("describe", "--always", "--dirty", "--abbrev=40", "--exclude=*")
 
 
 def provenance() -> dict:
-    """Return versions, commit, CPU and command line of this process, as JSON."""
+    """Return versions, commit, CPU and command line of this process, as a JSON dict."""
     return {"versions": versions(), "git": git_commit(), "cpu": cpu_name(), "argv": list(sys.argv)}
 
 
 def versions() -> dict[str, str | None]:
-    """Return the versions of Python and of PACKAGES, None for one that is not installed.
+    """Return the versions of Python and of PACKAGES, None for a package that is not installed.
 
-    They are read from the installed metadata: importing all packages would cost a second.
+    They are read from the installed metadata, because importing all packages takes a second.
     """
     found: dict[str, str | None] = {"python": platform.python_version()}
     for package in PACKAGES:
@@ -36,7 +36,7 @@ def versions() -> dict[str, str | None]:
 
 
 def git_commit() -> str | None:
-    """Return the commit of the working copy that this package lies in, None if it is installed.
+    """Return the commit of the working copy with this package, None if it is installed.
 
     It ends with "-dirty" if files differ from the commit.
     """
@@ -53,7 +53,7 @@ def git_commit() -> str | None:
 
 
 def cpu_name() -> str:
-    """Return the name of the processor, as precise as the system tells it."""
+    """Return the name of the processor, as precisely as the system gives it."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:

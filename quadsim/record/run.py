@@ -1,7 +1,7 @@
 """The record of one flight, made from its frames and read by reports.
 
 The spec of a run is a JSON dict. This module and the archive read the keys `course` (name and text
-of its file), `sampler` (a name), `seed`, `vehicle` (asdict(Vehicle)); `host`, which holds what must
+of its file), `sampler` (a name), `seed`, `vehicle` (asdict(Vehicle)); `host`, with settings that do
 not change a flight (threads, folders); `interactive`, the changes made in flight (see
 `not_comparable`); and `own`, the user's own parts. A spec may have more keys.
 """
@@ -66,7 +66,7 @@ class PlanTime(TypedDict):
 
 
 class LearnedRotor(NamedTuple):
-    """A rotor that was found in flight to differ from its nominal thrust, to the flight's end."""
+    """A rotor whose estimated thrust differs from the nominal one at the end of a flight."""
 
     # number from 1, in the order of quadsim.vehicle.Rotors
     rotor: int
@@ -77,7 +77,7 @@ class LearnedRotor(NamedTuple):
 
 
 class RunError(Exception):
-    """A run that cannot be saved or read. One line: the path, what is wrong, what to do.
+    """An error of a run that cannot be saved or read: the path, the problem and the remedy.
 
     Examples:
         >>> import quadsim
@@ -90,9 +90,9 @@ class RunError(Exception):
 
 
 def columns_of(spec: dict[str, Any]) -> dict[str, str]:
-    """Return the telemetry columns of a run, name -> unit, in order.
+    """Return the unit of each telemetry column of a run by its name, in order.
 
-    There are more if it has sensors, and if a firmware commands the motors.
+    A run with sensors has more columns, and so has a run with a firmware.
     """
     columns = dict(COLUMNS)
     if spec.get("sensing"):
@@ -104,9 +104,9 @@ def columns_of(spec: dict[str, Any]) -> dict[str, str]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RecordedRun:
-    """A flight as it is kept and reported.
+    """A flight as it is stored and reported.
 
-    Laps, splits and penalties are read off the events, so that they cannot disagree.
+    Laps, splits and penalties are computed from the events, so that they cannot disagree.
     """
 
     # The resolved configuration, JSON
@@ -121,14 +121,14 @@ class RecordedRun:
     snapshots: PlannerSnapshots | None = None
     # Arrays of quadsim.sensing.kept by name, if the flight kept its sensing
     measurements: dict[str, np.ndarray] | None = None
-    # The error that ended the flight, on one line; "" if none did
+    # The error that ended the flight, on one line; "" if there was none
     fault: str = ""
     # The rotors that were found to be weak or strong
     learned: tuple[LearnedRotor, ...] = ()
 
     @classmethod
     def from_frames(cls, spec: dict[str, Any], frames: Iterable[Frame]) -> RecordedRun:
-        """Collect the frames of a flight."""
+        """Return the run that the frames of a flight make."""
         recorder = Recorder()
         for frame in frames:
             recorder.add(frame)
@@ -136,7 +136,7 @@ class RecordedRun:
 
     @cached_property
     def course(self) -> Course:
-        """The course as the planner knew it. Raises FileError if the text is not a course."""
+        """The course of the planner's map. Raises FileError if the text is not a course."""
         return parse_course(self.spec["course"]["text"], self.course_name)
 
     @property
@@ -157,10 +157,10 @@ class RecordedRun:
 
     @cached_property
     def gates(self) -> list[dict]:
-        """Gates passed, in order, each a JSON dict.
+        """The passes of gates, in order, each a JSON dict.
 
-        gate and lap count from 1; t [s]; offset: left and up from the gate's centre [m];
-        speed [m/s].
+        Its keys are gate and lap, from 1; t [s]; offset, left and up from the gate's centre [m];
+        and speed [m/s].
         """
         passes = [event for event in self.events if event.kind == "pass"]
         return [
@@ -170,7 +170,7 @@ class RecordedRun:
 
     @cached_property
     def duration(self) -> float:
-        """The time of the event that ended the flight, or of the last frame without one [s]."""
+        """The time of the event that ended the flight, or else of the last frame [s]."""
         t = self.telemetry["t"]
         if not len(t):
             return 0.0
@@ -196,9 +196,9 @@ class RecordedRun:
         return completed
 
     def digest(self) -> str:
-        """Return the sha256 [hex] of all that a seed determines.
+        """Return the sha256 [hex] of everything in a run that the seed determines.
 
-        The wall clock, spec["host"], the snapshots and the measurements do not enter it.
+        The wall clock, spec["host"], the snapshots and the measurements are left out.
         """
         decided = {
             "spec": hostless(self.spec),
@@ -214,7 +214,7 @@ class RecordedRun:
 
 
 def same_flight(one: RecordedRun, other: RecordedRun) -> bool:
-    """Return whether two runs have flown the same to the last bit, whatever their specs say."""
+    """Return whether two runs have bitwise equal telemetry and events; specs are not compared."""
     if (one.events, one.outcome) != (other.events, other.outcome):
         return False
     columns = [name for name in columns_of(one.spec) if name not in WALL_CLOCK]
@@ -224,9 +224,9 @@ def same_flight(one: RecordedRun, other: RecordedRun) -> bool:
 
 
 def own_parts(spec: dict[str, Any]) -> dict[str, str]:
-    """Return the user's own objects that took part, role -> class, or names and weights of terms.
+    """Return the class of each of the user's own parts by its role, and the weights of own terms.
 
-    Where there are any, the run cannot be flown again without them.
+    A run with own parts cannot be flown again without them.
     """
     parts = dict(spec.get("own", {}))
     terms = parts.pop("terms", [])
@@ -238,7 +238,7 @@ def own_parts(spec: dict[str, Any]) -> dict[str, str]:
 
 
 def why_not_repeatable(run: RecordedRun) -> str:
-    """Return why the spec alone does not give the same run again, "" if it does."""
+    """Return the reason why the spec alone cannot reproduce a run, "" if it can."""
     spec = run.spec
     if run.outcome == "interrupted":
         return "the flight was interrupted"
@@ -267,15 +267,15 @@ def weight_text(weight: float | list) -> str:
 
 
 def has_planner(spec: Mapping[str, Any]) -> bool:
-    """Return whether a planner flew: neither a learned pilot, a person nor manoeuvres did."""
+    """Return whether a planner flew, rather than a learned pilot, a person or manoeuvres."""
     return not (spec.get("pilot") or spec.get(HAND) or spec.get(EXCITE))
 
 
 def flown_by(spec: Mapping[str, Any]) -> str:
-    """Return the name of what controlled a flight.
+    """Return the name of the controller of a flight.
 
-    It is the sampler's, "pilot", "hand" (a person), "excite" (manoeuvres), or the class of a
-    controller of the user's own, beside which the record names a sampler that did not fly.
+    It is the sampler's name, "pilot", "hand" (a person), "excite" (manoeuvres), or the class of a
+    user's own controller. In the last case the spec also names a sampler, which did not fly.
     """
     own = own_parts({"own": spec.get("own", {})})
     return own["controller"] if "controller" in own else spec["sampler"]
@@ -287,18 +287,18 @@ def hostless(spec: dict[str, Any]) -> dict:
 
 
 def canonical(value: object) -> bytes:
-    """Return the one JSON text of a value. A whole number is written without a point: 60.0 is 60.
+    """Return the canonical JSON text of a value, in which a whole number has no point (60.0 is 60).
 
     Raises:
-        ValueError: the value holds a nan.
-        TypeError: the value holds what JSON cannot hold.
+        ValueError: the value contains a nan.
+        TypeError: the value contains an object that JSON cannot represent.
     """
     same = _whole_numbers_alike(value)
     return json.dumps(same, sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
 
 
 def _whole_numbers_alike(value: object) -> object:
-    """Return the value with an int for each float that is whole; tuples become lists."""
+    """Return the value with whole floats replaced by ints, and tuples by lists."""
     if isinstance(value, float) and value.is_integer():
         return int(value)
     if isinstance(value, Mapping):
@@ -357,18 +357,18 @@ class Recorder:
         return self._frames
 
     def _grow(self, columns: int) -> None:
-        """Take a new, larger table: views of the old one must not change."""
+        """Replace the table by a larger copy, so that views of the old table do not change."""
         table = np.empty((2 * len(self) or FIRST_ROWS, columns))
         table[: len(self)] = self._table
         self._table = table
 
     def views(self, columns: Iterable[str]) -> dict[str, np.ndarray]:
-        """Return the telemetry so far, not copied, each column (frames,).
+        """Return views of the telemetry so far by column  (frames,).
 
         A view stays valid while the flight continues.
 
         Args:
-            columns: the names of `columns_of`, in order.
+            columns: names of the columns, in the order of `columns_of`.
         """
         names = tuple(columns)
         rows = self._table[: len(self)].reshape(len(self), len(names))
@@ -404,13 +404,13 @@ class Recorder:
         )
 
     def _learned(self) -> Iterator[LearnedRotor]:
-        """Yield the rotors whose share is a notable one at the end."""
+        """Yield the rotors whose estimated final thrust differs notably from the nominal one."""
         for rotor, since in sorted(self._notable.items()):
             assert self.last
             yield LearnedRotor(rotor, self.last.rotor_shares[rotor - 1], since)
 
     def _wall(self, plan_ms: np.ndarray) -> dict:
-        """Return planning times [ms], and simulated seconds per second of wall clock."""
+        """Return planning times [ms] and the simulated seconds per second of wall clock."""
         plan_time: PlanTime = {"p50": 0.0, "p95": 0.0}
         if len(plan_ms):
             plan_time["p50"] = float(np.percentile(plan_ms, 50))

@@ -1,4 +1,4 @@
-"""The bytes of a run folder's three files. Reading checks names, types and lengths."""
+"""Write and read the three files of a run; reading checks names, types and lengths."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ CSV_COLUMNS = (
 
 
 def write_json(run: RecordedRun, provenance: dict) -> bytes:
-    """Return run.json."""
+    """Return the content of run.json."""
     record = {
         "format": RUN_FORMAT,
         "outcome": run.outcome,
@@ -89,7 +89,7 @@ def read_json(data: bytes, path: object) -> StoredRecord:
 
     Args:
         data: the file's bytes.
-        path: named in errors.
+        path: path of the file, for errors.
 
     Raises:
         RunError: the file is damaged, or of another version.
@@ -106,10 +106,10 @@ def read_json(data: bytes, path: object) -> StoredRecord:
 
 
 def check_spec(spec: dict[str, Any], path: object) -> None:
-    """Check that a spec has all that pictures, reports and replays read.
+    """Check that a spec has all keys that pictures, reports and replays read.
 
     Raises:
-        RunError: a key is missing or of another type, as a spec may have been written by hand.
+        RunError: a key is missing or has a wrong type, for example in a spec edited by hand.
     """
     try:
         for text in msgspec.convert(spec, RunSpec).drawn_faults:
@@ -119,7 +119,7 @@ def check_spec(spec: dict[str, Any], path: object) -> None:
 
 
 def _other_format(header: Header) -> str:
-    """Return the error for a run in another format than this version's."""
+    """Return the error message for a run in another format than this version's."""
     got = repr(header.format) if header.format else "none"
     writer = f"commit {header.git} of quadsim" if header.git else "the quadsim that wrote it"
     return f"expected format {RUN_FORMAT!r}, got {got}: read it with {writer}, or fly it again"
@@ -140,10 +140,10 @@ class StoredArrays(NamedTuple):
 
 
 def read_npz(data: bytes, spec: dict, path: object) -> StoredArrays:
-    """Return the telemetry by column, and what else the run has kept.
+    """Return the telemetry by column, and the other arrays of a run.
 
     Raises:
-        RunError: the content is damaged, or not what a run with this spec leaves behind.
+        RunError: the content is damaged, or does not fit the spec.
     """
     try:
         wanted = columns_of(spec)
@@ -168,7 +168,7 @@ def read_npz(data: bytes, spec: dict, path: object) -> StoredArrays:
 
 
 def _declared(wanted: Iterable[str]) -> dict[str, Declared]:
-    """Return the arrays that telemetry.npz may hold: these columns and the planner's snapshots."""
+    """Return the arrays that telemetry.npz may have: these columns and the planner's snapshots."""
     declared = {
         name: Declared("int64" if name in COUNTS else "float64", ("frames",)) for name in wanted
     }
@@ -181,10 +181,9 @@ def _declared(wanted: Iterable[str]) -> dict[str, Declared]:
 
 
 def write_csv(run: RecordedRun) -> bytes:
-    """Return events.csv, a row for each event.
+    """Return the content of events.csv, with a row for each event.
 
-    Numbers that were changed in flight have rows of the kind "change" among them, and columns of
-    their own.
+    A change of a number in flight is a row of the kind "change", with its own columns.
     """
     rows = [event_row(event) for event in run.events]
     changes = [change.row() for change in changes_of(run.spec)]
@@ -196,7 +195,7 @@ def write_csv(run: RecordedRun) -> bytes:
 
 
 def event_row(event: Event) -> dict[str, object]:
-    """Return an event by the columns of events.csv."""
+    """Return the values of an event by the columns of events.csv."""
     place = (event.t, event.kind, event.gate, event.lap)
     values = (*place, *event.offset, event.speed, *event.position, event.obstacle, event.vehicle)
     return dict(zip(CSV_COLUMNS, values, strict=True))

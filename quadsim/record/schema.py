@@ -1,9 +1,8 @@
 """The keys of run.json and heat.json that this version reads.
 
-The other keys of a file follow from these, or are there for people who open it. Pictures, reports,
-the page and repeated flights read the spec of a run as a RunSpec; a list of runs reads the keys of
-a ListedSpec alone, in a fraction of the time. A file of another format is refused by the number in
-its key `format`.
+The other keys of a file follow from these, or are for people who read it. Pictures, reports, the
+page and repeated flights read the spec of a run as a RunSpec; a list of runs reads only the keys of
+a ListedSpec, which is much faster. A file whose key `format` has another number is refused.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ LapCount = Annotated[int, Meta(ge=1, le=1000)]
 
 
 class Header(Struct):
-    """The keys of a run.json that say how to read the others."""
+    """The keys of a run.json that say how to read its other keys."""
 
     format: str | None = None
     git: str | None = None  # the commit that flew the run
@@ -48,7 +47,7 @@ class Named(Struct):
 
 
 class ChangedPlanner(Struct):
-    """The planner's numbers that a change in flight may differ in."""
+    """The planner's numbers that may be changed in flight."""
 
     # numbers of a registered sampler; of the user's own, whatever describes it
     sampling: Any
@@ -88,13 +87,13 @@ class NumberChange(Struct, frozen=True):
     planner: dict[str, Any] = {}  # numbers after it, see ChangedPlanner
 
     def row(self) -> dict[str, object]:
-        """Return the change as a row of events.csv; it has no gate and no place."""
+        """Return the change as a row of events.csv; gate and position are empty."""
         values = (float(self.t), "change", self.name, float(self.before), float(self.after))
         return dict(zip(("t", "kind", *CHANGE_COLUMNS), values, strict=True))
 
 
 class RecordedCourse(Struct):
-    """The course of a flight: its name and its whole file."""
+    """The course of a flight: its name and the text of its file."""
 
     name: PlainText
     text: str
@@ -118,27 +117,27 @@ class RecordedReference(Struct):
 
 
 class RecordedFirmware(Struct):
-    """The configuration of the firmware; a flight that is made again compares the firmware."""
+    """The configuration of the firmware; a repeated flight compares it with its own firmware."""
 
     name: str
     lines: tuple[str, ...]
 
 
 class Host(Struct):
-    """The files of the machine that flew, none of which changes the flight."""
+    """Paths of files on the machine that flew, which do not change the flight."""
 
     runs_dir: str = "runs"
     pilot: str | None = None
 
 
 class StickRates(Struct):
-    """How a vehicle that a person flew followed one stick."""
+    """The map from one stick to a command, in a flight by hand."""
 
     most: float  # at the end of the stick [rad/s]
 
 
 class FlownByHand(Struct):
-    """How a vehicle that a person flew followed the sticks."""
+    """The maps from the sticks to commands, in a flight by hand."""
 
     roll: StickRates
     pitch: StickRates
@@ -159,13 +158,13 @@ class OwnTerm(Struct):
 
 
 class Rules(Struct):
-    """The rules of a race of several."""
+    """The rules of a race of several vehicles."""
 
     rules: str
 
 
 class FlownAmong(Struct):
-    """The race of several in which a run was flown."""
+    """The race of several vehicles in which a run was flown."""
 
     name: str  # of this run's entrant
     names: list[str]
@@ -258,7 +257,7 @@ class ListedRun(Struct):
 
 
 class StoredRotor(Struct):
-    """A rotor that was found in flight to differ from its nominal thrust."""
+    """A rotor whose estimated thrust differs from the nominal one."""
 
     rotor: int
     share: float
@@ -274,7 +273,7 @@ class StoredRecord(Struct):
     plan_ms: PlanTime
     real_time_factor: float
     digest: str
-    # The error that ended the flight, "" where none did
+    # The error that ended the flight, "" if there was none
     fault: str = ""
     # The rotors that were found to be weak or strong
     learned: tuple[StoredRotor, ...] = ()
@@ -293,7 +292,7 @@ class StoredPlacing(Struct):
 
 
 class StoredEvent(Struct):
-    """Something that happened between entrants, see quadsim.heat.result.HeatEvent."""
+    """An event between entrants, see quadsim.heat.result.HeatEvent."""
 
     kind: str
     name: str
@@ -303,7 +302,7 @@ class StoredEvent(Struct):
 
 
 class StoredResult(Struct):
-    """The result of a race in the file of a campaign."""
+    """The result of a race, as a campaign's file stores it."""
 
     order: list[StoredPlacing]
     events: list[StoredEvent]
@@ -314,7 +313,7 @@ class StoredResult(Struct):
 
 
 class TitledHeat(Struct):
-    """The keys of a heat.json that a title names."""
+    """The keys of a heat.json from which a title is made."""
 
     course: str
     order: list[StoredPlacing]

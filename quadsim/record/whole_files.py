@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all, and checks of a path before anything is written."""
+"""Write files completely or not at all, and check paths before anything is written."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PROBE = 4096
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file whole or not at all, see replace_file; make its folder if it is missing.
+    """Write a file completely or not at all, see replace_file; make a missing folder.
 
     Raises:
         RunError: the file cannot be written.
@@ -28,7 +28,7 @@ def write_whole(path: Path, data: bytes) -> None:
 
 
 def expect_file(path: Path) -> None:
-    """Raise RunError unless a file is, or may be written, at this path."""
+    """Raise RunError unless this path is a file, or a file can be written there."""
     with file_errors(path, "cannot use"):
         if path.name and (not path.exists() or path.is_file()):
             return
@@ -37,7 +37,7 @@ def expect_file(path: Path) -> None:
 
 
 def expect_new_file(path: Path) -> None:
-    """Raise RunError if something is at this path already, which would be lost."""
+    """Raise RunError if this path exists already, so that nothing is overwritten."""
     expect_file(path)
     if path.exists():
         wanted = "expected the name of a new file"
@@ -45,7 +45,7 @@ def expect_new_file(path: Path) -> None:
 
 
 def expect_writable(folder: Path) -> None:
-    """Raise RunError if the folder, or the folder it would be made in, cannot be written."""
+    """Raise RunError if a folder, or the parent of a missing folder, cannot be written."""
     above = [place for place in (folder, *folder.parents, Path()) if place.exists()]
     nearest = above[0]
     if not nearest.is_dir():
@@ -55,9 +55,9 @@ def expect_writable(folder: Path) -> None:
 
 
 def try_writing(folder: Path) -> None:
-    """Write a file in a folder and remove it, so that a long search does not end unsaved.
+    """Check that a folder can be written, before a long search, by writing a file and removing it.
 
-    A folder that is missing is made, and stays only if something is written there later.
+    A missing folder is made, and remains only if something is written there later.
 
     Raises:
         RunError: the folder cannot be made, or a file cannot be written there.
@@ -81,7 +81,7 @@ def try_writing(folder: Path) -> None:
 
 @contextmanager
 def file_errors(path: str | Path, problem: str) -> Iterator[None]:
-    """Turn an OSError inside into a RunError of one line that names the path and the problem."""
+    """Convert an OSError in this context to a RunError that names the path and the problem."""
     try:
         yield
     except OSError as error:

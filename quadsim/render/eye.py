@@ -1,4 +1,4 @@
-"""The eye of a pixel camera: draws the pictures of one flight, as a camera would deliver them."""
+"""The renderer of a pixel camera, which draws a flight's pictures as a camera delivers them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ HIGH = (0.4, 1.2)
 
 
 class CourseEye:
-    """Draws a course as a pixel camera sees it."""
+    """Renders a course as a pixel camera sees it."""
 
     def __init__(
         self,
@@ -43,8 +43,8 @@ class CourseEye:
         Args:
             config: the camera.
             seeds: random stream of the noise, the look and the banners.
-            course: the course as it stands.
-            look: paint, light and sky; None: drawn from the stream, or plain, as the camera says.
+            course: the course with true positions.
+            look: paint, light and sky; None: random or plain, as the camera's settings say.
         """
         streams = picture_streams(seeds)
         self._config = config
@@ -60,16 +60,16 @@ class CourseEye:
         self._grain = self._rng.standard_normal(shape if noisy else (3, 1, 1), np.float32)
 
     def __call__(self, eyes: np.ndarray, axes: np.ndarray) -> np.ndarray:
-        """Return a picture, as quadsim.sensing.pixel_camera.Eye does."""
+        """Return a picture; see quadsim.sensing.pixel_camera.Eye."""
         return self._delivered(self._scene.colours(Views(eyes, axes), self._look, self._film()))
 
     def picture(self, eyes: np.ndarray, axes: np.ndarray) -> Picture:
-        """Return what `__call__` does, with the depth and the segmentation of the first pass."""
+        """Return a picture with the depth and the segmentation of the first pass."""
         picture = self._scene.expose(Views(eyes, axes), self._look, self._film())
         return replace(picture, rgb=self._delivered(picture.rgb))
 
     def _film(self) -> Film:
-        """Return the brightness and the noise of the next picture."""
+        """Return the gain and the noise of the next picture."""
         config = self._config
         row, column = self._rng.integers(0, SPARE, 2).tolist()
         return Film(
@@ -81,12 +81,12 @@ class CourseEye:
         )
 
     def _delivered(self, rgb: np.ndarray) -> np.ndarray:
-        """Return a picture as the camera delivers it."""
+        """Return a picture as the camera delivers it, compressed if the camera compresses."""
         return compressed(rgb, self._config.jpeg) if self._config.jpeg else rgb
 
 
 def drawn_banners(count: int, course: Course, seeds: np.random.SeedSequence) -> list[Banner]:
-    """Draw banners within the bounds of a course, away from its gates and its start."""
+    """Return random banners within the bounds of a course, away from its gates and its start."""
     rng = np.random.default_rng(seeds)
     (x0, x1), (y0, y1), _ = course.bounds
     places = [*(gate.position for gate in course.gates), course.start.position]
@@ -108,7 +108,7 @@ def drawn_banners(count: int, course: Course, seeds: np.random.SeedSequence) -> 
 
 
 def compressed(rgb: np.ndarray, quality: int) -> np.ndarray:
-    """Return a picture after it was a JPEG of this quality.  (height, width, 3) uint8"""
+    """Return a picture after JPEG compression of this quality.  (height, width, 3) uint8"""
     data = io.BytesIO()
     Image.fromarray(rgb).save(data, "jpeg", quality=quality)
     return np.asarray(Image.open(data).convert("RGB"))

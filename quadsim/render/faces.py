@@ -1,4 +1,4 @@
-"""The faces of what stands in a scene: frames of gates, obstacles, ground, banners and vehicles."""
+"""The faces of a scene's objects: gates, obstacles, ground, banners and vehicles."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Face(NamedTuple):
     a: np.ndarray
     b: np.ndarray
     kind: int = RECTANGLE
-    # half sizes of the hole in shares of a and b; 0: none
+    # half sizes of the hole in shares of a and b; 0: no hole
     hole: tuple[float, float] = (0.0, 0.0)
     two_sided: bool = False
     # edge of one repetition of its texture [m]
@@ -86,12 +86,12 @@ PARTS = (
 
 
 def ground_faces() -> list[Face]:
-    """Return a square at height 0."""
+    """Return the ground as a square at height 0."""
     return [Face(np.zeros(3), GROUND * X, GROUND * Y, tile=GROUND_TILE)]
 
 
 def gate_faces(gate: Gate) -> list[Face]:
-    """Return front, back, and the inner and outer sides of a gate's frame."""
+    """Return the front, the back, and the inner and outer sides of a gate's frame."""
     passage, left, up = gate.rotation.T
     centre = np.array(gate.position)
     inner = half_sizes(gate.opening)
@@ -118,9 +118,9 @@ def box_faces(centre: np.ndarray, axes: np.ndarray, half: Sequence[float]) -> li
     """Return the six faces of a box.
 
     Args:
-        centre: [m]  (3,).
-        axes: rotation world from box  (3, 3).
-        half: half the extents along its axes [m]  (3,).
+        centre: centre of the box in the world [m]  (3,).
+        axes: rotation from box to world axes  (3, 3).
+        half: half of the box's size along its axes [m]  (3,).
     """
     x, y, z = axes.T * np.asarray(half)[:, None]
     faces = []
@@ -133,15 +133,15 @@ def box_faces(centre: np.ndarray, axes: np.ndarray, half: Sequence[float]) -> li
 def cylinder_faces(
     centre: np.ndarray, axes: np.ndarray, radius: float, half: float, sides: int = ROUND
 ) -> list[Face]:
-    """Return the sides and both ends of a cylinder along the z axis.
+    """Return the sides and both ends of a cylinder along its z axis.
 
-    The ends are exact. The sides are flat, and touch the circle in their middle.
+    The ends are exact circles. The sides are flat, and touch the circle in their middle.
 
     Args:
-        centre: [m]  (3,).
-        axes: rotation world from cylinder  (3, 3).
-        radius: [m].
-        half: half the length [m].
+        centre: centre of the cylinder in the world [m]  (3,).
+        axes: rotation from cylinder to world axes  (3, 3).
+        radius: radius of the cylinder [m].
+        half: half of the cylinder's length [m].
         sides: number of the flat sides.
     """
     x, y, z = axes.T
@@ -178,7 +178,7 @@ def banner_faces(banner: Banner) -> list[Face]:
 
 
 def vehicle_faces(radius: float) -> Iterable[tuple[Vec3, Face]]:
-    """Yield colour and face of each part of a vehicle of this radius [m], in its body frame."""
+    """Yield the colour and faces of a vehicle of this radius [m], in its body frame."""
     for part in PARTS:
         for place, yaw in zip(part.places, part.yaws, strict=True):
             centre = radius * np.array(place)

@@ -1,4 +1,4 @@
-"""A film of a flight from a camera behind the vehicle: an animated WebP or GIF file.
+"""Films of a flight from a camera behind the vehicle, as animated WebP or GIF files.
 
 The vehicle is drawn enlarged. The path behind the vehicle is coloured by the speed, from dark (at
 rest) to bright (the highest speed of the flight).
@@ -68,9 +68,9 @@ def film(
 
     Args:
         course: gates and obstacles to draw.
-        telemetry: columns of a run, (frames,) each.
+        telemetry: columns of a run by name  (frames,).
         radius: radius of the vehicle [m].
-        camera: camera, whose size, focal lengths and rate are used.
+        camera: camera whose size, focal lengths and rate are used.
         count: largest number of pictures; None: the whole flight.
     """
     # imported here, as it loads the compiler
@@ -89,10 +89,10 @@ def film(
 
 
 def views(telemetry: Mapping[str, np.ndarray], rate: float, radius: float) -> list[FilmFrame]:
-    """Return the views of a flight from behind and above the vehicle.
+    """Return the poses of a camera that follows the vehicle from behind and above.
 
     Args:
-        telemetry: columns of a run, (frames,) each.
+        telemetry: columns of a run by name  (frames,).
         rate: views per second [Hz].
         radius: radius of the drawn vehicle [m].
     """
@@ -129,7 +129,7 @@ def draw_path(
         seen: the same picture with its depth.
         camera: the film camera.
         view: the poses of the vehicle and of the film camera.
-        telemetry: columns of a run, (frames,) each.
+        telemetry: columns of a run by name  (frames,).
         radius: radius of the drawn vehicle [m].
     """
     flown = telemetry["t"] <= view.vehicle.t
@@ -152,10 +152,10 @@ def draw_path(
 
 
 def write_film(pictures: Sequence[Image.Image], rate: float, path: Path) -> None:
-    """Write pictures as a film that repeats, whole or not at all.
+    """Write pictures as a film that repeats; if writing fails, no partial file remains.
 
     Args:
-        pictures: at least one.
+        pictures: at least one picture.
         rate: pictures per second [Hz]. A GIF file is limited to whole hundredths of a second.
         path: the file; its suffix is one of FORMATS.
 

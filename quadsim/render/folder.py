@@ -1,4 +1,4 @@
-"""A folder of pictures: their common settings, one document of all labels, the film."""
+"""Folders of pictures, with the pictures' common settings, all labels, and a film."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def claimed(out: Path, pictures: Pictures) -> Iterator[None]:
 
 @contextmanager
 def _locked(out: Path) -> Iterator[None]:
-    """Lock a folder, if the file system has locks. Raises FileError."""
+    """Lock a folder, if the file system supports locks. Raises FileError."""
     handle = None
     try:
         handle = lock_folder(out)
@@ -90,7 +90,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def whole(out: Path, count: int) -> set[int]:
-    """Return the numbers of the complete pictures among the first `count`."""
+    """Return the numbers of the complete pictures among the first `count` pictures."""
     return {i for i in range(count) if whole_label(out, i)}
 
 

@@ -1,4 +1,4 @@
-"""Pictures with their labels as files, each written completely or not at all.
+"""Files of pictures and their labels; an interrupted process leaves no partial file.
 
 rgb/000007.png            colour, 8 bits
 segmentation/000007.png   8 bits: 0 sky, gate numbers from 1, 254 obstacles, 255 ground
@@ -65,7 +65,7 @@ class Pictures:
 
 
 def path_of(out: Path, kind: str, i: int) -> Path:
-    """Return the file of picture i. kind: of SUFFIXES."""
+    """Return the path of a file of picture i; `kind` is a key of SUFFIXES."""
     return out / kind / f"{i:06d}.{SUFFIXES[kind]}"
 
 
@@ -73,7 +73,7 @@ def whole_label(out: Path, i: int) -> dict | None:
     """Return the label of picture i.
 
     Returns:
-        The label; None unless all files of the picture exist in their recorded size.
+        The label; None if a file of the picture is missing or has another size than recorded.
     """
     try:
         label = json.loads(read_bytes(path_of(out, LABELS, i), "a label", LARGEST_JSON))
@@ -87,7 +87,7 @@ def whole_label(out: Path, i: int) -> dict | None:
 
 
 class Job(NamedTuple):
-    """The pictures for one call of `make_frames`."""
+    """The pictures to be made by one call of `make_frames`."""
 
     pictures: Pictures
     out: Path
@@ -103,7 +103,7 @@ def make_frames(job: Job) -> list[int]:
 
 @lru_cache(maxsize=1)
 def _scene(course_name: str, course_text: str, camera: Camera) -> Scene:
-    """Return the cached scene of this process, as its set-up takes longer than a picture."""
+    """Return this process's cached scene, because its set-up takes longer than a picture."""
     # imported here, as it loads the compiler
     from quadsim.render.scene import Scene
 

@@ -33,9 +33,10 @@ def label(course: Course, camera: Camera, pose: Pose, segmentation: np.ndarray) 
     """Return the camera and the gates of one picture as JSON.
 
     Args:
-        course, camera: the scene and the camera on the vehicle.
+        course: course of the scene.
+        camera: camera on the vehicle.
         pose: pose of the vehicle.
-        segmentation: (height, width), gate numbers from 1.
+        segmentation: gate numbers from 1 in each pixel  (height, width).
     """
     position, axes = camera.pose(pose.p, pose.q)
     return {
@@ -47,7 +48,7 @@ def label(course: Course, camera: Camera, pose: Pose, segmentation: np.ndarray) 
 
 
 def _gates(course: Course, camera: Camera, pose: Pose, segmentation: np.ndarray) -> Iterator[dict]:
-    """Yield the label of every gate of which a corner or a pixel is in the picture."""
+    """Yield the label of every gate that has a corner or a pixel in the picture."""
     # each once, however often a lap leads through it
     gates = frames(course.gates)
     pixels, depth = camera.gate_corners(gates, pose.p, pose.q)
@@ -84,7 +85,8 @@ def coco(course: Course, camera: Camera, labels: Iterable[dict]) -> dict:
     """Return all labels as one document.
 
     Args:
-        course, camera: the course and the camera of all pictures.
+        course: course of all pictures.
+        camera: camera of all pictures.
         labels: results of `label`, each with the `files` of its picture.
     """
     images: list[dict] = []

@@ -1,7 +1,8 @@
-"""A lens that bends straight lines: its pictures are resampled from pictures of a pinhole.
+"""Pictures of a lens with distortion, which are resampled from pictures of a pinhole.
 
-The pinhole's picture has the same focal lengths, and is as large as the rays that reach the lens's
-picture need. Colours are interpolated between four pixels; depth and face are the nearest's.
+The pinhole's picture has the same focal lengths, and is large enough to contain all rays of the
+lens's picture. Colours are interpolated between four pixels; depth and face are taken from the
+nearest pixel.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 from quadsim.render.raster import WHOLE, bend
 from quadsim.sensing.camera import LensCamera
 
-# Pixels of the pinhole's picture around those that are needed
+# Width [px] of the border around the needed part of the pinhole's picture
 BORDER = 2
 
 
@@ -60,15 +61,22 @@ class Distortion:
     def colours(self, rgb: np.ndarray) -> np.ndarray:
         """Return the lens's colours from the colours of the pinhole.
 
-        rgb: as in quadsim.render.raster.Drawn.
+        Args:
+            rgb: colours of the pinhole's picture, as in quadsim.render.raster.Drawn.
 
         Returns:
-            (height, width, 3) uint8
+            The colours  (height, width, 3) uint8.
         """
         bent = np.empty((*self._nearest.shape, 3), np.uint8)
         bend(rgb, self._corner, self._right, self._down, bent.reshape(-1))
         return bent
 
     def nearest(self, values: np.ndarray) -> np.ndarray:
-        """Return the values of the nearest pixels of the pinhole's picture.  (height, width)"""
+        """Return, for each pixel of the lens, the value of the nearest pixel of the pinhole.
+
+        Args:
+            values: values of the pinhole's pixels, such as depths or faces.
+
+        Returns:
+            The values  (height, width)."""
         return values.ravel()[self._nearest]

@@ -1,8 +1,8 @@
-"""Looks of a scene: paint of ground and gates, light and sky, constant or drawn from a seed.
+"""Looks of a scene: paint of ground and gates, light and sky, fixed or random from a seed.
 
 Textures are computed from noise; no file is loaded. Noise of several octaves is a sum of periodic
-grids of random numbers with linear interpolation, each twice as fine and half as strong as the one
-before (Perlin 1985).
+grids of random numbers with linear interpolation; each grid is twice as fine and half as strong as
+the previous one (Perlin 1985).
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ ZENITH = (96, 150, 214)
 class Sky(NamedTuple):
     """The colours of the sky by direction, 0 to 255.
 
-    A share of the cloud's colour covers the colour of the elevation. The cover is fixed in the
-    world, and mapped to the sky by stereographic projection from below, x / (1 + z), y / (1 + z):
-    its middle is the zenith, its edges touch the horizon.
+    The colour depends on the elevation, and is mixed with the colour of clouds. The share of clouds
+    is an image that is mapped to the sky by stereographic projection, x / (1 + z), y / (1 + z): its
+    middle is the zenith, and its edges touch the horizon.
     """
 
     # colours at the horizon and at the zenith, between which they are linear in the square root of
@@ -53,7 +53,7 @@ class Sky(NamedTuple):
 
 
 class Paint(NamedTuple):
-    """Paint is a colour times a texture."""
+    """A paint: a colour that multiplies a texture."""
 
     texture: int  # index in `textures`
     colour: Vec3  # 0 to 1
@@ -96,7 +96,7 @@ def plain_look() -> Look:
 
 
 def drawn_look(streams: LookStreams, vary: Collection[str]) -> Look:
-    """Return the plain look with the parts in `vary` (of VARIED) drawn at random.
+    """Return the plain look, in which the parts named in `vary` (of VARIED) are random.
 
     The same streams give the same look.
     """
@@ -113,10 +113,10 @@ def drawn_look(streams: LookStreams, vary: Collection[str]) -> Look:
 
 
 def venue_look(streams: LookStreams) -> Look:
-    """Return the look of a random venue, in which little but the gates has their colour.
+    """Return the look of a random venue, in which few things share the colour of the gates.
 
     Ground and obstacles have muted colours, the sky is grey to blue with grey clouds, and the light
-    is drawn as in `drawn_look`. Gates are painted as in the plain look.
+    is random as in `drawn_look`. Gates are painted as in the plain look.
     """
     rng = np.random.default_rng(streams.textures)
     ground = Paint(TEXTURES + int(rng.integers(GREYS)), _muted(rng))
@@ -136,10 +136,10 @@ def venue_look(streams: LookStreams) -> Look:
 
 
 def textures() -> list[np.ndarray]:
-    """Return all textures, which do not depend on a seed, as a renderer loads each once.
+    """Return all textures, which do not depend on a seed.
 
     Returns:
-        TEXTURES arrays of any colour, then GREYS arrays  (SIZE, SIZE, 3) uint8.
+        TEXTURES coloured arrays, then GREYS grey arrays, each (SIZE, SIZE, 3) uint8.
     """
     rng = np.random.default_rng(texture_stream())
     flat = np.full((SIZE, SIZE, 3), 255, np.uint8)
@@ -172,7 +172,7 @@ def noise(rng: np.random.Generator, size: int, octaves: int = 4) -> np.ndarray:
 
 
 def _texture(rng: np.random.Generator) -> np.ndarray:
-    """Return two random colours, mixed by noise or by noisy stripes.  (SIZE, SIZE, 3)"""
+    """Return a texture that mixes two random colours by noise or stripes.  (SIZE, SIZE, 3)"""
     first, second = rng.integers(40, 256, (2, 3))
     mix = noise(rng, SIZE)
     if rng.random() < 0.5:
@@ -183,20 +183,20 @@ def _texture(rng: np.random.Generator) -> np.ndarray:
 
 
 def _paint(rng: np.random.Generator) -> Paint:
-    """Draw a colour and a texture."""
+    """Return a paint with a random colour and a random texture."""
     red, green, blue = rng.uniform(0.2, 1.0, 3).tolist()
     return Paint(int(rng.integers(TEXTURES)), (red, green, blue))
 
 
 def _muted(rng: np.random.Generator) -> Vec3:
-    """Draw a colour whose parts differ by a seventh at most, green or blue the strongest."""
+    """Return a random muted colour, whose parts differ by at most a seventh."""
     grey = rng.uniform(0.3, 0.9)
     red, green, blue = (grey * rng.uniform((0.86, 0.93, 0.9), (0.95, 1.0, 1.0))).tolist()
     return red, green, blue
 
 
 def _light(rng: np.random.Generator) -> Light:
-    """Draw a near-white sun at least 15 degrees above the horizon, with weak to strong contrast."""
+    """Return a random near-white sun, at least 15 degrees high, with weak to strong contrast."""
     azimuth = rng.uniform(0.0, 2 * pi)
     elevation = rng.uniform(pi / 12, pi / 2)
     ambient = rng.uniform(0.25, 0.75)
@@ -224,7 +224,7 @@ def _gradient(horizon: Sequence[float] | np.ndarray, zenith: Sequence[float] | n
 
 
 def _clouds(rng: np.random.Generator) -> Sky:
-    """Draw a sky: colours of horizon and zenith, and noise of a third colour."""
+    """Return a sky with random colours of horizon and zenith, and noise of a third colour."""
     horizon, zenith, cloud = rng.integers(0, 256, (3, 3))
     cover = (noise(rng, CLOUDS) ** rng.uniform(0.5, 3.0)).astype(np.float32)
     return _gradient(horizon, zenith)._replace(cover=cover, cloud=cloud.astype(np.float32))

@@ -1,4 +1,4 @@
-"""Poses of the vehicle for pictures: poses of a stored flight, or drawn around a course."""
+"""Poses of the vehicle for pictures, from a stored flight or random ones around a course."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ class Pose:
 
 
 def flown_poses(telemetry: Mapping[str, np.ndarray], rate: float) -> list[Pose]:
-    """Return the poses of a flight at a rate.
+    """Return the poses of a flight at equal time steps.
 
-    Between the control steps positions are interpolated linearly and attitudes on the sphere. At
-    20 m/s and 4 g, half way between two steps of 10 ms, the position is off by 0.5 mm.
+    Between control steps positions are interpolated linearly, and attitudes by slerp. At 20 m/s and
+    4 g, half way between two steps of 10 ms, the position is off by 0.5 mm.
 
     Args:
-        telemetry: columns of a run, (frames,) each.
+        telemetry: columns of a run by name  (frames,).
         rate: poses per second [Hz].
     """
     t = telemetry["t"]
@@ -57,7 +57,7 @@ def flown_poses(telemetry: Mapping[str, np.ndarray], rate: float) -> list[Pose]:
 
 
 def drawn_poses(course: Course, camera: Camera, count: int, seed: int) -> list[Pose]:
-    """Draw poses along and around the course; pose i depends only on the seed and i.
+    """Return random poses around the course; pose i depends only on the seed and i.
 
     Each is near the straight line to a gate, with the optical axis near the direction to that gate.
 
@@ -69,7 +69,7 @@ def drawn_poses(course: Course, camera: Camera, count: int, seed: int) -> list[P
 
 
 def _draw(course: Course, camera: Camera, rng: np.random.Generator) -> Pose:
-    """Draw one pose. Raises ValueError for a course without room."""
+    """Return one random pose. Raises ValueError if the course has no room."""
     ends = [np.array(gate.position) for gate in course.gates]
     first = ends[-1] if course.loop else np.array(course.start.position)
     starts = [first, *ends[:-1]]
@@ -95,7 +95,7 @@ def _free(course: Course, p: np.ndarray) -> bool:
 
 
 def _looking(ahead: np.ndarray, camera: Camera, rng: np.random.Generator) -> Quaternion:
-    """Return an attitude with the camera's axis near this direction, world frame."""
+    """Return a random attitude with the camera's axis near a direction in the world."""
     x, y, z = (ahead / max(float(np.linalg.norm(ahead)), 1e-9)).tolist()
     yaw = atan2(y, x) + TURN * rng.standard_normal()
     # positive: nose down

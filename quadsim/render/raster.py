@@ -1,22 +1,23 @@
-"""The rasteriser: flat faces with textures, exactly occluded, one row of the picture after another.
+"""The rasteriser, which draws flat faces with textures and exact occlusion, row by row.
 
 A face is a parallelogram, with or without a hole, or an ellipse. Its points are o + u a + v b with
-|u| <= 1 and |v| <= 1, or u^2 + v^2 <= 1. The ray through a pixel has the direction d, whose part
-along the optical axis is 1, from the eye p. With w = o - p and n = a x b it meets the plane where
+|u| <= 1 and |v| <= 1, or u^2 + v^2 <= 1. The ray through a pixel starts at the eye p and has the
+direction d, whose component along the optical axis is 1. With w = o - p and n = a x b it meets the
+plane where
 
     1 / depth = n.d / n.w,    u / depth = (b x w).d / n.w,    v / depth = (w x a).d / n.w
 
 (a homography: Hartley and Zisserman 2004, section 8.1.1). In one row of the picture d is linear in
 the column, and so are these three numbers: a face covers the columns between the roots of linear
-inequalities, and the largest 1 / depth of a pixel is what is seen. No face is clipped or sorted.
+inequalities, and a pixel shows the face with the largest 1 / depth. No face is clipped or sorted.
 
-A picture is the mean of several passes. Each row of each pass has a pose of its own, so that a
-shutter may stay open (motion blur) and may read one row after another (rolling shutter), and each
-pass has an offset within the pixel, which smooths edges.
+A picture is the mean of several passes. Each row of each pass has its own pose, so that a shutter
+may stay open (motion blur) and may read one row after another (rolling shutter). Each pass has an
+offset within the pixel, which smooths edges.
 
-The loops over columns are written so that the compiler makes vector code of them: single precision,
-no branches, loads from tables apart from arithmetic, and unsigned indices, as numba tests whether
-signed ones count from the end.
+The loops over columns are written so that the compiler can vectorise them: single precision, no
+branches, loads from tables separate from arithmetic, and unsigned indices, because numba tests
+whether a signed index is negative.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ NEAR = 0.05
 FAR = 1e6
 # Factor of 1 / depth of a face that is compared with others: the first of two in one plane is seen.
 NEARER = np.float32(1.0 - 1e-6)
-# [px] Rows added to those between the projected corners of a face, as the pose changes by row
+# [px] Rows added around the projected corners of a face, because the pose changes by row
 MARGIN = 3
 # A column to begin with: numba compiles functions twice for a variable that begins as a literal.
 START = np.int64(0)
@@ -72,7 +73,7 @@ class Faces(NamedTuple):
     normal: np.ndarray
     # RECTANGLE or ELLIPSE  (n,) int64
     kind: np.ndarray
-    # half sizes of the hole in shares of a and b, 0: none  (n, 2)
+    # half sizes of the hole in shares of a and b, 0: no hole  (n, 2)
     hole: np.ndarray
     # whether the face is seen from behind too  (n,) bool
     two_sided: np.ndarray
@@ -116,7 +117,7 @@ class Drawn(NamedTuple):
 
 
 class WorkSpace(NamedTuple):
-    """Work space of one row of the picture."""
+    """The work space of one row of the picture."""
 
     # the columns, 0, 1, 2 and so on  (width,) float32
     ramp: np.ndarray
@@ -128,7 +129,7 @@ class WorkSpace(NamedTuple):
     green: np.ndarray
     blue: np.ndarray
     clear: np.ndarray
-    # place in a texture, and what is there  (width,) uint32, uint32, int32
+    # place in a texture, and the texel there  (width,) uint32, uint32, int32
     line: np.ndarray
     place: np.ndarray
     texel: np.ndarray
@@ -173,11 +174,11 @@ def pyramid(texture: np.ndarray) -> np.ndarray:
     """Return all levels of detail of a texture, one after another.
 
     Args:
-        texture: (TEXELS, TEXELS, 3) uint8.
+        texture: the texture  (TEXELS, TEXELS, 3) uint8.
 
     Returns:
-        (n,) int32: the texels of the first level row by row, then those of the next, each as red +
-        256 green + 65536 blue.
+        The texels of the first level row by row, then the texels of the next level and so on, each
+        as red + 256 green + 65536 blue  (n,) int32.
     """
     level = texture.astype(np.float32)
     levels = []
@@ -192,17 +193,17 @@ def pyramid(texture: np.ndarray) -> np.ndarray:
 @kept
 @njit(fastmath=FAST, error_model="numpy", nogil=True)
 def rows_of_faces(eyes, axes, faces, lens, shape, rows):
-    """Fill rows with the first row of each face and the row after its last.  (n, 2)
+    """Fill `rows` with the first row of each face and the row after its last row.  (n, 2)
 
     A face that is turned away, behind the camera or beside the picture has no rows.
 
     Args:
-        eyes: position of the camera by pass and row [m]  (passes, height, 3).
-        axes: rotation world from camera by pass and row  (passes, height, 3, 3).
+        eyes: position of the camera for each pass and row [m]  (passes, height, 3).
+        axes: rotation from camera to world axes for each pass and row  (passes, height, 3, 3).
         faces: Faces.
         lens: focal lengths and centre, fx, fy, cx, cy [px].
         shape: height and width of the picture [px].
-        rows: the result.
+        rows: array for the result  (n, 2).
     """
     fx, fy, cx, cy = lens
     height, width = shape
@@ -254,7 +255,7 @@ def rows_of_faces(eyes, axes, faces, lens, shape, rows):
 
 @njit(fastmath=FAST, error_model="numpy")
 def _ray(axes, offset, lens, y):
-    """Return the direction of the ray through column 0 of a row, and its change by column."""
+    """Return the direction of the ray through column 0 of a row, and its change per column."""
     fx, fy, cx, cy = lens
     right = (0.5 + offset[0] - cx) / fx
     down = (y + 0.5 + offset[1] - cy) / fy
@@ -266,14 +267,14 @@ def _ray(axes, offset, lens, y):
 
 @njit(fastmath=FAST, error_model="numpy")
 def _line(n, a, b, w, away, ray):
-    """Return 1 / depth, u / depth and v / depth at column 0, each followed by its change by column.
+    """Return 1 / depth, u / depth and v / depth at column 0, each with its change per column.
 
     Args:
-        n: the normal, a x b, of a face.
-        a, b: its half axes.
-        w: its centre from the eye.
-        away: n.w.
-        ray: by `_ray`.
+        n: normal of the face, a x b.
+        a, b: half axes of the face.
+        w: vector from the eye to the face's centre.
+        away: the product n.w.
+        ray: result of `_ray`.
     """
     nx, ny, nz = n
     ax, ay, az = a
@@ -298,7 +299,7 @@ def _line(n, a, b, w, away, ray):
 
 @njit(fastmath=FAST, error_model="numpy")
 def _where_positive(k0, k1, low, high):
-    """Return the part of the columns from `low` to `high` in which k0 + k1 column >= 0."""
+    """Return the range of columns, within `low` to `high`, in which k0 + k1 column >= 0."""
     root = -k0 / k1
     if k1 > 0.0:
         return max(low, root), high
@@ -309,7 +310,7 @@ def _where_positive(k0, k1, low, high):
 
 @njit(fastmath=FAST, error_model="numpy")
 def _in_rectangle(line, half_u, half_v, low, high):
-    """Return the part of the columns in which |u| <= half_u and |v| <= half_v."""
+    """Return the range of columns in which |u| <= half_u and |v| <= half_v."""
     q0, q1, u0, u1, v0, v1 = line
     low, high = _where_positive(half_u * q0 - u0, half_u * q1 - u1, low, high)
     low, high = _where_positive(half_u * q0 + u0, half_u * q1 + u1, low, high)
@@ -319,7 +320,7 @@ def _in_rectangle(line, half_u, half_v, low, high):
 
 @njit(fastmath=FAST, error_model="numpy")
 def _in_ellipse(line, low, high):
-    """Return the part of the columns in which u^2 + v^2 <= 1."""
+    """Return the range of columns in which u^2 + v^2 <= 1."""
     # q^2 - u^2 - v^2 >= 0, a parabola that opens downwards or misses the row
     q0, q1, u0, u1, v0, v1 = line
     k2 = q1 * q1 - u1 * u1 - v1 * v1
@@ -334,7 +335,7 @@ def _in_ellipse(line, low, high):
 
 @njit(fastmath=FAST, error_model="numpy")
 def _enter(f, q0, q1, first, end, ramp, nearest, face):
-    """Enter a face in the columns from `first` to `end` in which it is the nearest so far."""
+    """Enter a face in those columns from `first` to `end` in which it is nearest so far."""
     q_first = np.float32(q0 + q1 * first)
     change = np.float32(q1)
     number = np.int32(f)
@@ -356,10 +357,10 @@ def _enter_all(  # noqa: PLR0913
         active: indices of the faces that reach into this row.
         faces: Faces.
         eye: position of the camera [m]  (3,).
-        ray: by `_ray`.
-        ramp: the columns, 0, 1, 2 and so on  (width,) float32.
-        nearest, face: 1 / depth [1/m] and index of the nearest face, filled  (width,).
-        lines: of each face that is entered, the six numbers of `_line`, and the number of texels
+        ray: result of `_ray`.
+        ramp: the numbers of the columns, 0, 1, 2 and so on  (width,) float32.
+        nearest, face: arrays for 1 / depth [1/m] and the index of the nearest face  (width,).
+        lines: array for the six numbers of `_line` of each entered face, and the number of texels
             in a pixel at depth 1, times fx  (n, 7).
     """
     for x in range(len(face)):
@@ -405,7 +406,7 @@ def _enter_all(  # noqa: PLR0913
 
 @njit(fastmath=FAST, error_model="numpy")
 def _end_of_run(face, first):
-    """Return the column after the last one that sees the same face as column `first`."""
+    """Return the column after the run of columns that see the same face as column `first`."""
     f = face[first]
     end = first
     while end + COLUMNS <= len(face):
@@ -423,7 +424,7 @@ def _end_of_run(face, first):
 
 @njit(fastmath=FAST, error_model="numpy")
 def _level(size):
-    """Return the first texel and the edge of the level of detail for texels of this size [1/px]."""
+    """Return the first texel and the edge length of the level of detail for a size [texels/px]."""
     begin = 0
     edge = TEXELS
     while size > FINEST and edge > 1:
@@ -440,10 +441,10 @@ def _add_texture(  # noqa: PLR0913
     """Add a texture to the columns from `first` to `end`.
 
     Args:
-        line: of `lines`, as in `_enter_all`.
+        line: a row of `lines`, as in `_enter_all`.
         repeats: half the number of repetitions along both axes  (2,).
         fx: focal length [px].
-        texels: by `pyramid`.
+        texels: result of `pyramid`.
         tint: factor of the colours  (3,).
         first, end: columns.
         ramp, nearest: as in `_enter_all`.
@@ -497,7 +498,7 @@ def _add_sky(  # noqa: PLR0913
     """Add the sky to the columns from `first` to `end`, times the number of passes that see it.
 
     Args:
-        ray: by `_mean_ray`.
+        ray: result of `_mean_ray`.
         sky: quadsim.render.look.Sky.
         first, end: columns.
         ramp: as in `_enter_all`.
@@ -534,7 +535,7 @@ def _add_sky(  # noqa: PLR0913
 
 @njit(fastmath=FAST, error_model="numpy")
 def _develop(light, factor, read, shot, grain, numbers):
-    """Convert the light of one colour in a row to numbers up to 255, with noise."""
+    """Convert the light of one colour in a row to pixel values up to 255, with noise."""
     if read > ZERO or shot > ZERO:
         for x in range(len(light)):
             number = light[x] * factor
@@ -547,7 +548,7 @@ def _develop(light, factor, read, shot, grain, numbers):
 
 @njit(fastmath=FAST, error_model="numpy")
 def _interleave(red, green, blue, pixels):
-    """Write the three numbers of each pixel one after another."""
+    """Write the three colour values of each pixel one after another."""
     for x in range(len(red)):
         pixels[3 * x] = red[x]
         pixels[3 * x + 1] = green[x]
@@ -556,7 +557,7 @@ def _interleave(red, green, blue, pixels):
 
 @njit(fastmath=FAST, error_model="numpy")
 def _see(f, line, first, end, inverse_depth, seen):
-    """Write the face that the columns from `first` to `end` see, and its 1 / depth."""
+    """Write the face that is seen by the columns from `first` to `end`, and its 1 / depth."""
     q0, q1 = line[0], line[1]
     number = np.int16(f)
     for x in range(np.uint64(first), np.uint64(end)):
@@ -566,7 +567,7 @@ def _see(f, line, first, end, inverse_depth, seen):
 
 @njit(fastmath=FAST, error_model="numpy")
 def _mean_ray(axes, offsets, lens, y):
-    """Return the sum of `_ray` over all passes, whose direction is their mean direction."""
+    """Return the sum of `_ray` over all passes, which has their mean direction."""
     sx, sy, sz, tx, ty, tz = _ray(axes[0, y], offsets[0], lens, y)
     for s in range(1, len(axes)):
         dx, dy, dz, ex, ey, ez = _ray(axes[s, y], offsets[s], lens, y)
@@ -594,18 +595,19 @@ def draw(  # noqa: PLR0913
     """Draw a picture.
 
     Args:
-        eyes, axes: pose of the camera by pass and row, as in `rows_of_faces`.
+        eyes, axes: pose of the camera for each pass and row, as in `rows_of_faces`.
         offsets: offset of each pass within the pixel, to the right and down [px]  (passes, 2).
-        rows: rows of each face, by `rows_of_faces`.
+        rows: rows of each face, from `rows_of_faces`.
         faces: Faces.
-        textures: levels of detail of each texture, by `pyramid`  (textures, n).
+        textures: levels of detail of each texture, from `pyramid`  (textures, n).
         sky: quadsim.render.look.Sky.
         lens: focal lengths and centre, fx, fy, cx, cy [px].
         film: Film.
         row: WorkSpace.
         drawn: Drawn, which is filled.
     """
-    # The arrays of the innermost loops one by one: numba counts references to those of a record.
+    # The arrays of the innermost loops are passed one by one, because numba counts references to
+    # arrays in a record.
     ramp, nearest, face, lines = row.ramp, row.nearest, row.face, row.lines
     red, green, blue, clear = row.red, row.green, row.blue, row.clear
     line, place, texel = row.line, row.place, row.texel
@@ -671,13 +673,13 @@ def draw(  # noqa: PLR0913
 @kept
 @njit(fastmath=FAST, error_model="numpy", nogil=True)
 def bend(rgb, corner, right, down, bent):
-    """Resample a picture, linearly between four pixels.
+    """Resample a picture by bilinear interpolation between four pixels.
 
     Args:
         rgb: the picture, red, green and blue of each pixel in turn  (height, 3 width) uint8.
-        corner: number of the pixel left of and above the place of each pixel of the result, row by
-            row  (n,) int32.
-        right, down: the way on from there to the place [px / WHOLE]  (n,) int16.
+        corner: for each pixel of the result, index of the source pixel to the upper left of the
+            sampled point, row by row  (n,) int32.
+        right, down: offset from there to the sampled point [px / WHOLE]  (n,) int16.
         bent: the result, red, green and blue of each pixel in turn  (3 n,) uint8.
     """
     flat = rgb.reshape(-1)

@@ -1,4 +1,4 @@
-"""A course as a camera sees it: colour, depth, and the gate in each pixel."""
+"""Renders a course as a camera sees it: colour, depth, and the gate in each pixel."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Picture:
 
 
 class Views(NamedTuple):
-    """Poses of the camera by pass and by row of the picture."""
+    """The poses of the camera for each pass and row of the picture."""
 
     # position [m]  (passes, height, 3)
     eyes: np.ndarray
@@ -86,7 +86,7 @@ class Scene:
         camera: the camera that takes the pictures.
         radius: radius of a drawn vehicle [m], which the segmentation counts as an obstacle. None:
             no vehicle is drawn.
-        banners: sheets painted as the gates are, which the segmentation counts as obstacles.
+        banners: sheets with the gates' paint, which the segmentation counts as obstacles.
 
     Raises:
         ValueError: the course has more gates than 8 bits can number.
@@ -119,7 +119,7 @@ class Scene:
 
     @property
     def rows(self) -> int:
-        """The number of rows of `Views`, which is larger than the picture's if the lens bends."""
+        """The number of rows of `Views`, larger than the picture's if the lens is distorted."""
         return self._pinhole.shape[0]
 
     def place(self, p: Vec3, q: Quaternion) -> None:
@@ -132,7 +132,7 @@ class Scene:
         self.place_all([(p, q)])
 
     def place_all(self, poses: Sequence[tuple[Vec3, Quaternion]]) -> None:
-        """Draw a vehicle at each of these poses, position [m] and attitude, and nowhere else."""
+        """Draw vehicles at these poses only, each a position [m] and an attitude (wxyz)."""
         self._places = tuple(poses)
         self._look = None
 
@@ -149,13 +149,14 @@ class Scene:
         return self.expose(views, look)
 
     def expose(self, views: Views, look: Look, film: Film = PLAIN_FILM) -> Picture:
-        """Return the mean of several passes, as a shutter takes it.
+        """Return the mean of several passes, as an open shutter records it.
 
-        Depth and segmentation are those of the first pass. A single pass samples the middle of each
-        pixel; several have OFFSETS in turn.
+        Depth and segmentation belong to the first pass. A single pass samples the middle of each
+        pixel; several passes sample it at OFFSETS in turn.
 
         Args:
-            views: poses of the camera, by row of the pinhole's picture if the lens bends.
+            views: poses of the camera, for each row of the pinhole's picture if the lens is
+                distorted.
             look: paint, light and sky.
             film: brightness and noise.
         """
@@ -170,7 +171,7 @@ class Scene:
         return Picture(self._bent(drawn.rgb), depth, seen)
 
     def colours(self, views: Views, look: Look, film: Film = PLAIN_FILM) -> np.ndarray:
-        """Return the colours of `expose` alone.  (height, width, 3) uint8"""
+        """Return only the colours of `expose`.  (height, width, 3) uint8"""
         return self._bent(self._draw(views, look, film).rgb)
 
     def _bent(self, rgb: np.ndarray) -> np.ndarray:
@@ -180,7 +181,7 @@ class Scene:
         return rgb.reshape(*self._pinhole.shape, 3)
 
     def _draw(self, views: Views, look: Look, film: Film) -> Drawn:
-        """Draw the picture of the pinhole."""
+        """Return the arrays of the pinhole's picture."""
         if look is not self._look:
             self._faces = _arrays(self._painted(look), look.light)
             self._look = look
@@ -223,7 +224,7 @@ class Scene:
 
 
 def _pinhole(camera: Camera) -> Pinhole:
-    """Return the picture of a camera without distortion."""
+    """Return the picture's size and lens for a camera without distortion."""
     lens = (float(camera.fx), float(camera.fy), camera.width / 2, camera.height / 2)
     return Pinhole((camera.height, camera.width), lens)
 
@@ -235,7 +236,7 @@ def _textures() -> np.ndarray:
 
 
 def _arrays(painted: Sequence[Painted], light: Light | None) -> Faces:
-    """Return faces as arrays, with their colours in a light."""
+    """Return faces as arrays, with their colours under a light."""
     n = len(painted)
     a = np.array([one.face.a for one in painted]).reshape(n, 3)
     b = np.array([one.face.b for one in painted]).reshape(n, 3)

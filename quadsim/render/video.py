@@ -1,4 +1,4 @@
-"""Films of pictures: H.264 in an MP4 file, by the ffmpeg of imageio-ffmpeg."""
+"""Write films of pictures, H.264 in an MP4 file, with the ffmpeg of imageio-ffmpeg."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from PIL import Image
 
 
 def write_video(pictures: Iterable[Path], size: tuple[int, int], rate: float, path: Path) -> None:
-    """Write PNG files as one film, whole or not at all.
+    """Write PNG files as one film; if writing fails, no partial file remains.
 
     Args:
         pictures: the files in order.

@@ -1,1 +1,1 @@
-"""Reports of runs: their metrics, texts and tables, all made of a RecordedRun."""
+"""Reports of runs: metrics, texts and tables, which are made from a RecordedRun."""

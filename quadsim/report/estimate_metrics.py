@@ -1,4 +1,4 @@
-"""The sensing of a flight: the accuracy of the estimate, and the errors that the seed has drawn."""
+"""Metrics of a flight's sensing: the accuracy of the estimate, and the sensors' random errors."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BESIDE = ~np.eye(3, dtype=bool)
 
 
 def estimate_errors(run: RecordedRun) -> np.ndarray:
-    """Return estimated less true position of every frame [m].  (frames, 3)"""
+    """Return the estimated minus the true position of every frame [m].  (frames, 3)"""
     x = run.telemetry
     return np.column_stack([x[f"est_{name}"] - x[name] for name in ("px", "py", "pz")])
 
@@ -36,7 +36,7 @@ def attitude_error(run: RecordedRun, frame: int) -> float:
 
 
 def lost_estimate(run: RecordedRun) -> str:
-    """Return how far off the estimate was when a flight ended, and since when it was lost.
+    """Return the error of the estimate at the end of a flight, and the time from which it was lost.
 
     Returns:
         One line, such as "estimate 2.4 m off at the end, more than 0.5 m from 1.6 s on"; "" if the
@@ -68,15 +68,15 @@ def sensing_numbers(run: RecordedRun) -> dict | None:
     Returns:
         sensing: name of the set of sensors.
         position_rms, position_max: distance between estimated and true position [m].
-        at_gates: the same where gates were passed, RMS [m].
-        nees: mean normalised estimation error squared, of `nees_expected` degrees of freedom.
+        at_gates: RMS of this distance at the passes of gates [m].
+        nees: mean normalised estimation error squared, with `nees_expected` degrees of freedom.
         nis: normalised innovation squared per degree of freedom of the measurements used.
-        refused: share of the measurements taken for outliers.
-        in_view: mean number of corners in a picture that showed any.
-        found: share of the corners in view that was found.
-        unaided: time at the end since the last measurement was used, inertial ones aside [s].
+        refused: share of the measurements that were rejected as outliers.
+        in_view: mean number of corners in view, over the pictures with at least one.
+        found: share of the corners in view that were found.
+        unaided: time from the last used measurement, except inertial ones, to the end [s].
         drawn: constant errors of gyroscope and accelerometer, see `drawn_imu_errors`.
-        estimate_ms: time that an estimate took, wall clock, p50 and p95 [ms].
+        estimate_ms: computing time of an estimate on the wall clock, p50 and p95 [ms].
     """
     x = run.telemetry
     if "est_px" not in x or not len(x["t"]):
@@ -106,7 +106,7 @@ def sensing_numbers(run: RecordedRun) -> dict | None:
 
 
 def _at_gates(run: RecordedRun, distance: np.ndarray) -> float | None:
-    """Return the RMS of the distances (frames,) where gates were passed, None without a pass."""
+    """Return the RMS of the distances (frames,) at passes of gates, None if there is no pass."""
     passes = [gate["t"] for gate in run.gates]
     if not passes:
         return None
@@ -115,7 +115,7 @@ def _at_gates(run: RecordedRun, distance: np.ndarray) -> float | None:
 
 
 def _unaided(run: RecordedRun) -> float:
-    """Return the time from the last frame with a measurement to the end [s]."""
+    """Return the time from the last frame with a used measurement to the end [s]."""
     t = run.telemetry["t"]
     aided = np.flatnonzero(run.telemetry["nis_dof"])
     last = aided[-1] if len(aided) else 0
@@ -138,13 +138,13 @@ class UnitErrors(NamedTuple):
 def drawn_imu_errors(spec: dict[str, Any]) -> dict[str, UnitErrors]:
     """Return the constant errors of a flight's gyroscope and accelerometer, by name.
 
-    They are drawn anew, as the seed determines them.
+    They are computed again from the seed.
 
     Args:
         spec: the spec of the run.
 
     Returns:
-        Empty if the unit has exact scales and axes, or the flight has no unit.
+        The errors; empty if the unit has exact scales and axes, or if there is no unit.
     """
     sensing = spec.get("sensing") or {}
     if not sensing.get("imu"):
@@ -162,13 +162,13 @@ def _of_unit(errors: np.ndarray) -> UnitErrors:
     """Return the errors of one unit.
 
     Args:
-        errors: from true to measured numbers, less the identity  (3, 3).
+        errors: matrix from true to measured numbers, minus the identity  (3, 3).
     """
     return UnitErrors(errors.diagonal().tolist(), np.degrees(errors[BESIDE]).tolist())
 
 
 def drawn_imu_text(drawn: dict[str, UnitErrors]) -> str:
-    """Return the errors that `drawn_imu_errors` returns on one line, "" if there are none."""
+    """Return the result of `drawn_imu_errors` as one line of text, "" if there are no errors."""
     parts = []
     for name, errors in drawn.items():
         if any(errors.scale):

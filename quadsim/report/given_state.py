@@ -1,4 +1,4 @@
-"""Which state a controller was given, as text: ahead of the measurement, or as measured."""
+"""Describe the state that a controller was given: predicted to a later time, or as measured."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from quadsim.racing.hand import HAND
 
 
 def given_state(spec: dict[str, Any]) -> str:
-    """Return which state the controller of a run was given.
+    """Return a description of the state that the controller of a run was given.
 
     Args:
         spec: the spec of the run.
@@ -39,13 +39,14 @@ def given_state(spec: dict[str, Any]) -> str:
 
 
 def conditions(specs: Mapping[str, dict[str, Any]]) -> list[str]:
-    """Return the links of several flights, and which state the controller of each was given.
+    """Return lines on the links of several flights and on the states that controllers were given.
 
     Args:
         specs: the spec of each run by the name of its entrant or variant.
 
     Returns:
-        At most one line each; no line that says of every flight that nothing is late.
+        At most two lines, one for the links and one for the states; a line is left out if there is
+        nothing to say of any flight.
     """
     links = {name: _link(spec) for name, spec in specs.items()}
     states = {name: given_state(spec) for name, spec in specs.items()}
@@ -54,7 +55,7 @@ def conditions(specs: Mapping[str, dict[str, Any]]) -> list[str]:
 
 
 def _link(spec: dict[str, Any]) -> str:
-    """Return the link of a flight as text, "" if it has none."""
+    """Return a description of a flight's link, "" if the flight has no link."""
     link = LinkConfig.of(spec)
     return "" if link == WIRE else str(link)
 
@@ -63,11 +64,11 @@ def together(texts: Mapping[str, str], without: str) -> str:
     """Return one line with the texts of several names.
 
     Args:
-        texts: the text of each name, "" for none.
-        without: stands for "" if others have a text.
+        texts: the text of each name, "" if it has none.
+        without: text that replaces "" if other names have a text.
 
     Returns:
-        The text alone if all have it, such as "" if none has one; else "a, b: text; c: text".
+        The text alone if it is the same for all names; else "a, b: text; c: text".
     """
     if len(set(texts.values())) < 2:
         return next(iter(texts.values()), "")

@@ -1,7 +1,7 @@
-"""Metrics of a run: short pure functions of a RecordedRun or of plain arrays.
+"""Metrics of a run, as short pure functions of a RecordedRun or of plain arrays.
 
-Chatter is measured on the commanded thrust, which is held over each control period, and on the
-delivered one, which is part of the state.
+Chatter is measured on the commanded thrust, which is constant within each control period, and on
+the delivered thrust, which is part of the state.
 """
 
 from __future__ import annotations
@@ -22,12 +22,13 @@ WELCH_SEGMENT = 256
 
 
 def chatter(run: RecordedRun) -> dict:
-    """Return measures of how roughly a flight was controlled.
+    """Return measures of the chatter of a flight's controls.
 
     Returns:
-        commanded, delivered: measures of the commanded and of the delivered thrust and body rates,
-        name -> number.
-        motor_tau, motor_corner: the motor lag [s] and corner [Hz] that these refer to.
+        commanded, delivered: measures of the commanded and the delivered thrust and body rates, by
+            name.
+        motor_tau, motor_corner: the motors' lag [s] and corner frequency [Hz] that the measures
+        use.
     """
     x = run.telemetry
     tau = motor_tau(run.spec["vehicle"])
@@ -40,13 +41,13 @@ def chatter(run: RecordedRun) -> dict:
 
 
 def _chatter(t: np.ndarray, thrust: np.ndarray, rates: np.ndarray, tau: float) -> dict[str, float]:
-    """Return the measures of one signal; all are zero for a flight too short to change anything.
+    """Return the measures of one signal, which are all zero if the flight is too short.
 
     Args:
         t: times [s].  (n,)
-        thrust: mass-normalised [m/s^2].  (n,)
+        thrust: mass-normalised thrust [m/s^2].  (n,)
         rates: body rates [rad/s].  (3, n)
-        tau: the motors' lag [s].
+        tau: lag of the motors [s].
     """
     if len(t) < 2:
         t = np.array([0.0, 1.0])
@@ -71,7 +72,7 @@ def commanded_rates(run: RecordedRun) -> np.ndarray:
 
 
 def delivered_rates(run: RecordedRun) -> np.ndarray:
-    """Return the body rates of every frame [rad/s].  (3, frames)"""
+    """Return the true body rates of every frame [rad/s].  (3, frames)"""
     x = run.telemetry
     return np.stack([x["wx"], x["wy"], x["wz"]])
 
@@ -83,9 +84,9 @@ def speed(run: RecordedRun) -> np.ndarray:
 
 
 def motor_use(run: RecordedRun) -> MotorUse | None:
-    """Return what a flight asked of its motors per second of its time [1/s], [m/s^2].
+    """Return the use of the motors per second of flight [1/s], [m/s^2].
 
-    None if no firmware commanded them.
+    It is None if no firmware commanded the motors.
     """
     x = run.telemetry
     if not run.spec.get("betaflight"):
@@ -104,7 +105,7 @@ def path_length(run: RecordedRun) -> float:
 
 
 def motor_tau(vehicle: dict) -> float:
-    """Return the motors' lag in a spec's vehicle, MOTOR_TAU if it has no rotors [s]."""
+    """Return the motors' lag [s] of the vehicle in a spec, MOTOR_TAU if it has no rotors."""
     rotors = vehicle.get("rotors")
     return float(rotors["motor_tau"]) if rotors else MOTOR_TAU
 
@@ -119,7 +120,7 @@ def total_variation(t: np.ndarray, u: np.ndarray) -> float:
 
     Args:
         t: times [s].  (n,)
-        u: one signal, or one a row.  (n,) or (signals, n)
+        u: one signal  (n,), or several  (signals, n).
     """
     if len(t) < 2:
         return 0.0
@@ -129,8 +130,9 @@ def total_variation(t: np.ndarray, u: np.ndarray) -> float:
 def motor_residual(t: np.ndarray, u: np.ndarray, tau: float) -> float:
     """Return the RMS of u - lowpass_tau(u), the part that no motor follows [unit of u].
 
-    With u held over each period h the gap e decays as e exp(-s/tau), so its mean square there is
-    e^2 tau (1 - exp(-2h/tau)) / 2h: exact in continuous time, whatever the period.
+    If u is constant over each period h, the difference e decays as e exp(-s/tau). Its mean square
+    in
+    the period is e^2 tau (1 - exp(-2h/tau)) / 2h, which is exact in continuous time for any period.
     """
     h = (t[-1] - t[0]) / (len(t) - 1)
     keep = remaining(tau, h)
@@ -156,8 +158,8 @@ def smoothness(t: np.ndarray, u: np.ndarray) -> float:
 def thrust_psd(t: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the one-sided power spectral density by Welch's method.
 
-    Windows are Hann's, half overlapping, with the mean removed. The integral over the frequency is
-    the variance, less what is slower than a segment.
+    The segments have Hann windows, overlap by half, and have their mean removed. The integral over
+    the frequency is the variance, without changes that are slower than a segment.
 
     Returns:
         f: frequencies [Hz].
@@ -172,7 +174,7 @@ def thrust_psd(t: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def high_frequency_fraction(t: np.ndarray, u: np.ndarray, corner: float) -> float:
-    """Return the share of the power above a corner [Hz]; 0 for a constant."""
+    """Return the share of the power above a corner frequency [Hz], 0 for a constant signal."""
     f, psd = thrust_psd(t, u)
     total = float(psd[1:].sum())
     if total <= 0.0:
@@ -181,14 +183,14 @@ def high_frequency_fraction(t: np.ndarray, u: np.ndarray, corner: float) -> floa
 
 
 def splits(run: RecordedRun) -> list[list[float]]:
-    """Return the flown times from gate to gate, one list a lap [s]."""
+    """Return the flown times from gate to gate [s], one list for each lap."""
     return sector_times(run.events)
 
 
 def missed_deadlines(run: RecordedRun) -> int:
-    """Return the number of control periods that came late because a plan was not ready.
+    """Return the number of control periods that began late because a plan was not ready.
 
-    Under the simulated clock none does.
+    With the simulated clock there are none.
     """
     period = run.spec["planner"]["mppi"]["dt"]
     gaps = np.diff(run.telemetry["t"])

@@ -31,9 +31,9 @@ class Pair(NamedTuple):
 
 
 def model_table(spec: dict) -> RenderableType:
-    """Return a row for each parameter that differs, or a line.
+    """Return a table with a row for each differing parameter, or one line if there is none.
 
-    A firmware has a rate loop of its own, which the vehicle's numbers do not describe.
+    A firmware has its own rate loop, which the vehicle's numbers do not describe.
     """
     if spec.get("betaflight"):
         identified = "the planner's rate loop is the one identified behind Betaflight"
@@ -55,7 +55,7 @@ def model_table(spec: dict) -> RenderableType:
 
 
 def _limits(spec: dict) -> str:
-    """Return the model's limits that are lower than the vehicle's as text, "" without any."""
+    """Return the model's limits that are lower than the vehicle's as text, "" if there are none."""
     rows = differing(spec)
     limits = [
         f"{name.replace('_limit', '')} to {' '.join(f'{x:.4g}' for x in rows[name]['model'])}"
@@ -67,9 +67,9 @@ def _limits(spec: dict) -> str:
 
 
 def differing(spec: dict) -> dict[str, dict[str, list[float]]]:
-    """Return the parameters that differ, name -> {model, vehicle}.
+    """Return the differing parameters by name, as {"model": numbers, "vehicle": numbers}.
 
-    Each is a list: of one number for all axes that share it, else of one for each axis.
+    Numbers are a list with one number for all axes if they are equal, else with one for each axis.
     """
     found = {}
     for name, pair in _compared(spec).items():
@@ -81,7 +81,7 @@ def differing(spec: dict) -> dict[str, dict[str, list[float]]]:
 
 
 def _compared(spec: dict) -> dict[str, Pair]:
-    """Return the parameters that a model and a vehicle both have, in common quantities."""
+    """Return the parameters that a model and a vehicle have in common, in the same units."""
     model = spec["model"]
     vehicle = spec["vehicle"]
     rotors = vehicle["rotors"]
@@ -98,9 +98,9 @@ def _compared(spec: dict) -> dict[str, Pair]:
 
 
 def _axes(numbers: Number) -> list[float]:
-    """Return one number if all axes have the same.
+    """Return a list with one number if all axes are equal, else with all numbers.
 
-    Numbers are rounded: a mean of three may differ in its last digit.
+    Numbers are rounded, because a mean of three may differ in its last digit.
     """
     values = numbers if isinstance(numbers, list) else [numbers]
     rounded = [float(f"{value:.9g}") for value in values]

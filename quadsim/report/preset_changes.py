@@ -1,4 +1,4 @@
-"""The numbers in which a recorded planner differs from its preset, as text."""
+"""Describe the numbers in which a recorded planner differs from its preset."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MOST = 4
 def preset_changes(spec: dict[str, Any]) -> str:
     """Return the numbers that differ from the preset, such as "samples 256, horizon 60".
 
-    It is empty if none does, and if the preset is a file or no preset of this version.
+    It is "" if no number differs, or if the preset is a file or does not exist in this version.
 
     Args:
         spec: the record of a Spec, see Spec.record.
@@ -38,7 +38,7 @@ def preset_changes(spec: dict[str, Any]) -> str:
 def changed_numbers(spec: Mapping[str, Any]) -> dict[str, str]:
     """Return the numbers that differ from the preset, as texts by name.
 
-    It is empty in the cases in which `preset_changes` is.
+    The dictionary is empty if `preset_changes` is "".
 
     Args:
         spec: the record of a Spec, see Spec.record.
@@ -53,14 +53,14 @@ def _changes(spec: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         return
     parts = ("sampling", "mppi", "cost")
     if spec.get("sampler") not in SAMPLERS:
-        # A sampler of the user's own flies with the numbers of colored sampling, but for its own.
+        # A user's own sampler flies with the other numbers of colored sampling.
         parts = ("mppi", "cost")
     recorded = spec.get("planner", {})
     for part in parts:
         numbers = recorded.get(part, {})
         for name, usual in vars(getattr(base, part)).items():
             value = numbers.get(name)
-            # A JSON record has lists in place of tuples, and leaves out what was not set
+            # A JSON record has lists instead of tuples, and leaves out settings that were not given
             usual = list(usual) if isinstance(usual, tuple) else usual
             value = list(value) if isinstance(value, tuple) else value
             if name in numbers and value != usual:
@@ -68,9 +68,9 @@ def _changes(spec: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def usual_planner(spec: Mapping[str, Any]) -> Planner | None:
-    """Return the planner of a recorded flight with the numbers of its preset alone.
+    """Return the planner of a recorded flight with only the numbers of its preset.
 
-    None: the preset is a file or no preset of this version.
+    It is None if the preset is a file or does not exist in this version.
 
     Args:
         spec: the record of a Spec, see Spec.record.
@@ -90,7 +90,7 @@ def _derived(reference: Planner, scale: Scale) -> Planner:
 
 
 def recorded_derivation(spec: Mapping[str, Any]) -> list[DerivedNumber]:
-    """Return the numbers of a recorded flight that are derived; none: its preset has none.
+    """Return the derived numbers of a recorded flight, [] if its preset has none.
 
     Args:
         spec: the record of a Spec, see Spec.record.
@@ -103,16 +103,16 @@ def recorded_derivation(spec: Mapping[str, Any]) -> list[DerivedNumber]:
 
 
 def _reference(spec: Mapping[str, Any]) -> Planner | None:
-    """Return the planner of a preset as it stands, None if this version has no such preset.
+    """Return the planner of a preset without changes, None if this version lacks the preset.
 
-    A sampler of the user's own flies with the numbers of colored sampling.
+    A user's own sampler flies with the numbers of colored sampling.
     """
     of_samplers = PRESETS.get(spec.get("preset", ""), {})
     return of_samplers.get(spec.get("sampler", ""), of_samplers.get("colored"))
 
 
 def recorded_scale(spec: Mapping[str, Any]) -> Scale | None:
-    """Return the scale of a recorded flight; None: its record does not say it.
+    """Return the scale of a recorded flight, None if the record does not determine it.
 
     Args:
         spec: the record of a Spec, see Spec.record.
@@ -135,7 +135,7 @@ def _course(text: str, name: str) -> Course:
 
 
 def number_text(value: Any) -> str:
-    """Return a number, or numbers, as text."""
+    """Return a number or several numbers as text."""
     if isinstance(value, list | tuple):
         return " ".join(map(number_text, value))
     return f"{value:g}" if isinstance(value, float) else str(value).lower()

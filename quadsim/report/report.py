@@ -1,4 +1,4 @@
-"""The report of a run as text: the one source for `race fly`, `race show` and `Run.report`."""
+"""The report of a run as text, for `race fly`, `race show` and `Run.report`."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def report(
 
     Args:
         run: run to report.
-        limit: the best known limit of its race.
+        limit: the best known limit of the run's race.
         columns: width of the terminal in columns.
     """
     yield from _head(run, limit)
@@ -96,7 +96,7 @@ def _head(run: RecordedRun, limit: StoredSolution | None) -> Iterator[str]:
 
 
 def _parts(run: RecordedRun, columns: int) -> Iterator[RenderableType]:
-    """Yield the tables below the head, fitted to the terminal's width in columns."""
+    """Yield the tables below the first lines, fitted to the terminal's width in columns."""
     course = run.course
     yield from lap_tables(run, len(course.gates), columns)
     yield incident_table(run)
@@ -134,7 +134,7 @@ def _planning(run: RecordedRun) -> str:
 
 
 def _sensing(run: RecordedRun) -> str:
-    """Return the estimate's errors as text; empty if the planner was given the true state."""
+    """Return the estimate's errors as text, "" if the planner was given the true state."""
     n = sensing_numbers(run)
     if n is None:
         return ""

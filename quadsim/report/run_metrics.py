@@ -1,4 +1,4 @@
-"""The numbers of a run that are asked for most, as one record."""
+"""The main numbers of a run, as one record."""
 
 from __future__ import annotations
 
@@ -25,29 +25,30 @@ class RunMetrics:
     Attributes:
         laps: times of the completed laps, penalties included [s].
         penalties: the part of each completed lap's time that was added for hits [s].
-        splits: flown times from gate to gate, one tuple for each lap, the last of which may be
-            unfinished [s].
-        best_lap: the fastest completed lap [s]; None without one.
-        race_time: all laps from the standing start [s]; None if the race was not finished.
+        splits: flown times from gate to gate [s], one tuple for each lap; the last lap may be
+            unfinished.
+        best_lap: time of the fastest completed lap [s]; None if there is none.
+        race_time: time of all laps from the standing start [s]; None if the race was not finished.
         limit: the best known limit of the race [s]; None if none is known.
-        above_limit: by how much the race time exceeds the limit, as a share of the limit.
-        top_speed: [m/s].
-        mean_speed: the path length over the time flown [m/s].
+        above_limit: excess of the race time over the limit, as a share of the limit.
+        top_speed: largest speed [m/s].
+        mean_speed: path length divided by the time of flight [m/s].
         path_length: length of the flown path [m].
-        thrust_tv: chatter of the commanded thrust: its total variation per second [m/s^2/s].
-        thrust_tv_delivered: the same of the delivered thrust [m/s^2/s].
-        rates_tv: chatter of the commanded body rates: their total variation per second, summed
-            over roll, pitch and yaw [rad/s^2].
-        rates_tv_delivered: the same of the delivered body rates [rad/s^2].
-        motor_variation: total variation of the firmware's motor commands per second, mean of the
-            motors; a command is 1 at the greatest speed [1/s]. None without a firmware.
-        thrust_lost: mean of the thrust that was commanded and not given because a motor was at its
-            greatest command, mass-normalised [m/s^2]; None without a firmware.
-        plan_ms_p50: median of the planning times, wall clock [ms].
-        plan_ms_p95: 95th percentile of the planning times, wall clock [ms].
+        thrust_tv: total variation of the commanded thrust per second, a measure of chatter
+            [m/s^2/s].
+        thrust_tv_delivered: total variation of the delivered thrust per second [m/s^2/s].
+        rates_tv: total variation of the commanded body rates per second, summed over roll, pitch
+            and yaw [rad/s^2].
+        rates_tv_delivered: total variation of the delivered body rates per second [rad/s^2].
+        motor_variation: total variation of the firmware's motor commands per second, averaged over
+            the motors; a command is 1 at the largest speed [1/s]. None without a firmware.
+        thrust_lost: mean of the commanded thrust that was not delivered because a motor was at its
+            largest command, mass-normalised [m/s^2]; None without a firmware.
+        plan_ms_p50: median of the planning times on the wall clock [ms].
+        plan_ms_p95: 95th percentile of the planning times on the wall clock [ms].
         nees: mean normalised estimation error squared, 9 for a consistent estimate; None if the
             planner was given the true state.
-        position_rms: distance from the estimated to the true position, RMS [m]; None as for nees.
+        position_rms: RMS distance from the estimated to the true position [m]; None like nees.
 
     Examples:
         >>> import quadsim
@@ -85,7 +86,7 @@ def run_metrics(run: RecordedRun, limit: StoredSolution | None) -> RunMetrics:
 
     Args:
         run: the run.
-        limit: the best known limit of its race.
+        limit: the best known limit of the run's race.
     """
     x = run.telemetry
     length = path_length(run)

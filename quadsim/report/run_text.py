@@ -1,4 +1,4 @@
-"""A run as text: one line, and the paragraph that `print(run)` shows."""
+"""Describe a run as text: one line, and the paragraph that `print(run)` shows."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from quadsim.report.run_metrics import RunMetrics
 
 # Lap times in the paragraph, at most
 LAPS = 6
-# Kind of a crash -> what the vehicle did; a hit names the gate or the obstacle
+# Text for each kind of crash; a hit names the gate or the obstacle
 ENDS = {"hit": "hit", "ground": "hit the ground", "bounds": "left the bounds", "wall": "hit a wall"}
 
 
 def one_line(run: RecordedRun) -> str:
-    """Return course, outcome, laps, time, and what a run was flown with, on one line."""
+    """Return a run on one line: course, outcome, laps, time, controller and vehicle."""
     laps = f"{len(run.laps)} of {run.spec['laps']} laps"
     head = f"{run.course_name}: {run.outcome}, {laps}, {run.duration:.3f} s"
     return f"{head}, {flown_with(run.spec)}"
@@ -57,9 +57,9 @@ def _sentences(run: RecordedRun, metrics: RunMetrics) -> Iterator[str]:
 
 
 def crash_place(run: RecordedRun) -> str:
-    """Return where a crash or an error ended a run, as text that continues a sentence.
+    """Return the place where a crash or an error ended a run, as text that continues a sentence.
 
-    It is empty for other runs.
+    It is "" for other runs.
     """
     if run.outcome == ERROR:
         return f"; an error of your own code ended it: {run.fault}"
@@ -73,7 +73,7 @@ def crash_place(run: RecordedRun) -> str:
 
 
 def place_text(position: Iterable[float]) -> str:
-    """Return a position as text, "(1.0, 2.0, 3.0) m"."""
+    """Return a position [m] as text, such as "(1.0, 2.0, 3.0) m"."""
     return f"({', '.join(f'{number:.1f}' for number in position)}) m"
 
 
@@ -85,7 +85,7 @@ def lap_times(run: RecordedRun) -> str:
 
 
 def learned_text(run: RecordedRun) -> str:
-    """Return the rotors that were found to differ from their nominal thrust, as text."""
+    """Return the rotors whose estimated thrust differs from the nominal one, as text."""
     return ", ".join(
         f"rotor {rotor} at {100.0 * share:.0f} %, from {since:.1f} s"
         for rotor, share, since in run.learned
@@ -93,7 +93,7 @@ def learned_text(run: RecordedRun) -> str:
 
 
 def limit_text(metrics: RunMetrics) -> str:
-    """Return the distance to the limit, as text; for a run that has `above_limit`."""
+    """Return the distance to the limit as text, for a run with `above_limit`."""
     # Adding 0.0 makes a negative zero a plain one
     above = round(100.0 * (metrics.above_limit or 0.0), 1) + 0.0
     return f"{above:.1f} % above the best known limit of {metrics.limit:.3f} s"
@@ -106,21 +106,21 @@ def chatter_text(metrics: RunMetrics) -> str:
 
 
 def motor_text(metrics: RunMetrics) -> str:
-    """Return how much a firmware changed the motors' commands, and what thrust was lost."""
+    """Return the variation of the firmware's motor commands, and the lost thrust, as text."""
     variation = f"{metrics.motor_variation:.1f} per second"
     return f"{variation}, and {metrics.thrust_lost:.2f} m/s^2 of thrust is lost at full motors"
 
 
 def planning_text(metrics: RunMetrics) -> str:
-    """Return the time that a control step took to compute, as text."""
+    """Return the computing time of a control step as text."""
     return f"{metrics.plan_ms_p50:.1f} ms (p95 {metrics.plan_ms_p95:.1f} ms)"
 
 
 def flown_with(spec: dict[str, Any]) -> str:
-    """Return in one line what controlled a flight, and how.
+    """Return the controller of a flight and its settings on one line.
 
-    It names the vehicle, the plant, the flight controller, the seed, the sensors, the link, the
-    numbers of the planner that differ from its preset, and the faults.
+    The line names the vehicle, the plant, the flight controller, the seed, the sensors, the link,
+    the numbers of the planner that differ from its preset, and the faults.
     """
     controlled = _controlled_by(spec)
     parts = [controlled]
@@ -152,7 +152,7 @@ def flown_with(spec: dict[str, Any]) -> str:
 
 
 def _controlled_by(spec: dict[str, Any]) -> str:
-    """Return what controlled a flight, in words."""
+    """Return the controller of a flight as text."""
     own = own_parts(spec)
     pilot = spec.get("pilot")
     if "controller" in own:
@@ -167,9 +167,9 @@ def _controlled_by(spec: dict[str, Any]) -> str:
 
 
 def not_comparable(spec: dict[str, Any]) -> str:
-    """Return a remark for a run whose planner was changed in flight, empty for any other run.
+    """Return a remark on a run whose planner was changed in flight, "" for any other run.
 
-    The remark is shown wherever the run stands beside others.
+    The remark is shown wherever the run is compared with others.
     """
     changes = len(spec.get(INTERACTIVE, ()))
     if not changes:

@@ -1,4 +1,4 @@
-"""Tables in the report of a race: laps and splits, incidents, chatter, published times."""
+"""The tables of a report: laps and splits, incidents, chatter, published times."""
 
 from __future__ import annotations
 
@@ -47,14 +47,14 @@ CHATTER = (
 
 
 def lap_tables(run: RecordedRun, gates: int, width: int) -> Iterator[Table | str]:
-    """Yield one table for every range of gates that fits side by side.
+    """Yield tables of laps and splits, each with as many gates as fit the width.
 
-    The best of each column is green.
+    The best time of each column is green.
 
     Args:
         run: run to report.
-        gates: gates of the course.
-        width: columns of the terminal.
+        gates: number of gates of the course.
+        width: width of the terminal in columns.
     """
     rows = splits(run)
     if not rows:
@@ -83,7 +83,7 @@ def lap_tables(run: RecordedRun, gates: int, width: int) -> Iterator[Table | str
 
 
 def _whole_laps(run: RecordedRun, laps: int) -> dict[str, list[str]]:
-    """Return time and top speed of each lap, and the penalties in it if there are any."""
+    """Return columns with time and top speed of each lap, and with penalties if there are any."""
     v = speed(run)
     unfinished = [None] * (laps - len(run.laps))
     columns = {"time\n[s]": _times([*run.laps, *unfinished])}
@@ -95,7 +95,7 @@ def _whole_laps(run: RecordedRun, laps: int) -> dict[str, list[str]]:
 
 
 def _times(times: Sequence[float | None]) -> list[str]:
-    """Return times as text, the shortest of several in green; a dash for what has none."""
+    """Return times as text, the shortest one in green and a dash for a missing time."""
     known = [t for t in times if t is not None]
     best = min(known) if len(known) > 1 else None
     return [_time_text(t, best) for t in times]
@@ -110,7 +110,7 @@ def _time_text(t: float | None, best: float | None) -> str:
 
 
 def incident_table(run: RecordedRun) -> RenderableType:
-    """Return a row for each hit, miss and the like, or a line that there was none."""
+    """Return a table with a row for each hit, miss and the like, or a line if there were none."""
     incidents = [event for event in run.events if event.kind in INCIDENTS]
     if not incidents:
         return "no hits, no misses"
@@ -147,7 +147,7 @@ def _incident_name(event: Event) -> str:
 
 
 def chatter_table(run: RecordedRun) -> Table:
-    """Return the measures of chatter, of the commanded and the delivered thrust."""
+    """Return the table of chatter, for the commanded and the delivered thrust."""
     numbers = chatter(run)
     table = plain_table("chatter", "commanded", "delivered", "", left=(0, 3))
     for measure in CHATTER:
@@ -159,7 +159,7 @@ def chatter_table(run: RecordedRun) -> Table:
 
 
 def published_table(run: RecordedRun, course: Course) -> RenderableType:
-    """Return the run's times among the published ones, in order."""
+    """Return a table of the run's times and the published times, in order."""
     if not course.published:
         return "[dim]no times are published for this course[/]"
     times = [(published.time, published.who, "") for published in course.published]

@@ -1,11 +1,11 @@
-"""Flights that overshoot a gate and return to it, found in positions and gates alone.
+"""Find flights that overshoot a gate and return to it, from positions and gates alone.
 
-So stored runs can be examined too. In front of a gate the vehicle flies forward, along the passage,
-until it has passed. It has turned back if, after it came close to its next gate in forward flight,
-it flies backward by one opening before it has passed: it missed the opening, or could not make the
-turn and fell back. Manoeuvres that a course asks for are not counted, as they begin without an
-approach: the swing out of a gate just passed, the way round a gate that faces away, and the loop to
-a gate beside.
+Stored runs can therefore be examined, too. In front of a gate the vehicle flies forward, along the
+passage, until it has passed. It has turned back if, after it came close to its next gate in forward
+flight, it flies backward by one opening before it has passed: it missed the opening, or could not
+make the turn and fell back. Manoeuvres that a course requires are not counted, because they begin
+without an approach: the turn after a passed gate, the way around a gate that faces away, and the
+loop to a gate beside another.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def turns(course: Course, t: np.ndarray, p: np.ndarray, passed: np.ndarray) -> l
 
 
 def _turned(gate: Gate, p: np.ndarray) -> np.ndarray:
-    """Return the rows of the positions (n, 3) towards the gate at which it has turned back."""
+    """Return the indices of the positions (n, 3) at which the vehicle has turned back."""
     opening = approach_length(gate.opening)
     along = gate.to_local_rows(p).along
     distance = np.linalg.norm(p - gate.position, axis=1)

@@ -1,1 +1,1 @@
-"""Results as the library returns them: Run of a flight, Heat of a race, and lists of them."""
+"""The results that the library returns: Run of a flight, Heat of a race, and lists of them."""

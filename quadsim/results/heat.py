@@ -1,4 +1,4 @@
-"""Heat: a race of several vehicles as the library returns it."""
+"""The result of a race of several vehicles, which the library returns."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ COLUMNS = 80
 
 @dataclass(frozen=True, eq=False)
 class Heat:
-    """A race of several vehicles: a Run for each entrant, and what happened between them.
+    """A race of several vehicles: a Run for each entrant, and the events between them.
 
     Attributes:
-        names: the names of the entrants.
-        runs: their runs, in the same order.
+        names: names of the entrants.
+        runs: runs of the entrants, in the same order.
         course: the course.
-        start_times: when each of them started [s].
-        rules: the name of the rules.
-        spec: the record of the specification, which `quadsim.race` flies again.
-        faults: name of an entrant -> what its planner or controller has raised in flight, for which
-            it counts as crashed.
+        start_times: start time of each entrant [s].
+        rules: name of the rules.
+        spec: record of the specification, with which `quadsim.race` repeats the race.
+        faults: errors of controllers in flight, by the name of the entrant, which counts as
+            crashed.
 
     Examples:
         >>> import quadsim
@@ -119,7 +119,7 @@ class Heat:
         return heat_digest(self.runs)
 
     def renderables(self) -> list[RenderableType]:
-        """Return the report of `race heat`."""
+        """Return the parts of the report that `race heat` prints."""
         rules = f"rules {self.rules}"
         entrants = f"{len(self.runs)} entrant" + "s" * (len(self.runs) > 1)
         head = f"[bold]{escape(self.course.name)}[/]  {entrants}, {rules}"
@@ -175,10 +175,10 @@ class Heat:
         }
 
     def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw places at the gates, gaps to the leader, and all paths from above.
+        """Return a figure of places at the gates, gaps to the leader, and all paths from above.
 
         Args:
-            path: a file to write: .png, .svg or .pdf; None writes nothing.
+            path: file to write, with the suffix .png, .svg or .pdf; None writes nothing.
 
         Returns:
             The matplotlib Figure.
@@ -192,11 +192,11 @@ class Heat:
         return figure
 
     def save(self, runs_dir: str | Path = "runs") -> Path:
-        """Store the race, whole or not at all, and return its folder.
+        """Store the race, completely or not at all, and return its folder.
 
         Raises:
-            RunError: it cannot be written.
-            ValueError: the race is one from the disk.
+            RunError: the race cannot be written.
+            ValueError: the race was read from a folder.
         """
         if self._flown is None:
             raise ValueError("expected a race that was flown now; a stored one has its folder")

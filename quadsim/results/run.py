@@ -1,4 +1,4 @@
-"""Run: a flight as the library returns it, which shows, stores and exports itself."""
+"""The result of a flight, which the library returns; it can be shown, stored and exported."""
 
 from __future__ import annotations
 
@@ -30,22 +30,23 @@ COLUMNS = 100
 
 
 class Run(RecordedRun):
-    """A flight: its Spec, telemetry and events, and what follows from them.
+    """A flight: its spec, telemetry and events, and numbers and figures made from them.
 
-    `print(run)` shows it in a few sentences, a notebook shows its path and its numbers.
+    `print(run)` describes it in a few sentences; a notebook shows its path and its numbers.
 
     Attributes:
-        spec: the resolved configuration, as JSON; `quadsim.fly(run.spec)` flies it again.
-        telemetry: name of a column -> array with one number for each control step  (frames,).
-        events: passes, hits, misses and the like, in order.
-        outcome: finished, crashed, stuck, timeout, interrupted, or error: an error of your own code
-            ended the attempt of a campaign.
+        spec: the complete configuration as a JSON dict; `quadsim.fly(run.spec)` repeats the flight.
+        telemetry: arrays by the names of columns, with one number for each control step  (frames,).
+        events: passes, hits, misses and other events, in order.
+        outcome: "finished", "crashed", "stuck", "timeout", "interrupted", or "error" if an error of
+            a user's own code ended a flight of a campaign.
         wall: wall-clock numbers: plan_ms with p50 and p95 [ms], and real_time_factor.
-        snapshots: the planner's best samples every few control steps; None without any.
-        measurements: with `record_sensing=True`, what the sensors measured and what the estimator
-            made of it: name -> array, see docs/sensing_files.md; else None.
-        fault: the error that ended the flight of a campaign, on one line; "" where none did.
-        learned: rotors that were found in flight to be weak or strong: number, share, time [s].
+        snapshots: the planner's best samples every few control steps; None if there are none.
+        measurements: with `record_sensing=True`, measurements and estimates as arrays by name, see
+            docs/sensing_files.md; otherwise None.
+        fault: the error that ended the flight of a campaign, on one line; "" if there was none.
+        learned: rotors whose estimated thrust differs from the nominal one: number, share, time
+            [s].
 
     Examples:
         >>> import quadsim
@@ -64,16 +65,16 @@ class Run(RecordedRun):
 
     @classmethod
     def of(cls, run: RecordedRun) -> Run:
-        """Return a recorded run with the methods of this class."""
+        """Return a recorded run as an object of this class."""
         return cls(**{field.name: getattr(run, field.name) for field in fields(RecordedRun)})
 
     @classmethod
     def from_frames(cls, spec: dict[str, Any], frames: Iterable[Frame]) -> Run:
-        """Collect the frames of a flight."""
+        """Return the run that the frames of a flight make."""
         return cls.of(super().from_frames(spec, frames))
 
     def __repr__(self) -> str:
-        """Return one line: course, outcome, laps, time, and what the run was flown with."""
+        """Return one line: course, outcome, laps, time, controller and vehicle."""
         return plain(f"<Run {one_line(self)}>")
 
     def __str__(self) -> str:
@@ -81,24 +82,25 @@ class Run(RecordedRun):
         return plain(paragraph(self, self.metrics))
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows: the numbers, and the path from above."""
+        """Return HTML for a notebook: the numbers, and the path from above."""
         from quadsim.figures.run_html import run_html  # here: it loads matplotlib
 
         return run_html(self, self.metrics)
 
     @property
     def metrics(self) -> RunMetrics:
-        """The numbers that are asked for most: laps, splits, speeds, chatter, limit."""
+        """The main numbers of the run: laps, splits, speeds, chatter, limit."""
         return run_metrics(self, self._limit())
 
     def report(self, columns: int = COLUMNS) -> str:
         """Return the report that `race fly` prints, as plain text.
 
         Args:
-            columns: the width into which its tables are fitted.
+            columns: width to which the tables are fitted, in characters.
 
         Raises:
-            RunError: the run is stored by an older version, and its spec lacks what a report reads.
+            RunError: the run was stored by an older version, and its spec lacks keys of the
+                report.
         """
         check_spec(self.spec, "this run")
         return as_text(*report(self, self._limit(), columns), columns=columns)
@@ -109,7 +111,7 @@ class Run(RecordedRun):
         The index is the time `t` [s]; `.attrs["units"]` has the unit of each column.
 
         Raises:
-            ModuleNotFoundError: pandas is not installed; the message says what to do.
+            ModuleNotFoundError: pandas is not installed; the message says how to install it.
         """
         pandas = imported("pandas", "pandas", "pandas")
         frame = pandas.DataFrame(self.telemetry).set_index("t")
@@ -119,20 +121,21 @@ class Run(RecordedRun):
     def events_to_pandas(self) -> DataFrame:
         """Return the events as a DataFrame with the columns of events.csv, one row for each event.
 
-        t [s], kind, gate, lap, left and up from the gate's centre [m], speed [m/s], the position
-        x, y and z [m], obstacle. gate and obstacle are 0 for events at none.
+        The columns are t [s], kind, gate, lap, left and up from the gate's centre [m], speed [m/s],
+        the position x, y and z [m], and obstacle. Gate and obstacle are 0 for events at no gate or
+        obstacle.
 
         Raises:
-            ModuleNotFoundError: pandas is not installed; the message says what to do.
+            ModuleNotFoundError: pandas is not installed; the message says how to install it.
         """
         pandas = imported("pandas", "pandas", "pandas")
         return pandas.DataFrame(map(event_row, self.events), columns=list(CSV_COLUMNS))
 
     def plot(self, path: str | Path | None = None) -> Figure:
-        """Draw the run on one page: path, controls over time, spectrum of the thrust.
+        """Draw the run in one figure: path, controls over time, spectrum of the thrust.
 
         Args:
-            path: a file to write: .png, .svg or .pdf; None writes nothing.
+            path: file to write, with the suffix .png, .svg or .pdf; None writes nothing.
 
         Returns:
             The matplotlib Figure.
@@ -146,10 +149,12 @@ class Run(RecordedRun):
         return figure
 
     def save(self, runs_dir: str | Path = "runs") -> Path:
-        """Store the run as `race fly` does: run.json, telemetry.npz and events.csv.
+        """Store the run as `race fly` does, and return its folder.
+
+        The folder has run.json, telemetry.npz and events.csv.
 
         Args:
-            runs_dir: the run gets a folder of its own under this one.
+            runs_dir: folder of runs, in which the run gets its own folder.
 
         Returns:
             The run's folder.
@@ -161,16 +166,16 @@ class Run(RecordedRun):
             return folder.save(self)
 
     def export(self, path: str | Path) -> Path:
-        """Write the run for other programs, whole or not at all, and return the path.
+        """Write the run to a file for other programs, and return its path.
 
         Args:
             path: FILE.csv for the telemetry, one row for each control step, or FILE.mcap for poses,
                 gates, commands and events, which Foxglove and Rerun play.
 
         Raises:
-            ValueError: the path ends otherwise.
-            ModuleNotFoundError: an .mcap needs packages that are not installed; the message says
-                what to do.
+            ValueError: the path has another suffix.
+            ModuleNotFoundError: packages for .mcap are not installed; the message says how to
+                install them.
             RunError: the file cannot be written.
         """
         path = Path(path)

@@ -1,7 +1,7 @@
-"""StoredRow: a row of the list of stored runs and races, read without the telemetry.
+"""Rows of the list of stored runs and races, which are read without the telemetry.
 
-A field or property of StoredRow that is annotated with a Column is a column of every table of
-stored runs: of `race runs`, of notebooks and of the page.
+A field or property of StoredRow that is annotated with a TableColumn is a column of every table
+of stored runs: in `race runs`, in notebooks and on the page.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ class TableColumn:
     """A column of the tables of stored runs.
 
     Attributes:
-        title: its heading, with the unit.
-        digits: decimals of its numbers; None: it has texts.
-        is_long: whether the page cuts its texts to a width.
+        title: heading, with the unit.
+        digits: decimals of the numbers; None for a column of texts.
+        is_long: whether the page shortens the texts to a width.
         is_in_name: whether the name of a run's folder has the value, too.
         is_printed: whether printed tables have it; the page has all columns.
     """
@@ -61,14 +61,14 @@ class TableColumn:
 
 
 class VehicleFlight(NamedTuple):
-    """The flight of one vehicle. The filters of a list compare its properties.
+    """The flight of one vehicle, whose properties the filters of a list compare.
 
     Attributes:
-        name: name of the entrant; of a run of one vehicle, the folder's name.
+        name: name of the entrant, or the folder's name for a run of one vehicle.
         outcome: finished, crashed, stuck, timeout or interrupted.
-        time: all laps [s]; None if the flight was not finished.
-        spec: the part of its spec that a list shows.
-        record: its whole spec as JSON.
+        time: time of all laps [s]; None if the flight was not finished.
+        spec: the keys of the flight's spec that a list shows.
+        record: the flight's whole spec as JSON text.
     """
 
     name: str
@@ -94,17 +94,17 @@ class VehicleFlight(NamedTuple):
 
     @property
     def preset(self) -> str:
-        """The name of the preset; empty if a pilot flew, which has no numbers of a planner."""
+        """The name of the preset; empty for a learned pilot, which has no planner."""
         return "" if self.pilot else self.spec.preset
 
     @property
     def pilot(self) -> str | None:
-        """The name of the learned pilot that flew; None if a planner did."""
+        """The name of the learned pilot that flew; None if a planner flew."""
         return self.spec.pilot.name if self.spec.pilot else None
 
     @property
     def controller(self) -> str | None:
-        """The class of the user's own controller; None if none flew."""
+        """The class of the user's own controller; None if there is none."""
         return own_parts({"own": msgspec.to_builtins(self.spec.own)}).get("controller")
 
     @property
@@ -114,13 +114,13 @@ class VehicleFlight(NamedTuple):
 
     @property
     def flown_by(self) -> str:
-        """The controller, pilot or sampler, as a table shows it."""
+        """The controller, pilot or sampler, as text for a table."""
         if self.controller:
             return f"controller {self.controller}"
         return f"pilot {self.pilot}" if self.pilot else self.sampler
 
     def whole_spec(self) -> dict[str, Any]:
-        """Return its spec with all keys of the record."""
+        """Return the flight's spec with all keys."""
         return msgspec.json.decode(self.record)
 
     @property
@@ -134,7 +134,7 @@ class VehicleFlight(NamedTuple):
 
     @property
     def other_settings(self) -> str:
-        """The plant, and further settings that are not the usual ones."""
+        """The plant, and further settings that differ from the usual ones."""
         spec = self.spec
         found = {
             "wall clock": spec.clock == "wall",
@@ -152,20 +152,20 @@ class StoredRow:
     """A row of the list of stored runs and races. Adding a column is one field or property.
 
     Attributes:
-        name: name of its folder.
-        path: its folder.
-        when: when it was flown, in local time.
+        name: name of the folder.
+        path: path of the folder.
+        when: local time of the flight.
         course: name of the course.
-        flown_by: the sampler, `pilot NAME` or `controller CLASS`; of a race, its entrants.
-        time: all laps from the standing start, penalties included; of a race, the winner's time
-            [s]. None if the run, or every entrant, did not finish.
-        outcome: finished, crashed, stuck, timeout or interrupted; of a race, how many entrants
-            finished, and who won.
+        flown_by: the sampler, `pilot NAME` or `controller CLASS`; for a race, the entrants.
+        time: time of all laps from the standing start, penalties included; for a race, the winner's
+            time [s]. None if the run, or every entrant, did not finish.
+        outcome: finished, crashed, stuck, timeout or interrupted; for a race, the number of
+            entrants that finished, and the winner.
         seed: the seed.
-        laps: times of the completed laps, penalties included [s]; of a race, empty.
-        laps_wanted: laps of the race.
-        entrants: the names of the entrants; of a run, empty.
-        winner: name of the winner; of a run, None.
+        laps: times of the completed laps, penalties included [s]; empty for a race.
+        laps_wanted: number of laps of the race.
+        entrants: names of the entrants; empty for a run.
+        winner: name of the winner; None for a run.
         flights: the flight of each vehicle.
 
     Examples:
@@ -192,7 +192,7 @@ class StoredRow:
 
     @property
     def progress(self) -> Annotated[str, TableColumn("laps")]:
-        """The completed and the required laps of a run, the required laps of a race."""
+        """The completed and the required laps of a run, or the required laps of a race."""
         return str(self.laps_wanted) if self.entrants else f"{len(self.laps)}/{self.laps_wanted}"
 
     @property
@@ -207,14 +207,14 @@ class StoredRow:
 
     @property
     def sensing(self) -> Annotated[str, TableColumn("sensing", is_long=True, is_printed=False)]:
-        """The names of the sets of sensors, each once; "perfect" gave the true state."""
+        """The names of the sets of sensors, each once; "perfect" stands for the true state."""
         return _each(flight.sensing for flight in self.flights)
 
     @property
     def numbers(
         self,
     ) -> Annotated[str, TableColumn("changed numbers", is_long=True, is_printed=False)]:
-        """The planner's numbers that differ from the preset; of a race, of each entrant."""
+        """The planner's numbers that differ from the preset, for each entrant of a race."""
         numbers = {flight.name: flight.numbers for flight in self.flights}
         if not self.entrants:
             return _each(numbers.values())
@@ -227,22 +227,22 @@ class StoredRow:
 
     @property
     def sampler(self) -> str:
-        """The names of the samplers, each once; of the user's own parts, the classes."""
+        """The names of the samplers, or the classes of the user's own parts, each once."""
         return _each(flight.sampler for flight in self.flights)
 
     @property
     def pilot(self) -> str | None:
-        """The names of the learned pilots that flew, each once; None if none did."""
+        """The names of the learned pilots that flew, each once; None if there are none."""
         return _each(flight.pilot for flight in self.flights) or None
 
     @property
     def controller(self) -> str | None:
-        """The classes of the user's own controllers, each once; None if none flew."""
+        """The classes of the user's own controllers, each once; None if there are none."""
         return _each(flight.controller for flight in self.flights) or None
 
     @property
     def other_settings(self) -> str:
-        """The plants, and other settings that are not usual: clock, deadline, firmware, rules."""
+        """The plants, and other unusual settings: clock, deadline, firmware, rules."""
         return _each(flight.other_settings for flight in self.flights)
 
     @property
@@ -251,7 +251,7 @@ class StoredRow:
         return sum(flight.time is not None for flight in self.flights)
 
     def values(self) -> dict[str, Any]:
-        """Return what the row says, by the names of its fields and properties."""
+        """Return the values of the row by the names of its fields and properties."""
         return {name: getattr(self, name) for name in value_names()}
 
     def as_json(self) -> dict[str, Any]:
@@ -279,10 +279,10 @@ class StoredRun(StoredRow):
     """
 
     def load(self) -> Run:
-        """Read the whole run, telemetry included.
+        """Read the whole run, with its telemetry.
 
         Raises:
-            RunError: it is damaged.
+            RunError: the run is damaged.
         """
         return Run.of(read_run(self.path))
 
@@ -302,10 +302,10 @@ class StoredHeat(StoredRow):
     """
 
     def load(self) -> Heat:
-        """Read the whole race, telemetry included.
+        """Read the whole race, with its telemetry.
 
         Raises:
-            RunError: it is damaged.
+            RunError: the race is damaged.
         """
         return Heat.load(self.path)
 
@@ -326,7 +326,7 @@ def columns() -> dict[str, TableColumn]:
 
 @cache
 def value_names() -> tuple[str, ...]:
-    """Return the names of what a row says: its fields but the flights, and its properties."""
+    """Return the names of a row's values: its fields except `flights`, and its properties."""
     named = (one.name for one in fields(StoredRow) if one.name != "flights")
     return (*named, *_properties())
 
@@ -337,10 +337,10 @@ def _properties() -> dict[str, property]:
 
 
 def read_row(path: Path) -> StoredRun | StoredHeat:
-    """Return what the record in a folder says, which is a race's heat.json or a run's run.json.
+    """Return the row of a folder, from a race's heat.json or a run's run.json.
 
     Raises:
-        FileError: the file is missing, larger than any record, or no regular file.
+        FileError: the file is missing, too large, or not a regular file.
         msgspec.MsgspecError, LookupError: the file is not a record.
     """
     return _read_heat(path) if os.path.lexists(path / HEAT) else _read_run(path)
@@ -405,7 +405,7 @@ def _read_heat(path: Path) -> StoredHeat:
 
 
 def flown_at(path: Path) -> datetime:
-    """Return the local time in a folder's name, or else when it was written."""
+    """Return the local time in a folder's name, or else the time at which it was written."""
     stamp = path.name.partition("_")[0]
     try:
         return datetime.strptime(stamp + "+0000", "%Y%m%dT%H%M%SZ%z").astimezone()
@@ -415,5 +415,5 @@ def flown_at(path: Path) -> datetime:
 
 
 def _each(names: Iterable[str | None]) -> str:
-    """Return different names, each once; empty ones are left out."""
+    """Return distinct names as text, without empty ones."""
     return ", ".join(dict.fromkeys(filter(None, names)))

@@ -1,4 +1,4 @@
-"""StoredRuns: the stored runs and races of a folder as a list of light rows."""
+"""The list of stored runs and races in a folder, read without telemetry."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class StoredRuns(Sequence[Row]):
     """Stored runs and races, oldest first; `print` shows them as a table.
 
     Attributes:
-        damaged: path of each folder that cannot be read -> what is wrong with it.
+        damaged: the problem of each folder that cannot be read, by its path.
 
     Examples:
         >>> import quadsim
@@ -47,11 +47,11 @@ class StoredRuns(Sequence[Row]):
     """
 
     def __init__(self, rows: Sequence[Row], damaged: dict[Path, str]):
-        """Take the rows.
+        """Make a list of rows.
 
         Args:
-            rows: the runs and races that can be read.
-            damaged: the folders that cannot, see the class.
+            rows: the readable runs and races.
+            damaged: the problems of unreadable folders, see the class.
         """
         self._rows = tuple(rows)
         self.damaged = damaged
@@ -93,7 +93,7 @@ class StoredRuns(Sequence[Row]):
         return self._text(shown, [row.cells() for row in self])
 
     def by_name(self) -> str:
-        """Return what `race runs` prints: the names of the folders, which other commands take."""
+        """Return the table that `race runs` prints, with the names that other commands accept."""
         printed = _printed_columns().items()
         shown = {name: column for name, column in printed if not column.is_in_name}
         return self._text(
@@ -118,10 +118,10 @@ class StoredRuns(Sequence[Row]):
         return block(listed, *map(paragraph, self._damaged_lines()))
 
     def to_pandas(self) -> DataFrame:
-        """Return the runs as a DataFrame, one row each, with what StoredRow says as columns.
+        """Return a DataFrame with a row for each run and the values of StoredRow as columns.
 
         Raises:
-            ModuleNotFoundError: pandas is not installed; the message says what to do.
+            ModuleNotFoundError: pandas is not installed; the message says how to install it.
         """
         pandas = imported("pandas", "pandas", "pandas")
         return pandas.DataFrame([row.values() for row in self], columns=list(value_names()))
@@ -147,14 +147,14 @@ def stored_runs(runs_dir: str | Path, **patterns: str | int | None) -> StoredRun
 
 
 def _fits_row(row: Row, name: str, wanted: str | int | None) -> bool:
-    """Return whether a row is what was asked for; of a race, whether any of its entrants is."""
+    """Return whether a row, or any entrant of a race, has the wanted value."""
     if hasattr(VehicleFlight, name):
         return any(_fits(getattr(flight, name), wanted) for flight in row.flights)
     return _fits(getattr(row, name), wanted)
 
 
 def _fits(value: Any, wanted: str | int | None) -> bool:
-    """Return whether a value is what was asked for; None asks for nothing."""
+    """Return whether a value fits a filter; None fits every value."""
     if wanted is None:
         return True
     if isinstance(wanted, str):
@@ -173,5 +173,5 @@ def _titles(shown: Mapping[str, TableColumn]) -> list[str]:
 
 
 def _texts(shown: Mapping[str, TableColumn]) -> list[int]:
-    """Return which of the columns have texts; the others have numbers."""
+    """Return the indices of the columns that have texts; the others have numbers."""
     return [number for number, column in enumerate(shown.values()) if column.digits is None]

@@ -1,10 +1,10 @@
-"""A barometer: the height above the origin of the world, by the pressure of the air.
+"""A barometer, which measures the height above the world's origin by the air pressure.
 
     height = p_z - wash a / g + sigma N(0, 1)
 
-The wash of turning rotors changes the pressure at the sensor, by which it reads low in proportion
-to the thrust a [m/s^2]: by `wash` in hover. Teams of the AI Grand Prix have measured 1.6 to 3.9 m.
-The estimator does not know of it.
+The wash of turning rotors changes the pressure at the sensor, so that it reads low in proportion to
+the thrust a [m/s^2], by `wash` in hover. Teams of the AI Grand Prix have measured 1.6 to 3.9 m. The
+estimator does not model this error.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ class Barometer:
 
 
 def washed_height(x: State, wash: float) -> float:
-    """Return the height that a barometer without noise reads under turning rotors [m].
+    """Return the height [m] that a barometer without noise measures under turning rotors.
 
     Args:
         x: state of the vehicle.
-        wash: by how much it reads low in hover [m].
+        wash: amount by which the barometer reads low in hover [m].
     """
     return x.pz - wash * x.thrust / GRAVITY

@@ -1,16 +1,17 @@
-"""A camera on the vehicle: from points of the world to pixels.
+"""The projection of points of the world to pixels of a camera on the vehicle.
 
-Camera frame: x to the right of the picture, y down, z along the optical axis. Level, the axis is
-the body's x axis; `tilt_deg` turns it up. A point (x, y, z) of that frame projects to
+Camera frame: x to the right of the picture, y down, z along the optical axis. Without tilt the
+optical axis is the body's x axis; `tilt_deg` turns it up. A point (x, y, z) of the camera frame
+projects to
 
     u = f_x x / z + width / 2,    v = f_y y / z + height / 2        [px]
 
 (Hartley and Zisserman 2004, eq. 6.1), u from the left edge of the picture, v from its top: pixel
 (row i, column j) covers j <= u < j + 1, i <= v < i + 1.
 
-The sensors of a flight have such a pinhole, as flight software rectifies its pictures. A camera for
-pictures may have a lens with radial distortion besides (Brown 1966, as in OpenCV): with the ray
-(x, y) / z at the distance r from the optical axis,
+The cameras that sensors use are such pinhole cameras, because flight software rectifies its
+pictures. A camera that only renders pictures may also have a lens with radial distortion (Brown
+1966, as in OpenCV): with the ray (x, y) / z at the distance r from the optical axis,
 
     (x, y) / z  <-  (1 + k1 r^2 + k2 r^4) (x, y) / z
 """
@@ -39,7 +40,7 @@ Focal = Annotated[float, unit("px", gt=0, le=1e5)]
 Metre = Annotated[float, unit("m", ge=-2, le=2)]
 Distortion = Annotated[float, unit("1", ge=-10, le=10)]
 
-# [m] least depth along the optical axis; sensors and estimator do not see what is nearer
+# [m] least depth along the optical axis; sensors and estimator see nothing that is nearer
 NEAREST = 0.1
 
 # Steps of Newton's method from a distorted ray to the ray outside of the lens
@@ -75,14 +76,14 @@ class BodyPose(NamedTuple):
         """Return the pose after a correction by an error.
 
         Args:
-            error: of the position [m], then the turn in the body frame [rad]  (6,).
+            error: error of the position [m], then rotation error in the body frame [rad]  (6,).
         """
         turned = self.body @ matrix(exp(error[3:].tolist()))
         return BodyPose(self.position + error[:3], turned)
 
 
 class Seen(NamedTuple):
-    """Points in a picture, and how they move in it with the error of the vehicle's pose."""
+    """Projected points, and their Jacobian with respect to the error of the vehicle's pose."""
 
     # [px]  (n, 2)
     pixels: np.ndarray
@@ -94,7 +95,7 @@ class Seen(NamedTuple):
 
 @dataclass(frozen=True)
 class Camera:
-    """The numbers of a camera file."""
+    """A pinhole camera, with the keys of a camera file."""
 
     width: Annotated[Pixels, setting("width of a picture [px]")]
     height: Annotated[Pixels, setting("height of a picture [px]")]
@@ -113,7 +114,7 @@ class Camera:
 
     @cached_property
     def axes(self) -> np.ndarray:
-        """The rotation body from camera, with the columns right, down and optical axis.  (3, 3)"""
+        """The rotation from camera to body; columns are right, down and optical axis.  (3, 3)"""
         c = cos(radians(self.tilt_deg))
         s = sin(radians(self.tilt_deg))
         return np.array([[0.0, s, c], [-1.0, 0.0, 0.0], [0.0, -c, s]])
@@ -129,7 +130,7 @@ class Camera:
         return self.carried(BodyPose(np.asarray(p, float), body))
 
     def carried(self, pose: BodyPose) -> CameraPose:
-        """Return the camera's pose on a vehicle with a pose."""
+        """Return the camera's pose in the world, given the pose of its vehicle."""
         position = pose.position + pose.body @ np.asarray(self.position)
         return CameraPose(position, pose.body @ self.axes)
 
@@ -137,13 +138,13 @@ class Camera:
         """Project points of the world to pixels, and return their depth.
 
         Args:
-            points: (n, 3) [m].
+            points: points in the world [m]  (n, 3).
             p: position of the vehicle [m].
             q: attitude of the vehicle, wxyz.
 
         Returns:
-            Pixels (u, v) (n, 2), nan if the depth is not positive, as such a point is not in
-            front of the camera; and the depth along the optical axis [m] (n,).
+            Pixels (u, v)  (n, 2), nan for points that are not in front of the camera; and the depth
+            along the optical axis [m]  (n,).
         """
         return self.to_pixels(self.pose(p, q).local(points))
 
@@ -151,7 +152,7 @@ class Camera:
         """Return pixels and depth as `project` does, for points of the camera frame.
 
         Args:
-            local: (n, 3) [m].
+            local: points in the camera frame [m]  (n, 3).
         """
         depth = local[:, 2]
         focal = (self.fx, self.fy)
@@ -162,14 +163,14 @@ class Camera:
         return pixels, depth
 
     def seen(self, points: np.ndarray, pose: BodyPose) -> Seen:
-        """Return where a pinhole shows points, and how the error of a pose moves them there.
+        """Return the pixels of points, and their Jacobian with respect to the error of a pose.
 
-        A point with less depth than NEAREST, or behind the camera, is projected as if it had that
-        depth.
+        A point that is nearer than NEAREST, or behind the camera, is projected as if its depth were
+        NEAREST.
 
         Args:
-            points: in the world [m]  (n, 3).
-            pose: of the vehicle.
+            points: points in the world [m]  (n, 3).
+            pose: pose of the vehicle.
         """
         body = (points - pose.position) @ pose.body
         local = (body - np.asarray(self.position)) @ self.axes
@@ -209,7 +210,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class LensCamera(Camera):
-    """A camera whose lens may bend straight lines, for pictures."""
+    """A camera for rendered pictures, whose lens may distort straight lines."""
 
     k1: Annotated[Distortion, setting("radial distortion, of the square of the distance")] = 0.0
     k2: Annotated[Distortion, setting("radial distortion, of the fourth power")] = 0.0
@@ -222,8 +223,8 @@ class LensCamera(Camera):
     def to_pixels(self, local: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return pixels and depth as `project` does, for points of the camera frame.
 
-        A point beyond the edge of the lens has no pixel: there the distorted distance from the axis
-        no longer grows, and would lead back into the picture.
+        A point beyond the edge of the lens has no pixel: the distorted distance from the axis no
+        longer grows there, so the formula would give a pixel inside the picture.
         """
         if not self.bends:
             return super().to_pixels(local)
@@ -241,7 +242,7 @@ class LensCamera(Camera):
         """Return the rays (x, y) / z that reach pixels, the inverse of `to_pixels`.
 
         Args:
-            pixels: (..., 2) [px], within the picture.
+            pixels: pixels within the picture [px]  (..., 2).
         """
         bent = (pixels - (self.width / 2, self.height / 2)) / (self.fx, self.fy)
         reached = np.linalg.norm(bent, axis=-1)
@@ -252,7 +253,7 @@ class LensCamera(Camera):
         return bent * scale[..., None]
 
     def problem(self) -> str:
-        """Return why the lens is no lens, "" if it is one.
+        """Return why the distortion is not valid, "" if it is.
 
         The distorted distance from the axis has to grow up to the corners of the picture.
         """

@@ -1,8 +1,8 @@
-"""Numbers of the sensors, as a sensing file gives them.
+"""Parameters of the sensors, as a sensing file gives them.
 
-The estimator is given the same numbers: sensors are calibrated. It ignores the errors of an
-inertial unit's scale factors and axes, which a calibration leaves behind. Noises are standard
-deviations of one sample, per axis.
+The estimator uses the same parameters, as sensors are calibrated. It ignores the errors of scale
+factors and axes that remain after an inertial unit's calibration. Noises are standard deviations of
+one sample, per axis.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ EndOfLife = Annotated[float, unit("s", ge=0, le=1e5)]
 
 @dataclass(frozen=True)
 class ImuConfig:
-    """The numbers of an inertial measurement unit."""
+    """The parameters of an inertial measurement unit."""
 
     rate: Annotated[Rate, setting("samples a second [Hz]")]
     gyro_noise: Annotated[
@@ -98,7 +98,7 @@ class ImuConfig:
         setting("standard deviation of the angles between true and measured axes of the force"),
     ] = 0.0
 
-    # A chip that samples at an instant and without a filter: what is faster than half the rate
+    # A chip that samples at an instant and without a filter: motion faster than half the rate
     # comes as something slower.
     vibration: Annotated[
         float,
@@ -117,7 +117,7 @@ class ImuConfig:
 
 @dataclass(frozen=True)
 class PoseConfig:
-    """The numbers of a pose sensor: motion capture, or visual-inertial odometry."""
+    """The parameters of a pose sensor: motion capture, or visual-inertial odometry."""
 
     rate: Annotated[Rate, setting("samples a second [Hz]")]
     latency: Annotated[
@@ -154,7 +154,7 @@ class PoseConfig:
 
 @dataclass(frozen=True)
 class RotorConfig:
-    """The numbers of the electronic speed controllers, which report without delay."""
+    """The parameters of electronic speed controllers, which report rotor speeds without delay."""
 
     # [s]
     latency: ClassVar[float] = 0.0
@@ -166,7 +166,7 @@ class RotorConfig:
 
 @dataclass(frozen=True)
 class BarometerConfig:
-    """The numbers of a barometer."""
+    """The parameters of a barometer."""
 
     rate: Annotated[Rate, setting("samples a second [Hz]")]
     noise: Annotated[Metre, setting("noise of the height [m]")] = 0.0
@@ -194,7 +194,7 @@ class CornerCamera(Camera):
     noise: Annotated[float, setting("noise of a found corner [px]", unit="px", ge=0, le=1000)] = 1.0
 
     def in_view(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the pixels of points, and whether each is in front and in the picture.
+        """Return the pixels of points, and whether each is in front of the camera and in view.
 
         Args:
             points: points of the body frame [m]  (n, 3).
@@ -238,9 +238,9 @@ class GateCameraConfig(CornerCamera):
 
 @dataclass(frozen=True)
 class PixelCameraConfig(CornerCamera):
-    """A camera whose pictures are drawn, and in which the gates' edges are searched for.
+    """A camera whose pictures are rendered, and in which edges of gates are detected.
 
-    Its `noise` is the standard deviation of a found corner that the estimator assumes.
+    `noise` is the standard deviation [px] that the estimator assumes for a detected corner.
     """
 
     exposure: Annotated[

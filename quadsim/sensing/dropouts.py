@@ -13,11 +13,11 @@ class Dropouts:
     """Draws whether each picture is lost."""
 
     def __init__(self, share: float, duration: float, seeds: np.random.SeedSequence):
-        """Begin with a camera that sees.
+        """Begin without a dropout.
 
         Args:
             share: probability per picture that a dropout begins.
-            duration: of a dropout [s].
+            duration: length of a dropout [s].
             seeds: random stream of the camera.
         """
         self._share = share
@@ -27,7 +27,7 @@ class Dropouts:
         self._silent_until = -inf
 
     def lost(self, t: float) -> bool:
-        """Return whether the picture that is taken at t [s] is lost. None is before the start."""
+        """Return whether the picture that is taken at t [s] is lost; before t = 0 none is."""
         begins = self._rng.random() < self._share
         if begins and t > 0.0:
             self._silent_until = t + self._duration

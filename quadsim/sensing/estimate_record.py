@@ -1,4 +1,4 @@
-"""The columns that a run keeps of an estimate, and how consistent it is with the truth.
+"""The columns of a run that describe an estimate, and its consistency with the true state.
 
 The normalised estimation error squared (NEES), e^T P^-1 e of position, velocity and attitude, has
 the mean 9 if P is the covariance of the error; the normalised innovation squared (NIS) of a
@@ -50,11 +50,11 @@ def estimate_row(
     """Return the columns of ESTIMATE_UNITS for one frame.
 
     Args:
-        state: the truth.
-        nominal: the estimate.
+        state: the true state.
+        nominal: the estimated state.
         P: covariance of its error  (n, n).
         innovations: innovations of the measurements taken in this period.
-        picture: corners in view of the last picture of this period, and corners found in it.
+        picture: numbers of corners in view and of corners found in the last picture of this period.
         spent: time that the estimate took [ms].
     """
     true = State(*state.x)

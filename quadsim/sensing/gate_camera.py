@@ -3,9 +3,9 @@
 A corner can be found if it is in front of the camera, in the picture, in range and not nearer than
 `blind_within`, and if no other frame and no obstacle blocks its line of sight. It is found with a
 Gaussian error of `noise` pixels; a share of the corners is missed, independently or in bursts, a
-share is found anywhere in the picture, and a share is matched to a different corner. A burst is one
-of Gilbert's channel, as in quadsim.physics.link, with a channel for each corner and a step for each
-picture. Swift (Kaufmann et al., Nature 2023) and Foehn et al. ("AlphaPilot:
+share is found at a random place in the picture, and a share is matched to a different corner.
+Bursts follow Gilbert's model, as in quadsim.physics.link, with one channel for each corner and one
+step for each picture. Swift (Kaufmann et al., Nature 2023) and Foehn et al. ("AlphaPilot:
 Autonomous drone racing", Autonomous Robots 46, 2022) use corners, found by a network, as landmarks.
 """
 
@@ -39,12 +39,12 @@ class GateCamera:
         gates: Sequence[Gate],
         obstacles: Sequence[Obstacle] = (),
     ):
-        """Look at gates and obstacles.
+        """Make a camera that sees gates and obstacles.
 
         Args:
             config: the camera.
             seeds: random stream of the noise and the false matches.
-            gates: each once, in the order of their indices.
+            gates: the distinct gates, in the order of their indices.
             obstacles: obstacles, which may hide corners.
         """
         self.latency = config.latency

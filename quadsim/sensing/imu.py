@@ -6,14 +6,14 @@ Both have white noise, random-walk biases, scale factors, misaligned axes, and l
     specific force = M_a R(q)^T (v' + g e_z) + b_a + sigma_a N(0, 1)   b_a' = walk_a N(0, 1)
     M = I + diag(scale N(0, 1)) + misalignment N(0, 1) off the diagonal, constant in a flight
 
-The usual model of strapdown units (IEEE Std 952-1997, annex C; Woodman, "An introduction to
+This is the usual model of strapdown units (IEEE Std 952-1997, annex C; Woodman, "An introduction to
 inertial navigation", Cambridge UCAM-CL-TR-696, 2007). omega and v' are means over the sample, as
 an integrating unit measures them: the rotation and the change of velocity between two physics
-steps. So the sensor needs no forces from the plant.
+steps. The sensor therefore needs no forces from the plant.
 
-A vibration of the rotors, A sin(2 pi f t) on each axis of the force with another phase, is not
-averaged but sampled at the end of the sample. A unit that is read at a low rate without a filter
-takes it for a slow force: at 32 Hz, 130 Hz are seen as 2 Hz.
+A vibration of the rotors, A sin(2 pi f t) with a different phase on each axis of the specific
+force, is not averaged, but sampled at the end of the interval. It is aliased if the unit is read at
+a low rate without a filter: at 32 Hz, a vibration of 130 Hz appears as one of 2 Hz.
 """
 
 from __future__ import annotations
@@ -92,17 +92,17 @@ class Imu:
 
 
 def drawn_mixing(config: ImuConfig, seeds: np.random.SeedSequence) -> np.ndarray | None:
-    """Return the matrix from true to measured rates and forces, by the scale and the axes.
+    """Return the random matrix from true to measured rates and forces, by scale and axes.
 
-    Each axis has a scale factor of its own, and picks up a share of the two other axes, which is
-    the angle by which it is tilted towards them.
+    Each axis has its own scale factor. It also measures a share of the two other axes, equal to the
+    angle [rad] by which it is tilted towards them.
 
     Args:
-        config: the numbers of the unit.
+        config: parameters of the unit.
         seeds: the stream of the unit.
 
     Returns:
-        (6, 6), or None for exact scales and axes.
+        The matrix  (6, 6), None if scales and axes are exact.
     """
     scales = (config.gyro_scale, config.accelerometer_scale)
     angles = (config.gyro_misalignment_deg, config.accelerometer_misalignment_deg)

@@ -1,21 +1,21 @@
-"""What sensors measured and what the estimator made of it, as a flight keeps it on request.
+"""Measurements and estimates of a flight, which are stored on request.
 
-Arrays by name, in SI units, world frame where nothing else is said; n measurements, N frames of the
-telemetry, G gates of the course:
+They are arrays by name, in SI units, in the world frame unless another frame is given; n is the
+number of measurements, N of frames of the telemetry, G of gates of the course:
 
     imu.t, imu.taken, imu.dt      end of a sample, when the estimator took it, duration [s]  (n,)
     imu.gyro                      body rates [rad/s]  (n, 3)
     imu.specific_force            acceleration minus gravity, body frame [m/s^2]  (n, 3)
     pose.t, pose.taken            [s]  (n,)
-    pose.position, pose.velocity  [m], [m/s], NaN where none was measured  (n, 3)
+    pose.position, pose.velocity  [m], [m/s], NaN if it was not measured  (n, 3)
     pose.attitude                 wxyz  (n, 4)
     rotors.t, rotors.taken        [s]  (n,)
     rotors.thrust                 by the rotors' speeds, mass-normalised [m/s^2]  (n,)
     barometer.t, barometer.taken  [s]  (n,)
     barometer.height              above the origin of the world [m]  (n,)
     corners.t, corners.taken      exposure of a corner's picture, when it was taken [s]  (n,)
-    corners.gate, corners.corner  the gate (of those of the course that stand apart, from 0) and the
-                                  corner that the association names  (n,)
+    corners.gate, corners.corner  the gate (index among the course's distinct frames, from 0) and
+                                  the corner that the association names  (n,)
     corners.pixels                right and down in the picture [px]  (n, 2)
     estimate.gyro_bias            [rad/s]  (N, 3)
     estimate.accelerometer_bias   [m/s^2]  (N, 3)
@@ -37,7 +37,7 @@ UNKNOWN = (float("nan"),) * 3
 
 
 class Kept(NamedTuple):
-    """What a flight keeps of its sensing for one frame."""
+    """The measurements and estimates of one frame."""
 
     taken: float  # time of the frame [s]
     measurements: tuple[Measurement, ...]  # taken since the last frame
@@ -133,7 +133,7 @@ def rows_of(kept: Kept) -> Iterable[tuple[str, tuple]]:
 
 
 def kept_arrays(frames: Sequence[Kept]) -> dict[str, np.ndarray]:
-    """Return the arrays of a flight by name, without those of sensors that measured nothing."""
+    """Return the arrays of a flight by name; sensors without measurements have none."""
     rows: dict[str, list[tuple]] = {table.sensor: [] for table in TABLES}
     for kept in frames:
         for sensor, row in rows_of(kept):

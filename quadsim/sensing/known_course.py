@@ -1,4 +1,4 @@
-"""The course as it is known in flight: the map, and near gates and obstacles where they stand."""
+"""The course that is known in flight: the map, corrected near the vehicle."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from quadsim.rotation import Vec3
 
 
 class KnownCourse:
-    """The map of a course, in which what has been near stands where it truly does.
+    """The map of a course, with true positions of gates and obstacles that have been near.
 
-    A gate or an obstacle is known exactly from the first instant at which the vehicle is nearer
-    than `known_from` to where it stands, measured horizontally. A frame that is flown through
-    several times is known as a whole.
+    The true position of a gate or an obstacle is known from the first instant at which the
+    vehicle's horizontal distance to it is less than `known_from`. The passes through one frame
+    become known together.
     """
 
     def __init__(self, mapped: Course, flown: Course, known_from: float):
@@ -23,8 +23,8 @@ class KnownCourse:
 
         Args:
             mapped: the course of the map.
-            flown: the same course as it stands.
-            known_from: horizontal distance from which a gate or an obstacle is known [m].
+            flown: the same course with true positions.
+            known_from: horizontal distance within which true positions become known [m].
         """
         self._mapped = mapped
         self._flown = flown
@@ -35,7 +35,7 @@ class KnownCourse:
         self._course: Course | None = None
 
     def seen_from(self, position: Vec3) -> Course | None:
-        """Return the course as it is known once the vehicle has been here.
+        """Return the course that is known after the vehicle has been at a position.
 
         The same object is returned until something new is known.
 
@@ -43,7 +43,7 @@ class KnownCourse:
             position: position of the vehicle [m].
 
         Returns:
-            The course, None while only the map is known.
+            The course, None as long as only the map is known.
         """
         frames = {
             number
@@ -66,7 +66,7 @@ class KnownCourse:
         return hypot(position[0] - place[0], position[1] - place[1]) < self._known_from
 
     def _known(self) -> Course:
-        """Return the map with what is known in its true place."""
+        """Return the map with the known true positions."""
         gates = [
             there if number in self._known_frames else mapped
             for number, mapped, there in zip(

@@ -11,7 +11,7 @@ from quadsim.rotation import Quaternion, Vec3
 
 @dataclass(frozen=True, slots=True)
 class Inertial:
-    """A sample of an inertial measurement unit: means over the `dt` that ends at t."""
+    """A sample of an inertial measurement unit: means over the interval `dt` that ends at t."""
 
     # [s]
     t: float
@@ -74,7 +74,7 @@ class Corners:
     pixels: np.ndarray
     # number of corners in view, for the record only
     in_view: int
-    # variance of each corner beyond the camera's noise [px^2]  (n,); None: none
+    # variance of each corner in addition to the camera's noise [px^2]  (n,); None: zero
     variance: np.ndarray | None = None
 
 

@@ -1,9 +1,9 @@
-"""Navigation: makes the Estimate that a controller plans with.
+"""Navigation, which makes the Estimate that a controller plans with.
 
-    sensors -> estimator -> state now
-    state now -> model under the commands given -> state in which the next control acts
+    sensors -> estimator -> present state
+    present state -> model under the commands given -> state in which the next control acts
 
-A flight may ask for the state now in its place, as a controller without a prediction gets it.
+A flight may also ask for the present state without this prediction.
 
 A Navigation is put together from three parts:
 
@@ -13,8 +13,8 @@ A Navigation is put together from three parts:
 * a count of the gates passed: by the referee (RefereeCount) or by the estimated path
   (GateCounter).
 
-The estimator, the prediction and the count by the path receive measurements, commands and the map
-alone; only the record of their errors uses the true state.
+The estimator, the prediction and the count by the path receive only measurements, commands and the
+map; the true state is used only to record their errors.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ ROUNDING = 1e-9
 
 
 class Present(NamedTuple):
-    """The present state, with the model and the course as they are estimated."""
+    """The present state, with the estimated model and course."""
 
     # state now; for a quadrotor a State  (n_x,)
     x: tuple[float, ...]
@@ -99,7 +99,7 @@ class StateSource(Protocol):
 
         Args:
             t: time now [s].
-            acted: commands that have acted since the last call; none at the first.
+            acted: commands that have acted since the last call; none at the first call.
             periods: control periods since the last call.
         """
         ...
@@ -109,7 +109,7 @@ class StateSource(Protocol):
         ...
 
     def kept(self) -> Kept | None:
-        """Return what is kept of the sensing since the last call; None: nothing is."""
+        """Return the stored measurements since the last call, None if none are stored."""
         ...
 
 
@@ -117,17 +117,17 @@ class GateCount(Protocol):
     """The onboard count of passed gates."""
 
     def at(self, x: tuple[float, ...], course: Course | None) -> int:
-        """Return the number of gates passed when the vehicle is in the state x.
+        """Return the number of gates passed when the vehicle has the state x.
 
         Args:
             x: state, which begins with the position [m]  (n_x,).
-            course: the estimated course; None: the map.
+            course: the estimated course; None: the course of the map.
         """
         ...
 
 
 class PassedGates(Protocol):
-    """Something that counts gates by the true state, such as a referee."""
+    """An object that counts gates by the true state, such as a referee."""
 
     @property
     def passed(self) -> int:
@@ -139,10 +139,7 @@ class RefereeCount:
     """The true number of gates passed, by the referee."""
 
     def __init__(self, referee: PassedGates):
-        """Take the gate count of a referee.
-
-        referee: the flight's referee.
-        """
+        """Use the gate count of the flight's referee."""
         self._referee = referee
 
     def at(self, x: tuple[float, ...], course: Course | None) -> int:
@@ -168,7 +165,7 @@ class TrueState:
             state: state of the plant.
             dt: control period [s].
             learner: estimator of the vehicle's parameters; None: they are not estimated.
-            course: the course as it is known in flight; None: the map alone.
+            course: the course that is known in flight; None: the map alone.
         """
         self._course = course
         self._state = state
@@ -207,7 +204,7 @@ class TrueState:
     def _whole_periods(self, duration: float) -> float:
         """Return the number of control periods in a duration [s].
 
-        It is not whole if planning took longer on the wall clock.
+        The number is not whole if planning took longer on the wall clock.
         """
         periods = duration / self._dt
         return round(periods) if abs(periods - round(periods)) <= WHOLE else periods
@@ -239,7 +236,7 @@ class SensedState:
         adapt: bool,
         rotor_std: float,
     ):
-        """Put sensors and estimators together.
+        """Combine sensors and estimators.
 
         Args:
             sensors: sensors after their warm-up, at the flight's first state.
@@ -259,7 +256,7 @@ class SensedState:
         self._rotor_std = rotor_std
         # samples of the present period
         self._inertial: list[Inertial] = []
-        # time [s] and body rates [rad/s] of the last sample that was used; None: there was none
+        # time [s] and body rates [rad/s] of the last used sample; None if there was none
         self._last_rates: tuple[float, Vec3] | None = None
         # thrust from rotor speeds, the latest since the last estimate; None: none has arrived
         self._rotors: RotorThrust | None = None
@@ -323,7 +320,7 @@ class SensedState:
         self._kept = []
 
     def kept(self) -> Kept | None:
-        """Return the measurements taken since the last call, and what is estimated beside x."""
+        """Return the measurements since the last call, and the estimates that are not part of x."""
         if self._kept is None:
             return None
         taken = tuple(self._kept)
@@ -335,7 +332,7 @@ class SensedState:
     def _take_measurements(self, t: float) -> None:
         """Update position, velocity and attitude to t [s] by the measurements that have arrived.
 
-        Body rates and rotor speeds are kept for `_follow_vehicle`.
+        Body rates and rotor thrusts are kept for `_follow_vehicle`.
         """
         self._rotors = None
         self._estimator.innovations.clear()
@@ -358,7 +355,7 @@ class SensedState:
         self._t = t
 
     def _corners(self, photo: Photo) -> Corners:
-        """Return the corners of a picture, found near where the state at its time expects them."""
+        """Return the corners of a picture, found near the positions that the state predicts."""
         assert self._tracker
         return self._tracker(photo, *self._estimator.seen_at(photo.t))
 
@@ -397,10 +394,10 @@ class SensedState:
 
         Args:
             t: time of the newest sample [s].
-            rates: its body rates [rad/s].
+            rates: body rates of this sample [rad/s].
 
         Returns:
-            (3,); None: the two samples are not at the ends of the last control period.
+            The acceleration  (3,); None if the two samples are not one control period apart.
         """
         last, self._last_rates = self._last_rates, (t, rates)
         if last is None or self._t - t > RECENT * self._dt:
@@ -415,10 +412,7 @@ class CourseEstimate:
     """The course with estimated gate positions and their uncertainty."""
 
     def __init__(self, course: Course):
-        """Begin with the map.
-
-        course: the course of the map.
-        """
+        """Begin with the course of the map."""
         self._map = course
         self._course = course
         self._numbers = frame_numbers(course.gates)
@@ -426,9 +420,9 @@ class CourseEstimate:
         self._offsets: np.ndarray | None = None
 
     def centres(self, state: FilterState) -> np.ndarray | None:
-        """Return the estimated centre of each gate's opening [m]; None if the map is exact.
+        """Return the estimated centre of each gate's opening [m]  (gates, 3).
 
-        (gates, 3)
+        None is returned if the map is exact.
         """
         if not len(state.gates):
             return None
@@ -436,7 +430,7 @@ class CourseEstimate:
         return mapped + state.gates[np.array(self._numbers)]
 
     def updated(self, state: FilterState) -> Course:
-        """Return the course according to a state of the filter.
+        """Return the course with the gates' positions in a state of the filter.
 
         The same object is returned until a gate has moved by more than MOVED.
         """
@@ -476,8 +470,8 @@ class Navigation:
             dt: control period [s].
             nominal: model for the prediction until the next control acts, if no model is estimated;
                 None: the next control acts in the present state.
-            predicts: whether the controller is given the state in which its control acts; if not,
-                the present state.
+            predicts: whether the controller is given the state in which its control acts, rather
+                than the present state.
         """
         self._source = source
         self._gates = gates
@@ -501,7 +495,7 @@ class Navigation:
 
     @property
     def rotor_shares(self) -> tuple[float, ...]:
-        """The share that each rotor delivers of its nominal thrust  (4,); () if not estimated."""
+        """The share of its nominal thrust that each rotor delivers  (4,); () if not estimated."""
         learner = self.learner
         return tuple(learner.wrench.shares.tolist()) if learner and learner.wrench else ()
 
@@ -536,11 +530,11 @@ class Navigation:
         )
 
     def commanded(self, t: float, ready: float, u: tuple[float, ...]) -> None:
-        """Note a control that is given to the vehicle.
+        """Record a control that is given to the vehicle.
 
         Args:
             t: time at which the control was requested [s].
-            ready: time at which its planning ends and it is given [s].
+            ready: time at which its planning ends and the control is given [s].
             u: the control  (n_u,).
         """
         self._commands.give(ready, u)
@@ -551,13 +545,13 @@ class Navigation:
         return self._source.record(state)
 
     def kept(self) -> Kept | None:
-        """Return what is kept of the sensing since the last call; None: nothing is."""
+        """Return the stored measurements since the last call, None if none are stored."""
         return self._source.kept()
 
     def _when_it_acts(self, now: Present, t: float, acts: float) -> tuple[float, ...]:
         """Return the state at `acts` [s], in which a control planned at t [s] will act.  (n_x,)
 
-        Without a prediction it is the present state.
+        Without a prediction the present state is returned.
         """
         if self._nominal is None or not self._predicts:
             return now.x
@@ -569,8 +563,8 @@ def mean(vectors: list[Vec3], weights: list[float]) -> Vec3:
     """Return the weighted mean of vectors.
 
     Args:
-        vectors: (n, 3).
-        weights: (n,).
+        vectors: the vectors  (n, 3).
+        weights: weight of each vector  (n,).
     """
     total = sum(weights)
     x, y, z = (

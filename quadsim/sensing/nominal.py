@@ -1,4 +1,4 @@
-"""The nominal state: position, velocity and attitude, propagated by an inertial measurement unit.
+"""The nominal state, which an inertial unit propagates: position, velocity and attitude.
 
     p' = v,   v' = R(q) (f - b_a) - g e_z,   q' = q x (0, omega - b_g) / 2
 
@@ -45,7 +45,7 @@ class Nominal:
         return fx - bx, fy - by, fz - bz
 
     def moved(self, sample: Inertial, until: float) -> Nominal:
-        """Return the state at `until` [s], with the sample held constant from t on."""
+        """Return the state at the time `until` [s], with the sample held constant from t on."""
         dt = until - self.t
         half = 0.5 * dt
         wx, wy, wz = self.rates(sample)

@@ -1,11 +1,12 @@
-"""The pixel camera: pictures of a flight, drawn over the time for which the shutter is open.
+"""The pixel camera, which renders pictures of a flight with motion blur and rolling shutter.
 
 Row v of a picture of height H, whose middle is taken at t, is exposed around
 
     t + readout ((v + 1/2) / H - 1/2)
 
-for `exposure` seconds: a rolling shutter, global if `readout` is 0. Pass k of n has the pose of the
-middle of the k-th of n equal parts of that time, so that their mean is blurred by the motion.
+for `exposure` seconds: a rolling shutter, global if `readout` is 0. A picture is the mean of n
+passes, which blurs it by the motion: the exposure is divided into n equal parts, and pass k has the
+pose in the middle of part k.
 """
 
 from __future__ import annotations
@@ -29,17 +30,17 @@ ROUNDING = 1e-9
 
 
 class Eye(Protocol):
-    """A function that draws the pictures of a flight."""
+    """A function that renders the pictures of a flight."""
 
     def __call__(self, eyes: np.ndarray, axes: np.ndarray) -> np.ndarray:
         """Return a picture.
 
         Args:
-            eyes: position of the camera by pass and row [m]  (passes, height, 3).
-            axes: rotation world from camera by pass and row  (passes, height, 3, 3).
+            eyes: position of the camera for each pass and row [m]  (passes, height, 3).
+            axes: rotation from camera to world axes for each pass and row  (passes, height, 3, 3).
 
         Returns:
-            (height, width, 3) uint8
+            The picture  (height, width, 3) uint8.
         """
         ...
 
@@ -57,11 +58,11 @@ class PixelCamera:
     """Takes pictures of a flight."""
 
     def __init__(self, config: PixelCameraConfig, eye: Eye, seeds: np.random.SeedSequence):
-        """Take pictures with an eye.
+        """Make a camera whose pictures are rendered by `eye`.
 
         Args:
             config: the camera.
-            eye: what draws the pictures.
+            eye: function that renders the pictures.
             seeds: random stream of the dropouts.
         """
         self.latency = config.latency
@@ -75,7 +76,7 @@ class PixelCamera:
         self._open: deque[float] = deque()
 
     def sample(self, state: PlantState[State]) -> Photo | None:
-        """Return a picture if one is complete at this step and not lost, else None."""
+        """Return a picture if one is completed by this step and not lost, else None."""
         x = state.x
         self._moments.append(TimedPose(state.t, (*x.position, *x.attitude)))
         if self._ticks.due(state.t):
@@ -93,7 +94,7 @@ class PixelCamera:
 
 
 def row_times(config: PixelCameraConfig, t: float) -> np.ndarray:
-    """Return the instant of each row of each pass of a picture [s].  (passes, height)"""
+    """Return the instant [s] of each pass and row of a picture.  (passes, height)"""
     rows = (np.arange(config.height) + 0.5) / config.height - 0.5
     parts = (np.arange(config.passes) + 0.5) / config.passes - 0.5
     return t + config.readout * rows + config.exposure * parts[:, None]
@@ -102,7 +103,7 @@ def row_times(config: PixelCameraConfig, t: float) -> np.ndarray:
 def row_poses(
     config: PixelCameraConfig, t: float, moments: list[TimedPose]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pose of the camera at each row of each pass of a picture.
+    """Return the pose of the camera for each pass and row of a picture.
 
     Between two instants position and quaternion are interpolated; before the first and after the
     last they are constant.
@@ -113,8 +114,8 @@ def row_poses(
         moments: poses of the vehicle in order of time.
 
     Returns:
-        The position [m]  (passes, height, 3), and the rotation world from camera
-        (passes, height, 3, 3).
+        The position [m]  (passes, height, 3), and the rotation from camera to world axes  (passes,
+        height, 3, 3).
     """
     times = np.array([moment.t for moment in moments])
     poses = np.array([moment.pose for moment in moments])
@@ -125,15 +126,15 @@ def row_poses(
 
 
 def camera_poses(camera: Camera, p: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return `Camera.pose` of many poses of a vehicle.
+    """Return the camera's poses, as `Camera.pose` does, for many poses of its vehicle.
 
     Args:
         camera: the camera.
         p: position of the vehicle [m]  (..., 3).
-        q: attitude of the vehicle, wxyz, of any length but zero  (..., 4).
+        q: attitude of the vehicle, wxyz, normalised here  (..., 4).
 
     Returns:
-        The position [m]  (..., 3), and the rotation world from camera  (..., 3, 3).
+        The position [m]  (..., 3), and the rotation from camera to world axes  (..., 3, 3).
     """
     w, x, y, z = np.moveaxis(q / np.linalg.norm(q, axis=-1, keepdims=True), -1, 0)
     body = np.empty((*q.shape[:-1], 3, 3))

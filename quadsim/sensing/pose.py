@@ -3,10 +3,10 @@
     position = p + drift + sigma_p N(0, 1),   drift' = walk N(0, 1)
     attitude = q exp(sigma_q N(0, 1)),        velocity = v + sigma_v N(0, 1)
 
-A share of the samples are spikes, off by a given distance in a random direction. At each sample a
-dropout of a given duration begins with a given probability. Noise, spikes and their sizes
-follow RotorPy 3.0.0's motion capture (spp/rotorpy, MIT); the drift as a random walk is the usual
-model of odometry.
+A share of the samples are spikes: their position is wrong by a given distance in a random
+direction. At each sample a dropout of a given duration begins with a given probability. Noise,
+spikes and their sizes follow RotorPy 3.0.0's motion capture (spp/rotorpy, MIT); the drift as a
+random walk is the usual model of odometry.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class PoseSensor:
         self._dies = inf if config.dies_at is None else config.dies_at
 
     def sample(self, state: PlantState[State]) -> Pose | None:
-        """Return a sample if one is due and the sensor is not silent, else None."""
+        """Return a sample if one is due and there is no dropout, else None."""
         t = state.t
         if not self._ticks.due(t):
             return None

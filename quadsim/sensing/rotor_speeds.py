@@ -1,8 +1,8 @@
-"""Rotor speeds, as electronic speed controllers report them, and the resulting thrust.
+"""A sensor of the thrust, from rotor speeds that electronic speed controllers report.
 
     T_i = thrust map of rotor i (W_i + sigma N(0, 1)),   thrust = sum T_i / m
 
-The thrust map is the flight controller's own, by which it allocates. The mass is nominal.
+The thrust map is the same as in the flight controller's allocation. The mass is nominal.
 """
 
 from __future__ import annotations

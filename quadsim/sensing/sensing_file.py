@@ -3,7 +3,7 @@
     imu: {rate: 250, gyro_noise: 0.01}
     pose: {rate: 100, latency: 0.01, position_noise: 0.002, attitude_noise_deg: 0.3}
 
-With `exact: true` and no sensor the planner is given the true state.
+A file with `exact: true` and no sensor gives the planner the true state.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class SensingChanges(TypedDict, total=False):
 
 @dataclass(frozen=True, kw_only=True)
 class SensingFile:
-    """The keys of a sensing file: its source, `exact`, and sensors, None for each that it lacks."""
+    """The keys of a sensing file; a sensor is None if the vehicle does not have it."""
 
     source: Annotated[str, setting("origin of the numbers")] = ""
     exact: Annotated[bool, setting("whether the true state is known, without sensors")] = False
@@ -62,7 +62,7 @@ class SensingFile:
 
 @dataclass(frozen=True, kw_only=True)
 class Sensing(SensingFile):
-    """The sensors of a vehicle: the keys of their file, and its name.
+    """The sensors of a vehicle: the values of a sensing file, and its name.
 
     Examples:
         >>> import quadsim
@@ -77,7 +77,7 @@ class Sensing(SensingFile):
 
     @property
     def corner_camera(self) -> CornerCamera | None:
-        """The camera in whose pictures corners of gates are found; None without one."""
+        """The camera in whose pictures corners of gates are found; None if there is no camera."""
         return self.camera or self.pixels
 
     @property
@@ -87,7 +87,7 @@ class Sensing(SensingFile):
         return max((sensor.latency for sensor in sensors if sensor), default=0.0)
 
     def but(self, **changes: Unpack[SensingChanges]) -> Sensing:
-        """Return a copy with changed sensors or numbers, checked as in a file.
+        """Return a copy with changed sensors or numbers, checked as a sensing file is.
 
         Args:
             changes: keys of a sensing file, see docs/sensing_files.md, and `name`. A sensor takes
@@ -112,7 +112,7 @@ class Sensing(SensingFile):
         """Return the text of a sensing file that `load_sensing` reads to an equal sensing.
 
         Args:
-            path: file to write, after which the sensing is named; None writes nothing.
+            path: file to write, whose name becomes the sensing's; None writes nothing.
 
         Raises:
             SettingError: the sensors do not fit together (a ValueError).
@@ -135,12 +135,12 @@ SENSORS = tuple(f.name for f in fields(SensingFile) if f.name not in ("source", 
 
 
 def sensing_names() -> tuple[str, ...]:
-    """Return the names of the sensings that come with the project."""
+    """Return the names of the sets of sensors that come with the project."""
     return names(SENSINGS)
 
 
 def load_sensing(name_or_path: str | Path) -> Sensing:
-    """Return a sensing by name ("mocap") or path ("mine.yaml").
+    """Return a set of sensors by name ("mocap") or path ("mine.yaml").
 
     Raises:
         FileError: there is no such sensing, or the file is not a sensing file.
@@ -170,11 +170,11 @@ def camera_named(name_or_path: str | Path) -> Camera:
 
 
 def parse_sensing(text: str, file: str) -> Sensing:
-    """Return the sensing of a YAML text.
+    """Return the set of sensors of a YAML text.
 
     Args:
         text: the YAML.
-        file: shown in errors; gives the sensing its name.
+        file: name of the file, for errors and for the set of sensors.
 
     Raises:
         FileError: the text is not a sensing file.
@@ -186,7 +186,7 @@ def parse_sensing(text: str, file: str) -> Sensing:
 
 
 def _problems(sensing: SensingFile) -> Iterator[FieldProblem]:
-    """Yield all faults of a sensing, the most important first."""
+    """Yield all problems of a sensing file, the most important first."""
     given = [key for key in SENSORS if getattr(sensing, key)]
     if sensing.exact and given:
         problem = f"expected no sensor beside exact: true, got {given[0]}: remove one"
@@ -206,7 +206,7 @@ def _problems(sensing: SensingFile) -> Iterator[FieldProblem]:
 
 
 def _camera_problems(camera: GateCameraConfig) -> Iterator[FieldProblem]:
-    """Yield the faults of a gate camera: blind everywhere, bursts that cannot be."""
+    """Yield the problems of a gate camera: it sees nothing, or its bursts are impossible."""
     if camera.blind_within >= camera.range:
         expected = f"expected less than the range of {camera.range:g} m"
         yield FieldProblem("camera.blind_within", f"{expected}, got {camera.blind_within:g}")
@@ -224,7 +224,7 @@ def _camera_problems(camera: GateCameraConfig) -> Iterator[FieldProblem]:
 
 
 def _pose_problems(pose: PoseConfig) -> Iterator[FieldProblem]:
-    """Yield the faults of a pose sensor: spikes and dropouts need both a share and a size."""
+    """Yield the problems of a pose sensor: spikes and dropouts need both a share and a size."""
     if pose.spikes > 0.0 and pose.spike == 0.0:
         yield FieldProblem("pose.spike", "expected how far off spikes are [m], got 0")
     if pose.spike > 0.0 and pose.spikes == 0.0:

@@ -1,4 +1,4 @@
-"""All sensors of one flight: they sample the plant and deliver each measurement on its arrival."""
+"""All sensors of a flight, which sample the plant and deliver measurements after a latency."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ class BiasedImu:
     """An inertial measurement unit with a bias that jumps while a fault lasts."""
 
     def __init__(self, imu: Imu | BiasedImu, fault: BiasJump):
-        """Wrap a unit.
+        """Add a fault to an inertial unit.
 
         Args:
-            imu: the unit.
+            imu: the inertial measurement unit.
             fault: the bias, its direction and its time.
         """
         self.latency = imu.latency
@@ -79,7 +79,7 @@ class FaultySensor:
     """
 
     def __init__(self, sensor: Sensor, fault: SensorFault):
-        """Wrap a sensor.
+        """Add a fault to a sensor.
 
         Args:
             sensor: the sensor.
@@ -105,7 +105,7 @@ class FaultySensor:
 
 
 def with_jumps(imu: Imu, jumps: Sequence[BiasJump]) -> Imu | BiasedImu:
-    """Return the unit with these jumps of its bias."""
+    """Return an inertial unit whose bias jumps."""
     biased: Imu | BiasedImu = imu
     for jump in jumps:
         biased = BiasedImu(biased, jump)
@@ -117,7 +117,7 @@ def repeated(last: Measurement, now: Measurement, part: str) -> Measurement:
 
     Args:
         last: an earlier measurement of the same sensor.
-        now: the present measurement; its instant is kept.
+        now: the present measurement, whose time is kept.
         part: the frozen part: the gyro or the accelerometer of an imu, or the whole sensor.
     """
     if isinstance(last, Inertial) and isinstance(now, Inertial):
@@ -128,7 +128,7 @@ def repeated(last: Measurement, now: Measurement, part: str) -> Measurement:
 
 
 class Coming(NamedTuple):
-    """A measurement on its way; these sort by arrival."""
+    """A measurement that has not arrived yet; instances sort by their time of arrival."""
 
     # time of arrival [s]
     t: float
@@ -138,7 +138,7 @@ class Coming(NamedTuple):
 
 
 class Sensors:
-    """Samples every physics step of a flight.
+    """The sensors of a flight, which sample its physics steps.
 
     Each sensor has its own random stream, so its noise does not depend on the other sensors.
     """
@@ -160,12 +160,12 @@ class Sensors:
             sensing: the set of sensors, with their parameters.
             seeds: the flight's random stream for sensors.
             vehicle: the true vehicle, as in the plant.
-            gates: the gates at their true positions, each once.
+            gates: the distinct gates at their true positions.
             velocity_lag: time by which the plant's velocity lags [s], see
                 quadsim.physics.plant.Plant.
             obstacles: obstacles on the course.
             faults: faults of these sensors, with their times.
-            eye: what draws the pictures of a pixel camera.
+            eye: function that renders the pictures of a pixel camera.
         """
         streams = sensor_streams(seeds)
         sensors: dict[str, Sensor] = {}

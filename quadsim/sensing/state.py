@@ -3,8 +3,8 @@
 The filter estimates the error dx = (dp, dv, dtheta, db_a, db_g) of the nominal state
 (quadsim.sensing.nominal), the drift of an odometry (3,), and the displacement of each gate from the
 map (3 each). Attitude errors are in the body frame, q = q_nominal exp(dtheta). A measurement
-corrects the error, which is then moved into the nominal state. Formulation: J. Sola, "Quaternion
-kinematics for the error-state Kalman filter", arXiv:1711.02508, 2017, chapters 5 and 6.
+corrects the error, which is then added to the nominal state. The formulation follows J. Sola,
+"Quaternion kinematics for the error-state Kalman filter", arXiv:1711.02508, 2017, chapters 5 and 6.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ DRIFT = slice(MOVING, MOVING + 3)
 class FilterState:
     """The nominal state and the covariance of its error at one instant.
 
-    Drift and gates have rows only if they are estimated.
+    The covariance has rows for drift and gates only if they are estimated.
     """
 
     nominal: Nominal
@@ -45,7 +45,7 @@ class FilterState:
 
     @property
     def first_gate(self) -> int:
-        """The first row of the gates in the error."""
+        """The index of the gates' first row in the error."""
         return MOVING + len(self.drift)
 
     def gate_std(self, gates: int) -> np.ndarray:
@@ -88,6 +88,6 @@ class FilterState:
 
 
 def plus(vector: Vec3, error: Iterable[float]) -> Vec3:
-    """Return the sum of two vectors."""
+    """Return the sum of two vectors  (3,)."""
     x, y, z = (a + b for a, b in zip(vector, error, strict=True))
     return x, y, z

@@ -1,4 +1,4 @@
-"""Ticks: the instants at which a sensor samples, at a rate of its own."""
+"""The instants at which a sensor samples, at its own rate."""
 
 from __future__ import annotations
 
@@ -6,16 +6,13 @@ from math import floor, isclose
 
 
 class Ticks:
-    """The instants k / rate, each met at the first physics step at or after it.
+    """The instants k / rate; each is due at the first physics step at or after it.
 
     A sample carries the time of the physics step at which it was taken.
     """
 
     def __init__(self, rate: float):
-        """Begin at t = 0.
-
-        rate: sampling rate [Hz].
-        """
+        """Begin at t = 0, with a sampling rate [Hz]."""
         self._rate = rate
         self._done: int | None = None
 

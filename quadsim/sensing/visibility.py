@@ -1,4 +1,4 @@
-"""Lines of sight: the points that a frame or an obstacle hides from the camera.
+"""Find points that a frame or an obstacle hides from the camera.
 
 A line of sight is the path of a sphere of radius 0.
 """
@@ -29,7 +29,7 @@ def _frame(gate: Gate) -> SweptGate:
 def hidden(
     points: np.ndarray, eye: np.ndarray, gates: Iterable[Gate], obstacles: Iterable[Obstacle] = ()
 ) -> np.ndarray:
-    """Return which points a bar of any gate, or any obstacle, hides from the camera.
+    """Return which points are hidden from the camera by a bar of any gate or any obstacle.
 
     Args:
         points: points in the world [m]  (n, 3).
@@ -38,7 +38,7 @@ def hidden(
         obstacles: obstacles, which may hide points.
 
     Returns:
-        (n,) bool
+        Whether each point is hidden  (n,) bool.
     """
     x, y, z = eye.tolist()
     targets = [(a, b, c) for a, b, c in points.tolist()]
@@ -60,13 +60,13 @@ def _stops(touched: float | None) -> bool:
 def hidden_corners(
     gates: Sequence[Gate], eye: np.ndarray, obstacles: Sequence[Obstacle] = ()
 ) -> np.ndarray:
-    """Return which corners of gates' openings another gate's frame or an obstacle hides.
+    """Return which corners of openings are hidden by another gate's frame or an obstacle.
 
     A gate's own frame is ignored: a corner lies half a frame's depth, 5 cm, behind the visible
     edge.
 
     Args:
-        gates: gates, each once.
+        gates: the distinct gates.
         eye: position of the camera in the world [m]  (3,).
         obstacles: obstacles, which may hide points.
 

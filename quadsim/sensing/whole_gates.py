@@ -1,7 +1,7 @@
-"""From which distance a gate is whole in the picture of a camera.
+"""The distance from which a whole gate is in the picture of a camera.
 
-The vehicle flies along the gate's passage towards the centre of the opening, its nose along the
-passage and down by some pitch. A camera that is tilted up looks over a gate at the vehicle's own
+The vehicle flies along the gate's passage towards the centre of the opening, with its nose along
+the passage and pitched down. A camera that is tilted up looks over a gate at the vehicle's own
 height, and a near gate is larger than the picture.
 """
 
@@ -24,7 +24,7 @@ PITCHES = (0.0, 10.0, 20.0, 30.0)  # [deg], the nose down
 
 
 class WholeFrom(NamedTuple):
-    """The least distances from a gate's centre at which it is whole in the picture."""
+    """The least distances from a gate's centre at which the whole gate is in the picture."""
 
     pitch: float  # of the vehicle, the nose down [deg]
     # of the four corners of the opening [m]; None: at no distance up to FARTHEST
@@ -34,7 +34,7 @@ class WholeFrom(NamedTuple):
 
 
 def whole_from(gate: Gate, camera: Camera, pitches: Sequence[float] = PITCHES) -> list[WholeFrom]:
-    """Return from which distances a gate is whole in the picture, for each pitch [deg].
+    """Return the distances from which a whole gate is in the picture, for each pitch [deg].
 
     Examples:
         >>> from quadsim import load_course
@@ -60,7 +60,7 @@ def gates_alike(gates: Sequence[Gate]) -> list[list[int]]:
 
 
 def _least_distance(gate: Gate, camera: Camera, pitch: float, border: float) -> float | None:
-    """Return the least distance at which all corners are seen, and from it on at all larger ones.
+    """Return the distance [m] beyond which all corners are in the picture, None if there is none.
 
     Args:
         gate: the gate.

@@ -1,4 +1,4 @@
-"""The table of docs/derived.md: what the laws of the preset `race` give for some flights."""
+"""The table of docs/derived.md, with the derived numbers of the preset `race` for some flights."""
 
 from __future__ import annotations
 

@@ -271,6 +271,6 @@ def _sensors_text(sensing: Sensing) -> str:
 
 
 def _axes_text(values: Sequence[float]) -> str:
-    """Return one number if it is the same for all axes, else one for each axis, to two digits."""
+    """Return numbers of axes as text with two digits, a single number if all are equal."""
     texts = [f"{value:.2g}" for value in values]
     return texts[0] if len(set(texts)) == 1 else " ".join(texts)

@@ -92,7 +92,7 @@ def _setting_row(
 
 
 def _with_named_default(text: str, default: str) -> tuple[str, str]:
-    """Split "text (default: x)" into text and default, if no default is given."""
+    """Return text and default; "text (default: x)" is split if `default` is "none"."""
     found = NAMED_DEFAULT.search(text)
     if default != "none" or found is None:
         return text, default
@@ -100,7 +100,7 @@ def _with_named_default(text: str, default: str) -> tuple[str, str]:
 
 
 def _of_others(setting: Setting) -> str:
-    """Return the default of a setting of samplers or costs other than the default ones."""
+    """Return the default of a setting that the default sampler and cost do not have."""
     owners = [owner.__name__ for owner in setting.kinds]
     return f"of {' and '.join(owners)} only"
 
@@ -145,7 +145,7 @@ def _without_unit(text: str, unit: str) -> str:
 
 
 def allowed(kind: Kind) -> str:
-    """Return the range of a number or of a list's numbers, or the choices."""
+    """Return the range of a number or of a list's numbers, or the choices, as text."""
     inner = bare(kind)
     match inner:
         case inspect.TupleType() if inner.item_types:
@@ -183,7 +183,7 @@ def markdown(
     Args:
         rows: the rows.
         first: heading of the first column.
-        with_presets: whether there is a column of the presets that differ.
+        with_presets: whether a column lists presets with other values.
     """
     heads = [first, "unit", "range", "default"]
     heads += ["in other presets"] if with_presets else []

@@ -1,8 +1,8 @@
 """Commands that repeat a recorded flight: a command line and lines of Python.
 
-Both have the settings of the flight, so that they work without the stored run. They are made only
-if these settings give the very flight that is recorded; otherwise both name the run's folder, from
-which `race fly --from` and `quadsim.fly` read the flight.
+Both list the settings of the flight, so that they work without the stored run. If these settings do
+not reproduce the recorded flight exactly, both name the run's folder instead, from which `race fly
+--from` and `quadsim.fly` read the flight.
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ def wording(record: Mapping[str, Any], folder: Path) -> Wording:
 def settings_of(record: Mapping[str, Any]) -> dict[str, Any] | None:
     """Return the keywords of `quadsim.fly` that repeat a recorded flight, with its course.
 
-    It is None if no such keywords do: changes in flight, parts of the user's own, and files that
-    a record does not name.
+    None is returned if keywords cannot repeat it, because of changes in flight, the user's own
+    parts, or files that a record does not name.
 
     Args:
         record: the spec of a run.
@@ -78,13 +78,13 @@ def settings_of(record: Mapping[str, Any]) -> dict[str, Any] | None:
         # With them, as numbers of a preset may follow from them
         settings |= dict(_differing_numbers(flown, Spec.of(**settings)))
         again = Spec.of(**settings)
-    except ValueError:  # a file or a part is missing, or a name stands for no file
+    except ValueError:  # a file or a part is missing, or there is no file of a name
         return None
     return settings if hostless(again.record()) == hostless(flown.record()) else None
 
 
 def _named(spec: Spec) -> dict[str, Any]:
-    """Return course, vehicle, preset and similar names, which are always written."""
+    """Return course, vehicle, preset and similar names, which every command includes."""
     settings: dict[str, Any] = {"course": spec.course.name}
     if spec.pilot:
         known = spec.pilot.name in pilot_names()

@@ -1,4 +1,4 @@
-"""How a vehicle flies, by its numbers: hover, top speed, and how fast it answers."""
+"""Flight properties that follow from a vehicle's numbers: hover, top speed, response times."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ BISECTIONS = 40
 
 
 class FlyingNumbers(NamedTuple):
-    """What the numbers of a vehicle mean in flight."""
+    """The flight properties of a vehicle."""
 
     thrust_to_weight: float
     # rotor speed at hover as a share of full speed; without rotors: thrust as a share of the full
@@ -25,7 +25,7 @@ class FlyingNumbers(NamedTuple):
     motor_tau: float
 
     def text(self) -> str:
-        """Return the numbers as one line."""
+        """Return the flight properties as one line of text."""
         of = "full rotor speed" if self.motor_tau else "full thrust"
         speed = "no top speed, as it has no drag"
         if self.top_speed < inf:
@@ -39,7 +39,7 @@ class FlyingNumbers(NamedTuple):
 
 
 def flying_numbers(vehicle: Vehicle) -> FlyingNumbers:
-    """Return what the numbers of a vehicle mean in flight.
+    """Return the flight properties that follow from a vehicle's numbers.
 
     Examples:
         >>> import quadsim

@@ -1,12 +1,12 @@
-"""A vehicle from a few numbers, scaled from the shipped vehicle that is nearest to it.
+"""Complete a vehicle from a few known numbers by scaling the most similar shipped vehicle.
 
     J = J_0 (m / m_0) (l / l_0)^2          equal radii of gyration for the arm l
-    c_2 = c_20 (D / D_0)^4                 equal shapes of propellers of the diameter D
+    c_2 = c_20 (D / D_0)^4                 equal shapes of propellers with the diameter D
     W_max = sqrt(r m g / (4 c_2))          the given ratio r of thrust to weight
     kappa = kappa_0 D / D_0
 
-The thrust's law holds between the vehicles that are scaled: from kingfisher's 5 inch propellers it
-predicts kolibri's 3 inches to 12 % and the Crazyflie's 46 mm to 7 %.
+The law of the thrust coefficient c_2 agrees with the shipped vehicles: from kingfisher's 5 inch
+propellers it predicts kolibri's 3 inch propellers to 12 % and the Crazyflie's 46 mm ones to 7 %.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ Diameter = Annotated[float, unit("m", ge=0.02, le=0.6)]
 
 @dataclass(frozen=True, kw_only=True)
 class KnownNumbers:
-    """What is known of a vehicle."""
+    """The known numbers of a vehicle; None stands for an unknown number."""
 
     mass: Mass  # [kg]
     thrust_to_weight: Ratio
@@ -57,11 +57,11 @@ class KnownNumbers:
 
 @dataclass(frozen=True)
 class ScaledVehicle:
-    """A vehicle, and where each of its numbers comes from.
+    """A vehicle, and the source of each of its numbers.
 
     Attributes:
         vehicle: the vehicle.
-        sources: key of a vehicle file -> where its number comes from.
+        sources: a mapping from keys of a vehicle file to the source of the number.
     """
 
     vehicle: Vehicle
@@ -83,7 +83,7 @@ def diameter(text: str) -> float:
     """Return the diameter of a propeller [m] that is written with its unit: 5in, 127mm, .127m.
 
     Raises:
-        SettingError: it is no such text.
+        SettingError: the text is not a length with its unit.
     """
     given = text.strip().lower()
     for name, metres in DIAMETERS.items():
@@ -101,8 +101,8 @@ def scaled_vehicle(known: KnownNumbers, name: str) -> ScaledVehicle:
     """Return the vehicle with these numbers; all others are scaled from a shipped vehicle.
 
     Args:
-        known: what is known of it.
-        name: its name.
+        known: known numbers of the vehicle.
+        name: name of the vehicle.
 
     Raises:
         SettingError: no vehicle file can have these numbers.
@@ -171,7 +171,7 @@ def scaled_vehicle(known: KnownNumbers, name: str) -> ScaledVehicle:
 
 
 def _nearest(known: KnownNumbers) -> Vehicle:
-    """Return the vehicle that is nearest by the arm, or by the mass if there is no arm."""
+    """Return the shipped vehicle with the nearest arm, or the nearest mass if no arm is known."""
     vehicles = [load_vehicle(name) for name in PROPELLERS]
 
     def distance(vehicle: Vehicle) -> float:
@@ -183,7 +183,7 @@ def _nearest(known: KnownNumbers) -> Vehicle:
 
 
 def _inertia(base: Vehicle, scale: float) -> tuple[float, float, float]:
-    """Return the inertia of a vehicle on a square: the mean of x and y about both."""
+    """Return the scaled inertia [kg m^2] with equal moments about x and y, as on a square frame."""
     about_x, about_y, about_z = base.inertia
     across = _rounded(0.5 * (about_x + about_y) * scale)
     return across, across, _rounded(about_z * scale)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class VehicleTolerances:
-    """The half widths of uniform distributions about the nominal numbers, and a gust.
+    """Half widths of uniform distributions about the nominal numbers, and the size of gusts.
 
     Domain randomization draws vehicles from these distributions, and they are the prior of the
     estimation of vehicle parameters. The defaults describe a careful outdoor flight: a different

@@ -1,8 +1,8 @@
 """Vehicle: the parameters of one quadrotor as plain values, and vehicle files.
 
 A vehicle file has the keys of VehicleFile, with units, ranges and defaults; the names follow
-Flightmare. A Vehicle is what such a file says, with a name. `parse_vehicle` reads a vehicle file,
-and `Vehicle.to_yaml` writes one.
+Flightmare. A Vehicle has the values of such a file, and a name. `parse_vehicle` reads a vehicle
+file, and `Vehicle.to_yaml` writes one.
 """
 
 from __future__ import annotations
@@ -84,14 +84,14 @@ class Rotors:
 
     @cached_property
     def positions(self) -> tuple[tuple[float, float], ...]:
-        """The places of the rotors, x and y in the body frame [m].  (4, 2)"""
+        """The positions of the rotors, x and y in the body frame [m].  (4, 2)"""
         side = (self.arm_l or 0.0) / sqrt(2)
         x = self.rotor_x or side
         y = self.rotor_y or side
         return (x, -y), (-x, y), (x, y), (-x, -y)
 
     def lag(self, speed: float, command: float) -> float:
-        """Return the time constant of the speed on its way to a command [s].
+        """Return the time constant with which the speed approaches a command [s].
 
         Args:
             speed: present speed [rad/s].
@@ -123,7 +123,7 @@ Share = Annotated[float, unit("share", ge=0, le=0.5)]
 
 @dataclass(frozen=True, kw_only=True)
 class Uncertainty:
-    """Standard deviations of a vehicle's numbers, relative to them: 0.02 is 2 %.
+    """Relative standard deviations of a vehicle's numbers: 0.02 is 2 %.
 
     Domain randomization draws from them, see quadsim.physics.domain_randomization.
     """
@@ -220,7 +220,7 @@ class VehicleChanges(TypedDict, total=False):
 
 @dataclass(frozen=True, kw_only=True)
 class Vehicle(VehicleFile):
-    """A quadrotor as the plant flies it: the keys of its file, and its name.
+    """A quadrotor: the values of its vehicle file, and its name.
 
     Examples:
         >>> import quadsim
@@ -271,7 +271,7 @@ class Vehicle(VehicleFile):
         """Return the text of a vehicle file that `load_vehicle` reads to an equal vehicle.
 
         Args:
-            path: file to write, after which the vehicle is named; None writes nothing.
+            path: file to write, whose name becomes the vehicle's; None writes nothing.
 
         Raises:
             SettingError: a vehicle file cannot represent this vehicle, e.g. if rotors and mass do
@@ -338,7 +338,7 @@ def parse_vehicle(text: str, file: str) -> Vehicle:
 
     Args:
         text: the YAML.
-        file: shown in errors; gives the vehicle its name.
+        file: name of the file, for errors and for the vehicle.
 
     Raises:
         FileError: the text is not a vehicle.
@@ -395,7 +395,7 @@ def _changed_rotors(rotors: Rotors | None, changes: Any) -> Any:
 
 
 def check_vehicle(vehicle: Vehicle) -> None:
-    """Check the numbers of a vehicle that comes from no file by the ranges of a vehicle file.
+    """Check a vehicle that was not read from a file by the ranges of a vehicle file.
 
     Raises:
         SettingError: a number is out of range, or the numbers do not fit together.
@@ -422,7 +422,7 @@ def _as_yaml(vehicle: Vehicle) -> str:
 
 
 def _entries(vehicle: Vehicle) -> dict[str, Any]:
-    """Return the entries of a vehicle file without the ones at their default."""
+    """Return the entries of a vehicle file, without values that equal their default."""
     entries = entries_of(vehicle, VehicleFile)
     if vehicle.rotors:
         del entries["thrust_max"]
@@ -430,10 +430,10 @@ def _entries(vehicle: Vehicle) -> dict[str, Any]:
 
 
 def unlikely_inertia(vehicle: Vehicle) -> str:
-    """Return why a vehicle's inertia is that of a larger body, "" where it is not.
+    """Return why a vehicle's inertia is too large for its size, "" if it is not.
 
-    A body within a sphere of the radius has at most mass x radius^2; what counts is the radius of
-    contacts, from which parts may stick out.
+    A body within a sphere has at most the inertia mass x radius^2. The vehicle's radius is that of
+    contacts, and parts may stick out of this sphere, so a margin is left.
     """
     most = vehicle.mass * (LARGEST_GYRATION * vehicle.radius) ** 2
     if max(vehicle.inertia) <= most:

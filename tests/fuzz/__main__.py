@@ -30,6 +30,7 @@ from tests.fuzz.environments import environments
 from tests.fuzz.flags import commands, flags
 from tests.fuzz.foreign import foreign
 from tests.fuzz.harness import Case, run
+from tests.fuzz.mavlink_clients import mavlink_clients
 from tests.fuzz.own_parts import own_parts
 from tests.fuzz.page_messages import page_messages
 from tests.fuzz.pilots import pilots
@@ -64,6 +65,7 @@ KINDS = {
     "own_parts": Kind(own_parts, 100),
     "page_messages": Kind(page_messages, 100),
     "betaflight_texts": Kind(betaflight_texts, 200),
+    "mavlink_clients": Kind(mavlink_clients, 200),
     "wrong_logs": Kind(wrong_logs, 60),
 }
 # Modules that are loaded before the processes of the cases are forked.

@@ -1,16 +1,18 @@
 """What the messages of several programs do, without a socket and without a flight."""
 
 from math import nan
+from struct import unpack_from
+from types import SimpleNamespace
 
 import pytest
 
-from quadsim.mavlink.client import MavlinkClient
+from quadsim.config.spec import Spec
+from quadsim.mavlink import commands
 from quadsim.mavlink.clock import SimulatorClock
-from quadsim.mavlink.commands import Commands, Phase
+from quadsim.mavlink.commands import Phase
+from quadsim.mavlink.downlink import RATES, Downlink
 from quadsim.mavlink.messages import (
     AutopilotVersion,
-    CommandAck,
-    CommandLong,
     DataTransmissionHandshake,
     Heartbeat,
     MissionCount,
@@ -21,90 +23,22 @@ from quadsim.mavlink.messages import (
     SetPositionTargetLocalNed,
     Statustext,
 )
+from quadsim.mavlink.race_data import NO_RACE
 from quadsim.mavlink.served import Served
 from quadsim.mavlink.setpoints import Rates
-from quadsim.mavlink.udp_link import Received
-from quadsim.vehicle import load_vehicle
+from quadsim.sensing import load_sensing
+from tests.mavlink.world import (
+    ACCEPTED,
+    ARM,
+    DENIED,
+    FORWARD,
+    OTHER,
+    UNSUPPORTED,
+    World,
+    command,
+)
 
-PILOT = ("127.0.0.1", 14550)
-OTHER = ("127.0.0.1", 40000)
-ACCEPTED, DENIED, UNSUPPORTED = 0, 2, 3
-FORWARD = SetPositionTargetLocalNed(0, 1, 1, 1, 0b110111000111, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0)
 HANDSHAKE = DataTransmissionHandshake(2, 0, 0, 0, 0, 0, 0)
-
-
-def command(number, *numbers, system=1):
-    """Return COMMAND_LONG."""
-    return CommandLong(system, 1, number, 0, *numbers, *(7 - len(numbers)) * (0.0,))
-
-
-ARM = command(400, 1.0)
-
-
-class Link:
-    """A link whose messages a test gives, and which keeps the answers."""
-
-    def __init__(self):
-        self.pilot = None
-        self.received = {"unusable": 0, "for other systems": 0}
-        self.given = []
-        self.answers = []
-
-    def receive(self, wait):
-        found, self.given = self.given, []
-        return found
-
-    def answer(self, message, to):
-        self.answers.append((message, to))
-
-    def follow(self, pilot):
-        self.pilot = pilot
-
-
-class Downlink:
-    """Counts the tracks that are sent."""
-
-    def __init__(self):
-        self.tracks = 0
-        self.resets = 0
-        self.custom_mode = 0
-        self.has_countdown = False
-
-    def send_track(self):
-        self.tracks += 1
-
-
-class World:
-    """Commands with a link and a downlink of the test."""
-
-    def __init__(self):
-        self.link = Link()
-        self.downlink = Downlink()
-        self.client = MavlinkClient(Served(), None)
-        self.commands = Commands(
-            self.link, self.client, self.downlink, SimulatorClock(), load_vehicle("archer")
-        )
-        self.commands.begin_start()
-
-    def say(self, *messages, sender=PILOT):
-        """Let a program send messages; return the answers, each message alone."""
-        self.link.given = [Received(message, sender) for message in messages]
-        self.link.answers.clear()
-        self.commands.listen_until(0.0)
-        assert all(to == sender for _, to in self.link.answers)
-        return [message for message, _ in self.link.answers]
-
-    def result(self, message, sender=PILOT):
-        """Let a program send a command; return the result."""
-        (ack,) = [m for m in self.say(message, sender=sender) if isinstance(m, CommandAck)]
-        return ack.result
-
-    def fly(self):
-        """Let the pilot arm the vehicle and fly."""
-        assert self.result(ARM) == ACCEPTED
-        self.commands.begin_race()
-        assert self.say(FORWARD) == []
-        return self.client.law
 
 
 @pytest.fixture
@@ -256,3 +190,77 @@ def test_a_flood_of_texts_ends(world):
     for port in range(1000):
         world.say(FORWARD, sender=("127.0.0.1", port))
     assert len(world.commands._texts) == 50
+
+
+def test_a_pilot_that_is_silent_ends_the_race_and_others_do_not_keep_it(world, monkeypatch):
+    world.fly()
+    world.commands.listen_until(0.0)
+    assert world.commands.phase is Phase.RACE
+    monkeypatch.setattr(commands, "SILENCE", 0.0)
+    world.say(Heartbeat(6, 8, 0), sender=OTHER)
+    assert world.commands.phase is Phase.SILENT
+
+
+def test_in_lock_step_heartbeats_without_setpoints_do_not_keep_the_race(world, monkeypatch):
+    world.fly()
+    monkeypatch.setattr(commands, "PATIENCE", 0.0)
+    world.commands.wanted = 1
+    world.commands._setpoints = 0
+    world.commands.await_setpoint()
+    assert texts(message for message, _ in world.link.answers) == [
+        "lock step: no setpoint came for 1 s"
+    ]
+    assert (world.commands.unanswered, world.commands.phase) == (1, Phase.RACE)
+    world.commands._heard_setpoint -= commands.SILENCE
+    world.say(Heartbeat(6, 8, 0))
+    world.commands.await_setpoint()
+    assert world.commands.phase is Phase.SILENT
+
+
+@pytest.mark.parametrize(
+    ("sensing", "round_", "tells"),
+    [
+        (None, "first", True),
+        (None, "second", False),
+        ("mocap", "first", True),
+        ("aigp_physical", "first", False),
+    ],
+)
+def test_poses_of_vehicle_and_gates_are_told_together(sensing, round_, tells):
+    """Gates' poses were told with sensors that measure no pose of the vehicle."""
+    spec = Spec.of("aigp_physical", vehicle="archer")
+    sent = []
+    link = SimpleNamespace(send=sent.append)
+    set_of = sensing and load_sensing(sensing)
+    downlink = Downlink(link, SimulatorClock(), spec, set_of, Served(round=round_))
+    assert downlink.tells_poses is tells
+    downlink.send_track()
+    first_gate = unpack_from("<7f", sent[1].data, 3 + 2 + 2)
+    assert any(first_gate) is tells
+
+
+@pytest.mark.parametrize(
+    ("interval", "rate"),
+    [(0.0, RATES["ATTITUDE"]), (100_000.0, 10.0), (-1.0, 0.0), (nan, None), (1.0, None)],
+)
+def test_the_rate_of_a_message_may_be_changed(interval, rate):
+    spec = Spec.of("aigp_physical", vehicle="archer")
+    downlink = Downlink(SimpleNamespace(), SimulatorClock(), spec, None, Served())
+    downlink.begin(NO_RACE)
+    assert downlink.set_interval(30.0, interval) is (rate is not None)
+    due = sum(downlink._due("ATTITUDE", 0.0025 * k) for k in range(401))
+    usual = RATES["ATTITUDE"]
+    assert due == pytest.approx(usual if rate is None else rate, abs=1.1)
+    # neither a message that does not exist, nor in lock step
+    assert not downlink.set_interval(nan, 0.0)
+    assert not downlink.set_interval(105.0, 0.0)
+    locked = Downlink(SimpleNamespace(), SimulatorClock(), spec, None, Served(lock_step=True))
+    assert not locked.set_interval(30.0, 0.0)
+
+
+def test_only_the_pilot_changes_a_rate(world):
+    world.fly()
+    assert world.result(command(511, 30.0, 1e5), sender=OTHER) == DENIED
+    assert world.downlink.intervals == []
+    assert world.result(command(511, 30.0, 1e5)) == ACCEPTED
+    assert world.result(command(511, 105.0, 1e5)) == DENIED

@@ -4,6 +4,7 @@ It was written by `race fly figure8 --laps 1 --samples 512 --seed 1 --randomize 
 """
 
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -17,11 +18,19 @@ from quadsim.cli.cli import race
 from quadsim.config.spec import Spec
 from quadsim.dynamics.quadrotor import STATE
 from quadsim.figures.run_figure import draw
-from quadsim.record.run import RunError
+from quadsim.physics.plant_state import MOTOR_UNITS
+from quadsim.record.planner_snapshot import BEST, FRAMES, TERM
+from quadsim.record.run import COLUMNS, RunError
+from quadsim.record.run_format import CSV_COLUMNS
+from quadsim.record.schema import CHANGE_COLUMNS
+from quadsim.sensing.estimate_record import ESTIMATE_UNITS
+from quadsim.sensing.kept import TABLES
 from quadsim.web.race.stored_competitor import stored_competitor
+from tests.docs.pages import ROOT
 from tests.small import SHORT
 
 GOLDEN = Path(__file__).parent / "golden"
+PAGE = ROOT / "docs" / "reproducibility.md"
 
 
 @pytest.fixture(scope="module")
@@ -107,3 +116,17 @@ def test_a_spec_written_by_hand_is_one_line(tmp_path, capsys, run):
             assert "\n" not in error, what
         with pytest.raises(RunError):
             stored_competitor(folder)
+
+
+def test_the_page_names_what_each_file_of_a_run_has():
+    text = PAGE.read_text()
+    named = set(re.findall(r"`([\w.]+)`", text))
+    record = json.loads((GOLDEN / "run.json").read_text())
+    assert set(record) | {"fault", "learned"} <= named
+    assert {*CSV_COLUMNS, *CHANGE_COLUMNS} <= named
+    # Ends of a row of columns stand for those between.
+    columns = {*COLUMNS, *MOTOR_UNITS, *ESTIMATE_UNITS}
+    between = {name for name in columns if name.startswith(("est_", "cov_"))}
+    assert columns - between <= named
+    assert {"est_px", "est_qz", "cov_xx", "cov_zz", FRAMES, BEST, f"{TERM}NAME"} <= named
+    assert all(f"`{table.sensor}.*`" in text for table in TABLES)

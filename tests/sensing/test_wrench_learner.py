@@ -1,6 +1,7 @@
 """The estimator of the rotors' output finds weak rotors, and leaves sound vehicles as they are."""
 
 from dataclasses import dataclass, field, replace
+from math import inf
 
 import numpy as np
 import pytest
@@ -43,6 +44,8 @@ class Ways:
     turn: Vec3 = (0.0, 0.0, 0.0)
     # [rad/s^2]
     always: Vec3 = (0.0, 0.0, 0.0)
+    # [s] between which no command arrives
+    lost: tuple[float, float] = (inf, inf)
 
 
 def flown(vehicle: Vehicle, ways: Ways, seconds: float, dt=0.01, seed=0, most=0.8):
@@ -61,14 +64,16 @@ def flown(vehicle: Vehicle, ways: Ways, seconds: float, dt=0.01, seed=0, most=0.
     actuators = Actuators(ways.varied.vehicle(vehicle), STEP, faults)
     rates = np.zeros(3)
     after = state(rates, GRAVITY, (0.0, 0.0, 0.0))
-    u = HOVER
+    u = arrived = HOVER
     for k in range(round(seconds / dt)):
         if k % 15 == 0:
             share = rng.uniform(0.3, most)
             u = Control(*rng.uniform(-2.0, 2.0, 3), thrust=share * vehicle.thrust_max)
+        if not ways.lost[0] <= k * dt < ways.lost[1]:
+            arrived = u
         before = after
         for _ in range(round(dt / STEP)):
-            actuators.wrench(u, tuple(rates), (0.0, 0.0, 0.0))
+            actuators.wrench(arrived, tuple(rates), (0.0, 0.0, 0.0))
             beta = np.array(actuators.angular_acceleration) + ways.always
             beta += actuators.thrust * np.array(ways.turn)
             rates = rates + STEP * beta
@@ -115,6 +120,12 @@ def test_a_rotor_that_fails_in_flight_is_found_as_fast(share, gyro_noise):
     ways = Ways(weak(2, share), since=2.0)
     found = learned(SWIFT, ways, 2.2, gyro_noise=gyro_noise).shares
     assert found == pytest.approx(weak(2, share), abs=0.05)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_lost_commands_leave_no_weak_rotors_behind(seed):
+    found = learned(SWIFT, Ways(lost=(2.0, 2.3)), 2.45, seed=seed).shares
+    assert found == pytest.approx((1.0,) * 4, abs=0.07)
 
 
 def test_a_gyroscope_finds_a_weak_rotor_too():

@@ -14,7 +14,7 @@ from quadsim.racing.hand import Hand, HandRates
 from quadsim.vehicle import load_vehicle
 from quadsim.web.page.parts.course_map import Map
 from quadsim.web.page.parts.elements import DIM, SHEET, Element, element, label, table, to_html
-from quadsim.web.page.parts.head import coming_head, head_of
+from quadsim.web.page.parts.head import coming_head, head_of, next_of
 from quadsim.web.page.parts.laps import FEW_LAPS, chatter, coloured_time, laps, splits
 from quadsim.web.page.parts.line_up_table import table_of
 from quadsim.web.page.parts.sectors import sectors
@@ -189,6 +189,8 @@ def test_the_tower_says_who_did_not_finish_and_counts_misses(competitors):
     assert not any(row.is_out for row in tower_of(at(competitors, 99.0)).rows)
     stopped = ended(competitors[1], "interrupted")
     assert tower_of(at([stopped], 99.0)).rows[0].time == "stopped"
+    assert head_at([stopped], 99.0).phase == "stopped"
+    assert head_at([missed], 99.0).phase == "ended"
 
 
 def test_the_tower_has_the_time_of_the_lap_and_at_the_end_of_the_race_above_the_limit(competitors):
@@ -235,6 +237,11 @@ def test_the_table_of_competitors_names_their_numbers_and_why_they_cannot_be_flo
     assert "They differ in sampler" in table.compared
     wrong = apply(state, ChooseRace("course", "no_such"))
     assert "no_such" in table_of(wrong, line_up_of(wrong)).problem
+    # where START stands, too
+    head = coming_head(wrong, line_up_of(wrong))
+    assert said(head).startswith("START cannot fly this\n")
+    assert head.differs == next_of(wrong, line_up_of(wrong), "").problem != ""
+    assert next_of(state, line_up_of(state), "").problem == ""
 
 
 def test_the_tower_says_the_last_and_the_best_lap_of_each(competitors):

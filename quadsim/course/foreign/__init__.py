@@ -1,4 +1,4 @@
-"""Courses of other simulators: their files are read, and converted to courses of this project.
+"""Readers of other simulators' course files, which convert them to courses of this project.
 
     lsy            LSY drone racing, levels in TOML
     airsim         AirSim's poses of gates, as the Game of Drones (NeurIPS 2019) returns them

@@ -1,8 +1,9 @@
 """Poses of AirSim's gates, as simGetObjectPose of the Game of Drones (NeurIPS 2019) returns them.
 
-YAML or JSON, also as Python prints poses: a mapping from the gates' names to poses, a list of
-poses, or one of these under `gates`. A pose has `position` {x_val, y_val, z_val} and `orientation`
-{w_val, x_val, y_val, z_val}, in NED, and may have a `scale`. Gate11_23 is gate 11.
+The text is YAML or JSON, or poses as Python prints them: a mapping from the gates' names to poses,
+a list of poses, or one of these under the key `gates`. A pose has `position` {x_val, y_val, z_val}
+and `orientation` {w_val, x_val, y_val, z_val}, in NED, and may have a `scale`. Gate11_23 is gate
+11.
 
 The passage is the gate's y axis, as in get_gate_facing_vector_from_quaternion of baseline_racer.py
 in microsoft/AirSim-NeurIPS2019-Drone-Racing. A gate of scale 1 has an opening of 1.6 m and is
@@ -19,12 +20,12 @@ from quadsim.rotation import Vec3
 
 OPENING = 1.6  # of scale 1 [m]
 FRAME_WIDTH = 0.267  # of scale 1 [m]
-# Names of classes in what Python prints of a pose
+# Names of classes in the text that Python prints for a pose
 CLASS = re.compile(r"<(Pose|Vector3r|Quaternionr)>")
 
 
 def read_airsim(text: str, file: str, reading: Reading) -> ForeignTrack:
-    """Return the track of poses. Raises FileError."""
+    """Return the track that a list of poses describes. Raises FileError."""
     blank = CLASS.sub(lambda found: " " * len(found[0]), text)
     root = yaml_entry(blank, file)
     listed = root

@@ -1,4 +1,4 @@
-"""Convert a foreign track to a course: axes, units, passages and a start that fit together."""
+"""Convert a foreign track to a course with this project's axes, units and passages, and a start."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ LEVEL = 1e-3  # pitch and roll that are left out [deg]
 
 
 class Side(NamedTuple):
-    """The own axis of a gate along which it is passed."""
+    """The axis of a gate's own frame along which the gate is passed."""
 
     # 0: x, 1: y
     axis: int
@@ -74,7 +74,7 @@ SIDES: dict[str, Side] = {
 
 
 class Conversion(NamedTuple):
-    """A converted course, and what was assumed, for the user to check."""
+    """A converted course, and the assumptions that its user should check."""
 
     course: Course
     notes: list[str]
@@ -102,13 +102,13 @@ class Placed(NamedTuple):
 
 
 def convert_course(path: str | Path, kind: str, **reading: Any) -> Course:
-    """Return the course of a file of another simulator.
+    """Return the course of another simulator's file.
 
     Args:
         path: the file.
-        kind: its format: lsy, airsim, flightgoggles, uzh or csv.
-        reading: how it is read: frame, unit, angles, passage, opening (one or two numbers [m]),
-            gates, start, offset [m] and loop; see quadsim.course.foreign.Reading.
+        kind: format of the file: lsy, airsim, flightgoggles, uzh or csv.
+        reading: how the file is read: frame, unit, angles, passage, opening (one or two numbers
+            [m]), gates, start, offset [m] and loop; see quadsim.course.foreign.Reading.
 
     Returns:
         A course, which passes the checks of a course file; `to_yaml` writes one.
@@ -137,7 +137,7 @@ def convert_course(path: str | Path, kind: str, **reading: Any) -> Course:
 
 
 def convert(path: str | Path, kind: str, reading: Reading) -> Conversion:
-    """Return the course of a file of another simulator, and notes; see `convert_course`."""
+    """Return the course of another simulator's file, with notes on it; see `convert_course`."""
     reader = FORMATS.get(kind) if isinstance(kind, str) else None
     if reader is None:
         near = ", ".join(FORMATS)
@@ -193,15 +193,15 @@ def _course(track: ForeignTrack, file: str, reading: Reading) -> Conversion:
 
 
 def _ways(centres: np.ndarray, start: np.ndarray | None, loop: bool) -> np.ndarray:
-    """Return the direction of the way through each gate, from the one before to the one after.
+    """Return the direction of flight through each gate, from the previous to the next gate.
 
     Args:
-        centres: (gates, 3).
-        start: (3,); None: not known.
+        centres: centres of the gates  (gates, 3).
+        start: position of the start  (3,); None if it is not known.
         loop: whether the first gate comes after the last.
 
     Returns:
-        (gates, 3) of length 1, or 0 where the way is not known.
+        Unit vectors, or zeros if the direction is not known  (gates, 3).
     """
     before = np.vstack([centres[-1:] if loop else centres[:1], centres[:-1]])
     if start is not None and not loop:
@@ -215,14 +215,14 @@ def _ways(centres: np.ndarray, start: np.ndarray | None, loop: bool) -> np.ndarr
 def _passages(
     track: ForeignTrack, wanted: Passage, axes: np.ndarray, ways: np.ndarray, notes: list[str]
 ) -> list[Side]:
-    """Return the axis of each gate along which it is passed, and add to the notes which it is.
+    """Return the axis along which each gate is passed, and add it to the notes.
 
     Args:
         track: the track.
-        wanted: the axis, or how it is found.
+        wanted: the axis, or the rule by which it is found.
         axes: axes of the gates in the world, as columns  (gates, 3, 3).
         ways: directions of the way through the gates  (gates, 3).
-        notes: what is said of the conversion.
+        notes: list of remarks on the conversion, which is extended.
     """
     turns = np.array([-1.0 if gate.reverse else 1.0 for gate in track.gates])
     if wanted == "either":
@@ -247,7 +247,7 @@ def _passages(
 
 
 def _directions(axes: np.ndarray, side: Side) -> tuple[np.ndarray, np.ndarray]:
-    """Return passage and up of a gate; half a turn about the passage changes no gate.
+    """Return a gate's directions passage and up  (3,), (3,); up never points downwards.
 
     Args:
         axes: axes of the gate in the world, as columns  (3, 3).
@@ -297,13 +297,13 @@ def _gate_entry(gate: Placed, opening: tuple[float, float]) -> dict[str, Any]:
 
 
 def _pole_entry(top: np.ndarray, radius: float) -> dict[str, Any]:
-    """Return the entry of an upright pole on the ground.  (3,) [m], [m]"""
+    """Return the entry of an upright pole that stands on the ground; lengths are in metres."""
     x, y, z = (_rounded(each) for each in top)
     return {"cylinder": {"base": [x, y, 0.0], "radius": _rounded(radius), "height": z}}
 
 
 def _start(reading: Reading, start: PlacedStart | None, first: Placed) -> dict[str, Any]:
-    """Return the entry of the start: the wanted one, the file's, or one before the first gate."""
+    """Return the entry of the start: the user's, the file's, or one before the first gate."""
     if reading.start:
         x, y, z, yaw_deg = reading.start
         return {"position": [x, y, z], "yaw_deg": yaw_deg}
@@ -316,7 +316,7 @@ def _start(reading: Reading, start: PlacedStart | None, first: Placed) -> dict[s
 
 
 def _start_before(first: Placed, openings: float) -> dict[str, Any]:
-    """Return the entry of a start that looks at the first gate, some openings before it."""
+    """Return the entry of a start that faces the first gate, `openings` of its sizes before it."""
     position = first.position - openings * max(first.opening) * first.passage
     return _start_entry(position, first.passage)
 
@@ -329,7 +329,7 @@ def _start_entry(position: np.ndarray, forward: np.ndarray) -> dict[str, Any]:
 def _with_free_start(
     entries: dict[str, Any], first: Placed, file: str, notes: list[str]
 ) -> dict[str, Any]:
-    """Return the entries with the first start before gate 1 that has room, if any has."""
+    """Return the entries with the nearest start before gate 1 that is free, if there is one."""
     for openings in BEFORE:
         tried = entries | {"start": _start_before(first, openings)}
         with suppress(SettingError):
@@ -340,7 +340,7 @@ def _with_free_start(
 
 
 def _checked(entries: dict[str, Any], file: str, notes: list[str]) -> Course:
-    """Return the course of a file with these entries, without bounds that do not fit.
+    """Return the course with these entries; bounds that do not fit are left out.
 
     Raises:
         FileError: the course does not pass the checks of a course file.
@@ -357,7 +357,7 @@ def _checked(entries: dict[str, Any], file: str, notes: list[str]) -> Course:
 
 
 def _advice(error: SettingError) -> str:
-    """Return what can be done about a problem of a converted course, "" if nothing is known."""
+    """Return advice on a problem of a converted course, "" if there is none."""
     if "ground" in error.problem:
         return "; other axes (frame) or an offset may be right"
     if error.name.startswith("start"):
@@ -368,5 +368,5 @@ def _advice(error: SettingError) -> str:
 
 
 def _rounded(number: float, digits: int = DIGITS) -> float:
-    """Return a number as it is written; -0 becomes 0."""
+    """Return a number rounded as it is written to a file; -0 becomes 0."""
     return round(float(number), digits) + 0.0

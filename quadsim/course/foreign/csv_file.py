@@ -2,12 +2,12 @@
 
     x, y, z                                      position
     yaw_deg, yaw_rad, or yaw with --angles       direction of the passage, likewise pitch and roll
-    qw, qx, qy, qz                               in place of the angles: the passage is the x axis
-    width, height, or opening                    sizes of the opening; else --opening says them
+    qw, qx, qy, qz                               in place of angles: the passage is the x axis
+    width, height, or opening                    sizes of the opening, if --opening is not given
     name                                         of the gate
 
-The separator is a comma, a semicolon or a tab. Lines that begin with # are left out. Under
---frame ned yaw is the heading: 0 north, 90 east.
+The separator is a comma, a semicolon or a tab. Lines that begin with # are left out. With --frame
+ned the yaw is the heading: 0 is north, 90 is east.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ KNOWN = {*POSITION, *QUATERNION, *OF_ANGLES, *SIZES, "name"}
 
 
 def read_csv(text: str, file: str, reading: Reading) -> ForeignTrack:
-    """Return the track of a table. Raises FileError."""
+    """Return the track that a table describes. Raises FileError."""
     rows = list(_rows(text, file))
     if not rows:
         raise FileError(f"{file}: expected a header and a row for each gate, got no row")
@@ -101,7 +101,7 @@ def _cells(line: str, separator: str, file: str, number: int) -> list[str]:
 
 
 def _value(cell: str) -> float | str | None:
-    """Return a number, a text, or None for an empty cell."""
+    """Return the value of a cell: a number, a text, or None if the cell is empty."""
     try:
         return float(cell)
     except ValueError:
@@ -122,7 +122,7 @@ def _axes(row: Entry, reading: Reading) -> np.ndarray:
 
 
 def _angle(row: Entry, name: str, reading: Reading) -> float | None:
-    """Return an angle [rad], None if the table has none. Raises FileError."""
+    """Return an angle [rad], None if the table does not have it. Raises FileError."""
     in_radians = row.get(f"{name}_rad")
     if in_radians:
         return in_radians.number()
@@ -139,7 +139,7 @@ def _angle(row: Entry, name: str, reading: Reading) -> float | None:
 
 
 def _sizes(row: Entry) -> Vec3 | None:
-    """Return the sizes of the opening, None without any. Raises FileError."""
+    """Return the sizes of the opening, None if the row has none. Raises FileError."""
     opening = row.get("opening")
     if opening:
         side = opening.size()

@@ -7,8 +7,8 @@
       init_pose: [x, y, z, qx, qy, qz, qw]       start, of a challenge's file
 
 The keys of a challenge may stand in the same file, as `cat challenge.yaml gates.yaml` writes them.
-Corners may stand in any order. A gate has no side that it is entered from: it is passed along the
-way from the gate before it to the gate after it.
+Corners may stand in any order. The corners do not tell from which side a gate is entered, so it is
+passed in the direction from the previous gate to the next.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ FLAT = 0.05
 
 
 def read_flightgoggles(text: str, file: str, reading: Reading) -> ForeignTrack:
-    """Return the track of corner lists. Raises FileError."""
+    """Return the track that lists of corners describe. Raises FileError."""
     root = yaml_entry(text, file)
     named = [(name, entry) for name, entry in root.named() if _has_corners(entry)]
     if not named:

@@ -31,7 +31,7 @@ POLE_RADIUS = 0.015  # [m]
 
 
 def read_lsy(text: str, file: str, reading: Reading) -> ForeignTrack:
-    """Return the track of a level. Raises FileError."""
+    """Return the track that a level describes. Raises FileError."""
     track = toml_entry(text, file).at("env").at("track")
     draws = track.get("randomize")
     if draws and draws.value:
@@ -80,7 +80,7 @@ def _axes(entry: Entry, reading: Reading) -> np.ndarray:
 
 
 def _start(track: Entry, reading: Reading) -> ForeignStart | None:
-    """Return the start of the first drone. Raises FileError."""
+    """Return the start of the first drone, None if there is none. Raises FileError."""
     drones = track.first("drones", "drone")
     if drones is None:
         return None

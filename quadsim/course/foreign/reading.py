@@ -1,4 +1,4 @@
-"""Values of foreign files with their keys, so that each error names its place."""
+"""Values of foreign files with their keys, so that each error names the key."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ IDENTITY = np.eye(3)
 
 
 class Entry:
-    """A value of a file, and the key at which it stands."""
+    """A value of a file, and its key."""
 
     def __init__(self, value: Any, key: str, fail: Fail):
-        """Take a plain value.
+        """Wrap a plain value.
 
         Args:
             value: a mapping, list, text, number, truth value or None.
-            key: its place, "" for the whole file.
+            key: key of the value, "" for the whole file.
             fail: makes the error of a key and a problem.
         """
         self.value = value
@@ -40,15 +40,15 @@ class Entry:
         self.fail = fail
 
     def error(self, problem: str) -> FileError:
-        """Return the error that this value has a problem."""
+        """Return an error that names this value's key and a problem."""
         return self.fail(self.key, problem)
 
     def wrong(self, wanted: str) -> FileError:
-        """Return the error that something else was expected."""
+        """Return an error that says what was expected in place of this value."""
         return self.error(f"expected {wanted}, got {shown_value(self.value)}")
 
     def get(self, name: str) -> Entry | None:
-        """Return the entry of a mapping, None if it has no such key. Raises FileError."""
+        """Return the entry under a key of a mapping, None if there is none. Raises FileError."""
         if not isinstance(self.value, dict):
             raise self.wrong("a mapping (key: value)")
         if self.value.get(name) is None:
@@ -56,11 +56,11 @@ class Entry:
         return Entry(self.value[name], f"{self.key}.{name}" if self.key else name, self.fail)
 
     def first(self, *names: str) -> Entry | None:
-        """Return the entry of the first of these keys that a mapping has. Raises FileError."""
+        """Return the entry under the first of these keys that exists, or None. Raises FileError."""
         return next((found for found in map(self.get, names) if found), None)
 
     def at(self, *names: str) -> Entry:
-        """Return the entry of the first of these keys. Raises FileError if there is none."""
+        """Return the entry under the first of these keys. Raises FileError if no key exists."""
         found = self.first(*names)
         if found is None:
             known = ", ".join(map(str, self.value)) or "nothing"
@@ -76,7 +76,7 @@ class Entry:
         return [Entry(v, f"{self.key}[{i}]", self.fail) for i, v in enumerate(self.value)]
 
     def named(self) -> list[tuple[str, Entry]]:
-        """Return names and entries of a mapping, or numbers from 1 and entries of a list."""
+        """Return entries with their keys in a mapping, or with their numbers, from 1, in a list."""
         if isinstance(self.value, list):
             return [(str(i), entry) for i, entry in enumerate(self.items(), 1)]
         if not isinstance(self.value, dict):
@@ -108,18 +108,18 @@ class Entry:
         """Return a list of numbers.
 
         Args:
-            count: how many.
-            names: their names, for the error.
+            count: number of values that are expected.
+            names: names of the values, for the error.
 
         Raises:
-            FileError: the entry is not such a list.
+            FileError: the entry is not a list of this many numbers.
         """
         if not isinstance(self.value, list) or len(self.value) != count:
             raise self.wrong(f"{count} numbers ({names})")
         return tuple(item.number() for item in self.items())
 
     def vector(self) -> Vec3:
-        """Return three numbers, listed or as x_val, y_val and z_val. Raises FileError."""
+        """Return the three numbers of a list, or of x_val, y_val and z_val. Raises FileError."""
         if isinstance(self.value, dict):
             x, y, z = (self.at(f"{name}_val", name).number() for name in "xyz")
         else:
@@ -127,7 +127,7 @@ class Entry:
         return x, y, z
 
     def quaternion(self) -> Quaternion:
-        """Return w, x, y and z, listed or as w_val to z_val, of unit length. Raises FileError."""
+        """Return the unit quaternion wxyz of a list, or of w_val to z_val. Raises FileError."""
         if isinstance(self.value, dict):
             w, x, y, z = (self.at(f"{name}_val", name).number() for name in "wxyz")
         else:
@@ -162,13 +162,13 @@ def toml_entry(text: str, file: str) -> Entry:
 
 
 def file_error(file: str, key: str, problem: str) -> FileError:
-    """Return the error of a key of a file without lines."""
+    """Return the error of a key of a file, without a line number."""
     place = f"{file}: {key}: " if key else f"{file}: "
     return FileError(f"{place}{problem}", "", key, problem)
 
 
 def _plain(node: yaml.Node, key: str, fail: Fail) -> Any:
-    """Return a node as a plain value. Raises FileError for a key that stands twice."""
+    """Return a node as a plain value. Raises FileError for a duplicate key."""
     if isinstance(node, yaml.SequenceNode):
         return [_plain(item, f"{key}[{i}]", fail) for i, item in enumerate(node.value)]
     if isinstance(node, yaml.MappingNode):
@@ -199,16 +199,16 @@ def _scalar(node: yaml.Node) -> str | float | bool | None:
 def in_order(names: list[str], wanted: tuple[str, ...], fail: Fail) -> list[tuple[int, bool]]:
     """Return the index of each gate in the order of flight, and whether it is flown in reverse.
 
-    Without a wanted order, gates whose names all end in a number are flown by these numbers, and
-    others as they stand.
+    If no order is given, gates whose names all end in a number are flown in the order of these
+    numbers, and others in the order of the file.
 
     Args:
-        names: names of the gates as they stand in the file.
-        wanted: names or numbers from 1, with - in front for the other direction; () for all gates.
+        names: names of the gates in the order of the file.
+        wanted: names, or numbers from 1; a "-" in front reverses the passage; () for all gates.
         fail: makes the error of a key and a problem.
 
     Raises:
-        FileError: there is no gate of a name.
+        FileError: no gate has one of the wanted names.
     """
     if not wanted:
         # AirSim adds its own number: Gate11_23 is gate 11.

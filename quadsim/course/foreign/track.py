@@ -24,7 +24,7 @@ Degree = Annotated[float, unit("deg", ge=-360, le=360)]
 class Reading:
     """The axes, units and openings with which a foreign file is read.
 
-    None stands for what is usual in the format.
+    None stands for the format's usual value.
 
     Examples:
         >>> from quadsim.course.foreign import Reading
@@ -68,9 +68,9 @@ class Reading:
 
 
 def opening_of(given: Any) -> Any:
-    """Return width and height of an opening that is given as one number, or as a list of one.
+    """Return width and height of an opening that is given as one number, or as a list with one.
 
-    Anything else is returned as it is, for `Reading` to check.
+    Any other value is returned unchanged, and `Reading` checks it.
     """
     if isinstance(given, int | float):
         return given, given
@@ -84,7 +84,7 @@ class ForeignGate:
     """A gate in the axes of its file."""
 
     name: str
-    # the key or the line at which it stands, for errors
+    # key or line of the gate in the file, for errors
     place: str
     # [unit of the file]
     position: Vec3
@@ -132,5 +132,5 @@ class ForeignTrack:
     # [unit of the file]; None: the file has none
     frame_width: float | None = None
     loop: bool = False
-    # what the reader left out or assumed
+    # parts that the reader has left out, and assumptions
     notes: list[str] = field(default_factory=list)

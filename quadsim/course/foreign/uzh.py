@@ -8,10 +8,10 @@
     world_box: [x, y, z, x, y, z]        lowest, then highest corner
     loop: yes
 
-Gates may also be a list, and have `rpy` in place of a quaternion. Which axis of a gate is its
-passage differs between these files: -y in SplitS.yaml and -x in AlphaPilot.yaml of
-uzh-rpg/agile_flight, x in track.yaml of uzh-rpg/marl-racing. So it is found from the way from gate
-to gate. A scale of 0.604 is an opening of 1.5 m.
+Gates may also be a list, and have `rpy` in place of a quaternion. The passage is a different axis
+of the gate in different files: -y in SplitS.yaml and -x in AlphaPilot.yaml of uzh-rpg/agile_flight,
+x in track.yaml of uzh-rpg/marl-racing. It is therefore found from the directions from gate to gate.
+A scale of 0.604 is an opening of 1.5 m.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ COUNT = "N"  # key of the number of gates
 
 
 def read_uzh(text: str, file: str, reading: Reading) -> ForeignTrack:
-    """Return the track of a file. Raises FileError."""
+    """Return the track that a file describes. Raises FileError."""
     root = yaml_entry(text, file)
     listed = root.at("gates")
     named = [(name, entry) for name, entry in listed.named() if name != COUNT]
@@ -80,7 +80,7 @@ def _axes(entry: Entry, reading: Reading) -> np.ndarray:
 
 
 def _sizes(entry: Entry) -> Vec3 | None:
-    """Return the sizes of the opening along the gate's axes, None without any."""
+    """Return the sizes of the opening along the gate's axes, None if the entry has none."""
     size = entry.get("size")
     scale = entry.get("scale")
     given = size or scale

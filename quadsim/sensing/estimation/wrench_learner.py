@@ -30,6 +30,8 @@ from quadsim.vehicle import Vehicle
 SHARES = slice(0, 4)
 ALWAYS = slice(4, 7)
 SIZE = 10
+# theta of a sound vehicle
+SOUND = np.concatenate([np.ones(4), np.zeros(6)])
 # the variances of the shares, in a covariance
 SHARE_DIAGONAL = (np.arange(4), np.arange(4))
 ALL_NOMINAL = [1.0] * 4
@@ -55,6 +57,13 @@ class Deviations(NamedTuple):
     def covariance(self) -> np.ndarray:
         """The covariance of independent numbers  (10, 10)."""
         return np.diag(np.square([self.share] * 4 + [self.always] * 3 + [self.gain] * 3))
+
+
+class Estimated(NamedTuple):
+    """An estimate and its covariance."""
+
+    theta: np.ndarray
+    P: np.ndarray
 
 
 START = Deviations(share=0.03, always=0.05, gain=0.1)
@@ -87,6 +96,10 @@ SURPRISE = 1.5
 SURPRISE_SHARE = 0.2
 # standard deviation of such a change
 CHANGED_STD = 0.2
+# [s] from a change until the next one; if its errors keep their sign before, it is rejected
+TRIAL = 0.15
+# A share that is larger cannot be.
+STRONGEST = 1.3
 # share of the time near the highest thrust from which no rotor is taken to be stronger than nominal
 MOSTLY_FULL = 0.2
 # by more than this share, and the standard deviation of that
@@ -111,7 +124,7 @@ class WrenchLearner:
         self._rotor_response = response(model.motor_tau, dt)
         # In the model, a rate loop with a lead has a smaller lag, see `led_rate_loop`.
         self._led = np.array([lag / model.motor_tau for lag in model.rate_lags])
-        self._theta = np.concatenate([np.ones(4), np.zeros(6)])
+        self._theta = SOUND
         self._P = START.covariance
         self._Q = WALK.covariance * dt
         self._is_exact = gyro_noise is None
@@ -124,6 +137,9 @@ class WrenchLearner:
         self._error = np.zeros(4)
         # mean error of each measurement in its standard deviations  (4,)
         self._surprise = np.zeros(4)
+        # time left of a change's trial [s], and the estimate before it; None: it was rejected
+        self._trial = 0.0
+        self._before: Estimated | None = None
         # `full` and `missing_yaw` of the rotors, behind their lag
         self._full = 0.0
         self._missing_yaw = 0.0
@@ -186,14 +202,41 @@ class WrenchLearner:
         # Errors that keep their sign tell that a rotor has changed.
         mean = self._surprise[rows]
         mean += SURPRISE_SHARE * (surprise - mean)
-        if abs(self._surprise[AXES]).max() > SURPRISE:
-            self._P[SHARE_DIAGONAL] += CHANGED_STD**2
+        self._trial -= self._dt
+        on_thrust, *on_torques = abs(self._surprise).tolist()
+        is_on_trial = self._trial > 0.0
+        if max(on_torques) > SURPRISE or (is_on_trial and on_thrust > SURPRISE):
             self._surprise[:] = 0.0
+            if is_on_trial:
+                self._reject_change()
+                return
+            self._expect_change()
 
         # A single large error counts less.
         R = R * np.maximum(abs(surprise) / OUTLIER, 1.0)
         self._correct(error, H, R)
+        if self._theta[SHARES].max() > STRONGEST:
+            self._reject_change()
+            return
         self._limit_strongest()
+        self.delivered = self._delivered()
+
+    def _expect_change(self) -> None:
+        """Let the shares change at once, on trial."""
+        self._before = Estimated(self._theta, self._P.copy())
+        self._P[SHARE_DIAGONAL] += CHANGED_STD**2
+        self._trial = TRIAL
+
+    def _reject_change(self) -> None:
+        """Return to the estimate from before a change that cannot be, or has explained no errors.
+
+        So it is if the commands are lost, or if something pushes the vehicle. If that estimate
+        explains nothing either, the vehicle is taken to be sound again.
+        """
+        sound = Estimated(SOUND, START.covariance)
+        self._theta, self._P = self._before or sound
+        self._before = None
+        self._trial = TRIAL
         self.delivered = self._delivered()
 
     def _jacobian(self, thrusts: np.ndarray) -> np.ndarray:

@@ -1,9 +1,9 @@
-"""The edges of frames that a camera sees against what is behind them, and points on them.
+"""The edges of frames against their background, as a camera sees them, and points on them.
 
-A frame is a box with an opening. Of each of its four inner and four outer
-sides, the camera sees the end nearer to it as a change of shade, or not at all, and the one against
-the background as a change of colour. The latter is the farther end of a side that faces the camera,
-and the nearer end of a side that is turned away.
+A frame is a box with an opening, and has four inner and four outer sides. Each side ends in two
+edges. One of them separates the frame from the background, which the camera sees as a change of
+colour: the farther edge of a side that faces the camera, and the nearer edge of a side that is
+turned away. The other edge is a mere change of shade, or is not seen.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ EDGES = 8
 
 
 class Points(NamedTuple):
-    """Points on edges, which are visible by the map."""
+    """Points on edges, which are visible according to the map."""
 
     # gate and edge of each point  (n,)
     gate: np.ndarray
@@ -56,7 +56,7 @@ class Frames:
     """The frames of a map as arrays."""
 
     def __init__(self, gates: Sequence[Gate]):
-        """Take the gates of the map, each once."""
+        """Compute the arrays from the distinct gates of the map."""
         self.centre = np.array([gate.position for gate in gates])  # (G, 3)
         self.rotation = np.array([gate.rotation for gate in gates])  # (G, 3, 3)
         self.inner = np.array([half_sizes(gate.opening) for gate in gates])  # (G, 2)
@@ -65,9 +65,10 @@ class Frames:
         self.corners = np.array([gate.corners() for gate in gates])  # (G, 4, 3)
 
     def moved(self, offsets: np.ndarray) -> Frames:
-        """Return the frames at other places.
+        """Return the frames displaced by `offsets`.
 
-        offsets: displacements from the map [m]  (G, 3).
+        Args:
+            offsets: displacements from the map [m]  (G, 3).
         """
         other = Frames.__new__(Frames)
         other.__dict__.update(self.__dict__)
@@ -76,12 +77,13 @@ class Frames:
         return other
 
     def local(self, points: np.ndarray) -> np.ndarray:
-        """Return points in the frame of each gate [m].
+        """Return points of the world in the frame of each gate [m].
 
-        points: (n, 3), or (G, n, 3) with points of each gate.
+        Args:
+            points: points for all gates  (n, 3), or for each gate  (G, n, 3) [m].
 
         Returns:
-            (G, n, 3)
+            The points  (G, n, 3).
         """
         return (points - self.centre[:, None]) @ self.rotation
 
@@ -92,10 +94,13 @@ class Frames:
         return (flat @ self.rotation.transpose(0, 2, 1) + self.centre[:, None]).reshape(shape)
 
     def edges(self, eye: np.ndarray) -> np.ndarray:
-        """Return the ends of the edges against the background, seen from an eye [m].
+        """Return the ends [m] of the edges against the background, seen from a point.
+
+        Args:
+            eye: position of the camera in the world [m]  (3,).
 
         Returns:
-            (G, EDGES, 2, 3)
+            The two ends of each edge in the world  (G, EDGES, 2, 3).
         """
         local = self.local(eye[None])[:, 0]  # (G, 3)
         near = np.sign(local[:, 0]) * self.depth / 2
@@ -115,14 +120,14 @@ class Frames:
     def hide(
         self, points: np.ndarray, own: np.ndarray, eye: np.ndarray, merged: bool = False
     ) -> np.ndarray:
-        """Return which points a frame hides from an eye.  (n,) bool
+        """Return which points are hidden from the camera by a frame.  (n,) bool
 
         Args:
-            points: [m]  (n, 3).
-            own: gate of each point; of its frame, only the nearer plane hides it  (n,).
-            eye: [m]  (3,).
-            merged: whether points with another frame behind them count too: an edge before
-                something of its own colour is not seen.
+            points: points in the world [m]  (n, 3).
+            own: index of each point's gate, of whose frame only the nearer plane hides it  (n,).
+            eye: position of the camera in the world [m]  (3,).
+            merged: whether points in front of another frame count, too, because an edge in front
+                of the same colour is not seen.
         """
         here = self.local(eye[None])  # (G, 1, 3)
         there = self.local(points)  # (G, n, 3)
@@ -142,9 +147,9 @@ class Frames:
         """Return which points are behind the nearer plane of their own frame.  (n,) bool
 
         Args:
-            here: the eye, and
+            here: position of the camera in the frame of each point's gate [m]  (n, 3).
             there: the points in the frames of their gates [m]  (n, 3).
-            own: gate of each point  (n,).
+            own: index of each point's gate  (n,).
         """
         near = np.sign(here[:, 0]) * self.depth[own] / 2
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -224,12 +229,12 @@ def visible_points(
 
 
 def taken(points: Points, mask: np.ndarray) -> Points:
-    """Return the points of a mask."""
+    """Return the points that a mask selects."""
     return Points(*(column[mask] for column in points))
 
 
 def seen_well(frames: Frames, view: CameraPose, longest: float) -> np.ndarray:
-    """Return which gates are near enough, with an eye that is not in their plane.  (G,) bool"""
+    """Return which gates are near enough and not seen edge-on.  (G,) bool"""
     away = np.linalg.norm(frames.centre - view.eye, axis=1)
     ahead = abs(frames.local(view.eye[None])[:, 0, 0])
     return (away < longest) & (ahead > frames.depth)
@@ -238,7 +243,7 @@ def seen_well(frames: Frames, view: CameraPose, longest: float) -> np.ndarray:
 def _inside(
     start: np.ndarray, run: np.ndarray, camera: Camera, border: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the shares of segments between which they are in the picture.  (n,), (n,)"""
+    """Return the fractions of segments between which they lie in the picture.  (n,), (n,)"""
     low = np.zeros(len(start))
     high = np.ones(len(start))
     for axis, size in enumerate((camera.width, camera.height)):

@@ -1,9 +1,9 @@
-"""The pose that explains a picture best, among poses that the filter takes for possible.
+"""Find the pose that explains a picture best, among poses from the filter's distribution.
 
-Poses are drawn from the filter's normal distribution. A pose is good if pixels have the gates'
-colour where it puts the middle of a frame's bars, and do not have it beside the bars. The best
-poses are the centre of a narrower distribution, and so on: the cross-entropy method (Rubinstein and
-Kroese 2004).
+Poses are drawn from the filter's normal distribution. A pose is good if the picture has the gates'
+colour where the pose projects the middle of a frame's bars, and lacks it beside the bars. A
+narrower distribution is centred on the best poses, and this is repeated: the cross-entropy method
+(Rubinstein and Kroese 2004).
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ def best_pose(
     pose: BodyPose,
     P: np.ndarray,
 ) -> np.ndarray:
-    """Return the error of a pose, position [m] and turn in the body frame [rad].  (6,)
+    """Return the most likely error of a pose, position [m] and body rotation [rad].  (6,)
 
     Args:
         signal: weight of the gates' colour in each pixel  (height, width).
         frames: the frames of the map.
         camera: the camera.
-        pose: of the vehicle, as it is estimated.
-        P: covariance of position and turn  (6, 6).
+        pose: estimated pose of the vehicle.
+        P: covariance of the errors of position and rotation  (6, 6).
     """
     # imported here, as it takes a while
     from scipy.ndimage import uniform_filter
@@ -75,7 +75,8 @@ def _pattern(frames: Frames) -> tuple[np.ndarray, np.ndarray]:
     """Return points in the middle of the bars, and points beside them, in the world [m].
 
     Returns:
-        (n, 3) and (n, 2, 3): for each point one within the opening and one outside the frame.
+        Points on the bars  (n, 3), and for each of them one point within the opening and one
+        outside the frame  (n, 2, 3).
     """
     along = np.linspace(-0.9, 0.9, ON_BAR)
     middle = 0.5 * (frames.inner + frames.outer)
@@ -103,7 +104,7 @@ def _scores(
     pose: BodyPose,
     errors: np.ndarray,
 ) -> np.ndarray:
-    """Return how well each pose explains the picture.  (n,)"""
+    """Return a score for each pose, which is higher if it explains the picture better.  (n,)"""
     near = np.linalg.norm(bars - pose.position, axis=1) < camera.range
     points = np.concatenate([bars[near, None], beside[near]], axis=1)  # (m, 3, 3)
     turned = pose.body @ _turns(errors[:, 3:])  # (n, 3, 3)
@@ -121,7 +122,7 @@ def _scores(
 
 
 def _turns(turns: np.ndarray) -> np.ndarray:
-    """Return rotation matrices of turns [rad], by Rodrigues' formula.  (n, 3) -> (n, 3, 3)"""
+    """Return the matrices of rotation vectors [rad] by Rodrigues' formula.  (n, 3) -> (n, 3, 3)"""
     angle = np.linalg.norm(turns, axis=1)[:, None, None]
     safe = np.maximum(angle, 1e-12)
     x, y, z = (turns / safe[:, 0]).T

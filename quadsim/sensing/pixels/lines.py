@@ -1,4 +1,4 @@
-"""A line through the steps of each edge, and the corners where the lines of two edges meet."""
+"""Fit a line to the steps of each edge, and find the corners where two lines meet."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PAIRS = np.array([(i / 8, j / 8) for i in range(9) for j in range(9) if j - i >=
 
 
 class Lines(NamedTuple):
-    """The line of each edge: its shift along the edge's normal, a + b along.  (G, EDGES)"""
+    """The fitted lines of all edges, as shifts along the edges' normals.  (G, EDGES)"""
 
     # [px] in the middle of the edge
     shift: np.ndarray
@@ -45,21 +45,21 @@ class Found(NamedTuple):
 
     gate: np.ndarray
     corner: np.ndarray
-    # from where they were expected [px]  (n, 2)
+    # displacement from the predicted corner [px]  (n, 2)
     shift: np.ndarray
     # variance along the direction in which each is known worst [px^2]  (n,)
     variance: np.ndarray
 
 
 def lines(points: Points, steps: Steps, gates: int) -> tuple[Lines, np.ndarray]:
-    """Return a line for each edge, and which steps belong to theirs.
+    """Return a line for each edge, and which steps belong to the line of their edge.
 
-    Of lines through pairs of an edge's steps, the one with the most steps near it is taken, then
-    fitted to these by least squares.
+    Among the lines through pairs of an edge's steps, the line with the most steps near it is
+    chosen, and fitted to these steps by least squares.
 
     Args:
         points: points on the edges.
-        steps: what was found at each point.
+        steps: step of the signal that was found at each point.
         gates: number of gates.
     """
     # Edges with points, and their points in columns.
@@ -104,7 +104,7 @@ def lines(points: Points, steps: Steps, gates: int) -> tuple[Lines, np.ndarray]:
     good = (count >= FEWEST) & (count >= SHARE * expected)
 
     def of_all(values: np.ndarray, without: float) -> np.ndarray:
-        """Return the numbers of all edges; `without`: of edges without a line."""
+        """Return a value for every edge, with `without` for edges that have no line."""
         table = np.full(gates * EDGES, without)
         table[key[good]] = values[good]
         return table.reshape(gates, EDGES)
@@ -122,7 +122,7 @@ def lines(points: Points, steps: Steps, gates: int) -> tuple[Lines, np.ndarray]:
 
 
 def without(found: Lines, gate: np.ndarray, edge: np.ndarray) -> Lines:
-    """Return the lines without those of some edges."""
+    """Return the lines with the lines of some edges removed."""
     count = found.count.copy()
     count[gate, edge] = 0
     return found._replace(count=count)
@@ -131,9 +131,8 @@ def without(found: Lines, gate: np.ndarray, edge: np.ndarray) -> Lines:
 def corners(found: Lines, points: Points, ends: np.ndarray) -> Found:
     """Return the corners of the openings whose adjacent edges have lines.
 
-    Each of the two inner and two outer edges at a corner tells how far it has moved along the
-    edge's normal. The corner is where these agree best, weighted by their variances (least
-    squares).
+    Each of the two inner and two outer edges at a corner measures the corner's shift along the
+    edge's normal. These shifts are combined by least squares, weighted by their variances.
 
     Args:
         found: the lines.
@@ -148,7 +147,7 @@ def corners(found: Lines, points: Points, ends: np.ndarray) -> Found:
     A = np.zeros((gates, 4, 2, 2))
     b = np.zeros((gates, 4, 2))
     for corner, (side, level) in enumerate(MEETING):
-        # The end of a side is at the top or at the bottom, that of the other at the left or right.
+        # One side ends at the top or the bottom, the other side at the left or the right.
         for edge, end in ((side, level - 2), (level, side)):
             for e in (edge, edge + 4):
                 along = ends[:, e, end]

@@ -1,11 +1,12 @@
 """The network that finds corners of gates in a picture without an estimate.
 
 The picture is reduced to a width of WIDTH pixels. For each cell of STRIDE by STRIDE reduced pixels
-the network returns whether it has a corner of a gate's opening, where in the cell, and where from
-there the centre of the gate is ("objects as points", Zhou et al. 2019; the field that leads from
-the corners to what they belong to, as in AlphaPilot, Foehn et al. 2022). Corners that point to the
-same centre are of one gate. The corners of a square gate look alike, so the network does not tell
-which of the four one is; its direction from the centre does, for an estimate of the attitude.
+the network returns the probability that it contains a corner of a gate's opening, the corner's
+position in the cell, and the vector from the corner to the centre of the gate ("objects as points",
+Zhou et al. 2019; AlphaPilot, Foehn et al. 2022, finds the corners of a gate by a similar field).
+Corners that point to the same centre belong to one gate. The four corners of a square gate look
+alike, so the network does not distinguish them; the direction from the centre does, if the attitude
+is estimated.
 """
 
 from __future__ import annotations
@@ -48,7 +49,7 @@ APART = 0.9
 class FoundGate(NamedTuple):
     """A gate in a picture."""
 
-    # where its corners point to [px]  (2,)
+    # centre to which its corners point [px]  (2,)
     centre: np.ndarray
     # its corners, one to four [px]  (n, 2)
     corners: np.ndarray
@@ -60,10 +61,10 @@ class GateNetwork:
     """A trained network.
 
     Args:
-        path: the file, in the ONNX format.
+        path: path of the ONNX file.
 
     Raises:
-        FileError: the file is no network of this kind.
+        FileError: the file is not a network of this kind.
         ModuleNotFoundError: onnxruntime is not installed.
     """
 
@@ -83,14 +84,14 @@ class GateNetwork:
             ) from None
         if [one.name for one in self._session.get_inputs()] != [INPUT]:
             raise FileError(f"{path}: {EXPECTED}, got a network with other inputs")
-        # what the file says of its training
+        # metadata on its training
         self.about: dict[str, str] = dict(self._session.get_modelmeta().custom_metadata_map)
 
     def __call__(self, rgb: np.ndarray) -> list[FoundGate]:
-        """Return the gates in a picture, in its pixels.
+        """Return the gates found in a picture, in pixels of this picture.
 
         Args:
-            rgb: (height, width, 3) uint8.
+            rgb: the picture  (height, width, 3) uint8.
         """
         small, scale = reduced(rgb)
         (output,) = self._session.run(None, {INPUT: network_input(small)})
@@ -99,7 +100,7 @@ class GateNetwork:
 
 
 class Likely(NamedTuple):
-    """Corners that a network takes for likely, the likeliest first."""
+    """The corners that a network finds likely, most likely first."""
 
     pixel: np.ndarray  # [px]  (n, 2)
     centre: np.ndarray  # of the gate [px]  (n, 2)
@@ -108,10 +109,10 @@ class Likely(NamedTuple):
 
 @cache
 def load_network(name: str) -> GateNetwork:
-    """Return a network by its name, GATES, or by the path of its file; each is loaded once.
+    """Return a network by its name, GATES, or by its file's path; each file is loaded once.
 
     Raises:
-        FileError: there is no such file, or it is no network of this kind.
+        FileError: there is no such file, or it is not a network of this kind.
         ModuleNotFoundError: onnxruntime is not installed.
     """
     path = NETWORK if name == GATES else Path(name)
@@ -121,10 +122,10 @@ def load_network(name: str) -> GateNetwork:
 
 
 def reduced(rgb: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return a picture reduced to a width of WIDTH, and by which factor.
+    """Return a picture reduced to a width of WIDTH, and the factor of the reduction.
 
     Args:
-        rgb: (height, width, 3) uint8.
+        rgb: the picture  (height, width, 3) uint8.
     """
     height, width = rgb.shape[:2]
     scale = WIDTH / width
@@ -135,13 +136,14 @@ def reduced(rgb: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def network_input(small: np.ndarray) -> np.ndarray:
-    """Return a reduced picture as the network takes it.
+    """Return a reduced picture as the input of the network.
 
     Args:
-        small: (height, WIDTH, 3) uint8.
+        small: the reduced picture  (height, WIDTH, 3) uint8.
 
     Returns:
-        (1, 3, height, WIDTH) float32, with black rows below so that COARSEST divides the height.
+        The input  (1, 3, height, WIDTH) float32, with black rows added below so that COARSEST
+        divides the height.
     """
     height = -(-len(small) // COARSEST) * COARSEST
     full = np.zeros((1, 3, height, WIDTH), np.float32)
@@ -153,8 +155,9 @@ def corners_of(output: np.ndarray) -> Likely:
     """Return the corners in an output of the network, in pixels of the reduced picture.
 
     Args:
-        output: by cell: probability, where from the middle of the cell the corner is [cells], and
-            where from there the centre is [FAR cells]  (5, rows, columns).
+        output: for each cell, the probability of a corner, the vector from the middle of the cell
+            to the corner [cells], and the vector from the corner to the gate's centre [FAR
+            cells]  (5, rows, columns).
     """
     heat = output[0]
     # A corner is a cell that is the likeliest among its neighbours.
@@ -168,7 +171,7 @@ def corners_of(output: np.ndarray) -> Likely:
     at = np.column_stack([column, row]) + 0.5 + output[1:3, row, column].T
     total = np.zeros((len(row), 4))
     weight = np.zeros(len(row))
-    # The cells around a corner tell where it is as well; the mean of those that agree counts.
+    # The cells around a corner estimate its position, too; those that agree are averaged.
     for down in (-1, 0, 1):
         for right in (-1, 0, 1):
             r = np.clip(row + down, 0, rows - 1)
@@ -184,7 +187,7 @@ def corners_of(output: np.ndarray) -> Likely:
 
 
 def grouped(corners: Likely) -> list[FoundGate]:
-    """Return the gates to which corners belong."""
+    """Return the gates that corners form."""
     left = list(range(len(corners.pixel)))
     found = []
     while left:
@@ -202,7 +205,7 @@ def grouped(corners: Likely) -> list[FoundGate]:
 
 
 def _belongs(corners: Likely, members: list[int], k: int) -> bool:
-    """Return whether a corner may belong to the gate of others."""
+    """Return whether corner k may belong to the same gate as other corners."""
     away = corners.pixel[k] - corners.centre[k]
     length = float(np.linalg.norm(away)) + 1e-9
     for m in members:

@@ -1,10 +1,10 @@
-"""The pose that explains the gates that a network has found, among poses that the filter allows.
+"""Find the pose that explains a network's gates best, among poses that the filter allows.
 
-Each found gate may be any gate of the map. For a pair of both, the directions of the corners from
-the centre tell which corner is which, as the filter knows the attitude well enough; the filter's
-innovation test tells whether the pair is possible; and the pose is fitted to it. The pair whose
-pose explains most of the other corners counts, as in RANSAC (Fischler and Bolles 1981), and the
-pose is fitted to all of these.
+Each found gate may be any gate of the map. For each pair of a found gate and a gate of the map,
+corners are matched by their directions from the centre, because the filter knows the attitude well
+enough. The filter's innovation test rejects impossible pairs, and a pose is fitted to every other
+pair. The pose that explains most of the other corners is chosen, as in RANSAC (Fischler and Bolles
+1981), and fitted to all of these.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from quadsim.sensing.pixels.network import FoundGate
 
 # [px] standard deviation of a corner that a network has found
 NOISE = 2.5
-# [px] A corner this near to where a pose puts it is explained by the pose.
+# [px] A pose explains a corner within this distance of its predicted pixel.
 NEAR = 8.0
 # least cosine of the angle between the found and the expected direction of a corner
 ALIKE = 0.7
@@ -35,7 +35,7 @@ STEPS = 4
 
 
 class Matched(NamedTuple):
-    """Found corners with the corners of the map that they are."""
+    """Found corners, matched with corners of the map."""
 
     gate: np.ndarray
     corner: np.ndarray
@@ -44,7 +44,7 @@ class Matched(NamedTuple):
 
 
 class Explained(NamedTuple):
-    """A pose and what it explains."""
+    """A pose, and the found corners that it explains."""
 
     # of the pose: position [m], turn in the body frame [rad]  (6,)
     error: np.ndarray
@@ -52,7 +52,7 @@ class Explained(NamedTuple):
 
 
 class Place:
-    """The pose of the filter, and what it expects of the corners of the map."""
+    """The filter's pose, and the corners of the map as this pose predicts them in the picture."""
 
     def __init__(
         self,
@@ -62,14 +62,14 @@ class Place:
         P: np.ndarray,
         late: np.ndarray,
     ):
-        """Take the pose.
+        """Predict the corners of the map.
 
         Args:
             frames: the frames of the map.
             camera: the camera.
-            pose: of the vehicle.
-            P: covariance of position and turn  (6, 6).
-            late: how far each corner moves until its row is exposed [px]  (gates, 4, 2).
+            pose: estimated pose of the vehicle.
+            P: covariance of the errors of position and rotation  (6, 6).
+            late: movement of each corner until its row is exposed [px]  (gates, 4, 2).
         """
         self._frames = frames
         self._camera = camera
@@ -81,26 +81,37 @@ class Place:
         self._information = np.linalg.inv(P + 1e-12 * np.eye(6))
 
     def pixels(self, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return where a pose sees all corners [px], nan behind it, and their depth [m].
+        """Return the pixels and depths of all corners after a correction of the pose.
+
+        Args:
+            error: correction of position [m] and rotation [rad]  (6,).
 
         Returns:
-            (gates, 4, 2) and (gates, 4)
+            Pixels, nan for corners behind the camera  (gates, 4, 2), and depths [m]  (gates, 4).
         """
         pixels, depth, _ = self._camera.seen(self._points, self._pose.corrected(error))
         pixels = np.where(depth[:, None] > NEAREST, pixels + self._late, np.nan)
         return pixels.reshape(-1, 4, 2), depth.reshape(-1, 4)
 
     def linear(self, error: np.ndarray, matched: Matched) -> tuple[np.ndarray, np.ndarray]:
-        """Return innovation and Jacobian of corners at a pose.  (2 n,) and (2 n, 6)"""
+        """Return the innovation of corners, and its Jacobian with respect to the pose's error.
+
+        Args:
+            error: correction of position [m] and rotation [rad], at which it is linearised  (6,).
+            matched: found corners with corners of the map.
+
+        Returns:
+            The innovation [px]  (2 n,) and the Jacobian  (2 n, 6)."""
         index = 4 * matched.gate + matched.corner
         seen = self._camera.seen(self._points[index], self._pose.corrected(error))
         innovation = matched.pixel - seen.pixels - self._late[index]
         return innovation.ravel(), seen.moves.reshape(-1, 6)
 
     def fit(self, matched: Matched) -> np.ndarray:
-        """Return the likeliest error of the pose, given corners and the filter's covariance.
+        """Return the most likely error of the pose, given corners and the filter's covariance.
 
-        (6,)
+        Returns:
+            Errors of position [m] and rotation [rad]  (6,).
         """
         error = np.zeros(6)
         for _ in range(STEPS):
@@ -114,7 +125,7 @@ class Place:
         return error
 
     def possible(self, matched: Matched) -> bool:
-        """Return whether the filter allows corners to be these."""
+        """Return whether matched corners pass the filter's innovation test."""
         innovation, H = self.linear(np.zeros(6), matched)
         depth = self._depth(matched)
         turns = np.trace(self.P[3:, 3:])
@@ -135,7 +146,7 @@ def explained(found: Sequence[FoundGate], place: Place) -> Explained | None:
     """Return the pose that explains found gates best; None if there is none.
 
     Args:
-        found: what a network has found in a picture.
+        found: gates that a network has found in a picture.
         place: the filter's pose.
     """
     best: Explained | None = None
@@ -159,7 +170,7 @@ def explained(found: Sequence[FoundGate], place: Place) -> Explained | None:
 
 
 def _pairs(found: Sequence[FoundGate], place: Place) -> Iterator[Matched]:
-    """Yield the corners of each found gate as those of each gate of the map that is ahead."""
+    """Yield each found gate's corners, matched with each gate of the map in front of the camera."""
     expected, _ = place.pixels(np.zeros(6))
     ahead = ~np.isnan(expected).any(axis=(1, 2))
     for one in found:
@@ -184,10 +195,11 @@ def all_matched(
     """Return the found corners that a pose explains, each corner of the map at most once.
 
     Args:
-        found: what a network has found in a picture.
-        expected: where the pose sees the corners [px], nan behind it  (gates, 4, 2).
-        depth: of the corners [m]  (gates, 4).
-        near: how far a corner may be from where the pose sees it [px].
+        found: gates that a network has found in a picture.
+        expected: pixels of the corners as the pose predicts them, nan behind the camera
+            (gates, 4, 2).
+        depth: depth of the corners [m]  (gates, 4).
+        near: largest distance of a corner from its predicted pixel [px].
     """
     pixels = np.concatenate([one.corners for one in found]) if found else np.zeros((0, 2))
     towards = np.concatenate([one.centre - one.corners for one in found]) if found else pixels
@@ -209,5 +221,5 @@ def all_matched(
 
 
 def _directions(vectors: np.ndarray) -> np.ndarray:
-    """Return unit vectors.  (n, 2)"""
+    """Return vectors scaled to length 1.  (n, 2)"""
     return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-9)

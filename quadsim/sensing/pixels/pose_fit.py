@@ -1,10 +1,10 @@
-"""The pose that fits the lines of all gates in a picture.
+"""Fit the vehicle's pose to the lines of all gates in a picture.
 
-Some lines lie on something else than the edge that was searched for. The lines of all gates
-together tell the error of the pose, within what the filter takes for possible; lines that
-contradict the others count little (iteratively reweighted least squares, with the weights of Geman
-and McClure 1985). A narrower search around the edges that the fitted pose expects then finds the
-edges themselves.
+Some lines do not lie on the edge that was searched for. The lines of all gates together determine
+the error of the pose, with the filter's distribution as the prior; lines that contradict the others
+get little weight (iteratively reweighted least squares, with the weights of Geman and McClure
+1985). A narrower search around the edges that the fitted pose expects then finds the edges
+themselves.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SCALES = (16.0, 8.0, 4.0, 3.0, 3.0)
 
 
 class Guess(NamedTuple):
-    """A pose of the vehicle, and what is known of its error."""
+    """A pose of the vehicle, and the covariance of its error."""
 
     pose: BodyPose
     # covariance of the error of the position [m] and of the turn in the body frame [rad]  (6, 6)
@@ -38,14 +38,14 @@ class Guess(NamedTuple):
         return self._replace(pose=self.pose.corrected(error), P=P)
 
     def spread(self, J: np.ndarray, gate: np.ndarray) -> np.ndarray:
-        """Return the covariance of pixels that move by J with the error of the pose [px^2].
+        """Return the covariance [px^2] of pixels whose Jacobian with respect to the pose is J.
 
         Args:
-            J: as in `Seen`, or along one direction, (n, k, 6).
-            gate: of each pixel  (n,).
+            J: Jacobian as in `Seen`, or its part along one direction  (n, k, 6).
+            gate: index of each pixel's gate  (n,).
 
         Returns:
-            (n, k, k)
+            The covariance  (n, k, k).
         """
         place = J[..., :3]
         loose = self.displaced[gate][:, None, None] * (place @ place.transpose(0, 2, 1))
@@ -53,7 +53,7 @@ class Guess(NamedTuple):
 
 
 def pose_covariance(state: FilterState) -> np.ndarray:
-    """Return the covariance of the errors of position [m] and turn [rad] of a state.  (6, 6)"""
+    """Return the covariance of a state's errors of position [m] and rotation [rad].  (6, 6)"""
     block = np.r_[POSITION, TURN]
     return state.P[np.ix_(block, block)]
 
@@ -76,7 +76,7 @@ def guess_of(state: FilterState, gates: int) -> Guess:
 
 
 def normal_moves(points: Points, camera: Camera, pose: BodyPose) -> np.ndarray:
-    """Return how points on edges move along their normals with the error of a pose.  (n, 1, 6)"""
+    """Return the Jacobian of shifts along the normals with respect to the pose.  (n, 1, 6)"""
     return points.normal[:, None] @ camera.seen(points.position, pose).moves
 
 
@@ -92,10 +92,10 @@ def fitted(guess: Guess, camera: Camera, points: Points, shift: np.ndarray) -> F
     """Return the pose that fits the ends of lines.
 
     Args:
-        guess: the pose before.
+        guess: the pose before the fit, with its covariance.
         camera: the camera.
         points: the points at the lines' ends.
-        shift: how far each is from where it is expected, along its normal [px]  (n,).
+        shift: distance of each point from its predicted place, along its normal [px]  (n,).
     """
     moves = normal_moves(points, camera, guess.pose)
     J = moves[:, 0]
@@ -112,9 +112,11 @@ def fitted(guess: Guess, camera: Camera, points: Points, shift: np.ndarray) -> F
 
 
 def line_ends(points: Points, used: np.ndarray) -> np.ndarray:
-    """Return the indices of the first and of the last point of each line.
+    """Return the indices of the first and the last point of each line.
 
-    used: which points belong to the line of their edge  (n,).
+    Args:
+        points: points on the edges.
+        used: which points belong to the line of their edge  (n,) bool.
     """
     at = np.flatnonzero(used)
     edge = points.gate[at] * EDGES + points.edge[at]

@@ -1,4 +1,4 @@
-"""How much of the gates' colour a pixel has, and the steps of it along lines in the picture."""
+"""The amount of the gates' colour in a pixel, and its steps along lines in the picture."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ LIKELY = 0.6
 
 
 class Signal:
-    """The weight of the gates' colour in each pixel: the part of it that grey does not have."""
+    """The weight of the gates' colour in each pixel, which is zero for grey."""
 
     def __init__(self, colour: tuple[float, float, float]):
-        """Take the colour of the gates, 0 to 1."""
+        """Set the colour of the gates, red, green and blue from 0 to 1."""
         away = np.array(colour) - np.mean(colour)
         self._weights = (away / np.linalg.norm(away)).astype(np.float32)
 
@@ -30,7 +30,7 @@ class Signal:
 
 
 class Steps(NamedTuple):
-    """The steps that were found, one for each line."""
+    """The step of the signal that was found on each line."""
 
     # from the middle of the line along the line [px]  (n,)
     shift: np.ndarray
@@ -39,16 +39,16 @@ class Steps(NamedTuple):
 
 
 def steps(signal: np.ndarray, pixel: np.ndarray, normal: np.ndarray, reach: np.ndarray) -> Steps:
-    """Return the best step up along each line.
+    """Return the best upward step of the signal along each line.
 
-    Of the steps that are nearly as large as the largest, the one nearest to the middle is taken; it
-    is placed between pixels by a parabola through its neighbours.
+    Among the steps that are nearly as large as the largest, the step nearest to the middle of the
+    line is chosen. A parabola through its neighbours gives its position between pixels.
 
     Args:
-        signal: (height, width).
+        signal: weight of the gates' colour in each pixel  (height, width).
         pixel: middle of each line [px]  (n, 2).
         normal: unit direction of each line  (n, 2).
-        reach: how far each line is searched to either side [px]  (n,).
+        reach: distance from its middle to which each line is searched [px]  (n,).
     """
     if not len(pixel):
         return Steps(np.zeros(0), np.zeros(0, bool))
@@ -79,7 +79,7 @@ def steps(signal: np.ndarray, pixel: np.ndarray, normal: np.ndarray, reach: np.n
 
 
 def sampled(signal: np.ndarray, pixel: np.ndarray) -> np.ndarray:
-    """Return the signal at pixels (..., 2), linear between the middles of pixels."""
+    """Return the signal at pixels (..., 2), interpolated bilinearly."""
     height, width = signal.shape
     u = np.clip(pixel[..., 0] - 0.5, 0.0, width - 1.001)
     v = np.clip(pixel[..., 1] - 0.5, 0.0, height - 1.001)

@@ -1,4 +1,4 @@
-"""The tracker: corners of gates in one picture, near where the estimate expects them."""
+"""The tracker, which finds corners of gates in a picture near their predicted positions."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from quadsim.sensing.state import FilterState
 # may be farther away, other poses are tried first.
 LEAST = 5.0
 LARGEST = 60.0
-# standard deviations of the expected place within which it is searched for, and what is added [px]
+# number of standard deviations within which an edge is searched for, and an added distance [px]
 WITHIN = 3.0
 STEADY = 2.0
 # [m] distance of gates if none is expected in the picture
@@ -56,7 +56,7 @@ FOUND_REACH = 10.0
 # further search is made
 AGAIN = 2
 NARROW = 8.0
-# [px] A line is left out if one of its ends is farther from where the fitted pose expects it.
+# [px] A line is left out if one of its ends is farther from the fitted pose's prediction.
 WRONG = 3.0
 # [px] least distance of a point on an edge from the border of the picture
 BORDER = 4.0
@@ -66,7 +66,7 @@ class Tracked(NamedTuple):
     """Points, lines and corners that were found in a picture, for figures and tests."""
 
     points: Points
-    # what was found at each point, and whether it belongs to a line
+    # the step found at each point, and whether it belongs to a line
     steps: Steps
     used: np.ndarray
     # expected and found corners [px]  (n, 2)
@@ -89,11 +89,11 @@ class Tracker:
     """Finds gates in pictures."""
 
     def __init__(self, config: PixelCameraConfig, gates: Sequence[Gate]):
-        """Take the camera and the map.
+        """Prepare a tracker for a camera and a map.
 
         Args:
             config: the camera.
-            gates: gates of the map, each once.
+            gates: the distinct gates of the map.
         """
         self._config = config
         self._frames = Frames(gates)
@@ -101,17 +101,17 @@ class Tracker:
         self._network = load_network(config.network) if config.network else None
 
     def __call__(self, photo: Photo, state: FilterState, rates: Vec3) -> Corners:
-        """Return the corners of a picture.
+        """Return the corners found in a picture.
 
         Args:
             photo: the picture.
-            state: the filter's state at its time.
-            rates: body rates at its time [rad/s].
+            state: the filter's state at the time of the picture.
+            rates: body rates at the time of the picture [rad/s].
         """
         return self.tracked(photo, state, rates).found
 
     def tracked(self, photo: Photo, state: FilterState, rates: Vec3) -> Tracked:
-        """Return the corners of a picture, and how they were found."""
+        """Return the corners found in a picture, with the points and lines that led to them."""
         config = self._config
         frames = self._frames.moved(state.gates) if len(state.gates) else self._frames
         signal = self._signal.of(photo.rgb)
@@ -179,11 +179,11 @@ class Tracker:
         state: FilterState,
         rates: Vec3,
     ) -> Place:
-        """Return a pose with the covariance of a state, and what it expects of the corners.
+        """Return a pose with a state's covariance, and the corners that it predicts.
 
         Args:
             frames: the frames of the map.
-            pose: of the vehicle.
+            pose: pose of the vehicle.
             state: the filter's state, for its velocity and covariance.
             rates: body rates [rad/s].
         """
@@ -199,14 +199,14 @@ class Tracker:
     def _filled(
         self, corners: Corners, found: list[FoundGate], frames: Frames, place: Place, near: float
     ) -> Corners:
-        """Return corners with those that the network has found of gates that lack them.
+        """Return corners, with the network's corners for gates that lack them.
 
         Args:
-            corners: what the edges show.
-            found: what the network has found.
+            corners: corners where edges meet.
+            found: gates that the network has found.
             frames: the frames of the map.
-            place: the pose, by which both are told apart.
-            near: [px] how far a corner may be from where it is expected.
+            place: the pose, which predicts the corners of each gate.
+            near: largest distance of a corner from its predicted pixel [px].
         """
         matched = all_matched(found, *place.pixels(np.zeros(6)), near)
         gates = len(frames.centre)
@@ -230,7 +230,7 @@ class Tracker:
         )
 
     def _lacking(self, corners: Corners, frames: Frames, view: CameraPose) -> bool:
-        """Return whether a gate lacks corners of which the camera should see them."""
+        """Return whether too few corners of a gate that the camera should see are found."""
         points = frames.corners.reshape(-1, 3)
         pixels, depth = self._config.to_pixels(view.local(points))
         gates = len(frames.centre)
@@ -242,9 +242,9 @@ class Tracker:
         return bool((wanted & (np.bincount(corners.gates, minlength=gates) < ENOUGH)).any())
 
     def _expected(self, frames: Frames, guess: Guess) -> tuple[Points, np.ndarray]:
-        """Return points on edges, and how far from each its edge may be [px].
+        """Return points on edges, and the distance within which each edge is searched for [px].
 
-        If there are no points, there is one distance that is typical.
+        If there are no points, a single typical distance is returned.
         """
         config = self._config
         view = config.carried(guess.pose)
@@ -266,13 +266,13 @@ class Tracker:
         state: FilterState,
         rates: Vec3,
     ) -> FoundLines:
-        """Search for edges near points.
+        """Return the steps and lines that a search for edges near points has found.
 
         Args:
             signal: weight of the gates' colour in each pixel  (height, width).
             points: points on expected edges.
             reach: distance within which each edge is searched for [px]  (n,) or (1,).
-            guess: the pose that expects them.
+            guess: the pose that predicts the points.
             state: the filter's state, for its velocity.
             rates: body rates [rad/s].
         """
@@ -289,7 +289,7 @@ class Tracker:
         velocity: np.ndarray,
         rates: Vec3,
     ) -> np.ndarray:
-        """Return how far each point moves until its row is exposed [px].  (n, 2)"""
+        """Return the movement of each point until its row is exposed [px].  (n, 2)"""
         config = self._config
         if not config.readout or not len(points.pixel):
             return np.zeros((len(points.pixel), 2))
@@ -299,14 +299,14 @@ class Tracker:
         # per unit of (v / height - 1 / 2)
         flow = 2.0 * (pixel - points.pixel)
         share = points.pixel[:, 1] / config.height - 0.5
-        # The row at which a point is seen is where it is at that row's time.
+        # A point is seen at the row in which it lies at that row's time.
         share = share / np.maximum(1.0 - flow[:, 1] / config.height, 0.5)
         return flow * share[:, None]
 
     def _ends(self, frames: Frames, view: CameraPose) -> np.ndarray:
-        """Return where each edge ends, from its middle along the edge [px].  (G, EDGES, 2)
+        """Return the signed distances of each edge's ends from its middle [px].  (G, EDGES, 2)
 
-        Both are on the picture of the edge between its ends; parts behind the camera have no ends.
+        Both are measured along the projected edge; edges that reach behind the camera have none.
         """
         local = view.local(frames.edges(view.eye).reshape(-1, 3))
         pixels, depth = self._config.to_pixels(local)
@@ -317,7 +317,7 @@ class Tracker:
         return np.stack([-half, half], axis=-1)
 
     def _in_view(self, frames: Frames, view: CameraPose) -> int:
-        """Return how many corners are expected in the picture."""
+        """Return the number of corners that are predicted to lie in the picture."""
         local = view.local(frames.corners.reshape(-1, 3))
         pixels, depth = self._config.to_pixels(local)
         inside = self._config.in_picture(pixels) & (depth > NEAREST)

@@ -124,11 +124,11 @@ def test_a_course_made_in_the_browser_is_flown_again_by_the_command_to_the_same_
     open_editor(page)
     told(page, "no gate yet")
     for item in ("gate 1", "gate 2"):
-        press(page, "gate")
+        press(page, "add gate")
         assert waited(page, lambda i=item: field(page, "Item").input_value() == i)
     fill(page, "y [m]", 1.25)
     fill(page, "Yaw [deg]", 20)
-    press(page, "pole")
+    press(page, "add pole")
     fill(page, "Name", "made_here")
     press(page, "Save and choose")
     told(page, "race fly")
@@ -178,7 +178,7 @@ def test_the_editor_waits_for_a_flight_and_is_closed_by_a_start(page, session):
     assert waited(page, lambda: not session.snapshot.flying)
     press(page, "New course")
     button(page, "Done").wait_for()
-    press(page, "gate")
+    press(page, "add gate")
     press(page, "START")
     button(page, "Go on editing").wait_for()
     assert waited(page, lambda: session.snapshot.flying)
@@ -190,7 +190,7 @@ def test_the_editor_waits_for_a_flight_and_is_closed_by_a_start(page, session):
 
 def test_a_gate_is_dragged_by_its_handle_and_every_visitor_sees_it(page, session):
     open_editor(page)
-    press(page, "gate")
+    press(page, "add gate")
     assert waited(page, lambda: field(page, "Item").input_value() == "gate 1")
     assert waited(page, lambda: handle_of(page) and pixel(page, [handle_of(page), 0, 0, 0]))
     before = [shown(page, f"{axis} [m]") for axis in "xyz"]

@@ -52,9 +52,14 @@ def page(browser, session):
         yield page
 
 
+# What the head says at once, before any answer of the server
+ANSWER = """() => { document.querySelector("[data-act=start]").click();
+                 return document.querySelector(".sentence").textContent }"""
+
+
 def start(page, session):
     races = session.snapshot.race
-    press(page, "START")
+    assert page.evaluate(ANSWER).startswith("START: ")
     assert waited(page, lambda: session.snapshot.race > races)
 
 

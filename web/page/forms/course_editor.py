@@ -171,7 +171,7 @@ class CourseEditor(Form):
             choices=[str(one) for one in draft.items],
         )
         added = "behind the chosen gate; obstacles to its left"
-        buttons = [button(name, help=added) for name in ADD]
+        buttons = [button(name, f"add {name}", added) for name in ADD]
         if draft.item.kind == "gate":
             buttons += [button(name, help="in the order of flight") for name in SHIFTS]
         buttons += [button(name) for name in ("undo", "redo", "delete")]

@@ -5,10 +5,9 @@ import * as head from "./head.js";
 import * as keys from "./keys.js";
 import { send } from "./link.js";
 import * as notes from "./notes.js";
-import { show } from "./parts.js";
 import * as runs from "./runs.js";
 import * as scene from "./scene.js";
-import { isPlaying } from "./timeline.js";
+import { latest, show } from "./store.js";
 
 // While a race is on the scene has all the room; the settings can be opened again.
 function start() {
@@ -18,7 +17,7 @@ function start() {
   document.activeElement.blur(); // a number that stands in a box counts first
   if (!send({ type: "start", seeds: Number(box.value) })) return;
   // The server tells why a line-up cannot be flown, where it is set up.
-  if (head.problemOfStart()) return;
+  if (latest("next")?.problem) return;
   head.starting();
   drawer.open(false);
 }
@@ -27,7 +26,7 @@ const ACTS = {
   start,
   stop: () => send({ type: "stop" }),
   restart: () => send({ type: "restart" }),
-  play: () => send({ type: "play", on: !isPlaying() }),
+  play: () => send({ type: "play", on: !latest("now")?.playing }),
   back: () => send({ type: "step", steps: -1 }),
   on: () => send({ type: "step", steps: 1 }),
   next: () => send({ type: "next_event" }),

@@ -3,8 +3,8 @@
 import { make } from "./dom.js";
 import { on, send } from "./link.js";
 import * as notes from "./notes.js";
-import { show } from "./parts.js";
 import { offered } from "./set_up.js";
+import { show } from "./store.js";
 
 const NEED_SERVER = [
   ".commands :is(.seeds, [data-act=start], [data-act=stop])",

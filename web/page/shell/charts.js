@@ -3,8 +3,9 @@
 // replay; the wheel zooms; a double click shows everything, or follows the race again.
 import { make } from "./dom.js";
 import { isOpen, on, send } from "./link.js";
-import { alsoShows, show } from "./parts.js";
+import { alsoShows } from "./parts.js";
 import { extent, rowsIn, scale, text, ticks, valueAt, zoomed, zoomedInTime } from "./scales.js";
+import { show } from "./store.js";
 
 const ASK = 100; // [ms] between two questions while the race moves
 const REST = 500; // [ms] between two while it stands still

@@ -3,8 +3,8 @@
 import { make } from "./dom.js";
 import * as keys from "./keys.js";
 import { on, send } from "./link.js";
-import * as parts from "./parts.js";
 import { seat } from "./scene.js";
+import * as store from "./store.js";
 
 const PERIOD = 12; // [ms] between two positions of the sticks
 const DEAD = 0.04; // share of a gamepad's stick around its middle that counts as the middle
@@ -301,7 +301,7 @@ export function begin() {
     instruments = shown;
     show();
   });
-  parts.show("by_hand", (found) => {
+  store.show("by_hand", (found) => {
     state = found;
     show();
   });

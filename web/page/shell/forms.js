@@ -5,7 +5,8 @@ import { grown, make, say } from "./dom.js";
 import { FieldValue, text } from "./field_value.js";
 import * as lineUp from "./line_up.js";
 import { on, send } from "./link.js";
-import { alsoShows, ask, show } from "./parts.js";
+import { alsoShows, ask } from "./parts.js";
+import { show } from "./store.js";
 
 const REST = 500; // [ms] for which a number in flight has to rest, so that keys held down are one change
 // In which a value that was sent has to come back [ms]; else the server's own is shown again. One in flight acts at a

@@ -1,17 +1,15 @@
 // The head: who leads, by how much, what differs, and the state of the race, see head.py.
 import { grown, make, say } from "./dom.js";
 import { on } from "./link.js";
-import { show } from "./parts.js";
+import { latest, show } from "./store.js";
 
 const PATIENCE = 5000; // [ms] after which a START that shows nothing is given up
 const BEGUN = ["building", "compiling", "planning"];
 const editing = document.querySelector(".editing");
 const button = document.querySelector('[data-act="start"]');
 const part = (name) => document.querySelector(`.head .${name}`);
-let shown = null; // what the server says
-let race = 0; // number of the race
-let problem = ""; // why START cannot fly its line-up
 let waiting = 0; // timer while START is sent and the server says nothing of it
+let before = 0; // number of the race when START was sent
 
 function words(element, found) {
   const wanted = JSON.stringify(found);
@@ -46,11 +44,12 @@ function draw(head) {
 export function starting() {
   clearTimeout(waiting);
   waiting = setTimeout(answered, PATIENCE);
+  before = latest("now")?.race;
   say(button, "starting");
   button.ariaBusy = "true";
   draw({
     phase: "building",
-    sentence: [{ text: "START: the server gets it" }],
+    sentence: [{ text: "START: sent to the server" }],
     numbers: [],
     warnings: [],
     differs: "",
@@ -63,28 +62,22 @@ function answered() {
   waiting = 0;
   say(button, "START");
   button.ariaBusy = "false";
-  if (shown) draw(shown);
+  if (latest("head")) draw(latest("head"));
 }
-
-// Why START cannot fly its line-up; empty: it can.
-export const problemOfStart = () => problem;
 
 export function begin() {
   show("head", (head) => {
-    shown = head;
     if (waiting && BEGUN.includes(head.phase)) answered();
     else if (!waiting) draw(head);
   });
   show("now", (now) => {
-    if (waiting && now.race !== race) answered();
-    race = now.race;
+    if (waiting && now.race !== before) answered();
     document.querySelector('[data-act="stop"]').disabled = !now.flying;
     document.querySelector('[data-act="restart"]').disabled = !now.race;
   });
-  show("next", (next) => {
-    problem = next.problem;
+  show("next", ({ problem, sentence }) => {
     part("next").classList.toggle("error", problem !== "");
-    words(part("next"), problem ? [{ text: `START cannot fly this: ${problem}` }] : next.sentence);
+    words(part("next"), problem ? [{ text: `START cannot fly this: ${problem}` }] : sentence);
     part("next").title = part("next").textContent;
   });
   // A START that is refused or asks back shows a notice or a question.

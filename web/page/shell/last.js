@@ -1,8 +1,8 @@
 // What the last race came to, from the stored runs, where the page is empty before START.
 import { make } from "./dom.js";
 import { on, send } from "./link.js";
-import { show } from "./parts.js";
 import { lastRace } from "./run_rows.js";
+import { show } from "./store.js";
 
 const place = document.querySelector(".last");
 const HEADS = ["", "time [s]", "above limit", "outcome"];

@@ -1,7 +1,7 @@
 // The table of the competitors of the next START, over the fields of the row that is edited, see line_up_table.py.
 import { dashed, make } from "./dom.js";
 import { send } from "./link.js";
-import { show } from "./parts.js";
+import { show } from "./store.js";
 
 function rowOf({ number, name, colour, dash, what, changes }) {
   const line = make("i", { className: "swatch" });

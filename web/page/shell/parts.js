@@ -1,22 +1,15 @@
 // The parts of the page, which are asked for as they change, see board.py.
 import { isOpen, on, send } from "./link.js";
 import * as scene from "./scene.js";
+import { latest, put } from "./store.js";
 
 const MOVING = 100; // [ms] between two questions while the race moves
 const REST = 200; // [ms] between two while it stands still
 const PATIENCE = 5000; // [ms] after which an answer is no longer waited for
-const shows = {};
 let have = {};
 let asked = 0; // when the last question was sent [ms]; 0: it is answered
-let moves = false;
 let next = 0;
 const also = []; // functions that return the names of parts that are shown beside those that every page shows
-
-// Call a function with each new content of a part; `again`: in place of the functions before.
-export function show(name, shown, again = false) {
-  if (again) shows[name] = [];
-  (shows[name] ??= []).push(shown);
-}
 
 // Fetch these parts, too, while they are shown.
 export function alsoShows(names) {
@@ -31,7 +24,7 @@ export function ask() {
     send({ type: "ask", have, seat: scene.seat(), shows: shown });
     asked = Date.now();
   }
-  next = setTimeout(ask, moves ? MOVING : REST);
+  next = setTimeout(ask, latest("now")?.playing ? MOVING : REST);
 }
 
 export function begin() {
@@ -44,10 +37,9 @@ export function begin() {
     asked = 0;
     for (const [name, { version, content }] of Object.entries(answer.parts)) {
       have[name] = version;
-      if (name === "now") moves = content.playing;
-      for (const shown of shows[name] ?? []) shown(content);
+      put(name, content);
     }
-    for (const shown of shows.camera ?? []) shown(answer.camera);
+    put("camera", answer.camera);
     scene.heardOf(answer.camera !== "");
   });
   ask();

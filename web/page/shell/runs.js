@@ -5,10 +5,10 @@ import { copy, make } from "./dom.js";
 import { figureOf } from "./figure.js";
 import * as keys from "./keys.js";
 import { on, send } from "./link.js";
-import { show } from "./parts.js";
 import { nodesOf } from "./report_blocks.js";
 import { fits, order } from "./run_rows.js";
 import { seat } from "./scene.js";
+import { show } from "./store.js";
 
 const MOST = 300; // rows that are shown; the filter finds the others
 let columns = []; // their keys, titles and digits, which the server sends

@@ -5,13 +5,14 @@ import { on, send } from "./link.js";
 const frame = document.getElementById("scene");
 const ASKED = ["fixedDpr"]; // what an address may ask of viser
 const SEAT = 18; // random bytes of the name of a seat
-const LOADED = 30000; // [ms] from the document to the scene's own connection, on a slow machine
+const LOADED = 30000; // [ms] from the document to the scene's own connection, at the first attempt
 const LOST = 8000; // [ms] without this connection until the scene is opened again
 const loading = document.querySelector(".viewport .loading");
 const watching = [];
 let name = "";
 let since = 0; // when the scene's document had come, or its connection was lost [ms]; 0: neither
 let patience = LOADED; // [ms] from then until the scene is opened again
+let attempts = 0; // without a connection; each is given twice the time of the one before
 let isLoaded = false; // whether the page has loaded, before which the scene does not begin to
 let wasOpen = false;
 
@@ -41,7 +42,7 @@ export function begin() {
 // The server says whether the scene has its connection. A document that still comes is waited for.
 export function heardOf(isConnected) {
   loading.hidden = isConnected;
-  if (isConnected) [since, patience] = [0, LOST];
+  if (isConnected) [since, patience, attempts] = [0, LOST, 0];
   else if (!since && patience === LOST) since = Date.now();
   else if (since && Date.now() - since > patience) load();
 }
@@ -49,7 +50,7 @@ export function heardOf(isConnected) {
 // Open the scene at a new seat.
 function load() {
   if (!isLoaded) return;
-  [since, patience] = [0, LOADED];
+  [since, patience] = [0, LOADED * 2 ** attempts++];
   const given = new URLSearchParams(location.search);
   const asked = new URLSearchParams({ darkMode: "" });
   for (const name of ASKED) if (given.has(name)) asked.set(name, given.get(name));

@@ -1,6 +1,6 @@
 // The tab Seeds: what a line-up came to over several seeds, as they come in, see seeds_table.py.
 import { make } from "./dom.js";
-import { show } from "./parts.js";
+import { show } from "./store.js";
 
 const NONE =
   "Set Seeds beside START to fly several seeds in a row: means with their 95 % intervals stand here as they come in.";

@@ -1,8 +1,9 @@
 // The tabs beside the scene: charts, and the tables and the map that the server writes, see elements.py.
 import { CHARTS } from "./charts.js";
 import { grown, make } from "./dom.js";
-import { alsoShows, ask, show } from "./parts.js";
+import { alsoShows, ask } from "./parts.js";
 import * as seeds from "./seeds.js";
+import { show } from "./store.js";
 
 const SEEDS = "Seeds";
 // the part of the server that each shows

@@ -1,7 +1,7 @@
 // The time line under the scene: laps, gates and incidents of each competitor, and the playback, see time_line.py.
 import { make, say } from "./dom.js";
 import { on, send } from "./link.js";
-import { show } from "./parts.js";
+import { show } from "./store.js";
 import { shown, timeAt, typedTime } from "./times.js";
 
 const PAUSE = 60; // [ms] between two times that are sent while the pointer moves
@@ -11,8 +11,6 @@ const part = (name) => document.querySelector(`.time ${name}`);
 let now = { t: 0, end: 0, can_seek: false };
 let pressed = false;
 let offered = []; // speeds of the playback [race seconds per second]
-
-export const isPlaying = () => now.playing;
 
 // Positions are shares of a length that grows while a flight is on: CSS reckons them.
 function at(element, t) {

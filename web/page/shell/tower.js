@@ -1,6 +1,6 @@
 // The tower: fixed columns, a row for each competitor, see tower.py.
 import { dashed, make, say } from "./dom.js";
-import { show } from "./parts.js";
+import { show } from "./store.js";
 
 const HEADS = [
   ["", "place"],
