@@ -215,13 +215,16 @@ def _read_by_firmware(
 
 
 def _problem_with_direction(translation: Translation, motors_reversed: bool) -> str | None:
-    """Return the problem with a line that turns the propellers otherwise than the vehicle's."""
+    """Return the problem with a line that turns the propellers otherwise than the vehicle's.
+
+    OFF, the default, is in every dump, and says nothing of them: the vehicle decides.
+    """
     line: FirmwareLine | None = translation.reversed
     if line is None:
         return None
     wanted = "ON" if motors_reversed else "OFF"
     given = line.text.partition("=")[2].strip().upper()
-    if given == wanted:
+    if given in (wanted, "OFF"):
         return None
     expected = f"expected yaw_motors_reversed = {wanted}, as the vehicle's propellers turn"
     return f"{translation.name}:{line.number}: {expected}, got {given!r}: correct or remove it"

@@ -29,6 +29,8 @@ UNREADABLE = re.compile(r"[^ -~]")
 SHOWN = 80  # characters of a line in a message
 # Such as "# Betaflight / STM32F7X2 (S7X2) 4.5.0 Apr 28 2024 / 06:56:11 ..."
 SAID = re.compile(r"#[#\s]*Betaflight\s*(?:/.*?\s)?v?(\d+)\.(\d+)\.\d+", re.IGNORECASE)
+# Presets name the versions that they are for, such as "#$ FIRMWARE_VERSION: 4.3".
+FOR_VERSION = re.compile(r"#\$\s*FIRMWARE_VERSION\s*:\s*v?(\d+)\.(\d+)", re.IGNORECASE)
 SET = re.compile(r"set\s+(\w+)\s*=\s*(.*)", re.IGNORECASE)
 
 AXES = ("roll", "pitch", "yaw")
@@ -168,12 +170,16 @@ def in_this_version(text: Text) -> Text:
 
 
 def version_of(text: Text) -> Version | None:
-    """Return the version that a comment of the text names, None if none does."""
+    """Return the version that a comment of the text names, None if none does.
+
+    A preset for several versions means the same in each: the latest of them counts.
+    """
     for line in text.lines:
         said = SAID.match(line.strip())
         if said:
             return int(said[1]), int(said[2])
-    return None
+    preset = [FOR_VERSION.match(line.strip()) for line in text.lines]
+    return max([(int(each[1]), int(each[2])) for each in preset if each], default=None)
 
 
 def translated(text: Text) -> Translation:
@@ -497,6 +503,9 @@ class _Reader:
         if name == "yaw_motors_reversed":
             self._reversed = line
             self._entries.append(TranslatedLine(Treatment.TAKEN, line))
+        elif name == "auto_profile_cell_count" and value.strip() not in ("0", "-1"):
+            note = "the profile that is selected last flies, whatever the cells of the battery"
+            self._leave(line, Treatment.NOT_SIMULATED, note)
         elif name == "motor_output_reordering":
             self._motor_order(line, value)
         elif name in board_settings():
@@ -585,7 +594,10 @@ class _Reader:
         kind = self._mixer.text.split()[1].upper() if self._mixer else "QUADX"
         if self._mixer and kind == "QUADX":
             self._entries.append(TranslatedLine(Treatment.TAKEN, self._mixer))
-        if self._mixer and kind not in ("QUADX", "CUSTOM"):
+        if self._mixer and kind == "QUADX_1234":
+            note = "the same X, whose motors have other numbers on the board"
+            self._translate(self._mixer, ("mixer QUADX",), note)
+        elif self._mixer and kind not in ("QUADX", "CUSTOM"):
             self._refuse(self._mixer, "the mixer QUADX", why)
         if kind != "CUSTOM":
             for line in self._mixes:
@@ -624,15 +636,17 @@ class _Reader:
         if not numbers:
             self._leave(line, Treatment.BOARD)
             return
-        if not all(re.fullmatch(r"\d{1,4}", number) for number in numbers):
-            self._refuse(line, "'aux INDEX MODE CHANNEL LOW HIGH LOGIC LINKED'", "numbers only")
+        are_numbers = all(re.fullmatch(r"\d{1,4}", number) for number in numbers)
+        if not are_numbers or not 5 <= len(numbers) <= 7:
+            why = "5 to 7 numbers" if are_numbers else "numbers only"
+            self._refuse(line, "'aux INDEX MODE CHANNEL LOW HIGH LOGIC LINKED'", why)
             return
-        if not 5 <= len(numbers) <= 7:
-            self._refuse(line, "'aux INDEX MODE CHANNEL LOW HIGH LOGIC LINKED'", "5 to 7 numbers")
-            return
-        index, mode, channel, low, high, logic, linked = (*map(int, numbers), 0, 0)[:7]
+        whole = (*numbers, "0", "0")[:7]
+        index, mode, channel, low, high, logic, linked = map(int, whole)
         if index >= MODES:
             self._refuse(line, f"an index from 0 to {MODES - 1}", f"it is {index}")
+        elif mode > max(MODE_NUMBERS) and not linked:
+            self._leave(line, Treatment.NOT_SIMULATED, "the mode is one of a later version")
         elif mode not in MODE_NUMBERS or linked not in MODE_NUMBERS:
             wanted = f"numbers of modes of Betaflight {_dotted(OLDEST)} to {_dotted(THIS)}"
             self._refuse(line, wanted, "there is no such mode")
@@ -645,6 +659,10 @@ class _Reader:
             self._refuse(line, wanted, f"it is AUX{channel + 1}")
         elif channel >= AUX_CHANNELS:
             self._leave(line, Treatment.BOARD)
+        elif len(numbers) < len(whole):
+            # The firmware expects all seven.
+            note = "without LOGIC and LINKED, which are 0"
+            self._translate(line, (f"aux {' '.join(whole)}",), note)
         else:
             self._take(line)
 

@@ -10,6 +10,7 @@ The firmware names its variables; `mappings/crazyflie.yaml` says which signals t
 
 from __future__ import annotations
 
+import re
 import struct
 from pathlib import Path
 from typing import NamedTuple
@@ -26,6 +27,7 @@ AT_EACH_TICK = "fixedFrequency"
 # Type of the time and seconds in its unit, by version
 TIMES = {1: ("<u4", 1e-3), 2: ("<u8", 1e-6)}
 CHECKSUM = 4  # [bytes]
+VARIABLE = re.compile(r".+\(.\)")  # with its type
 
 
 class EventKind(NamedTuple):
@@ -53,7 +55,7 @@ def read_crazyflie_log(path: Path) -> list[RawLog]:
     _, second = TIMES[version]
     try:
         kinds, first = _kinds(data, version)
-    except (struct.error, ValueError, TypeError, UnicodeDecodeError) as error:
+    except (struct.error, IndexError, ValueError, TypeError) as error:
         raise LogError(f"{path}: its header is cut off or damaged: {error}") from None
     rows, remarks = _rows(data, first, kinds, path)
     columns = {name: rows[name] for name in rows.dtype.names or ()}
@@ -76,6 +78,8 @@ def _kinds(data: bytes, version: int) -> tuple[dict[int, EventKind], int]:
         for _ in range(variables):
             # A variable is written as its name and its type, such as acc.x(f).
             written, place = _text(data, place)
+            if not VARIABLE.fullmatch(written):
+                raise ValueError(f"expected a variable like acc.x(f), got {written[:20]!r}")
             fields.append((written[:-3], np.dtype(written[-2]).newbyteorder("<").str))
         kinds[number] = EventKind(number, name, np.dtype(fields))
     return kinds, place

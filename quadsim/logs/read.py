@@ -29,6 +29,7 @@ from quadsim.logs.ulog import is_ulog, read_ulog
 
 # Beginning of a file by which its kind is known [bytes]
 HEAD = 4096
+LFS_POINTER = b"version https://git-lfs"
 
 
 class LogKind(NamedTuple):
@@ -92,6 +93,8 @@ def _read(path: Path, mapping: str | Path | None) -> list[RawLog]:
         raise LogError(f"{path}: {(error.strerror or str(error)).lower()}") from None
     if not head:
         raise LogError(f"{path}: expected a log, got an empty file")
+    if head.startswith(LFS_POINTER):
+        raise LogError(f"{path}: expected a log, got a pointer of Git LFS: run git lfs pull")
     kind = next((kind for kind in KINDS if kind.recognises(head)), None)
     if kind is None:
         known = ", ".join(kind.name for kind in KINDS)

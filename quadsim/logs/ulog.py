@@ -27,6 +27,7 @@ MOTORS = range(4)
 # Range of a motor's pulse [us]
 SHORTEST_PULSE = 1000.0
 LONGEST_PULSE = 2000.0
+ROTARY_WING = 1  # vehicle_type of a multirotor
 RPM = np.pi / 30.0  # [rad/s]
 
 
@@ -52,7 +53,7 @@ def read_ulog(path: Path) -> list[RawLog]:
     """Return the flight of a log of PX4.
 
     Raises:
-        LogError: the log is damaged, or has no body rates.
+        LogError: the log is damaged, has no body rates, or is no flight of a multirotor.
         ModuleNotFoundError: pyulog is not installed; one line.
     """
     pyulog = imported("pyulog", "pyulog", "logs")
@@ -74,11 +75,42 @@ def read_ulog(path: Path) -> list[RawLog]:
         known = ", ".join(sorted(topics)) or "none"
         wanted = "expected the topic vehicle_angular_velocity or sensor_combined"
         raise LogError(f"{path}: {wanted}, got {known}")
+    _expect_multirotor(topics, path)
     t, values = rates
     remarks = [cut_remark(len(t))] if len(t) > MOST_ROWS else []
     t = t[:MOST_ROWS]
     signals = {"body_rates": from_frd(values[:MOST_ROWS]), **dict(_others(topics, t))}
-    return [RawLog(path.name, t, signals, tuple(remarks))]
+    aloft = ~_landed(topics, t)
+    if not aloft.any():
+        raise LogError(f"{path}: expected a flight, got a log of a vehicle that stays landed")
+    if not aloft.all():
+        remarks.append(f"rows left out, in which the vehicle is landed: {int(np.sum(~aloft))}")
+    signals = {name: readings[aloft] for name, readings in signals.items()}
+    return [RawLog(path.name, t[aloft], signals, tuple(remarks))]
+
+
+def _expect_multirotor(topics: Mapping[str, Topic], path: Path) -> None:
+    """Raise LogError if PX4 says that the vehicle is no multirotor."""
+    status = topics.get("vehicle_status")
+    if status is None:
+        return
+    of_vtol = status.vector("is_vtol")
+    kinds = status.vector("vehicle_type")
+    is_vtol = of_vtol is not None and bool(np.any(of_vtol))
+    if is_vtol or (kinds is not None and not np.any(kinds == ROTARY_WING)):
+        found = "a VTOL, whose outputs are not four rotors alone" if is_vtol else "another vehicle"
+        raise LogError(f"{path}: expected a log of a multirotor, got {found}")
+
+
+def _landed(topics: Mapping[str, Topic], t: np.ndarray) -> np.ndarray:
+    """Return whether PX4 says that the vehicle is on the ground, at the times t  (n,)."""
+    detected = topics.get("vehicle_land_detected")
+    landed = detected.vector("landed") if detected else None
+    if detected is None or landed is None or not len(landed):
+        return np.zeros(len(t), bool)
+    # The topic is logged at changes: each value holds until the next.
+    last = np.searchsorted(detected.t, t, side="right") - 1
+    return landed[np.maximum(last, 0), 0] > 0.5
 
 
 def _topic(data: Mapping[str, Any]) -> Topic:

@@ -250,14 +250,25 @@ def test_positions_that_are_found_arm(built):
     assert armed > 10
 
 
-@pytest.mark.parametrize(
-    ("line", "direction"),
-    [("set yaw_motors_reversed = ON", False), ("set yaw_motors_reversed = OFF", True)],
-)
-def test_propellers_that_turn_the_other_way_are_one_line(built, line, direction):
-    configured(built.program, text(line), not direction)
+def test_propellers_that_turn_the_other_way_are_one_line(built):
+    line = "set yaw_motors_reversed = ON"
+    configured(built.program, text(line), True)
     with pytest.raises(ConfigurationError, match=r"^mine\.txt:2: expected yaw_motors_reversed"):
-        configured(built.program, text(line), direction)
+        configured(built.program, text(line), False)
+
+
+def test_the_default_direction_says_nothing_of_the_vehicle(built):
+    one, other = (
+        configured(built.program, each, True)
+        for each in (text("set yaw_motors_reversed = OFF"), text())
+    )
+    assert one.eeprom == other.eeprom
+
+
+@pytest.mark.parametrize("line", ["aux 0 0 0 1700 2100", "aux 0 0 0 1700 2100 0"])
+def test_a_switch_of_fewer_numbers_arms(built, line):
+    whole = configured(built.program, Text("x", ("aux 0 0 0 1700 2100 0 0",)), False)
+    assert configured(built.program, Text("x", (line,)), False).eeprom == whole.eeprom
 
 
 def test_idle_is_that_of_the_version_that_wrote_the_text(built):

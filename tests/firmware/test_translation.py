@@ -17,6 +17,7 @@ from quadsim.firmware.translation import (
     board_settings,
     in_this_version,
     translated,
+    version_of,
 )
 from quadsim.vehicle import VEHICLES
 
@@ -211,6 +212,38 @@ def test_lines_of_the_board_are_left_out_and_counted(line):
     assert [entry.line.text for entry in found.of_kind(Treatment.BOARD)] == [line]
     assert not found.changes_something
     assert found.report() == ["1 line of the board, the transmitter or another mode: left out"]
+
+
+@pytest.mark.parametrize(
+    ("line", "became"),
+    [
+        ("aux 0 0 0 1700 2100", "aux 0 0 0 1700 2100 0 0"),
+        ("aux 0 0 0 1700 2100 1", "aux 0 0 0 1700 2100 1 0"),
+        ("mixer QUADX_1234", "mixer QUADX"),
+    ],
+)
+def test_a_line_that_a_board_forgives_is_completed(line, became):
+    found = translated(text(line))
+    assert became in [each.text for each in found.lines]
+    assert [entry.line.text for entry in found.of_kind(Treatment.TRANSLATED)] == [line]
+
+
+@pytest.mark.parametrize(
+    ("line", "note"),
+    [
+        ("aux 2 56 3 1900 2100 0 0", "the mode is one of a later version"),
+        ("set auto_profile_cell_count = 6", "the profile that is selected last flies"),
+    ],
+)
+def test_what_only_a_board_decides_is_named(line, note):
+    (entry,) = translated(text(line)).of_kind(Treatment.NOT_SIMULATED)
+    assert entry.line.text == line
+    assert entry.note.startswith(note)
+
+
+def test_a_preset_is_of_the_latest_version_that_it_names():
+    lines = ("#$ TITLE: Karate", "#$ FIRMWARE_VERSION: 4.2", "#$ FIRMWARE_VERSION: 4.3")
+    assert version_of(Text("preset.txt", lines)) == (4, 3)
 
 
 @pytest.mark.parametrize(

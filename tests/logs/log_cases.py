@@ -165,8 +165,12 @@ def _signed(number):
 FRD = (1.0, -1.0, -1.0)
 
 
-def ulog_bytes():
-    """Return the known flight as PX4 writes it: north, east, down and forward, right, down."""
+def ulog_bytes(**more):
+    """Return the known flight as PX4 writes it: north, east, down and forward, right, down.
+
+    Args:
+        more: topic -> {field: values of the rows}, besides those of the flight.
+    """
     t, s = known_signals()
     half = np.array((0.0, 1.0, 0.0, 0.0))
     to_ned = np.array((0.0, 0.5**0.5, 0.5**0.5, 0.0))
@@ -185,6 +189,10 @@ def ulog_bytes():
         ),
         "actuator_motors": (1, {"float[4] control": s["motor_commands"]}),
         "battery_status": (50, {"float voltage_v": s["battery"]}),
+        **{
+            name: (1, {f"float {field}": values for field, values in fields.items()})
+            for name, fields in more.items()
+        },
     }
     data = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0)
     messages = []

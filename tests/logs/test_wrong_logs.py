@@ -265,6 +265,41 @@ def test_a_folder_and_a_missing_file_are_one_line(tmp_path):
         read_logs(tmp_path / "nothing.csv")
 
 
+def test_a_pointer_of_git_lfs_is_named(tmp_path):
+    file = tmp_path / "flight.bbl"
+    file.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n")
+    with pytest.raises(LogError, match="got a pointer of Git LFS: run git lfs pull"):
+        read_logs(file)
+
+
+def test_a_variable_without_a_type_is_a_damaged_header(tmp_path):
+    file = tmp_path / "log00"
+    file.write_bytes(crazyflie_bytes().replace(b"acc.x(f)\0", b"a\0"))
+    with pytest.raises(LogError, match="its header is cut off or damaged"):
+        read_logs(file)
+
+
+def test_what_px4_says_of_the_vehicle_counts(tmp_path):
+    pytest.importorskip("pyulog", reason="the extra logs is not installed")
+    file = tmp_path / "flight.ulg"
+
+    def read(**topics):
+        file.write_bytes(ulog_bytes(**topics))
+        (log,) = read_logs(file)
+        return log
+
+    landed = np.arange(ROWS) < 100
+    log = read(vehicle_land_detected={"landed": landed}, vehicle_status={"vehicle_type": landed})
+    assert len(log.t) == ROWS - 100
+    assert "rows left out, in which the vehicle is landed: 100" in log.remarks
+    with pytest.raises(LogError, match="expected a flight, got a log of a vehicle that stays land"):
+        read(vehicle_land_detected={"landed": np.ones(ROWS)})
+    with pytest.raises(LogError, match="expected a log of a multirotor, got a VTOL"):
+        read(vehicle_status={"is_vtol": np.ones(ROWS), "vehicle_type": np.ones(ROWS)})
+    with pytest.raises(LogError, match="expected a log of a multirotor, got another vehicle"):
+        read(vehicle_status={"vehicle_type": 2.0 * np.ones(ROWS)})
+
+
 FILES = {
     "csv": lambda: b"",
     "crazyflie": crazyflie_bytes,

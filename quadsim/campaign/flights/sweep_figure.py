@@ -134,7 +134,7 @@ def _draw_row(
             variations = [(point.place + beside, point.thrust) for point in curve.points]
             for thrust in thrusts:
                 _draw_curve(thrust, variations, look)
-        _label_values(panels[:, column], curves[0])
+        _label_values(list(panels[:, column]), curves[0])
     for free in panels[:, len(row) :].flat:
         free.remove()
     first_finished, first_laps, *first_thrusts = panels[:, 0]
