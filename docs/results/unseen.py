@@ -89,7 +89,7 @@ def _gates(rng: np.random.Generator, number: int, opening: float) -> list[Pose]:
     low = opening / 2.0 + ABOVE_GROUND
     gates = [Pose(0.0, 0.0, round(float(rng.uniform(low, low + 2.0)), 2), 0.0)]
     while len(gates) < number:
-        element = rng.choice(ELEMENTS)
+        element = ELEMENTS[rng.integers(len(ELEMENTS))]
         gates += [_within(gate, low) for gate in element(rng, gates[-1], opening)]
     return gates[:number]
 
