@@ -113,7 +113,7 @@ def test_what_leaves_the_browser_says_leader_differences_chatter_and_numbers():
     assert "figure8, 1.00 s: colored leads gaussian by 0.10 s over the first lap" in found.headline
     assert found.compared.startswith("They differ in sampler, ")
     first, second = (line.text for line in found.lines)
-    assert first.startswith("colored  in its first lap")
+    assert first.startswith("colored: in its first lap, ")
     assert "seed 5" in first
     assert "+0.10 s" in second
     assert all("chatter" in line for line in (first, second))

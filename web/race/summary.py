@@ -59,8 +59,8 @@ def _line(standing: Standing, t: float) -> str:
     """Return a competitor in one line: laps, end or gap, chatter, seed and changed numbers."""
     entry = standing.entry
     i = entry.at(t)
-    laps = "  ".join(f"{lap:.3f}" for lap in entry.laps_until(t))
-    parts = [entry.name, f"laps {laps} s" if laps else "in its first lap"]
+    laps = " + ".join(f"{lap:.3f}" for lap in entry.laps_until(t))
+    parts = [f"laps {laps} s" if laps else "in its first lap"]
     has_ended = entry.outcome is not None and i == len(entry.t) - 1
     if has_ended:
         parts.append(f"{entry.outcome} after {entry.last_t:.2f} s")
@@ -71,4 +71,4 @@ def _line(standing: Standing, t: float) -> str:
         parts.append(f"chatter {chatter:.0f} m/s²/s")
     parts.append(f"seed {entry.spec.seed}")
     parts += filter(None, [preset_changes(entry.record), not_comparable(entry.record)])
-    return "  ".join(parts)
+    return f"{entry.name}: {', '.join(parts)}"
