@@ -17,6 +17,7 @@ from quadsim.cli.flags import (
     Help,
     Json,
     RunsDir,
+    Switch,
     names,
     settings_as_flags,
     stored_runs,
@@ -72,7 +73,7 @@ def fit(
     out: Annotated[str | None, Help("FILE.yaml to write; default: NAME.yaml")] = None,
     yes: Annotated[
         bool,
-        Help(
+        Switch(
             "write the vehicle although it predicts the flights worse than constant velocity does"
         ),
     ] = False,

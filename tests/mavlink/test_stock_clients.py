@@ -52,7 +52,7 @@ for _ in range(200):
 )
 def test_mavsdk_connects_is_healthy_arms_and_flies_offboard(serve, port, tmp_path):
     client = subprocess.Popen(
-        [sys.executable, EXAMPLE, str(port)], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-u", EXAMPLE, str(port)], stdout=subprocess.PIPE, text=True
     )
     code = serve(course=NORTH, timeout="90")
     # The race has ended in the gate; the rest of the client's flight goes to nobody.
@@ -73,7 +73,7 @@ def test_pymavlink_as_it_comes_fetches_sets_a_mode_arms_and_flies(serve, port):
     pytest.importorskip("pymavlink")
     environment = {key: value for key, value in os.environ.items() if key != "MAVLINK20"}
     client = subprocess.Popen(
-        [sys.executable, "-c", MONITOR, str(port)],
+        [sys.executable, "-u", "-c", MONITOR, str(port)],
         stdout=subprocess.PIPE,
         text=True,
         env=environment,
