@@ -354,7 +354,7 @@ class EncapsulatedData(Message):
 
 @dataclass(frozen=True)
 class AutopilotVersion(Message):
-    """What the autopilot can do, and its versions; 0 is unknown."""
+    """The capabilities and versions of the autopilot; 0 stands for an unknown version."""
 
     ID = 148
     NAME = "AUTOPILOT_VERSION"
@@ -373,7 +373,7 @@ class AutopilotVersion(Message):
 
 @dataclass(frozen=True)
 class HomePosition(Message):
-    """Where the vehicle starts: latitude and longitude [1e-7 deg], height [mm], place [m]."""
+    """The vehicle's start: latitude and longitude [1e-7 deg], height [mm], local position [m]."""
 
     ID = 242
     NAME = "HOME_POSITION"

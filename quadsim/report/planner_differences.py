@@ -1,4 +1,4 @@
-"""What else differs between planners whose samplers are compared, as text."""
+"""Sentences on the numbers, beside the sampler, in which compared planners differ."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the messages of several programs do, without a socket and without a flight."""
+"""The server answers the messages of several programs; no socket is bound and nothing flies."""
 
 from math import nan
 from struct import unpack_from

@@ -1,4 +1,4 @@
-"""What `race serve` makes of its flags, before a socket is bound."""
+"""`race serve` reads its flags before it binds a socket."""
 
 import pytest
 

@@ -108,6 +108,7 @@ def test_a_course_comes_from_a_file_with_its_faults_by_line_and_goes_into_one(pa
         assert linked.press("editor", "done") == ""
 
 
+@pytest.mark.socket
 def test_every_field_has_a_label_and_says_what_it_does(page):
     with link(page.port) as linked:
         for form in ("race", "competitors", "numbers", "view"):

@@ -10,12 +10,12 @@ from quadsim.web.race.notices import Notice
 
 
 class Preparing(NamedTuple):
-    """What a START waits for.
+    """The progress of the preparations after START was pressed.
 
     Attributes:
         what: flights that are built, or planners that are compiled.
-        number: of the one that is worked on, from 1.
-        of: how many there are.
+        number: number of the present flight or planner, from 1.
+        of: number of all of them.
     """
 
     what: Literal["building", "compiling"]

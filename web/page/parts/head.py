@@ -22,7 +22,7 @@ from quadsim.web.state.line_up_link import line_up_text
 from quadsim.web.state.page_state import PageState
 
 WATCH = "Watch who leads, and the chatter of the thrust: jumps that no motor can follow."
-# What a START waits for, see Preparing
+# The sentences that are shown while a flight is prepared, by Preparing.what
 WAITS = {
     "building": "START: building flight {number} of {of}",
     "compiling": "Compiling planner {number} of {of} for this machine: once, it takes some 15 s",
@@ -75,14 +75,14 @@ class Head(msgspec.Struct):
 
 
 class Next(msgspec.Struct):
-    """What START flies, beside its button, whatever is on the page.
+    """The line-up and course that START would fly, shown beside the button at all times.
 
     Attributes:
         sentence: the competitors and the course.
         problem: why START cannot fly them; empty: it can.
         set_up: the set-up as a part of an address, see quadsim.web.state.line_up_link; empty: it is
             too long for one.
-        server: what tells this server from the one before it.
+        server: an identifier that is new each time the server starts.
     """
 
     sentence: list[Word]
