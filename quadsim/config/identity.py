@@ -126,7 +126,7 @@ def _object(value: Any) -> object:
         return state
     # The content of a list, an array or the like, of which the class is derived, as the library
     # tells it: the user's class may tell less
-    library = next(base for base in kind.__mro__ if is_of_library(base))
+    library: Any = next(base for base in kind.__mro__ if is_of_library(base))
     content = library.__reduce_ex__(value, pickle.DEFAULT_PROTOCOL)
     return (state, [list(part) if isinstance(part, Iterator) else part for part in content])
 
