@@ -1,0 +1,161 @@
+"""The way to a gate: straight, or round its frame for a vehicle that is beside or behind it.
+
+Seen from the left, the passage leads to the right: the way leads straight to the opening from in
+front of the gate (a), forward from beside its frame (b), and round the frame's outer edge from
+behind it (c).
+
+              .------------------.
+              |       ____       |
+              |      |    |      |
+              |      |bar |      c
+              v      |____|
+      a ------>-----> opening
+              ^       ____
+              |      |    |
+              |      |bar |
+              |      |____|
+              '------- b
+
+Frames that stand side by side or one above the other, with no room for the vehicle between them,
+are one frame for the way round.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy import maximum, sqrt, where
+
+from quadsim.controllers.costs.frames import SAFETY_MARGIN
+from quadsim.controllers.costs.room import Room
+from quadsim.course import Gate, in_frame
+from quadsim.course.opening import InGate, outer_half_sizes
+
+# Least room between two frames through which the way round leads, in clearances of the vehicle
+PASSABLE = 4.0
+# Added to the distance of a side at which the room ends [m]
+BLOCKED = 1000.0
+# Share of a gate's depth from which on a vehicle counts as beside the frame. The exit of a gate may
+# lie in the entry plane of the next one.
+BESIDE = 0.9
+
+
+class Sides(NamedTuple):
+    """Distances from the middle of an opening to its sides, where the vehicle is clear of them [m].
+
+    Frames beside the gate that leave the vehicle no room between them belong to the gate's frame.
+    """
+
+    left: float
+    right: float
+    up: float
+    down: float
+
+
+def in_gate(p, gate):
+    """Return the position p in the frame of the gate's exit: along the passage, left, up."""
+    passage = (gate.nx, gate.ny, gate.nz)
+    left = (gate.lx, gate.ly, gate.lz)
+    return InGate(*in_frame(off_exit(p, gate), passage, left, cross(passage, left)))
+
+
+def off_exit(p, gate):
+    """Return the vector from the gate's exit to the position p, world frame."""
+    x, y, z = p
+    return x - gate.x, y - gate.y, z - gate.z
+
+
+def cross(a, b):
+    """Return the cross product of two vectors of three numbers.  (3,)"""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def way_to_gate(place, gate, opening):
+    """Return the distance to fly to the exit of a gate [m].
+
+    In front of the gate and within its opening the way is straight. Beside the frame it leads
+    forward, out of the plane of the gate, and from behind round the nearest outer edge of the
+    frame. A way that is not straight is longer by the approach.
+
+    Args:
+        place: InGate.
+        gate: GateTarget.
+        opening: share of the opening to whose nearest point the distance is measured.
+    """
+    half_left = opening * (gate.free_y - gate.margin)
+    half_up = opening * (gate.free_z - gate.margin)
+    off_left = maximum(abs(place.left) - half_left, 0.0)
+    off_up = maximum(abs(place.up) - half_up, 0.0)
+    outside = maximum(abs(place.left) - gate.free_y, abs(place.up) - gate.free_z) > 0.0
+    is_behind = place.along > 0.0
+    is_beside = (place.along > -BESIDE * gate.depth) & outside
+
+    # How far it is aside to the outer edge of the frame, negative beside the frame, and from there
+    # to the opening: the shorter way of up and down, then of left and right
+    above = gate.round_up - place.up
+    below = gate.round_down + place.up
+    is_over = above + gate.round_up < below + gate.round_down
+    out_up = where(is_over, above, below)
+    in_up = maximum(where(is_over, gate.round_up, gate.round_down) - half_up, 0.0)
+    to_left = gate.round_left - place.left
+    to_right = gate.round_right + place.left
+    is_left = to_left + gate.round_left < to_right + gate.round_right
+    out_left = where(is_left, to_left, to_right)
+    in_left = maximum(where(is_left, gate.round_left, gate.round_right) - half_left, 0.0)
+
+    # The shorter one of these. It leads to the edge of the frame's back, or past it to the front.
+    is_upright = maximum(out_up, 0.0) + in_up < maximum(out_left, 0.0) + in_left
+    out = where(is_upright, out_up, out_left)
+    inward = where(is_upright, in_up, in_left)
+    is_hidden = is_behind & (out > 0.0)
+
+    forward = where(is_beside, place.along + gate.depth, place.along)
+    along = where(is_hidden, place.along, where(is_behind, place.along + gate.depth, forward))
+    left = where(is_behind, out, off_left)
+    up = where(is_behind, where(is_upright, off_left, off_up), off_up)
+    straight = sqrt(along * along + left * left + up * up + 1e-6)
+
+    around = inward + where(is_hidden, gate.depth, 0.0)
+    more = gate.approach + 0.5 * gate.depth + where(is_behind, around, 0.0)
+    return straight + where(is_behind | is_beside, more, 0.0)
+
+
+def sides_of(gate: Gate, frames: np.ndarray, radius: float, room: Room) -> Sides:
+    """Return the distances from the middle of a gate to its sides, where the way round leads past.
+
+    Args:
+        gate: the gate.
+        frames: outer corners of all frames of the course [m]  (frames, 4, 3).
+        radius: radius of the vehicle [m].
+        room: the room in which the vehicle may fly.
+    """
+    clear = radius + SAFETY_MARGIN
+    left, up = outer_half_sizes(gate.opening, gate.frame_width)
+    low, high = np.array([-left, -up]), np.array([left, up])
+
+    # Frames in the plane of the gate, as rectangles in it
+    inside = (frames - gate.position) @ gate.rotation  # (frames, 4, 3)
+    in_plane = np.abs(inside[:, :, 0]).max(axis=1) < 2.0 * clear + gate.frame_depth
+    flat = inside[in_plane, :, 1:]  # (frames, 4, 2)
+
+    # Take in the frames with too little room between them and those taken in so far
+    gap = PASSABLE * clear
+    for _ in flat[1:]:
+        lowest, highest = flat.min(axis=1), flat.max(axis=1)
+        near = ((lowest < high + gap) & (highest > low - gap)).all(axis=1)
+        low = np.minimum(low, lowest[near].min(axis=0))
+        high = np.maximum(high, highest[near].max(axis=0))
+    low, high = low - clear, high + clear
+    distances = np.array([high[0], -low[0], high[1], -low[1]])
+
+    # There is no way past a side at which the room ends.
+    _, to_left, to_up = gate.rotation.T
+    directions = np.array([to_left, -to_left, to_up, -to_up])
+    places = gate.position + distances[:, None] * directions
+    room_low = (room.x_low, room.y_low, room.floor)
+    room_high = (room.x_high, room.y_high, room.z_high)
+    is_free = ((places >= room_low) & (places <= room_high)).all(axis=1)
+    if is_free.any():
+        distances = distances + np.where(is_free, 0.0, BLOCKED)
+    return Sides(*distances.tolist())

@@ -1,0 +1,84 @@
+"""The way to a gate: it leads on from every free place around the frames of a course."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from race_cases import ALL, RADIUS, WIDTH, course, gate
+
+from quadsim.controllers.costs.frames import ObstacleRow, course_obstacles
+from quadsim.controllers.costs.race import margin_of
+from quadsim.controllers.costs.race_targets import GateTarget, targets
+from quadsim.controllers.costs.room import room_to_fly
+from quadsim.controllers.costs.round_frame import BLOCKED, PASSABLE, in_gate, way_to_gate
+
+SPACING = 0.1  # [m] of the places that are looked at
+OPENING = (1.6, 1.6)
+
+
+def ladder(gap, z=10.0):
+    """Return two gates, one above the other, with a gap between their frames [m]."""
+    above = z + OPENING[1] + 2 * WIDTH + gap
+    return course(gate(5.0, z=z, opening=OPENING), gate(5.0, z=above, opening=OPENING))
+
+
+def rows_of(flown):
+    """Return the target rows of a course, as records."""
+    room = room_to_fly(flown, RADIUS, ALL.margin)
+    rows, _ = targets(flown, RADIUS, margin_of(ALL), room, 1)
+    return [GateTarget(*row) for row in rows]
+
+
+def are_free(flown, places):
+    """Return whether a vehicle at each of these places touches no frame."""
+    obstacles = course_obstacles(flown, RADIUS)
+    free = np.ones(places[0].shape, bool)
+    for row in obstacles.rows:
+        free &= ~obstacles.touches(places, places, ObstacleRow(*row))
+    return free
+
+
+@pytest.mark.parametrize("gap", [0.1, 0.4, 0.9])
+def test_no_place_around_a_ladder_is_a_trap(gap):
+    """A place beside each free place is nearer to the gate, except in its opening."""
+    flown = ladder(gap)
+    _, target, _ = rows_of(flown)
+    axes = [np.arange(low, high, SPACING) for low, high in ((3.03, 7.0), (-2.6, 2.5), (8.07, 14.5))]
+    places = tuple(np.meshgrid(*axes, indexing="ij"))
+    way = way_to_gate(in_gate(places, target), target, ALL.opening)
+    way = np.where(are_free(flown, places), way, np.inf)
+
+    nearest = np.full_like(way[1:-1, 1:-1, 1:-1], np.inf)
+    for ahead in product(range(3), repeat=3):
+        shifted = zip(ahead, way.shape, strict=True)
+        beside = way[tuple(slice(n, n + size - 2) for n, size in shifted)]
+        nearest = np.minimum(nearest, beside)
+    ends = np.argwhere(np.isfinite(nearest) & (nearest >= way[1:-1, 1:-1, 1:-1])) + 1
+    assert len(ends)
+    for end in ends:
+        place = in_gate([axis[n] for axis, n in zip(axes, end, strict=True)], target)
+        assert abs(place.along) < SPACING
+        assert abs(place.left) < target.free_y
+        assert abs(place.up) < target.free_z
+
+
+def test_frames_without_room_between_them_are_one_for_the_way_round():
+    half = OPENING[1] / 2 + WIDTH + RADIUS + 0.02
+    room = PASSABLE * (RADIUS + 0.02)
+    below, above, _ = rows_of(ladder(room - 0.01))
+    both = 2 * OPENING[1] + 4 * WIDTH + room - 0.01
+    assert below.round_up == pytest.approx(both - half + 2 * (RADIUS + 0.02))
+    assert (below.round_up, below.round_down) == pytest.approx((above.round_down, above.round_up))
+    assert below.round_down == below.round_left == pytest.approx(half)
+    below, above, _ = rows_of(ladder(room + 0.01))
+    assert below.round_up == above.round_down == pytest.approx(half)
+
+
+def test_no_way_leads_between_a_frame_and_the_ground():
+    bounds = ((-100.0, 100.0), (-100.0, 100.0), (0.0, 100.0))
+    low, high = gate(5.0, z=1.2, opening=OPENING), gate(15.0, z=1.7, opening=OPENING)
+    below, free, _ = rows_of(course(low, high, bounds=bounds))
+    assert below.round_down > BLOCKED
+    assert free.round_down < 2.0
