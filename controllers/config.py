@@ -6,6 +6,9 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Annotated
 
+from msgspec import Meta
+
+from quadsim.controllers.schedule import step_lengths
 from quadsim.files.strict_yaml import setting
 from quadsim.files.values import check_fields
 
@@ -112,6 +115,14 @@ class MPPIConfig:
         bool,
         setting("whether thrust gain, drag, highest thrust and rotors are estimated in flight"),
     ] = False
+    longer_steps: Annotated[
+        tuple[Annotated[float, Meta(gt=0, le=100)], ...],
+        setting(
+            "times ahead from which the steps of rollouts are twice as long as before; none: each"
+            " step is a control period",
+            unit="s",
+        ),
+    ] = ()
     freeze_first: Annotated[
         bool, setting("whether the first control of the plan is left unperturbed")
     ] = False
@@ -137,6 +148,11 @@ class MPPIConfig:
 
     def __post_init__(self) -> None:
         check_fields(self)
+
+    @property
+    def step_lengths(self) -> tuple[int, ...]:
+        """The lengths of the steps of rollouts, in control periods; their sum is the horizon."""
+        return step_lengths(self.horizon, self.dt, self.longer_steps)
 
     def ess_of(self, samples: int) -> float | None:
         """Return the target of the effective sample size for a number of samples.

@@ -35,7 +35,7 @@ from typing import Annotated
 from msgspec import Meta
 from numpy import maximum, minimum, sqrt, where
 
-from quadsim.controllers.costs import Cost, Term, crash
+from quadsim.controllers.costs import AmountTerm, Cost, StepFunction, Term, crash
 from quadsim.controllers.costs.frames import course_obstacles, obstacle_rows
 from quadsim.controllers.costs.race_caution import Sight, with_caution
 from quadsim.controllers.costs.race_step import RaceParams, at_gate
@@ -218,6 +218,11 @@ def clearance(x, x_next, u, gate, p):
     return where(step.within, missing, 0.0)
 
 
+def kind_of(term: StepFunction) -> type[Term]:
+    """Return the class of a term: the clearance counts the metres that a step flies."""
+    return AmountTerm if term is clearance else Term
+
+
 def margin_of(weights: RaceWeights) -> Margin:
     """Return the desired distance between vehicle and frame within a gate."""
     return Margin(wanted=weights.margin, share=weights.margin_share)
@@ -271,7 +276,7 @@ def race_cost(
     still_in_gate = partial(is_inside, clear_of_frame(radius, deepest))
     cost = Cost(
         name="race",
-        terms=tuple(Term(term, getattr(weights, term.__name__)) for term in RACE_TERMS),
+        terms=tuple(kind_of(term)(term, getattr(weights, term.__name__)) for term in RACE_TERMS),
         row=GateTarget,
         targets=rows,
         params=RaceParams(

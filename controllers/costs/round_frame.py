@@ -76,7 +76,7 @@ def way_to_gate(place, gate, opening):
 
     In front of the gate and within its opening the way is straight. Beside the frame it leads
     forward, out of the plane of the gate, and from behind round the nearest outer edge of the
-    frame. A way that is not straight is longer by the approach.
+    frame. A way that is not straight is longer by two approaches, as the vehicle has to turn.
 
     Args:
         place: InGate.
@@ -117,7 +117,7 @@ def way_to_gate(place, gate, opening):
     straight = sqrt(along * along + left * left + up * up + 1e-6)
 
     around = inward + where(is_hidden, gate.depth, 0.0)
-    more = gate.approach + 0.5 * gate.depth + where(is_behind, around, 0.0)
+    more = 2.0 * gate.approach + where(is_behind, around, 0.0)
     return straight + where(is_behind | is_beside, more, 0.0)
 
 
