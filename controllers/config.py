@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Annotated
 
-from msgspec import Meta
-
 from quadsim.controllers.schedule import step_lengths
 from quadsim.files.strict_yaml import setting
 from quadsim.files.values import check_fields
@@ -115,14 +113,19 @@ class MPPIConfig:
         bool,
         setting("whether thrust gain, drag, highest thrust and rotors are estimated in flight"),
     ] = False
-    longer_steps: Annotated[
-        tuple[Annotated[float, Meta(gt=0, le=100)], ...],
-        setting(
-            "times ahead from which the steps of rollouts are twice as long as before; none: each"
-            " step is a control period",
-            unit="s",
-        ),
-    ] = ()
+    longer_steps: (
+        Annotated[
+            float,
+            setting(
+                "time ahead after which the steps of rollouts are twice as long, and again after"
+                " the same time, up to 0.04 s; none: each step is a control period",
+                unit="s",
+                gt=0,
+                le=100,
+            ),
+        ]
+        | None
+    ) = None
     freeze_first: Annotated[
         bool, setting("whether the first control of the plan is left unperturbed")
     ] = False

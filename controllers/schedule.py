@@ -27,6 +27,9 @@ from itertools import accumulate
 
 import numpy as np
 
+# The longest step [s]: in a step a sample flies straight for the tests against frames.
+LONGEST_STEP = 0.04
+
 
 @dataclass(frozen=True)
 class Schedule:
@@ -75,26 +78,32 @@ class Schedule:
         return _marks(self.cost_rise, self.lengths or (1,) * horizon, periods)
 
 
-def step_lengths(horizon: int, dt: float, doublings: Sequence[float]) -> tuple[int, ...]:
+def step_lengths(horizon: int, dt: float, doubling: float | None) -> tuple[int, ...]:
     """Return the lengths of the steps of a rollout in control periods, whose sum is the horizon.
 
     Args:
         horizon: number of control periods.
         dt: control period [s].
-        doublings: times from which steps are twice as long as before [s].
+        doubling: time after which steps are twice as long, and again after the same time [s]; None:
+            all steps are control periods.
 
     Examples:
         >>> from quadsim.controllers.schedule import step_lengths
-        >>> step_lengths(horizon=12, dt=0.01, doublings=(0.03, 0.06))
+        >>> step_lengths(horizon=12, dt=0.01, doubling=0.03)
         (1, 1, 1, 2, 2, 4, 1)
     """
+    if doubling is None:
+        return (1,) * horizon
     lengths: list[int] = []
     flown, length = 0, 1
-    for end in (*(round(time / dt) for time in doublings), horizon):
-        while flown < min(end, horizon):
-            lengths.append(min(length, horizon - flown))
-            flown += lengths[-1]
-        length *= 2
+    until = max(round(doubling / dt), 1)
+    while flown < horizon:
+        is_due = flown >= until and 2 * length * dt < LONGEST_STEP + 1e-9
+        if is_due:
+            length *= 2
+            until += max(round(doubling / dt), 1)
+        lengths.append(min(length, horizon - flown))
+        flown += lengths[-1]
     return tuple(lengths)
 
 

@@ -150,7 +150,7 @@ def test_perturbations_and_cost_are_weighted_along_the_horizon():
 @pytest.mark.compiled
 def test_lanes_with_longer_steps_agree_with_the_oracle():
     cost, _ = scene(0)
-    lengths = step_lengths(T, 0.01, doublings=(0.4, 0.8))
+    lengths = step_lengths(T, 0.01, doubling=0.4)
     U, z = controls(0)
     U, z = U[: len(lengths)], z[:, :, : len(lengths)]
     longer = Schedule(first_noise=0.3, cost_rise=2.0, lengths=lengths)

@@ -2,26 +2,32 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from quadsim.controllers.config import MPPIConfig
 from quadsim.controllers.costs import AmountTerm, Cost, Term
+from quadsim.controllers.presets import contradictions, preset
 from quadsim.controllers.schedule import Schedule, marks_at, step_lengths
 from quadsim.controllers.steps import Steps
 from quadsim.dynamics.quadrotor import ModelParams, State, quadrotor
 from quadsim.vehicle import load_vehicle
 
 DT = 0.01
-LENGTHS = step_lengths(150, DT, doublings=(0.5, 1.0))
+LENGTHS = step_lengths(150, DT, doubling=0.5)
 
 
-def test_steps_double_at_the_given_times_and_fill_the_horizon():
+def test_steps_double_after_the_given_time_up_to_40_ms_and_fill_the_horizon():
     assert sum(LENGTHS) == 150
     assert LENGTHS[:50] == (1,) * 50
     assert LENGTHS[50:75] == (2,) * 25
     assert LENGTHS[75:] == (4,) * 12 + (2,)
-    assert step_lengths(150, DT, ()) == (1,) * 150
-    assert step_lengths(40, DT, (0.5,)) == (1,) * 40
+    assert step_lengths(150, DT, None) == step_lengths(150, DT, 1.5) == (1,) * 150
+    assert set(step_lengths(300, DT, 0.5)) == {1, 2, 4}
+    assert set(step_lengths(100, 0.02, 0.3)) == {1, 2}
+    assert set(step_lengths(50, 0.04, 0.3)) == {1}
 
 
 def test_weights_along_the_horizon_are_laws_of_time():
@@ -71,6 +77,14 @@ def test_a_plan_keeps_its_periods_and_each_step_learns_for_all_of_them():
     same = Steps((1,) * 7)
     assert same.mean(controls) is controls
     assert same.in_periods(controls) is controls
+
+
+def test_a_solution_is_followed_in_control_periods():
+    assert MPPIConfig(longer_steps=0.5, horizon=150, dt=DT).step_lengths == LENGTHS
+    informed = preset("race_informed", "colored")
+    changed = replace(informed, mppi=replace(informed.mppi, longer_steps=0.3))
+    assert [key for key, _ in contradictions(changed)] == ["mppi.longer_steps"]
+    assert not list(contradictions(informed))
 
 
 @pytest.mark.compiled
