@@ -112,9 +112,10 @@ def terms_of(
         crash = cost.terms[cost.crash_term]
         periods = int(rollout.schedule.periods(T).sum())
         beyond = (float(found.J) - sum(means.values())) * periods
-        if crash.weight and isfinite(beyond):
-            late = max(round(beyond / crash.weight), 0)
-            means[crash.name] += late * crash.weight / periods
+        weight = float(crash.weight)
+        if weight and isfinite(beyond):
+            late = max(round(beyond / weight), 0)
+            means[crash.name] += late * weight / periods
     return means
 
 

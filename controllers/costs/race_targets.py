@@ -9,7 +9,16 @@ import numpy as np
 
 from quadsim.controllers.costs.frames import SAFETY_MARGIN, inner_margin
 from quadsim.controllers.costs.room import Room
-from quadsim.controllers.costs.round_frame import Sides, cross, in_gate, sides_of, way_to_gate
+from quadsim.controllers.costs.round_frame import (
+    NO_LAST,
+    LastOpening,
+    Sides,
+    cross,
+    in_gate,
+    last_opening,
+    sides_of,
+    way_to_gate,
+)
 from quadsim.controllers.costs.ways_round import Stop, sees, stops_between
 from quadsim.course import Course, EstimatedGate, Gate, in_frame
 from quadsim.course.frames import frames
@@ -87,6 +96,13 @@ class GateTarget(NamedTuple):
     round_up: float
     round_down: float
 
+    # Middle and half sizes of the free opening of the gate before, across the passage, if it lies
+    # in the plane of this gate; else the half sizes are negative [m]
+    last_left: float
+    last_up: float
+    last_y: float
+    last_z: float
+
 
 def targets(
     course: Course, radius: float, margin: Margin, room: Room, laps: int
@@ -104,14 +120,21 @@ def targets(
         laps: number of laps.
 
     Returns:
-        Rows of `GateTarget` (rows, 24), and the index at which the rows of each gate begin
+        Rows of `GateTarget` (rows, 28), and the index at which the rows of each gate begin
         (gates of all laps + 2,), where the last two are the indices of the finish and of the end.
     """
     corners = np.array([gate.corners(gate.frame_width) for gate in frames(course.gates)])
-    at_gates = []
-    for gate in course.gates:
-        sides = sides_of(gate, corners, radius, room)
-        at_gates.append(gate_stop(gate, radius, margin, exit_distance(gate, radius, room), sides))
+    at_gates = [
+        gate_stop(
+            gate,
+            radius,
+            margin,
+            behind=exit_distance(gate, radius, room),
+            sides=sides_of(gate, corners, radius, room),
+            last=last_opening(gate, course.gates[k - 1], radius),
+        )
+        for k, gate in enumerate(course.gates)
+    ]
     stops = [*at_gates * laps, finish_stop(course.gates[-1], radius, margin)]
 
     # The stops on the way to each gate, and to the finish
@@ -124,7 +147,9 @@ def targets(
     return target_rows(course, on_the_way), first
 
 
-def gate_stop(gate: Gate, radius: float, margin: Margin, behind: float, sides: Sides) -> Stop:
+def gate_stop(
+    gate: Gate, radius: float, margin: Margin, *, behind: float, sides: Sides, last: LastOpening
+) -> Stop:
     """Return the stop at a gate's exit.
 
     Args:
@@ -133,6 +158,7 @@ def gate_stop(gate: Gate, radius: float, margin: Margin, behind: float, sides: S
         margin: desired distance between vehicle and frame.
         behind: distance from the gate's plane to the exit [m].
         sides: where the way round leads past the frame.
+        last: the opening of the gate before.
     """
     passage, left = gate.rotation[:, 0], gate.rotation[:, 1]
     inner = inner_margin(gate, radius)
@@ -152,6 +178,7 @@ def gate_stop(gate: Gate, radius: float, margin: Margin, behind: float, sides: S
         margin=wanted,
         depth=behind + clear_of_frame(radius, gate.frame_depth),
         sides=sides,
+        last=last,
     )
 
 
@@ -164,7 +191,7 @@ def finish_stop(last: Gate, radius: float, margin: Margin) -> Stop:
         margin: desired distance between vehicle and frame.
     """
     sides = Sides(RUN_OUT, RUN_OUT, RUN_OUT, RUN_OUT)
-    stop = gate_stop(last, radius, margin, behind=RUN_OUT, sides=sides)
+    stop = gate_stop(last, radius, margin, behind=RUN_OUT, sides=sides, last=NO_LAST)
     return stop._replace(free=HalfSizes(RUN_OUT, RUN_OUT))
 
 
@@ -176,7 +203,7 @@ def target_rows(course: Course, stops: Sequence[Stop]) -> np.ndarray:
         stops: stops in the order of the flight.
 
     Returns:
-        Rows of `GateTarget`  (stops, 24)
+        Rows of `GateTarget`  (stops, 28)
     """
     exits = np.array([stop.exit for stop in stops])
     passages = np.array([stop.passage for stop in stops])
@@ -204,6 +231,10 @@ def target_rows(course: Course, stops: Sequence[Stop]) -> np.ndarray:
             round_right=stop.sides.right,
             round_up=stop.sides.up,
             round_down=stop.sides.down,
+            last_left=stop.last.left,
+            last_up=stop.last.up,
+            last_y=stop.last.half_left,
+            last_z=stop.last.half_up,
         )
         for k, stop in enumerate(stops)
     ]

@@ -41,6 +41,21 @@ BLOCKED = 1000.0
 BESIDE = 0.9
 
 
+class LastOpening(NamedTuple):
+    """The free opening of the gate before, in the plane of a gate [m].
+
+    The half sizes are negative if it does not lie in this plane.
+    """
+
+    left: float  # of its middle, from the middle of the gate's opening
+    up: float
+    half_left: float
+    half_up: float
+
+
+NO_LAST = LastOpening(0.0, 0.0, -1.0, -1.0)
+
+
 class Sides(NamedTuple):
     """Distances from the middle of an opening to its sides, where the vehicle is clear of them [m].
 
@@ -75,8 +90,9 @@ def way_to_gate(place, gate, opening):
     """Return the distance to fly to the exit of a gate [m].
 
     In front of the gate and within its opening the way is straight. Beside the frame it leads
-    forward, out of the plane of the gate, and from behind round the nearest outer edge of the
-    frame. A way that is not straight is longer by two approaches, as the vehicle has to turn.
+    out of the plane of the gate to the front, and from behind round the nearest outer edge of the
+    frame, or back through the opening of the gate before if that lies in the same plane. A way that
+    is not straight is longer by two approaches, as the vehicle has to turn.
 
     Args:
         place: InGate.
@@ -88,7 +104,10 @@ def way_to_gate(place, gate, opening):
     off_left = maximum(abs(place.left) - half_left, 0.0)
     off_up = maximum(abs(place.up) - half_up, 0.0)
     outside = maximum(abs(place.left) - gate.free_y, abs(place.up) - gate.free_z) > 0.0
-    is_behind = place.along > 0.0
+    beside_last = maximum(
+        abs(place.left - gate.last_left) - gate.last_y, abs(place.up - gate.last_up) - gate.last_z
+    )
+    is_behind = (place.along > 0.0) & (beside_last > 0.0)
     is_beside = (place.along > -BESIDE * gate.depth) & outside
 
     # How far it is aside to the outer edge of the frame, negative beside the frame, and from there
@@ -119,6 +138,25 @@ def way_to_gate(place, gate, opening):
     around = inward + where(is_hidden, gate.depth, 0.0)
     more = 2.0 * gate.approach + where(is_behind, around, 0.0)
     return straight + where(is_behind | is_beside, more, 0.0)
+
+
+def last_opening(gate: Gate, last: Gate, radius: float) -> LastOpening:
+    """Return the opening of the gate before as it lies in the plane of a gate.
+
+    Args:
+        gate: the gate.
+        last: the gate before.
+        radius: radius of the vehicle [m].
+    """
+    clear = radius + SAFETY_MARGIN
+    corners = (last.corners(-clear) - gate.position) @ gate.rotation  # (4, 3)
+    if abs(corners[:, 0]).max() > 2.0 * clear + gate.frame_depth:
+        return NO_LAST
+    low, high = corners[:, 1:].min(axis=0), corners[:, 1:].max(axis=0)
+    left, up = ((low + high) / 2.0).tolist()
+    half_left, half_up = ((high - low) / 2.0).tolist()
+    is_same_frame = abs(left) < half_left and abs(up) < half_up
+    return NO_LAST if is_same_frame else LastOpening(left, up, half_left, half_up)
 
 
 def sides_of(gate: Gate, frames: np.ndarray, radius: float, room: Room) -> Sides:

@@ -13,6 +13,7 @@ from quadsim.controllers.costs.race import margin_of
 from quadsim.controllers.costs.race_targets import GateTarget, targets
 from quadsim.controllers.costs.room import room_to_fly
 from quadsim.controllers.costs.round_frame import BLOCKED, PASSABLE, in_gate, way_to_gate
+from quadsim.course.opening import InGate
 
 SPACING = 0.1  # [m] of the places that are looked at
 OPENING = (1.6, 1.6)
@@ -74,6 +75,28 @@ def test_frames_without_room_between_them_are_one_for_the_way_round():
     assert below.round_down == below.round_left == pytest.approx(half)
     below, above, _ = rows_of(ladder(room + 0.01))
     assert below.round_up == above.round_down == pytest.approx(half)
+
+
+def test_from_behind_a_ladder_the_way_leads_back_through_the_gate_before():
+    _, above, _ = rows_of(ladder(0.1))
+    apart = OPENING[1] + 2 * WIDTH + 0.1
+    assert (above.last_left, above.last_up) == pytest.approx((0.0, -apart))
+    assert (above.last_y, above.last_z) == pytest.approx((0.68, 0.68))  # less radius and margin
+
+    def way(along, left, up):
+        return way_to_gate(InGate(along, left, up), above, 1.0)
+
+    back = [way(along, 0.0, -apart) for along in np.linspace(-0.3, 2.0, 8)]
+    assert np.all(np.diff(back) > 0)
+    beside = above.last_y + 0.01  # behind the bars
+    assert way(1.0, beside + 0.3, -apart) < way(1.0, beside, -apart)
+
+
+def test_a_gate_in_another_plane_and_the_gate_itself_are_no_way_back():
+    turned = course(gate(5.0, z=10.0), gate(5.0, z=12.7, yaw=90))
+    again = course(gate(5.0, z=10.0), gate(5.0, z=10.0, yaw=180))
+    for flown in (turned, again, course(gate(5.0))):
+        assert all(row.last_y < 0.0 for row in rows_of(flown))
 
 
 def test_no_way_leads_between_a_frame_and_the_ground():
