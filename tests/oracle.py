@@ -8,7 +8,6 @@ from itertools import pairwise
 import numpy as np
 
 from quadsim.controllers.costs import Cost, Obstacles, StateTerm, evaluate
-from quadsim.controllers.costs.round_frame import BESIDE
 from quadsim.controllers.lanes.layout import LANES
 from quadsim.controllers.lanes.planner_loops import MARKS, steps_between, term_steps
 from quadsim.controllers.schedule import Schedule, marks_at
@@ -155,9 +154,9 @@ def line_distance(a, b, row, touches) -> np.ndarray:
 def decision_distance(x, x_next, target, params) -> np.ndarray:
     """Distance of a step to the surfaces where the racing cost jumps [m].  (M,)
 
-    Those are the gate's entry and exit planes at either end of the step, the plane from which the
-    way leads round the frame, the edges of opening and frame where the step crosses a plane or ends
-    between them, the bounds, and the balls in which heading and waypoint switch.
+    Those are the gate's entry and exit planes at either end of the step, the edges of opening and
+    frame where the step crosses a plane or ends between them, the bounds, and the balls in which
+    heading and waypoint switch.
     """
     g = np.array((target.x, target.y, target.z))
     n = np.array((target.nx, target.ny, target.nz))
@@ -165,7 +164,7 @@ def decision_distance(x, x_next, target, params) -> np.ndarray:
     depth = target.depth
     before, after = np.array(x[:3]) - g, np.array(x_next[:3]) - g
     s0, s1 = (before * n).sum(axis=0), (after * n).sum(axis=0)
-    nearest = [abs(s) for s in (s0, s1, s0 + depth, s1 + depth, s1 + BESIDE * depth)]
+    nearest = [abs(s) for s in (s0, s1, s0 + depth, s1 + depth)]
     for plane in (0.0, -depth):
         crosses = (s0 < plane) != (s1 < plane)
         share = (s1 - plane) / np.where(crosses, s1 - s0, 1.0)

@@ -38,7 +38,7 @@ from numpy import maximum, minimum, sqrt, where
 from quadsim.controllers.costs import AmountTerm, Cost, StepFunction, Term, crash
 from quadsim.controllers.costs.frames import course_obstacles, obstacle_rows
 from quadsim.controllers.costs.race_caution import Sight, with_caution
-from quadsim.controllers.costs.race_step import RaceParams, at_gate
+from quadsim.controllers.costs.race_step import RaceParams, at_gate, in_gate, off_exit
 from quadsim.controllers.costs.race_targets import (
     RUN_OUT,
     GateTarget,
@@ -50,7 +50,7 @@ from quadsim.controllers.costs.race_targets import (
 )
 from quadsim.controllers.costs.race_value import value_of_rows, with_time_to_go
 from quadsim.controllers.costs.room import leaves_room, room_to_fly
-from quadsim.controllers.costs.round_frame import in_gate, off_exit, way_to_gate
+from quadsim.controllers.costs.round_frame import has_ladder, with_ways_round_frames
 from quadsim.course import Course
 from quadsim.files.strict_yaml import setting
 from quadsim.files.values import check_fields
@@ -168,9 +168,20 @@ def progress(x, x_next, u, gate, p):
     """Return the remaining distance to fly: to the gate, and from there to the finish [m].
 
     The distance is measured to the nearest point of the opening within the margin. For a sample
-    beside the frame or behind it, the way leads round the frame.
+    behind the exit that has not passed the gate, the way leads through a point in front of the
+    gate.
     """
-    way = way_to_gate(in_gate(x_next.position, gate), gate, p.opening)
+    place = in_gate(x_next.position, gate)
+    past_exit = place.along > 0.0
+    along = where(past_exit, place.along + gate.approach, place.along)
+
+    # In front of the exit, lateral offsets within this part of the opening do not count.
+    off_left = maximum(abs(place.left) - p.opening * (gate.free_y - gate.margin), 0.0)
+    off_up = maximum(abs(place.up) - p.opening * (gate.free_z - gate.margin), 0.0)
+    left = where(past_exit, place.left, off_left)
+    up = where(past_exit, place.up, off_up)
+
+    way = sqrt(along * along + left * left + up * up + 1e-6) + where(past_exit, gate.approach, 0.0)
     return where(at_gate(x, x_next, gate).reached, 0.0, way) + gate.to_go
 
 
@@ -298,6 +309,9 @@ def race_cost(
         if len(value.passages) != len(rows) - 1:
             value = value_of_rows(rows, course.start.position, value.mass)
         cost = with_time_to_go(cost, value, weights.time_to_go)
+
+    if has_ladder(course):
+        cost = with_ways_round_frames(cost, course, radius, room, first)
 
     # A sample chooses among several rows only if obstacles add rows between gates.
     rows_between_gates = len(rows) > len(first) - 1

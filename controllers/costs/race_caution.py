@@ -36,9 +36,8 @@ import numpy as np
 from numpy import maximum, minimum, sqrt, where
 
 from quadsim.controllers.costs import Cost
-from quadsim.controllers.costs.race_step import RaceParams, at_gate
-from quadsim.controllers.costs.race_targets import GateTarget
-from quadsim.controllers.costs.round_frame import cross, in_gate
+from quadsim.controllers.costs.race_step import RaceParams, at_gate, in_gate
+from quadsim.controllers.costs.race_targets import GateTarget, cross
 from quadsim.course import Course, Gate, in_frame
 from quadsim.dynamics.named_tuples import as_rows
 from quadsim.dynamics.quadrotor import ModelParams, thrust_axis

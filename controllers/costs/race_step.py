@@ -6,7 +6,9 @@ from typing import Any, NamedTuple
 
 from numpy import maximum, where
 
-from quadsim.controllers.costs.round_frame import in_gate
+from quadsim.controllers.costs.race_targets import cross
+from quadsim.course import in_frame
+from quadsim.course.opening import InGate
 
 
 class RaceParams(NamedTuple):
@@ -40,6 +42,19 @@ class StepAtGate(NamedTuple):
     outside_entry: Any
     # Displacement along the passage [m]
     span: Any
+
+
+def in_gate(p, gate):
+    """Return the position p in the frame of the gate's exit: along the passage, left, up."""
+    passage = (gate.nx, gate.ny, gate.nz)
+    left = (gate.lx, gate.ly, gate.lz)
+    return InGate(*in_frame(off_exit(p, gate), passage, left, cross(passage, left)))
+
+
+def off_exit(p, gate):
+    """Return the vector from the gate's exit to the position p, world frame."""
+    x, y, z = p
+    return x - gate.x, y - gate.y, z - gate.z
 
 
 def at_gate(x, x_next, gate):

@@ -9,19 +9,8 @@ import numpy as np
 
 from quadsim.controllers.costs.frames import SAFETY_MARGIN, inner_margin
 from quadsim.controllers.costs.room import Room
-from quadsim.controllers.costs.round_frame import (
-    NO_LAST,
-    LastOpening,
-    Sides,
-    cross,
-    in_gate,
-    last_opening,
-    sides_of,
-    way_to_gate,
-)
 from quadsim.controllers.costs.ways_round import Stop, sees, stops_between
 from quadsim.course import Course, EstimatedGate, Gate, in_frame
-from quadsim.course.frames import frames
 from quadsim.course.opening import (
     FRAME_DEPTH,
     HalfSizes,
@@ -89,19 +78,10 @@ class GateTarget(NamedTuple):
     margin: float  # desired distance between vehicle and frame [m]
     depth: float  # from entry plane to exit plane [m]
 
-    # Distances from the middle of the opening at which the vehicle is clear of the frame, on each
-    # side, far beyond it if there is no room beside it [m]
-    round_left: float
-    round_right: float
-    round_up: float
-    round_down: float
 
-    # Middle and half sizes of the free opening of the gate before, across the passage, if it lies
-    # in the plane of this gate; else the half sizes are negative [m]
-    last_left: float
-    last_up: float
-    last_y: float
-    last_z: float
+def cross(a, b):
+    """Return the cross product of two vectors of three numbers.  (3,)"""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def targets(
@@ -120,22 +100,14 @@ def targets(
         laps: number of laps.
 
     Returns:
-        Rows of `GateTarget` (rows, 28), and the index at which the rows of each gate begin
+        Rows of `GateTarget` (rows, 20), and the index at which the rows of each gate begin
         (gates of all laps + 2,), where the last two are the indices of the finish and of the end.
     """
-    corners = np.array([gate.corners(gate.frame_width) for gate in frames(course.gates)])
-    at_gates = [
-        gate_stop(
-            gate,
-            radius,
-            margin,
-            behind=exit_distance(gate, radius, room),
-            sides=sides_of(gate, corners, radius, room),
-            last=last_opening(gate, course.gates[k - 1], radius),
-        )
-        for k, gate in enumerate(course.gates)
-    ]
-    stops = [*at_gates * laps, finish_stop(course.gates[-1], radius, margin)]
+    stops = []
+    for gate in course.gates * laps:
+        behind = exit_distance(gate, radius, room)
+        stops.append(gate_stop(gate, radius, margin, behind))
+    stops.append(finish_stop(course.gates[-1], radius, margin))
 
     # The stops on the way to each gate, and to the finish
     between = stops_between(course, stops, radius + 2 * SAFETY_MARGIN, room)
@@ -147,9 +119,7 @@ def targets(
     return target_rows(course, on_the_way), first
 
 
-def gate_stop(
-    gate: Gate, radius: float, margin: Margin, *, behind: float, sides: Sides, last: LastOpening
-) -> Stop:
+def gate_stop(gate: Gate, radius: float, margin: Margin, behind: float) -> Stop:
     """Return the stop at a gate's exit.
 
     Args:
@@ -157,8 +127,6 @@ def gate_stop(
         radius: radius of the vehicle [m].
         margin: desired distance between vehicle and frame.
         behind: distance from the gate's plane to the exit [m].
-        sides: where the way round leads past the frame.
-        last: the opening of the gate before.
     """
     passage, left = gate.rotation[:, 0], gate.rotation[:, 1]
     inner = inner_margin(gate, radius)
@@ -177,8 +145,6 @@ def gate_stop(
         approach=approach_length(gate.opening),
         margin=wanted,
         depth=behind + clear_of_frame(radius, gate.frame_depth),
-        sides=sides,
-        last=last,
     )
 
 
@@ -190,8 +156,7 @@ def finish_stop(last: Gate, radius: float, margin: Margin) -> Stop:
         radius: radius of the vehicle [m].
         margin: desired distance between vehicle and frame.
     """
-    sides = Sides(RUN_OUT, RUN_OUT, RUN_OUT, RUN_OUT)
-    stop = gate_stop(last, radius, margin, behind=RUN_OUT, sides=sides, last=NO_LAST)
+    stop = gate_stop(last, radius, margin, RUN_OUT)
     return stop._replace(free=HalfSizes(RUN_OUT, RUN_OUT))
 
 
@@ -203,13 +168,21 @@ def target_rows(course: Course, stops: Sequence[Stop]) -> np.ndarray:
         stops: stops in the order of the flight.
 
     Returns:
-        Rows of `GateTarget`  (stops, 28)
+        Rows of `GateTarget`  (stops, 20)
     """
     exits = np.array([stop.exit for stop in stops])
     passages = np.array([stop.passage for stop in stops])
+    approaches = np.array([stop.approach for stop in stops])
     legs = np.diff([course.start.position, *exits], axis=0)
     lengths = np.maximum(np.linalg.norm(legs, axis=1), 1e-6)
     directions = legs / lengths[:, None]
+
+    # Distances between gates, measured as in the term `progress`, around a gate that faces away, so
+    # that the cost is continuous at a gate
+    faces_away = (legs * passages).sum(axis=1) < 1e-6
+    ways_round = np.linalg.norm(approaches[:, None] * passages - legs, axis=1) + approaches
+    ways = np.where(faces_away, ways_round, lengths)
+    to_go = np.append(np.cumsum(ways[:0:-1])[::-1], 0.0)
 
     rows = [
         GateTarget(
@@ -219,7 +192,7 @@ def target_rows(course: Course, stops: Sequence[Stop]) -> np.ndarray:
             free_y=stop.free.left,
             free_z=stop.free.up,
             bar=stop.bar,
-            to_go=0.0,
+            to_go=to_go[k],
             approach=stop.approach,
             ex=directions[k, 0],
             ey=directions[k, 1],
@@ -227,27 +200,9 @@ def target_rows(course: Course, stops: Sequence[Stop]) -> np.ndarray:
             leg=lengths[k],
             margin=stop.margin,
             depth=stop.depth,
-            round_left=stop.sides.left,
-            round_right=stop.sides.right,
-            round_up=stop.sides.up,
-            round_down=stop.sides.down,
-            last_left=stop.last.left,
-            last_up=stop.last.up,
-            last_y=stop.last.half_left,
-            last_z=stop.last.half_up,
         )
         for k, stop in enumerate(stops)
     ]
-
-    # Distances between gates, measured as in the term `progress`, so that the cost is continuous at
-    # a gate: round the frame of a gate that faces away
-    faces_away = (legs * passages).sum(axis=1) < 1e-6
-    ways = lengths
-    for k in np.flatnonzero(faces_away):
-        before = exits[k - 1] if k else course.start.position
-        ways[k] = way_to_gate(in_gate(before, rows[k]), rows[k], 0.0)
-    to_go = np.append(np.cumsum(ways[:0:-1])[::-1], 0.0)
-    rows = [row._replace(to_go=left) for row, left in zip(rows, to_go, strict=True)]
     return as_rows(rows, GateTarget)
 
 

@@ -24,8 +24,8 @@ import numpy as np
 from numpy import maximum, minimum, sqrt, where
 
 from quadsim.controllers.costs.cost import Cost, StateTerm
-from quadsim.controllers.costs.race_targets import RUN_OUT, GateTarget
-from quadsim.controllers.costs.round_frame import cross, in_gate
+from quadsim.controllers.costs.race_step import in_gate
+from quadsim.controllers.costs.race_targets import RUN_OUT, GateTarget, cross
 from quadsim.course import in_frame
 from quadsim.dynamics.named_tuples import columns
 from quadsim.rotation import Vec3

@@ -1,5 +1,8 @@
 """The way to a gate: straight, or round its frame for a vehicle that is beside or behind it.
 
+Some courses have ladders: two gates in one plane that are flown one after the other in the same
+direction. Behind the first gate the straight way to the second one leads through bars, and a plan
+that follows it hovers there. So on such a course the term `progress` counts the way round frames.
 Seen from the left, the passage leads to the right: the way leads straight to the opening from in
 front of the gate (a), forward from beside its frame (b), and round the frame's outer edge from
 behind it (c).
@@ -22,16 +25,29 @@ are one frame for the way round.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections import namedtuple
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy import maximum, sqrt, where
 
+from quadsim.controllers.costs.cost import Cost, Term
 from quadsim.controllers.costs.frames import SAFETY_MARGIN
+from quadsim.controllers.costs.race_step import at_gate, in_gate
 from quadsim.controllers.costs.room import Room
-from quadsim.course import Gate, in_frame
-from quadsim.course.opening import InGate, outer_half_sizes
+from quadsim.course import Course, Gate
+from quadsim.course.frames import frames
+from quadsim.course.opening import half_sizes, outer_half_sizes
+from quadsim.dynamics.named_tuples import column
 
+# Two gates are in one plane if they are at most so far apart along the passage [m], and the cosine
+# of the angle between their passages is at least so large.
+SAME_PLANE = 0.5
+PARALLEL = 0.9
 # Least room between two frames through which the way round leads, in clearances of the vehicle
 PASSABLE = 4.0
 # Added to the distance of a side at which the room ends [m]
@@ -41,49 +57,34 @@ BLOCKED = 1000.0
 BESIDE = 0.9
 
 
+class Sides(NamedTuple):
+    """Distances from the middle of an opening to its sides, where the vehicle is clear of them [m].
+
+    Frames beside the gate that leave the vehicle no room between them belong to the gate's frame.
+    A side at which the room ends is far away.
+    """
+
+    round_left: float
+    round_right: float
+    round_up: float
+    round_down: float
+
+
 class LastOpening(NamedTuple):
     """The free opening of the gate before, in the plane of a gate [m].
 
     The half sizes are negative if it does not lie in this plane.
     """
 
-    left: float  # of its middle, from the middle of the gate's opening
-    up: float
-    half_left: float
-    half_up: float
+    last_left: float  # of its middle, from the middle of the gate's opening
+    last_up: float
+    last_y: float  # half width and half height
+    last_z: float
 
 
 NO_LAST = LastOpening(0.0, 0.0, -1.0, -1.0)
-
-
-class Sides(NamedTuple):
-    """Distances from the middle of an opening to its sides, where the vehicle is clear of them [m].
-
-    Frames beside the gate that leave the vehicle no room between them belong to the gate's frame.
-    """
-
-    left: float
-    right: float
-    up: float
-    down: float
-
-
-def in_gate(p, gate):
-    """Return the position p in the frame of the gate's exit: along the passage, left, up."""
-    passage = (gate.nx, gate.ny, gate.nz)
-    left = (gate.lx, gate.ly, gate.lz)
-    return InGate(*in_frame(off_exit(p, gate), passage, left, cross(passage, left)))
-
-
-def off_exit(p, gate):
-    """Return the vector from the gate's exit to the position p, world frame."""
-    x, y, z = p
-    return x - gate.x, y - gate.y, z - gate.z
-
-
-def cross(a, b):
-    """Return the cross product of two vectors of three numbers.  (3,)"""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+# Sides of a target without a frame [m]
+NO_FRAME = Sides(0.1, 0.1, 0.1, 0.1)
 
 
 def way_to_gate(place, gate, opening):
@@ -96,7 +97,7 @@ def way_to_gate(place, gate, opening):
 
     Args:
         place: InGate.
-        gate: GateTarget.
+        gate: GateTarget with the numbers of Sides and LastOpening.
         opening: share of the opening to whose nearest point the distance is measured.
     """
     half_left = opening * (gate.free_y - gate.margin)
@@ -138,6 +139,80 @@ def way_to_gate(place, gate, opening):
     around = inward + where(is_hidden, gate.depth, 0.0)
     more = 2.0 * gate.approach + where(is_behind, around, 0.0)
     return straight + where(is_behind | is_beside, more, 0.0)
+
+
+def progress(x, x_next, u, gate, p):
+    """Return the remaining distance to fly, with the way round frames [m]."""
+    way = way_to_gate(in_gate(x_next.position, gate), gate, p.opening)
+    return where(at_gate(x, x_next, gate).reached, 0.0, way) + gate.to_go
+
+
+def has_ladder(course: Course) -> bool:
+    """Return whether two gates of one plane are flown one after the other in the same direction."""
+    after_another = list(with_gate_before(course))
+    return any(is_ladder(last, gate) for last, gate in after_another[0 if course.loop else 1 :])
+
+
+def with_gate_before(course: Course) -> Iterator[tuple[Gate, Gate]]:
+    """Yield the gate before each gate, and the gate; the last gate is before the first one."""
+    return zip(course.gates[-1:] + course.gates[:-1], course.gates, strict=True)
+
+
+def is_ladder(last: Gate, gate: Gate) -> bool:
+    """Return whether two gates stand in one plane, side by side, and are flown in one direction."""
+    along, left, up = np.subtract(last.position, gate.position) @ gate.rotation
+    is_parallel = last.rotation[:, 0] @ gate.rotation[:, 0] > PARALLEL
+    half = half_sizes(gate.opening)
+    is_beside = abs(left) > half.left or abs(up) > half.up
+    return bool(is_parallel and abs(along) < SAME_PLANE and is_beside)
+
+
+def with_ways_round_frames(
+    cost: Cost, course: Course, radius: float, room: Room, first: Sequence[int]
+) -> Cost:
+    """Return the racing cost of a course with ladders.
+
+    Args:
+        cost: the racing cost, whose rows begin with the fields of `GateTarget`.
+        course: the course.
+        radius: radius of the vehicle [m].
+        room: the room in which the vehicle may fly.
+        first: index at which the rows of each gate begin, see `race_targets.targets`.
+    """
+    corners = np.array([gate.corners(gate.frame_width) for gate in frames(course.gates)])
+    of_gates = [
+        (*sides_of(gate, corners, radius, room), *last_opening(gate, last, radius))
+        for last, gate in with_gate_before(course)
+    ]
+    # The row of a gate is the last one on the way to it. Rows before it, and the finish, have no
+    # frame.
+    added = np.tile((*NO_FRAME, *NO_LAST), (len(cost.targets), 1))
+    ends = np.array(first[1:-1]) - 1
+    added[ends] = np.resize(of_gates, (len(ends), added.shape[1]))
+    row: Any = row_round_frames(cost.row)
+    targets = np.hstack([cost.targets, added])
+
+    # Distances between gates, measured as in the term `progress`, so that the cost is continuous at
+    # a gate
+    rows = [row(*numbers) for numbers in targets]
+    to_go = column(targets, row, "to_go")
+    ways = -np.diff(to_go)
+    for k, (before, target) in enumerate(pairwise(rows)):
+        place = in_gate((before.x, before.y, before.z), target)
+        if place.along > -1e-6:
+            ways[k] = way_to_gate(place, target, 0.0)
+    to_go[:-1] = np.cumsum(ways[::-1])[::-1]
+
+    counted = Term(progress, next(t.weight for t in cost.terms if t.name == "progress"))
+    terms = tuple(counted if term.name == counted.name else term for term in cost.terms)
+    return replace(cost, name=f"{cost.name}_round_frames", row=row, targets=targets, terms=terms)
+
+
+@lru_cache(maxsize=16)
+def row_round_frames(row: Any) -> Any:
+    """Return the type of target rows with the numbers of Sides and LastOpening after these."""
+    names = row._fields + Sides._fields + LastOpening._fields
+    return namedtuple(f"{row.__name__}RoundFrames", names)
 
 
 def last_opening(gate: Gate, last: Gate, radius: float) -> LastOpening:

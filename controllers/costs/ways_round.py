@@ -16,7 +16,6 @@ import numpy as np
 
 from quadsim.controllers.costs.frames import ObstacleRow, obstacle_rows, touches_round
 from quadsim.controllers.costs.room import Room
-from quadsim.controllers.costs.round_frame import NO_LAST, LastOpening, Sides
 from quadsim.course import Box, Course, Cylinder, Obstacle
 from quadsim.course.opening import HalfSizes
 from quadsim.course.swept import clip, lerp
@@ -44,8 +43,6 @@ class Stop(NamedTuple):
     approach: float  # distance in front of the plane at which the approach begins [m]
     margin: float  # desired distance between vehicle and frame [m]
     depth: float  # from entry to exit plane [m]
-    sides: Sides  # where the way round leads past the frame
-    last: LastOpening
 
 
 def way_round(
@@ -229,8 +226,6 @@ def _by_the_way(before: np.ndarray, here: np.ndarray, after: np.ndarray) -> Stop
         approach=0.1,
         margin=0.0,
         depth=1e-3,
-        sides=Sides(0.1, 0.1, 0.1, 0.1),
-        last=NO_LAST,
     )
 
 

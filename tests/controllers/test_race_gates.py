@@ -17,7 +17,6 @@ from race_cases import (
     ONLY,
     RADIUS,
     ROW,
-    WIDTH,
     at,
     course,
     fly,
@@ -98,16 +97,12 @@ def test_beyond_a_missed_gate_the_way_leads_back_round_it():
     def left(x, y):
         return term("progress", cost, (x + EXIT, y, 20.0))
 
-    in_front = 5.0 - 2.0 * EXIT
-    assert left(5.1, 3.0) > left(in_front, 3.0) + 1.0  # missing costs
+    assert left(5.1, 3.0) > left(4.9, 3.0) + 1.0  # missing costs
     assert left(6.0, 3.0) < left(7.0, 3.0)  # flying on costs more
     assert left(5.1, 3.0) < left(6.0, 3.0)  # turning back less
-    # Behind the frame the way leads outwards, to its nearest edge, and beside the frame inwards.
-    edge = 1.0 + WIDTH + GAP
-    behind = [left(6.0, y) for y in np.linspace(0.9, edge, 6)]
-    assert np.all(np.diff(behind) < 0)
-    beside = [left(5.0, y) for y in np.linspace(edge + 0.01, 4.0, 6)]
-    assert np.all(np.diff(beside) > 0)
+    front = left(3.0, 0.0)  # as far in front of the exit as the gate's larger opening, 2 m
+    assert left(6.0, 4.0) == pytest.approx(np.hypot(3.0, 4.0) + front, abs=0.01)
+    assert np.all(np.diff([left(4.0, y) for y in (3.0, 2.0, 1.0, 0.0)]) < 0)
 
 
 def test_nothing_stands_where_the_last_target_is_after_the_finish():

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 import pytest
-from race_cases import ALL, RADIUS, WIDTH, course, gate
+from race_cases import ALL, ONLY, RADIUS, WIDTH, course, gate, term
 
 from quadsim.controllers.costs.frames import ObstacleRow, course_obstacles
-from quadsim.controllers.costs.race import margin_of
-from quadsim.controllers.costs.race_targets import GateTarget, targets
-from quadsim.controllers.costs.room import room_to_fly
-from quadsim.controllers.costs.round_frame import BLOCKED, PASSABLE, in_gate, way_to_gate
+from quadsim.controllers.costs.race import race_cost
+from quadsim.controllers.costs.race_step import in_gate
+from quadsim.controllers.costs.race_targets import GateTarget
+from quadsim.controllers.costs.round_frame import BLOCKED, PASSABLE, has_ladder, way_to_gate
+from quadsim.course import course_names, load_course
 from quadsim.course.opening import InGate
 
 SPACING = 0.1  # [m] of the places that are looked at
@@ -25,11 +27,10 @@ def ladder(gap, z=10.0):
     return course(gate(5.0, z=z, opening=OPENING), gate(5.0, z=above, opening=OPENING))
 
 
-def rows_of(flown):
+def rows_of(flown, laps=1):
     """Return the target rows of a course, as records."""
-    room = room_to_fly(flown, RADIUS, ALL.margin)
-    rows, _ = targets(flown, RADIUS, margin_of(ALL), room, 1)
-    return [GateTarget(*row) for row in rows]
+    cost = race_cost(flown, RADIUS, ALL, laps)
+    return [cost.row(*row) for row in cost.targets]
 
 
 def are_free(flown, places):
@@ -92,16 +93,33 @@ def test_from_behind_a_ladder_the_way_leads_back_through_the_gate_before():
     assert way(1.0, beside + 0.3, -apart) < way(1.0, beside, -apart)
 
 
-def test_a_gate_in_another_plane_and_the_gate_itself_are_no_way_back():
+def test_only_courses_with_ladders_count_the_way_round_frames():
     turned = course(gate(5.0, z=10.0), gate(5.0, z=12.7, yaw=90))
-    again = course(gate(5.0, z=10.0), gate(5.0, z=10.0, yaw=180))
-    for flown in (turned, again, course(gate(5.0))):
-        assert all(row.last_y < 0.0 for row in rows_of(flown))
+    again = course(gate(5.0, z=10.0), gate(5.0, z=10.0))
+    split_s = course(gate(5.0, z=12.7), gate(5.0, z=10.0, yaw=180))
+    apart = course(gate(5.0, z=12.7), gate(7.0, z=10.0))
+    for flown in (turned, again, split_s, apart):
+        assert not has_ladder(flown)
+        assert race_cost(flown, RADIUS, ALL, 1).row is GateTarget
+    assert has_ladder(ladder(0.1))
+    lower, upper = ladder(0.1).gates
+    round_the_end = course(upper, gate(50.0), lower)
+    assert not has_ladder(round_the_end)
+    assert has_ladder(replace(round_the_end, loop=True))
+    for name in course_names():
+        assert not has_ladder(load_course(name)), name
+
+
+def test_what_is_left_is_continuous_where_the_gates_of_a_ladder_are_passed():
+    flown = ladder(0.1)
+    cost = race_cost(flown, RADIUS, ONLY["progress"], 2)
+    for row in range(2):
+        end = GateTarget(*cost.targets[row][: len(GateTarget._fields)])
+        after = term("progress", cost, (end.x, end.y, end.z), row=row + 1)
+        assert after == pytest.approx(end.to_go, abs=2e-3)
 
 
 def test_no_way_leads_between_a_frame_and_the_ground():
-    bounds = ((-100.0, 100.0), (-100.0, 100.0), (0.0, 100.0))
-    low, high = gate(5.0, z=1.2, opening=OPENING), gate(15.0, z=1.7, opening=OPENING)
-    below, free, _ = rows_of(course(low, high, bounds=bounds))
-    assert below.round_down > BLOCKED
-    assert free.round_down < 2.0
+    for z, is_blocked in ((1.2, True), (1.7, False)):
+        below, above, _ = rows_of(ladder(0.1, z))
+        assert (below.round_down > BLOCKED) == (above.round_down > BLOCKED) == is_blocked
