@@ -12,7 +12,7 @@ from quadsim.controllers.costs import AmountTerm, Cost, Term
 from quadsim.controllers.lanes.layout import from_lanes
 from quadsim.controllers.mppi import MPPI
 from quadsim.controllers.presets import contradictions, preset
-from quadsim.controllers.samplers import Colored, Gaussian
+from quadsim.controllers.samplers import Colored, Gaussian, LogNormal, SmoothStar
 from quadsim.controllers.schedule import Schedule, first_periods, marks_at, step_lengths
 from quadsim.controllers.steps import Steps
 from quadsim.dynamics.quadrotor import ModelParams, State, quadrotor
@@ -122,6 +122,24 @@ def test_noise_of_a_longer_step_varies_as_the_mean_of_its_periods(sampler, hold)
     for step in (slice(0, 50), slice(50, 75), slice(75, 87)):
         wanted = means[:, :, step].std(axis=(0, 2))
         np.testing.assert_allclose(found[:, step].mean(axis=1), wanted, rtol=0.06)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(
+    "sampler",
+    [
+        Gaussian((1.0, 1.0)),
+        Colored((1.0, 1.0), (1.0, 1.0), cutoff=(5.0, 5.0)),
+        LogNormal((0.6, 0.6)),
+        SmoothStar((0.6, 0.6)),
+    ],
+)
+def test_every_sampler_reaches_the_goal_with_longer_steps(sampler):
+    mppi, x = planner(sampler, 0.3), np.array([0.0, 0.5, 0.0, 0.0])
+    for _ in range(200):
+        u, _ = mppi.control(x)
+        x = np.array(mppi.system.next(x, u))
+    assert np.hypot(x[0] - 1.0, x[1]) < 0.1
 
 
 def flown(system, x, u, seconds):
