@@ -19,6 +19,8 @@ There are extensions, most of them optional in MPPIConfig:
 * The control limits are tightened (tighten), and the plan may exceed them while the command does
   not (overshoot).
 * Perturbations and cost are weighted along the horizon (quadsim.controllers.schedule).
+* Later steps of the rollouts may be longer than a control period (longer_steps), while the plan
+  keeps a control for each period.
 * The first control of the plan may be left unperturbed (freeze_first).
 * Only a fraction of the update in equation (5) may be applied (step_size).
 * The first plan has more iterations (first_iterations), and so may a plan whose course has changed
@@ -39,7 +41,7 @@ Frequency Sampling in Model Predictive Path Integral Control", IEEE Robotics and
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -51,9 +53,10 @@ from quadsim.controllers.lanes.compiled import is_cached
 from quadsim.controllers.lanes.lanes import Rollout, trace_anew
 from quadsim.controllers.lanes.reduce import weighted_mean
 from quadsim.controllers.plan import PlanStats
-from quadsim.controllers.samplers import PlainSampler, Sampling, build_lanes
+from quadsim.controllers.samplers import Colored, PlainSampler, Sampling, build_lanes
 from quadsim.controllers.samplers.lane_sampler import stream_key
-from quadsim.controllers.schedule import Schedule
+from quadsim.controllers.schedule import Schedule, mean_shares
+from quadsim.controllers.steps import Steps
 from quadsim.controllers.update import (
     savitzky_golay,
     softmax_weights,
@@ -77,7 +80,8 @@ class Iteration:
     x: np.ndarray  # state from which the rollouts start  (n_x,)
     target: int  # row of the cost's targets
     call: int  # index of the sampler call
-    nominal: np.ndarray  # control sequence U that the samples perturb  (T, n_u)
+    # control sequence U that the samples perturb, its mean over each step  (T, n_u)
+    nominal: np.ndarray
     # (alternative - nominal) / ramp, added to the perturbations of the last samples  (2, T, n_u)
     rest_offset: np.ndarray
     J: np.ndarray  # cost of each sample  (M,)
@@ -151,16 +155,28 @@ class MPPI:
         self.numbers: dict[str, Weight] = {}
         # The last estimated course; None: the course that `cost` was made for
         self.course: Course | None = None
-        self.schedule = Schedule(config.first_noise, config.cost_rise)
-        self.ramp = self.schedule.noise(config.horizon)  # n, factors on the perturbations  (2, T)
+        lengths = config.step_lengths
+        self.steps = Steps(lengths)
+        equal = len(lengths) == config.horizon
+        schedule = Schedule(config.first_noise, config.cost_rise, lengths=() if equal else lengths)
+        if not equal and isinstance(sampler, Colored):
+            held = sampler.held(config.dt)
+            sampler, schedule = held.sampler, replace(schedule, hold=held.periods)
+        self.drawn = schedule.drawn(len(lengths))
         self.sampler = build_lanes(
             sampler,
             controls=n_u,
             samples=min(config.samples, layout.CHUNK),
-            horizon=config.horizon,
+            horizon=self.drawn,
             key=stream_key(seed),
-            dt=config.dt,
+            dt=schedule.hold * config.dt,
         )
+        if not equal:
+            shares = mean_shares(self.sampler.sample(0), self.drawn, lengths, schedule.hold)
+            schedule = replace(schedule, shares=shares)
+        self.schedule = schedule
+        self.draws = schedule.draws(len(lengths))  # numbers of the noise that steps take  (T,)
+        self.ramp = schedule.noise(len(lengths))  # n, factors on the perturbations  (2, T)
         # Amount by which the plan may exceed the control limits  (n_u,)
         self.beyond = np.zeros(n_u)
         if config.overshoot:
@@ -193,8 +209,9 @@ class MPPI:
             True
         """
         self.periods = ControlPeriods(self.config.dt)
-        self.plan = np.tile(self.rest, (self.config.horizon, 1))  # U (T, n_u)
-        self.guide = self.plan  # the sequence that the last samples perturb  (T, n_u)
+        # U for each control period, and the sequence that the last samples perturb
+        self.plan = np.tile(self.rest, (self.config.horizon, 1))  # (horizon, n_u)
+        self.guide = self.plan  # (horizon, n_u)
         # The last two controls, which precede the plan in the smoothing filter  (2, n_u)
         self.executed = np.tile(self.rest, (2, 1))
         if self.sampler.momentum:
@@ -267,13 +284,16 @@ class MPPI:
 
             # Average the chunk, with weights normalised within it.
             share = softmax_weights(J[chunk], self.temperature)
-            means.append(weighted_mean(z, self.ramp, U, self.plan_low, self.plan_high, share))
+            limits = self.plan_low, self.plan_high
+            means.append(weighted_mean(z, self.ramp, U, *limits, share, self.draws, self.drawn))
 
         # Weigh all samples by their costs, eq. (4).
         w = weights(J, self.temperature)  # (M,)
 
         # Move the plan by a step along the weighted mean of v - U, eq. (5).
-        self.update(U + self.config.step_size * layout.mean_of_chunks(means, w))
+        change = self.steps.in_periods(layout.mean_of_chunks(means, w))
+        nominal, _ = self.nominals()
+        self.update(nominal + self.config.step_size * change)
 
         ess = float(1 / np.sum(w * w))
         return PlanStats(cost=float(J[0]), ess=ess, temperature=self.temperature)
@@ -286,7 +306,7 @@ class MPPI:
             target: row of the cost's targets.
         """
         self._calls += 1
-        nominal, alternative = self.nominals()  # (T, n_u) each
+        nominal, alternative = map(self.steps.mean, self.nominals())  # (T, n_u) each
         rest_offset = (alternative - nominal) / self.ramp[:, :, None]  # (2, T, n_u)
         return Iteration(
             x=x,
@@ -303,7 +323,7 @@ class MPPI:
         Returns:
             The nominal sequence, and the alternative that the last rest_fraction of the samples
             perturb: the plan and the guide, or plan + momentum and the plan if the sampler has
-            momentum.  (T, n_u) each
+            momentum.  (horizon, n_u) each
         """
         momentum = self.sampler.momentum
         if momentum:
@@ -321,7 +341,8 @@ class MPPI:
             chunk: indices of the samples.
 
         Returns:
-            Perturbations  (series, n_u, halves * T, LANES), see quadsim.controllers.lanes.layout.
+            Perturbations  (series, n_u, halves * drawn, LANES), see
+            quadsim.controllers.lanes.layout.
         """
         # A display requests the samples of the last iteration, which are still in memory.
         drawn = self._drawn
@@ -329,27 +350,42 @@ class MPPI:
             return drawn.z
 
         count = chunk.stop - chunk.start
-        T = self.config.horizon
         M = len(it.J)
         z = self.sampler.sample(it.call, chunk.start, count)
 
         # The last samples perturb the alternative.
         first_alternative = M - int(self.config.rest_fraction * M)
-        layout.add_from(z, max(first_alternative - chunk.start, 0), count, it.rest_offset)
+        offset = self.in_draws(it.rest_offset)
+        layout.add_from(z, max(first_alternative - chunk.start, 0), count, offset)
 
         if self.config.freeze_first:
-            layout.first_steps(z, T)[:] = 0
+            layout.first_steps(z, self.drawn)[:] = 0
         if chunk.start == 0:
-            layout.sample(z, 0, T)[:] = 0
+            layout.sample(z, 0, self.drawn)[:] = 0
         self._drawn = DrawnChunk(it, chunk, z)
         return z
+
+    def in_draws(self, offset: np.ndarray) -> np.ndarray:
+        """Return an offset of the steps (2, T, n_u) for each number of the noise.
+
+        A number that several steps take has the mean of their offsets.
+
+        Returns:
+            (2, drawn, n_u)
+        """
+        if self.drawn == len(self.draws):
+            return offset
+        _, first, counts = np.unique(self.draws, return_index=True, return_counts=True)
+        found = np.zeros((len(offset), self.drawn, offset.shape[2]))
+        found[:, self.draws[first]] = np.add.reduceat(offset, first, axis=1) / counts[:, None]
+        return found
 
     def costs(self, it: Iteration, z: np.ndarray, chunk: slice) -> np.ndarray:
         """Return the costs J of a chunk's samples, rolled out from the iteration's state.
 
         Args:
             it: the iteration.
-            z: perturbations of these samples  (series, n_u, halves * T, LANES).
+            z: perturbations of these samples  (series, n_u, halves * drawn, LANES).
             chunk: indices of the samples.
 
         Returns:
@@ -377,7 +413,7 @@ class MPPI:
         """Set the plan, clipped to its limits and filtered if configured, and the momentum.
 
         Args:
-            plan: U after equation (5)  (T, n_u).
+            plan: U after equation (5), for each control period  (horizon, n_u).
         """
         plan = np.clip(plan, self.plan_low, self.plan_high)
         if self.sampler.momentum:
@@ -400,8 +436,7 @@ class MPPI:
             self.set_model(model)
         terms = [term for term in self.cost.terms if isinstance(term, EstimatedTerm)]
         if terms:
-            steps = np.arange(1, self.config.horizon + 1)
-            times = estimate.begins + self.config.dt * steps  # at which the steps end
+            times = estimate.begins + self.config.dt * self.steps.ends
             self._use_numbers({term.name: term.numbers_from(estimate, times) for term in terms})
 
     def warm_start(self, estimate: Estimate) -> int:
