@@ -60,7 +60,7 @@ class ScriptError(SystemExit, RunError):
 
 
 class Pool:
-    """This process flies one attempt after the other, each on every thread.
+    """A pool of no workers: this process flies one attempt after the other, on all threads.
 
     It is for scripts and notebooks.
     """
@@ -80,7 +80,7 @@ class Pool:
         return done
 
     def error_of(self, future: Future) -> BaseException | None:
-        """Return what a job has raised. Raises RunError if the workers are gone."""
+        """Return the error of a job, or None. Raises RunError if the workers are gone."""
         return future.exception()
 
     def close(self) -> None:
@@ -228,7 +228,7 @@ class Cluster(Pool):
         return answer
 
     def error_of(self, future: Future) -> BaseException | None:
-        """Return what a job has raised.
+        """Return the error of a job, None if it has none.
 
         Raises:
             RunError: the scheduler is gone, or a worker lacks a module of the user's.
@@ -394,12 +394,12 @@ def run_all(
     again.
 
     Args:
-        pool: does the jobs.
-        fly: does one of them, in a worker.
+        pool: pool whose workers do the jobs.
+        fly: function that does a job, in a worker.
         specs: the jobs.
 
     Raises:
-        Exception: what a job raises.
+        Exception: a job has raised it.
     """
     waiting = deque(_Job(spec, again=False) for spec in specs)
     running: dict[Future, _Job] = {}
@@ -422,9 +422,10 @@ def _answer(future: Future, spec: Any) -> Any:
     """Return the answer of a job.
 
     Raises:
-        RunError: the job has raised what no command expects, such as an error in a part of the
-            user's own; the message names the seed.
-        Exception: what else the job has raised.
+        RunError: the job has raised an error that no command expects, such as one in a part of
+            the user's own; the message names the seed.
+        RunError, FileError, SettingError, FirmwareError: the job has raised it, with its own
+            message.
     """
     try:
         return future.result()
