@@ -274,24 +274,23 @@ class Slurm(Cluster):
             wanted = "expected a machine that submits jobs to Slurm"
             raise RunError(f"scheduler {SLURM}: {wanted}, got one without sbatch")
         try:
-            import dask
-            from dask_jobqueue import SLURMCluster
+            from dask.config import get as configured
+            from dask_jobqueue.slurm import SLURMCluster
             from distributed.security import Security
 
             security = Security.temporary()
         except ImportError:
             raise RunError(needs_extra("dask-jobqueue", "cluster")) from None
         # The user's own configuration of dask-jobqueue goes before these values.
-        cores = dask.config.get("jobqueue.slurm.cores") or 1
-        options = dask.config.get("jobqueue.slurm.scheduler-options") or {}
+        cores = configured("jobqueue.slurm.cores") or 1
+        options = configured("jobqueue.slurm.scheduler-options") or {}
         self._jobs: Any = SLURMCluster(
             cores=cores,
-            processes=dask.config.get("jobqueue.slurm.processes") or cores,
-            memory=dask.config.get("jobqueue.slurm.memory") or f"{MEMORY * cores}GB",
+            processes=configured("jobqueue.slurm.processes") or cores,
+            memory=configured("jobqueue.slurm.memory") or f"{MEMORY * cores}GB",
             scheduler_options={"dashboard_address": DASHBOARD, **options},
             security=security,
-            shared_temp_directory=dask.config.get("jobqueue.slurm.shared-temp-directory")
-            or os.getcwd(),
+            shared_temp_directory=configured("jobqueue.slurm.shared-temp-directory") or os.getcwd(),
         )
         self._closing = Event()
         try:
