@@ -1,6 +1,7 @@
 """An attempt whose worker is lost is flown again, once; no finished attempt is flown twice, none is
 left out."""
 
+import asyncio
 import multiprocessing as mp
 import os
 import signal
@@ -142,7 +143,8 @@ class Finished:
     def __init__(self, answer=None, error=None):
         self.answer, self.error, self.released = answer, error, False
 
-    def result(self):
+    def __await__(self):
+        yield from ()
         if self.error is not None:
             raise self.error
         return self.answer
@@ -154,7 +156,7 @@ class Finished:
 @pytest.mark.parametrize("error", [None, ValueError("no"), CancelledError()])
 def test_a_worker_forgets_an_answer_that_has_arrived(error):
     flying, answer = Finished(3, error), Future()
-    _fetch(flying, answer)
+    asyncio.run(_fetch(flying, answer))
     assert flying.released
     if error is None:
         assert answer.result() == 3

@@ -19,7 +19,6 @@ from concurrent.futures import (
     wait,
 )
 from contextlib import suppress
-from functools import partial
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from socket import create_connection
@@ -40,7 +39,7 @@ from quadsim.record.run import RunError
 
 # How long the main thread waits before it looks for a signal that another thread received [s].
 WAKE = 0.5
-NO_LIMIT = 10**6
+QUEUED = 1000  # jobs that a Dask scheduler holds at once; more of them slow each other down
 UNGUARDED = 78  # exit code of a worker whose script has no main guard
 Job = TypeVar("Job")
 Answer = TypeVar("Answer")
@@ -185,7 +184,7 @@ class Cluster(Pool):
     """Workers of a Dask scheduler. Dask itself flies an attempt again whose worker is lost."""
 
     in_this_process = False
-    window = NO_LIMIT  # the scheduler queues them, also for workers that join later
+    window = QUEUED  # also for workers that join later
     advice = "waiting for workers of {address}: dask worker {address}"
 
     def __init__(self, address: str, security: object = None):
@@ -224,7 +223,7 @@ class Cluster(Pool):
         answer: Future = Future()
         # Not pure: Dask would give equal jobs one answer
         flying = self._client.submit(fly, job, pure=False)
-        flying.add_done_callback(partial(_fetch, answer=answer))
+        self._client.loop.add_callback(_fetch, flying, answer)
         return answer
 
     def error_of(self, future: Future) -> BaseException | None:
@@ -324,20 +323,20 @@ def _expect_slurm_accepts(script: str) -> None:
         raise RunError(f"scheduler {SLURM}: Slurm refuses the job: {said[-1]}")
 
 
-def _fetch(flying: Any, answer: Future) -> None:
-    """Move what a worker has answered to this process.
+async def _fetch(flying: Any, answer: Future) -> None:
+    """Move the answer of a worker to this process.
 
     The worker forgets it then. Dask would otherwise repeat the job if this worker is lost later.
 
     Args:
-        flying: the finished future of Dask.
+        flying: Dask's future of the job.
         answer: the future that takes its result or its error.
     """
     try:
-        answer.set_result(flying.result())
+        answer.set_result(await flying)
     except CancelledError:
         answer.cancel()
-        answer.set_running_or_notify_cancel()  # wakes what waits for it
+        answer.set_running_or_notify_cancel()  # this ends the wait for it
     except Exception as error:
         answer.set_exception(error)
     flying.release()
