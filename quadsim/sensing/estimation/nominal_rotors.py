@@ -47,6 +47,43 @@ class Interval(NamedTuple):
     duration: float
 
 
+class Motion(NamedTuple):
+    """The body rates within an interval, (bend s + slope) s + first at the share s of it.
+
+    The angular acceleration changes linearly, and the rates are its integral, moved such that they
+    end at the rates after the interval.
+    """
+
+    # about the body's axes [rad/s]
+    first: Vec3
+    slope: Vec3
+    bend: Vec3
+    # angular acceleration at the beginning, and its change [rad/s^2]
+    acceleration: Vec3
+    change: Vec3
+
+    @classmethod
+    def of(cls, interval: Interval) -> Motion:
+        """Return the motion between the ends of an interval."""
+        before, after, _, duration = interval
+        axes = []
+        ends = zip(before.rates, after.rates, before.acceleration, after.acceleration, strict=True)
+        for w0, w1, b0, b1 in ends:
+            bend = duration * (b1 - b0) / 2
+            axes.append((w0, w1 - w0 - bend, bend, b0, b1 - b0))
+        return cls(*zip(*axes, strict=True))
+
+    def at(self, share: float) -> Turning:
+        """Return the turning when this share of the interval has passed."""
+        (wx, wy, wz), (sx, sy, sz), (ex, ey, ez), (bx, by, bz), (cx, cy, cz) = self
+        rates = (
+            (ex * share + sx) * share + wx,
+            (ey * share + sy) * share + wy,
+            (ez * share + sz) * share + wz,
+        )
+        return Turning(rates, (bx + share * cx, by + share * cy, bz + share * cz))
+
+
 class Followed(NamedTuple):
     """The response of the nominal rotors in an interval. Thrusts are mass-normalised."""
 
@@ -115,10 +152,11 @@ class NominalRotors:
         ]
         low = self._motors.low
         high = max(thrust_max * self._vehicle.mass / 4, low)
+        motion = Motion.of(interval)
         thrusts = []
         unsettled = full = missing_yaw = 0.0
         for i, u in enumerate(commands):
-            torque = self._torque(u, turned(interval, i / steps))
+            torque = self._torque(u, motion.at(i / steps))
             asked = allocate(self._share, self._vehicle.mass * u.thrust, torque, low, high)
             self._motors.turn(map(self._rotors.speed, asked))
 
@@ -149,24 +187,3 @@ class NominalRotors:
         bx, by, bz = turning.acceleration
         commanded = (u.wx - lx * bx, u.wy - ly * by, u.wz - lz * bz)
         return rate_torque(turning.rates, commanded, self._gains, self._vehicle.inertia)
-
-
-def turned(interval: Interval, share: float) -> Turning:
-    """Return how the vehicle turns within an interval.
-
-    The angular acceleration changes linearly, and the rates are its integral, moved such that they
-    end at the rates after the interval.
-
-    Args:
-        interval: the interval.
-        share: share of the interval that has passed.
-    """
-    before, after, _, duration = interval
-    rates = []
-    acceleration = []
-    ends = zip(before.rates, after.rates, before.acceleration, after.acceleration, strict=True)
-    for w0, w1, b0, b1 in ends:
-        expected = w0 + duration * (b0 + b1) / 2
-        rates.append(w0 + duration * share * (b0 + share * (b1 - b0) / 2) + share * (w1 - expected))
-        acceleration.append(b0 + share * (b1 - b0))
-    return Turning(tuple(rates), tuple(acceleration))

@@ -124,6 +124,11 @@ class Row(IntEnum):
 GUST = slice(Row.GUST_X, Row.GUST_Z + 1)
 # the parameters that an acceleration measures if the thrust is known
 OF_ACCELERATION = slice(Row.THRUST_GAIN, Row.GUST_Z + 1)
+# the gust's variances in the covariance of these
+GUST_DIAGONAL = (np.arange(2, 5), np.arange(2, 5))
+# their Jacobian without thrust gain and drag: a gust acts as it is  (3, 5)
+GUST_ACTS = np.hstack([np.zeros((3, 2)), np.eye(3)])
+ACCELERATION_NOISE = ACCELERATION_STD**2 * np.eye(3)
 
 
 class VehicleNumbers(NamedTuple):
@@ -384,17 +389,20 @@ class VehicleLearner:
         """Predict over a duration [s], then correct by its mean acceleration y = H theta + e."""
         keep, fresh = self._gust_process(duration)
         F = np.array([1.0, 1.0, keep, keep, keep])
-        Q = np.array([0.0, 0.0, fresh, fresh, fresh])
         theta = F * self._theta[OF_ACCELERATION]
-        P = F[:, None] * self._P[OF_ACCELERATION, OF_ACCELERATION] * F + np.diag(Q)
+        P = F[:, None] * self._P[OF_ACCELERATION, OF_ACCELERATION] * F
+        P[GUST_DIAGONAL] += fresh
 
-        y = np.subtract(after.velocity, before.velocity) / duration + np.array([0.0, 0.0, GRAVITY])
-        lift = (thrust_vector(before) + thrust_vector(after)) / 2
-        velocity = np.add(before.velocity, after.velocity) / 2
-        H = np.column_stack([lift, -velocity, np.eye(3)])
-        S = H @ P @ H.T + ACCELERATION_STD**2 * np.eye(3)
-        K = np.linalg.solve(S, H @ P).T
-        self._theta[OF_ACCELERATION] = theta + K @ (y - H @ theta)
+        change = [new - old for old, new in zip(before.velocity, after.velocity, strict=True)]
+        x, y, z = (each / duration for each in change)
+        measured = np.array([x, y, z + GRAVITY])
+        H = GUST_ACTS.copy()
+        H[:, 0] = (thrust_vector(before) + thrust_vector(after)) / 2
+        mean = [(old + new) / 2 for old, new in zip(before.velocity, after.velocity, strict=True)]
+        H[:, 1] = [-velocity for velocity in mean]
+        HP = H @ P
+        K = np.linalg.solve(HP @ H.T + ACCELERATION_NOISE, HP).T
+        self._theta[OF_ACCELERATION] = theta + K @ (measured - H @ theta)
         self._P[OF_ACCELERATION, OF_ACCELERATION] = P - K @ H @ P
 
     def _update_thrust_max(self, before: State, after: State, acted: Acted) -> None:
@@ -472,16 +480,19 @@ class VehicleLearner:
         """
         assert self._delivered is not None
         reserve = self._mean_reserve(before, after, acted)
+        thrust_max = self._theta[Row.THRUST_MAX]
+        is_limited = acted.least_thrust > thrust_max - reserve / 2
+        tells = reserve > LEAST_RESERVE * thrust_max and is_limited
+        if self.wrench and not tells:
+            return
+
         rates = np.add(before.body_rates, after.body_rates)[:2] / 2
         asked = self._rate_gains * (acted.mean_tilt_rates - rates)
         first, last = np.array([before.angular_acceleration[:2], after.angular_acceleration[:2]])
         settled = first + (last - first) / self._rate_responses
-
-        thrust_max = self._theta[Row.THRUST_MAX]
         thrust = (before.thrust + after.thrust) / 2
-        is_limited = acted.least_thrust > thrust_max - reserve / 2
         unasked = self._unasked_turn(settled - asked, thrust, is_limited)
-        if reserve > LEAST_RESERVE * thrust_max and is_limited:
+        if tells:
             share = float((settled - unasked) @ asked / (asked @ asked))
             self._delivered += STEP * (share - self._delivered)
 
@@ -509,12 +520,11 @@ class VehicleLearner:
         The reserve under one command is that of the mean error of both ends.
         """
         reserve = 0.0
+        gain_x, gain_y = self._rate_gains
         for u, share in zip(acted.commands, acted.shares, strict=True):
-            commanded = np.array(u.body_rates[:2])
-            at_begin = abs(commanded - before.body_rates[:2])
-            at_end = abs(commanded - after.body_rates[:2])
-            asked = self._rate_gains * (at_begin + at_end) / 2
-            reserve += share * tilt_reserve(*self._nominal.tilt_cost, *asked)
+            bx = gain_x * (abs(u.wx - before.wx) + abs(u.wx - after.wx)) / 2
+            by = gain_y * (abs(u.wy - before.wy) + abs(u.wy - after.wy)) / 2
+            reserve += share * tilt_reserve(*self._nominal.tilt_cost, bx, by)
         return reserve
 
     def _predict(self, a_cmd: float, reserve: float) -> None:

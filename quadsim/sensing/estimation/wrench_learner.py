@@ -17,10 +17,12 @@ there no rotor is taken to be stronger than nominal. b and eta differ only if th
 
 from __future__ import annotations
 
-from math import isnan
+from dataclasses import dataclass
+from math import isnan, sqrt
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg.lapack import dposv
 
 from quadsim.dynamics.first_order import response
 from quadsim.dynamics.quadrotor import Delivered, ModelParams
@@ -34,7 +36,6 @@ SIZE = 10
 SOUND = np.concatenate([np.ones(4), np.zeros(6)])
 # the variances of the shares, in a covariance
 SHARE_DIAGONAL = (np.arange(4), np.arange(4))
-ALL_NOMINAL = [1.0] * 4
 SOUND_ROTORS = Delivered()
 # rows of the torques in a measurement, and the columns of what acts on one torque each
 AXES = np.arange(1, 4)
@@ -57,6 +58,39 @@ class Deviations(NamedTuple):
     def covariance(self) -> np.ndarray:
         """The covariance of independent numbers  (10, 10)."""
         return np.diag(np.square([self.share] * 4 + [self.always] * 3 + [self.gain] * 3))
+
+
+@dataclass
+class Channel:
+    """The errors of one measured number: the thrust, or a torque about x, y or z."""
+
+    # variance of the measurement [m^2/s^4]
+    nominal: float
+    # mean square of the errors, as far as they were used [m^2/s^4]
+    mean_square: float = 0.0
+    # mean error in standard deviations
+    surprise: float = 0.0
+
+    def noise(self, error: float, variance: float, rate: float) -> float:
+        """Return the variance of a measurement to which the errors of sound flight are added.
+
+        What the filter cannot explain in sound flight, too, is noise.
+
+        Args:
+            error: error of the measurement [m/s^2].
+            variance: variance without these errors [m^2/s^4]; a large one tells nothing of them.
+            rate: weight of the newest error in the mean square.
+        """
+        usual = 4.0 * self.nominal
+        if variance < usual:
+            bounded = min(error * error, usual + 4.0 * self.mean_square)
+            self.mean_square += rate * (bounded - self.mean_square)
+        return variance + ERROR_FACTOR * self.mean_square
+
+    def surprised(self, surprise: float) -> float:
+        """Return the mean error with a new error, all in standard deviations."""
+        self.surprise += SURPRISE_SHARE * (surprise - self.surprise)
+        return abs(self.surprise)
 
 
 class Estimated(NamedTuple):
@@ -132,11 +166,8 @@ class WrenchLearner:
         if gyro_noise is not None:
             noise = np.sqrt(2.0) * max(gyro_noise, LEAST_GYRO_NOISE) / dt
             std = np.hypot(std, [FORCE_STD, *(noise / self.rotors.turn_per_thrust)])
-        self._R = std**2
-        # mean square of the errors of each measurement, as far as they were used [m^2/s^4]  (4,)
-        self._error = np.zeros(4)
-        # mean error of each measurement in its standard deviations  (4,)
-        self._surprise = np.zeros(4)
+        # thrust, torques about x, y, z
+        self._channels = [Channel(variance) for variance in (std**2).tolist()]
         # time left of a change's trial [s], and the estimate before it; None: it was rejected
         self._trial = 0.0
         self._before: Estimated | None = None
@@ -154,11 +185,11 @@ class WrenchLearner:
     def _delivered(self) -> Delivered:
         """Return the output of the rotors by the present estimate."""
         theta = self._theta.tolist()
-        shares = [1.0 + counted(eta - 1.0, SHARE_TOLERANCE, LARGEST_SHARE) for eta in theta[SHARES]]
+        shares = [counted(eta - 1.0, SHARE_TOLERANCE, LARGEST_SHARE) for eta in theta[SHARES]]
         always = [counted(torque, ALWAYS_TOLERANCE, LARGEST_ALWAYS) for torque in theta[ALWAYS]]
-        if shares == ALL_NOMINAL and not any(always):
+        if not any(shares) and not any(always):
             return SOUND_ROTORS
-        thrust, *turn = self.rotors.signs @ shares / 4
+        thrust, *turn = self.rotors.signs @ (1.0 + np.array(shares)) / 4
         scale = self.rotors.turn_per_thrust * self._led
         return Delivered(float(thrust), *(turn * scale).tolist(), *(always * scale).tolist())
 
@@ -181,40 +212,41 @@ class WrenchLearner:
 
         # The thrust tells the shares' mean only if it has settled below the highest thrust, and
         # yaw tells something only if it is not limited.
-        variance = self._R.copy()
+        variance = [channel.nominal for channel in self._channels]
         variance[0] += (FULL_STD * self._full) ** 2 + followed.unsettled**2
         variance[3] += self._missing_yaw**2
-        rows = slice(1, None) if isnan(measured[0]) else slice(None)
-        R = variance[rows]
+        rows = slice(1 if isnan(measured[0]) else 0, None)
         H = self._jacobian(thrusts)[rows]
         error = measured[rows] - H @ self._theta
+        PHt = self._P @ H.T
+        S = H @ PHt
 
-        # What the filter cannot explain in sound flight, too, is noise.
-        nominal = self._R[rows]
-        known = self._error[rows]
-        bounded = np.minimum(error**2, 4.0 * (nominal + known))
-        known += np.where(4.0 * nominal > R, ERROR_RATE * self._dt * (bounded - known), 0.0)
-        R = R + ERROR_FACTOR * known
-
-        deviation = np.sqrt(((H @ self._P) * H).sum(axis=1) + R)
-        surprise = error / deviation
-
-        # Errors that keep their sign tell that a rotor has changed.
-        mean = self._surprise[rows]
-        mean += SURPRISE_SHARE * (surprise - mean)
+        # Errors that keep their sign tell that a rotor has changed, while a single large error
+        # counts less.
+        R = []
         self._trial -= self._dt
-        on_thrust, *on_torques = abs(self._surprise).tolist()
         is_on_trial = self._trial > 0.0
-        if max(on_torques) > SURPRISE or (is_on_trial and on_thrust > SURPRISE):
-            self._surprise[:] = 0.0
+        has_changed = False
+        columns = zip(
+            self._channels[rows], variance[rows], error.tolist(), S.diagonal().tolist(), strict=True
+        )
+        for channel, nominal, e, predicted in columns:
+            r = channel.noise(e, nominal, ERROR_RATE * self._dt)
+            surprise = e / sqrt(predicted + r)
+            R.append(r * max(abs(surprise) / OUTLIER, 1.0))
+            is_large = channel.surprised(surprise) > SURPRISE
+            has_changed |= is_large and (is_on_trial or channel is not self._channels[0])
+        if has_changed:
+            for channel in self._channels:
+                channel.surprise = 0.0
             if is_on_trial:
                 self._reject_change()
                 return
             self._expect_change()
+            PHt = self._P @ H.T
+            S = H @ PHt
 
-        # A single large error counts less.
-        R = R * np.maximum(abs(surprise) / OUTLIER, 1.0)
-        self._correct(error, H, R)
+        self._correct(error, PHt, S + np.diag(R))
         if self._theta[SHARES].max() > STRONGEST:
             self._reject_change()
             return
@@ -256,18 +288,16 @@ class WrenchLearner:
             return
         excess = self._theta[SHARES].max() - 1.0 - SPARE_SHARE
         if excess > 0.0:
-            H = np.zeros((1, SIZE))
-            H[0, SHARES] = 0.25
-            self._correct(np.array([-excess]), H, np.array([SPARE_STD**2]))
+            PHt = self._P[:, SHARES].sum(axis=1, keepdims=True) / 4
+            S = PHt[SHARES].sum(axis=0, keepdims=True) / 4
+            self._correct(np.array([-excess]), PHt, S + SPARE_STD**2)
 
-    def _correct(self, error: np.ndarray, H: np.ndarray, R: np.ndarray) -> None:
-        """Correct by innovations (n,) with Jacobian (n, 10) and variances (n,)."""
-        HP = H @ self._P
-        S = HP @ H.T
-        S.flat[:: len(S) + 1] += R
-        gain = np.linalg.solve(S, HP).T
-        self._theta = self._theta + gain @ error
-        P = self._P - gain @ HP
+    def _correct(self, error: np.ndarray, PHt: np.ndarray, S: np.ndarray) -> None:
+        """Correct by innovations (n,) with covariance S (n, n), and P H^T (10, n)."""
+        # S^-1 [H P, error]
+        _, solved, _ = dposv(S, np.column_stack([PHt.T, error]))
+        self._theta = self._theta + PHt @ solved[:, -1]
+        P = self._P - PHt @ solved[:, :-1]
         self._P = 0.5 * (P + P.T)
 
 
