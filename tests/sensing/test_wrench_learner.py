@@ -1,7 +1,6 @@
 """The estimator of the rotors' output finds weak rotors, and leaves sound vehicles as they are."""
 
-from dataclasses import dataclass, field, replace
-from math import inf
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,74 +15,15 @@ from quadsim.dynamics.quadrotor import (
     quadrotor,
     step,
 )
-from quadsim.physics.actuators import Actuators
 from quadsim.physics.domain_randomization import Randomization
-from quadsim.physics.faults import RotorFault, Window
-from quadsim.rotation import Vec3
 from quadsim.sensing.estimation.nominal_rotors import Interval, Turning
 from quadsim.sensing.estimation.prediction import Acted
 from quadsim.sensing.estimation.vehicle_learner import VehicleLearner
 from quadsim.sensing.estimation.wrench_learner import WrenchLearner
-from quadsim.vehicle import GRAVITY, Vehicle, load_vehicle
+from quadsim.vehicle import GRAVITY, load_vehicle
+from tests.sensing.random_flights import SWIFT, Ways, flown, weak
 
-SWIFT = load_vehicle("swift")
 CRAZYFLIE = load_vehicle("cf21b_500")
-STEP = 0.0025
-HOVER = Control(0.0, 0.0, 0.0, GRAVITY)
-
-
-@dataclass
-class Ways:
-    """Ways in which a vehicle differs from its nominal one."""
-
-    strengths: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
-    # [s] from which the rotors have these strengths
-    since: float = 0.0
-    varied: Randomization = field(default_factory=Randomization)
-    # angular acceleration per thrust [1/m], as by a centre of mass off the middle
-    turn: Vec3 = (0.0, 0.0, 0.0)
-    # [rad/s^2]
-    always: Vec3 = (0.0, 0.0, 0.0)
-    # [s] between which no command arrives
-    lost: tuple[float, float] = (inf, inf)
-
-
-def flown(vehicle: Vehicle, ways: Ways, seconds: float, dt=0.01, seed=0, most=0.8):
-    """Yield (before, after, command) of a flight on random commands.
-
-    Args:
-        vehicle: the nominal vehicle.
-        ways: in which the flown one differs.
-        seconds: duration.
-        dt: control period [s].
-        seed: of the commands.
-        most: highest command, as a share of the highest thrust.
-    """
-    rng = np.random.default_rng(seed)
-    faults = [RotorFault(i, share, Window(ways.since)) for i, share in enumerate(ways.strengths, 1)]
-    actuators = Actuators(ways.varied.vehicle(vehicle), STEP, faults)
-    rates = np.zeros(3)
-    after = state(rates, GRAVITY, (0.0, 0.0, 0.0))
-    u = arrived = HOVER
-    for k in range(round(seconds / dt)):
-        if k % 15 == 0:
-            share = rng.uniform(0.3, most)
-            u = Control(*rng.uniform(-2.0, 2.0, 3), thrust=share * vehicle.thrust_max)
-        if not ways.lost[0] <= k * dt < ways.lost[1]:
-            arrived = u
-        before = after
-        for _ in range(round(dt / STEP)):
-            actuators.wrench(arrived, tuple(rates), (0.0, 0.0, 0.0))
-            beta = np.array(actuators.angular_acceleration) + ways.always
-            beta += actuators.thrust * np.array(ways.turn)
-            rates = rates + STEP * beta
-        after = state(rates, actuators.thrust, tuple(beta.tolist()))
-        yield before, after, u
-
-
-def state(rates, thrust, beta):
-    """Return a state of which only what the rotors do matters."""
-    return State.of((0, 0, 0), (0, 0, 0), (1, 0, 0, 0), tuple(map(float, rates)), thrust, beta)
 
 
 def learned(vehicle, ways, seconds, dt=0.01, seed=0, gyro_noise=None, most=0.8):
@@ -101,10 +41,6 @@ def learned(vehicle, ways, seconds, dt=0.01, seed=0, gyro_noise=None, most=0.8):
             measured = learner.rotors.wrench_of(thrust, Turning(mean, tuple((rates - last) / dt)))
         learner.learn(Interval(*ends, Acted((u,), (1.0,)), dt), vehicle.thrust_max, measured)
     return learner
-
-
-def weak(rotor, share):
-    return tuple(share if i == rotor else 1.0 for i in range(4))
 
 
 @pytest.mark.parametrize("rotor", range(4))

@@ -295,6 +295,11 @@ class VehicleLearner:
         """
         return VehicleNumbers.of(np.sqrt(np.diag(self._P)))
 
+    def forget_rotors(self) -> None:
+        """Take the rotors to be sound again, as if nothing had been learned of them."""
+        if self.wrench:
+            self.wrench.forget()
+
     def learn_from_states(self, before: State, after: State, acted: Acted, duration: float) -> None:
         """Learn from two consecutive exact states.
 

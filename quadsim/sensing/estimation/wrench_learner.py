@@ -253,6 +253,15 @@ class WrenchLearner:
         self._limit_strongest()
         self.delivered = self._delivered()
 
+    def forget(self) -> None:
+        """Take the vehicle to be sound, as at the beginning."""
+        self._theta, self._P = SOUND, START.covariance
+        self._before = None
+        self._trial = 0.0
+        for channel in self._channels:
+            channel.mean_square = channel.surprise = 0.0
+        self.delivered = SOUND_ROTORS
+
     def _expect_change(self) -> None:
         """Let the shares change at once, on trial."""
         self._before = Estimated(self._theta, self._P.copy())
