@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Annotated
 
+from quadsim.controllers.schedule import step_lengths
 from quadsim.files.strict_yaml import setting
 from quadsim.files.values import check_fields
 
@@ -112,6 +113,19 @@ class MPPIConfig:
         bool,
         setting("whether thrust gain, drag, highest thrust and rotors are estimated in flight"),
     ] = False
+    longer_steps: (
+        Annotated[
+            float,
+            setting(
+                "time ahead after which the steps of rollouts are twice as long, and again after"
+                " the same time, up to 0.04 s; none: each step is a control period",
+                unit="s",
+                gt=0,
+                le=100,
+            ),
+        ]
+        | None
+    ) = None
     freeze_first: Annotated[
         bool, setting("whether the first control of the plan is left unperturbed")
     ] = False
@@ -137,6 +151,11 @@ class MPPIConfig:
 
     def __post_init__(self) -> None:
         check_fields(self)
+
+    @property
+    def step_lengths(self) -> tuple[int, ...]:
+        """The lengths of the steps of rollouts, in control periods; their sum is the horizon."""
+        return step_lengths(self.horizon, self.dt, self.longer_steps)
 
     def ess_of(self, samples: int) -> float | None:
         """Return the target of the effective sample size for a number of samples.

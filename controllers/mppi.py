@@ -19,6 +19,8 @@ There are extensions, most of them optional in MPPIConfig:
 * The control limits are tightened (tighten), and the plan may exceed them while the command does
   not (overshoot).
 * Perturbations and cost are weighted along the horizon (quadsim.controllers.schedule).
+* Later steps of the rollouts may be longer than a control period (longer_steps), while the plan
+  keeps a control for each period.
 * The first control of the plan may be left unperturbed (freeze_first).
 * Only a fraction of the update in equation (5) may be applied (step_size).
 * The first plan has more iterations (first_iterations), and so may a plan whose course has changed
@@ -54,6 +56,7 @@ from quadsim.controllers.plan import PlanStats
 from quadsim.controllers.samplers import PlainSampler, Sampling, build_lanes
 from quadsim.controllers.samplers.lane_sampler import stream_key
 from quadsim.controllers.schedule import Schedule
+from quadsim.controllers.steps import Steps
 from quadsim.controllers.update import (
     savitzky_golay,
     softmax_weights,
@@ -77,7 +80,8 @@ class Iteration:
     x: np.ndarray  # state from which the rollouts start  (n_x,)
     target: int  # row of the cost's targets
     call: int  # index of the sampler call
-    nominal: np.ndarray  # control sequence U that the samples perturb  (T, n_u)
+    # control sequence U that the samples perturb, its mean over each step  (T, n_u)
+    nominal: np.ndarray
     # (alternative - nominal) / ramp, added to the perturbations of the last samples  (2, T, n_u)
     rest_offset: np.ndarray
     J: np.ndarray  # cost of each sample  (M,)
@@ -151,8 +155,13 @@ class MPPI:
         self.numbers: dict[str, Weight] = {}
         # The last estimated course; None: the course that `cost` was made for
         self.course: Course | None = None
-        self.schedule = Schedule(config.first_noise, config.cost_rise)
-        self.ramp = self.schedule.noise(config.horizon)  # n, factors on the perturbations  (2, T)
+        lengths = config.step_lengths
+        self.steps = Steps(lengths)
+        equal = len(lengths) == config.horizon
+        self.schedule = Schedule(
+            config.first_noise, config.cost_rise, lengths=() if equal else lengths
+        )
+        self.ramp = self.schedule.noise(len(lengths))  # n, factors on the perturbations  (2, T)
         self.sampler = build_lanes(
             sampler,
             controls=n_u,
@@ -193,8 +202,9 @@ class MPPI:
             True
         """
         self.periods = ControlPeriods(self.config.dt)
-        self.plan = np.tile(self.rest, (self.config.horizon, 1))  # U (T, n_u)
-        self.guide = self.plan  # the sequence that the last samples perturb  (T, n_u)
+        # U for each control period, and the sequence that the last samples perturb
+        self.plan = np.tile(self.rest, (self.config.horizon, 1))  # (horizon, n_u)
+        self.guide = self.plan  # (horizon, n_u)
         # The last two controls, which precede the plan in the smoothing filter  (2, n_u)
         self.executed = np.tile(self.rest, (2, 1))
         if self.sampler.momentum:
@@ -273,7 +283,9 @@ class MPPI:
         w = weights(J, self.temperature)  # (M,)
 
         # Move the plan by a step along the weighted mean of v - U, eq. (5).
-        self.update(U + self.config.step_size * layout.mean_of_chunks(means, w))
+        change = self.steps.in_periods(layout.mean_of_chunks(means, w))
+        nominal, _ = self.nominals()
+        self.update(nominal + self.config.step_size * change)
 
         ess = float(1 / np.sum(w * w))
         return PlanStats(cost=float(J[0]), ess=ess, temperature=self.temperature)
@@ -286,7 +298,7 @@ class MPPI:
             target: row of the cost's targets.
         """
         self._calls += 1
-        nominal, alternative = self.nominals()  # (T, n_u) each
+        nominal, alternative = map(self.steps.mean, self.nominals())  # (T, n_u) each
         rest_offset = (alternative - nominal) / self.ramp[:, :, None]  # (2, T, n_u)
         return Iteration(
             x=x,
@@ -303,7 +315,7 @@ class MPPI:
         Returns:
             The nominal sequence, and the alternative that the last rest_fraction of the samples
             perturb: the plan and the guide, or plan + momentum and the plan if the sampler has
-            momentum.  (T, n_u) each
+            momentum.  (horizon, n_u) each
         """
         momentum = self.sampler.momentum
         if momentum:
@@ -329,9 +341,9 @@ class MPPI:
             return drawn.z
 
         count = chunk.stop - chunk.start
-        T = self.config.horizon
+        T = self.steps.number
         M = len(it.J)
-        z = self.sampler.sample(it.call, chunk.start, count)
+        z = self.steps.means_of(self.sampler.sample(it.call, chunk.start, count))
 
         # The last samples perturb the alternative.
         first_alternative = M - int(self.config.rest_fraction * M)
@@ -377,7 +389,7 @@ class MPPI:
         """Set the plan, clipped to its limits and filtered if configured, and the momentum.
 
         Args:
-            plan: U after equation (5)  (T, n_u).
+            plan: U after equation (5), for each control period  (horizon, n_u).
         """
         plan = np.clip(plan, self.plan_low, self.plan_high)
         if self.sampler.momentum:
@@ -400,8 +412,7 @@ class MPPI:
             self.set_model(model)
         terms = [term for term in self.cost.terms if isinstance(term, EstimatedTerm)]
         if terms:
-            steps = np.arange(1, self.config.horizon + 1)
-            times = estimate.begins + self.config.dt * steps  # at which the steps end
+            times = estimate.begins + self.config.dt * self.steps.ends
             self._use_numbers({term.name: term.numbers_from(estimate, times) for term in terms})
 
     def warm_start(self, estimate: Estimate) -> int:

@@ -261,3 +261,9 @@ def contradictions(planner: Planner) -> Iterator[tuple[str, str]]:
             "mppi.samples",
             f"expected samples x horizon <= {STEPS_MAX:g}, got {mppi.samples} x {mppi.horizon}",
         )
+    if mppi.longer_steps and isinstance(planner.cost, ReferenceWeights):
+        yield (
+            "mppi.longer_steps",
+            "expected none with a preset that follows a solution, which has a state for each"
+            f" control period, got {mppi.longer_steps:g} s",
+        )

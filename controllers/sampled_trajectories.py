@@ -50,11 +50,13 @@ def sampled_trajectories(
 
     # The best samples, followed by the updated plan
     best = np.argsort(last.J)[: min(samples, MOST)]
-    plan = mppi.plan.T[None]  # (1, n_u, T)
+    plan = mppi.steps.mean(mppi.plan).T[None]  # (1, n_u, T)
     v = np.concatenate([controls(mppi, last, best), plan])  # (samples + 1, n_u, T)
 
     found = mppi.rollout.trajectories(last.x, v, last.target)
-    shown = np.linspace(0, len(mppi.plan) - 1, points).round().astype(int)
+    # The steps in which these control periods lie
+    periods = np.linspace(0, len(mppi.plan) - 1, points).round()
+    shown = np.searchsorted(mppi.steps.ends, periods, side="right")
     paths = found.states[:, shown, :3]
     return SampledTrajectories(
         paths=paths[:-1],
@@ -80,7 +82,7 @@ def terms_of(
         found: the trajectory of these controls, a single sample.
     """
     system, d = rollout.system, rollout.dtype
-    cost = rollout.cost.with_numbers(rollout.given)
+    cost = rollout.cost.with_numbers(rollout.given).over(rollout.schedule.lengths)
     T = v.shape[1]
     before = np.vstack([x0.astype(d), found.states[:-1]])
     u = np.clip(v, np.array(system.low)[:, None], np.array(system.high)[:, None])
@@ -108,10 +110,12 @@ def terms_of(
     # up to rounding.
     if cost.obstacles is not None:
         crash = cost.terms[cost.crash_term]
-        beyond = (float(found.J) - sum(means.values())) * T
-        if crash.weight and isfinite(beyond):
-            late = max(round(beyond / crash.weight), 0)
-            means[crash.name] += late * crash.weight / T
+        periods = int(rollout.schedule.periods(T).sum())
+        beyond = (float(found.J) - sum(means.values())) * periods
+        weight = float(crash.weight)
+        if weight and isfinite(beyond):
+            late = max(round(beyond / weight), 0)
+            means[crash.name] += late * weight / periods
     return means
 
 
@@ -201,7 +205,12 @@ def planned_path(planner: MPPI, estimate: Estimate) -> ExpectedPath:
         planner: the planner.
         estimate: the estimate from which it has planned.
     """
-    v = planner.clipped(planner.plan).T[None]  # (1, n_u, T)
+    v = planner.clipped(planner.steps.mean(planner.plan)).T[None]  # (1, n_u, T)
     found = planner.rollout.trajectories(estimate.x, v, estimate.target)
     positions = np.vstack([estimate.x[:3], found.states[0, :, :3]])  # (T + 1, 3)
+    ends = np.append(0, planner.steps.ends)
+    if len(positions) <= ends[-1]:
+        periods = np.arange(ends[-1] + 1)
+        along = [np.interp(periods, ends, coordinate) for coordinate in positions.T]
+        positions = np.stack(along, axis=1)  # (periods + 1, 3)
     return ExpectedPath(estimate.begins, planner.config.dt, positions.astype(float))

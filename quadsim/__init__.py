@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from quadsim.config.spec import Spec
     from quadsim.controllers.config import MPPIConfig
     from quadsim.controllers.costs import Cost, Term
+    from quadsim.controllers.learned.export import export_pilot
     from quadsim.controllers.learned.observation import gate_rows, observe
     from quadsim.controllers.learned.pilot import load_pilot
     from quadsim.controllers.learned.policy import PolicyController, save_pilot
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
     from quadsim.files.strict_yaml import FileError
     from quadsim.heat.settings import Awareness
     from quadsim.heat.spec import Entrant
+    from quadsim.record.polynomials import fit_polynomials
     from quadsim.record.run import RunError
     from quadsim.results.heat import Heat
     from quadsim.results.run import Run
@@ -64,6 +66,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "quadsim.controllers.config": ("MPPIConfig",),
     "quadsim.controllers.costs": ("Cost", "Term"),
+    "quadsim.controllers.learned.export": ("export_pilot",),
     "quadsim.controllers.learned.observation": ("gate_rows", "observe"),
     "quadsim.controllers.learned.pilot": ("load_pilot",),
     "quadsim.controllers.learned.policy": ("PolicyController", "save_pilot"),
@@ -87,6 +90,7 @@ _HOMES = {
     "quadsim.config.competition": ("load_competition",),
     "quadsim.config.settings": ("SettingError",),
     "quadsim.config.spec": ("Spec",),
+    "quadsim.record.polynomials": ("fit_polynomials",),
     "quadsim.record.run": ("RunError",),
     "quadsim.results.run": ("Run",),
     "quadsim.dynamics": ("System",),

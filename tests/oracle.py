@@ -10,7 +10,7 @@ import numpy as np
 from quadsim.controllers.costs import Cost, Obstacles, StateTerm, evaluate
 from quadsim.controllers.lanes.layout import LANES
 from quadsim.controllers.lanes.planner_loops import MARKS, steps_between, term_steps
-from quadsim.controllers.schedule import Schedule
+from quadsim.controllers.schedule import Schedule, marks_at
 from quadsim.dynamics import System
 
 SAME = Schedule()  # every step alike
@@ -43,9 +43,12 @@ def fly_rows(
         target: number of targets reached.
         clearance: (x, x_next, target, params) -> (M,), how far a step's decisions are from turning
             out otherwise.
-        schedule: the weights n_t and s_t along the horizon.
+        schedule: the steps, and the weights n_t and s_t along the horizon.
     """
     M, T = len(z), len(U)
+    periods = schedule.periods(T)
+    systems = [system.over(length) for length in periods.tolist()]
+    cost = cost.over(schedule.lengths)
     noise = schedule.noise(T)
     stage = schedule.cost(T)
     marks = schedule.marks(T, term_steps(system.dt))
@@ -58,7 +61,7 @@ def fly_rows(
     total = np.zeros((len(cost.term_names), M))
     lines = None
     if cost.obstacles is not None:
-        lines = Lines(cost, cost.obstacles, x0, T, system.dt, row < len(targets) - 1)
+        lines = Lines(cost, cost.obstacles, x0, periods, system.dt, row < len(targets) - 1)
     for t in range(T):
         u = system.control(
             *(
@@ -66,7 +69,7 @@ def fly_rows(
                 for k in range(U.shape[1])
             )
         )
-        x_next = system.next(x, u)
+        x_next = systems[t].next(x, u)
         gate = cost.row._make(targets[row].T)
         found = evaluate(cost, x, x_next, u, gate, crashed, t)
         crashed = found.crashed
@@ -89,18 +92,19 @@ def fly_rows(
 class Lines:
     """The lines that the lanes test against obstacles.
 
-    They lie between positions `stride` steps apart, MARKS at a time.
+    They lie between positions `stride` control periods apart, MARKS at a time.
     """
 
-    def __init__(self, cost: Cost, obstacles: Obstacles, x0, T: int, dt: float, unfinished):
-        self.T = T
+    def __init__(self, cost: Cost, obstacles: Obstacles, x0, periods, dt: float, unfinished):
+        self.T = len(periods)
         self.stride = steps_between(dt)
+        self.ends = marks_at(periods, self.stride)
         self.unfinished = unfinished
         self.obstacles = obstacles
         self.marked = [np.repeat(np.array(x0[:3])[:, None], len(unfinished), axis=1)]  # (3, M) each
-        self.rows = obstacles.near(np.asarray(x0), T * dt)
+        self.rows = obstacles.near(np.asarray(x0), periods.sum() * dt)
         self.term = cost.crash_term
-        self.weight = cost.terms[self.term].weight
+        self.weight = cost.terms[self.term].weight * self.T / periods.sum()
 
     def meet(self, t, p, crashed, total, unfinished):
         """Latch crashes and add their cost.
@@ -110,7 +114,7 @@ class Lines:
         """
         least = np.full(len(crashed), np.inf)
         end = t == self.T - 1
-        if (t + 1) % self.stride == 0 or end:
+        if t in self.ends:
             # At the end the last position fills what is left.
             self.marked += [p] * (MARKS - len(self.marked) if end else 1)
         if len(self.marked) < MARKS:

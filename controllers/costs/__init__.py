@@ -7,6 +7,7 @@ vehicles.
 
 from quadsim.controllers.costs.cost import (
     NO_PARAMS,
+    AmountTerm,
     Cost,
     EstimatedTerm,
     Evaluated,
@@ -24,6 +25,7 @@ from quadsim.controllers.costs.cost import (
 
 __all__ = [
     "NO_PARAMS",
+    "AmountTerm",
     "Cost",
     "EstimatedTerm",
     "Evaluated",

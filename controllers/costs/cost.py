@@ -159,7 +159,8 @@ class Term:
                 near = did_you_mean(given, ["weight", *own])
                 raise ValueError(f"term {self.name}: no parameter {given!r}: {near}")
         weight = self.weight if weight is None else weight
-        kind = StateTerm if isinstance(self, StateTerm) else Term
+        kinds = (kind for kind in (StateTerm, AmountTerm) if isinstance(self, kind))
+        kind = next(kinds, Term)
         return kind(self.function, weight, self.name, **{**own, **parameters})
 
     def value(self, x: Any, x_next: Any, u: Any, target: Any, p: Any) -> Any:
@@ -197,6 +198,14 @@ class StateTerm(Term):
         """Return the number of the term for the state x_next."""
         of_state = cast(StateFunction, self.function)
         return of_state(x_next, target, p)
+
+
+class AmountTerm(Term):
+    """A term whose number is an amount, such as a cost per metre flown in a step.
+
+    The numbers of other terms count for each control period. In a step of several periods they
+    count as often, but an amount counts once.
+    """
 
 
 class EstimatedTerm(Term):
@@ -404,13 +413,19 @@ class Cost:
         """The index of each of these numbers, by its name."""
         return {name: k for k, name in enumerate(self.number_names)}
 
-    def numbers(self, horizon: int, given: Mapping[str, Weight] | None = None) -> np.ndarray:
+    def numbers(
+        self,
+        horizon: int,
+        given: Mapping[str, Weight] | None = None,
+        lengths: Sequence[int] = (),
+    ) -> np.ndarray:
         """Return weights and parameters as the compiled loops take them.
 
         Args:
             horizon: T.
             given: values in place of the cost's own, by the names of number_names; None: there are
                 none.
+            lengths: of the steps, in control periods; (): they are equal.
 
         Returns:
             (1, n), or (T, n) if one of them depends on the step of the horizon.
@@ -421,6 +436,11 @@ class Cost:
         columns = {k: self._numbers[k] for k in self._by_step}
         for name, value in (given or {}).items():
             columns[self.number_index[name]] = value
+        amounts = [
+            k for k, term in enumerate(self.terms) if lengths and isinstance(term, AmountTerm)
+        ]
+        for k in amounts:
+            columns[k] = np.divide(columns.get(k, self._numbers[k]), lengths)
         if not columns:
             return np.array([self._numbers], float)
         rows = np.empty((horizon, len(self._numbers)))
@@ -455,6 +475,20 @@ class Cost:
         values = zip(self.params._fields, self.params, strict=True)
         shared = (given.get(f"p_{name}", value) for name, value in values)
         return replace(self, terms=tuple(terms), params=self.params._make(shared))
+
+    def over(self, lengths: Sequence[int]) -> Cost:
+        """Return the cost for steps of these lengths, in control periods.
+
+        Args:
+            lengths: of the steps; (): they are equal.
+        """
+        if not lengths:
+            return self
+        terms = (
+            term.but(np.divide(term.weight, lengths)) if isinstance(term, AmountTerm) else term
+            for term in self.terms
+        )
+        return replace(self, terms=tuple(terms))
 
     @cached_property
     def _numbers(self) -> list[float | np.ndarray]:

@@ -35,7 +35,7 @@ from typing import Annotated
 from msgspec import Meta
 from numpy import maximum, minimum, sqrt, where
 
-from quadsim.controllers.costs import Cost, Term, crash
+from quadsim.controllers.costs import AmountTerm, Cost, StepFunction, Term, crash
 from quadsim.controllers.costs.frames import course_obstacles, obstacle_rows
 from quadsim.controllers.costs.race_caution import Sight, with_caution
 from quadsim.controllers.costs.race_step import RaceParams, at_gate, in_gate, off_exit
@@ -50,6 +50,7 @@ from quadsim.controllers.costs.race_targets import (
 )
 from quadsim.controllers.costs.race_value import value_of_rows, with_time_to_go
 from quadsim.controllers.costs.room import leaves_room, room_to_fly
+from quadsim.controllers.costs.round_frame import has_ladder, with_ways_round_frames
 from quadsim.course import Course
 from quadsim.files.strict_yaml import setting
 from quadsim.files.values import check_fields
@@ -228,6 +229,11 @@ def clearance(x, x_next, u, gate, p):
     return where(step.within, missing, 0.0)
 
 
+def kind_of(term: StepFunction) -> type[Term]:
+    """Return the class of a term: the clearance counts the metres that a step flies."""
+    return AmountTerm if term is clearance else Term
+
+
 def margin_of(weights: RaceWeights) -> Margin:
     """Return the desired distance between vehicle and frame within a gate."""
     return Margin(wanted=weights.margin, share=weights.margin_share)
@@ -281,7 +287,7 @@ def race_cost(
     still_in_gate = partial(is_inside, clear_of_frame(radius, deepest))
     cost = Cost(
         name="race",
-        terms=tuple(Term(term, getattr(weights, term.__name__)) for term in RACE_TERMS),
+        terms=tuple(kind_of(term)(term, getattr(weights, term.__name__)) for term in RACE_TERMS),
         row=GateTarget,
         targets=rows,
         params=RaceParams(
@@ -303,6 +309,9 @@ def race_cost(
         if len(value.passages) != len(rows) - 1:
             value = value_of_rows(rows, course.start.position, value.mass)
         cost = with_time_to_go(cost, value, weights.time_to_go)
+
+    if has_ladder(course):
+        cost = with_ways_round_frames(cost, course, radius, room, first)
 
     # A sample chooses among several rows only if obstacles add rows between gates.
     rows_between_gates = len(rows) > len(first) - 1

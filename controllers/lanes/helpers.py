@@ -164,7 +164,7 @@ def help_callers(desk, spins):
 
 
 class Helper(NamedTuple):
-    """A thread that helps, and the bell that wakes it."""
+    """A helping thread, and the lock by which a caller wakes it."""
 
     thread: threading.Thread
     bell: LockType  # locked until a caller rings

@@ -24,7 +24,7 @@ from quadsim.controllers.lanes.compiled import is_cached, load_module
 from quadsim.controllers.lanes.layout import LANES
 from quadsim.controllers.lanes.planner_loops import module_source, steps_between, term_steps
 from quadsim.controllers.lanes.sharing import on_threads
-from quadsim.controllers.schedule import Schedule
+from quadsim.controllers.schedule import Schedule, marks_at
 from quadsim.dynamics import System
 
 
@@ -50,12 +50,13 @@ class RolloutNumbers(NamedTuple):
     mark_factor: np.ndarray  # factors on the terms at marks, 0 at other steps  (T,)
     low: np.ndarray  # limits of the controls  (n_u,)
     high: np.ndarray
-    dt: np.floating  # control period [s]
+    dt: np.ndarray  # length of each step, or of all steps [s]  (T or 1,)
     targets: np.ndarray  # the rows from the present target on  (rows, n_row)
-    system: np.ndarray  # parameters of the model  (n_p,)
+    system: np.ndarray  # parameters of the model, for each step or for all  (T or 1, n_p)
     cost: np.ndarray  # parameters and weights of the cost  (1 or T, numbers)
     obstacles: np.ndarray  # the obstacles in reach  (obstacles, n_obstacle)
-    stride: int  # steps between two tests against obstacles
+    stride: int  # control periods between two tests against obstacles
+    line_marks: np.ndarray  # whether a line that is tested ends with this step  (T,)
     crash_weight: np.floating
 
 
@@ -148,10 +149,11 @@ class Rollout:
             ValueError: the weight of crashes depends on the step, and there are obstacles.
         """
         system, cost, d = self.system, self.cost, self.dtype
+        periods = self.schedule.periods(horizon)
         near = np.empty((0, 0), d)
         crash_weight: Weight = 0.0
         if cost.obstacles:
-            near = cost.obstacles.near(np.asarray(x0, float), horizon * system.dt).astype(d)
+            near = cost.obstacles.near(np.asarray(x0, float), periods.sum() * system.dt).astype(d)
             term = cost.terms[cost.crash_term]
             crash_weight = self.given.get(number_name(term.name, "weight"), term.weight)
             if np.ndim(crash_weight):
@@ -159,20 +161,40 @@ class Rollout:
                     f"cost {cost.name}: weight_{term.name}: expected one number, as there are "
                     f"obstacles, got shape {np.shape(crash_weight)}"
                 )
+        line_marks = np.zeros(horizon, np.bool_)
+        line_marks[marks_at(periods.tolist(), steps_between(system.dt))] = True
         return RolloutNumbers(
             noise_factor=self.schedule.noise(horizon).astype(d),
             cost_factor=self.schedule.cost(horizon).astype(d),
             mark_factor=self.schedule.marks(horizon, term_steps(system.dt)).astype(d),
             low=np.asarray(system.low, d),
             high=np.asarray(system.high, d),
-            dt=d(system.dt),
+            dt=self._lengths,
             targets=cost.targets_from(target, x0, d),
-            system=np.asarray(system.params, d),
-            cost=cost.numbers(horizon, self.given).astype(d),
+            system=self._step_numbers,
+            cost=cost.numbers(horizon, self.given, self.schedule.lengths).astype(d),
             obstacles=near,
             stride=steps_between(system.dt),
-            crash_weight=d(crash_weight),
+            line_marks=line_marks,
+            crash_weight=d(crash_weight * horizon / periods.sum()),
         )
+
+    @cached_property
+    def _systems(self) -> list[System]:
+        """The system of each step, or one for all steps of equal length."""
+        lengths = self.schedule.lengths or (1,)
+        known = {length: self.system.over(length) for length in set(lengths)}
+        return [known[length] for length in lengths]
+
+    @cached_property
+    def _lengths(self) -> np.ndarray:
+        """The length of each step [s], see RolloutNumbers."""
+        return np.array([system.dt for system in self._systems], self.dtype)
+
+    @cached_property
+    def _step_numbers(self) -> np.ndarray:
+        """The parameters of the model in each step, see RolloutNumbers."""
+        return np.array([system.params for system in self._systems], self.dtype)
 
     @cached_property
     def _module(self) -> ModuleType:

@@ -110,7 +110,6 @@ def rollout(desk, first, last, x0, U, z, J, trajectory, numbers):
     if desk:
         share(desk, last)
         return
-    dt = numbers.dt
     low = numbers.low
     high = numbers.high
     targets = numbers.targets
@@ -123,7 +122,7 @@ def rollout(desk, first, last, x0, U, z, J, trajectory, numbers):
     halves = z.shape[2] // T
     last_row = np.int32(targets.shape[0] - 1)
     varies = cost_numbers.shape[0] > 1  # whether the parameters of the cost depend on the step
-    <read_model>
+    lasts = numbers.dt.shape[0] > 1  # whether the steps differ in length
     <read_limits>
     for b in range(first, last):
         <begin>
@@ -134,6 +133,9 @@ def rollout(desk, first, last, x0, U, z, J, trajectory, numbers):
             n_t = noise_factor[b % 2, t]
             s_t = cost_factor[t]
             k_t = t if varies else 0
+            l_t = t if lasts else 0
+            dt = numbers.dt[l_t]
+            <read_model>
             <read_cost>
             for l in range(L):
                 <step>
@@ -158,6 +160,7 @@ if m_t > F(0):
 READ_OBSTACLES = """
 obstacles = numbers.obstacles
 stride = numbers.stride
+line_marks = numbers.line_marks
 crash_weight = numbers.crash_weight
 """
 
@@ -179,7 +182,6 @@ lowest = np.empty((3, <boxes>), F)
 highest = np.empty((3, <boxes>), F)
 before_finish = np.empty(L, F)
 marks = 1
-until_mark = stride
 for l in range(L):
     for k in range(3):
         marked[0, k, l] = x0[k]
@@ -187,9 +189,7 @@ for l in range(L):
 """
 
 KEEP_MARKS = """
-until_mark -= 1
-if until_mark == 0 or t == T - 1:
-    until_mark = stride
+if line_marks[t]:
     filled = <marks> if t == T - 1 else marks + 1  # at the end the last position fills what is left
     for m in range(marks, filled):
         for k in range(3):
@@ -336,7 +336,7 @@ def _step(system: System, cost: Cost) -> _Step:
     # Read the numbers that these lines use
     parts["read_model"] = ""
     if system.params:
-        parts["read_model"] = read(type(system.params), "model", "system_numbers[{k}]", writer)
+        parts["read_model"] = read(type(system.params), "model", "system_numbers[l_t, {k}]", writer)
     text = "\n".join((*around, STATE_TERMS, parts["step"]))
     at_marks = _state_terms(system, cost, text)
     parts["state_terms"] = at_marks.text

@@ -1,4 +1,4 @@
-"""The weighted mean of the sampled controls, computed in one pass over the noise."""
+"""Means of perturbations: over the samples, weighted, and over the periods of longer steps."""
 
 from __future__ import annotations
 
@@ -85,3 +85,47 @@ def weighted_mean(
     numbers = (ramp.astype(d, "C"), U.astype(d, "C"), low.astype(d), high.astype(d))
     on_threads(_lane_sums, pairs, noise, *numbers, w_blocks, sums)
     return sums.sum(axis=2, dtype=np.float64).T
+
+
+@kept
+@njit(fastmath=FAST, error_model="numpy", nogil=True)
+def _step_means(desk, first, last, noise, firsts, means):
+    """Fill means with the mean of the noise over the control periods of each step.
+
+    The threads share pairs of a series and a control.
+    """
+    if desk:
+        share(desk, last)  # pyright: ignore[reportCallIssue]
+        return
+    controls = noise.shape[1]
+    lanes = noise.shape[3]
+    T = len(firsts) - 1
+    periods = firsts[T]
+    halves = noise.shape[2] // periods
+    for k in range(first, last):
+        s = k // controls
+        c = k % controls
+        for half in range(halves):
+            for t in range(T):
+                begin = half * periods + firsts[t]
+                end = half * periods + firsts[t + 1]
+                to = half * T + t
+                for i in range(lanes):
+                    means[s, c, to, i] = noise[s, c, begin, i]
+                for n in range(begin + 1, end):
+                    for i in range(lanes):
+                        means[s, c, to, i] += noise[s, c, n, i]
+                length = means.dtype.type(end - begin)
+                for i in range(lanes):
+                    means[s, c, to, i] /= length
+
+
+def step_means(noise: np.ndarray, firsts: np.ndarray, means: np.ndarray) -> None:
+    """Fill an array with the means of perturbations over the control periods of each step.
+
+    Args:
+        noise: perturbations in control periods  (series, n_u, halves * periods, LANES).
+        firsts: index of the first period of each step, and the number of all periods  (T + 1,).
+        means: array to fill  (series, n_u, halves * T, LANES).
+    """
+    on_threads(_step_means, len(noise) * noise.shape[1], noise, firsts, means)

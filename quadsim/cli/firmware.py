@@ -278,7 +278,7 @@ class _Steps:
         self._last = ""
 
     def __call__(self, what: str, share: float) -> None:
-        """Say a step, unless it is the last one that was said."""
+        """Print the name of a step of the build, unless it is the one printed last."""
         if what != self._last:
             complain(f"race firmware: {what}")
         self._last = what

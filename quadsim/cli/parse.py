@@ -88,6 +88,6 @@ def _line(error: CycloptsError, app: App) -> str:
             if token is not None:
                 return f"{name}: expected {expected(kind)}, got {token.value!r}"
             is_missing = isinstance(error, exceptions.MissingArgumentError) and not error.keyword
-            got = "no such flag" if is_missing else "too few values"
+            got = f"no {name}" if is_missing else "too few values"
             return f"{name}: expected {expected(kind)}, got {got} (see race {command} --help)"
     return str(error).splitlines()[-1]

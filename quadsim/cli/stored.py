@@ -8,10 +8,21 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from rich.markup import escape
 
-from quadsim.cli.flags import Help, Json, RunsDir, Stored, Switch
+from quadsim.cli.flags import (
+    Help,
+    Json,
+    RunsDir,
+    Stored,
+    Switch,
+    names,
+    stored_runs_and_races,
+)
 from quadsim.cli.report import known_limit, present
 from quadsim.console import UsageError, emit, emit_json, plain_table
+from quadsim.controllers.learned.export import export_pilot
+from quadsim.controllers.learned.pilot import load_pilot
 from quadsim.figures.style import PICTURES, save_figure, write_figure
+from quadsim.files.values import SettingError
 from quadsim.heat.archive import (
     export_name,
     heat_folder,
@@ -24,6 +35,7 @@ from quadsim.heat.archive import (
 from quadsim.record.archive import find_run, read_run
 from quadsim.record.exchange import telemetry_csv
 from quadsim.record.mcap_file import mcap_bytes
+from quadsim.record.polynomials import run_polynomials
 from quadsim.record.whole_files import expect_new_file, write_whole
 from quadsim.report.preset_changes import changed_numbers, number_text, recorded_derivation
 from quadsim.results.heat import Heat
@@ -31,6 +43,9 @@ from quadsim.results.stored_runs import stored_runs
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+# Suffix of a pilot's file by the flag that asks for it
+PILOT_SUFFIXES = {"header": ".h", "onnx": ".onnx"}
 
 
 def runs(
@@ -198,7 +213,14 @@ def _value_figure(run: str, runs_dir: str) -> tuple[Path, Figure]:
 
 
 def export(
-    *runs: Stored,
+    *runs: Annotated[
+        str,
+        Help(
+            "a run: its folder, a part of its name, or last; for --header and --onnx a pilot: "
+            "a name or FILE.npz",
+            completer=names(stored_runs_and_races),
+        ),
+    ],
     html: Annotated[bool, Switch("one animated page, the drones in their scene")] = False,
     csv: Annotated[
         bool, Switch("telemetry, one row a control step; of several runs also a column `run`")
@@ -207,13 +229,18 @@ def export(
         bool, Switch("poses, gates, commands and events of one run, for Foxglove and Rerun")
     ] = False,
     zip: Annotated[bool, Switch("the folders of the runs, or the whole folder of a race")] = False,
+    polynomials: Annotated[
+        bool, Switch("the path of one run as polynomials for a Crazyflie (CSV)")
+    ] = False,
+    header: Annotated[bool, Switch("a pilot as one C header, without a library")] = False,
+    onnx: Annotated[bool, Switch("a pilot as an ONNX file")] = False,
     out: Annotated[
-        str | None, Help("new file to write; default: <run>.html, .csv, .mcap or .zip here")
+        str | None, Help("new file to write; default: here, named after the run or the pilot")
     ] = None,
     runs_dir: RunsDir = "runs",
     json: Json = False,
 ) -> int:
-    """Export runs as a page that plays offline, a table, a recording for viewers, or one file.
+    """Export runs or a pilot for other programs.
 
     Of a race of several vehicles, all runs are exported. A file that is there
     already is not written over. A zip is read back by unzipping it into the
@@ -224,19 +251,88 @@ def export(
     race export 20261120T133511Z 20261120T134914Z --html --out race.html
 
     race export last --mcap
+
+    race export pilots/mine.npz --header
     """
-    given = {"html": html, "csv": csv, "mcap": mcap, "zip": zip}
+    given = {
+        "html": html,
+        "csv": csv,
+        "mcap": mcap,
+        "zip": zip,
+        "polynomials": polynomials,
+        "header": header,
+        "onnx": onnx,
+    }
     kinds = [kind for kind, wanted in given.items() if wanted]
     if len(kinds) != 1:
         got = " and ".join(kinds) or "none"
-        raise UsageError(f"expected one of --html, --csv, --mcap, --zip, got {got}")
+        wanted = ", ".join(f"--{kind}" for kind in given)
+        raise UsageError(f"expected one of {wanted}, got {got}")
     kind = kinds[0]
+    if kind in PILOT_SUFFIXES:
+        _print_paths((_export_pilot(kind, runs, out),), json)
+        return 0
     folders = [f for run in runs or ("last",) for f in run_folders(run, runs_dir)]
+    if kind == "polynomials":
+        _export_polynomials(folders, out, json)
+        return 0
     path = Path(out or f"{export_name(with_whole_races(folders)[0])}.{kind}")
     expect_new_file(path)
     write_whole(path, _data(kind, folders))
     _print_paths((path,), json)
     return 0
+
+
+def _export_polynomials(folders: list[Path], out: str | None, json: bool) -> None:
+    """Write the path of a run as polynomials, and print the file and the largest errors.
+
+    Raises:
+        UsageError: several runs are given, or the flight is too short.
+        RunError: the run is damaged, or the file cannot be written.
+    """
+    if len(folders) > 1:
+        raise UsageError(f"--polynomials: expected one run, got {len(folders)}")
+    path = Path(out or f"{export_name(folders[0])}_polynomials.csv")
+    expect_new_file(path)
+    try:
+        fitted = run_polynomials(read_run(folders[0]))
+    except SettingError as error:
+        raise UsageError(f"--polynomials: {error.problem}") from None
+    fitted.save(path)
+    if json:
+        emit_json(
+            {
+                "file": str(path),
+                "pieces": len(fitted.durations),
+                "duration": float(fitted.durations.sum()),
+                "largest_error": fitted.largest_error,
+                "largest_yaw_error": None if fitted.yaw_held else fitted.largest_yaw_error,
+            }
+        )
+    else:
+        emit(escape(f"{path}: {fitted.summary}"))
+
+
+def _export_pilot(kind: str, pilots: tuple[str, ...], out: str | None) -> Path:
+    """Write a pilot as a C header or as an ONNX file, and return the path.
+
+    Raises:
+        UsageError: not one pilot is given, the file is named otherwise, or onnx is missing.
+        FileError: there is no such pilot.
+        RunError: the file cannot be written.
+    """
+    if len(pilots) != 1:
+        raise UsageError(f"--{kind}: expected one pilot, got {len(pilots) or 'none'}")
+    suffix = PILOT_SUFFIXES[kind]
+    pilot = load_pilot(pilots[0])
+    path = Path(out or f"{pilot.name}{suffix}")
+    if path.suffix != suffix:
+        raise UsageError(f"--out: expected FILE{suffix}, got {str(path)!r}")
+    expect_new_file(path)
+    try:
+        return export_pilot(pilot, path)
+    except ModuleNotFoundError as error:
+        raise UsageError(f"--{kind}: {error}") from None
 
 
 def _print_paths(paths: tuple[Path, ...], json: bool) -> None:

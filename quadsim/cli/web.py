@@ -66,7 +66,10 @@ def web(
     try:
         proxy = behind_of(behind) if behind else None
         token = new_token(host, proxy)
-        if token and token_file:
+        if token_file:
+            if not token:
+                wanted = "expected --behind, or the --host of other machines"
+                raise ValueError(f"token-file: {wanted}: {host} asks for no token")
             token = kept_token(Path(token_file).expanduser())
         server = serve(host, port, token, "race", behind=proxy)
     except ValueError as error:  # "port: ..."

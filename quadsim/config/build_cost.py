@@ -141,7 +141,7 @@ def _check_rows(spec: Spec, cost: Cost) -> None:
         ValueError: weights, targets or the guide have another shape, or are not finite.
     """
     horizon = spec.planner.mppi.horizon
-    cost.numbers(horizon)
+    cost.numbers(len(spec.planner.mppi.step_lengths))
     if cost.obstacles:
         _ = cost.crash_term
     x = np.array(start_of(spec))

@@ -89,6 +89,7 @@ class Keywords(TypedDict, total=False):
     first_noise: float | None
     cost_rise: float | None
     adapt: bool | None
+    longer_steps: float | None
     freeze_first: bool | None
     smooth: bool | None
     target_ess: float | None

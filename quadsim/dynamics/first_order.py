@@ -19,3 +19,8 @@ def remaining(tau: float, dt: float) -> float:
 def response(tau: float, dt: float) -> float:
     """Return 1 - exp(-dt / tau), the share of the error that is gone after dt.  tau, dt [s]"""
     return 1.0 - remaining(tau, dt)
+
+
+def response_over(response: float, periods: int) -> float:
+    """Return the response over several control periods, given that over one."""
+    return 1.0 - (1.0 - response) ** periods

@@ -36,7 +36,7 @@ from msgspec import Meta
 from numpy import maximum, minimum
 
 from quadsim.dynamics import System
-from quadsim.dynamics.first_order import response
+from quadsim.dynamics.first_order import response, response_over
 from quadsim.dynamics.named_tuples import units_of
 from quadsim.files.strict_yaml import setting, unit
 from quadsim.rotation import Quaternion, Vec3, quaternion_rate
@@ -177,6 +177,52 @@ class Params(NamedTuple):
     def rate_gains(self) -> Vec3:
         """The gains of the rate loop, about the body's axes [1/s]."""
         return self.rate_gain_x, self.rate_gain_y, self.rate_gain_z
+
+    def over(self, periods: int, dt: float) -> Params:
+        """Return the numbers for a step of several control periods under one command.
+
+        Lags are exact. The gains of the rate loop are those with which body rates that are steady
+        at first change by as much as in single periods.
+
+        Args:
+            periods: number of control periods.
+            dt: control period [s].
+        """
+        if periods == 1:
+            return self
+        lags = (self.rate_response_x, self.rate_response_y, self.rate_response_z)
+        longer = [response_over(lag, periods) for lag in lags]
+        gains = [
+            rate_change(gain, lag, periods, dt) / (periods * dt * response)
+            for gain, lag, response in zip(self.rate_gains, lags, longer, strict=True)
+        ]
+        rate_gain_x, rate_gain_y, rate_gain_z = gains
+        rate_response_x, rate_response_y, rate_response_z = longer
+        return self._replace(
+            rate_gain_x=rate_gain_x,
+            rate_gain_y=rate_gain_y,
+            rate_gain_z=rate_gain_z,
+            rotor_response=response_over(self.rotor_response, periods),
+            rate_response_x=rate_response_x,
+            rate_response_y=rate_response_y,
+            rate_response_z=rate_response_z,
+        )
+
+
+def rate_change(gain: float, lag: float, periods: int, dt: float) -> float:
+    """Return the share of a commanded change that a steady body rate makes in several periods.
+
+    Args:
+        gain: of the rate loop [1/s].
+        lag: response of the angular acceleration in one period.
+        periods: number of control periods.
+        dt: control period [s].
+    """
+    rate, acceleration = 0.0, 0.0
+    for _ in range(periods):
+        acceleration += ((1.0 - rate) * gain - acceleration) * lag
+        rate += acceleration * dt
+    return rate
 
 
 # Columns of telemetry: the names above, but for the thrust, which is written `a` there.

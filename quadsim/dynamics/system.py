@@ -111,6 +111,19 @@ class System:
         """
         return self.step(self.state(*x), self.control(*u), self.params, self.dt)
 
+    def over(self, periods: int) -> System:
+        """Return the system whose step lasts several control periods, with one command for them.
+
+        Parameters that depend on the length of a step have a method `over(periods, dt)`, which
+        returns the parameters of the longer step.
+
+        Args:
+            periods: number of control periods.
+        """
+        change = getattr(self.params, "over", None)
+        params = change(periods, self.dt) if change else self.params
+        return replace(self, dt=periods * self.dt, params=params)
+
     def tightened(self, share: float) -> System:
         """Return the system with this share of the way from rest to each limit unused.
 

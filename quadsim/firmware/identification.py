@@ -328,7 +328,7 @@ def _fitted(flown: Sequence[Response], period: float) -> ModelNumbers:
 
 
 def _named(x: Sequence[float] | np.ndarray) -> ModelNumbers:
-    """Return the vector of the search as named numbers."""
+    """Return the variables of the optimization  (8,)  as a record of the model's numbers."""
     tau_x, tau_y, tau_z, lag_x, lag_y, lag_z, thrust_lag, delay = map(float, x)
     return ModelNumbers((tau_x, tau_y, tau_z), (lag_x, lag_y, lag_z), thrust_lag, delay)
 

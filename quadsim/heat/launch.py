@@ -200,7 +200,7 @@ def keep_clear_terms(heat: HeatSpec, k: int) -> dict[int, KeepClear]:
     if awareness.expect == "nothing" or spec.pilot or spec.controller:
         return {}
     others = [m for m in range(len(heat.entrants)) if m != k]
-    return _keep_clear_of(others, spec.planner.mppi.horizon, awareness)
+    return _keep_clear_of(others, len(spec.planner.mppi.step_lengths), awareness)
 
 
 def _keep_clear_of(
@@ -251,7 +251,7 @@ def _opponent(heat: HeatSpec, k: int, m: int) -> OpponentModel:
         first_iterations=FIRST_ITERATIONS,
     )
     others = [n for n in range(len(heat.entrants)) if n != m]
-    terms = _keep_clear_of(others, mppi.horizon, awareness)
+    terms = _keep_clear_of(others, len(mppi.step_lengths), awareness)
     small = replace(
         spec,
         planner=replace(spec.planner, mppi=mppi),

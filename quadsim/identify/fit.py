@@ -26,6 +26,7 @@ from quadsim.identify.prior import prior_of
 from quadsim.identify.rate_loop import LAGS, PIECE, RateLoopFit, fit_rate_loop
 from quadsim.identify.result import VehicleFit
 from quadsim.identify.rotors import rotor_speeds
+from quadsim.identify.row_errors import between_rows
 from quadsim.identify.stages import search_numbers
 from quadsim.identify.stretches import Stretch, stretches, thinned, total_time
 from quadsim.identify.to_vehicle import (
@@ -112,7 +113,8 @@ def fit_vehicle(
     remarks += _remarks_on(loop)
     found = FoundNumbers(
         numbers=solution.numbers,
-        covariance=covariances(solution.linearized).reported,
+        covariance=covariances(solution.linearized).reported
+        + between_rows(ready, geometry, prior, search),
         searched=solution.searched,
         untold=search.untold,
         drive=ready[0].drive,

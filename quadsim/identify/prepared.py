@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -138,12 +139,25 @@ def middle(part: Prepared, time: float) -> Prepared:
     count = round(time / part.stretch.dt)
     first = max(int(flying[len(flying) // 2]) - count // 2, 0) if len(flying) else 0
     rows = slice(first, first + count)
+    return _of_rows(part, rows, cropped(part.stretch, rows))
+
+
+def every_second(part: Prepared) -> Prepared:
+    """Return every second row of a stretch, as of a log with half as many rows."""
+    rows = slice(0, None, 2)
+    fewer = cropped(part.stretch, rows)
+    averaged = max(part.mean_rows // 2, 1)
+    return _of_rows(part, rows, replace(fewer, dt=2.0 * fewer.dt))._replace(mean_rows=averaged)
+
+
+def _of_rows(part: Prepared, rows: slice, stretch: Stretch) -> Prepared:
+    """Return some rows of a prepared stretch, whose readings are `stretch`."""
 
     def cut(values: np.ndarray | None) -> np.ndarray | None:
         return None if values is None else values[rows]
 
     return part._replace(
-        stretch=cropped(part.stretch, rows),
+        stretch=stretch,
         ratio=part.ratio[rows],
         usable=part.usable[rows],
         command=part.command[rows],

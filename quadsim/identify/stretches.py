@@ -25,6 +25,7 @@ LONGEST_HOLD = 0.25  # a missing command is the one before it for this time [s]
 LEAST_RATE = 250.0  # logs with more rows are thinned to this rate or more [Hz]
 MAD = 1.4826  # standard deviation of a normal distribution over its median absolute deviation
 PLANT_STEP = 1 / 400  # of quadsim's plants; real vehicles move continuously [s]
+TREMBLE = 0.01  # relative error of a log's clock
 SMOOTH = 0.05  # time over which a velocity is smoothed [s]
 # A voltage is averaged, over a time as short as this noise of its mean permits: it sags within
 # hundredths of a second when the thrust rises.
@@ -75,6 +76,11 @@ class Stretch:
     def plant_step(self) -> float:
         """The step of time in which the vehicle moves, at most a row of the log [s]."""
         return min(self.dt / self.thinned, PLANT_STEP)
+
+    @property
+    def has_all_commands(self) -> bool:
+        """Whether the log has a row for each step of a plant, between which no command changes."""
+        return self.dt / self.thinned < (1.0 + TREMBLE) * PLANT_STEP
 
 
 def stretches(log: FlightLog) -> list[Stretch]:

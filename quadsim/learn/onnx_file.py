@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from quadsim.files.extras import imported
+from quadsim.files.onnx_graph import Graph, Value
 from quadsim.learn.gate_network import WHITE, Block, Network
 from quadsim.sensing.pixels.network import INPUT
-
-# version of the format's operators, and of its files
-OPERATORS = 17
-FILES = 9
 
 
 def onnx_bytes(network: Network, about: Mapping[str, str]) -> bytes:
@@ -31,8 +26,7 @@ def onnx_bytes(network: Network, about: Mapping[str, str]) -> bytes:
     Raises:
         ModuleNotFoundError: onnx is not installed.
     """
-    onnx = imported("onnx", "onnx", "train")
-    graph = Graph(onnx)
+    graph = NetworkGraph()
     x = graph.node("Mul", INPUT, graph.constant(np.array(1.0 / WHITE, np.float32)))
     x = graph.block(graph.node("Sub", x, graph.constant(np.array(0.5, np.float32))), network.first)
     layers = []
@@ -60,34 +54,13 @@ def onnx_bytes(network: Network, about: Mapping[str, str]) -> bytes:
     split = graph.constant(np.array([1, len(output.bias) - 1], np.int64))
     logit, vectors = graph.nodes("Split", 2, x, split, axis=1)
     graph.node("Concat", graph.node("Sigmoid", logit), vectors, axis=1, to="found")
-    return graph.file(about)
+    picture = Value(INPUT, (1, 3, "height", "width"))
+    found = Value("found", (1, 5, "rows", "columns"))
+    return graph.file("gates", [picture], [found], about)
 
 
-class Graph:
-    """The nodes and the constants of a graph that is being built."""
-
-    def __init__(self, onnx: Any):
-        self._onnx = onnx
-        self._nodes: list[Any] = []
-        self._numbers: list[Any] = []
-
-    def constant(self, value: np.ndarray) -> str:
-        """Add an array, and return its name."""
-        name = f"c{len(self._numbers)}"
-        self._numbers.append(self._onnx.numpy_helper.from_array(value, name))
-        return name
-
-    def nodes(self, operator: str, outputs: int, *inputs: str, **how: Any) -> list[str]:
-        """Add a node, and return the names of its outputs."""
-        names = [f"{operator.lower()}{len(self._nodes)}_{k}" for k in range(outputs)]
-        self._nodes.append(self._onnx.helper.make_node(operator, list(inputs), names, **how))
-        return names
-
-    def node(self, operator: str, *inputs: str, to: str | None = None, **how: Any) -> str:
-        """Add a node with one output, and return its name."""
-        name = to or f"{operator.lower()}{len(self._nodes)}"
-        self._nodes.append(self._onnx.helper.make_node(operator, list(inputs), [name], **how))
-        return name
+class NetworkGraph(Graph):
+    """The graph of a network of convolutions."""
 
     def convolution(self, x: str, weight: Tensor, bias: Tensor, stride: int) -> str:
         """Add a convolution, and return the name of its output."""
@@ -116,18 +89,3 @@ class Graph:
         weight = convolution.weight * scale[:, None, None, None]
         bias = normal.bias - normal.running_mean * scale
         return self.node("Relu", self.convolution(x, weight, bias, convolution.stride[0]))
-
-    def file(self, about: Mapping[str, str]) -> bytes:
-        """Return the content of the file."""
-        helper = self._onnx.helper
-        number = self._onnx.TensorProto.FLOAT
-        picture = helper.make_tensor_value_info(INPUT, number, [1, 3, "height", "width"])
-        found = helper.make_tensor_value_info("found", number, [1, 5, "rows", "columns"])
-        graph = helper.make_graph(self._nodes, "gates", [picture], [found], self._numbers)
-        model = helper.make_model(
-            graph, opset_imports=[helper.make_opsetid("", OPERATORS)], producer_name="quadsim"
-        )
-        model.ir_version = FILES
-        helper.set_model_props(model, dict(about))
-        self._onnx.checker.check_model(model)
-        return model.SerializeToString()

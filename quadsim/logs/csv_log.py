@@ -101,7 +101,10 @@ def _first_line(file: IO[str], path: Path) -> tuple[int, str]:
 
 
 def _is_comment(line: str) -> bool:
-    """Return whether a line is empty or a comment; one with separators is a line of names."""
+    """Return whether a line is empty or a comment.
+
+    A line that begins with "#" and contains separators is the header, not a comment.
+    """
     text = line.strip()
     return not text or (text.startswith("#") and not any(each in text for each in ",;\t"))
 

@@ -106,7 +106,7 @@ class Entry(Struct, frozen=True, kw_only=True):
 
     @property
     def scale(self) -> float:
-        """The value of one such unit in SI units."""
+        """The factor that converts values of the column to SI units."""
         return UNITS[self.unit] if self.unit else 1.0
 
 

@@ -10,8 +10,10 @@ from quadsim.mavlink.clock import SimulatorClock
 from quadsim.mavlink.downlink import Downlink
 from quadsim.mavlink.messages import (
     CommandAck,
+    CommandInt,
     CommandLong,
     DataTransmissionHandshake,
+    HomePosition,
     SetAttitudeTarget,
     SetMode,
     SetPositionTargetLocalNed,
@@ -27,6 +29,7 @@ from quadsim.vehicle import Vehicle
 SET_MODE = 176
 ARM = 400
 SET_INTERVAL = 511
+GET_HOME = 410
 REQUEST_MESSAGE = 512
 REQUEST_CAPABILITIES = 520
 RESET = 31000
@@ -195,10 +198,11 @@ class Commands:
         message, sender = received
         if isinstance(message, SetAttitudeTarget | SetPositionTargetLocalNed):
             self._take(message, sender)
-        elif isinstance(message, CommandLong):
-            result = self._result(message, sender)
-            self._link.answer(CommandAck(message.command, result), sender)
-            return _asks_for_track(message)
+        elif isinstance(message, CommandLong | CommandInt):
+            command = message if isinstance(message, CommandLong) else _as_long(message)
+            result = self._result(command, sender)
+            self._link.answer(CommandAck(command.command, result), sender)
+            return _asks_for_track(command)
         elif isinstance(message, SetMode):
             if self._may_fly(sender):
                 self._downlink.custom_mode = message.custom_mode
@@ -206,7 +210,10 @@ class Commands:
             return True
         else:
             for answer in answers(message, self._clock):
-                self._link.answer(answer, sender)
+                if isinstance(answer, Statustext):
+                    self._tell(answer.text.decode(), sender)
+                else:
+                    self._link.answer(answer, sender)
         return False
 
     def _take(
@@ -261,6 +268,8 @@ class Commands:
             return ACCEPTED if is_set else DENIED
         if number in (REQUEST_MESSAGE, SET_INTERVAL):
             return self._request(command.param1, sender)
+        if number == GET_HOME:
+            return self._request(HomePosition.ID, sender)
         return UNSUPPORTED
 
     def _arm(self, wanted: float, sender: Address) -> int:
@@ -306,7 +315,28 @@ class Commands:
         if wanted == AUTOPILOT_VERSION:
             self._link.answer(VERSION, sender)
             return ACCEPTED
+        home = self._downlink.home_position()
+        if wanted == HomePosition.ID and home is not None:
+            self._link.answer(home, sender)
+            return ACCEPTED
         return UNSUPPORTED
+
+
+def _as_long(command: CommandInt) -> CommandLong:
+    """Return a COMMAND_INT as COMMAND_LONG. No command that is obeyed has a place."""
+    return CommandLong(
+        command.target_system,
+        command.target_component,
+        command.command,
+        confirmation=0,
+        param1=command.param1,
+        param2=command.param2,
+        param3=command.param3,
+        param4=command.param4,
+        param5=float(command.x),
+        param6=float(command.y),
+        param7=command.z,
+    )
 
 
 def _asks_for_track(command: CommandLong) -> bool:

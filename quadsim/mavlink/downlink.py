@@ -234,12 +234,17 @@ class Downlink:
             send(position_message(motion, boot))
         if self._due("GLOBAL_POSITION_INT", t):
             send(global_position_message(motion, boot))
-        if self._due("HOME_POSITION", t):
-            send(home_message(self._spec.flown_course.start.position))
+        home = self.home_position()
+        if home is not None and self._due("HOME_POSITION", t):
+            send(home)
         if not self._due("ODOMETRY", t):
             return 0
         send(odometry_message(motion, boot, self.resets))
         return 1
+
+    def home_position(self) -> HomePosition | None:
+        """Return the place of the start, None if the client is told no poses."""
+        return home_message(self._spec.flown_course.start.position) if self.tells_poses else None
 
     def _due(self, name: str, t: float) -> bool:
         """Return whether a message is due at t [s]."""

@@ -127,6 +127,18 @@ class SetMode(Message):
 
 
 @dataclass(frozen=True)
+class ParamRequestRead(Message):
+    """Asks for one parameter, by its index, or by its name if the index is -1."""
+
+    ID = 20
+    NAME = "PARAM_REQUEST_READ"
+    target_system: U8
+    target_component: U8
+    param_id: Text16
+    param_index: I16
+
+
+@dataclass(frozen=True)
 class ParamRequestList(Message):
     """Asks for all parameters."""
 
@@ -147,6 +159,19 @@ class ParamValue(Message):
     param_type: U8
     param_count: U16
     param_index: U16
+
+
+@dataclass(frozen=True)
+class ParamSet(Message):
+    """The value that a parameter is to have."""
+
+    ID = 23
+    NAME = "PARAM_SET"
+    target_system: U8
+    target_component: U8
+    param_id: Text16
+    param_value: F32
+    param_type: U8
 
 
 @dataclass(frozen=True)
@@ -197,6 +222,18 @@ class GlobalPositionInt(Message):
 
 
 @dataclass(frozen=True)
+class MissionRequest(Message):
+    """Asks for a waypoint; clients ask by MISSION_REQUEST_INT first."""
+
+    ID = 40
+    NAME = "MISSION_REQUEST"
+    target_system: U8
+    target_component: U8
+    seq: U16
+    mission_type: U8X = 0
+
+
+@dataclass(frozen=True)
 class MissionRequestList(Message):
     """Asks for the count of waypoints."""
 
@@ -217,6 +254,62 @@ class MissionCount(Message):
     target_component: U8
     count: U16
     mission_type: U8X = 0
+
+
+@dataclass(frozen=True)
+class MissionClearAll(Message):
+    """Asks the vehicle to forget its waypoints."""
+
+    ID = 45
+    NAME = "MISSION_CLEAR_ALL"
+    target_system: U8
+    target_component: U8
+    mission_type: U8X = 0
+
+
+@dataclass(frozen=True)
+class MissionAck(Message):
+    """The answer to a message about waypoints, a MAV_MISSION_RESULT."""
+
+    ID = 47
+    NAME = "MISSION_ACK"
+    target_system: U8
+    target_component: U8
+    type: U8
+    mission_type: U8X = 0
+
+
+@dataclass(frozen=True)
+class MissionRequestInt(Message):
+    """Asks for a waypoint."""
+
+    ID = 51
+    NAME = "MISSION_REQUEST_INT"
+    target_system: U8
+    target_component: U8
+    seq: U16
+    mission_type: U8X = 0
+
+
+@dataclass(frozen=True)
+class CommandInt(Message):
+    """A command with a place: latitude and longitude [1e-7 deg], or x and y [0.1 mm]."""
+
+    ID = 75
+    NAME = "COMMAND_INT"
+    target_system: U8
+    target_component: U8
+    frame: U8
+    command: U16
+    current: U8
+    autocontinue: U8
+    param1: F32
+    param2: F32
+    param3: F32
+    param4: F32
+    x: I32
+    y: I32
+    z: F32
 
 
 @dataclass(frozen=True)
@@ -459,13 +552,20 @@ MESSAGES: dict[int, type[Message]] = {
         Heartbeat,
         SysStatus,
         SetMode,
+        ParamRequestRead,
         ParamRequestList,
         ParamValue,
+        ParamSet,
         Attitude,
         LocalPositionNed,
         GlobalPositionInt,
+        MissionRequest,
         MissionRequestList,
         MissionCount,
+        MissionClearAll,
+        MissionAck,
+        MissionRequestInt,
+        CommandInt,
         CommandLong,
         CommandAck,
         SetAttitudeTarget,

@@ -8,10 +8,17 @@ from quadsim.mavlink.clock import SimulatorClock
 from quadsim.mavlink.messages import (
     AutopilotVersion,
     Message,
+    MissionAck,
+    MissionClearAll,
     MissionCount,
+    MissionRequest,
+    MissionRequestInt,
     MissionRequestList,
     ParamRequestList,
+    ParamRequestRead,
+    ParamSet,
     ParamValue,
+    Statustext,
     Timesync,
 )
 from quadsim.mavlink.packets import SYSTEM
@@ -22,7 +29,13 @@ VERSION = AutopilotVersion(CAPABILITIES)
 # MAV_PARAM_TYPE_REAL32
 REAL32 = 9
 # The only parameter, PX4's for the number of the system: MAVSDK refuses an answer without one
-PARAMETERS = ParamValue(b"MAV_SYS_ID", float(SYSTEM), REAL32, param_count=1, param_index=0)
+PARAMETER = ParamValue(b"MAV_SYS_ID", float(SYSTEM), REAL32, param_count=1, param_index=0)
+WARNING = 4  # MAV_SEVERITY_WARNING
+NO_PARAMETER = Statustext(WARNING, b"no such parameter: there is MAV_SYS_ID alone")
+# MAV_MISSION_RESULT
+EMPTIED = 0
+UNSUPPORTED = 3
+NO_SUCH_WAYPOINT = 13
 
 
 def answers(message: Message, clock: SimulatorClock) -> Iterator[Message]:
@@ -41,8 +54,32 @@ def answers(message: Message, clock: SimulatorClock) -> Iterator[Message]:
             elif not theirs:
                 yield Timesync(now, ours)
         case ParamRequestList():
-            yield PARAMETERS
+            yield PARAMETER
+        case ParamRequestRead() | ParamSet():
+            yield PARAMETER if _is_known(message) else NO_PARAMETER
         case MissionRequestList(mission_type=kind):
             yield MissionCount(0, 0, 0, mission_type=kind)
+        case MissionRequest() | MissionRequestInt() | MissionClearAll() | MissionCount():
+            yield MissionAck(0, 0, _mission_result(message), mission_type=message.mission_type)
         case _:
             pass
+
+
+def _is_known(message: ParamRequestRead | ParamSet) -> bool:
+    """Return whether a message is about the only parameter, which keeps its value if it is set."""
+    if isinstance(message, ParamRequestRead) and message.param_index >= 0:
+        return message.param_index == PARAMETER.param_index
+    return message.param_id.rstrip(b"\0") == PARAMETER.param_id
+
+
+def _mission_result(
+    message: MissionRequest | MissionRequestInt | MissionClearAll | MissionCount,
+) -> int:
+    """Return the MAV_MISSION_RESULT of a message about waypoints, of which there are none."""
+    match message:
+        case MissionClearAll() | MissionCount(count=0):
+            return EMPTIED
+        case MissionCount():
+            return UNSUPPORTED
+        case _:
+            return NO_SUCH_WAYPOINT

@@ -360,7 +360,7 @@ def _vector(what: str, vectors: Vectors, text: str, others: str = "") -> tuple[f
 
 
 def _effect(what: str, known: Sequence[Any], text: str) -> Any:
-    """Return the effect if it is a known one. Raises ValueError."""
+    """Return the effect of a fault if it is one of the known effects. Raises ValueError."""
     if what not in known:
         raise ValueError(f"expected {' or '.join(known)}, got {what!r} in {text!r}")
     return what

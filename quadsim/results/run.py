@@ -14,6 +14,7 @@ from quadsim.racing.events import Frame
 from quadsim.record.archive import RunFolder
 from quadsim.record.exchange import telemetry_csv
 from quadsim.record.mcap_file import mcap_bytes
+from quadsim.record.polynomials import MOST_PIECES, PolynomialPath, run_polynomials
 from quadsim.record.run import RecordedRun, columns_of
 from quadsim.record.run_format import CSV_COLUMNS, check_spec, event_row
 from quadsim.record.whole_files import write_whole
@@ -188,6 +189,21 @@ class Run(RecordedRun):
             raise ValueError(f"export: expected FILE.csv or FILE.mcap, got {str(path)!r}")
         write_whole(path, data)
         return path
+
+    def polynomials(self, pieces: int = MOST_PIECES) -> PolynomialPath:
+        """Return the flown path as pieces of 7th-order polynomials, for a Crazyflie.
+
+        `.save("lap.csv")` writes them in the format of uav_trajectories, and `.largest_error` is
+        the largest distance from the flown path [m]. The yaw is the vehicle's heading; if the
+        vehicle turns over in flight, its first heading is held.
+
+        Args:
+            pieces: the number of pieces, of equal duration; 31 fit into a Crazyflie's memory.
+
+        Raises:
+            SettingError: the flight is too short, or `pieces` is below 1 (a ValueError).
+        """
+        return run_polynomials(self, pieces)
 
     def _limit(self) -> StoredSolution | None:
         """Return the best known limit of the race, from the project and the run's runs_dir."""

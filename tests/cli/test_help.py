@@ -119,6 +119,6 @@ def test_the_list_of_commands_loads_no_numpy():
 
 def test_a_required_flag_that_is_left_out_is_told_from_one_with_too_few_values(capsys):
     _, _, err = outcome("fit flight.csv", capsys)
-    assert err == "race fit: --name: expected text, got no such flag (see race fit --help)\n"
+    assert err == "race fit: --name: expected text, got no --name (see race fit --help)\n"
     _, _, err = outcome("fly figure8 --horizon", capsys)
     assert "--horizon: expected a whole number [steps], got too few values" in err

@@ -13,7 +13,7 @@ from quadsim.controllers.costs.race import RaceWeights, race_cost
 from quadsim.controllers.lanes.lanes import Rollout
 from quadsim.controllers.lanes.layout import LANES
 from quadsim.controllers.lanes.planner_loops import module_source
-from quadsim.controllers.schedule import Schedule
+from quadsim.controllers.schedule import Schedule, step_lengths
 from quadsim.course import Course, Cylinder, Gate, Start
 from quadsim.dynamics.quadrotor import Delivered, LearnedModel, ModelParams, State, quadrotor
 
@@ -145,6 +145,18 @@ def test_perturbations_and_cost_are_weighted_along_the_horizon():
     assert np.mean(abs(oracle.J - even.J) > 1e-2) > 0.9
     assert rising.cost(T).mean() == pytest.approx(1.0)
     assert rising.noise(T)[:, [0, -1]].tolist() == [[0.3, 1.0], [1.0, 1.0]]
+
+
+@pytest.mark.compiled
+def test_lanes_with_longer_steps_agree_with_the_oracle():
+    cost, _ = scene(0)
+    lengths = step_lengths(T, 0.01, doubling=0.4)
+    U, z = controls(0)
+    U, z = U[: len(lengths)], z[:, :, : len(lengths)]
+    longer = Schedule(first_noise=0.3, cost_rise=2.0, lengths=lengths)
+    oracle = fly_rows(SYSTEM, cost, launch(), U, z, clearance=decision_distance, schedule=longer)
+    assert_agree(fly_lanes(cost, launch(), U, z, schedule=longer), oracle)
+    assert 0.1 < oracle.crashed.mean() < 0.9
 
 
 @pytest.mark.compiled

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from quadsim.identify import fit_vehicle
 from quadsim.identify.geometry import Geometry
 from quadsim.identify.intervals import covariances
 from quadsim.identify.numbers import FitNumbers
@@ -16,7 +17,7 @@ from quadsim.identify.rotors import lagged
 from quadsim.identify.search import Linearized
 from quadsim.identify.stretches import stretches
 from quadsim.vehicle import load_vehicle
-from tests.identify.fit_cases import TRUE, flight
+from tests.identify.fit_cases import TRUE, flight, noisy
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.004, 0.0137, -0.006])
@@ -33,6 +34,18 @@ def test_a_lag_behind_a_delay_is_that_of_much_smaller_steps(delay):
     for value in held[:-1]:
         slow.append(value + keep * (slow[-1] - value))
     assert answer == pytest.approx(np.array(slow)[::fine], abs=1e-9)
+
+
+def test_commands_between_the_rows_of_a_log_widen_the_intervals():
+    """The rate loop of cf21b_500 lags by 6 ms; a row of the log takes 5 ms."""
+    vehicle = load_vehicle("cf21b_500")
+    found = fit_vehicle([noisy(flight(vehicle=vehicle))], mass=vehicle.mass)
+    tau = found["rotors.motor_tau"]
+    true = vehicle.rotors.motor_tau
+    assert abs(tau.value / true - 1.0) > 0.03, "the log lacks commands"
+    assert tau.low < true < tau.high
+    every = fit_vehicle([noisy(flight(vehicle=vehicle, every=1))], mass=vehicle.mass)
+    assert every["rotors.motor_tau"].std < 0.3 * tau.std
 
 
 def line(rng, count, together):

@@ -12,13 +12,19 @@ from quadsim.mavlink.clock import SimulatorClock
 from quadsim.mavlink.commands import Phase
 from quadsim.mavlink.downlink import RATES, Downlink
 from quadsim.mavlink.messages import (
-    AutopilotVersion,
+    CommandAck,
+    CommandInt,
     DataTransmissionHandshake,
     Heartbeat,
+    MissionAck,
+    MissionClearAll,
     MissionCount,
+    MissionRequest,
+    MissionRequestInt,
     MissionRequestList,
     ParamRequestList,
-    ParamValue,
+    ParamRequestRead,
+    ParamSet,
     SetMode,
     SetPositionTargetLocalNed,
     Statustext,
@@ -168,20 +174,64 @@ def test_a_mode_that_is_no_number_is_denied(world):
     assert world.downlink.custom_mode == 0
 
 
-def test_what_stations_ask_at_connection_is_answered(world):
-    for asked in (command(512, 148.0), command(511, 148.0), command(520, 1.0)):
-        version, ack = world.say(asked)
-        assert isinstance(version, AutopilotVersion)
-        assert ack.result == ACCEPTED
+# What QGroundControl sends a vehicle of a generic autopilot: at connection, on its pages of
+# parameters and of plans, and by its buttons. It repeats each message until it is answered. The
+# answers are told by their names, COMMAND_ACK by its result.
+STATION = {
+    "the version": (command(512, 148.0), ["AUTOPILOT_VERSION", ACCEPTED]),
+    "the version, as older ones ask": (command(520, 1.0), ["AUTOPILOT_VERSION", ACCEPTED]),
+    "the version again and again": (command(511, 148.0), ["AUTOPILOT_VERSION", ACCEPTED]),
+    "the versions of MAVLink": (command(519, 1.0), [UNSUPPORTED]),
+    "the modes": (command(512, 435.0), [UNSUPPORTED]),
+    "metadata": (command(512, 397.0), [UNSUPPORTED]),
+    "metadata, as older ones ask": (command(512, 395.0), [UNSUPPORTED]),
+    "the camera": (command(512, 259.0), [UNSUPPORTED]),
+    "the gimbal": (command(512, 280.0), [UNSUPPORTED]),
+    "home": (command(512, 242.0), ["HOME_POSITION", ACCEPTED]),
+    "home, as older ones ask": (command(410), ["HOME_POSITION", ACCEPTED]),
+    "all parameters": (ParamRequestList(1, 1), ["PARAM_VALUE"]),
+    "a parameter": (ParamRequestRead(1, 1, b"", 0), ["PARAM_VALUE"]),
+    "a parameter by its name": (ParamRequestRead(1, 1, b"MAV_SYS_ID", -1), ["PARAM_VALUE"]),
+    "another parameter": (ParamRequestRead(1, 1, b"SYS_AUTOSTART", -1), ["STATUSTEXT"]),
+    "another parameter by its index": (ParamRequestRead(1, 1, b"", 7), ["STATUSTEXT"]),
+    "to set a parameter": (ParamSet(1, 1, b"MAV_SYS_ID", 9.0, 9), ["PARAM_VALUE"]),
+    "to set another parameter": (ParamSet(1, 1, b"MPC_XY_P", 1.0, 9), ["STATUSTEXT"]),
+    "the plan": (MissionRequestList(1, 1), ["MISSION_COUNT"]),
+    "the fence": (MissionRequestList(1, 1, mission_type=1), ["MISSION_COUNT"]),
+    "the rally points": (MissionRequestList(1, 1, mission_type=2), ["MISSION_COUNT"]),
+    "a waypoint": (MissionRequestInt(1, 1, 0), ["MISSION_ACK"]),
+    "a waypoint, as older ones ask": (MissionRequest(1, 1, 0), ["MISSION_ACK"]),
+    "to upload a plan": (MissionCount(1, 1, 3), ["MISSION_ACK"]),
+    "to clear the plan": (MissionClearAll(1, 1), ["MISSION_ACK"]),
+    "to take off": (command(22), [UNSUPPORTED]),
+    "to go somewhere": (CommandInt(1, 1, 6, 192, *9 * (0,)), [UNSUPPORTED]),
+    "to disarm, by COMMAND_INT": (CommandInt(1, 1, 6, 400, *9 * (0,)), [ACCEPTED]),
+}
+
+
+@pytest.mark.parametrize("asked", STATION)
+def test_what_stations_ask_is_answered_or_denied(world, asked):
+    message, expected = STATION[asked]
+    answers = world.say(message)
+    assert [m.result if isinstance(m, CommandAck) else m.NAME for m in answers] == expected
+
+
+def test_answers_about_parameters_and_plans_say_that_there_is_one_and_none(world):
     (parameter,) = world.say(ParamRequestList(1, 1))
-    assert isinstance(parameter, ParamValue)
     assert (parameter.param_count, parameter.param_index) == (1, 0)
+    # A parameter that is set keeps its value.
+    assert world.say(ParamSet(1, 1, b"MAV_SYS_ID", 9.0, 9)) == [parameter]
     assert world.say(MissionRequestList(1, 1, mission_type=2)) == [
         MissionCount(0, 0, 0, mission_type=2)
     ]
-    # a message that does not exist here: metadata of components
-    assert world.result(command(512, 397.0)) == UNSUPPORTED
-    assert world.result(command(22)) == UNSUPPORTED  # take off
+    assert world.say(MissionClearAll(1, 1, mission_type=1)) == [MissionAck(0, 0, 0, mission_type=1)]
+    assert world.say(MissionCount(1, 1, 3)) == [MissionAck(0, 0, 3)]
+    assert world.say(MissionRequestInt(1, 1, 0)) == [MissionAck(0, 0, 13)]
+
+
+def test_home_is_not_told_with_sensors_that_measure_no_pose(world):
+    world.downlink.tells_poses = False
+    assert world.result(command(512, 242.0)) == UNSUPPORTED
 
 
 def test_a_flood_of_texts_ends(world):

@@ -3,7 +3,12 @@
 from quadsim.mavlink.client import MavlinkClient
 from quadsim.mavlink.clock import SimulatorClock
 from quadsim.mavlink.commands import Commands
-from quadsim.mavlink.messages import CommandAck, CommandLong, SetPositionTargetLocalNed
+from quadsim.mavlink.messages import (
+    CommandAck,
+    CommandLong,
+    HomePosition,
+    SetPositionTargetLocalNed,
+)
 from quadsim.mavlink.served import Served
 from quadsim.mavlink.udp_link import Received
 from quadsim.vehicle import load_vehicle
@@ -50,6 +55,7 @@ class Downlink:
         self.resets = 0
         self.custom_mode = 0
         self.has_countdown = False
+        self.tells_poses = True
         self.intervals = []
 
     def set_interval(self, number, interval):
@@ -58,6 +64,11 @@ class Downlink:
 
     def send_track(self):
         self.tracks += 1
+
+    def home_position(self):
+        return (
+            HomePosition(0, 0, 0, 0.0, 0.0, 0.0, (1.0, 0.0, 0.0, 0.0)) if self.tells_poses else None
+        )
 
 
 class World:

@@ -1,6 +1,7 @@
 """Claims about the parts of the page that a visitor fetches, its camera, and its questions."""
 
 import threading
+import time
 
 import pytest
 from web_cases import until
@@ -72,6 +73,47 @@ def test_a_question_is_answered_by_whom_it_was_put_to(page):
         again = other.ask("question", "stop")
         other.send("confirm", number=again["number"])
         assert until(lambda: not session.snapshot.flying)
+
+
+def test_a_flight_stays_its_visitors_after_a_reload_and_others_are_asked_meanwhile(page):
+    session, seat = page.session, "the_seat_of_who_flies"
+    with link(page.port) as other:
+        with link(page.port, seat=seat) as pilot:
+            pilot.send("start")
+            assert until(lambda: session.snapshot.flying)
+            session.tell(PageRace.set_speed, 0.1)
+            ask(pilot, seat=seat)
+        assert until(lambda: len(page.server.link.visitors) == 1)
+        assert other.ask("question", "stop")["title"] == "Another visitor's flight is on"
+        with link(page.port) as again:
+            again.send("come_back", seat=seat)
+            assert other.ask("question", "stop")
+            again.send("stop")
+            assert until(lambda: not session.snapshot.flying)
+
+
+def test_a_question_waits_until_something_has_changed(page):
+    """But for a second at most: a page has to know that the server lives."""
+    with link(page.port) as linked:
+        versions = {name: part["version"] for name, part in settled(linked).items()}
+        began = time.monotonic()
+        assert ask(linked, versions)["parts"] == {}
+        assert 0.9 < time.monotonic() - began < 3.0
+        linked.send("ask", have=versions)
+        with link(page.port) as other:
+            assert other.set("race", "course", "paper_flat") == ""
+        next_start = linked.got("parts")["parts"]["next"]["content"]
+        assert next_start["sentence"][-1]["text"] == " on paper_flat"
+
+
+def settled(linked):
+    """The parts of a page, once nothing changes any more."""
+    parts = {}
+    while True:
+        more = ask(linked, {name: part["version"] for name, part in parts.items()})["parts"]
+        if not more:
+            return parts
+        parts |= more
 
 
 def test_stop_between_two_seeds_ends_the_series_of_its_visitor(page):

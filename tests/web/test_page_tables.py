@@ -285,6 +285,8 @@ def test_the_time_line_has_a_mark_for_every_event_and_the_laps(competitors):
     assert shown.laps == one.lap_starts
     assert shown.lanes[0].end == one.last_t
     assert time_line_of([replace(one, live=True, outcome=None)]).lanes[0].end is None
+    (stuck,) = time_line_of([replace(one, outcome="stuck")]).lanes
+    assert (stuck.marks[-1].kind, stuck.marks[-1].t) == ("bad", one.last_t)
 
 
 def test_names_from_files_cannot_run_scripts(competitors):

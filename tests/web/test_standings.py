@@ -87,6 +87,8 @@ def test_the_headline_names_the_leader_and_counts_the_others(two):
     assert said(two, 1.0) == "colored leads gaussian by 0.10 s"
     three = named([*two, competitor("gaussian", seed=1)])
     assert said(three, 1.0).endswith("; 1 more behind")
+    assert said([*three, ended(two[1], 0.5, "crashed")], 1.0).endswith("; 1 more behind, 1 out")
+    assert said([*two, ended(two[1], 0.5, "crashed")], 1.0).endswith("; 1 out")
     assert "more" not in said(three, 0.0)
     both = said(two, 99.0)
     behind = sum(two[1].laps) - sum(two[0].laps)
@@ -99,6 +101,9 @@ def test_runs_of_different_numbers_of_laps_are_compared_over_the_laps_of_both():
     end = short.last_t
     assert said([long, short], 0.5).startswith("colored leads gaussian by ")
     assert said([long, short], 0.5).endswith(" s over the first lap")
+    for t in (0.5, 99.0):
+        shares = [one.share for one in standings_at([short, long], t).order]
+        assert 0.0 < shares[1] <= shares[0] <= 1.0  # the bars of the tower have the order, too
     by = short.laps[0] - long.laps[0]
     assert by > 0.0
     for t in (end, end + 0.1, 99.0):

@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 from time import perf_counter
 
+from quadsim.web.page.due import Beat
 from quadsim.web.page.forms.choice_forms import RaceForm, ViewForm
 from quadsim.web.page.forms.competitor_forms import ChooseRow, CompetitorForm, NumbersForm
 from quadsim.web.page.forms.course_editor import CourseEditor
@@ -19,7 +20,7 @@ from quadsim.web.page.forms.joining import Joining
 from quadsim.web.page.forms.playback import Playback
 from quadsim.web.page.forms.runs_panel import RunsPanel
 from quadsim.web.page.parts.board import Board
-from quadsim.web.page.parts.charts import answer_signals
+from quadsim.web.page.parts.charts import signals_of
 from quadsim.web.page.projector import Projector
 from quadsim.web.page.scene.camera import Camera
 from quadsim.web.page.server.page_server import PageServer
@@ -37,6 +38,7 @@ from quadsim.web.state.menu import Menu
 # times between two updates of the page [s]
 SCENE = 1 / 25  # the shortest one
 PAUSE = 0.1  # the longest one
+ANSWERS = 0.1  # between two answers to a page [s]
 # Largest share of the time for updates of the page, as the planners need all cores
 SHARE = 1 / 8
 
@@ -82,9 +84,9 @@ class Dashboard:
         self.board = Board(link, seats, self.camera)
         # What visitors ask for
         self._runs = RunsPanel(server, session, self.start, viewing)
-        self.controls = FlightControls(link, session, self.start, viewing)
-        Playback(link, session, viewing, seats, self.camera)
-        answer_signals(link, viewing)
+        self.controls = FlightControls(link, session, self.start, viewing, seats)
+        Playback(link, session, viewing, seats, self.camera, self.controls.come_back)
+        self._signals = signals_of(link, viewing)
         joining = Joining(self.board, session.cockpit, viewing, seats, self.camera)
         self._editor = CourseEditor(session, self.start, server.downloads)
         self._competitors = CompetitorForm(self.start)
@@ -123,6 +125,7 @@ class Dashboard:
             scene_of=partial(VisitorScene, camera=self.camera, editor=self._editor),
         )
         link.open()
+        self._answers = Beat(ANSWERS)
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="page", daemon=True)
         self._thread.start()
@@ -147,6 +150,7 @@ class Dashboard:
                 # an error in one update must not end the page
                 traceback.print_exc()
                 self._closing.wait(1.0)
+            self._answer()
             pause = pause_after(perf_counter() - began)
 
     def _update(self) -> None:
@@ -157,3 +161,9 @@ class Dashboard:
         if self.board.is_wanted("competitors"):
             self._competitors.update()
         self._projector.show(s)
+
+    def _answer(self) -> None:
+        """Answer the pages for which there is something new."""
+        if self._answers.strikes():
+            self.board.answer()
+            self._signals.answer()

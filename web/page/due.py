@@ -1,4 +1,4 @@
-"""When something is shown again: after a change, but not too often."""
+"""Limits on how often parts of the page are sent: after a change, at most once per period."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from time import perf_counter
 
 
 class Beat:
-    """Strikes at most once per period, for all that is shown then.
+    """A clock that strikes at most once per period.
 
     Args:
         period: [s]
@@ -27,10 +27,10 @@ class Beat:
 
 
 class Due:
-    """Decides when to show something again.
+    """Decides whether a part of the page is sent again.
 
     Args:
-        period: least time between two times [s]
+        period: shortest time between two messages [s]
     """
 
     def __init__(self, period: float):

@@ -37,11 +37,6 @@ class LapTiming:
     over: bool  # whether this is the last frame
 
     @property
-    def progress(self) -> float:
-        """The finished share of the race."""
-        return max(self.place, 0.0) / self.entry.legs.length
-
-    @property
     def t(self) -> float:
         """The time of the competitor's frame [s]."""
         return float(self.entry.t[self.i])

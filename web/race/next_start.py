@@ -47,7 +47,7 @@ class NextStart:
 
     @property
     def runs(self) -> list[Path]:
-        """The stored runs beside the next flight."""
+        """The folders of the stored runs that are shown beside the next flight."""
         names = self.desk.state.against
         return [run for name in names for run in runs_at(self._root / name)]
 

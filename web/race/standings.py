@@ -38,6 +38,7 @@ class Standing:
     number: int  # of the competitor on the page, from 0
     rank: int  # from 1
     place: float  # distance along the compared laps [m]
+    share: float  # flown share of the compared laps, from 0 to 1
     # of the compared laps, penalties included [s]; None: not completed yet
     time: float | None
     is_out: bool  # whether the flight has ended and did not complete the compared laps
@@ -90,7 +91,11 @@ class Standings:
             return Headline(first.entry, verb + (" alone" if len(self.order) > 1 else ""))
         second, *more = others
         has_ended = second.time is not None
-        behind = f"; {len(more)} more behind" if more else ""
+        rest = [f"{len(more)} more behind"] if more else []
+        out = len(self.order) - len(self.going)
+        if out:
+            rest.append(f"{out} out")
+        behind = f"; {', '.join(rest)}" if rest else ""
         if second.is_level_with(first):
             verb = "finishes level with" if has_ended else "is level with"
             return Headline(first.entry, verb, second.entry, over=self.over, end=behind * has_ended)
@@ -175,6 +180,7 @@ def standings_at(entries: Sequence[Competitor], t: float) -> Standings:
             number=one.number,
             rank=k + 1,
             place=one.place,
+            share=max(one.place, 0.0) / float(one.entry.legs.lap_ends[laps - 1]),
             time=one.time,
             is_out=one.is_out,
             gap=_behind(one, ranked[0]),

@@ -70,7 +70,7 @@ def page_columns() -> dict[str, TableColumn]:
 
 
 class _Stamp(NamedTuple):
-    """The time at which the names in a folder last changed."""
+    """The time at which an entry of a folder was last added, renamed or removed."""
 
     changed: int  # [ns since 1970]; 0: there is no such folder
     is_recent: bool
@@ -242,7 +242,7 @@ def _of_row(stored: StoredRow) -> _Read:
 
 
 def _damaged(name: str, when: str, problem: str) -> _Read:
-    """Return a row that says what is wrong."""
+    """Return the row of a run whose files cannot be read, with the reason in one line."""
     cells = {**dict.fromkeys(page_columns()), "when": when}
     line = " ".join(problem.split())
     return _Read(PageRow(name, cells, problem=plain(f"damaged: {line}", LONGEST_PROBLEM)))

@@ -37,6 +37,14 @@ Answer = TypeVar("Answer")
 ANSWER = 5.0  # how long a Dask scheduler may take to answer [s]
 
 
+class ScriptError(SystemExit, RunError):
+    """The running script cannot start workers: the reason and the remedy.
+
+    A script that does not catch the error ends with its line alone, because Python prints no
+    traceback for a SystemExit.
+    """
+
+
 class Pool:
     """This process flies one attempt after the other, each on every thread.
 
@@ -84,7 +92,7 @@ class Processes(Pool):
         """Start a number of workers; None: one for each core.
 
         Raises:
-            RunError: the running script is standard input, which workers cannot read.
+            ScriptError: the running script is standard input, which workers cannot read.
         """
         _leave_a_worker_that_starts()
         _expect_a_script_that_workers_can_read()
@@ -94,7 +102,7 @@ class Processes(Pool):
         self._executor = self._start()
 
     def submit(self, fly: Callable[[Any], Any], job: Any) -> Future:
-        """Begin one job in a worker. Raises RunError if the script has no main guard."""
+        """Begin one job in a worker. Raises ScriptError if the script has no main guard."""
         future = None
         with suppress(BrokenExecutor):
             future = self._executor.submit(fly, job)
@@ -108,11 +116,11 @@ class Processes(Pool):
         return future
 
     def _expect_a_guard(self) -> None:
-        """Raise RunError if a worker has ended because it came to the start of workers itself."""
+        """Raise ScriptError if a worker ended because it came to the start of workers itself."""
         for worker in self._workers:
             worker.join(timeout=1.0)
             if worker.exitcode == UNGUARDED:
-                raise RunError(
+                raise ScriptError(
                     "jobs: each worker runs the script again up to here: put what the script does "
                     'below `if __name__ == "__main__":`, or leave out jobs'
                 )
@@ -144,12 +152,12 @@ def _leave_a_worker_that_starts() -> None:
 
 
 def _expect_a_script_that_workers_can_read() -> None:
-    """Raise RunError if the running script is no file: a worker begins with reading it."""
+    """Raise ScriptError if the running script is no file: a worker begins with reading it."""
     script = getattr(sys.modules["__main__"], "__file__", None)
     is_run_by_name = getattr(sys.modules["__main__"], "__spec__", None) is not None
     if script is not None and not is_run_by_name and not Path(script).exists():
         advice = "save the script as a file, or leave out jobs"
-        raise RunError(f"jobs: workers cannot read the script {script}: {advice}")
+        raise ScriptError(f"jobs: workers cannot read the script {script}: {advice}")
 
 
 def _cores() -> int:

@@ -9,6 +9,7 @@ from typing import Annotated
 from msgspec import Meta
 
 from quadsim.web.page.server.link import Link, LinkVisitor, Message
+from quadsim.web.page.server.seats import Seats
 from quadsim.web.race import playhead
 from quadsim.web.race.next_start import NextStart
 from quadsim.web.race.page_race import PageRace
@@ -56,12 +57,16 @@ class FlightControls:
         series: what START flies, one seed after another.
     """
 
-    def __init__(self, link: Link, session: Session, start: NextStart, viewing: Viewing):
+    def __init__(
+        self, link: Link, session: Session, start: NextStart, viewing: Viewing, seats: Seats
+    ):
         self._session = session
+        self._seats = seats
         self._viewing = viewing
         self._next = start
         self.series = Series(session)
         self._pilot: int | None = None  # number of the visitor who began the flight
+        self._pilot_seat = ""  # of this visitor, once it has left; empty: it is here, or had none
         self._numbers = count(1)
         self._factor = start.desk.state.factor  # race seconds per second that flights have
         # of each visitor the number of its question, and what it asks for
@@ -116,7 +121,7 @@ class FlightControls:
         """Act, after a confirmation if this would end another visitor's flight."""
 
         def act_as_pilot() -> None:
-            self._pilot = visitor.number
+            self._pilot, self._pilot_seat = visitor.number, ""
             act()
 
         is_own = self._pilot in (None, visitor.number)
@@ -128,11 +133,28 @@ class FlightControls:
         title = "Another visitor's flight is on"
         visitor.send(Question(number, title, yes="End it", no="Let it fly"))
 
+    def come_back(self, visitor: LinkVisitor, seat: str) -> None:
+        """Give a visitor who is connected again the flight that it began before.
+
+        Args:
+            visitor: the new number of it.
+            seat: name of the seat that it had.
+        """
+        # The connection before may still seem to be there.
+        is_there = self._pilot is not None and self._seats.visitor_at(seat) == self._pilot
+        if is_there or (seat and seat == self._pilot_seat):
+            self._pilot, self._pilot_seat = visitor.number, ""
+
     def _forget(self, visitor: LinkVisitor) -> None:
-        """Forget a visitor who has left: nobody is asked about its flight any more."""
+        """Forget the question to a visitor who has left.
+
+        Its flight stays its own, as the page may be loaded again, unless it had no seat by which it
+        could be known then.
+        """
         self._asked.pop(visitor.number, None)
         if self._pilot == visitor.number:
-            self._pilot = None
+            self._pilot_seat = self._seats.name_of(visitor)
+            self._pilot = visitor.number if self._pilot_seat else None
 
     def _confirm(self, visitor: LinkVisitor, answer: Confirm) -> None:
         number, act = self._asked.pop(visitor.number, (None, None))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, Literal
 
 from msgspec import Meta
@@ -24,7 +25,7 @@ class Play(Message, tag="play"):
 
 
 class TakeSeatAgain(Message, tag="come_back"):
-    """A page that was connected before asks for what its visitor watched."""
+    """A page that was connected before, or is loaded again, asks for what its visitor watched."""
 
     seat: Seat  # the one that it had
 
@@ -83,15 +84,26 @@ class ShowNotice(Message, tag="shown"):
 
 
 class Playback:
-    """Handles visitors' playback and camera messages, which never affect a flight in progress."""
+    """Handles visitors' playback and camera messages, which never affect a flight in progress.
+
+    Args:
+        comes_back: is told who is connected again, and the name of the seat that it had.
+    """
 
     def __init__(
-        self, link: Link, session: Session, viewing: Viewing, seats: Seats, camera: Camera
+        self,
+        link: Link,
+        session: Session,
+        viewing: Viewing,
+        seats: Seats,
+        camera: Camera,
+        comes_back: Callable[[LinkVisitor, str], None],
     ):
         self._session = session
         self._viewing = viewing
         self._seats = seats
         self._camera = camera
+        self._comes_back = comes_back
         link.on(Play, lambda visitor, asked: self._move(visitor, playhead.play, asked.on))
         link.on(Step, lambda visitor, asked: self._move(visitor, playhead.step, asked.steps))
         link.on(NextEvent, lambda visitor, _: self._move(visitor, playhead.jump))
@@ -119,6 +131,7 @@ class Playback:
     def _come_back(self, visitor: LinkVisitor, asked: TakeSeatAgain) -> None:
         # The connection before may still seem to be there.
         before = self._seats.visitor_at(asked.seat)
+        self._comes_back(visitor, asked.seat)
         self._viewing.come_back(visitor.number, asked.seat, before)
 
     def _set_speed(self, visitor: LinkVisitor, asked: SetSpeed) -> None:

@@ -1,9 +1,8 @@
-"""Board: the parts of the page around the scene, which pages fetch as they change.
+"""Board: the parts of the page around the scene, which pages are sent as they change.
 
-A page asks with the versions of the parts that it has, and gets those that have changed since. So a
-slow or a new page gets the present state at its own pace. The parts of ALWAYS go to every page; the
-others are kept up to date, and sent, while a page shows them. A part is
-everybody's or a visitor's own.
+A page asks with the versions of the parts that it has, and is answered once some have changed, see
+quadsim.web.page.server.questions. The parts of ALWAYS go to every page; the others are kept up to
+date, and sent, while a page shows them. A part is everybody's or a visitor's own.
 """
 
 from __future__ import annotations
@@ -21,6 +20,7 @@ from msgspec import Meta
 
 from quadsim.web.page.scene.camera import Camera
 from quadsim.web.page.server.link import Link, LinkVisitor, Message
+from quadsim.web.page.server.questions import Questions
 from quadsim.web.page.server.seats import Seat, Seats
 from quadsim.web.state.page_state import EVERYBODY
 
@@ -32,7 +32,10 @@ PartName = Literal[
 ]  # fmt: skip
 ALWAYS = frozenset(("head", "next", "now", "tower", "time_line", "map", "groups", "by_hand"))
 PARTS: tuple[PartName, ...] = get_args(PartName)
-WANTED = 2.0  # time after a question for which a part that is shown is kept up to date [s]
+# Time after which a question is answered though nothing has changed, so that a page knows that the
+# server lives [s]
+REST = 1.0
+WANTED = 3.0  # time after a question for which a part that is shown is kept up to date [s]
 MOST_SHOWN = 32  # number of parts that a page shows at once
 
 Key = Callable[[int], object]
@@ -40,7 +43,7 @@ Content = Callable[[int], Any]
 
 
 class Ask(Message, tag="ask"):
-    """A request of a page for the parts that have changed since the versions it has."""
+    """A question of a page for the parts that have changed since the versions it has."""
 
     have: dict[PartName, Annotated[int, Meta(ge=0, le=10**12)]]
     seat: Seat = ""
@@ -83,7 +86,8 @@ class Board:
         self._parts: dict[tuple[int, str], Part] = {}
         self._offered: dict[str, tuple[Key, Content]] = {}
         self._own: dict[tuple[int, str], Own] = {}
-        link.on(Ask, self._answer)
+        self._cameras: dict[int, str] = {}  # the modes that visitors have last been sent
+        self._questions = Questions(link, Ask, self._answer)
         link.on_leave(self._forget)
 
     def put(self, name: PartName, content: Any, visitor: int = EVERYBODY) -> None:
@@ -118,7 +122,12 @@ class Board:
             self._parts.pop((visitor, name), None)
             self._asked_at.pop((visitor, name), None)
 
-    def _answer(self, visitor: LinkVisitor, ask: Ask) -> None:
+    def answer(self) -> None:
+        """Answer the pages whose parts have changed. Any thread may call it."""
+        self._questions.answer()
+
+    def _answer(self, visitor: LinkVisitor, ask: Ask, waited: float) -> Parts | None:
+        """Return what has changed; None: nothing, and the page has not waited for long."""
         now = perf_counter()
         for name in ask.shows:
             self._asked_at[EVERYBODY, name] = self._asked_at[visitor.number, name] = now
@@ -129,7 +138,12 @@ class Board:
             if part is not None and part.version != ask.have.get(name):  # type: ignore[call-overload]
                 changed[name] = part
         client = self._seats.client_of(ask.seat)
-        visitor.send(Parts(changed, self._camera.mode_of(client) if client else ""))
+        camera = self._camera.mode_of(client) if client else ""
+        is_new = bool(changed) or camera != self._cameras.get(visitor.number)
+        if not is_new and waited < REST:
+            return None
+        self._cameras[visitor.number] = camera
+        return Parts(changed, camera)
 
     def _part_for(self, visitor: int, name: str) -> Part | None:
         """Return a part as a visitor sees it; None: there is none yet."""
@@ -156,5 +170,6 @@ class Board:
         return before if is_same else Part(next(self._versions), content)
 
     def _forget(self, visitor: LinkVisitor) -> None:
+        self._cameras.pop(visitor.number, None)
         for name in self._offered:
             self._own.pop((visitor.number, name), None)

@@ -1,8 +1,8 @@
 """Charts of signals over time, gaps over place and spectra, which charts.js draws.
 
-While a page shows signals, it requests missing frames: the request names the race and the number of
-frames that the page has of each competitor, and the answer has the next ones. So a slow or new page
-gets everything at its own pace. The curves that are not over time are a part of the page, of the
+While a page shows signals, it asks for missing frames: the question names the race and the number
+of frames that the page has of each competitor, and the answer has the next ones, see
+quadsim.web.page.server.questions. The curves that are not over time are a part of the page, of the
 time that a visitor watches; pressing a chart moves that time.
 """
 
@@ -17,6 +17,7 @@ from msgspec import Meta
 
 from quadsim.report.metrics import thrust_psd
 from quadsim.web.page.server.link import Link, LinkVisitor, Message
+from quadsim.web.page.server.questions import Questions
 from quadsim.web.race.competitor import Competitor
 from quadsim.web.race.lap_timing import LapTiming, best_lap, lap_of
 from quadsim.web.race.limit_race import limit_race
@@ -59,10 +60,19 @@ COLUMNS = tuple(name for one in SIGNALS for name in (one.column, one.command) if
 
 
 class AskSignals(Message, tag="ask_signals"):
-    """A request of a page that shows signals for missing frames, with the number of its frames."""
+    """A question of a page that shows signals for what it lacks.
+
+    Attributes:
+        race: number of the race that the page shows.
+        frames: number of the frames that it has of each competitor.
+        t: time that it shows [s].
+        is_playing: whether this time goes on.
+    """
 
     race: Count
     frames: Annotated[list[Count], Meta(max_length=MOST)]
+    t: float = 0.0
+    is_playing: bool = False
 
 
 class Line(msgspec.Struct):
@@ -118,13 +128,20 @@ class SignalsAnswer(Message, tag="signals"):
     signals: list[Signal] | None = None
 
 
-def answer_signals(link: Link, viewing: Viewing) -> None:
-    """Answer the requests for signals, of the race that each visitor watches."""
+def signals_of(link: Link, viewing: Viewing) -> Questions[AskSignals]:
+    """Return the questions for signals, of the race that each visitor watches."""
 
-    def send(visitor: LinkVisitor, ask: AskSignals) -> None:
-        visitor.send(answer(viewing.seen_by(visitor.number), ask))
+    def answer_of(visitor: LinkVisitor, ask: AskSignals, _: float) -> SignalsAnswer | None:
+        s = viewing.seen_by(visitor.number)
+        return answer(s, ask) if is_new(s, ask) else None
 
-    link.on(AskSignals, send)
+    return Questions(link, AskSignals, answer_of)
+
+
+def is_new(s: Snapshot, ask: AskSignals) -> bool:
+    """Return whether a page lacks anything of a race that a visitor watches."""
+    has_all = ask.frames == [len(entry.t) for entry in s.competitors]
+    return (s.race, s.t, s.playing) != (ask.race, ask.t, ask.is_playing) or not has_all
 
 
 def curves_of(race: int, timings: Sequence[LapTiming]) -> RaceCurves:
@@ -139,11 +156,11 @@ def answer(s: Snapshot, ask: AskSignals) -> SignalsAnswer:
 
     Args:
         s: the race.
-        ask: the request with the number of the page's frames.
+        ask: the question, with the number of the page's frames.
     """
     entries = s.competitors
-    is_new = ask.race != s.race or len(ask.frames) != len(entries)
-    starts = [0] * len(entries) if is_new else ask.frames
+    is_first = ask.race != s.race or len(ask.frames) != len(entries)
+    starts = [0] * len(entries) if is_first else ask.frames
     frames = [_frames(entry, start) for entry, start in zip(entries, starts, strict=True)]
     return SignalsAnswer(
         race=s.race,
@@ -154,7 +171,7 @@ def answer(s: Snapshot, ask: AskSignals) -> SignalsAnswer:
         lines=_lines(entries),
         frames=frames,
         laps=entries[0].lap_starts if entries else [],
-        signals=list(SIGNALS) if is_new else None,
+        signals=list(SIGNALS) if is_first else None,
     )
 
 

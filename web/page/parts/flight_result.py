@@ -9,7 +9,7 @@ from quadsim.web.race.lap_timing import LapTiming
 
 
 class Result(NamedTuple):
-    """The end of a flight, as a text in a colour."""
+    """The end of a flight, as a text in a colour; an empty one: that of the text around it."""
 
     content: str
     colour: str
@@ -20,6 +20,8 @@ def result(s: LapTiming) -> Result:
     entry = s.entry
     if entry.outcome == "finished":
         return Result(f"FINISHED {sum(entry.laps):.3f} s", FASTER)
+    if entry.outcome == "interrupted":
+        return Result(f"STOPPED in lap {s.lap}", "")
     crash = s.crash
     if crash is None:
         return Result(f"DNF {entry.outcome}, lap {s.lap}", HIT_ON_DARK)

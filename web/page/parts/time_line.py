@@ -13,6 +13,8 @@ from quadsim.web.race.snapshot import Snapshot
 from quadsim.web.state.page_state import PaceName
 
 MarkKind = Literal["gate", "lap", "bad"]
+# Outcomes, and None for no outcome yet, whose time the marks of events show, or the end of the lane
+ENDS_WITHOUT_MARK = (None, "finished", "crashed", "interrupted")
 # the paces of flights
 SPEEDS = tuple(float(pace.removesuffix(" x")) for pace in get_args(PaceName))
 
@@ -73,14 +75,17 @@ def time_line_of(entries: Sequence[Competitor]) -> TimeLine:
 
 def _lane(entry: Competitor) -> Lane:
     flies = entry.live and entry.outcome is None
+    marks = [
+        TimeMark(event.t, _kind(event.kind, event.gate, entry), _words(event))
+        for event in entry.events
+    ]
+    if entry.outcome not in ENDS_WITHOUT_MARK:
+        marks.append(TimeMark(entry.last_t, "bad", f"{entry.outcome}, {entry.last_t:.2f} s"))
     return Lane(
         name=entry.name,
         colour=entry.style.colour,
         end=None if flies else entry.last_t,
-        marks=[
-            TimeMark(event.t, _kind(event.kind, event.gate, entry), _words(event))
-            for event in entry.events
-        ],
+        marks=marks,
     )
 
 

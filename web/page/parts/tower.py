@@ -52,7 +52,7 @@ class TowerRow(msgspec.Struct):
         hits, misses: of gates, obstacles and other vehicles, and of gates passed by.
         chatter: total variation of the commanded thrust [m/s^2/s] as text.
         chatter_share: of the largest one.
-        progress: finished share of the race.
+        progress: flown share of the laps over which the competitors are compared.
         result: how the flight ended; empty: it has not.
         is_out: whether it has ended without the compared laps.
     """
@@ -143,7 +143,7 @@ def _row(
         hits=s.hits,
         misses=s.misses,
         sectors=_sectors(s, best),
-        progress=round(min(s.progress, 1.0), 3),
+        progress=round(s.standing.share, 3),
         result=result(s).content if s.over else "",
         is_out=s.standing.is_out,
     )

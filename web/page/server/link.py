@@ -53,8 +53,12 @@ class LinkVisitor:
     def send(self, message: Message) -> None:
         """Send a message to the page. Any thread may call it; a closed page gets none."""
         data = msgspec.json.encode(message)
+        self.soon(lambda _: self._queue(data))
+
+    def soon(self, function: Callable[[LinkVisitor], object]) -> None:
+        """Call a function with this visitor on the server's event loop. Any thread may call it."""
         with suppress(RuntimeError):  # the server has ended
-            self._loop.call_soon_threadsafe(self._queue, data)
+            self._loop.call_soon_threadsafe(function, self)
 
     def _queue(self, data: bytes) -> None:
         with suppress(asyncio.QueueFull):

@@ -47,6 +47,10 @@ class Seats:
         """Remember the seat of a visitor of the link."""
         self._seats[visitor.number] = seat
 
+    def name_of(self, visitor: LinkVisitor) -> str:
+        """Return the name of the seat of a visitor of the link; empty: it has named none yet."""
+        return self._seats.get(visitor.number, "")
+
     def forget(self, visitor: LinkVisitor) -> str:
         """Forget a visitor of the link; return the name of its seat, empty if it had none."""
         return self._seats.pop(visitor.number, "")

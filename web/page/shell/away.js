@@ -35,8 +35,8 @@ function offer(line_up) {
 }
 
 export function begin() {
-  on("open", () => set(false));
-  on("close", () => set(true));
+  for (const type of ["open", "heard"]) on(type, () => set(false));
+  for (const type of ["close", "silent"]) on(type, () => set(true));
   on("unsent", () => notes.note("error", "Not sent", "the server is away"));
   show("next", (next) => {
     try {

@@ -7,9 +7,6 @@ import { alsoShows } from "./parts.js";
 import { extent, rowsIn, scale, text, ticks, valueAt, zoomed, zoomedInTime } from "./scales.js";
 import { show } from "./store.js";
 
-const ASK = 100; // [ms] between two questions while the race moves
-const REST = 500; // [ms] between two while it stands still
-const PATIENCE = 5000; // [ms] after which an answer is no longer waited for
 const SPAN = 6; // [s] that are shown at first
 // The tabs with charts: one with curves over time, which the page requests frame by frame, and those with
 // curves that a part of the page has, see Curves in charts.py.
@@ -26,7 +23,7 @@ const HINT = "press or drag: move the time; Ctrl + wheel: zoom; double click: al
 const GRID = "#2c3038";
 const TEXT = "#b4bcc8";
 
-let race = { race: 0, lines: [], frames: [], laps: [], t: 0, end: 0 }; // of the charts over time
+let race = { race: 0, lines: [], frames: [], laps: [], t: 0, end: 0, is_playing: false }; // of the charts over time
 let signals = [];
 let curves = { race: 0, lines: [], charts: [] }; // of the others
 const off = new Set(); // titles of the signals that are not shown
@@ -35,22 +32,21 @@ let time = { from: 0, span: SPAN, follows: true }; // the window of all charts o
 const zooms = {}; // the window of a chart over place or frequency, by its title
 let pointer = null; // { key, x }: the place of the pointer, on all charts over the same axis
 let pressed = false;
-let waiting = 0; // when the awaited answer was asked for [ms]; 0: no answer is awaited
+let isAsked = false; // whether a question waits at the server
 
 // Whether the charts of a tab can be seen; what cannot be seen is not asked for.
 const isSeen = (tab) => document.querySelector(`[data-charts="${tab}"]`).clientWidth > 0;
 
+// Ask for what this page lacks; the answer comes once there is something.
 function ask() {
-  if (isOpen() && isSeen("Signals") && !document.hidden && Date.now() - waiting > PATIENCE) {
-    const frames = race.frames.map((columns) => columns.t.length);
-    send({ type: "ask_signals", race: race.race, frames });
-    waiting = Date.now();
-  }
-  setTimeout(ask, race.is_playing ? ASK : REST);
+  if (isAsked || !isOpen() || !isSeen("Signals") || document.hidden) return;
+  const frames = race.frames.map((columns) => columns.t.length);
+  const { t, is_playing } = race;
+  isAsked = send({ type: "ask_signals", race: race.race, frames, t, is_playing });
 }
 
 function received(answer) {
-  waiting = 0;
+  isAsked = false;
   const isNew = answer.signals !== null;
   if (isNew) {
     if (!signals.length) answer.signals.slice(SHOWN).forEach(([title]) => off.add(title));
@@ -70,6 +66,7 @@ function received(answer) {
   race = { ...answer, frames, lines: toldApart(answer.lines) };
   follow();
   draw();
+  ask();
 }
 
 function receivedCurves(found) {
@@ -187,7 +184,7 @@ function paint(canvas, chart) {
   rule(g, x.at(chart.mark), top, x.at(chart.mark), bottom);
   g.setLineDash([]);
   if (pointer?.key === chart.key) {
-    g.strokeStyle = "#e69f00";
+    g.strokeStyle = TEXT;
     rule(g, x.at(pointer.x), top, x.at(pointer.x), bottom);
   }
   g.restore();
@@ -438,12 +435,18 @@ function seek(chart, x) {
 }
 
 export function begin() {
-  on("open", () => (waiting = 0));
+  on("open", () => {
+    isAsked = false;
+    ask();
+  });
   on("signals", received);
   show("curves", receivedCurves);
   alsoShows(() => (CURVES.some(isSeen) ? ["curves"] : []));
   // Another tab, or another size
-  addEventListener("resize", draw);
+  addEventListener("resize", () => {
+    draw();
+    ask();
+  });
+  document.addEventListener("visibilitychange", ask);
   new ResizeObserver(draw).observe(document.querySelector(".panes"));
-  ask();
 }

@@ -5,6 +5,7 @@ import { latest, show } from "./store.js";
 
 const PATIENCE = 5000; // [ms] after which a START that shows nothing is given up
 const BEGUN = ["building", "compiling", "planning"];
+const ENDED = ["ended", "stopped"];
 const editing = document.querySelector(".editing");
 const button = document.querySelector('[data-act="start"]');
 const part = (name) => document.querySelector(`.head .${name}`);
@@ -26,6 +27,8 @@ function words(element, found) {
 
 function draw(head) {
   document.body.dataset.phase = head.phase;
+  // A screen reader says how a race has ended, but not every change of the lead.
+  part("sentence").ariaLive = ENDED.includes(head.phase) ? "polite" : "off";
   words(part("sentence"), head.sentence);
   say(part("differs"), head.differs);
   part("differs").title = head.differs; // may be cut in a small window
@@ -83,8 +86,10 @@ export function begin() {
   // A START that is refused or asks back shows a notice or a question.
   on("shown", ({ kind }) => waiting && kind === "error" && answered());
   on("question", () => waiting && answered());
-  on("close", () => {
-    if (waiting) answered();
-    say(part("state"), "the server is away");
-  });
+  for (const type of ["close", "silent"])
+    on(type, () => {
+      if (waiting) answered();
+      say(part("state"), "the server is away");
+    });
+  on("heard", () => latest("head") && draw(latest("head")));
 }

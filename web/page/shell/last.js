@@ -5,14 +5,15 @@ import { lastRace } from "./run_rows.js";
 import { show } from "./store.js";
 
 const place = document.querySelector(".last");
-const HEADS = ["", "time [s]", "above limit", "outcome"];
+// heads, and the texts below them
+const COLUMNS = [
+  ["", ({ flown_by, numbers }) => [flown_by, numbers].filter(Boolean).join(" ")],
+  ["time [s]", ({ time }) => (time === null ? "" : time.toFixed(3))],
+  ["limit", ({ above }) => (above === null ? "" : `+${above.toFixed(1)} %`)],
+  ["outcome", ({ outcome }) => outcome],
+];
 
-function rowOf({ cells }) {
-  const name = [cells.flown_by, cells.numbers].filter(Boolean).join(" ");
-  const time = cells.time === null ? "" : cells.time.toFixed(3);
-  const above = cells.above === null ? "" : `${cells.above.toFixed(1)} %`;
-  return make("tr", {}, ...[name, time, above, cells.outcome].map((textContent) => make("td", { textContent })));
-}
+const rowOf = (tag, texts) => make("tr", {}, ...texts.map((textContent) => make(tag, { textContent })));
 
 function draw({ rows, together }) {
   const found = lastRace(rows, together);
@@ -23,14 +24,17 @@ function draw({ rows, together }) {
     textContent: "Replay it",
     onclick: () => send({ type: "replay_runs", names: found.map(({ name }) => name) }),
   });
-  const heads = HEADS.map((textContent) => make("th", { textContent }));
+  // A course whose limit nobody knows has no such column.
+  const columns = COLUMNS.filter(([, textOf], k) => k === 0 || found.some(({ cells }) => textOf(cells)));
+  const heads = columns.map(([head]) => head);
+  const body = found.map(({ cells }) => columns.map(([, textOf]) => textOf(cells)));
   place.replaceChildren(
     make("h2", { textContent: `The last race: ${course}, ${when}` }),
     make(
       "table",
       { className: "figures" },
-      make("thead", {}, make("tr", {}, ...heads)),
-      make("tbody", {}, ...found.map(rowOf)),
+      make("thead", {}, rowOf("th", heads)),
+      make("tbody", {}, ...body.map((texts) => rowOf("td", texts))),
     ),
     replay,
   );

@@ -51,11 +51,14 @@ export function openWindow(title, content, answers) {
 }
 
 const LOST = "Disconnected: the page shows the last that arrived. It connects again by itself.";
-function connected(on) {
+const SILENT = "The server has not answered for some seconds: the page shows the last that arrived.";
+
+// Say that the server is away; empty: it is not.
+function sayAway(text) {
   const line = document.querySelector(".lost");
-  line.hidden = on;
-  line.textContent = on ? "" : LOST;
-  document.title = on ? "race" : "race (disconnected)";
+  line.hidden = !text;
+  line.textContent = text;
+  document.title = text ? "race (disconnected)" : "race";
 }
 
 export function begin() {
@@ -71,8 +74,9 @@ export function begin() {
       ],
     );
   });
-  on("open", () => connected(true));
-  on("close", () => connected(false));
+  for (const type of ["open", "heard"]) on(type, () => sayAway(""));
+  on("close", () => sayAway(LOST));
+  on("silent", () => sayAway(SILENT));
   on("address", ({ title, address, opens }) => {
     const whole = new URL(address, document.baseURI).href;
     const copied = make("button", {

@@ -5,6 +5,7 @@ import { on, send } from "./link.js";
 const frame = document.getElementById("scene");
 const ASKED = ["fixedDpr"]; // what an address may ask of viser
 const SEAT = 18; // random bytes of the name of a seat
+const KEPT = "seat"; // in this window, from the page's end to its next load
 const LOADED = 30000; // [ms] from the document to the scene's own connection, at the first attempt
 const LOST = 8000; // [ms] without this connection until the scene is opened again
 const loading = document.querySelector(".viewport .loading");
@@ -32,11 +33,30 @@ export function begin() {
   else addEventListener("load", loaded, { once: true });
   // After an outage viser would try every second, and give up the attempt before: a new seat connects at once.
   on("open", () => {
-    // What the visitor watched is kept under the seat before.
-    if (wasOpen) send({ type: "come_back", seat: name });
+    // What the visitor watched, and the flight that it began, are kept under the seat before.
+    const before = wasOpen ? name : keptSeat();
+    if (before) send({ type: "come_back", seat: before });
     if (wasOpen) load();
     wasOpen = true;
   });
+  addEventListener("pagehide", () => {
+    try {
+      sessionStorage.setItem(KEPT, name);
+    } catch {
+      // a browser that keeps nothing
+    }
+  });
+}
+
+// The seat before this page was loaded again; empty: there was none. A copy of the window does not find it.
+function keptSeat() {
+  try {
+    const kept = sessionStorage.getItem(KEPT) ?? "";
+    sessionStorage.removeItem(KEPT);
+    return kept;
+  } catch {
+    return "";
+  }
 }
 
 // The server says whether the scene has its connection. A document that still comes is waited for.

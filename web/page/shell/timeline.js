@@ -1,14 +1,17 @@
 // The time line under the scene: laps, gates and incidents of each competitor, and the playback, see time_line.py.
 import { make, say } from "./dom.js";
 import { on, send } from "./link.js";
+import { scale, text, ticks } from "./scales.js";
 import { show } from "./store.js";
 import { shown, timeAt, typedTime } from "./times.js";
 
 const PAUSE = 60; // [ms] between two times that are sent while the pointer moves
 const STEP = 0.1; // [s] of an arrow key
+const APART = 64; // [px] between two numbers of seconds, at least
 const line = document.querySelector(".time .line");
 const part = (name) => document.querySelector(`.time ${name}`);
 let now = { t: 0, end: 0, can_seek: false };
+const seconds = make("div", { className: "seconds" });
 let pressed = false;
 let offered = []; // speeds of the playback [race seconds per second]
 
@@ -34,7 +37,16 @@ function draw({ lanes, laps }) {
     return label;
   });
   const cursor = make("i", { className: "cursor" });
-  line.replaceChildren(...lanes.map(lane), make("div", { className: "laps" }, ...numbers), cursor);
+  line.replaceChildren(...lanes.map(lane), make("div", { className: "laps" }, ...numbers), seconds, cursor);
+}
+
+// The seconds below the laps; other ones are made as the race becomes longer.
+function drawSeconds(end) {
+  const width = line.clientWidth;
+  const found = ticks(scale(0, end, 0, width), width / APART).filter((t) => t < end * (1 - APART / 2 / width));
+  const texts = found.map((t) => `${text(t)} s`);
+  if (seconds.textContent === texts.join("")) return;
+  seconds.replaceChildren(...found.map((t, k) => at(make("span", { textContent: texts[k] }), t)));
 }
 
 function set(found) {
@@ -43,6 +55,7 @@ function set(found) {
   line.style.setProperty("--end", end);
   line.style.setProperty("--now", Math.min(now.t, end));
   line.style.setProperty("--flown", Math.min(Math.max(now.flown, 0), end));
+  if (now.race) drawSeconds(end);
   line.classList.toggle("fixed", !now.can_seek);
   line.ariaValueMax = shown(now.end);
   line.ariaValueNow = shown(now.t);

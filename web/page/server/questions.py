@@ -1,0 +1,66 @@
+"""Questions: questions of pages that wait for an answer until there is something new.
+
+A page asks for what it lacks, and asks again once it has the answer. So a slow or a new page gets
+the present state at its own pace, and a page at rest asks and receives almost nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Generic, TypeVar
+
+from quadsim.web.page.server.link import Link, LinkVisitor, Message
+
+Question = TypeVar("Question", bound=Message)
+
+
+@dataclass(frozen=True)
+class _Waiting(Generic[Question]):
+    """A question, and when it came [s]."""
+
+    question: Question
+    since: float
+
+
+class Questions(Generic[Question]):
+    """The questions of one form; of each page the last one waits.
+
+    Args:
+        link: takes the questions, and gives the answers.
+        form: class of the questions.
+        answer_of: returns the answer to a visitor's question that has waited for some time [s];
+            None: there is nothing new. It is called on the server's event loop.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        form: type[Question],
+        answer_of: Callable[[LinkVisitor, Question, float], Message | None],
+    ):
+        self._link = link
+        self._answer_of = answer_of
+        self._waiting: dict[int, _Waiting[Question]] = {}  # by the visitors' numbers
+        link.on(form, self._ask)
+        link.on_leave(lambda visitor: self._waiting.pop(visitor.number, None))
+
+    def answer(self) -> None:
+        """Answer the questions for which there is something new. Any thread may call it."""
+        for visitor in self._link.visitors:
+            if visitor.number in self._waiting:
+                visitor.soon(self._answer)
+
+    def _ask(self, visitor: LinkVisitor, question: Question) -> None:
+        self._waiting[visitor.number] = _Waiting(question, perf_counter())
+
+    def _answer(self, visitor: LinkVisitor) -> None:
+        waiting = self._waiting.pop(visitor.number, None)
+        if waiting is None:
+            return
+        answer = self._answer_of(visitor, waiting.question, perf_counter() - waiting.since)
+        if answer is None:
+            self._waiting[visitor.number] = waiting
+        else:
+            visitor.send(answer)
