@@ -23,8 +23,9 @@ class Ways:
     """Ways in which a vehicle differs from its nominal one."""
 
     strengths: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
-    # [s] from which the rotors have these strengths
+    # [s] between which the rotors have these strengths
     since: float = 0.0
+    until: float = inf
     varied: Randomization = field(default_factory=Randomization)
     # angular acceleration per thrust [1/m], as by a centre of mass off the middle
     turn: Vec3 = (0.0, 0.0, 0.0)
@@ -49,7 +50,8 @@ def flown(vehicle: Vehicle, ways: Ways, seconds: float, dt=0.01, seed=0, most=0.
         most: highest command, as a share of the highest thrust.
     """
     rng = np.random.default_rng(seed)
-    faults = [RotorFault(i, share, Window(ways.since)) for i, share in enumerate(ways.strengths, 1)]
+    window = Window(ways.since, ways.until - ways.since)
+    faults = [RotorFault(i, share, window) for i, share in enumerate(ways.strengths, 1)]
     actuators = Actuators(ways.varied.vehicle(vehicle), STEP, faults)
     begin, end = ways.lost
     late = [CommandFault(ways.delay, Window(0.0, ways.delayed_until))]

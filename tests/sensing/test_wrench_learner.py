@@ -58,6 +58,12 @@ def test_a_rotor_that_fails_in_flight_is_found_as_fast(share, gyro_noise):
     assert found == pytest.approx(weak(2, share), abs=0.05)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_rotor_that_recovers_is_found_as_fast(seed):
+    ways = Ways(weak(2, 0.7), since=1.0, until=2.0)
+    assert learned(SWIFT, ways, 2.3, seed=seed).shares == pytest.approx((1.0,) * 4, abs=0.05)
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_lost_commands_leave_no_weak_rotors_behind(seed):
     found = learned(SWIFT, Ways(lost=(2.0, 2.3)), 2.45, seed=seed).shares
@@ -131,6 +137,20 @@ def test_the_highest_thrust_of_weak_rotors_is_what_they_are_asked_for(strengths)
         learner.learn_from_states(before, after, Acted((u,), (1.0,)), 0.01)
     assert learner.numbers.thrust_max > 0.94 * nominal.thrust_max
     assert learner.model.tilt_first
+
+
+def test_late_commands_do_not_make_a_known_mixer_one_that_gives_no_thrust_to_roll_and_pitch():
+    """A planner that gives up thrust itself does not come to the limit, where it could learn it."""
+    nominal = ModelParams.of(SWIFT)
+    learner = VehicleLearner.for_exact_states(nominal, 0.01, vehicle=SWIFT)
+    mistaken = VehicleLearner.for_exact_states(nominal, 0.01)
+    was_mistaken = False
+    for before, after, u in flown(SWIFT, Ways(delay=0.06), 3.0, most=1.2):
+        for each in (learner, mistaken):
+            each.learn_from_states(before, after, Acted((u,), (1.0,)), 0.01)
+        assert learner.model.tilt_first
+        was_mistaken |= not mistaken.model.tilt_first
+    assert was_mistaken
 
 
 def test_a_sound_vehicle_steps_as_without_learning():
