@@ -326,6 +326,7 @@ def flight(parts: FlightParts) -> Iterator[Frame | Planning | PhysicsStep]:
             motors=state.motors or (),
             kept=navigation.kept(),
             rotor_shares=navigation.rotor_shares,
+            learned_delay=navigation.learned_delay,
         )
         if not flying:
             return

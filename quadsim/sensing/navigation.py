@@ -529,6 +529,11 @@ class Navigation:
         learner = self.learner
         return tuple(learner.wrench.shares.tolist()) if learner and learner.wrench else ()
 
+    @property
+    def learned_delay(self) -> float:
+        """The delay of the commands that was found in flight [s]."""
+        return self._delay.delay if self._delay else 0.0
+
     def watch(self, state: PlantState) -> None:
         """Note the plant's state after a physics step."""
         self._source.watch(state)
