@@ -22,12 +22,15 @@ from math import isnan, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dposv
+from scipy.linalg import get_lapack_funcs
 
 from quadsim.dynamics.first_order import response
 from quadsim.dynamics.quadrotor import Delivered, ModelParams
 from quadsim.sensing.estimation.nominal_rotors import Interval, NominalRotors
 from quadsim.vehicle import Vehicle
+
+# Solves S x = b for a symmetric positive definite S
+(posv,) = get_lapack_funcs(("posv",), dtype=np.float64)
 
 SHARES = slice(0, 4)
 ALWAYS = slice(4, 7)
@@ -295,7 +298,7 @@ class WrenchLearner:
     def _correct(self, error: np.ndarray, PHt: np.ndarray, S: np.ndarray) -> None:
         """Correct by innovations (n,) with covariance S (n, n), and P H^T (10, n)."""
         # S^-1 [H P, error]
-        _, solved, _ = dposv(S, np.column_stack([PHt.T, error]))
+        _, solved, _ = posv(S, np.column_stack([PHt.T, error]))
         self._theta = self._theta + PHt @ solved[:, -1]
         P = self._P - PHt @ solved[:, :-1]
         self._P = 0.5 * (P + P.T)
