@@ -29,8 +29,8 @@ from quadsim.dynamics.quadrotor import Delivered, ModelParams
 from quadsim.sensing.estimation.nominal_rotors import Interval, NominalRotors
 from quadsim.vehicle import Vehicle
 
-# Solves S x = b for a symmetric positive definite S
-(posv,) = get_lapack_funcs(("posv",), dtype=np.float64)
+# solves a system with a symmetric, positive matrix
+(solve_positive,) = get_lapack_funcs(("posv",), dtype=float)
 
 SHARES = slice(0, 4)
 ALWAYS = slice(4, 7)
@@ -256,6 +256,15 @@ class WrenchLearner:
         self._limit_strongest()
         self.delivered = self._delivered()
 
+    def forget(self) -> None:
+        """Take the vehicle to be sound, as at the beginning."""
+        self._theta, self._P = SOUND, START.covariance
+        self._before = None
+        self._trial = 0.0
+        for channel in self._channels:
+            channel.mean_square = channel.surprise = 0.0
+        self.delivered = SOUND_ROTORS
+
     def _expect_change(self) -> None:
         """Let the shares change at once, on trial."""
         self._before = Estimated(self._theta, self._P.copy())
@@ -298,7 +307,7 @@ class WrenchLearner:
     def _correct(self, error: np.ndarray, PHt: np.ndarray, S: np.ndarray) -> None:
         """Correct by innovations (n,) with covariance S (n, n), and P H^T (10, n)."""
         # S^-1 [H P, error]
-        _, solved, _ = posv(S, np.column_stack([PHt.T, error]))
+        _, solved, _ = solve_positive(S, np.column_stack([PHt.T, error]))
         self._theta = self._theta + PHt @ solved[:, -1]
         P = self._P - PHt @ solved[:, :-1]
         self._P = 0.5 * (P + P.T)
