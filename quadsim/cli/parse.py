@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
 from functools import cache
+from itertools import pairwise
 from typing import Any, get_type_hints
 
 from cyclopts import App, CycloptsError, exceptions
@@ -20,6 +22,7 @@ from quadsim.files.yaml_errors import expected
 MANY_RACES = "use race compare-heats with --entrants, --starts and --variants for many races"
 # command -> what to do with arguments that it has no use for
 BEHIND_A_FLAG = {"heat": "entrants stand behind --entrants"}
+JOINED = re.compile(r"[-+.\deE]+(:[-+.\deE]+)+")  # numbers, joined by colons
 # (command, flag) -> what to use in place of a flag that another command has
 MOVED = {("heat", "--starts"): MANY_RACES, ("compare", "--line-up"): MANY_RACES}
 
@@ -33,6 +36,19 @@ def application() -> App:
     return app
 
 
+def numbers_apart(argv: Sequence[str]) -> list[str]:
+    """Return a command line with 0:0:0:0 behind a setting of several numbers as 0 0 0 0.
+
+    Variants and sweeps join such numbers by colons, so users write the same behind a flag.
+    """
+    found: list[str] = []
+    for before, word in pairwise(("", *argv)):
+        setting = SETTINGS.get(before.removeprefix("--").replace("-", "_"))
+        is_list = before.startswith("--") and JOINED.fullmatch(word) and setting is not None
+        found += word.split(":") if is_list else [word]
+    return found
+
+
 def run(argv: Sequence[str]) -> int:
     """Run the command line and return its exit code; 0 for `--help`.
 
@@ -41,7 +57,9 @@ def run(argv: Sequence[str]) -> int:
     """
     app = application()
     try:
-        function, bound, _ = app.parse_args(argv, print_error=False, exit_on_error=False)
+        function, bound, _ = app.parse_args(
+            numbers_apart(argv), print_error=False, exit_on_error=False
+        )
     except CycloptsError as error:
         raise UsageError(_line(error, app[argv[0]])) from None
     if hasattr(function, "__self__"):  # a method of the App itself: --help, completion

@@ -11,6 +11,7 @@ from cyclopts import Parameter
 
 from quadsim.cli.cli import race
 from quadsim.cli.commands import COMMANDS
+from quadsim.cli.parse import numbers_apart
 from quadsim.config.settings import SETTINGS
 
 
@@ -129,3 +130,11 @@ def test_entrants_without_their_flag_name_it(capsys):
     assert err.startswith(
         "race heat: unexpected 'tiny=pilot=tiny.npz': entrants stand behind --ent"
     )
+
+
+def test_numbers_that_are_joined_as_in_variants_are_read_behind_a_flag(capsys):
+    line = "sweep figure8 --cutoff 0:0:0:0 --over gamma 0:0:0:0 --variants a=colored+cutoff=1:1:1:1"
+    apart = line.replace("--cutoff 0:0:0:0", "--cutoff 0 0 0 0")
+    assert numbers_apart(line.split()) == apart.split()
+    _, _, err = outcome("fly figure8 --cutoff 0:0:0", capsys)
+    assert "--cutoff: expected 4 numbers [Hz], got too few values: '0 0 0'" in err
