@@ -17,8 +17,10 @@ from quadsim.console import UsageError
 from quadsim.files.values import checked
 from quadsim.files.yaml_errors import expected
 
-# (command, flag) -> what to use in place of a flag that another command has
 MANY_RACES = "use race compare-heats with --entrants, --starts and --variants for many races"
+# command -> what to do with arguments that it has no use for
+BEHIND_A_FLAG = {"heat": "entrants stand behind --entrants"}
+# (command, flag) -> what to use in place of a flag that another command has
 MOVED = {("heat", "--starts"): MANY_RACES, ("compare", "--line-up"): MANY_RACES}
 
 
@@ -78,7 +80,8 @@ def _line(error: CycloptsError, app: App) -> str:
             return f"no flag {given}{advice} (see race {command} --help)"
         case exceptions.UnusedCliTokensError():
             unused = " ".join(map(repr, error.unused_tokens or ()))
-            return f"unexpected {unused} (see race {command} --help)"
+            advice = f": {BEHIND_A_FLAG[command]}" if command in BEHIND_A_FLAG else ""
+            return f"unexpected {unused}{advice} (see race {command} --help)"
         case exceptions.RepeatArgumentError():
             return f"{error.token.keyword}: expected once, got it twice"
         case exceptions.CoercionError() | exceptions.MissingArgumentError() if error.argument:
@@ -88,6 +91,8 @@ def _line(error: CycloptsError, app: App) -> str:
             if token is not None:
                 return f"{name}: expected {expected(kind)}, got {token.value!r}"
             is_missing = isinstance(error, exceptions.MissingArgumentError) and not error.keyword
-            got = f"no {name}" if is_missing else "too few values"
+            given = " ".join(getattr(error, "tokens_so_far", ()))
+            few = f"too few values: {given!r}" if given else "too few values"
+            got = f"no {name}" if is_missing else few
             return f"{name}: expected {expected(kind)}, got {got} (see race {command} --help)"
     return str(error).splitlines()[-1]
