@@ -14,11 +14,13 @@ from contextlib import contextmanager
 from types import ModuleType
 from typing import Any
 
+from numba import njit
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.errors import NumbaError
 from numba.core.targetconfig import ConfigStack
 from numba.core.types import BaseFunction
 
+from quadsim.controllers.lanes import FAST
 from quadsim.controllers.lanes.code_cache import CodeCache
 from quadsim.controllers.lanes.trace import TraceError
 from quadsim.files.cache import cache_folder
@@ -28,6 +30,10 @@ COLOUR = re.compile("\x1b\\[[0-9;]*m")  # of numba's errors in a terminal
 # Steps of numba that the loops do not need, and that take a tenth of the compile time: an entry for
 # callbacks from C, and the rewriting of expressions over whole arrays and of `raise`
 SPARED = {"no_cfunc_wrapper": True, "no_rewrites": True}
+# The decorator of a function without a statement `raise` that only compiled loops call: an entry
+# for calls from Python is not compiled, either.
+INNER = {"fastmath": FAST, "error_model": "numpy", "no_cpython_wrapper": True, **SPARED}
+inner = njit(**INNER)
 
 
 def kept(function: Any) -> Any:

@@ -76,7 +76,7 @@ class Learning(NamedTuple):
 RESTART = """
 from quadsim.controllers.lanes.episode_loops import add_noise, drawn, hold, judge, move
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def restart(l, b, environment, episodes, beginnings):
     # a lane of block b begins its next episode
     c = beginnings.course[b]
@@ -118,7 +118,7 @@ def begin(desk, first, last, episodes, beginnings, chosen, racers):
 """
 
 PARTS = """
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def meet_obstacles(state, after, moved, room, crashed, obstacles):
     # room: no box around an obstacle is nearer [m]. A vehicle is tested again after it has flown
     # this far.
@@ -148,7 +148,7 @@ def meet_obstacles(state, after, moved, room, crashed, obstacles):
                         crashed[l] = F(1)
             room[l] = math.sqrt(least) - F(<slack>)
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def next_targets(target, row, passes, reached, targets, last_row):
     <next_targets>
 """

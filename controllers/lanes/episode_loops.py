@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from quadsim.controllers.lanes import FAST
-from quadsim.controllers.lanes.compiled import kept
+from quadsim.controllers.lanes.compiled import inner, kept
 from quadsim.controllers.lanes.layout import LANES
 from quadsim.controllers.lanes.normals import normal_rows
 from quadsim.controllers.lanes.sharing import share
@@ -43,7 +42,7 @@ def move(source, to):
             to[k, i] = source[k, i]
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def hold(over, state, after, moved, way_before, way_now, crashed, reached):
     """Keep the states and results of vehicles whose episode has ended.
 
@@ -70,7 +69,7 @@ def hold(over, state, after, moved, way_before, way_now, crashed, reached):
             reached[i] = I4(0)
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def add_noise(obs, noise, lane, key, call):
     """Add noise to the observations of a block.
 
@@ -87,7 +86,7 @@ def add_noise(obs, noise, lane, key, call):
             obs[k, i] += drawn_noise[k, i]
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def judge(b, crashed, reached, episodes, outcome, last_row, limit):
     """Count a step, and mark the environments of a block whose episode has ended.
 

@@ -19,13 +19,13 @@ HEADER = """
 import math
 import numpy as np
 from numba import njit
-from quadsim.controllers.lanes.compiled import kept
+from quadsim.controllers.lanes.compiled import INNER, inner, kept
 from quadsim.controllers.lanes.sharing import share
 
 F = np.{dtype}
 FAST = set({fast})
 L = {lanes}  # samples, or vehicles, that stand side by side in a block
-inline = njit(fastmath=FAST, error_model="numpy", forceinline=True)
+inline = njit(**INNER, forceinline=True)
 
 @inline
 def select(condition, a, b):

@@ -208,7 +208,7 @@ if line_marks[t]:
 """
 
 MEET_OBSTACLES = """
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def meet_obstacles(marked, lowest, highest, obstacles, stride, crash_weight, before_finish, crashed,
                    cost):
     # boxes around the marked positions of some lanes each

@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from quadsim.controllers.lanes import FAST
-from quadsim.controllers.lanes.compiled import kept
+from quadsim.controllers.lanes.compiled import inner, kept
 from quadsim.controllers.lanes.layout import LANES
 from quadsim.controllers.lanes.sharing import share
 
@@ -20,7 +19,7 @@ L = LANES
 ABSENT = F(1e30)  # squared distance of an opponent that is not in the race [m^2]
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def order(a, b, finish, row, way, place):
     """Add one to the place of racer a or racer b, whichever is behind, in each race.
 
@@ -45,7 +44,7 @@ def order(a, b, finish, row, way, place):
         place[b, i] += I4(1) if ahead else I4(0)
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def apart(mine, theirs, absent, near):
     """Compute the squared distance, relative position and relative velocity of an opponent.
 
@@ -67,7 +66,7 @@ def apart(mine, theirs, absent, near):
             near[1 + k, i] = theirs[k, i] - mine[k, i]
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def nearer_first(one, other, swaps):
     """Exchange two opponents in each race in which the second one is nearer.
 

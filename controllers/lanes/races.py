@@ -48,7 +48,7 @@ class Racing(NamedTuple):
 MEET = """
 from quadsim.controllers.lanes.race_loops import ABSENT, apart, nearer_first, order
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def least_apart(a_before, b_before, a_after, b_after, least):
     # the squared distance at which two vehicles pass each other in this step, in every lane
     for l in range(L):
@@ -131,14 +131,14 @@ def meet(desk, first, last, episodes, outcome, field, rules):
 LOOK = """
 from quadsim.controllers.lanes.normals import normal_rows
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def observe(state, near, j, seen):
     # the numbers of the j-th nearest opponent, zeros where there is none
     for l in range(L):
         absent = near[0, l] >= ABSENT
         <observe>
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def add_noise(seen, noise, lane, key, call):
     numbers = seen.shape[0]
     drawn_noise = np.empty((numbers, L), F)

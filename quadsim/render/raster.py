@@ -28,7 +28,7 @@ import numpy as np
 from numba import njit
 
 from quadsim.controllers.lanes import FAST
-from quadsim.controllers.lanes.compiled import kept
+from quadsim.controllers.lanes.compiled import inner, kept
 
 # Kinds of faces
 RECTANGLE = 0
@@ -253,7 +253,7 @@ def rows_of_faces(eyes, axes, faces, lens, shape, rows):
             rows[f, 1] = max(min(int(bottom) + MARGIN + 1, height), rows[f, 0])
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def _ray(axes, offset, lens, y):
     """Return the direction of the ray through column 0 of a row, and its change per column."""
     fx, fy, cx, cy = lens
@@ -265,7 +265,7 @@ def _ray(axes, offset, lens, y):
     return dx, dy, dz, axes[0, 0] / fx, axes[1, 0] / fx, axes[2, 0] / fx
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def _line(n, a, b, w, away, ray):
     """Return 1 / depth, u / depth and v / depth at column 0, each with its change per column.
 
@@ -297,7 +297,7 @@ def _line(n, a, b, w, away, ray):
     return q0, q1, u0, u1, v0, v1
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def _where_positive(k0, k1, low, high):
     """Return the range of columns, within `low` to `high`, in which k0 + k1 column >= 0."""
     root = -k0 / k1
@@ -308,7 +308,7 @@ def _where_positive(k0, k1, low, high):
     return low, (high if k0 >= 0.0 else -1.0)
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def _in_rectangle(line, half_u, half_v, low, high):
     """Return the range of columns in which |u| <= half_u and |v| <= half_v."""
     q0, q1, u0, u1, v0, v1 = line
@@ -318,7 +318,7 @@ def _in_rectangle(line, half_u, half_v, low, high):
     return _where_positive(half_v * q0 + v0, half_v * q1 + v1, low, high)
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def _in_ellipse(line, low, high):
     """Return the range of columns in which u^2 + v^2 <= 1."""
     # q^2 - u^2 - v^2 >= 0, a parabola that opens downwards or misses the row
@@ -333,7 +333,7 @@ def _in_ellipse(line, low, high):
     return max(low, (k1 - root) / (-2.0 * k2)), min(high, (k1 + root) / (-2.0 * k2))
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def _enter(f, q0, q1, first, end, ramp, nearest, face):
     """Enter a face in those columns from `first` to `end` in which it is nearest so far."""
     q_first = np.float32(q0 + q1 * first)
@@ -347,7 +347,7 @@ def _enter(f, q0, q1, first, end, ramp, nearest, face):
         face[x + i] = number if nearer else face[x + i]
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def _enter_all(  # noqa: PLR0913
     active, count, faces, eye, ray, ramp, nearest, face, lines
 ):
@@ -404,7 +404,7 @@ def _enter_all(  # noqa: PLR0913
         _enter(f, q0, q1, first, end, ramp, nearest, face)
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def _end_of_run(face, first):
     """Return the column after the run of columns that see the same face as column `first`."""
     f = face[first]
@@ -422,7 +422,7 @@ def _end_of_run(face, first):
     return end
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def _level(size):
     """Return the first texel and the edge length of the level of detail for a size [texels/px]."""
     begin = 0
@@ -434,7 +434,7 @@ def _level(size):
     return begin, edge
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def _add_texture(  # noqa: PLR0913
     line, repeats, fx, texels, tint, first, end, ramp, nearest, place, texel, red, green, blue
 ):
@@ -484,14 +484,14 @@ def _add_texture(  # noqa: PLR0913
             blue[x + i] += b * np.float32(texel[i] >> 16)
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def _add_plain(values, first, end, number):
     """Add a number to the columns from `first` to `end`."""
     for x in range(np.uint64(first), np.uint64(end)):
         values[x] += number
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def _add_sky(  # noqa: PLR0913
     ray, sky, first, end, ramp, clear, height, cover, line, column, red, green, blue
 ):
@@ -533,7 +533,7 @@ def _add_sky(  # noqa: PLR0913
             light[begin + i] += clear[begin + i] * (colour + cover[i] * (cloud - colour))
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def _develop(light, factor, read, shot, grain, numbers):
     """Convert the light of one colour in a row to pixel values up to 255, with noise."""
     if read > ZERO or shot > ZERO:
@@ -546,7 +546,7 @@ def _develop(light, factor, read, shot, grain, numbers):
             numbers[x] = np.uint8(np.int32(min(max(light[x] * factor + HALF, ZERO), WHITE)))
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def _interleave(red, green, blue, pixels):
     """Write the three colour values of each pixel one after another."""
     for x in range(len(red)):
@@ -555,7 +555,7 @@ def _interleave(red, green, blue, pixels):
         pixels[3 * x + 2] = blue[x]
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def _see(f, line, first, end, inverse_depth, seen):
     """Write the face that is seen by the columns from `first` to `end`, and its 1 / depth."""
     q0, q1 = line[0], line[1]
@@ -565,7 +565,7 @@ def _see(f, line, first, end, inverse_depth, seen):
         seen[x] = number
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def _mean_ray(axes, offsets, lens, y):
     """Return the sum of `_ray` over all passes, which has their mean direction."""
     sx, sy, sz, tx, ty, tz = _ray(axes[0, y], offsets[0], lens, y)
@@ -576,7 +576,7 @@ def _mean_ray(axes, offsets, lens, y):
     return sx, sy, sz, tx, ty, tz
 
 
-@njit(fastmath=FAST, error_model="numpy")
+@inner
 def _reaching(rows, y, active):
     """Write the indices of the faces that reach into row y, and return their number."""
     count = START
