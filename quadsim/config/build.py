@@ -22,8 +22,8 @@ from quadsim.controllers.in_flight import Change, PlannerInFlight
 from quadsim.controllers.learned.pilot import PilotController
 from quadsim.controllers.presets import Planner
 from quadsim.files.values import checked
-from quadsim.physics.faults import CommandLoss
-from quadsim.physics.link import CommandLosses
+from quadsim.physics.faults import CommandFault
+from quadsim.physics.link import FaultyCommands
 from quadsim.physics.plant import Arena
 from quadsim.racing.clock import CLOCKS
 from quadsim.racing.events import Frame
@@ -87,7 +87,7 @@ def build(
         controller = in_flight(spec, controller)
         snapshot = controller.snapshot
     plant = plant_of(spec, arena)
-    losses = [fault for fault in spec.drawn_faults if isinstance(fault, CommandLoss)]
+    faults = [fault for fault in spec.drawn_faults if isinstance(fault, CommandFault)]
     return FlightParts(
         plant=plant,
         controller=controller,
@@ -96,7 +96,7 @@ def build(
         navigation=navigation_of(spec, plant, referee, rest_of(controller)),
         clock=CLOCKS[spec.clock](),
         snapshot=snapshot,
-        losses=CommandLosses(losses) if losses else None,
+        faulty_commands=FaultyCommands(faults) if faults else None,
         # The racing referee has this limit of its own.
         time_limit=None if spec.referee is None else spec.timeout,
     )

@@ -13,6 +13,7 @@ from quadsim.racing.flight import RefereeProtocol
 from quadsim.sensing import Sensing
 from quadsim.sensing.config import RotorConfig
 from quadsim.sensing.estimation.body_rates import BodyRates
+from quadsim.sensing.estimation.delay_learner import DelayLearner
 from quadsim.sensing.estimation.estimator import Estimator
 from quadsim.sensing.estimation.prediction import Commands, GateCounter
 from quadsim.sensing.estimation.vehicle_learner import VehicleLearner
@@ -23,6 +24,7 @@ from quadsim.sensing.navigation import (
     GateCount,
     Navigation,
     RefereeCount,
+    RefereeOrPath,
     SensedState,
     StateSource,
     TrueState,
@@ -54,7 +56,13 @@ def navigation_of(
         dt=spec.planner.mppi.dt,
         nominal=spec.model,
         predicts=spec.predict,
+        delay=DelayLearner(spec.model, spec.planner.mppi.dt) if learns_delay(spec) else None,
     )
+
+
+def learns_delay(spec: Spec) -> bool:
+    """Return whether a delay of the commands is estimated in flight."""
+    return learns_rotors(spec) and spec.predict
 
 
 def _latency(spec: Spec) -> float:
@@ -70,6 +78,8 @@ def _gate_count(spec: Spec, referee: RefereeProtocol) -> GateCount:
     is_late = _latency(spec) or spec.link.rate or spec.clock == "wall"
     if spec.sensing or (is_late and spec.predict):
         return GateCounter(spec.course, spec.laps)
+    if learns_delay(spec):
+        return RefereeOrPath(referee, spec.course, spec.laps)
     return RefereeCount(referee)
 
 

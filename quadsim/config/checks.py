@@ -21,7 +21,13 @@ from quadsim.firmware.process import MAIN_LOOP
 from quadsim.firmware.text import Text
 from quadsim.limit.limits import LimitProblem, StoredSolution
 from quadsim.physics.crazyflow_plant import before_scipy
-from quadsim.physics.faults import CommandLoss, FactorFault, FaultOfVehicle, parse_fault, sensor_key
+from quadsim.physics.faults import (
+    CommandFault,
+    FactorFault,
+    FaultOfVehicle,
+    parse_fault,
+    sensor_key,
+)
 from quadsim.physics.link import SETTINGS as LINK_SETTINGS
 from quadsim.physics.link import WIRE, LinkConfig
 from quadsim.physics.randomization_file import RandomizationRanges, check_randomization
@@ -296,7 +302,7 @@ def check_faults(
             if has_own_loop and isinstance(fault, FactorFault) and fault.part == "rate_gain":
                 wanted = "expected the flight controller 'ideal'"
                 raise SettingError("fault", f"{wanted} for {text!r}, got {flight_controller!r}")
-        elif not isinstance(fault, CommandLoss):
+        elif not isinstance(fault, CommandFault):
             key = sensor_key(fault)
             if sensing is None or getattr(sensing, key) is None:
                 name = sensing_name(sensing)

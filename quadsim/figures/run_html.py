@@ -46,8 +46,8 @@ def _facts(run: RecordedRun, metrics: RunMetrics) -> Iterator[tuple[str, str]]:
     for name, line in (("state", given_state(run.spec)), ("estimate", lost_estimate(run))):
         if line:
             yield name, line.removeprefix(f"{name} ")
-    if run.learned:
-        yield "learned in flight", learned_text(run)
+    if learned := learned_text(run):
+        yield "learned in flight", learned
     if run.laps:
         yield "lap times", lap_times(run)
     if metrics.above_limit is not None:

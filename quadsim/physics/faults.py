@@ -9,6 +9,7 @@
     gyro=frozen@2-2.5    the last measurement's values are repeated
     gyro=.1:0:0@3        a bias of .1 rad/s about x is added from 3 s on
     commands=lost@2~.1   the last command that arrived stays in force
+    commands=.04@2       commands arrive 40 ms late from 2 s on
 
 Omitted parts of a text are drawn from the seed: the rotor in `rotor=.5@3`, the direction in
 `gyro=.1@3`, and the time in `rotor2=.5` and in `gyro=frozen~.1`.
@@ -100,6 +101,8 @@ VECTORS: dict[VectorPart, Vectors] = {
     "torque": Vectors("a torque", "x:y:z", "N m", 10.0),
     "centre": Vectors("a centre of mass", "x:y", "m", 0.1),
 }
+# largest delay of commands [s]
+LONGEST_DELAY = 1.0
 EXAMPLES = "rotor2=.5@3.2, camera=lost@2-4, gyro=.1:0:0@3 or commands=lost~.1"
 
 
@@ -203,19 +206,22 @@ class BiasJump:
 
 
 @dataclass(frozen=True)
-class CommandLoss:
-    """No command arrives at the vehicle."""
+class CommandFault:
+    """Commands arrive late at the vehicle, or not at all."""
 
+    # beside all other delays [s]; inf: the commands are lost
+    delay: float
     window: Window
 
     def __str__(self) -> str:
         """Return the fault's text."""
-        return f"commands=lost{self.window}"
+        effect = "lost" if self.delay == inf else _short(self.delay)
+        return f"commands={effect}{self.window}"
 
 
 FaultOfVehicle = RotorFault | FactorFault | VectorFault
 FaultOfSensor = SensorFault | BiasJump
-Fault = FaultOfVehicle | FaultOfSensor | CommandLoss
+Fault = FaultOfVehicle | FaultOfSensor | CommandFault
 
 
 def sensor_key(fault: FaultOfSensor) -> str:
@@ -251,8 +257,7 @@ def parse_fault(text: str) -> Fault:
     if target in WHOLE_SENSORS:
         return SensorFault(target, _effect(what, get_args(Effect), text), window)
     if target == "commands":
-        _effect(what, ("lost",), text)
-        return CommandLoss(window)
+        return CommandFault(_delay(what, text), window)
     if target in FACTORS:
         return FactorFault(target, _factor(what, FACTORS[target], text), window)
     if target in VECTORS:
@@ -322,6 +327,17 @@ def _factor(what: str, factors: Factors, text: str) -> float:
         wanted = f"expected {factors.meaning}, from {low} to {factors.high:g}"
         raise ValueError(f"{wanted}, got {what!r} in {text!r}")
     return factor
+
+
+def _delay(what: str, text: str) -> float:
+    """Return the delay of commands [s], inf if they are lost. Raises ValueError."""
+    if what == "lost":
+        return inf
+    delay = decimal_number(what)
+    if delay is None or not 0.0 < delay <= LONGEST_DELAY:
+        wanted = f"expected lost or a delay [s] up to {LONGEST_DELAY:g}"
+        raise ValueError(f"{wanted}, got {what!r} in {text!r}")
+    return delay
 
 
 def _vector(what: str, vectors: Vectors, text: str, others: str = "") -> tuple[float, ...]:

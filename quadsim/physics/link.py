@@ -21,13 +21,14 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.random import SeedSequence, default_rng
 
 from quadsim.dynamics.quadrotor import Control
-from quadsim.physics.faults import CommandLoss
+from quadsim.physics.faults import SAME, CommandFault
 from quadsim.vehicle import GRAVITY
 
 HOVER = Control(wx=0.0, wy=0.0, wz=0.0, thrust=GRAVITY)
@@ -103,18 +104,24 @@ class Received(NamedTuple):
     is_new: bool  # whether a frame has arrived in this step
 
 
-class CommandLosses:
-    """Losses of commands as faults; while one lasts, the last received command is kept."""
+class FaultyCommands:
+    """Commands that arrive late or not at all; the last one that arrived stays in force."""
 
-    def __init__(self, losses: Sequence[CommandLoss]):
+    def __init__(self, faults: Sequence[CommandFault]):
         """Begin with the command for hovering, which is kept until the first command arrives."""
-        self._losses = losses
+        self._faults = faults
         self._arrived: tuple[float, ...] = HOVER
+        # the commands on their way, each with the time at which it was sent [s]
+        self._sent: deque[tuple[float, tuple[float, ...]]] = deque()
 
     def carried(self, t: float, u: tuple[float, ...]) -> tuple[float, ...]:
         """Return the received command at the time t [s], when u is sent."""
-        if not any(loss.window.active(t) for loss in self._losses):
-            self._arrived = u
+        self._sent.append((t, u))
+        delay = sum(fault.delay for fault in self._faults if fault.window.active(t))
+        while self._sent and self._sent[0][0] <= t - delay + SAME:
+            _, self._arrived = self._sent.popleft()
+        if delay == inf:
+            self._sent.clear()
         return self._arrived
 
 

@@ -112,6 +112,8 @@ class Frame:
     kept: Kept | None = field(default=None, repr=False)
     # share that each rotor delivers of its nominal thrust, if it is estimated  (4,)
     rotor_shares: tuple[float, ...] = field(default=(), repr=False)
+    # delay of the commands that was found in flight [s]
+    learned_delay: float = field(default=0.0, repr=False)
 
 
 def flown_laps(events: Iterable[Event], completed: int) -> list[float]:

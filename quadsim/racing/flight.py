@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from quadsim.controllers.plan import PlannerSnapshot, PlanStats
 from quadsim.dynamics.estimate import Estimate
-from quadsim.physics.link import CommandLosses
+from quadsim.physics.link import FaultyCommands
 from quadsim.physics.plant import Plant, PlantState
 from quadsim.racing.clock import Clock
 from quadsim.racing.events import Event, Frame
@@ -151,8 +151,8 @@ class FlightParts:
     clock: Clock | None = None
     # called every SNAPSHOT_EVERY periods; the result is stored in the frame
     snapshot: Callable[[], PlannerSnapshot | None] | None = None
-    # losses of commands on their way to the plant; None: all of them arrive
-    losses: CommandLosses | None = None
+    # faults of commands on their way to the plant; None: all of them arrive at once
+    faulty_commands: FaultyCommands | None = None
     # longest flight, for a referee without a time limit of its own; the outcome is "timeout" [s]
     time_limit: float | None = None
 
@@ -273,7 +273,7 @@ def flight(parts: FlightParts) -> Iterator[Frame | Planning | PhysicsStep]:
     controller = parts.controller
     referee = parts.referee
     period = parts.period
-    losses = parts.losses
+    faulty = parts.faulty_commands
     time_limit = parts.time_limit
     whole_multiple(period, plant.dt)
     began = perf_counter()
@@ -326,16 +326,17 @@ def flight(parts: FlightParts) -> Iterator[Frame | Planning | PhysicsStep]:
             motors=state.motors or (),
             kept=navigation.kept(),
             rotor_shares=navigation.rotor_shares,
+            learned_delay=navigation.learned_delay,
         )
         if not flying:
             return
 
         # Apply the previous control until the plan is ready, then the new one to the period's end,
         # or to when the plan is ready if that is later.
-        events = yield from control_steps(plant, referee, previous.u, ready, navigation, losses)
+        events = yield from control_steps(plant, referee, previous.u, ready, navigation, faulty)
         next_time = max(state.t + period, plant.state.t)
         clock.wait(next_time)
-        events += yield from control_steps(plant, referee, plan.u, next_time, navigation, losses)
+        events += yield from control_steps(plant, referee, plan.u, next_time, navigation, faulty)
 
 
 def rest_of(controller: Controller) -> tuple[float, ...]:
@@ -397,7 +398,7 @@ def control_steps(
     u: tuple[float, ...],
     until: float,
     navigation: Navigation | None = None,
-    losses: CommandLosses | None = None,
+    faulty: FaultyCommands | None = None,
 ) -> Generator[PhysicsStep, None, list[Event]]:
     """Yield requests for physics steps with a constant control; referee and sensors follow them.
 
@@ -407,7 +408,7 @@ def control_steps(
         u: control  (n_u,).
         until: end time [s]; the last physics step ends nearest to this time.
         navigation: navigation whose sensors sample every state; None: no sensors.
-        losses: losses of commands on their way to the plant; None: all commands arrive.
+        faulty: faults of commands on their way to the plant; None: all arrive at once.
 
     Returns:
         The events of these steps, in order.
@@ -416,7 +417,7 @@ def control_steps(
     dt = plant.dt
     before = plant.state
     while before.t < until - dt / 2 and referee.outcome is None:
-        yield PhysicsStep(losses.carried(before.t, u) if losses else u)
+        yield PhysicsStep(faulty.carried(before.t, u) if faulty else u)
         after = plant.state
         if navigation:
             navigation.watch(after)

@@ -25,6 +25,7 @@ from quadsim.files.locks import lock_folder
 from quadsim.files.strict_yaml import FileError
 from quadsim.record.provenance import provenance
 from quadsim.record.run import (
+    LearnedDelay,
     LearnedRotor,
     RecordedRun,
     RunError,
@@ -290,6 +291,7 @@ def read_run(path: str | Path) -> RecordedRun:
         found = "a file" if path.exists() else "nothing"
         raise RunError(f"{path}: expected a run folder, found {found}")
     record = read_json(_read(path / "run.json"), path / "run.json")
+    late = record.learned_delay
     stored = _read(path / "telemetry.npz")
     arrays = read_npz(stored, record.spec, path / "telemetry.npz")
     run = RecordedRun(
@@ -299,6 +301,7 @@ def read_run(path: str | Path) -> RecordedRun:
         outcome=record.outcome,
         fault=record.fault,
         learned=tuple(LearnedRotor(r.rotor, r.share, r.since) for r in record.learned),
+        learned_delay=LearnedDelay(late.delay, late.since) if late else None,
         wall={"plan_ms": record.plan_ms, "real_time_factor": record.real_time_factor},
         snapshots=arrays.snapshots,
         measurements=arrays.measurements,

@@ -76,6 +76,14 @@ class LearnedRotor(NamedTuple):
     since: float
 
 
+class LearnedDelay(NamedTuple):
+    """A delay of the commands that was found in flight, and was there at its end."""
+
+    # [s]
+    delay: float
+    since: float
+
+
 class RunError(Exception):
     """An error of a run that cannot be saved or read: the path, the problem and the remedy.
 
@@ -125,6 +133,8 @@ class RecordedRun:
     fault: str = ""
     # The rotors that were found to be weak or strong
     learned: tuple[LearnedRotor, ...] = ()
+    # None: commands came when the planner expected them
+    learned_delay: LearnedDelay | None = None
 
     @classmethod
     def from_frames(cls, spec: dict[str, Any], frames: Iterable[Frame]) -> RecordedRun:
@@ -321,6 +331,7 @@ class Recorder:
         self._kept: list[Kept] = []
         # Rotor -> time from which its share has been a notable one [s]
         self._notable: dict[int, float] = {}
+        self._delay: LearnedDelay | None = None
 
     def add(self, frame: Frame) -> None:
         """Add the next frame of the flight."""
@@ -333,6 +344,9 @@ class Recorder:
                 self._notable.setdefault(rotor, frame.t)
             else:
                 self._notable.pop(rotor, None)
+        delay = frame.learned_delay
+        if delay != (self._delay.delay if self._delay else 0.0):
+            self._delay = LearnedDelay(delay, frame.t) if delay else None
         row = (
             frame.t,
             *frame.x,
@@ -401,6 +415,7 @@ class Recorder:
             snapshots=PlannerSnapshots.of(self._snapshots),
             measurements=kept_arrays(self._kept) if self._kept else None,
             learned=tuple(self._learned()),
+            learned_delay=self._delay,
         )
 
     def _learned(self) -> Iterator[LearnedRotor]:

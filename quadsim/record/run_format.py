@@ -81,6 +81,8 @@ def write_json(run: RecordedRun, provenance: dict) -> bytes:
         record["fault"] = run.fault
     if run.learned:
         record["learned"] = [rotor._asdict() for rotor in run.learned]
+    if run.learned_delay:
+        record["learned_delay"] = run.learned_delay._asdict()
     return json.dumps(record, indent=1, allow_nan=False).encode()
 
 

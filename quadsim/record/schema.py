@@ -264,6 +264,13 @@ class StoredRotor(Struct):
     since: float  # [s]
 
 
+class StoredDelay(Struct):
+    """A delay of the commands that was found in flight."""
+
+    delay: float  # [s]
+    since: float  # [s]
+
+
 class StoredRecord(Struct):
     """The keys of a run.json that a Run is made from."""
 
@@ -277,6 +284,8 @@ class StoredRecord(Struct):
     fault: str = ""
     # The rotors that were found to be weak or strong
     learned: tuple[StoredRotor, ...] = ()
+    # None: commands came when the planner expected them
+    learned_delay: StoredDelay | None = None
 
 
 # heat.json, and the result of a race in the file of a campaign

@@ -84,8 +84,8 @@ def _head(run: RecordedRun, limit: StoredSolution | None) -> Iterator[str]:
     state = given_state(spec)
     if state:
         yield state
-    if run.learned:
-        yield f"learned in flight: {learned_text(run)}"
+    if learned := learned_text(run):
+        yield f"learned in flight: {learned}"
     if limit and run.outcome == "finished":
         # Adding 0.0 makes a negative zero a plain one
         above = round(100.0 * limit.above(run.duration), 1) + 0.0

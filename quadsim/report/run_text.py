@@ -39,8 +39,8 @@ def _sentences(run: RecordedRun, metrics: RunMetrics) -> Iterator[str]:
     for line in (given_state(run.spec), lost_estimate(run)):
         if line:
             yield f"{line[0].upper()}{line[1:]}."
-    if run.learned:
-        yield f"Learned in flight: {learned_text(run)}."
+    if learned := learned_text(run):
+        yield f"Learned in flight: {learned}."
     if run.laps:
         yield f"Lap times: {lap_times(run)}."
     if metrics.above_limit is not None:
@@ -85,11 +85,15 @@ def lap_times(run: RecordedRun) -> str:
 
 
 def learned_text(run: RecordedRun) -> str:
-    """Return the rotors whose estimated thrust differs from the nominal one, as text."""
-    return ", ".join(
+    """Return what was found of rotors and delay in flight, as text; "" if nothing was."""
+    found = [
         f"rotor {rotor} at {100.0 * share:.0f} %, from {since:.1f} s"
         for rotor, share, since in run.learned
-    )
+    ]
+    if run.learned_delay:
+        delay, since = run.learned_delay
+        found.append(f"commands {1e3 * delay:.0f} ms late, from {since:.1f} s")
+    return ", ".join(found)
 
 
 def limit_text(metrics: RunMetrics) -> str:

@@ -35,8 +35,16 @@ from quadsim.physics.plant_state import PlantState
 from quadsim.rotation import Vec3
 from quadsim.sensing.estimate_record import estimate_row
 from quadsim.sensing.estimation.body_rates import BodyRates
+from quadsim.sensing.estimation.delay_learner import DelayLearner
 from quadsim.sensing.estimation.estimator import Estimator
-from quadsim.sensing.estimation.prediction import Acted, Commands, Piece, mean_command, predict
+from quadsim.sensing.estimation.prediction import (
+    Acted,
+    Commands,
+    GateCounter,
+    Piece,
+    mean_command,
+    predict,
+)
 from quadsim.sensing.estimation.vehicle_learner import VehicleLearner
 from quadsim.sensing.kept import Kept
 from quadsim.sensing.known_course import KnownCourse
@@ -145,6 +153,23 @@ class RefereeCount:
     def at(self, x: tuple[float, ...], course: Course | None) -> int:
         """Return the referee's count, for any state."""
         return self._referee.passed
+
+
+class RefereeOrPath:
+    """The true number of gates passed, and those on the way to the state in which a control acts.
+
+    It is for a delay that is found in flight.
+    """
+
+    def __init__(self, referee: PassedGates, course: Course, laps: int):
+        """Use the gate count of the flight's referee, on a course of some laps."""
+        self._referee = referee
+        self._path = GateCounter(course, laps)
+
+    def at(self, x: tuple[float, ...], course: Course | None) -> int:
+        """Return the larger one of the referee's count and that by the path to x."""
+        self._path.passed = max(self._path.at(x, course), self._referee.passed)
+        return self._path.passed
 
 
 class TrueState:
@@ -460,6 +485,7 @@ class Navigation:
         dt: float,
         nominal: ModelParams | None,
         predicts: bool = True,
+        delay: DelayLearner | None = None,
     ):
         """Put the parts together.
 
@@ -472,6 +498,7 @@ class Navigation:
                 None: the next control acts in the present state.
             predicts: whether the controller is given the state in which its control acts, rather
                 than the present state.
+            delay: estimator of a delay of the commands; None: it is not estimated.
         """
         self._source = source
         self._gates = gates
@@ -479,6 +506,9 @@ class Navigation:
         self._dt = dt
         self._nominal = nominal
         self._predicts = predicts
+        self._delay = delay
+        # time of the last estimate [s]
+        self._last: float | None = None
         self._periods = ControlPeriods(dt)
         # running mean of planning times [s]
         self._planning = 0.0
@@ -499,6 +529,11 @@ class Navigation:
         learner = self.learner
         return tuple(learner.wrench.shares.tolist()) if learner and learner.wrench else ()
 
+    @property
+    def learned_delay(self) -> float:
+        """The delay of the commands that was found in flight [s]."""
+        return self._delay.delay if self._delay else 0.0
+
     def watch(self, state: PlantState) -> None:
         """Note the plant's state after a physics step."""
         self._source.watch(state)
@@ -509,6 +544,8 @@ class Navigation:
         periods = self._periods.advance(t)
         acted = tuple(self._commands.pieces(t - periods * self._dt, t))
         now = self._source.now(t, acted, periods)
+        if self._delay:
+            self._learn_delay(self._delay, t, State(*now.x))
 
         # The state in which the control will act, and the gates passed by then. A control that has
         # to wait for the link's next frame is planned as if it was requested then.
@@ -528,6 +565,19 @@ class Navigation:
             measured=np.array(now.x),
             predicted=self._predicts,
         )
+
+    def _learn_delay(self, learner: DelayLearner, t: float, x: State) -> None:
+        """Learn the delay of the commands from the state x at t [s], and let them act later."""
+        before, self._last = self._last, t
+        if before is None or abs(t - before - self._dt) > ON_TIME * self._dt:
+            learner.interrupt()
+            return
+        old = learner.delay
+        told = self._commands.mean(before + old, t + old)
+        if learner.learn(x.body_rates, Control(*told).body_rates):
+            self._commands.delay_by(learner.delay - old)
+            if self.learner:
+                self.learner.forget_rotors()
 
     def commanded(self, t: float, ready: float, u: tuple[float, ...]) -> None:
         """Record a control that is given to the vehicle.

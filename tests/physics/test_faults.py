@@ -14,7 +14,7 @@ from quadsim.physics.faults import (
     ROTOR_FACTORS,
     VECTORS,
     BiasJump,
-    CommandLoss,
+    CommandFault,
     FactorFault,
     RotorFault,
     SensorFault,
@@ -24,7 +24,7 @@ from quadsim.physics.faults import (
     first_lap,
     parse_fault,
 )
-from quadsim.physics.link import HOVER, CommandLosses
+from quadsim.physics.link import HOVER, FaultyCommands
 from quadsim.streams import quadrotor_streams
 from quadsim.vehicle import GRAVITY, Vehicle, load_vehicle
 
@@ -60,7 +60,8 @@ def seeds(seed):
         ("pixels=lost@1-2.2", SensorFault("pixels", "lost", Window(1.0, 1.2))),
         ("gyro=.1:0:-.2@3", BiasJump("gyro", (0.1, 0.0, -0.2), Window(3.0))),
         ("accelerometer=2", BiasJump("accelerometer", (2.0,), Window(None))),
-        ("commands=lost@2~.1", CommandLoss(Window(2.0, 0.1))),
+        ("commands=lost@2~.1", CommandFault(inf, Window(2.0, 0.1))),
+        ("commands=.04@2", CommandFault(0.04, Window(2.0))),
         ("motor2=2@1", RotorFault(2, 2.0, Window(1.0), "motor")),
         ("motor=1.5", RotorFault(None, 1.5, Window(None), "motor")),
         ("thrust=.9@1", FactorFault("thrust", 0.9, Window(1.0))),
@@ -296,7 +297,14 @@ def test_the_time_of_the_first_lap_is_near_the_time_it_takes():
 
 
 def test_the_last_command_that_arrived_stays_in_force_while_others_are_lost():
-    losses = CommandLosses([CommandLoss(Window(0.0, 0.2)), CommandLoss(Window(0.5, 0.3))])
-    arrived = [losses.carried(0.1 * k, (float(k),)) for k in range(10)]
+    losses = [CommandFault(inf, Window(0.0, 0.2)), CommandFault(inf, Window(0.5, 0.3))]
+    faulty = FaultyCommands(losses)
+    arrived = [faulty.carried(0.1 * k, (float(k),)) for k in range(10)]
     assert arrived[:2] == [HOVER, HOVER]
     assert [u for (u,) in arrived[2:]] == [2, 3, 4, 4, 4, 4, 8, 9]
+
+
+def test_commands_arrive_late_while_they_are_delayed():
+    faulty = FaultyCommands([CommandFault(0.2, Window(0.3, 0.4))])
+    arrived = [faulty.carried(0.1 * k, (float(k),)) for k in range(10)]
+    assert [u for (u,) in arrived] == [0, 1, 2, 2, 2, 3, 4, 7, 8, 9]

@@ -1,4 +1,4 @@
-"""A run tells which rotors were found to be weak, and since when."""
+"""A run tells which rotors were found to be weak, how late commands came, and since when."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import pytest
 
 import quadsim
 from quadsim.record.archive import read_run
-from quadsim.record.run import LearnedRotor, RecordedRun
+from quadsim.record.run import LearnedDelay, LearnedRotor, RecordedRun
 from quadsim.report.run_text import learned_text
 from tests.run_cases import SPEC, frame, save
 from tests.small import SMALL
@@ -28,6 +28,20 @@ def test_a_weak_rotor_is_told_with_its_last_share_and_the_time_since_when():
 
 def test_a_rotor_that_has_come_back_is_not_told():
     assert flown(1.0, 0.8, 0.97).learned == ()
+
+
+def late(*delays):
+    """Return a run in which commands are this late in each frame [s]."""
+    frames = [replace(frame(k), learned_delay=delay) for k, delay in enumerate(delays)]
+    return RecordedRun.from_frames(SPEC, frames)
+
+
+def test_a_delay_is_told_with_the_time_since_when(tmp_path):
+    run = late(0.0, 0.03, 0.04, 0.04)
+    assert run.learned_delay == LearnedDelay(0.04, since=pytest.approx(0.02))
+    assert learned_text(run) == "commands 40 ms late, from 0.0 s"
+    assert read_run(save(tmp_path, run)).learned_delay == run.learned_delay
+    assert late(0.0, 0.04, 0.0).learned_delay is None
 
 
 def test_what_was_learned_is_stored(tmp_path):

@@ -16,8 +16,8 @@ from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import Control, ModelParams, State, quadrotor
 from quadsim.physics.actuators import Actuators
 from quadsim.physics.domain_randomization import Randomization, gusts
-from quadsim.physics.faults import RotorFault, Window
-from quadsim.physics.plant import PLANTS, default_plant, start_state
+from quadsim.physics.faults import FactorFault, RotorFault, Window
+from quadsim.physics.plant import PLANTS, RigidPlant, default_plant, start_state
 from quadsim.physics.rotorpy_plant import RotorpyPlant
 from quadsim.racing.flight import simulate
 from quadsim.rotation import to_body, turned
@@ -191,6 +191,27 @@ def test_weak_rotors_do_not_halve_the_limit_of_a_mixer_that_gives_up_thrust(stre
 def test_an_estimate_of_the_highest_thrust_that_is_too_low_comes_back():
     learner = flown_at_the_limit((1.0,) * 4, start=0.6)
     assert learner.numbers.thrust_max > 0.94 * NOMINAL.thrust_max
+
+
+def test_a_payload_that_is_picked_up_in_flight_is_found_in_some_seconds():
+    """Its weight is a gust at first, until the thrust has had other directions."""
+    payload = FactorFault("mass", 1.1, Window(2.0))
+    plant = RigidPlant(load_course("split_s_swift"), SWIFT, faults=[payload])
+    learner = VehicleLearner.for_exact_states(NOMINAL, DT)
+    rng = np.random.default_rng(0)
+    gains = []
+    for k in range(600):
+        if k % 15 == 0:
+            u = Control(*rng.uniform(-3.0, 3.0, 3), thrust=rng.uniform(8.0, 36.0))
+        before = State(*plant.state.x)
+        for _ in range(4):
+            plant.step(u)
+        learner.learn_from_states(before, State(*plant.state.x), alone(u), DT)
+        gains.append(learner.numbers.thrust_gain)
+    assert gains[199] == pytest.approx(1.0, abs=0.01)
+    missing = np.subtract(gains[200:], 1 / 1.1)
+    assert missing[200] < 0.7 * missing[0]
+    assert missing[-1] < 0.4 * missing[0]
 
 
 @pytest.mark.parametrize("strengths", [(0.8, 1.0, 1.0, 1.0), (1.0, 1.0, 0.8, 1.0)])

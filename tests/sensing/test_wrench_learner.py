@@ -1,7 +1,6 @@
 """The estimator of the rotors' output finds weak rotors, and leaves sound vehicles as they are."""
 
-from dataclasses import dataclass, field, replace
-from math import inf
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,74 +15,15 @@ from quadsim.dynamics.quadrotor import (
     quadrotor,
     step,
 )
-from quadsim.physics.actuators import Actuators
 from quadsim.physics.domain_randomization import Randomization
-from quadsim.physics.faults import RotorFault, Window
-from quadsim.rotation import Vec3
 from quadsim.sensing.estimation.nominal_rotors import Interval, Turning
 from quadsim.sensing.estimation.prediction import Acted
 from quadsim.sensing.estimation.vehicle_learner import VehicleLearner
 from quadsim.sensing.estimation.wrench_learner import WrenchLearner
-from quadsim.vehicle import GRAVITY, Vehicle, load_vehicle
+from quadsim.vehicle import GRAVITY, load_vehicle
+from tests.sensing.random_flights import SWIFT, Ways, flown, weak
 
-SWIFT = load_vehicle("swift")
 CRAZYFLIE = load_vehicle("cf21b_500")
-STEP = 0.0025
-HOVER = Control(0.0, 0.0, 0.0, GRAVITY)
-
-
-@dataclass
-class Ways:
-    """Ways in which a vehicle differs from its nominal one."""
-
-    strengths: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
-    # [s] from which the rotors have these strengths
-    since: float = 0.0
-    varied: Randomization = field(default_factory=Randomization)
-    # angular acceleration per thrust [1/m], as by a centre of mass off the middle
-    turn: Vec3 = (0.0, 0.0, 0.0)
-    # [rad/s^2]
-    always: Vec3 = (0.0, 0.0, 0.0)
-    # [s] between which no command arrives
-    lost: tuple[float, float] = (inf, inf)
-
-
-def flown(vehicle: Vehicle, ways: Ways, seconds: float, dt=0.01, seed=0, most=0.8):
-    """Yield (before, after, command) of a flight on random commands.
-
-    Args:
-        vehicle: the nominal vehicle.
-        ways: in which the flown one differs.
-        seconds: duration.
-        dt: control period [s].
-        seed: of the commands.
-        most: highest command, as a share of the highest thrust.
-    """
-    rng = np.random.default_rng(seed)
-    faults = [RotorFault(i, share, Window(ways.since)) for i, share in enumerate(ways.strengths, 1)]
-    actuators = Actuators(ways.varied.vehicle(vehicle), STEP, faults)
-    rates = np.zeros(3)
-    after = state(rates, GRAVITY, (0.0, 0.0, 0.0))
-    u = arrived = HOVER
-    for k in range(round(seconds / dt)):
-        if k % 15 == 0:
-            share = rng.uniform(0.3, most)
-            u = Control(*rng.uniform(-2.0, 2.0, 3), thrust=share * vehicle.thrust_max)
-        if not ways.lost[0] <= k * dt < ways.lost[1]:
-            arrived = u
-        before = after
-        for _ in range(round(dt / STEP)):
-            actuators.wrench(arrived, tuple(rates), (0.0, 0.0, 0.0))
-            beta = np.array(actuators.angular_acceleration) + ways.always
-            beta += actuators.thrust * np.array(ways.turn)
-            rates = rates + STEP * beta
-        after = state(rates, actuators.thrust, tuple(beta.tolist()))
-        yield before, after, u
-
-
-def state(rates, thrust, beta):
-    """Return a state of which only what the rotors do matters."""
-    return State.of((0, 0, 0), (0, 0, 0), (1, 0, 0, 0), tuple(map(float, rates)), thrust, beta)
 
 
 def learned(vehicle, ways, seconds, dt=0.01, seed=0, gyro_noise=None, most=0.8):
@@ -103,10 +43,6 @@ def learned(vehicle, ways, seconds, dt=0.01, seed=0, gyro_noise=None, most=0.8):
     return learner
 
 
-def weak(rotor, share):
-    return tuple(share if i == rotor else 1.0 for i in range(4))
-
-
 @pytest.mark.parametrize("rotor", range(4))
 @pytest.mark.parametrize("share", [0.9, 0.7])
 def test_a_weak_rotor_is_found_within_a_third_of_a_second(rotor, share):
@@ -120,6 +56,12 @@ def test_a_rotor_that_fails_in_flight_is_found_as_fast(share, gyro_noise):
     ways = Ways(weak(2, share), since=2.0)
     found = learned(SWIFT, ways, 2.2, gyro_noise=gyro_noise).shares
     assert found == pytest.approx(weak(2, share), abs=0.05)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_rotor_that_recovers_is_found_as_fast(seed):
+    ways = Ways(weak(2, 0.7), since=1.0, until=2.0)
+    assert learned(SWIFT, ways, 2.3, seed=seed).shares == pytest.approx((1.0,) * 4, abs=0.05)
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -195,6 +137,20 @@ def test_the_highest_thrust_of_weak_rotors_is_what_they_are_asked_for(strengths)
         learner.learn_from_states(before, after, Acted((u,), (1.0,)), 0.01)
     assert learner.numbers.thrust_max > 0.94 * nominal.thrust_max
     assert learner.model.tilt_first
+
+
+def test_late_commands_do_not_make_a_known_mixer_one_that_gives_no_thrust_to_roll_and_pitch():
+    """A planner that gives up thrust itself does not come to the limit, where it could learn it."""
+    nominal = ModelParams.of(SWIFT)
+    learner = VehicleLearner.for_exact_states(nominal, 0.01, vehicle=SWIFT)
+    mistaken = VehicleLearner.for_exact_states(nominal, 0.01)
+    was_mistaken = False
+    for before, after, u in flown(SWIFT, Ways(delay=0.06), 3.0, most=1.2):
+        for each in (learner, mistaken):
+            each.learn_from_states(before, after, Acted((u,), (1.0,)), 0.01)
+        assert learner.model.tilt_first
+        was_mistaken |= not mistaken.model.tilt_first
+    assert was_mistaken
 
 
 def test_a_sound_vehicle_steps_as_without_learning():

@@ -92,11 +92,20 @@ class Commands:
             return t
         return ceil((t - SAME) / self._frame_period) * self._frame_period
 
+    def delay_by(self, more: float) -> None:
+        """Let all commands act later by a time [s], those given so far as well."""
+        self.latency += more
+        self._given = deque(given._replace(acts=given.acts + more) for given in self._given)
+
     def give(self, t: float, u: Command) -> None:
         """Note that the command u (n_u,) is given at t [s], and forget old commands."""
         self._given.append(Given(self.next_frame(t) + self.latency, u))
         while len(self._given) > 2 and self._given[1].acts < t - 1.0:
             self._given.popleft()
+
+    def mean(self, t0: float, t1: float) -> Command:
+        """Return the command between t0 and t1 [s], averaged over time."""
+        return mean_command(tuple(self.pieces(t0, t1)))
 
     def acting(self, t: float) -> Command:
         """Return the command that acts from t [s] on, among the remembered ones."""

@@ -223,8 +223,9 @@ class VehicleLearner:
         std[Row.THRUST_GAIN] = uniform_std(t.mass)
         std[Row.DRAG] = uniform_std(t.drag * model.drag)
         std[GUST] = t.gust
-        # A mixer that gives up thrust for yaw gives it up for roll and pitch, too.
-        delivered = None if model.yaw_first else 1.0
+        # A mixer that gives up thrust for yaw gives it up for roll and pitch, too. The mixer of a
+        # vehicle whose rotors are learned is known.
+        delivered = None if model.yaw_first or vehicle else 1.0
         wrench = WrenchLearner(vehicle, model, dt, None) if vehicle else None
         return cls(model, dt, tolerances, np.diag(std**2), 0.0, delivered, wrench)
 
@@ -295,6 +296,11 @@ class VehicleLearner:
         """
         return VehicleNumbers.of(np.sqrt(np.diag(self._P)))
 
+    def forget_rotors(self) -> None:
+        """Take the rotors to be sound again, as if nothing had been learned of them."""
+        if self.wrench:
+            self.wrench.forget()
+
     def learn_from_states(self, before: State, after: State, acted: Acted, duration: float) -> None:
         """Learn from two consecutive exact states.
 
@@ -314,7 +320,7 @@ class VehicleLearner:
             self._update_by_strongest_rotor(before, after, acted)
             return
         self._update_thrust_max(before, after, acted)
-        if abs(duration - self._dt) < ON_TIME * self._dt:
+        if self._delivered is not None and abs(duration - self._dt) < ON_TIME * self._dt:
             self._update_delivered(before, after, acted)
 
     def learn_from_force(
@@ -482,9 +488,6 @@ class VehicleLearner:
         reserve = self._mean_reserve(before, after, acted)
         thrust_max = self._theta[Row.THRUST_MAX]
         is_limited = acted.least_thrust > thrust_max - reserve / 2
-        tells = reserve > LEAST_RESERVE * thrust_max and is_limited
-        if self.wrench and not tells:
-            return
 
         rates = np.add(before.body_rates, after.body_rates)[:2] / 2
         asked = self._rate_gains * (acted.mean_tilt_rates - rates)
@@ -492,7 +495,7 @@ class VehicleLearner:
         settled = first + (last - first) / self._rate_responses
         thrust = (before.thrust + after.thrust) / 2
         unasked = self._unasked_turn(settled - asked, thrust, is_limited)
-        if tells:
+        if reserve > LEAST_RESERVE * thrust_max and is_limited:
             share = float((settled - unasked) @ asked / (asked @ asked))
             self._delivered += STEP * (share - self._delivered)
 
@@ -505,9 +508,6 @@ class VehicleLearner:
             is_limited: whether the thrust is at its limit, where a part of the torque that is asked
                 for may be missing, which is not a torque that nobody asks for.
         """
-        if self.wrench:
-            known = self.wrench.delivered
-            return np.array(known.turn[:2]) * thrust + known.always[:2]
         # Unequal rotors and a centre of mass off the middle make it grow with the thrust. What is
         # asked for changes its sign often, this does not.
         if thrust > GRAVITY and not is_limited:

@@ -22,15 +22,11 @@ from math import isnan, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import get_lapack_funcs
 
 from quadsim.dynamics.first_order import response
 from quadsim.dynamics.quadrotor import Delivered, ModelParams
 from quadsim.sensing.estimation.nominal_rotors import Interval, NominalRotors
 from quadsim.vehicle import Vehicle
-
-# Solves S x = b for a symmetric positive definite S
-(posv,) = get_lapack_funcs(("posv",), dtype=np.float64)
 
 SHARES = slice(0, 4)
 ALWAYS = slice(4, 7)
@@ -156,6 +152,11 @@ class WrenchLearner:
             dt: control period [s].
             gyro_noise: standard deviation of the gyroscope [rad/s]; None: states are exact.
         """
+        # Imported here, as commands that fly nothing import this module too
+        from scipy.linalg import get_lapack_funcs
+
+        # Solves a system with a symmetric positive definite matrix
+        (self._solve_positive,) = get_lapack_funcs(("posv",), dtype=float)
         self.rotors = NominalRotors(vehicle, dt)
         self._dt = dt
         self._rotor_response = response(model.motor_tau, dt)
@@ -256,6 +257,15 @@ class WrenchLearner:
         self._limit_strongest()
         self.delivered = self._delivered()
 
+    def forget(self) -> None:
+        """Take the vehicle to be sound, as at the beginning."""
+        self._theta, self._P = SOUND, START.covariance
+        self._before = None
+        self._trial = 0.0
+        for channel in self._channels:
+            channel.mean_square = channel.surprise = 0.0
+        self.delivered = SOUND_ROTORS
+
     def _expect_change(self) -> None:
         """Let the shares change at once, on trial."""
         self._before = Estimated(self._theta, self._P.copy())
@@ -298,7 +308,7 @@ class WrenchLearner:
     def _correct(self, error: np.ndarray, PHt: np.ndarray, S: np.ndarray) -> None:
         """Correct by innovations (n,) with covariance S (n, n), and P H^T (10, n)."""
         # S^-1 [H P, error]
-        _, solved, _ = posv(S, np.column_stack([PHt.T, error]))
+        _, solved, _ = self._solve_positive(S, np.column_stack([PHt.T, error]))
         self._theta = self._theta + PHt @ solved[:, -1]
         P = self._P - PHt @ solved[:, :-1]
         self._P = 0.5 * (P + P.T)
