@@ -53,7 +53,7 @@ from quadsim.controllers.lanes.compiled import is_cached
 from quadsim.controllers.lanes.lanes import Rollout, trace_anew
 from quadsim.controllers.lanes.reduce import weighted_mean
 from quadsim.controllers.plan import PlanStats
-from quadsim.controllers.samplers import Colored, PlainSampler, Sampling, build_lanes
+from quadsim.controllers.samplers import PlainSampler, Sampling, build_lanes
 from quadsim.controllers.samplers.lane_sampler import stream_key
 from quadsim.controllers.schedule import Schedule, mean_shares
 from quadsim.controllers.steps import Steps
@@ -159,23 +159,19 @@ class MPPI:
         self.steps = Steps(lengths)
         equal = len(lengths) == config.horizon
         schedule = Schedule(config.first_noise, config.cost_rise, lengths=() if equal else lengths)
-        if not equal and isinstance(sampler, Colored):
-            held = sampler.held(config.dt)
-            sampler, schedule = held.sampler, replace(schedule, hold=held.periods)
-        self.drawn = schedule.drawn(len(lengths))
         self.sampler = build_lanes(
             sampler,
             controls=n_u,
             samples=min(config.samples, layout.CHUNK),
-            horizon=self.drawn,
+            horizon=config.horizon,
             key=stream_key(seed),
-            dt=schedule.hold * config.dt,
+            dt=config.dt,
         )
         if not equal:
-            shares = mean_shares(self.sampler.sample(0), self.drawn, lengths, schedule.hold)
-            schedule = replace(schedule, shares=shares)
+            schedule = replace(schedule, shares=mean_shares(self.sampler.sample(0), lengths))
         self.schedule = schedule
-        self.draws = schedule.draws(len(lengths))  # numbers of the noise that steps take  (T,)
+        # The control periods whose noise the steps take  (T,)
+        self.draws = schedule.draws(len(lengths))
         self.ramp = schedule.noise(len(lengths))  # n, factors on the perturbations  (2, T)
         # Amount by which the plan may exceed the control limits  (n_u,)
         self.beyond = np.zeros(n_u)
@@ -285,7 +281,8 @@ class MPPI:
             # Average the chunk, with weights normalised within it.
             share = softmax_weights(J[chunk], self.temperature)
             limits = self.plan_low, self.plan_high
-            means.append(weighted_mean(z, self.ramp, U, *limits, share, self.draws, self.drawn))
+            periods = self.config.horizon
+            means.append(weighted_mean(z, self.ramp, U, *limits, share, self.draws, periods))
 
         # Weigh all samples by their costs, eq. (4).
         w = weights(J, self.temperature)  # (M,)
@@ -341,7 +338,7 @@ class MPPI:
             chunk: indices of the samples.
 
         Returns:
-            Perturbations  (series, n_u, halves * drawn, LANES), see
+            Perturbations  (series, n_u, halves * horizon, LANES), see
             quadsim.controllers.lanes.layout.
         """
         # A display requests the samples of the last iteration, which are still in memory.
@@ -355,37 +352,23 @@ class MPPI:
 
         # The last samples perturb the alternative.
         first_alternative = M - int(self.config.rest_fraction * M)
-        offset = self.in_draws(it.rest_offset)
+        offset = np.zeros((2, self.config.horizon, it.rest_offset.shape[2]))
+        offset[:, self.draws] = it.rest_offset
         layout.add_from(z, max(first_alternative - chunk.start, 0), count, offset)
 
         if self.config.freeze_first:
-            layout.first_steps(z, self.drawn)[:] = 0
+            layout.first_steps(z, self.config.horizon)[:] = 0
         if chunk.start == 0:
-            layout.sample(z, 0, self.drawn)[:] = 0
+            layout.sample(z, 0, self.config.horizon)[:] = 0
         self._drawn = DrawnChunk(it, chunk, z)
         return z
-
-    def in_draws(self, offset: np.ndarray) -> np.ndarray:
-        """Return an offset of the steps (2, T, n_u) for each number of the noise.
-
-        A number that several steps take has the mean of their offsets.
-
-        Returns:
-            (2, drawn, n_u)
-        """
-        if self.drawn == len(self.draws):
-            return offset
-        _, first, counts = np.unique(self.draws, return_index=True, return_counts=True)
-        found = np.zeros((len(offset), self.drawn, offset.shape[2]))
-        found[:, self.draws[first]] = np.add.reduceat(offset, first, axis=1) / counts[:, None]
-        return found
 
     def costs(self, it: Iteration, z: np.ndarray, chunk: slice) -> np.ndarray:
         """Return the costs J of a chunk's samples, rolled out from the iteration's state.
 
         Args:
             it: the iteration.
-            z: perturbations of these samples  (series, n_u, halves * drawn, LANES).
+            z: perturbations of these samples  (series, n_u, halves * horizon, LANES).
             chunk: indices of the samples.
 
         Returns:

@@ -40,20 +40,13 @@ class Schedule:
     cost_rise: float = 0.0  # at least 0
     # Length of each step in control periods; (): each is one period
     lengths: tuple[int, ...] = ()
-    # Number of control periods for which a number of the noise is drawn
-    hold: int = 1
     # Standard deviation of the mean noise of each step over that of a single number; (): 1
     shares: tuple[float, ...] = ()
 
     def draws(self, steps: int) -> np.ndarray:
-        """Return the number of the noise that each of T steps takes.  (T,)"""
+        """Return the control period in the middle of each step, whose noise it takes.  (T,)"""
         lengths = self.periods(steps)
-        middle = np.cumsum(lengths) - lengths + (lengths - 1) // 2
-        return middle // self.hold
-
-    def drawn(self, steps: int) -> int:
-        """Return how many numbers of the noise are drawn for T steps."""
-        return -(-int(self.periods(steps).sum()) // self.hold)
+        return np.cumsum(lengths) - lengths + (lengths - 1) // 2
 
     def periods(self, steps: int) -> np.ndarray:
         """Return the length of each of T steps, in control periods.  (T,)"""
@@ -135,25 +128,23 @@ def marks_at(lengths: Sequence[int], periods: int) -> np.ndarray:
     return np.flatnonzero(is_mark)
 
 
-def mean_shares(z: np.ndarray, drawn: int, lengths: Sequence[int], hold: int) -> tuple[float, ...]:
+def mean_shares(z: np.ndarray, lengths: Sequence[int]) -> tuple[float, ...]:
     """Return the standard deviation of the mean noise of each step over that of a single number.
 
     Args:
-        z: perturbations  (series, n_u, halves * drawn, LANES).
-        drawn: how many numbers are drawn for each sample.
+        z: perturbations for each control period  (series, n_u, halves * periods, LANES).
         lengths: of the steps, in control periods.
-        hold: number of control periods for which a number is drawn.
     """
-    first = z[:, :, :drawn].astype(float)
+    periods = sum(lengths)
+    first = z[:, :, :periods].astype(float)
     whole = first.std(axis=(0, 2, 3))
     known = {}
     for length in set(lengths):
-        together = max(length // hold, 1)
-        count = drawn // together
+        count = periods // length
         series, n_u, _, lanes = first.shape
-        groups = first[:, :, : count * together].reshape(series, n_u, count, together, lanes)
+        groups = first[:, :, : count * length].reshape(series, n_u, count, length, lanes)
         share = groups.mean(axis=3).std(axis=(0, 2, 3)) / whole
-        known[length] = 1.0 if together == 1 else round(float(share.mean()), 3)
+        known[length] = 1.0 if length == 1 else round(float(share.mean()), 3)
     return tuple(known[length] for length in lengths)
 
 

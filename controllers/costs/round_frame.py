@@ -193,15 +193,18 @@ def with_ways_round_frames(
     row: Any = row_round_frames(cost.row)
     targets = np.hstack([cost.targets, added])
 
-    # Distances between gates, measured as in the term `progress`, so that the cost is continuous at
-    # a gate
+    # Distances between gates, measured as in the term `progress`. Behind the first gate of a ladder
+    # there are two ways to the second one. The longer one counts, so that a plan gains by passing
+    # the first gate wherever it goes on: with the shorter one, vehicles hovered in front of it.
     rows = [row(*numbers) for numbers in targets]
     to_go = column(targets, row, "to_go")
     ways = -np.diff(to_go)
     for k, (before, target) in enumerate(pairwise(rows)):
         place = in_gate((before.x, before.y, before.z), target)
         if place.along > -1e-6:
-            ways[k] = way_to_gate(place, target, 0.0)
+            behind = place._replace(along=maximum(place.along, 1e-6))
+            round_it = target._replace(**NO_LAST._asdict())
+            ways[k] = max(way_to_gate(behind, each, 0.0) for each in (target, round_it))
     to_go[:-1] = np.cumsum(ways[::-1])[::-1]
 
     counted = Term(progress, next(t.weight for t in cost.terms if t.name == "progress"))

@@ -45,8 +45,8 @@ class Trajectories(NamedTuple):
 class RolloutNumbers(NamedTuple):
     """The numbers that the compiled rollout reads, in the lanes' precision."""
 
-    draws: np.ndarray  # the number of the noise that each step takes  (T,)
-    drawn: int  # how many numbers of the noise are drawn
+    draws: np.ndarray  # the control period whose noise each step takes  (T,)
+    drawn: int  # number of control periods for which noise is drawn
     noise_factor: np.ndarray  # factors on the noise of even and of odd blocks  (2, T)
     cost_factor: np.ndarray  # factors on the cost of each step  (T,)
     mark_factor: np.ndarray  # factors on the terms at marks, 0 at other steps  (T,)
@@ -83,7 +83,7 @@ class Rollout:
         Args:
             x0: state  (n_x,).
             U: plan  (T, n_u).
-            noise: perturbations  (series, n_u, halves * drawn, LANES), see Schedule.drawn.
+            noise: perturbations  (series, n_u, halves * periods, LANES).
             target: number of targets reached.
             J: array to fill  (blocks, LANES).
         """
@@ -169,7 +169,7 @@ class Rollout:
         line_marks[marks_at(periods.tolist(), steps_between(system.dt))] = True
         return RolloutNumbers(
             draws=self.schedule.draws(horizon),
-            drawn=self.schedule.drawn(horizon),
+            drawn=int(periods.sum()),
             noise_factor=self.schedule.noise(horizon).astype(d),
             cost_factor=self.schedule.cost(horizon).astype(d),
             mark_factor=self.schedule.marks(horizon, term_steps(system.dt)).astype(d),

@@ -75,8 +75,8 @@ def weighted_mean(
         U: plan  (T, n_u).
         low, high: limits of the controls  (n_u,).
         w: weight of each sample  (M,).
-        draws: the number of the noise that each step takes; None: that of its index  (T,).
-        drawn: how many numbers of the noise are drawn; 0: one for each step.
+        draws: the control period whose noise each step takes; None: that of its index  (T,).
+        drawn: number of control periods for which noise is drawn; 0: one for each step.
 
     Returns:
         The weighted mean  (T, n_u).
