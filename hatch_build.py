@@ -30,7 +30,7 @@ class LinkHook(BuildHookInterface):
 
 
 def make_link(root: Path, name: str) -> None:
-    """Make the link to a folder of the repository, unless the package has the folder.
+    """Make the link to a folder of the repository, unless the package has the folder with files.
 
     Args:
         root: folder of the repository, or of a source distribution, which has whole folders.
@@ -40,13 +40,19 @@ def make_link(root: Path, name: str) -> None:
         SystemExit: it cannot be made.
     """
     link = root / "quadsim" / name
-    if link.is_dir():
+    folder = root / name
+    # A link may lead nowhere, to itself, or elsewhere; a folder may be empty.
+    has_files = link.is_dir() and any(link.iterdir())
+    if has_files and (not link.is_symlink() or link.resolve() == folder.resolve()):
         return
     wanted = f"quadsim/{name}: expected a link to ../{name}"
-    if not (root / name).is_dir():
+    if not folder.is_dir():
         raise SystemExit(f"{wanted}, and found no such folder: unpack the whole repository")
     try:
-        link.unlink(missing_ok=True)
+        if link.is_dir() and not link.is_symlink():
+            link.rmdir()
+        else:
+            link.unlink(missing_ok=True)
         link.symlink_to(Path("..", name), target_is_directory=True)
     except OSError as error:
         advice = "use a file system with symbolic links, and clone with git -c core.symlinks=true"

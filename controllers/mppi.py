@@ -41,7 +41,7 @@ Frequency Sampling in Model Predictive Path Integral Control", IEEE Robotics and
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -53,9 +53,9 @@ from quadsim.controllers.lanes.compiled import is_cached
 from quadsim.controllers.lanes.lanes import Rollout, trace_anew
 from quadsim.controllers.lanes.reduce import weighted_mean
 from quadsim.controllers.plan import PlanStats
-from quadsim.controllers.samplers import PlainSampler, Sampling, build_lanes
+from quadsim.controllers.samplers import Colored, PlainSampler, Sampling, build_lanes
 from quadsim.controllers.samplers.lane_sampler import stream_key
-from quadsim.controllers.schedule import Schedule
+from quadsim.controllers.schedule import Schedule, mean_shares
 from quadsim.controllers.steps import Steps
 from quadsim.controllers.update import (
     savitzky_golay,
@@ -158,18 +158,25 @@ class MPPI:
         lengths = config.step_lengths
         self.steps = Steps(lengths)
         equal = len(lengths) == config.horizon
-        self.schedule = Schedule(
-            config.first_noise, config.cost_rise, lengths=() if equal else lengths
-        )
-        self.ramp = self.schedule.noise(len(lengths))  # n, factors on the perturbations  (2, T)
+        schedule = Schedule(config.first_noise, config.cost_rise, lengths=() if equal else lengths)
+        if not equal and isinstance(sampler, Colored):
+            held = sampler.held(config.dt)
+            sampler, schedule = held.sampler, replace(schedule, hold=held.periods)
+        self.drawn = schedule.drawn(len(lengths))
         self.sampler = build_lanes(
             sampler,
             controls=n_u,
             samples=min(config.samples, layout.CHUNK),
-            horizon=config.horizon,
+            horizon=self.drawn,
             key=stream_key(seed),
-            dt=config.dt,
+            dt=schedule.hold * config.dt,
         )
+        if not equal:
+            shares = mean_shares(self.sampler.sample(0), self.drawn, lengths, schedule.hold)
+            schedule = replace(schedule, shares=shares)
+        self.schedule = schedule
+        self.draws = schedule.draws(len(lengths))  # numbers of the noise that steps take  (T,)
+        self.ramp = schedule.noise(len(lengths))  # n, factors on the perturbations  (2, T)
         # Amount by which the plan may exceed the control limits  (n_u,)
         self.beyond = np.zeros(n_u)
         if config.overshoot:
@@ -277,7 +284,8 @@ class MPPI:
 
             # Average the chunk, with weights normalised within it.
             share = softmax_weights(J[chunk], self.temperature)
-            means.append(weighted_mean(z, self.ramp, U, self.plan_low, self.plan_high, share))
+            limits = self.plan_low, self.plan_high
+            means.append(weighted_mean(z, self.ramp, U, *limits, share, self.draws, self.drawn))
 
         # Weigh all samples by their costs, eq. (4).
         w = weights(J, self.temperature)  # (M,)
@@ -333,7 +341,8 @@ class MPPI:
             chunk: indices of the samples.
 
         Returns:
-            Perturbations  (series, n_u, halves * T, LANES), see quadsim.controllers.lanes.layout.
+            Perturbations  (series, n_u, halves * drawn, LANES), see
+            quadsim.controllers.lanes.layout.
         """
         # A display requests the samples of the last iteration, which are still in memory.
         drawn = self._drawn
@@ -341,27 +350,42 @@ class MPPI:
             return drawn.z
 
         count = chunk.stop - chunk.start
-        T = self.steps.number
         M = len(it.J)
-        z = self.steps.means_of(self.sampler.sample(it.call, chunk.start, count))
+        z = self.sampler.sample(it.call, chunk.start, count)
 
         # The last samples perturb the alternative.
         first_alternative = M - int(self.config.rest_fraction * M)
-        layout.add_from(z, max(first_alternative - chunk.start, 0), count, it.rest_offset)
+        offset = self.in_draws(it.rest_offset)
+        layout.add_from(z, max(first_alternative - chunk.start, 0), count, offset)
 
         if self.config.freeze_first:
-            layout.first_steps(z, T)[:] = 0
+            layout.first_steps(z, self.drawn)[:] = 0
         if chunk.start == 0:
-            layout.sample(z, 0, T)[:] = 0
+            layout.sample(z, 0, self.drawn)[:] = 0
         self._drawn = DrawnChunk(it, chunk, z)
         return z
+
+    def in_draws(self, offset: np.ndarray) -> np.ndarray:
+        """Return an offset of the steps (2, T, n_u) for each number of the noise.
+
+        A number that several steps take has the mean of their offsets.
+
+        Returns:
+            (2, drawn, n_u)
+        """
+        if self.drawn == len(self.draws):
+            return offset
+        _, first, counts = np.unique(self.draws, return_index=True, return_counts=True)
+        found = np.zeros((len(offset), self.drawn, offset.shape[2]))
+        found[:, self.draws[first]] = np.add.reduceat(offset, first, axis=1) / counts[:, None]
+        return found
 
     def costs(self, it: Iteration, z: np.ndarray, chunk: slice) -> np.ndarray:
         """Return the costs J of a chunk's samples, rolled out from the iteration's state.
 
         Args:
             it: the iteration.
-            z: perturbations of these samples  (series, n_u, halves * T, LANES).
+            z: perturbations of these samples  (series, n_u, halves * drawn, LANES).
             chunk: indices of the samples.
 
         Returns:

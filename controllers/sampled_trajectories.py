@@ -168,7 +168,6 @@ def controls(mppi: MPPI, last: Iteration, which: np.ndarray) -> np.ndarray:
         The controls  (samples, n_u, T).
     """
     U = last.nominal.T  # (n_u, T)
-    T = len(last.nominal)
     v = np.empty((len(which), *U.shape))
     for chunk in chunks(len(last.J)):
         inside = np.flatnonzero((which >= chunk.start) & (which < chunk.stop))
@@ -178,7 +177,7 @@ def controls(mppi: MPPI, last: Iteration, which: np.ndarray) -> np.ndarray:
         for k in inside:
             m = which[k]
             ramp = mppi.ramp[m // LANES % 2]  # factors of even and odd blocks  (T,)
-            v[k] = U + ramp * sample(z, m - chunk.start, T)
+            v[k] = U + ramp * sample(z, m - chunk.start, mppi.drawn)[:, mppi.draws]
     return np.clip(v, mppi.low[:, None], mppi.high[:, None])
 
 

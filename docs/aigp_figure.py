@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from math import radians
-from pathlib import Path
 
 import numpy as np
 from PIL import Image
+from shared import DOCS
 
 from quadsim.course import load_course
 from quadsim.mavlink.pictures import Eye
@@ -25,7 +25,7 @@ def main() -> None:
     pictures = [
         eye.picture((x, y, z), from_euler(gate.yaw, radians(pitch), 0.0)) for pitch in PITCHES
     ]
-    Image.fromarray(np.hstack(pictures)).save(Path(__file__).parent / "aigp.png", optimize=True)
+    Image.fromarray(np.hstack(pictures)).save(DOCS / "aigp.png", optimize=True)
 
 
 if __name__ == "__main__":

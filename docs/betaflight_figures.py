@@ -16,9 +16,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from orangebox import Parser
 from scipy.signal import TransferFunction, step, welch
+from shared import save, use_style
 
 import quadsim
-from quadsim.figures.style import STYLE
 from quadsim.firmware.actuators import READY, BetaflightActuators
 from quadsim.firmware.gain_search import step_response
 from quadsim.firmware.identification import RateLoop
@@ -26,7 +26,6 @@ from quadsim.firmware.identified import firmware_for, identified
 from quadsim.palette import INK, LIMIT, SPARE, STYLES
 from quadsim.physics.actuators import Actuators
 
-FOLDER = Path(__file__).parent
 COURSE = "split_s_swift"
 SAMPLERS = ("gaussian", "colored")
 SHOWN = 0.3  # of a step response [s]
@@ -42,7 +41,7 @@ LOGGED = {
 
 def main() -> None:
     """Fly and draw the pictures."""
-    plt.rcParams.update(STYLE | {"figure.dpi": 130, "figure.constrained_layout.use": True})
+    use_style()
     draw_steps()
     draw_spectra()
 
@@ -75,7 +74,7 @@ def draw_steps() -> None:
         panel.set_xlabel("time since the command [s]")
     axes[0].set_ylabel("body rate, as a share of the step")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
-    figure.savefig(FOLDER / "betaflight_steps.png")
+    save(figure, "betaflight_steps.png")
 
 
 def predicted(loop: RateLoop) -> tuple[np.ndarray, np.ndarray]:
@@ -99,7 +98,7 @@ def draw_spectra() -> None:
         panel.set_xlabel("frequency [Hz]")
         panel.set_ylabel(f"power spectral density [{unit}]")
     axes[0].legend()
-    figure.savefig(FOLDER / "betaflight_spectra.png")
+    save(figure, "betaflight_spectra.png")
 
 
 def draw_log(axes: np.ndarray, log: Path, flown: float, sampler: str) -> None:

@@ -8,11 +8,11 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from itertools import islice
-from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+from shared import save, use_style
 
 import quadsim
 from quadsim import Colored, Gaussian, MPPIConfig, Spec
@@ -23,12 +23,10 @@ from quadsim.controllers.sampled_trajectories import controls, sampled_trajector
 from quadsim.controllers.update import weights
 from quadsim.dynamics.estimate import Estimate
 from quadsim.figures.course import gate_bar
-from quadsim.figures.style import STYLE
 from quadsim.palette import INK, MARK, NEXT, SPARE, style
 from quadsim.paper.integrator import double_integrator, quadratic_cost
 from quadsim.racing.flight import simulate
 
-FOLDER = Path(__file__).parent
 COLORED = style("colored").colour
 WHITE = style("gaussian").colour
 SIZE = (9.0, 3.4)  # [inch]
@@ -36,11 +34,11 @@ SIZE = (9.0, 3.4)  # [inch]
 
 def main() -> None:
     """Draw the pictures that the command line names, or all."""
-    plt.rcParams.update(STYLE | {"figure.dpi": 130, "figure.constrained_layout.use": True})
+    use_style()
     figures = (weights_and_temperature, noise, gates_in_the_rollout, randomized_seeds, adaptation)
     for draw in figures:
         if len(sys.argv) == 1 or draw.__name__ in sys.argv[1:]:
-            draw().savefig(FOLDER / f"concept_{draw.__name__}.png")
+            save(draw(), f"concept_{draw.__name__}.png")
 
 
 def point_planner(sampler: Any, horizon: int = 40, **numbers: Any) -> MPPI:

@@ -5,21 +5,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from shared import save, use_style
 
 import quadsim
 from quadsim.course import load_course
 from quadsim.figures.course import draw_gates
 from quadsim.figures.run_figure import draw_faults
-from quadsim.figures.style import STYLE
 from quadsim.palette import HIT, INK, LIMIT, SPARE
 from quadsim.record.run import RecordedRun
 
-FOLDER = Path(__file__).parent
 COURSE = "split_s_swift"
 SETTINGS = {"laps": 1, "seed": 0}
 FAULTS = ("rotor2=.7@2", "rotor2=0@2", "commands=lost@2~.3")
@@ -31,7 +28,7 @@ BEGIN = 2.0
 
 def main() -> None:
     """Fly and draw the picture."""
-    plt.rcParams.update(STYLE | {"figure.dpi": 130, "figure.constrained_layout.use": True})
+    use_style()
     sound = quadsim.fly(COURSE, **SETTINGS)
     figure, axes = plt.subplots(
         3, len(FAULTS), figsize=(10.5, 7.6), height_ratios=(2.2, 1, 1), sharex="row", sharey="row"
@@ -49,7 +46,7 @@ def main() -> None:
         row[0].set_ylabel(label)
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     axes[1, 2].legend(loc="lower right")
-    figure.savefig(FOLDER / "faults.png")
+    save(figure, "faults.png")
 
 
 def outcome(run: RecordedRun) -> str:

@@ -5,22 +5,19 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from math import nan
-from pathlib import Path
 
-FOLDER = Path(__file__).parent
-sys.path.insert(0, str(FOLDER.parent))
+from shared import DOCS
 
-from docs.results.experiments import csv_file, experiments, read  # noqa: E402 (no package on the path)
-from quadsim.campaign.flights.sweep_figure import (  # noqa: E402
+from docs.results.experiments import csv_file, experiments, read
+from quadsim.campaign.flights.sweep_figure import (
     DrawnCurve,
     DrawnPoint,
     Measured,
     draw_curves,
 )
-from quadsim.figures.style import save_figure  # noqa: E402
+from quadsim.figures.style import save_figure
 
 # Figure -> experiments of docs/results/experiments.yaml, each with the heading of its panels
 FIGURES = {
@@ -42,7 +39,7 @@ def main() -> None:
         flown = [name for name in headings if csv_file(name).exists()]
         curves = [curve for name in flown for curve in curves_of(name, headings[name])]
         if curves:
-            print(save_figure(draw_curves(curves), FOLDER / f"{figure}.png"))
+            print(save_figure(draw_curves(curves), DOCS / f"{figure}.png"))
 
 
 def curves_of(name: str, heading: str) -> Iterator[DrawnCurve]:

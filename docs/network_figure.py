@@ -11,13 +11,23 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 from time import process_time
 from typing import NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
-from pixels_figure import CORNERS, DISTANCE, WITHIN, estimated, moving
+from shared import (
+    CORNERS,
+    DISTANCE,
+    RATES,
+    SPEED,
+    WITHIN,
+    corners_of,
+    estimated,
+    frame_picture,
+    moving,
+    save,
+)
 
 from quadsim.course import Course, load_course
 from quadsim.course.frames import frames
@@ -32,15 +42,11 @@ from quadsim.sensing.pixel_camera import row_poses
 from quadsim.sensing.pixels.network import FoundGate, GateNetwork, load_network
 from quadsim.sensing.pixels.tracker import Tracker
 from quadsim.sensing.state import FilterState
-from quadsim.sensing.visibility import hidden_corners
 
 CAMERA = load_sensing("pixels").pixels
 assert CAMERA
 POSES = 60  # of each course
 TOGETHER = 10  # poses that share a venue
-# standard deviations of velocity [m/s] and body rates [rad/s]
-SPEED = 4.0
-RATES = 1.5
 DISPLACED = 0.15  # [m] largest displacement of gates along x and y
 # standard deviations of an estimate that is lost [m], and of its turn about the vertical and about
 # the level axes [rad]: at the start, and after a loss
@@ -106,13 +112,11 @@ def scenes(course: Course, map_of: Course) -> Iterator[Scene]:
         velocity = rng.normal(0.0, SPEED, 3)
         rates = rng.normal(0.0, RATES, 3)
         eyes, axes = row_poses(CAMERA, 0.0, moving(pose, velocity, rates))
-        true, depth = CAMERA.gate_corners(gates, pose.p, pose.q)
+        corners = corners_of(CAMERA, gates, course, pose)
         middle = CAMERA.passes // 2
         points = np.array([gate.corners() for gate in gates]).reshape(-1, 3)
         rows, _ = shown(points, CAMERA, eyes[middle], axes[middle])
         place, _ = CAMERA.pose(pose.p, pose.q)
-        in_view = CAMERA.in_picture(true.reshape(-1, 2)).reshape(-1, 4) & (depth > 0.1)
-        in_view &= ~hidden_corners(gates, place, course.obstacles)
         away = np.array([np.linalg.norm(np.subtract(gate.position, place)) for gate in gates])
         ahead = [abs(gate.to_local(tuple(place.tolist())).along) for gate in gates]
         yield Scene(
@@ -120,9 +124,9 @@ def scenes(course: Course, map_of: Course) -> Iterator[Scene]:
             pose=pose,
             velocity=velocity,
             rates=rates,
-            true=true,
+            true=corners.pixels,
             rows=rows.reshape(-1, 4, 2),
-            in_view=in_view,
+            in_view=corners.in_view,
             away=away,
             angle=np.degrees(np.arcsin(np.array(ahead) / away)),
             blur=float(np.linalg.norm(rates[1:])) * CAMERA.exposure * CAMERA.fx,
@@ -306,7 +310,7 @@ def main() -> None:
     figure, axes = plt.subplots(2, 2, figsize=(12.8, 7.4), layout="constrained")
     for panel, (scene, found) in zip(axes.flat, result.panels, strict=True):
         draw(panel, scene, found)
-    figure.savefig(Path(__file__).parent / "network.png", dpi=100)
+    save(figure, "network.png", dpi=100)
 
 
 def draw(panel, scene: Scene, found: list[FoundGate]) -> None:
@@ -317,9 +321,7 @@ def draw(panel, scene: Scene, found: list[FoundGate]) -> None:
         for u, v in one.corners:
             panel.plot([u, one.centre[0]], [v, one.centre[1]], "-", color="white", linewidth=0.8)
         panel.plot(*one.corners.T, "+", color="cyan", markersize=11, markeredgewidth=2)
-    panel.set_xlim(0, CAMERA.width)
-    panel.set_ylim(CAMERA.height, 0)
-    panel.set_axis_off()
+    frame_picture(panel, CAMERA)
 
 
 if __name__ == "__main__":

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import matplotlib.pyplot as plt
 import numpy as np
+from shared import save
 
 from quadsim.course import load_course
 from quadsim.render.labels import label
@@ -37,7 +36,7 @@ def main() -> None:
         )
         for panel in (colour, depth, segmentation):
             panel.set_axis_off()
-    figure.savefig(Path(__file__).parent / "pictures.png", dpi=110)
+    save(figure, "pictures.png", dpi=110)
 
 
 if __name__ == "__main__":

@@ -6,12 +6,23 @@ picture takes.
 
 from __future__ import annotations
 
-from pathlib import Path
 from time import process_time
 from typing import NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
+from shared import (
+    CORNERS,
+    DISTANCE,
+    RATES,
+    SPEED,
+    WITHIN,
+    corners_of,
+    estimated,
+    frame_picture,
+    moving,
+    save,
+)
 
 from quadsim.course import load_course
 from quadsim.course.frames import frames
@@ -20,11 +31,8 @@ from quadsim.render.poses import Pose, drawn_poses
 from quadsim.rotation import turned
 from quadsim.sensing import load_sensing
 from quadsim.sensing.measurements import Photo
-from quadsim.sensing.nominal import Nominal
-from quadsim.sensing.pixel_camera import TimedPose, row_poses
+from quadsim.sensing.pixel_camera import row_poses
 from quadsim.sensing.pixels.tracker import Tracked, Tracker
-from quadsim.sensing.state import FilterState
-from quadsim.sensing.visibility import hidden_corners
 
 COURSE = load_course("split_s_swift")
 GATES = frames(COURSE.gates)
@@ -33,16 +41,6 @@ assert CAMERA
 POSES = 200
 # poses that share a venue, with its look and its banners
 TOGETHER = 20
-# standard deviations of the estimate [m, rad], and of velocity [m/s] and body rates [rad/s]
-POSITION = 0.05
-TURN = 0.01
-SPEED = 4.0
-RATES = 1.5
-# A gate counts if at least CORNERS of its corners are in view and it is nearer than DISTANCE [m].
-# It is found if two of its corners are found with an error below WITHIN [px].
-CORNERS = 3
-DISTANCE = 15.0
-WITHIN = 6.0
 # sine of the angle to its plane from which on a gate is not seen from its side
 ASIDE = 0.2
 # [px] motion of a gate during the exposure, from which on it counts as blurred
@@ -102,7 +100,7 @@ def main() -> None:
         found += compare(pose, velocity, rates, seen, errors)
         if k in SHOWN:
             draw(axes.flat[SHOWN.index(k)], photo, seen)
-    figure.savefig(Path(__file__).parent / "pixels.png", dpi=100)
+    save(figure, "pixels.png", dpi=100)
     for name, kind in KINDS.items():
         hits = [case.found for case in found if kind(case)]
         print(f"{name}: {sum(hits)} of {len(hits)}")
@@ -112,33 +110,13 @@ def main() -> None:
     print(f"tracking {1e3 * np.median(tracking):.1f} ms")
 
 
-def moving(pose: Pose, velocity: np.ndarray, rates: np.ndarray) -> list[TimedPose]:
-    """Return poses of a vehicle that moves through a pose."""
-    moments = []
-    for t in np.arange(-0.02, 0.0201, 0.0025).tolist():
-        p = (np.array(pose.p) + t * velocity).tolist()
-        moments.append(TimedPose(t, (*p, *turned(pose.q, (t * rates).tolist()))))
-    return moments
-
-
-def estimated(pose: Pose, velocity: np.ndarray, rng: np.random.Generator) -> FilterState:
-    """Return an estimate of a pose that knows its uncertainty."""
-    x, y, z = (np.array(pose.p) + POSITION * rng.standard_normal(3)).tolist()
-    q = turned(pose.q, (TURN * rng.standard_normal(3)).tolist())
-    vx, vy, vz = velocity.tolist()
-    variances = np.repeat([POSITION**2, 0.01, TURN**2, 0.01, 0.01], 3)
-    nominal = Nominal(0.0, (x, y, z), (vx, vy, vz), q)
-    return FilterState(nominal, np.zeros(0), np.zeros((0, 3)), np.diag(variances))
-
-
 def compare(
     pose: Pose, velocity: np.ndarray, rates: np.ndarray, seen: Tracked, errors: list[float]
 ) -> list[Case]:
     """Return the gates of a picture, and add the errors of its corners."""
-    true, depth = CAMERA.gate_corners(GATES, pose.p, pose.q)
+    corners = corners_of(CAMERA, GATES, COURSE, pose)
+    true = corners.pixels
     eye, _ = CAMERA.pose(pose.p, pose.q)
-    in_picture = CAMERA.in_picture(true.reshape(-1, 2)).reshape(-1, 4) & (depth > 0.1)
-    hidden = hidden_corners(GATES, eye, COURSE.obstacles)
     p = (np.array(pose.p) + CAMERA.exposure * velocity).tolist()
     later, _ = CAMERA.gate_corners(GATES, (*p,), turned(pose.q, (CAMERA.exposure * rates).tolist()))
     cases = []
@@ -146,15 +124,15 @@ def compare(
         mine = seen.found.gates == k
         off = np.linalg.norm(seen.found.pixels[mine] - true[k, seen.found.corners[mine]], axis=1)
         errors += off.tolist()
-        in_view = in_picture[k] & ~hidden[k]
+        in_view = corners.in_view[k]
         away = float(np.linalg.norm(np.subtract(gate.position, eye)))
         if in_view.sum() >= CORNERS and away < DISTANCE:
             case = Case(
                 found=bool((off < WITHIN).sum() >= 2),
                 away=away,
                 sine=abs(gate.to_local((*eye.tolist(),)).along) / away,
-                clipped=int((~in_picture[k]).sum()),
-                hidden=int(hidden[k].sum()),
+                clipped=int((~corners.inside[k]).sum()),
+                hidden=int(corners.hidden[k].sum()),
                 blur=float(np.linalg.norm((later[k] - true[k])[in_view], axis=1).max()),
             )
             cases.append(case)
@@ -171,9 +149,7 @@ def draw(panel, photo: Photo, seen: Tracked) -> None:
     panel.plot(*at[seen.used].T, ".", color="lime", markersize=3, label="found")
     panel.plot(*at[rejected].T, ".", color="red", markersize=3, label="rejected")
     panel.plot(*seen.found.pixels.T, "+", color="cyan", markersize=9, label="corner")
-    panel.set_xlim(0, CAMERA.width)
-    panel.set_ylim(CAMERA.height, 0)
-    panel.set_axis_off()
+    frame_picture(panel, CAMERA)
     if panel.get_subplotspec().is_first_row() and panel.get_subplotspec().is_first_col():
         panel.legend(loc="upper left", fontsize=8)
 

@@ -7,11 +7,11 @@ the rasteriser takes.
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from time import process_time
 
 import numpy as np
 from PIL import Image
+from shared import DOCS
 from tiny_renderer import Scene as TinyScene
 
 from quadsim.course import load_course
@@ -51,7 +51,7 @@ def main() -> None:
     rows = [np.hstack(pairs[i : i + COLUMNS]) for i in range(0, len(pairs), COLUMNS)]
     sheet = Image.fromarray(np.vstack(rows))
     sheet = sheet.resize((sheet.width // SMALLER, sheet.height // SMALLER), Image.Resampling.BOX)
-    sheet.save(Path(__file__).parent / "renderers.png")
+    sheet.save(DOCS / "renderers.png")
     depths = np.concatenate(off)
     print(f"same in {100 * np.mean(same):.2f} % of the pixels, least {100 * min(same):.2f} %")
     print(f"depths differ by {1e3 * np.median(depths):.2f} mm in the median")

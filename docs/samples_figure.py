@@ -7,25 +7,17 @@ It draws what `make results` has flown, and times control steps, in half a minut
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping
-from pathlib import Path
 from time import process_time
 
 import matplotlib.pyplot as plt
 import numpy as np
+from shared import control_steps, save, use_style
 
+from docs.results.experiments import read
 from quadsim import Spec
-from quadsim.config.build import planner_of, with_threads
-from quadsim.figures.style import STYLE, line
+from quadsim.figures.style import line
 from quadsim.palette import style
-from quadsim.physics.plant_state import start_state
-
-FOLDER = Path(__file__).parent
-sys.path.insert(0, str(FOLDER.parent))
-
-# The folder of the script, docs, is no package on its path
-from docs.results.experiments import read  # noqa: E402
 
 # Experiments of docs/results/experiments.yaml, whose first variant is the baseline
 EXPERIMENTS = ("samples_swift", "samples_song", "samples_alphapilot")
@@ -37,7 +29,7 @@ STEPS = 40  # control steps that are timed
 
 def main() -> None:
     """Time control steps, and draw the picture."""
-    plt.rcParams.update(STYLE | {"figure.dpi": 130, "figure.constrained_layout.use": True})
+    use_style()
     times = {(name, n): step_time(name, n) for name in SAMPLERS for n in SAMPLES}
     figure, axes = plt.subplots(1, len(EXPERIMENTS), figsize=(9.0, 3.2))
     for ax, experiment in zip(axes, EXPERIMENTS, strict=True):
@@ -55,7 +47,7 @@ def main() -> None:
     axes[0].set(ylabel="lap - lap of colored 4096 [s]")
     axes[-1].legend()
     figure.suptitle(f"{', '.join(map(str, SAMPLES))} samples, randomized, 95 % intervals")
-    figure.savefig(FOLDER / "samples.png")
+    save(figure, "samples.png")
     for (sampler, n), ms in times.items():
         print(f"{sampler:9} {n:5}  {ms:5.2f} ms")
 
@@ -69,16 +61,8 @@ def difference(row: Mapping[str, str]) -> tuple[float, float, float]:
 
 def step_time(sampler: str, samples: int) -> float:
     """Return the median CPU time of a control step from the start, on one thread [ms]."""
-    spec = with_threads(Spec.of(COURSE, sampler=sampler, samples=samples, threads=1))
-    planner = planner_of(spec)
-    x = np.array(start_state(spec.course.start, spec.vehicle.radius))
-    planner.control(x)  # compiles, and makes the first plan
-    taken = []
-    for _ in range(STEPS):
-        began = process_time()
-        planner.control(x)
-        taken.append(1e3 * (process_time() - began))
-    return float(np.median(taken))
+    spec = Spec.of(COURSE, sampler=sampler, samples=samples, threads=1)
+    return float(np.median(control_steps(spec, STEPS, process_time)))
 
 
 if __name__ == "__main__":

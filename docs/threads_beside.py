@@ -14,10 +14,9 @@ from contextlib import ExitStack, contextmanager
 from time import perf_counter
 
 import numpy as np
+from shared import control_steps
 
 from quadsim import Spec
-from quadsim.config.build import planner_of, with_threads
-from quadsim.physics.plant_state import start_state
 
 COURSE = "split_s_swift"
 STEPS = 400
@@ -51,16 +50,7 @@ def busy_process() -> Iterator[None]:
 
 def step_times(threads: int) -> np.ndarray:
     """Return the times of control steps of the preset `race` from the start [ms].  (STEPS,)"""
-    spec = with_threads(Spec.of(COURSE, threads=threads))
-    planner = planner_of(spec)
-    x = np.array(start_state(spec.course.start, spec.vehicle.radius))
-    planner.control(x)  # compiles, and makes the first plan
-    taken = np.empty(STEPS)
-    for i in range(STEPS):
-        began = perf_counter()
-        planner.control(x)
-        taken[i] = 1e3 * (perf_counter() - began)
-    return taken
+    return control_steps(Spec.of(COURSE, threads=threads), STEPS, perf_counter)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from quadsim.campaign.run.store import AttemptRow
@@ -36,6 +36,22 @@ def after_a_moment(job):
     """Return the job, as a worker that takes some time for it."""
     time.sleep(0.02)
     return job
+
+
+@dataclass(frozen=True)
+class LoggedJob:
+    """A job that takes a moment, and the file that says which of them have ended."""
+
+    number: int
+    log: Path
+
+
+def logged_moment(job):
+    """Return the number of a job, and write it into its file when it ends."""
+    time.sleep(0.05)
+    with job.log.open("a") as log:
+        log.write(f"{job.number}\n")
+    return job.number
 
 
 def start(campaign, *argv, attempts=6, **kwargs) -> subprocess.Popen:

@@ -1,5 +1,6 @@
 """Fixtures that several test files share, and the order of the tests."""
 
+import gc
 import os
 import signal
 from collections import Counter
@@ -23,6 +24,20 @@ pytest_plugins = ["tests.fence"]
 # commands, so it must work.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection() -> None:
+    """Switch the garbage collector off while the test modules are imported.
+
+    It would search their many objects again and again, and find nothing.
+    """
+    gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    """Switch the garbage collector on, and let it leave out what has been imported."""
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_runtest_setup() -> None:

@@ -50,10 +50,8 @@ PRINT = {
     "A sampler of your own, and a sweep over its parameter": r"8 knots",
     "A cost term with parameters of its own": r"weight 2: finished",
     "Dynamics of your own in a loop of your own": r"upright: 1\.0",
-    "A vehicle of your own": r"ratio: 3\.6\n(?s:.*)1\.2 kg: finished",
     "Train a pilot, and fly it": r"gates passed",
     "A set of sensors of your own, and its consistency": r"NEES \d+\.\d",
-    "Runs that were stored before": r"the same flight: True",
 }
 # They need a simulator beside them: tests/mavlink flies them.
 SERVED = ("mavlink_client", "mavsdk_client")

@@ -17,7 +17,11 @@ FILES = ("controllers/__init__.py", "courses/figure8.yaml", "web/__init__.py")
 @pytest.fixture
 def tree(tmp_path):
     """A small repository with the project's links."""
-    found = tmp_path / "tree"
+    return small_tree(tmp_path / "tree")
+
+
+def small_tree(found):
+    """Make a small repository with the project's links in a folder, and return the folder."""
     for name in ("pyproject.toml", "hatch_build.py", "README.md", "LICENSE", *FILES):
         (found / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, found / name)

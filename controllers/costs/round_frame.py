@@ -91,9 +91,10 @@ def way_to_gate(place, gate, opening):
     """Return the distance to fly to the exit of a gate [m].
 
     In front of the gate and within its opening the way is straight. Beside the frame it leads
-    out of the plane of the gate to the front, and from behind round the nearest outer edge of the
-    frame, or back through the opening of the gate before if that lies in the same plane. A way that
-    is not straight is longer by two approaches, as the vehicle has to turn.
+    through a point in front of the gate, an approach away, and so it does from behind the opening
+    of the gate before if that lies in the same plane. From other places behind the gate it leads
+    round the nearest outer edge of the frame. There, too, it is longer by two approaches, as the
+    vehicle has to turn.
 
     Args:
         place: InGate.
@@ -130,14 +131,14 @@ def way_to_gate(place, gate, opening):
     inward = where(is_upright, in_up, in_left)
     is_hidden = is_behind & (out > 0.0)
 
-    forward = where(is_beside, place.along + gate.depth, place.along)
+    forward = where(is_beside, place.along + gate.approach, place.along)
     along = where(is_hidden, place.along, where(is_behind, place.along + gate.depth, forward))
     left = where(is_behind, out, off_left)
     up = where(is_behind, where(is_upright, off_left, off_up), off_up)
     straight = sqrt(along * along + left * left + up * up + 1e-6)
 
     around = inward + where(is_hidden, gate.depth, 0.0)
-    more = 2.0 * gate.approach + where(is_behind, around, 0.0)
+    more = gate.approach + where(is_behind, gate.approach + around, 0.0)
     return straight + where(is_behind | is_beside, more, 0.0)
 
 

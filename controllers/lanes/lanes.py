@@ -45,6 +45,8 @@ class Trajectories(NamedTuple):
 class RolloutNumbers(NamedTuple):
     """The numbers that the compiled rollout reads, in the lanes' precision."""
 
+    draws: np.ndarray  # the number of the noise that each step takes  (T,)
+    drawn: int  # how many numbers of the noise are drawn
     noise_factor: np.ndarray  # factors on the noise of even and of odd blocks  (2, T)
     cost_factor: np.ndarray  # factors on the cost of each step  (T,)
     mark_factor: np.ndarray  # factors on the terms at marks, 0 at other steps  (T,)
@@ -81,7 +83,7 @@ class Rollout:
         Args:
             x0: state  (n_x,).
             U: plan  (T, n_u).
-            noise: perturbations  (series, n_u, halves * T, LANES).
+            noise: perturbations  (series, n_u, halves * drawn, LANES), see Schedule.drawn.
             target: number of targets reached.
             J: array to fill  (blocks, LANES).
         """
@@ -110,7 +112,9 @@ class Rollout:
         block = np.zeros((1, n_u, T, LANES), d)
         block[0, :, :, :samples] = v.transpose(1, 2, 0)
         numbers = self._numbers(x0, target, T)
-        full = numbers._replace(noise_factor=np.ones_like(numbers.noise_factor))
+        full = numbers._replace(
+            draws=np.arange(T), drawn=T, noise_factor=np.ones_like(numbers.noise_factor)
+        )
 
         # Zero in the place of the desk: the loop runs on this thread, over one block.
         n_x = len(self.system.states)
@@ -164,6 +168,8 @@ class Rollout:
         line_marks = np.zeros(horizon, np.bool_)
         line_marks[marks_at(periods.tolist(), steps_between(system.dt))] = True
         return RolloutNumbers(
+            draws=self.schedule.draws(horizon),
+            drawn=self.schedule.drawn(horizon),
             noise_factor=self.schedule.noise(horizon).astype(d),
             cost_factor=self.schedule.cost(horizon).astype(d),
             mark_factor=self.schedule.marks(horizon, term_steps(system.dt)).astype(d),

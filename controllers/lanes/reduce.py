@@ -1,4 +1,4 @@
-"""Means of perturbations: over the samples, weighted, and over the periods of longer steps."""
+"""The weighted mean of the sampled controls, computed in one pass over the noise."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CHUNK = 25  # number of steps of the horizon that a thread sums at a time: 6 kB 
 @kept
 @njit(fastmath=FAST, error_model="numpy", nogil=True)
 def _lane_sums(  # noqa: PLR0913 (three are the arguments of each shared loop)
-    desk, first, last, noise, ramp, U, low, high, weights, sums
+    desk, first, last, noise, draws, drawn, ramp, U, low, high, weights, sums
 ):
     """Fill sums with sums[c, t, i] = sum_b w[b, i] (clip(U + ramp noise) - U).
 
@@ -29,7 +29,7 @@ def _lane_sums(  # noqa: PLR0913 (three are the arguments of each shared loop)
         return
     T = U.shape[0]
     blocks, lanes = weights.shape
-    halves = noise.shape[2] // T
+    halves = noise.shape[2] // drawn
     chunks = (T + CHUNK - 1) // CHUNK
     for k in range(first, last):
         c = k // chunks
@@ -47,12 +47,13 @@ def _lane_sums(  # noqa: PLR0913 (three are the arguments of each shared loop)
             if not weighs:
                 continue
             s = b // halves
-            t0 = (b % halves) * T
+            t0 = (b % halves) * drawn
             for t in range(begin, end):
                 u = U[t, c]
                 n = ramp[b % 2, t]
+                d = draws[t]
                 for i in range(lanes):
-                    v = min(max(u + n * noise[s, c, t0 + t, i], lo), hi)
+                    v = min(max(u + n * noise[s, c, t0 + d, i], lo), hi)
                     sums[c, t, i] += weights[b, i] * (v - u)
 
 
@@ -63,15 +64,19 @@ def weighted_mean(
     low: np.ndarray,
     high: np.ndarray,
     w: np.ndarray,
+    draws: np.ndarray | None = None,
+    drawn: int = 0,
 ) -> np.ndarray:
     """Return sum_m w_m (v^m - U) with v_t = clip(U_t + ramp_t z_t).
 
     Args:
-        noise: perturbations z  (series, n_u, halves * T, LANES).
+        noise: perturbations z  (series, n_u, halves * drawn, LANES).
         ramp: factors on the perturbations of even and of odd blocks  (2, T).
         U: plan  (T, n_u).
         low, high: limits of the controls  (n_u,).
         w: weight of each sample  (M,).
+        draws: the number of the noise that each step takes; None: that of its index  (T,).
+        drawn: how many numbers of the noise are drawn; 0: one for each step.
 
     Returns:
         The weighted mean  (T, n_u).
@@ -83,49 +88,6 @@ def weighted_mean(
     pairs = n_u * -(-T // CHUNK)
     # An array with a different memory order would make numba compile the loop again.
     numbers = (ramp.astype(d, "C"), U.astype(d, "C"), low.astype(d), high.astype(d))
-    on_threads(_lane_sums, pairs, noise, *numbers, w_blocks, sums)
+    steps = np.arange(T) if draws is None else draws
+    on_threads(_lane_sums, pairs, noise, steps, drawn or T, *numbers, w_blocks, sums)
     return sums.sum(axis=2, dtype=np.float64).T
-
-
-@kept
-@njit(fastmath=FAST, error_model="numpy", nogil=True)
-def _step_means(desk, first, last, noise, firsts, means):
-    """Fill means with the mean of the noise over the control periods of each step.
-
-    The threads share pairs of a series and a control.
-    """
-    if desk:
-        share(desk, last)  # pyright: ignore[reportCallIssue]
-        return
-    controls = noise.shape[1]
-    lanes = noise.shape[3]
-    T = len(firsts) - 1
-    periods = firsts[T]
-    halves = noise.shape[2] // periods
-    for k in range(first, last):
-        s = k // controls
-        c = k % controls
-        for half in range(halves):
-            for t in range(T):
-                begin = half * periods + firsts[t]
-                end = half * periods + firsts[t + 1]
-                to = half * T + t
-                for i in range(lanes):
-                    means[s, c, to, i] = noise[s, c, begin, i]
-                for n in range(begin + 1, end):
-                    for i in range(lanes):
-                        means[s, c, to, i] += noise[s, c, n, i]
-                length = means.dtype.type(end - begin)
-                for i in range(lanes):
-                    means[s, c, to, i] /= length
-
-
-def step_means(noise: np.ndarray, firsts: np.ndarray, means: np.ndarray) -> None:
-    """Fill an array with the means of perturbations over the control periods of each step.
-
-    Args:
-        noise: perturbations in control periods  (series, n_u, halves * periods, LANES).
-        firsts: index of the first period of each step, and the number of all periods  (T + 1,).
-        means: array to fill  (series, n_u, halves * T, LANES).
-    """
-    on_threads(_step_means, len(noise) * noise.shape[1], noise, firsts, means)

@@ -21,8 +21,8 @@ are not drawn, because the transform starts from the others.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated, Literal, get_args
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -35,6 +35,7 @@ from quadsim.files.values import SettingError, check_fields
 Law = Literal["exact", "paper", "library"]
 LAWS: tuple[Law, ...] = get_args(Law)
 OFFSET_DECAY = 0.97  # factor per step; "library" only
+BAND_LIMIT = 3.15  # ratio of the frequency at which they are that small to the cut-off
 NEGLIGIBLE = 0.01  # factor on amplitudes below which the frequencies above a cut-off are left out
 
 
@@ -93,6 +94,23 @@ def roll_off(n: int, dt: float, cutoff: float) -> np.ndarray:
     return np.where(factors < NEGLIGIBLE, 0.0, factors)
 
 
+def density(gamma: float, steps: int = 150) -> float:
+    """Return the factor on sigma that keeps the density of the noise with half as many steps.
+
+    Args:
+        gamma: exponent of the power spectral density.
+        steps: number of steps of the horizon.
+    """
+    return float(spectrum(2 * steps, gamma, "exact")[1] / spectrum(steps, gamma, "exact")[1])
+
+
+class Held(NamedTuple):
+    """A sampler, and the number of control periods for which it draws each number."""
+
+    sampler: Colored
+    periods: int
+
+
 @dataclass(frozen=True)
 class Colored:
     """v = u + sigma z, PSD(f) of z ~ 1/f^gamma, independent for every control; Vlahov et al. 2024.
@@ -142,6 +160,22 @@ class Colored:
         if len(self.gamma) != len(self.sigma):
             wanted = f"expected {len(self.sigma)} numbers, as sigma has"
             raise SettingError("gamma", f"{wanted}, got {len(self.gamma)}")
+
+    def held(self, dt: float) -> Held:
+        """Return the sampler that draws numbers for two control periods each, if that is enough.
+
+        It is, if all noise is below half of the highest frequency that such numbers can have. The
+        noise keeps its density at each frequency.
+
+        Args:
+            dt: control period [s].
+        """
+        cutoffs = self.cutoff or (0.0,)
+        highest = BAND_LIMIT * max(cutoffs)
+        if self.law != "exact" or not min(cutoffs) or highest > 1.0 / (4.0 * dt):
+            return Held(self, 1)
+        sigma = tuple(s * density(gamma) for s, gamma in zip(self.sigma, self.gamma, strict=True))
+        return Held(replace(self, sigma=sigma), 2)
 
     def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
         """Return the source of perturbations, see Sampling."""

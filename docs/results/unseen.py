@@ -36,11 +36,13 @@ ABOVE_GROUND = 0.4  # least height of the lower edge of an opening [m]
 CLEAR = 0.3  # least distance from a straight leg to the frame of another gate [m]
 POINTS = 25  # of a leg at which that is checked
 
-# What is flown: the preset, and with the value of the course and half of the horizon
+# What is flown: the preset, with the value of the course and half of the horizon, and with steps
+# that grow along the horizon
 VARIANTS: dict[str, dict[str, Any]] = {
     "colored": {"sampler": "colored"},
     "gaussian": {"sampler": "gaussian"},
     "colored_value": {"sampler": "colored", "time_to_go": 2.0, "horizon": 75},
+    "colored_longer": {"sampler": "colored", "longer_steps": 0.5},
 }
 
 

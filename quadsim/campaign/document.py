@@ -46,7 +46,7 @@ class Heading(msgspec.Struct, frozen=True, tag="heading"):
 
 
 class Line(msgspec.Struct, frozen=True, tag="line"):
-    """A result in words."""
+    """A result as a line of text."""
 
     text: str
 

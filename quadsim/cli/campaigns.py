@@ -25,7 +25,11 @@ ReportFolder = Annotated[
     str | None, Help("folder of the report and its figures; default: beside the campaign")
 ]
 Scheduler = Annotated[
-    str | None, Help("tcp://HOST:PORT of a Dask cluster; default: processes of this machine")
+    str | None,
+    Help(
+        "tcp://HOST:PORT of a Dask cluster, or slurm: --jobs jobs of Slurm; default: processes of "
+        "this machine"
+    ),
 ]
 
 

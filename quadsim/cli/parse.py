@@ -17,8 +17,10 @@ from quadsim.console import UsageError
 from quadsim.files.values import checked
 from quadsim.files.yaml_errors import expected
 
-# (command, flag) -> what to use in place of a flag that another command has
 MANY_RACES = "use race compare-heats with --entrants, --starts and --variants for many races"
+# command -> what to do with arguments that it has no use for
+BEHIND_A_FLAG = {"heat": "entrants stand behind --entrants"}
+# (command, flag) -> what to use in place of a flag that another command has
 MOVED = {("heat", "--starts"): MANY_RACES, ("compare", "--line-up"): MANY_RACES}
 
 
@@ -78,7 +80,8 @@ def _line(error: CycloptsError, app: App) -> str:
             return f"no flag {given}{advice} (see race {command} --help)"
         case exceptions.UnusedCliTokensError():
             unused = " ".join(map(repr, error.unused_tokens or ()))
-            return f"unexpected {unused} (see race {command} --help)"
+            advice = f": {BEHIND_A_FLAG[command]}" if command in BEHIND_A_FLAG else ""
+            return f"unexpected {unused}{advice} (see race {command} --help)"
         case exceptions.RepeatArgumentError():
             return f"{error.token.keyword}: expected once, got it twice"
         case exceptions.CoercionError() | exceptions.MissingArgumentError() if error.argument:

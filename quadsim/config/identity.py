@@ -48,6 +48,8 @@ IGNORED = frozenset(
         *("__weakref__", "_abc_impl"),
     )
 )
+# Functions of Python by which code reads globals that it does not name
+READERS = frozenset(("eval", "exec", "globals", "locals", "vars"))
 OWN_FOLDERS = ("", "controllers", "web")  # links, in a checkout
 # Modules without a file, in which compiled packages keep their common types
 COMPILERS = ("_cython", "pybind11")
@@ -122,8 +124,10 @@ def _object(value: Any) -> object:
     state = ("object", kind, _state(value))
     if all(base is object or not is_of_library(base) for base in kind.__mro__):
         return state
-    # The content of a list, an array or the like, of which the class is derived
-    content = value.__reduce_ex__(pickle.DEFAULT_PROTOCOL)
+    # The content of a list, an array or the like, of which the class is derived, as the library
+    # tells it: the user's class may tell less
+    library: Any = next(base for base in kind.__mro__ if is_of_library(base))
+    content = library.__reduce_ex__(value, pickle.DEFAULT_PROTOCOL)
     return (state, [list(part) if isinstance(part, Iterator) else part for part in content])
 
 
@@ -158,7 +162,7 @@ def _module(value: types.ModuleType) -> object:
     """Return a library's name and version, or all that one of the user's own modules has."""
     if is_library_module(value):
         return ("module", _with_version(value.__name__))
-    names = sorted(name for name in vars(value) if not name.startswith("__"))
+    names = sorted(filter(_is_own_name, vars(value)))
     return ("module", {name: vars(value)[name] for name in names})
 
 
@@ -171,7 +175,9 @@ def _function(value: types.FunctionType) -> object:
         return ("function", _with_version(value.__module__), value.__qualname__, held)
     defaults = (value.__defaults__, value.__kwdefaults__)
     held = (value.__closure__, dict(vars(value)))
-    names = sorted(_names(value.__code__) & value.__globals__.keys())
+    named = _names(value.__code__)
+    known = value.__globals__.keys()
+    names = sorted(filter(_is_own_name, known) if named & READERS else named & known)
     used = {name: value.__globals__[name] for name in names}
     modules = [_imported(name) for name in sorted(_imports(value.__code__))]
     return ("function", value.__code__, defaults, held, used, modules)
@@ -197,7 +203,7 @@ def _class(kind: type) -> object:
 
 @_written.register
 def _field(value: dataclasses.Field) -> object:
-    return ("field", value.name, value.default, value.default_factory)
+    return ("field", value.name, value.default, value.default_factory, value.metadata)
 
 
 @_written.register
@@ -274,6 +280,11 @@ def _codes(code: types.CodeType) -> Iterator[types.CodeType]:
 def _names(code: types.CodeType) -> set[str]:
     """Return the globals and attributes that code names."""
     return {name for one in _codes(code) for name in one.co_names}
+
+
+def _is_own_name(name: str) -> bool:
+    """Return whether Python itself has not given a module this name."""
+    return not name.startswith("__")
 
 
 def _imports(code: types.CodeType) -> set[str]:

@@ -113,12 +113,14 @@ def cut(text: str, longest: int = LONGEST) -> str:
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return "did you mean 'laps'?", or the list of all known names if none is similar.
 
-    A name that lacks its unit counts as similar: "did you mean 'yaw_deg' (in degrees)?".
+    A name that lacks its unit counts as similar, "did you mean 'yaw_deg' (in degrees)?", and so
+    does the beginning of a name.
     """
     names = list(known)
     if f"{word}_deg" in names:
         return f"did you mean '{word}_deg' (in degrees)?"
-    near = get_close_matches(word, names, n=1, cutoff=0.5)
+    longer = [name for name in names if word and name.startswith(word)]
+    near = get_close_matches(word, names, n=1, cutoff=0.5) or longer
     return f"did you mean {near[0]!r}?" if near else f"known are {', '.join(names)}"
 
 

@@ -1,4 +1,4 @@
-"""Budget: the spans of long logs in which the motions change most, which alone are fitted."""
+"""Budget: of long logs, only the spans in which the motions change most are fitted."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class _Span(NamedTuple):
 
 
 def liveliest(parts: Sequence[Stretch]) -> list[Stretch]:
-    """Return spans of together MOST_TIME in which the motions change most.
+    """Return the spans in which the motions change most, together of at most MOST_TIME.
 
     Each motion in turn, a body rate, a velocity or the mean command, takes the span in which it
     changes most, so that a log with little yaw keeps that. Neighbouring spans stay one stretch.

@@ -18,7 +18,7 @@ USUAL = 0.04  # time of vehicles whose log shows none [s]
 
 
 def answer_time(parts: Sequence[Prepared], geometry: Geometry) -> float:
-    """Return the time after which the vehicle answers its motors most alike, delay and lag. [s]"""
+    """Return the time from the motors' commands to their effect, delay and lag together [s]."""
     lags: list[float] = []
     weights: list[float] = []
     for part in parts:

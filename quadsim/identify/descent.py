@@ -96,7 +96,7 @@ def soft_weight(r: np.ndarray) -> np.ndarray:
 def _step(
     x: np.ndarray, H: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> np.ndarray:
-    """Return the least of the model g' d + d' H d / 2 within limits, x + d."""
+    """Return the x + d within limits at which g' d + d' H d / 2 is least."""
     R = np.linalg.cholesky(H).T
     found = lsq_linear(R, -np.linalg.solve(R.T, g), bounds=(low - x - TINY, high - x + TINY))
     return np.clip(x + found.x, low, high)

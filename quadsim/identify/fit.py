@@ -15,7 +15,7 @@ from quadsim.identify.gyro import gyro_errors
 from quadsim.identify.intervals import covariances
 from quadsim.identify.numbers import FitNumbers
 from quadsim.identify.plausible import expect_answers, expect_inertia, expect_plausible
-from quadsim.identify.prediction import predictions
+from quadsim.identify.prediction import Prediction, predictions
 from quadsim.identify.prepared import (
     Prepared,
     drive_of,
@@ -134,12 +134,14 @@ def fit_vehicle(
     expect_plausible(vehicle)
     if unlikely := unlikely_inertia(vehicle):
         remarks.append(unlikely)
+    predicted = predictions(shown, solution.numbers, geometry, search.turning)
+    remarks += remarks_on_attitude(predicted)
     return VehicleFit(
         name=name,
         vehicle=vehicle,
         numbers=numbers,
         remarks=tuple(remarks),
-        predictions=predictions(shown, solution.numbers, geometry, search.turning),
+        predictions=predicted,
         traces=traces(shown, solution.numbers, geometry, search.turning),
         residuals=solution.by_channel(),
     )
@@ -177,6 +179,19 @@ def _remarks_on(loop: RateLoopFit | None) -> Iterator[str]:
         yield (
             f"rate_tau is fitted to the {loop.pieces} pieces of {PIECE:g} s in which the setpoints "
             f"change most; {loop.left_out} others are left out"
+        )
+
+
+def remarks_on_attitude(predicted: Sequence[Prediction]) -> Iterator[str]:
+    """Yield a remark if the simulated attitude makes predictions worse than none would be."""
+    # The rows of the last name are those of all logs.
+    rows = [row for row in predicted if row.log == predicted[-1].log]
+    lost = [row.seconds for row in rows if (row.simulated_attitude or 0.0) > row.constant_velocity]
+    if lost:
+        yield (
+            f"with the simulated attitude, predictions are worse than constant velocity after "
+            f"{lost[0]:g} s: the flights turn too little to tell all torques; a planner corrects "
+            "the attitude by measurements at each step"
         )
 
 

@@ -39,13 +39,14 @@ def expect_answers(solution: Solution) -> None:
 
 
 def expect_inertia(solution: Solution, geometry: Geometry) -> None:
-    """Raise SettingError if the rotors would turn a body that is far larger or smaller."""
+    """Raise SettingError if the inertia is far from that of a body with these arms."""
     arms = {"inertia_x": geometry.arm_y, "inertia_y": geometry.arm_x}
     for name, arm in arms.items():
         share = getattr(solution.numbers, name) / arm
         if name in solution.searched and not LEAST_INERTIA <= share <= LARGEST_INERTIA:
             wanted = "expected the inertia of a quadrotor"
-            got = f"got {name} [m] of {share:.3g} times the arm"
+            axis = name[-1]
+            got = f"got {share:.3g} times mass and arm squared about {axis}"
             raise SettingError("logs", f"{wanted}, {got}: correct unit or scale of the gyro")
 
 

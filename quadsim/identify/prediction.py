@@ -26,14 +26,14 @@ from quadsim.rotation import quaternion_rate, to_body
 
 HORIZONS = (0.1, 0.25, 0.5, 1.0)  # [s]
 ALL = "all"  # name of the row over all logs
-BEGINS = 0.1  # time between the begins of two flights [s]
+BEGINS = 0.1  # time between the starts of two flights [s]
 
 
 class Prediction(NamedTuple):
-    """Root mean squares of the errors after some time, over many begins in one log."""
+    """Root mean squares of the errors after some time, over many flights in one log."""
 
     log: str
-    seconds: float  # since the begin
+    seconds: float  # since the start of a flight
     begins: int  # number of flights
     measured_attitude: float  # error of the position with it [m]
     simulated_attitude: float | None  # the same; None: the log tells no torques
@@ -43,7 +43,7 @@ class Prediction(NamedTuple):
 
 
 class Paths(NamedTuple):
-    """Predicted and measured states of the flights of one log, begin after begin."""
+    """Predicted and measured states of the flights of one log, one after the other."""
 
     rows: np.ndarray  # of the stretch at each begin and step  (steps + 1, begins)
     measured: np.ndarray  # positions [m]  (steps + 1, begins, 3)

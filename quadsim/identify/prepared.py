@@ -1,4 +1,4 @@
-"""Prepared stretches: what drives the rotors, and what does not depend on the numbers of a fit."""
+"""Prepared stretches: signals as the fit reads them, computed once for all its numbers."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ VOLTAGE_DRIVES = ("motor_commands", "throttle")
 
 
 class Prepared(NamedTuple):
-    """A stretch with what does not depend on the numbers; missing readings are 0 here."""
+    """A stretch with what is computed once for all numbers; missing readings are 0 here."""
 
     stretch: Stretch
     ratio: np.ndarray  # voltage over the reference  (n,)
@@ -93,7 +93,7 @@ def reference_voltage(parts: Sequence[Stretch]) -> float | None:
 def prepared(
     part: Stretch, drive: Drive, base: Vehicle, reference: float | None, mean_rows: int
 ) -> Prepared:
-    """Return a stretch with what does not depend on the numbers.
+    """Return a stretch with what is computed once for all numbers.
 
     Args:
         part: the stretch.

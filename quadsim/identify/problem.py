@@ -81,7 +81,7 @@ def predicted_force(
 def predicted_rates(
     part: Prepared, numbers: FitNumbers, geometry: Geometry, single: np.ndarray
 ) -> np.ndarray:
-    """Return what the gyro measures, but for the rates at the begin of a piece [rad/s]  (n, 3)."""
+    """Return what the gyro measures minus the rates at a piece's start [rad/s]  (n, 3)."""
     assert part.rates is not None
     beta = angular_accelerations(
         part.rates, torques(part, single, numbers, geometry), numbers, geometry
@@ -92,7 +92,7 @@ def predicted_rates(
 def predicted_velocity(
     part: Prepared, numbers: FitNumbers, geometry: Geometry, single: np.ndarray
 ) -> np.ndarray:
-    """Return the velocity along the measured attitude, but for its begin [m/s]  (n, 3)."""
+    """Return the velocity minus its value at a piece's start [m/s]  (n, 3)."""
     assert part.v_body is not None
     assert part.attitude is not None
     total = single.sum(axis=1)
@@ -222,7 +222,7 @@ class Block(NamedTuple):
         return np.var(self._without_free(self.measured), axis=(0, 1))
 
     def _without_free(self, values: np.ndarray) -> np.ndarray:
-        """Return averages without what each piece has of its own  (pieces, averages, axes)."""
+        """Return averages minus each piece's own line or constant  (pieces, averages, axes)."""
         if not self.channel.free:
             return values
         # Polynomials over a piece, orthonormal  (averages, free)

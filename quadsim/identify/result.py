@@ -69,7 +69,7 @@ class VehicleFit:
 
     @property
     def doubt(self) -> str:
-        """Why the fit is no better than none, "" if it is better."""
+        """Why the fit predicts worse than constant velocity, "" if it does not."""
         # The last row is that of all logs after the longest time.
         row = self.predictions[-1] if self.predictions else None
         if row is None or row.measured_attitude <= row.constant_velocity:

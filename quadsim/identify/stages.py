@@ -213,7 +213,7 @@ def _pays(solution: Solution, parts_of_map: Sequence[str]) -> bool:
 
 
 def is_rotor(numbers: FitNumbers) -> bool:
-    """Return whether a thrust map begins at about none."""
+    """Return whether a thrust map has about no thrust at the lowest command."""
     return LEAST_IDLE <= _idle(numbers) <= LARGEST_IDLE
 
 

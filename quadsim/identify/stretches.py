@@ -170,7 +170,7 @@ def _calm_voltage(voltage: np.ndarray, dt: float) -> np.ndarray:
 
 
 def _turning(values: np.ndarray | None) -> np.ndarray | None:
-    """Return attitudes without changes of the sign, which an interpolation would see as turns."""
+    """Return attitudes whose signs do not change, so that they can be interpolated."""
     if values is None:
         return None
     known = np.all(np.isfinite(values), axis=1)
@@ -220,7 +220,7 @@ def _odd(time: float, dt: float) -> int:
 
 
 def _smoothed(values: np.ndarray, dt: float) -> np.ndarray:
-    """Return a signal with less noise: parabolas, unlike means, do not flatten its peaks."""
+    """Return a signal smoothed by parabolas, which do not flatten its peaks as means do."""
     window = _odd(SMOOTH, dt)
     if not 3 < window <= len(values):
         return values

@@ -1,4 +1,4 @@
-"""Traces: logged signals beside the same as the numbers predict them, for a picture."""
+"""Traces: logged signals beside their predictions by the fitted numbers, for a picture."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def _liveliest(part: Prepared) -> slice:
 
 
 def _begun_anew(measured: np.ndarray, predicted: np.ndarray, dt: float) -> np.ndarray:
-    """Return a prediction that begins at the measured value, again after each piece."""
+    """Return a prediction that begins anew at the measured value in each piece."""
     shown = predicted.copy()
     length = max(round(PIECE / dt), 2)
     for begin in range(0, len(shown), length):

@@ -58,7 +58,7 @@ WANTED = (
 
 
 def is_blackbox_log(head: bytes) -> bool:
-    """Return whether a file that begins so is a blackbox log."""
+    """Return whether a file with these first bytes is a blackbox log."""
     return BEGIN in head
 
 

@@ -40,7 +40,7 @@ class EventKind(NamedTuple):
 
 
 def is_crazyflie_log(head: bytes) -> bool:
-    """Return whether a file that begins so is a log of the deck."""
+    """Return whether a file with these first bytes is a log of the deck."""
     return len(head) > 4 and head[0] == MAGIC and head[1] in TIMES and head[2] == 0
 
 

@@ -32,7 +32,7 @@ LONGEST_HEADER = 100_000
 
 
 def is_text(head: bytes) -> bool:
-    """Return whether a file that begins so is a text in columns."""
+    """Return whether a file with these first bytes is a text in columns."""
     lines = [line for line in head.splitlines() if not _is_comment(line.decode(errors="replace"))]
     first = lines[0] if lines else b""
     return b"\0" not in head and any(separator in first for separator in (b",", b";", b"\t"))
@@ -123,7 +123,7 @@ def _expect_once(header: Sequence[str], wanted: Collection[str], place: str) -> 
 
 
 def _expect_as_wide(line: str, header: Sequence[str], separator: str, place: str) -> None:
-    """Raise LogError if the first row has other cells than the names say.
+    """Raise LogError unless the first row has a cell for each name.
 
     A separator at the end of a line, and the empty cell behind it, say nothing.
     """

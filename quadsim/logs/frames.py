@@ -14,17 +14,17 @@ NED_TO_ENU = np.array((0.0, sqrt(0.5), sqrt(0.5), 0.0))
 
 
 def from_ned(vectors: np.ndarray) -> np.ndarray:
-    """Return vectors north, east, down as east, north, up.  (n, 3)"""
+    """Return north-east-down vectors in east-north-up axes  (n, 3)."""
     return vectors[:, [1, 0, 2]] * np.array((1.0, 1.0, -1.0))
 
 
 def from_frd(vectors: np.ndarray) -> np.ndarray:
-    """Return vectors forward, right, down as forward, left, up.  (n, 3)"""
+    """Return forward-right-down vectors in forward-left-up axes  (n, 3)."""
     return vectors * FROM_FRD
 
 
 def from_ned_and_frd(quaternions: np.ndarray) -> np.ndarray:
-    """Return attitudes of a body with z down in a world with z down as ours.
+    """Return attitudes of FRD axes in an NED world as attitudes of FLU axes in an ENU world.
 
     Args:
         quaternions: turn vectors of the body into the world's, wxyz  (n, 4).

@@ -57,7 +57,7 @@ class Motion(NamedTuple):
 
 
 class Change(NamedTuple):
-    """A mistake in a log or its mapping, and how the log is without it."""
+    """A possible mistake in a log or its mapping, and its correction."""
 
     cause: str
     apply: Callable[[Motion], Motion]

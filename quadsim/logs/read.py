@@ -36,7 +36,7 @@ class LogKind(NamedTuple):
     """A kind of log files."""
 
     name: str
-    # whether a file that begins so is of this kind
+    # whether a file with these first bytes is of this kind
     recognises: Callable[[bytes], bool]
     read: Callable[[Path], list[RawLog]]
 

@@ -39,7 +39,7 @@ MEASURED = {
 
 
 def is_mcap(head: bytes) -> bool:
-    """Return whether a file that begins so is an MCAP file."""
+    """Return whether a file with these first bytes is an MCAP file."""
     return head.startswith(MCAP)
 
 

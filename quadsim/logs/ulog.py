@@ -45,7 +45,7 @@ class Topic(NamedTuple):
 
 
 def is_ulog(head: bytes) -> bool:
-    """Return whether a file that begins so is a log of PX4."""
+    """Return whether a file with these first bytes is a log of PX4."""
     return head.startswith(BEGIN)
 
 

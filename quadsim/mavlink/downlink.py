@@ -78,6 +78,8 @@ ARMED = 128
 # position), control of rates, attitude, yaw, height and position, motors, checks before arming
 INERTIAL = 0x1 | 0x2 | 0x8 | 0x400 | 0x800 | 0x8000 | 0x10000000
 PLACED = 0x4 | 0x20 | 0x1000 | 0x2000 | 0x4000
+# A geofence that is not there is well: MAVProxy would say that it is breached
+NO_FENCE = 0x100000
 # COLLISION.id
 GATE = 1001
 ENVIRONMENT = 1002
@@ -200,7 +202,7 @@ class Downlink:
             send(Heartbeat(QUADROTOR, GENERIC, mode, self.custom_mode))
         if self._due("SYS_STATUS", t):
             well = INERTIAL | (PLACED if self.tells_poses else 0)
-            send(SysStatus(well, well, well))
+            send(SysStatus(well, well, well | NO_FENCE))
         if self._due("STATUS", t):
             send(status_message(self._status._replace(boot_ms=round(1e3 * boot))))
         if self._due("TRACK", t):

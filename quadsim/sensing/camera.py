@@ -44,7 +44,7 @@ Distortion = Annotated[float, unit("1", ge=-10, le=10)]
 NEAREST = 0.1
 
 # Steps of Newton's method from a distorted ray to the ray outside of the lens
-NEWTON_STEPS = 20
+NEWTON_STEPS = 40
 # Longest distance of a ray from the axis for which a lens is checked: 79 degrees
 MOST_DISTANCE = 5.0
 # Derivative of the distorted distance from the axis, below which a lens is refused
@@ -246,9 +246,17 @@ class LensCamera(Camera):
         """
         bent = (pixels - (self.width / 2, self.height / 2)) / (self.fx, self.fy)
         reached = np.linalg.norm(bent, axis=-1)
-        distance = reached.copy()
+        distance = np.minimum(reached, self._edge)
+        least = np.zeros_like(reached)
+        most = np.full_like(reached, self._edge)
         for _ in range(NEWTON_STEPS):
-            distance -= (self._bent(distance) - reached) / self._slope(distance)
+            error = self._bent(distance) - reached
+            least = np.where(error < 0.0, distance, least)
+            most = np.where(error > 0.0, distance, most)
+            newton = distance - error / self._slope(distance)
+            # With strong distortion Newton's steps leave what is known of the distance: halve that.
+            is_within = (least <= newton) & (newton <= most)
+            distance = np.where(is_within, newton, 0.5 * (least + most))
         scale = np.divide(distance, reached, out=np.ones_like(distance), where=reached > 0.0)
         return bent * scale[..., None]
 

@@ -1,17 +1,18 @@
 """An attempt whose worker is lost is flown again, once; no finished attempt is flown twice, none is
 left out."""
 
+import asyncio
 import multiprocessing as mp
 import os
 import signal
 import subprocess
 import sys
-from concurrent.futures import BrokenExecutor, Future
+from concurrent.futures import BrokenExecutor, CancelledError, Future
 from threading import Lock, Timer
 
 import pytest
 
-from quadsim.campaign.run.pool import Cluster, Pool, Processes, fly_all, run_all
+from quadsim.campaign.run.pool import Cluster, Pool, Processes, _fetch, fly_all, open_pool, run_all
 from quadsim.record.run import RunError
 from tests.campaign_cases import after_a_moment, specs
 
@@ -134,3 +135,43 @@ def test_a_worker_without_a_module_of_the_users_names_it():
     with pytest.raises(RunError, match="a worker has no module 'mine'") as found:
         cluster.error_of(failed)
     assert "\n" not in str(found.value)
+
+
+class Finished:
+    """A future of Dask that has ended with an answer or an error."""
+
+    def __init__(self, answer=None, error=None):
+        self.answer, self.error, self.released = answer, error, False
+
+    def __await__(self):
+        yield from ()
+        if self.error is not None:
+            raise self.error
+        return self.answer
+
+    def release(self):
+        self.released = True
+
+
+@pytest.mark.parametrize("error", [None, ValueError("no"), CancelledError()])
+def test_a_worker_forgets_an_answer_that_has_arrived(error):
+    flying, answer = Finished(3, error), Future()
+    asyncio.run(_fetch(flying, answer))
+    assert flying.released
+    if error is None:
+        assert answer.result() == 3
+    elif isinstance(error, CancelledError):
+        assert answer.cancelled()
+    else:
+        assert answer.exception() is error
+
+
+def test_slurm_needs_a_number_of_jobs():
+    with pytest.raises(RunError, match=r"scheduler slurm: expected the number of jobs beside it"):
+        open_pool(None, "slurm")
+
+
+def test_a_machine_without_slurm_is_one_line(monkeypatch, tmp_path):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(RunError, match=r"expected a machine that submits jobs to Slurm, got one"):
+        open_pool(2, "slurm")

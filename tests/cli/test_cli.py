@@ -240,8 +240,8 @@ def test_plot_writes_a_png_and_an_svg(cwd, capsys, monkeypatch):
 def test_flags_take_values_after_a_space_or_an_equals_sign(cwd, capsys):
     digests = []
     for words in (
-        "--model-drag 0.2 --no-adapt --sigma 1 1 .5 4e0",
-        "--model-drag=0.2 --adapt=false --sigma=1 1 .5 4",
+        "--model-drag 0.2 --no-predict --sigma 1 1 .5 4e0",
+        "--model-drag=0.2 --predict=false --sigma=1 1 .5 4",
     ):
         assert race([*FLY, *words.split(), "--json"]) == 1
         digests.append(json.loads(capsys.readouterr().out)["digest"])

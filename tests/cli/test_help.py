@@ -122,3 +122,10 @@ def test_a_required_flag_that_is_left_out_is_told_from_one_with_too_few_values(c
     assert err == "race fit: --name: expected text, got no --name (see race fit --help)\n"
     _, _, err = outcome("fly figure8 --horizon", capsys)
     assert "--horizon: expected a whole number [steps], got too few values" in err
+
+
+def test_entrants_without_their_flag_name_it(capsys):
+    _, _, err = outcome("heat colored tiny=pilot=tiny.npz", capsys)
+    assert err.startswith(
+        "race heat: unexpected 'tiny=pilot=tiny.npz': entrants stand behind --ent"
+    )

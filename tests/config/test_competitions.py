@@ -75,6 +75,9 @@ def test_a_fault_of_a_file_is_one_line_with_its_place(text, expected):
 def test_a_name_that_is_none_is_one_line(capsys):
     assert race(["fly", "--competition", "lsy_level9"]) == 2
     assert capsys.readouterr().err.startswith("race fly: no competition 'lsy_level9'")
+    # The beginning of a name is enough for advice.
+    assert race(["fly", "--competition", "aigp"]) == 2
+    assert "did you mean 'aigp_physical'?" in capsys.readouterr().err
     with pytest.raises(SettingError, match=r"^competition: expected a name"):
         Spec.of(competition=3)
 

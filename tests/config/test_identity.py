@@ -181,6 +181,20 @@ EDITED = {  # what is edited -> text of a program with a number, which makes `f`
         "class A(P):\n    def sample(self): return NUMBER\n"
         "class Part:\n    def __init__(self): self.kind = A\nf = Part()"
     ),
+    "a global that is read by globals()": "K = NUMBER\ndef f(x):\n    return globals()['K'] * x",
+    "a global within a text": "K = NUMBER\ndef f(x):\n    return eval('K * x')",
+    "a list that tells less when it is pickled": (
+        "class A(list):\n    def __reduce_ex__(self, protocol): return (list, ())\nf = A([NUMBER])"
+    ),
+    "an array that tells less when it is pickled": (
+        "import numpy\nclass A(numpy.ndarray):\n"
+        "    def __reduce_ex__(self, protocol): return (list, ())\n"
+        "f = numpy.array([NUMBER]).view(A)"
+    ),
+    "the metadata of a field": (
+        "import dataclasses\n@dataclasses.dataclass\nclass A:\n"
+        "    k: float = dataclasses.field(default=1.0, metadata={'gain': NUMBER})\nf = A()"
+    ),
     "a record's own method": (
         "import dataclasses\n@dataclasses.dataclass(init=False)\nclass A:\n"
         "    def __init__(self): self.sample = lambda: NUMBER\nf = A"

@@ -76,8 +76,8 @@ FLIGHTS = {
         BRIEF | {"sensing": "gates", "displace_gates": 0.3, "view_weight": 0.0},
     ),
     "pilot": ("split_s_swift", {"pilot": "split_s_swift", "timeout": 0.3}),
-    # Without the term of gates that are seen late, which would be compiled
-    "competition": (None, BRIEF | {"competition": "lsy_level2", "caution": 0.0, "seed": 3}),
+    # In the loops of tests/controllers/test_race_caution.py
+    "competition": (None, BRIEF | {"competition": "lsy_level2", "seed": 3}),
     "timed": ("figure8", BRIEF | {"penalties": True, "plant_dt": 0.002}),
     "faults": ("split_s_swift", BRIEF | {"fault": ("rotor=.7@.05", "commands=lost@.1-.12")}),
     "rotorpy": ("figure8", BRIEF | {"plant": "rotorpy"}),

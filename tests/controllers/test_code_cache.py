@@ -1,5 +1,6 @@
 """Compiled code on the disk is checked before it is loaded; one warning if it cannot be kept."""
 
+import gc
 import os
 import random
 import signal
@@ -10,10 +11,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numba import njit
+from numba.core.types import BaseFunction
 
 from quadsim.controllers.lanes import code_cache
 from quadsim.controllers.lanes.code_cache import CodeCache
-from quadsim.controllers.lanes.compiled import interruptible, is_cached, kept, load_module
+from quadsim.controllers.lanes.compiled import (
+    faster_compiler,
+    interruptible,
+    is_cached,
+    kept,
+    load_module,
+)
 from quadsim.controllers.lanes.trace import TraceError
 from quadsim.files.cache import cache_folder
 
@@ -223,3 +231,18 @@ def test_what_the_compiler_refuses_is_one_line_with_the_term_and_the_line():
     message = str(caught.value)
     assert message.startswith('term: band: numba cannot compile the line `low = height + "m"`: ')
     assert "\n" not in message
+
+
+@pytest.mark.parametrize("collects", [True, False])
+def test_the_faster_compiler_leaves_numba_and_the_garbage_collector_as_it_found_them(collects):
+    find, before = BaseFunction.get_call_type, gc.isenabled()
+    (gc.enable if collects else gc.disable)()
+    try:
+        with suppress(KeyError), faster_compiler(), faster_compiler():
+            assert BaseFunction.get_call_type is not find
+            assert not gc.isenabled()
+            raise KeyError
+        assert BaseFunction.get_call_type is find
+        assert gc.isenabled() == collects
+    finally:
+        (gc.enable if before else gc.disable)()

@@ -1,8 +1,8 @@
 """The term `time_to_go`: the least of its definition, without steps, the same in the lanes."""
 
 import pickle
-from contextlib import closing
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -12,7 +12,6 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import minimize
 from test_rollout_oracle import RADIUS, SYSTEM, controls, fly_lanes, launch, random_course
 
-from quadsim.config.build import build
 from quadsim.config.build_cost import cost_on, value_of
 from quadsim.config.build_plant import system_of
 from quadsim.config.spec import Spec
@@ -20,14 +19,14 @@ from quadsim.controllers.costs import StateTerm
 from quadsim.controllers.costs.race import RaceWeights, map_value, margin_of, race_cost
 from quadsim.controllers.costs.race_targets import RUN_OUT
 from quadsim.controllers.costs.race_value import OUTSIDE, Behind, time_to_go
+from quadsim.controllers.lanes.lanes import Rollout
+from quadsim.controllers.lanes.layout import LANES
 from quadsim.controllers.lanes.planner_loops import module_source
-from quadsim.controllers.sampled_trajectories import sampled_trajectories
+from quadsim.controllers.sampled_trajectories import terms_of
 from quadsim.controllers.schedule import Schedule
 from quadsim.dynamics.quadrotor import State
-from quadsim.racing.flight import simulate
 from quadsim.value import PointMass
 from quadsim.value.leg import THRUST_SHARE, States, mean_square
-from tests.small import SMALL
 
 SPEC = Spec.of("split_s_swift", laps=1, time_to_go=2.0)
 COST = cost_on(SPEC, SPEC.course)
@@ -183,32 +182,39 @@ def test_marks_carry_the_weights_of_all_steps():
         assert np.flatnonzero(marks).tolist() == [*range(9, horizon - 1, 10), horizon - 1]
 
 
-@pytest.mark.compiled  # loops of its own, as no other test has this term
-def test_lanes_agree_with_the_oracle():
+@cache
+def scene():
+    """Return the cost of a drawn course with the term, and the oracle's flights along it.
+
+    The lanes of this cost are loops of their own, as no other test has this term.
+    """
     drawn = random_course(0, obstacles=())
     weights = RaceWeights(margin=0.2, time_to_go=2.0)
     value = map_value(drawn, RADIUS, margin_of(weights), 1, PointMass(36.0, 0.3))
     cost = race_cost(drawn, RADIUS, weights, 1, value=value)
-    oracle = fly_rows(SYSTEM, cost, launch(), *controls(0), clearance=decision_distance)
+    return cost, fly_rows(SYSTEM, cost, launch(), *controls(0), clearance=decision_distance)
+
+
+@pytest.mark.compiled
+def test_lanes_agree_with_the_oracle():
+    cost, oracle = scene()
     J = fly_lanes(cost, launch(), *controls(0), dtype=np.float64)
     clear = oracle.clearance > 1e-10
     np.testing.assert_allclose(J[clear], oracle.J[clear], rtol=1e-9)
     assert np.ptp(oracle.terms[clear, -1]) > 0.5  # the term differs from sample to sample
 
 
-@pytest.mark.compiled  # the loops of a flight with this term
+@pytest.mark.compiled
 def test_the_terms_that_are_shown_sum_to_what_the_rollout_says():
-    settings = {**SMALL, "laps": 1, "adapt": False, "overshoot": 0.0, "first_iterations": 2}
-    parts = build(Spec.of(sampler="colored", time_to_go=2.0, **settings))
-    with closing(parts.plant):
-        stream = simulate(parts)
-        for _ in range(3):
-            next(stream)
-        mppi = parts.controller.planner
-    last = mppi.last
-    J = np.empty((1, 64), np.float32)
-    none = np.zeros((1, 4, len(mppi.plan), 64), np.float32)
-    mppi.rollout(last.x, mppi.plan, none, last.target, J)
-    terms = sampled_trajectories(mppi).terms
-    assert terms["time_to_go"] > 1.0
-    assert sum(terms.values()) == pytest.approx(float(J[0, 0]), rel=1e-4)
+    """In the loops of the test above, also with costs that rise along the horizon."""
+    cost, oracle = scene()
+    U, z = controls(0)
+    v = np.clip(U.T + z[:LANES], np.array(SYSTEM.low)[:, None], np.array(SYSTEM.high)[:, None])
+    rollout = Rollout(SYSTEM, cost, np.float64, Schedule(cost_rise=2.0))
+    found = rollout.trajectories(launch(), v, 0)
+    clear = np.flatnonzero(oracle.clearance[:LANES] > 1e-10)
+    assert len(clear) > LANES / 2
+    terms = [terms_of(rollout, launch(), v[m], 0, found.sample(m)) for m in clear]
+    assert np.ptp([of_sample["time_to_go"] for of_sample in terms]) > 0.5
+    sums = [sum(of_sample.values()) for of_sample in terms]
+    np.testing.assert_allclose(sums, found.J[clear], rtol=1e-9)

@@ -152,8 +152,8 @@ def test_lanes_with_longer_steps_agree_with_the_oracle():
     cost, _ = scene(0)
     lengths = step_lengths(T, 0.01, doubling=0.4)
     U, z = controls(0)
-    U, z = U[: len(lengths)], z[:, :, : len(lengths)]
-    longer = Schedule(first_noise=0.3, cost_rise=2.0, lengths=lengths)
+    U, z = U[: len(lengths)], z[:, :, : T // 2]
+    longer = Schedule(first_noise=0.3, cost_rise=2.0, lengths=lengths, hold=2)
     oracle = fly_rows(SYSTEM, cost, launch(), U, z, clearance=decision_distance, schedule=longer)
     assert_agree(fly_lanes(cost, launch(), U, z, schedule=longer), oracle)
     assert 0.1 < oracle.crashed.mean() < 0.9

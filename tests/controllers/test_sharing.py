@@ -13,6 +13,7 @@ from quadsim.controllers.lanes.compiled import load_module
 from quadsim.controllers.lanes.helpers import run_parts
 from quadsim.controllers.lanes.sharing import on_threads
 from quadsim.controllers.lanes.threads import most_threads, threads, use_threads
+from tests.small import SHORT
 
 pytestmark = pytest.mark.compiled
 
@@ -161,6 +162,7 @@ def test_a_number_of_threads_is_that_of_the_thread_that_sets_it():
 
 @pytest.mark.process
 def test_a_process_with_helpers_ends_by_itself():
-    code = "import quadsim; quadsim.fly('figure8', samples=64, timeout=.05); print('flown')"
+    """Two blocks of samples are flown, so that a helper has some to take."""
+    code = f"import quadsim; quadsim.fly('figure8', **{SHORT}); print('flown')"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert (done.returncode, done.stdout, done.stderr) == (0, "flown\n", "")

@@ -9,10 +9,14 @@ import pytest
 
 from quadsim.controllers.config import MPPIConfig
 from quadsim.controllers.costs import AmountTerm, Cost, Term
+from quadsim.controllers.lanes.layout import from_lanes
+from quadsim.controllers.mppi import MPPI
 from quadsim.controllers.presets import contradictions, preset
-from quadsim.controllers.schedule import Schedule, marks_at, step_lengths
+from quadsim.controllers.samplers import Colored, Gaussian, LogNormal, SmoothStar
+from quadsim.controllers.schedule import Schedule, first_periods, marks_at, step_lengths
 from quadsim.controllers.steps import Steps
 from quadsim.dynamics.quadrotor import ModelParams, State, quadrotor
+from quadsim.paper.integrator import double_integrator, quadratic_cost
 from quadsim.vehicle import load_vehicle
 
 DT = 0.01
@@ -87,16 +91,55 @@ def test_a_solution_is_followed_in_control_periods():
     assert not list(contradictions(informed))
 
 
+def planner(sampler, longer_steps):
+    """Return a planner of the double integrator with 1024 samples of a sampler."""
+    system, cost = double_integrator(DT), quadratic_cost(goal=(1.0, 0.0))
+    config = MPPIConfig(1024, horizon=150, dt=DT, longer_steps=longer_steps, target_ess=20)
+    return MPPI(system, cost, sampler, config)
+
+
+def noise_of_steps(mppi):
+    """Return the noise of all samples for each step, as the rollouts add it.  (M, n_u, T)"""
+    z = from_lanes(mppi.sampler.sample(1).copy(), 1024, mppi.drawn)
+    return z[:, :, mppi.draws] * mppi.ramp[1]
+
+
 @pytest.mark.compiled
-def test_noise_of_a_step_is_the_mean_of_its_periods():
-    z = np.random.default_rng(0).normal(size=(2, 4, 2 * 7, 64)).astype(np.float32)
-    found = Steps((1, 1, 2, 3)).means_of(z)
-    assert found.shape == (2, 4, 2 * 4, 64)
-    for half in range(2):
-        fine, means = z[:, :, 7 * half : 7 * half + 7], found[:, :, 4 * half : 4 * half + 4]
-        np.testing.assert_array_equal(means[:, :, :2], fine[:, :, :2])
-        np.testing.assert_allclose(means[:, :, 2], fine[:, :, 2:4].mean(axis=2), atol=1e-6)
-        np.testing.assert_allclose(means[:, :, 3], fine[:, :, 4:7].mean(axis=2), atol=1e-6)
+@pytest.mark.parametrize(
+    ("sampler", "hold"),
+    [
+        (Gaussian((0.8, 2.0)), 1),
+        (Colored((0.8, 2.0), (0.8, 2.0), cutoff=(5.0, 5.0)), 2),
+        (Colored((0.8, 2.0), (1.0, 1.0)), 1),
+    ],
+)
+def test_noise_of_a_longer_step_varies_as_the_mean_of_its_periods(sampler, hold):
+    fine, longer = planner(sampler, None), planner(sampler, 0.5)
+    assert longer.schedule.hold == hold
+    z = noise_of_steps(fine)
+    found = noise_of_steps(longer).std(axis=(0,))
+    means = np.add.reduceat(z, first_periods(LENGTHS), axis=2) / np.array(LENGTHS)
+    for step in (slice(0, 50), slice(50, 75), slice(75, 87)):
+        wanted = means[:, :, step].std(axis=(0, 2))
+        np.testing.assert_allclose(found[:, step].mean(axis=1), wanted, rtol=0.06)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize(
+    "sampler",
+    [
+        Gaussian((1.0, 1.0)),
+        Colored((1.0, 1.0), (1.0, 1.0), cutoff=(5.0, 5.0)),
+        LogNormal((0.6, 0.6)),
+        SmoothStar((0.6, 0.6)),
+    ],
+)
+def test_every_sampler_reaches_the_goal_with_longer_steps(sampler):
+    mppi, x = planner(sampler, 0.3), np.array([0.0, 0.5, 0.0, 0.0])
+    for _ in range(200):
+        u, _ = mppi.control(x)
+        x = np.array(mppi.system.next(x, u))
+    assert np.hypot(x[0] - 1.0, x[1]) < 0.1
 
 
 def flown(system, x, u, seconds):

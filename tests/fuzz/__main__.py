@@ -37,6 +37,7 @@ from tests.fuzz.pilots import pilots
 from tests.fuzz.racing_envs import racing_envs
 from tests.fuzz.runs import runs
 from tests.fuzz.solutions import solutions
+from tests.fuzz.trees import trees
 from tests.fuzz.wrong_logs import wrong_logs
 from tests.fuzz.yamls import yamls
 
@@ -67,6 +68,7 @@ KINDS = {
     "betaflight_texts": Kind(betaflight_texts, 200),
     "mavlink_clients": Kind(mavlink_clients, 200),
     "wrong_logs": Kind(wrong_logs, 60),
+    "trees": Kind(trees, 100),
 }
 # Modules that are loaded before the processes of the cases are forked.
 LOADED = (

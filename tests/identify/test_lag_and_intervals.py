@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from quadsim.identify import fit_vehicle
+from quadsim.identify.fit import remarks_on_attitude
 from quadsim.identify.geometry import Geometry
 from quadsim.identify.intervals import covariances
 from quadsim.identify.numbers import FitNumbers
+from quadsim.identify.prediction import Prediction
 from quadsim.identify.prepared import prepare
 from quadsim.identify.prior import prior_of
 from quadsim.identify.problem import RATE_PIECE, blocks_of, single_thrusts
@@ -46,6 +48,18 @@ def test_commands_between_the_rows_of_a_log_widen_the_intervals():
     assert tau.low < true < tau.high
     every = fit_vehicle([noisy(flight(vehicle=vehicle, every=1))], mass=vehicle.mass)
     assert every["rotors.motor_tau"].std < 0.3 * tau.std
+
+
+def test_a_simulated_attitude_that_loses_against_constant_velocity_is_said():
+    row = Prediction("flight", 0.1, 9, 0.01, 0.02, 0.05, 0.1, 0.1)
+    later = row._replace(seconds=0.5, simulated_attitude=0.6)
+    latest = row._replace(seconds=1.0, simulated_attitude=2.0)
+    assert list(remarks_on_attitude([row])) == []
+    assert list(remarks_on_attitude([])) == []
+    unknown = row._replace(simulated_attitude=None)
+    assert list(remarks_on_attitude([unknown])) == []
+    (remark,) = remarks_on_attitude([row, later, latest])
+    assert "worse than constant velocity after 0.5 s" in remark
 
 
 def line(rng, count, together):

@@ -75,6 +75,15 @@ def test_the_rays_of_a_lens_are_the_inverse_of_its_pixels(k1, k2):
     assert (np.sign(np.rint(1e6 * further)) == -np.sign(k1)).all()
 
 
+def test_the_rays_of_a_strong_lens_are_found_too():
+    """Newton's steps alone leave the picture."""
+    lens = LensCamera(160, 160, 0.07, 0.07, k2=10.0)
+    assert lens.problem() == ""
+    pixels = np.random.default_rng(0).uniform(0, 160, (200, 2))
+    again, _ = lens.to_pixels(np.column_stack([lens.rays(pixels), np.ones(200)]))
+    assert again == pytest.approx(pixels, abs=1e-6)
+
+
 def test_what_a_barrel_folds_back_is_not_in_the_picture():
     barrel = LensCamera(640, 360, 400.0, 400.0, k1=-0.15)
     local = np.array([[3.0, 0.0, 1.0], [0.5, 0.0, 1.0]])

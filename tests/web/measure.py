@@ -103,9 +103,8 @@ SOFTWARE = [
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
 ]
-# what a page asks for with the tab Laps open, and how often while the race moves [s]
+# what a page asks for with the tab Laps open
 ASK = {"type": "ask", "have": {}, "shows": ["laps"]}
-ASK_PERIOD = 0.1
 MENU = Menu(("split_s_swift",), ("swift",), ("race",), ("colored", "gaussian"))
 
 
@@ -393,7 +392,6 @@ async def watchers(port: int, clients: int) -> None:
                 while answer.get("type") != "parts":
                     answer = json.loads(await socket.recv())
                 have |= {name: part["version"] for name, part in answer["parts"].items()}
-                await asyncio.sleep(ASK_PERIOD)
 
     asyncio.get_running_loop().add_signal_handler(signal.SIGUSR1, tell)
     seats = [secrets.token_urlsafe(18) for _ in range(clients)]

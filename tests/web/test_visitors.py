@@ -18,7 +18,7 @@ from quadsim.web.race.competitor import POSITION
 from quadsim.web.race.notices import Notices
 from quadsim.web.race.page_race import PageRace
 from quadsim.web.race.playhead import seek, watched
-from quadsim.web.race.snapshot import Snapshot
+from quadsim.web.race.snapshot import Preparing, Snapshot
 from quadsim.web.state.page_state import Playhead
 from quadsim.web.state.view import View
 
@@ -237,6 +237,21 @@ def test_what_stands_in_a_hidden_tab_is_neither_made_nor_sent(shows, made):
     screen.update(Seen(moment, View(), stage, False), for_all, Beats(tables=True, slow=False))
     assert set(sent.parts) == {"now", "head", "map", "tower"} | made
     assert ("curves" in vars(moment)) == ("curves" in made)
+
+
+def test_while_a_start_is_prepared_the_tower_has_no_row_of_the_race_before():
+    entry = competitor(laps=2)
+    sent = Sent()
+    s = Snapshot(t=1.0, end=entry.last_t, flown=entry.last_t, competitors=(entry,), race=1)
+    screen = Screen(sent, sent, s)
+    for_all = ForAll(Head("rest", []), Head("editing", []), EMPTY)
+    stage = Stage(entry.course, 1, (entry,))
+    prepared = replace(s, preparing=Preparing("building", 1, 2))
+    awaited = replace(s, race=2)  # has no frame yet
+    for shown, rows in ((s, 1), (prepared, 0), (s, 1), (awaited, 0)):
+        seen = Seen(Moments().of(shown), View(), stage, False)
+        screen.update(seen, for_all, Beats(tables=True, slow=False))
+        assert len(sent.parts["tower"].rows) == rows
 
 
 @pytest.mark.socket

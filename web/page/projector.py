@@ -28,7 +28,9 @@ SLOW = 1.0  # of spectra and gaps
 
 
 class Projector:
-    """The scene and the screen of every visitor. One thread calls `show` again and again.
+    """Shows the race in the scene and on the screen of every visitor.
+
+    One thread calls `show` again and again.
 
     Every visitor watches a time of its own in a view of its own.
 

@@ -132,10 +132,11 @@ class Screen:
             drawn = moment.drawn(by_place)
             name = ("map", by_place)
             self._put("map", moment.once(name, lambda: stage.map.draw(drawn)))
-            self._put("tower", moment.tower)
         elif not stage.race:
             self._put("map", stage.plain_map)
-            self._put("tower", Tower([]))
+        # While the flights of START are prepared, the rows would be those of the race before.
+        has_rows = is_drawn and not s.preparing
+        self._put("tower", moment.tower if has_rows else Tower([]))
         if "planner" in wanted and is_drawn:
             self._put("planner", moment.planner)
         past = (s.race, is_drawn, [entry.past(s.t) for entry in s.competitors])
@@ -152,7 +153,7 @@ class Screen:
             self._put("chatter", moment.chatter)
 
     def _notify(self, s: Snapshot) -> None:
-        """Show notices; the notice of an event is shown once its time is watched."""
+        """Show new notices; the notice of an event waits until the visitor watches its time."""
         for notice in s.notices:
             of_other_race = notice.t is not None and notice.race != s.race
             is_ahead = notice.t is not None and s.t < notice.t - SAME_TIME

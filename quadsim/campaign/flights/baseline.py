@@ -6,10 +6,10 @@
     effects: {lap: 0.03, success: 0.2, thrust_tv: 0.25}   # worsening to rule out
     stored: ...                        # written by race regress --regen
 
-A number passes when its worsening is below its effect with 95 % confidence. So a racer that is
-worse by the effect fails with probability 95 %, however many attempts; their number decides how
-often an unchanged one fails. Where an unchanged one always fails, the verdict is undecided instead,
-and a file with too few attempts for any racer to pass is refused.
+A number passes if its worsening is below its effect with 95 % confidence. A racer that is worse by
+the effect therefore fails with a probability of 95 %, for any number of attempts; the number of
+attempts decides how often an unchanged racer fails. If an unchanged racer would always fail, the
+verdict is "undecided", and a file with too few attempts for any racer to pass is refused.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def attempts_needed(effect: float, share: float = 1.0) -> int | None:
 
     Args:
         effect: worsening of the share that finishes, which is to be ruled out.
-        share: of the attempts that finish, then and now.
+        share: share of the attempts that finish, in the stored and in the new flights.
 
     Returns:
         The number; None: more than a baseline may have.
@@ -111,7 +111,7 @@ def attempts_needed(effect: float, share: float = 1.0) -> int | None:
 
 
 def _success_bound(finished_now: int, now: int, finished_then: int, then: int) -> float:
-    """Return the worsening of the share that finishes, below which it is with 95 % confidence."""
+    """Return the upper 95 % bound of the decrease of the share that finishes."""
     # The upper limit of a two-sided interval is the one-sided bound of another confidence.
     two_sided = 2 * CONFIDENCE - 1
     return proportion_difference(finished_now, now, finished_then, then, two_sided)[1]
@@ -129,7 +129,7 @@ def baseline_variant(name: str, baseline: Baseline, settings: Settings) -> Varia
     Args:
         name: name of the variant.
         baseline: baseline with the course and the variant to fly.
-        settings: put on top of the variant's own.
+        settings: settings that replace those of the variant.
 
     Raises:
         SettingError: a setting is invalid.
@@ -230,7 +230,7 @@ def judge(then: StoredNumbers, now: StoredNumbers, effects: Effects) -> list[Ver
 
 
 class WorstSeed(NamedTuple):
-    """The attempt that has become worst, and its mean laps [s]; None: it has not finished."""
+    """The attempt that has become worst, with its mean laps [s]; None for one without a finish."""
 
     number: int  # of the attempt, from 0
     then: float | None
@@ -288,8 +288,8 @@ def _unknown(name: str, pairs: Sequence[tuple[float, float]], effect: float) -> 
 def _success(then: Sequence[float | None], now: Sequence[float | None], effect: float) -> Verdict:
     """Judge the share that finishes.
 
-    It is undecided where an unchanged racer could not pass either, and what was seen is less than
-    the effect.
+    The verdict is "undecided" if an unchanged racer could not pass either and the observed
+    decrease is below the effect.
     """
     finished_then = sum(lap is not None for lap in then)
     finished_now = sum(lap is not None for lap in now)
@@ -317,7 +317,7 @@ def _why_undecided(then: int, now: int, share: float, effect: float) -> str:
     Args:
         then: the number of stored attempts.
         now: the number of new attempts.
-        share: of the stored attempts that finished.
+        share: share of the stored attempts that finished.
         effect: worsening to rule out.
     """
     needed = attempts_needed(effect, share)

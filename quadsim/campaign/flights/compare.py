@@ -152,7 +152,7 @@ def check_baseline(names: Sequence[str], baseline: str | None) -> None:
         baseline: name of the baseline, None for none.
 
     Raises:
-        SettingError: it is none of them, or the only one.
+        SettingError: the baseline is not among the variants, or is the only variant.
     """
     if baseline is None:
         return
@@ -169,7 +169,7 @@ def comparison(
     folder: TemporaryDirectory | None = None,
     baseline: str | None = None,
 ) -> Comparison:
-    """Return the comparison of what was flown.
+    """Return the comparison of flown attempts.
 
     Args:
         variants: the variants, on one course or several; those without an attempt are left out.

@@ -42,7 +42,7 @@ def draw(sections: Sequence[Section]) -> Figure:
     """Draw a comparison.
 
     Args:
-        sections: one for each course.
+        sections: the results, a section for each course.
     """
     with rc_context(STYLE):
         tallest = max(len(section.variants) for section in sections)
@@ -56,7 +56,7 @@ def draw(sections: Sequence[Section]) -> Figure:
 
 
 class CourseAxes(NamedTuple):
-    """The axes of one course; `differences` are none for a single variant."""
+    """The axes of one course; a single variant has no `differences`."""
 
     laps: Axes
     differences: Sequence[Axes]

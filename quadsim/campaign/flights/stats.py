@@ -1,7 +1,7 @@
-"""Summary statistics of attempts: of one variant, and of two variants against each other.
+"""Summary statistics of one variant's attempts, and of two variants against each other.
 
-Lap times are conditional on finishing, so they always stand beside the numbers of attempts and of
-those that finished.
+Lap times are those of attempts that finish, so they always stand beside the number of attempts and
+the number that finished.
 """
 
 from __future__ import annotations
@@ -269,8 +269,8 @@ def against(
     Args:
         baseline: name of the baseline.
         names: names of the variants.
-        rows: the attempts of each variant; variants without attempts are left out, and there is
-            nothing without attempts of the baseline.
+        rows: the attempts of each variant; variants without attempts are left out. Without
+            attempts of the baseline the result is empty.
     """
     flown = {name: of for name, of in zip(names, rows, strict=True) if of}
     if baseline not in flown:
@@ -310,7 +310,7 @@ def commanded_tv(row: AttemptRow) -> float:
 
 
 def lap_limit(spec: dict) -> float:
-    """Return the lap time that a flight without a finish counts as [s], from a Spec's record."""
+    """Return the lap time [s] that stands for a flight without a finish, from a Spec's record."""
     return spec["timeout"] / spec["laps"]
 
 

@@ -1,7 +1,7 @@
 """Sweeps: flights at several values of one setting, paired by seed with the flights at the first.
 
-Only one setting differs from the others' flights at a time. The flights of a value that is the
-setting's default are those of the variant as it is, so that several sweeps share them.
+One setting at a time differs from the variant's own settings. Flights at a value that is the
+setting's default are the variant's own flights, which several sweeps share.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Sweep(Documented):
 
     @property
     def attempts(self) -> list[Attempt]:
-        """Return the flights of all points; one that belongs to several is there several times."""
+        """Return the flights of all points; a flight of several points is listed at each."""
         return [attempt for curve in self.curves for attempt in attempts_of(curve.section)]
 
     def to_pandas(self) -> DataFrame:
@@ -277,7 +277,7 @@ def sweep_stem(found: Sweep, planned: Sequence[PlannedCurve], attempts: int) -> 
 
     Args:
         found: the sweep.
-        planned: what was to be flown, which ends the name.
+        planned: the planned curves, from which the last part of the name is made.
         attempts: flights at each value.
     """
     courses = dict.fromkeys(curve.section.course.name for curve in found.curves)

@@ -1,8 +1,8 @@
 """The figure of a sweep: a column for each setting, and three rows for each course.
 
-The rows show how many flights finish, by how much laps differ from those at the first value, flown
-with the same seeds, and, if it is known, the total variation of the thrust. The values stand at
-equal distances in their order. More settings than fit side by side continue below.
+The rows show how many flights finish, by how much laps differ from the laps at the first value with
+the same seeds, and, if it is known, the total variation of the thrust. The values stand at equal
+distances, in the given order. Settings that do not fit side by side continue below.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ LETTERS_PER_INCH = 11  # of a title
 
 
 class Measured(NamedTuple):
-    """A number with its 95 % interval; nan for what is not known."""
+    """A number with its 95 % interval; unknown numbers are nan."""
 
     value: float
     low: float = nan
@@ -115,7 +115,7 @@ def _draw_row(
     Args:
         figure: the part of the figure for them.
         row: the curves of each setting.
-        columns: panels side by side, of which the last ones may stay free.
+        columns: number of panels side by side; the last ones may stay empty.
         looks: style of each variant.
     """
     drawn = [point for curves in row for curve in curves for point in curve.points]
@@ -150,7 +150,7 @@ def _draw_row(
 
 
 def _label_values(panels: Sequence[Axes], curve: DrawnCurve) -> None:
-    """Label the panels of one setting, from the highest down, with its values and its name."""
+    """Label the panels of one setting, which are given from top to bottom."""
     lowest = panels[-1]
     lowest.set(xticks=range(len(curve.values)), xlabel=curve.setting)
     slanted = {"rotation": 30, "ha": "right"} if len("".join(curve.values)) > LETTERS else {}
@@ -187,7 +187,7 @@ def _draw_curve(
 
 
 def _drawn(curve: Curve) -> DrawnCurve:
-    """Return what is drawn of a curve; some of its values may not be flown."""
+    """Return the drawn points of a curve, without the values that were not flown."""
     course = curve.section.course.name
     labels = [value.label for value in curve.swept.values]
     points = (

@@ -22,7 +22,7 @@ def sweep_table(title: str, points: Sequence[SweepPoint]) -> Table:
     """Return the table of one setting on one course.
 
     Args:
-        title: heads the values.
+        title: head of the column of values.
         points: each variant at each value.
     """
     of_one_variant = len({point.variant for point in points}) == 1

@@ -67,7 +67,7 @@ class SweptSetting(NamedTuple):
 
 
 def swept_settings(over: Mapping[str, Sequence[Any]]) -> list[SweptSetting]:
-    """Return what a sweep changes.
+    """Return the settings that a sweep changes.
 
     Args:
         over: the values of each setting by its name, two or more. A value may be the text that
@@ -90,7 +90,7 @@ def swept_settings(over: Mapping[str, Sequence[Any]]) -> list[SweptSetting]:
 
 
 def _full_name(given: str) -> str:
-    """Return the name of a setting, of which its end may be given if no other ends alike."""
+    """Return the full name of a setting that is given by its name or by a unique end of it."""
     name = given.strip().replace("-", "_")
     part, dot, number = name.partition(".")
     if dot and part in PARTS and number:
@@ -124,7 +124,7 @@ def _values(names: tuple[str, ...], values: Any) -> tuple[SweptValue, ...]:
 
 
 def _of_each(names: tuple[str, ...], value: Any) -> tuple[Any, ...]:
-    """Return what each of the settings is given at one value of a sweep.
+    """Return the value of each setting at one step of a sweep.
 
     Raises:
         SettingError: the value is a text with values for more or fewer settings.
@@ -153,7 +153,7 @@ def _label(value: Any) -> str:
 
 
 def _parsed(name: str, value: Any) -> Any:
-    """Return a value as its setting takes it."""
+    """Return a value in the type of its setting."""
     if value is None or value == DEFAULT:
         return None
     if not isinstance(value, str):
@@ -191,8 +191,8 @@ def swept_variant(
         name: name of the variant.
         own: settings of the variant.
         shared: settings of all variants.
-        swept: what is swept.
-        value: the value.
+        swept: the swept setting.
+        value: its value.
 
     Raises:
         SettingError: a setting is invalid, or the variant has a value of its own, or its sampler
@@ -220,8 +220,8 @@ def remarks_on_gamma(swept: SweptSetting, variants: Sequence[Variant]) -> Iterat
     """Yield a remark if an exponent of the noise is swept under a cut-off.
 
     Args:
-        swept: what is swept.
-        variants: one variant at the values.
+        swept: the swept settings.
+        variants: one variant at each of the values.
     """
     if "gamma" not in swept.names or "cutoff" in swept.names:
         return
@@ -240,7 +240,7 @@ def _with_numbers(course: Place, settings: Settings, numbers: Mapping[str, Any])
     Args:
         course: a name, a file or a course.
         settings: settings of the flight.
-        numbers: by names such as "vehicle.mass" and "sensing.camera.noise".
+        numbers: numbers by names such as "vehicle.mass" and "sensing.camera.noise".
 
     Raises:
         SettingError: the flight has no such number, or it cannot be used.
@@ -269,7 +269,7 @@ def _with_numbers(course: Place, settings: Settings, numbers: Mapping[str, Any])
 
 
 def _expect_sensors(sensing: Sensing | None, changes: Mapping[str, Any]) -> None:
-    """Check that a flight has the sensors of which one number is changed.
+    """Check that a flight has the sensors whose numbers are changed.
 
     Several numbers that change together may make a sensor that the flight lacks.
 

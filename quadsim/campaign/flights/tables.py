@@ -42,7 +42,7 @@ def comparison_tables(
 def shown_pairs(
     variants: Sequence[VariantStats], pairs: Sequence[PairStats]
 ) -> Sequence[PairStats]:
-    """Return the pairs that a table shows: of many variants those with the first one.
+    """Return the pairs that a table shows; many variants are compared with the first one only.
 
     Args:
         variants: variants of a course.
@@ -156,7 +156,7 @@ def paired(mean: Mean, form: str) -> str:
 
 
 def shown_p(value: float) -> str:
-    """Return a p-value as text; t-tests say nothing of how small a very small one is."""
+    """Return a p-value as text; very small ones as a bound, as t-tests are inexact there."""
     return f"<{LEAST_P:g}" if value < LEAST_P else number(value, ".3g")
 
 

@@ -45,7 +45,7 @@ class HeatComparison(Documented):
     Attributes:
         course: the name of the course.
         settings: the heats of each setting; `.summary` of one has its numbers.
-        differences: what changes from the first setting to each other one.
+        differences: differences of each other setting from the first.
 
     Examples:
         >>> import quadsim
@@ -88,7 +88,7 @@ class HeatComparison(Documented):
         return Document((*blocks, Picture(described)))
 
     def _races(self) -> str:
-        """Return how many races there are, of a single setting or of each of several."""
+        """Return the number of races of the only setting, or of each setting, as text."""
         number = len(self.settings[0].results)
         races = f"{number} race" + "s" * (number != 1)
         return races if len(self.settings) == 1 else f"{races} of each setting"
@@ -138,7 +138,7 @@ def heats_stem(found: HeatComparison, variants: Sequence[HeatVariant]) -> str:
 
     Args:
         found: the comparison.
-        variants: what was to be flown.
+        variants: the planned races.
     """
     keys = [key_of(heat) for variant in variants for heat in variant.heats]
     digits = sha256("".join(keys).encode()).hexdigest()[:ID_DIGITS]

@@ -20,7 +20,7 @@ def draw_heats(flown: Sequence[FlownHeats], title: str) -> Figure:
 
     Args:
         flown: the races of each setting.
-        title: what is written above.
+        title: title of the figure.
     """
     summaries = [one.summary for one in flown]
     looks = styles([one.name for one in flown])

@@ -82,7 +82,7 @@ def heat_variants(
         entrants: the line-up, as `line_up` reads it.
         variants: settings of the race and of all its flights, by name.
         shared: settings of all variants.
-        starts: races of each.
+        starts: number of races of each variant.
         rotate: whether places rotate, see `heats_of`.
 
     Raises:
@@ -129,7 +129,7 @@ def fly_variants(variants: Sequence[HeatVariant], runner: HeatRunner) -> list[Fl
 
 
 def difference(a: FlownHeats, b: FlownHeats) -> HeatsDifference:
-    """Return what changes from setting a to setting b, race by race from the same start."""
+    """Return the differences of setting b from setting a, race by race from the same start."""
     both = [
         (of_a, of_b)
         for of_a, of_b in zip(a.results, b.results, strict=True)
@@ -165,7 +165,7 @@ def _times(result: StoredResult) -> dict[str, float]:
 
 
 def _later(a: StoredResult, b: StoredResult) -> list[float]:
-    """Return how much later each entrant finished in b, of those that finished in both [s]."""
+    """Return by how much later [s] each entrant finished in b, if it finished in both races."""
     of_a = _times(a)
     of_b = _times(b)
     return [of_b[name] - of_a[name] for name in of_a if name in of_b]

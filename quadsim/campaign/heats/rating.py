@@ -36,9 +36,9 @@ def bradley_terry(
     added to each pair. Their mean is zero. A rating is MEAN_RATING + RATING_SCALE s / log(10), the
     scale of Elo.
 
-    The pairs of one race are not independent: who is first of four is ahead of three. So the
-    variance is that of the races' scores (the cluster-robust one), where it is larger than that of
-    the likelihood's curvature, which takes all pairs as independent.
+    The pairs of one race are not independent: the first of four entrants is ahead of three.
+    The likelihood's curvature takes them as independent, and gives too small a variance. The
+    cluster-robust variance, that of the races' scores, replaces it if it is larger.
 
     Args:
         names: names of the entrants.

@@ -58,7 +58,7 @@ class HeatRunner(CampaignRunner):
         return self
 
     def __call__(self, heats: Sequence[HeatSpec]) -> list[HeatRow | None]:
-        """Return all heats in order, and fly what is missing.
+        """Return all heats in order; the missing ones are flown.
 
         A heat that was lost twice with its worker is reported, and is None.
 
@@ -66,7 +66,7 @@ class HeatRunner(CampaignRunner):
             RunError: the campaign cannot be read or written, or a worker has other libraries or
                 other parts of the user's own.
             SettingError: a part of the user's own has no identity.
-            KeyboardInterrupt: what has been flown until then is kept.
+            KeyboardInterrupt: Ctrl-C; the heats that have finished are kept.
         """
         if not self._temporary:
             for entrant in {id(e): e for heat in heats for e in heat.entrants}.values():

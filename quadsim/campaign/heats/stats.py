@@ -118,7 +118,7 @@ def summary(names: Sequence[str], results: Sequence[StoredResult], gates: int) -
 
 
 def _faults(results: Sequence[StoredResult]) -> dict[str, list[str]]:
-    """Return what entrants have raised, by name."""
+    """Return the errors that entrants have raised, by name."""
     found: dict[str, list[str]] = {}
     for result in results:
         for name, text in result.faults.items():

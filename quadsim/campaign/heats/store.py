@@ -75,7 +75,7 @@ class HeatStore(Database[HeatRow]):
 
 
 def key_of(heat: HeatSpec, versions: Mapping[str, str | None] | None = None) -> str:
-    """Return the key of a heat: the hash of all that decides it, and of the libraries' versions.
+    """Return the key of a heat, the hash of its specification and of the libraries' versions.
 
     Args:
         heat: its specification.

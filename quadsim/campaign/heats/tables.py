@@ -66,7 +66,7 @@ LEAST_OVERTAKES = 5
 
 
 def _gate(gates: Mean) -> str:
-    """Return the mean gate of overtakes; its interval does not extend below the first gate."""
+    """Return the mean gate of overtakes with its interval, which begins at gate 1 or later."""
     if 0 < gates.n < LEAST_OVERTAKES:
         return f"{gates.mean:.1f}"
     return _mean(replace(gates, low=max(gates.low, 1.0)), 1)
@@ -113,7 +113,7 @@ def _with_contact(found: HeatsSummary) -> str:
 
 
 def differences_table(differences: Sequence[HeatsDifference]) -> Table:
-    """Return what changes from the first setting to each other one, from the same starts."""
+    """Return the table of differences of each other setting from the first, by equal starts."""
     return Table.of(
         differences,
         {

@@ -87,9 +87,9 @@ def _hash(record: dict) -> str:
 def fly_attempt(spec: Spec) -> Flown:
     """Fly an attempt, in a worker process on one thread.
 
-    A planner that raises an error in flight has crashed. If the flight has parts of the user's own,
-    its outcome is an error. A flight whose firmware has ended is neither: that says nothing of the
-    variant, so it is no result to keep.
+    If a planner raises an error in flight, the outcome is a crash; if the flight has parts of the
+    user's own, the outcome is an error. If the firmware ends in flight, the attempt has no outcome,
+    as this says nothing about the variant.
 
     Raises:
         FirmwareError: the firmware does not run, or has ended in flight (a ValueError).
@@ -122,7 +122,7 @@ def fly_attempt(spec: Spec) -> Flown:
 
 
 def use_one_thread_in_a_worker() -> None:
-    """Let a worker process fly on one thread: the other workers have the other cores."""
+    """Use one thread if this is a worker process, because other workers use the other cores."""
     if mp.parent_process() or "distributed.worker" in sys.modules:
         from quadsim.controllers.lanes.threads import use_threads  # here: it loads the compiler
 
@@ -132,7 +132,7 @@ def use_one_thread_in_a_worker() -> None:
 def with_fresh_parts(spec: Flyable) -> Flyable:
     """Return a specification with copies of the user's own parts, which one flight may change.
 
-    So an attempt does not depend on those that this process has flown before, as in a worker.
+    An attempt therefore does not depend on the attempts that this process has flown before.
     """
     try:
         return deepcopy(spec)

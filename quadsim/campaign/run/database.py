@@ -1,4 +1,4 @@
-"""The SQLite file of a campaign: a table of what has been flown, a row for each flight or heat.
+"""The SQLite file of a campaign: a table with a row for each flight or heat that was flown.
 
 A row is written in one transaction, so that it is there whole or not at all. Write-ahead logging
 and a busy timeout let several campaigns write at once. A row that cannot be read is named once and
@@ -122,7 +122,7 @@ class Database(Generic[AnyRow]):
 
         Args:
             row: the row.
-            spec: the full specification of what was flown.
+            spec: the full specification of the flight or heat.
 
         Returns:
             Whether the row was inserted; False if another process has stored it meanwhile.
@@ -192,8 +192,8 @@ class Database(Generic[AnyRow]):
     def forget_errors(self, keys: Iterable[str]) -> int:
         """Remove the rows that an error of the user's own code has ended, and return their number.
 
-        They are no results to keep, as the code may be mended without a change of the key: in
-        another module or in a file that the code reads.
+        Such rows are not kept, because the error may be mended without a change of the key: in
+        another module, or in a file that the code reads.
 
         Args:
             keys: the keys that are wanted.

@@ -1,19 +1,28 @@
-"""Pools fly attempts: in this process, in worker processes, or in the workers of a Dask cluster."""
+"""Pools fly attempts: in this process, in worker processes, with Dask, or as jobs of Slurm."""
 
 from __future__ import annotations
 
 import multiprocessing as mp
 import os
+import shutil
 import signal
+import subprocess
 import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
 from contextlib import suppress
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from socket import create_connection
-from threading import Thread
+from threading import Event, Thread
 from typing import Any, NamedTuple, Self, TypeVar
 from urllib.parse import urlsplit
 
@@ -30,11 +39,15 @@ from quadsim.record.run import RunError
 
 # How long the main thread waits before it looks for a signal that another thread received [s].
 WAKE = 0.5
-NO_LIMIT = 10**6
+QUEUED = 1000  # jobs that a Dask scheduler holds at once; more of them slow each other down
 UNGUARDED = 78  # exit code of a worker whose script has no main guard
 Job = TypeVar("Job")
 Answer = TypeVar("Answer")
 ANSWER = 5.0  # how long a Dask scheduler may take to answer [s]
+SLURM = "slurm"  # in place of a scheduler's address
+MEMORY = 2  # of a worker that is a job of Slurm [GB]
+DASHBOARD = "127.0.0.1:0"  # address of Dask's own page, which nobody needs
+RESUBMIT = 10.0  # how often lost jobs of Slurm are submitted again [s]
 
 
 class ScriptError(SystemExit, RunError):
@@ -46,7 +59,7 @@ class ScriptError(SystemExit, RunError):
 
 
 class Pool:
-    """This process flies one attempt after the other, each on every thread.
+    """A pool of no workers: this process flies one attempt after the other, on all threads.
 
     It is for scripts and notebooks.
     """
@@ -66,7 +79,7 @@ class Pool:
         return done
 
     def error_of(self, future: Future) -> BaseException | None:
-        """Return what a job has raised. Raises RunError if the workers are gone."""
+        """Return the error of a job, or None. Raises RunError if the workers are gone."""
         return future.exception()
 
     def close(self) -> None:
@@ -171,24 +184,34 @@ class Cluster(Pool):
     """Workers of a Dask scheduler. Dask itself flies an attempt again whose worker is lost."""
 
     in_this_process = False
-    window = NO_LIMIT  # the scheduler queues them, also for workers that join later
+    window = QUEUED  # also for workers that join later
+    advice = "waiting for workers of {address}: dask worker {address}"
 
-    def __init__(self, address: str):
-        """Connect to tcp://HOST:PORT. Raises RunError."""
+    def __init__(self, address: str, security: object = None):
+        """Connect to a scheduler.
+
+        Args:
+            address: tcp://HOST:PORT, or tls://HOST:PORT.
+            security: certificates, a Security of Dask; None: the connection is not encrypted.
+
+        Raises:
+            RunError: there is no such scheduler, or Dask is not installed.
+        """
         try:
             from distributed import Client, KilledWorker
         except ImportError:
             raise RunError(needs_extra("distributed", "cluster")) from None
         try:
             _check_reachable(address)
-            self._client: Any = Client(address, timeout=2 * ANSWER, set_as_default=False)
+            self._client: Any = Client(
+                address, timeout=2 * ANSWER, set_as_default=False, security=security
+            )
         except (OSError, ValueError) as error:
             raise RunError(f"no Dask scheduler at {address!r}: {error}") from None
         self._address = address
         if not self._client.scheduler_info()["workers"]:
-            complain(f"waiting for workers of {address}: dask worker {address}")
+            complain(self.advice.format(address=address))
         self.lost = (KilledWorker,)
-        self._executor: Any = self._client.get_executor(pure=False)
 
     @property
     def size(self) -> int:
@@ -197,10 +220,14 @@ class Cluster(Pool):
 
     def submit(self, fly: Callable[[Any], Any], job: Any) -> Future:
         """Hand one job to the scheduler."""
-        return self._executor.submit(fly, job)
+        answer: Future = Future()
+        # Not pure: Dask would give equal jobs one answer
+        flying = self._client.submit(fly, job, pure=False)
+        self._client.loop.add_callback(_fetch, flying, answer)
+        return answer
 
     def error_of(self, future: Future) -> BaseException | None:
-        """Return what a job has raised.
+        """Return the error of a job, None if it has none.
 
         Raises:
             RunError: the scheduler is gone, or a worker lacks a module of the user's.
@@ -218,8 +245,101 @@ class Cluster(Pool):
 
     def close(self) -> None:
         """Leave the cluster; what its workers have not finished is lost."""
-        self._executor.shutdown(wait=False)
         self._client.close()
+
+
+class Slurm(Cluster):
+    """Workers that are jobs of Slurm, with a Dask scheduler in this process.
+
+    A job that ends before the campaign, at its time limit say, is submitted again. With the
+    campaign all jobs end: they are cancelled, or find their scheduler gone. Connections are
+    encrypted and need the campaign's certificate, because other users can reach the ports.
+    """
+
+    advice = "waiting for Slurm to start the jobs: squeue --me"
+
+    def __init__(self, jobs: int | None):
+        """Submit a number of jobs, and begin without waiting for them.
+
+        Raises:
+            RunError: no number is given, Slurm is not here or refuses such a job, or a package of
+                the extra cluster is missing.
+        """
+        if not jobs:
+            raise RunError(
+                f"scheduler {SLURM}: expected the number of jobs beside it, as --jobs 64"
+            )
+        if shutil.which("sbatch") is None:
+            wanted = "expected a machine that submits jobs to Slurm"
+            raise RunError(f"scheduler {SLURM}: {wanted}, got one without sbatch")
+        try:
+            from dask.config import get as configured
+            from dask_jobqueue.slurm import SLURMCluster
+            from distributed.security import Security
+
+            security = Security.temporary()
+        except ImportError:
+            raise RunError(needs_extra("dask-jobqueue", "cluster")) from None
+        # The user's own configuration of dask-jobqueue goes before these values.
+        cores = configured("jobqueue.slurm.cores") or 1
+        options = configured("jobqueue.slurm.scheduler-options") or {}
+        self._jobs: Any = SLURMCluster(
+            cores=cores,
+            processes=configured("jobqueue.slurm.processes") or cores,
+            memory=configured("jobqueue.slurm.memory") or f"{MEMORY * cores}GB",
+            scheduler_options={"dashboard_address": DASHBOARD, **options},
+            security=security,
+            shared_temp_directory=configured("jobqueue.slurm.shared-temp-directory") or os.getcwd(),
+        )
+        self._closing = Event()
+        try:
+            _expect_slurm_accepts(self._jobs.job_script())
+            super().__init__(self._jobs.scheduler_address, security)
+        except RunError:
+            self._jobs.close()
+            raise
+        Thread(target=self._keep_jobs, args=(jobs,), daemon=True).start()
+
+    def _keep_jobs(self, jobs: int) -> None:
+        """Submit the jobs, and those that are lost again, until the campaign ends."""
+        while not self._closing.is_set():
+            self._jobs.scale(jobs=jobs)
+            self._closing.wait(RESUBMIT)
+
+    def close(self) -> None:
+        """Cancel the jobs; what they have not finished is lost."""
+        self._closing.set()
+        super().close()
+        self._jobs.close()
+
+
+def _expect_slurm_accepts(script: str) -> None:
+    """Raise RunError unless Slurm would accept a job with this script."""
+    tried = subprocess.run(
+        ["sbatch", "--test-only"], input=script, capture_output=True, text=True, check=False
+    )
+    if tried.returncode:
+        said = tried.stderr.strip().splitlines() or [f"exit code {tried.returncode}"]
+        raise RunError(f"scheduler {SLURM}: Slurm refuses the job: {said[-1]}")
+
+
+async def _fetch(flying: Any, answer: Future) -> None:
+    """Move the answer of a worker to this process.
+
+    The worker forgets it then. Dask would otherwise repeat the job if this worker is lost later.
+
+    Args:
+        flying: Dask's future of the job.
+        answer: the future that takes its result or its error.
+    """
+    try:
+        answer.set_result(await flying)
+    except CancelledError:
+        answer.cancel()
+        answer.set_running_or_notify_cancel()  # this ends the wait for it
+    except Exception as error:
+        answer.set_exception(error)
+    flying.release()
 
 
 def _check_reachable(address: str) -> None:
@@ -238,11 +358,14 @@ def open_pool(jobs: int | None = None, scheduler: str | None = None) -> Pool:
 
     Args:
         jobs: the number of worker processes; None: one for each core, 0: fly in this process.
-        scheduler: tcp://HOST:PORT of a Dask cluster, which is used then.
+        scheduler: tcp://HOST:PORT of a Dask cluster, which is used then, or "slurm": `jobs` jobs of
+            Slurm are the workers.
 
     Raises:
         RunError: there is no such cluster.
     """
+    if scheduler == SLURM:
+        return Slurm(jobs)
     if scheduler:
         return Cluster(scheduler)
     return Pool() if jobs == 0 else Processes(jobs)
@@ -269,12 +392,12 @@ def run_all(
     again.
 
     Args:
-        pool: does the jobs.
-        fly: does one of them, in a worker.
+        pool: pool whose workers do the jobs.
+        fly: function that does a job, in a worker.
         specs: the jobs.
 
     Raises:
-        Exception: what a job raises.
+        Exception: a job has raised it.
     """
     waiting = deque(_Job(spec, again=False) for spec in specs)
     running: dict[Future, _Job] = {}
@@ -297,9 +420,10 @@ def _answer(future: Future, spec: Any) -> Any:
     """Return the answer of a job.
 
     Raises:
-        RunError: the job has raised what no command expects, such as an error in a part of the
-            user's own; the message names the seed.
-        Exception: what else the job has raised.
+        RunError: the job has raised an error that no command expects, such as one in a part of
+            the user's own; the message names the seed.
+        RunError, FileError, SettingError, FirmwareError: the job has raised it, with its own
+            message.
     """
     try:
         return future.result()

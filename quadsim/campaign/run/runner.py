@@ -121,7 +121,7 @@ class CampaignRunner:
         Args:
             campaign: the SQLite file.
             jobs: the number of workers, see `open_pool`.
-            scheduler: address of a Dask cluster, see `open_pool`.
+            scheduler: address of a Dask cluster, or "slurm", see `open_pool`.
             this_commit: count only what this commit has flown.
             temporary: the campaign is used by one call only, so that parts without an identity can
                 fly in it.
@@ -150,12 +150,12 @@ class CampaignRunner:
         complain(kept)
 
     def _forget_errors(self, store: Database[Any], keys: Iterable[str], what: str) -> None:
-        """Remove what an error of the user's own code has ended before, to fly it again.
+        """Remove the rows that an error of the user's own code has ended, to fly them again.
 
         Args:
             store: the campaign.
             keys: the keys that are wanted.
-            what: the plural of what has a key, for people.
+            what: "attempts" or "heats", for the message.
         """
         before = [key for key in keys if key not in self._flown]
         self._flown.update(before)
@@ -184,7 +184,7 @@ class Runner(CampaignRunner):
     def __call__(
         self, variants: Sequence[Variant], attempts: int, quiet: bool = False
     ) -> list[list[AttemptRow]]:
-        """Return the attempts of every variant, and fly what is missing.
+        """Return the attempts of every variant; the missing ones are flown.
 
         Args:
             variants: variants of one comparison or search.
@@ -197,7 +197,7 @@ class Runner(CampaignRunner):
         Raises:
             RunError: the campaign cannot be read or written, or a worker has other libraries.
             SettingError: a part of the user's own has no identity.
-            KeyboardInterrupt: what has been flown until then is kept.
+            KeyboardInterrupt: Ctrl-C; the attempts that have finished are kept.
         """
         if not self._temporary:
             expect_identities(variants)
@@ -266,7 +266,7 @@ def _hashes(part: Any) -> list[str | None]:
 
 
 def expect_same_libraries(theirs: Mapping[str, str | None]) -> None:
-    """Raise RunError if a worker has other libraries: what it flies is another attempt."""
+    """Raise RunError if a worker has other versions of the libraries that decide a flight."""
     ours = this_provenance()["versions"]
     for name in LIBRARIES:
         if theirs.get(name) != ours.get(name):

@@ -8,7 +8,7 @@ from quadsim.config.spec import Spec
 
 
 def seeds_remark(specs: Iterable[Spec], rotated: bool = False) -> str:
-    """Return what seeds differ in, if start, vehicle and gusts are the same for all of them.
+    """Return a remark on what seeds draw, if they do not draw start, vehicle and gusts.
 
     Intervals over such seeds hold for one start, one vehicle and no gusts, and are narrow.
 

@@ -55,8 +55,8 @@ class Store(Database[AttemptRow]):
 
         Args:
             path: the SQLite file.
-            create: make the file if there is none, and remove what a killed command has left
-                unfinished.
+            create: make the file if there is none, and remove telemetry that a killed command has
+                left unfinished.
 
         Raises:
             RunError: the file cannot be used.

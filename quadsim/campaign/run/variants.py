@@ -1,4 +1,4 @@
-"""Variants are what a comparison compares: each is a set of settings of a flight.
+"""The variants of a comparison, each a set of settings of a flight, and their texts.
 
 gaussian                      a sampler, with the preset's numbers for it
 soft=race+target-ess=200      a name; then presets, samplers and settings, joined by +
@@ -45,7 +45,7 @@ class Variant:
 
     @property
     def key(self) -> str:
-        """Return a hash of all that decides its flights but the seed and the libraries."""
+        """Return a hash of everything that decides its flights, except seed and libraries."""
         return planner_key(self.spec.record())
 
     @property
@@ -95,7 +95,7 @@ def named_variants(
             "race+target-ess=200"; texts, each as in `parse_variants`, or one text.
 
     Raises:
-        SettingError: they name no variants.
+        SettingError: no variants are named.
     """
     if isinstance(variants, str):
         return dict(parse_variants(variants))
@@ -149,7 +149,11 @@ def make_variants(
 
 
 def told_apart(variants: Sequence[Variant]) -> list[Variant]:
-    """Return the variants with the number of each twin, so that none flies under another's name."""
+    """Return the variants with numbers as twins, by which equal records with other objects differ.
+
+    Variants whose records are equal may have different objects of the user's own. The first of them
+    has the twin 0, the next one 1, and so on.
+    """
     found: list[Variant] = []
     objects: dict[str, list[list[int]]] = {}
     for variant in variants:

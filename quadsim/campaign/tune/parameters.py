@@ -50,7 +50,7 @@ HORIZON_STEP = 10
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number that is searched: its range, and the value at which the search begins."""
+    """A number to search, with its range and the value at which the search begins."""
 
     name: str
     low: float
@@ -164,7 +164,7 @@ def _three_digits(value: float) -> float:
 def preset_text(planner: Planner, preset: str, comment: str) -> str:
     """Return the text of a preset file with every number of the planner.
 
-    As it holds them all, it stays the same when the presets of the library change.
+    The preset stays the same when the presets of the library change, as it has every number.
 
     Args:
         planner: planner with one of the library's samplers.

@@ -65,8 +65,8 @@ class Search:
 
         Args:
             campaign: the SQLite file.
-            name: what distinguishes this search from others in the file.
-            parameters: what is searched.
+            name: name that distinguishes this search from others in the file.
+            parameters: the parameters to search.
 
         Raises:
             RunError: the file cannot be read or written.
@@ -121,7 +121,7 @@ class Search:
 
     @property
     def _asked(self) -> int:
-        """Return the number of trials that are flown or cannot be.
+        """Return the number of trials that are flown or cannot be flown.
 
         Trials that a kill left open do not count.
         """

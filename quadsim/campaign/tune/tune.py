@@ -1,7 +1,7 @@
 """Tuning: the fastest planner that is still safe, searched and confirmed on fresh seeds.
 
-A planner can be tuned on several courses at once. What is minimised is then the geometric mean of
-the courses' mean laps, so that one per cent counts the same on a short course and on a long one.
+A planner can be tuned on several courses at once. The geometric mean of the courses' mean laps is
+minimised then, so that one per cent counts the same on a short course and on a long one.
 
 This module needs the extra `tune`.
 """
@@ -85,11 +85,11 @@ def tune(
         goal: goal of the search.
         campaign: the SQLite file that keeps attempts and trials.
         jobs: the number of workers, see `open_pool`.
-        scheduler: address of a Dask cluster, see `open_pool`.
+        scheduler: address of a Dask cluster, or "slurm", see `open_pool`.
 
     Raises:
         RunError: the campaign cannot be read or written, or a worker has other libraries.
-        KeyboardInterrupt: what has been flown until then is kept.
+        KeyboardInterrupt: Ctrl-C; the attempts that have finished are kept.
     """
     names = "-".join(p.name for p in parameters)
     seed = bases[0].spec.seed
@@ -107,7 +107,7 @@ def tune(
 
 
 def _key(bases: Sequence[Variant]) -> str:
-    """Return what distinguishes the variant and its courses from others."""
+    """Return a key that distinguishes the variant and its courses from others."""
     if len(bases) == 1:
         return bases[0].key
     return sha256("".join(base.key for base in bases).encode()).hexdigest()

@@ -176,7 +176,20 @@ def numbers_that_are_cut(page):
     return cells.evaluate_all(script)
 
 
-def test_nothing_covers_the_scene_in_a_small_window_or_at_a_large_zoom(page, race):
+def is_whole(page):
+    """Return whether the tower is in sight, down to its last line."""
+    script = """() => {
+        const tower = document.querySelector(".tower").getBoundingClientRect();
+        const side = document.querySelector(".side").getBoundingClientRect();
+        const rows = [...document.querySelectorAll(".tower > *")];
+        const end = Math.max(...rows.map((row) => row.getBoundingClientRect().bottom));
+        return end <= tower.bottom && tower.bottom <= side.bottom && tower.right <= innerWidth }"""
+    return page.evaluate(script)
+
+
+def test_the_scene_is_not_covered_and_the_tower_is_whole_in_small_windows_and_large_ones(
+    page, race
+):
     """Also at 200 % of a window of 1280 x 800, which is one of 640 x 400."""
     size = page.viewport_size
     type_time(page, 0.4)
@@ -192,7 +205,13 @@ def test_nothing_covers_the_scene_in_a_small_window_or_at_a_large_zoom(page, rac
     toggle = page.locator("[data-act=settings]")
     if toggle.get_attribute("aria-expanded") == "true":
         toggle.click()
-    sizes = ((640, 400, 200), (1024, 768, 400), (1366, 768, 400), (2560, 1440, 900))
+    sizes = (
+        (640, 400, 200),
+        (910, 512, 150),
+        (1024, 768, 400),
+        (1366, 768, 400),
+        (2560, 1440, 900),
+    )
     for width, height, least in sizes:
         page.set_viewport_size({"width": width, "height": height})
         page.locator(".viewport").scroll_into_view_if_needed()
@@ -201,4 +220,5 @@ def test_nothing_covers_the_scene_in_a_small_window_or_at_a_large_zoom(page, rac
         assert wide >= 0.55 * width
         assert high >= least
         assert waited(page, lambda: numbers_that_are_cut(page) == 0)
+        assert is_whole(page)
     page.set_viewport_size(size)

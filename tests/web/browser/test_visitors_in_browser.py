@@ -14,10 +14,17 @@ from quadsim.web.race.page_race import PageRace
 pytestmark = [pytest.mark.browser, pytest.mark.page]
 
 
-def start(page, session):
-    races = session.snapshot.race
-    press(page, "START")
-    assert waited(page, lambda: session.snapshot.race > races and session.snapshot.t > 0.1)
+PRESSED = """() => {
+    const button = document.querySelector("[data-act=start]");
+    button.click();
+    return [button.textContent, document.querySelector(".sentence").textContent] }"""
+
+
+def test_a_press_of_start_is_answered_before_the_server_does_anything(page, session):
+    race = session.snapshot.race
+    assert page.evaluate(PRESSED) == ["starting", "START: sent to the server"]
+    assert waited(page, lambda: session.snapshot.race > race)
+    assert waited(page, lambda: button(page, "START").count() == 1)
 
 
 def test_who_would_end_the_flight_of_another_visitor_is_asked_first(page, session):

@@ -49,7 +49,7 @@ class StickMessage(Message, tag="sticks"):
 
 
 class Heard(Message, tag="heard"):
-    """The answer to sticks, whose stamp gives the round-trip time."""
+    """The answer to a position of the sticks; the page knows the round-trip time by its stamp."""
 
     stamp: float  # [ms]
 

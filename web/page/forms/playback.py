@@ -19,7 +19,7 @@ PACE = "the flights are as fast as their pace, a setting of the race, and the ma
 
 
 class Play(Message, tag="play"):
-    """A visitor goes on watching, or pauses; None: the other of the two."""
+    """A visitor plays or pauses; None: it switches between the two."""
 
     on: bool | None = None
 
@@ -41,7 +41,7 @@ class Seek(Message, tag="seek"):
 
 
 class SeekPlace(Message, tag="seek_place"):
-    """A visitor watches when the first competitor is this far along the race [m]."""
+    """A visitor watches the time at which the first competitor is this far along the race [m]."""
 
     place: Annotated[float, Meta(ge=0, le=1e8)]
 
@@ -53,7 +53,7 @@ class Step(Message, tag="step"):
 
 
 class SetSpeed(Message, tag="set_speed"):
-    """A visitor watches at other race seconds per second."""
+    """A visitor watches at another speed [race seconds per second]."""
 
     speed: Annotated[float, Meta(ge=0.05, le=20.0)]
 
@@ -122,7 +122,7 @@ class Playback:
         *arguments: Arguments.args,
         **keywords: Arguments.kwargs,
     ) -> None:
-        """Move the playhead, but not under a person who flies."""
+        """Move a visitor's playhead, unless this visitor flies by hand."""
         if self._session.flies(visitor.number):
             visitor.send(ShowNotice("info", FLIES))
             return

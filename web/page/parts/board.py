@@ -67,14 +67,17 @@ class Parts(Message, tag="parts"):
 
 @dataclass
 class Own:
-    """A part that was made for one visitor, and what it was made from."""
+    """A part that was made for one visitor, and the key that it was made from, see `offer`."""
 
     key: object
     part: Part | None
 
 
 class Board:
-    """The present parts of the page. One thread puts them up, the server's event loop answers."""
+    """The present parts of the page.
+
+    One thread puts parts up; the answers to pages are made on the server's event loop.
+    """
 
     def __init__(self, link: Link, seats: Seats, camera: Camera):
         self.link = link

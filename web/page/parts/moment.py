@@ -20,7 +20,7 @@ Made = TypeVar("Made")
 
 
 class Moment:
-    """The race at one time. What is shown of it is made once, when somebody shows it.
+    """The race at one time. A part of it is made when a page first shows it, and then kept.
 
     Args:
         s: the race as a visitor watches it.
