@@ -22,15 +22,11 @@ from math import isnan, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import get_lapack_funcs
 
 from quadsim.dynamics.first_order import response
 from quadsim.dynamics.quadrotor import Delivered, ModelParams
 from quadsim.sensing.estimation.nominal_rotors import Interval, NominalRotors
 from quadsim.vehicle import Vehicle
-
-# solves a system with a symmetric, positive matrix
-(solve_positive,) = get_lapack_funcs(("posv",), dtype=float)
 
 SHARES = slice(0, 4)
 ALWAYS = slice(4, 7)
@@ -156,6 +152,11 @@ class WrenchLearner:
             dt: control period [s].
             gyro_noise: standard deviation of the gyroscope [rad/s]; None: states are exact.
         """
+        # Imported here, as commands that fly nothing import this module too
+        from scipy.linalg import get_lapack_funcs
+
+        # Solves a system with a symmetric positive definite matrix
+        (self._solve_positive,) = get_lapack_funcs(("posv",), dtype=float)
         self.rotors = NominalRotors(vehicle, dt)
         self._dt = dt
         self._rotor_response = response(model.motor_tau, dt)
@@ -307,7 +308,7 @@ class WrenchLearner:
     def _correct(self, error: np.ndarray, PHt: np.ndarray, S: np.ndarray) -> None:
         """Correct by innovations (n,) with covariance S (n, n), and P H^T (10, n)."""
         # S^-1 [H P, error]
-        _, solved, _ = solve_positive(S, np.column_stack([PHt.T, error]))
+        _, solved, _ = self._solve_positive(S, np.column_stack([PHt.T, error]))
         self._theta = self._theta + PHt @ solved[:, -1]
         P = self._P - PHt @ solved[:, :-1]
         self._P = 0.5 * (P + P.T)
