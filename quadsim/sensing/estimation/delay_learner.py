@@ -22,8 +22,10 @@ from quadsim.dynamics.first_order import response
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.rotation import Vec3
 
-# [s] longest delay that is compared; if it is the best one, the commands are lost rather than late
-LONGEST = 0.2
+# [s] longest delay, and the longest one that is compared: if a delay between them is the best one,
+# the commands are lost rather than late
+LONGEST = 0.1
+LONGEST_COMPARED = 0.2
 # [s] A shorter delay counts as none.
 LEAST = 0.025
 # weight of the newest error in the mean squares, per second
@@ -51,7 +53,7 @@ class DelayLearner:
         self._responses = np.array([response(lag, dt) for lag in model.rate_lags[:2]])
         # [1/s]  (2,)
         self._gains = np.array([response(tau, dt) / dt for tau in model.rate_tau[:2]])
-        periods = round(LONGEST / dt)
+        periods = round(LONGEST_COMPARED / dt)
         # roll and pitch rates that were commanded, the newest first [rad/s]  (periods + 1, 2)
         self._commanded = deque([np.zeros(2)] * (periods + 1), periods + 1)
         # mean square of the errors under each delay [rad^2/s^4]  (periods + 1,)
@@ -99,13 +101,13 @@ class DelayLearner:
     def _choose(self) -> bool:
         """Change to the best delay if it has been much better for some time."""
         best = int(self._errors.argmin())
-        is_longest = best == len(self._errors) - 1
+        is_lost = best > round(LONGEST / self._dt)
         if best * self._dt < LEAST:
             best = 0
         used = self._errors[self._periods]
         is_better = used > NOTHING and self._errors[best] < BETTER * used
         # While commands are lost, the last one becomes older and older, and so does the best delay.
-        is_steady = abs(best - self._candidate) <= 1 and not is_longest
+        is_steady = abs(best - self._candidate) <= 1 and not is_lost
         if not (is_better and is_steady):
             self._candidate = best
             self._better = 0.0
