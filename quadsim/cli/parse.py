@@ -91,6 +91,8 @@ def _line(error: CycloptsError, app: App) -> str:
             if token is not None:
                 return f"{name}: expected {expected(kind)}, got {token.value!r}"
             is_missing = isinstance(error, exceptions.MissingArgumentError) and not error.keyword
-            got = f"no {name}" if is_missing else "too few values"
+            given = " ".join(getattr(error, "tokens_so_far", ()))
+            few = f"too few values: {given!r}" if given else "too few values"
+            got = f"no {name}" if is_missing else few
             return f"{name}: expected {expected(kind)}, got {got} (see race {command} --help)"
     return str(error).splitlines()[-1]

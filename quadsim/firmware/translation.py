@@ -345,7 +345,7 @@ X_MIXER = ((-1, 1, -1), (-1, -1, 1), (1, 1, 1), (1, -1, -1))
 
 @cache
 def board_settings() -> frozenset[str]:
-    """Return the settings of boards, their transmitters and modes that are not flown."""
+    """Return the settings of boards and transmitters, and of modes without a part in flights."""
     return frozenset(BOARD_SETTINGS.read_text().split())
 
 

@@ -19,19 +19,19 @@ FLU_FROM_FRD: Quaternion = (0.0, 1.0, 0.0, 0.0)
 
 
 def ned(v: Sequence[float]) -> Vec3:
-    """Return a vector of the world in the other axes of the world."""
+    """Return an ENU vector in NED axes, or an NED vector in ENU axes."""
     x, y, z = v
     return y, x, -z
 
 
 def frd(v: Sequence[float]) -> Vec3:
-    """Return a vector of a body in the other axes of the body."""
+    """Return an FLU vector in FRD axes, or an FRD vector in FLU axes."""
     x, y, z = v
     return x, -y, -z
 
 
 def ned_attitude(q: Sequence[float]) -> Quaternion:
-    """Return an attitude in the other axes of world and body, with w >= 0.
+    """Return an attitude of FLU axes in ENU as one of FRD axes in NED, or back, with w >= 0.
 
     Args:
         q: attitude, wxyz: forward-left-up in east-north-up, or forward-right-down in

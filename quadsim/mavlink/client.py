@@ -15,7 +15,7 @@ from quadsim.vehicle import GRAVITY
 
 
 class MavlinkClient:
-    """A Controller: the client at the other end of the link.
+    """The client at the other end of the link, as a Controller of the flight.
 
     Attributes:
         round, lock_step, baro_wash: as served.
@@ -28,7 +28,7 @@ class MavlinkClient:
     rest = np.array([0.0, 0.0, 0.0, GRAVITY])
 
     def __init__(self, served: Served, sensing: Sensing | None):
-        """Take the client's part of the record of a flight."""
+        """Keep what the record of a flight says of the client."""
         self.round = served.round
         self.lock_step = served.lock_step
         self.baro_wash = served.baro_wash

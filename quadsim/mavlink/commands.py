@@ -54,7 +54,7 @@ SILENCE = 10.0
 
 
 class Phase(Enum):
-    """The phase of the present race."""
+    """The phases of a race."""
 
     START = auto()  # the vehicle stands at the start until the client arms it
     RACE = auto()  # the vehicle flies
@@ -129,7 +129,7 @@ class Commands:
     # When the client is heard.
 
     def listen_until(self, end: float) -> None:
-        """Obey the client until the wall clock is at `end` [s]; at least what has come by now."""
+        """Obey the client until the wall clock is at `end` [s], and all that has come by now."""
         while True:
             self._listen(end - perf_counter())
             if perf_counter() >= end:
@@ -138,7 +138,7 @@ class Commands:
             self.phase = Phase.SILENT
 
     def let_answers_pass(self) -> None:
-        """Obey what the client still answers to messages from before the race."""
+        """Obey the client's answers to messages that were sent before the race."""
         end = perf_counter() + PATIENCE
         quiet_since = perf_counter()
         while perf_counter() < min(end, quiet_since + QUIET):
@@ -240,7 +240,7 @@ class Commands:
             self._tell("setpoint ignored: not armed (COMMAND_LONG 400)", sender)
 
     def _tell(self, text: str, to: Address) -> None:
-        """Send a program a text, unless it has been sent it since the last race."""
+        """Send a program a text once in a race."""
         if (to, text) not in self._texts and len(self._texts) < MOST_TEXTS:
             self._texts.add((to, text))
             self._link.answer(Statustext(WARNING, text.encode()), to)

@@ -141,7 +141,7 @@ class Downlink:
             self._eye.picture((0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0))
 
     def begin(self, status: RaceStatus) -> None:
-        """Begin a flight, or the wait for one, at t = 0. status: the state of its race."""
+        """Begin a flight, or the wait for one, at t = 0; `status` is the state of its race."""
         self._ticks = {name: Ticks(rate) for name, rate in self._rates.items()}
         if self._eye is not None:
             self._ticks["picture"] = Ticks(self._eye.rate)
@@ -292,7 +292,7 @@ class Downlink:
 
 
 def _collision(event: Event, mass: float) -> Collision:
-    """Return COLLISION for a touch, with the momentum of the vehicle as the sample client has it.
+    """Return COLLISION for a touch; its last field is the momentum, as sample clients read it.
 
     Args:
         event: the touch.

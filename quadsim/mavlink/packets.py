@@ -39,7 +39,7 @@ class Packer:
     """Puts messages into packets, which it numbers."""
 
     def __init__(self, system: int = SYSTEM, component: int = COMPONENT):
-        """Send as this member of the network."""
+        """Number packets of this member of the network."""
         self._system = system
         self._component = component
         self._sequence = 0
@@ -57,7 +57,7 @@ class Packer:
 
 
 def parse(datagram: bytes) -> Parsed:
-    """Return the messages in a datagram. Nothing in it is an error.
+    """Return the messages in a datagram, and the counts of what is none; nothing is an error.
 
     After a piece that is no packet, the search goes on at the next byte that may begin one, up to
     MOST_BAD such pieces.

@@ -22,7 +22,7 @@ IMU_RATE = 114.0
 
 
 class Senses:
-    """Watches the plant, and has the motion that a client may know.
+    """The motion that a client may know: the true one, or what sensors measure of it.
 
     Without a set of sensors the motion is the true one, and the inertial unit is exact. With one,
     the unit is the set's, and the motion is what its pose sensor has measured; with a set without
@@ -79,7 +79,7 @@ class Senses:
 
     @property
     def motion(self) -> Motion | None:
-        """The motion as it is known; None: it is not."""
+        """The motion that the client may know; None: it is unknown."""
         if not self._is_exact:
             return self._measured
         truth = self._sensors.truth
@@ -89,7 +89,7 @@ class Senses:
         return Motion(x.position, x.velocity, x.attitude, x.body_rates)
 
     def _motion_of(self, pose: Pose) -> Motion:
-        """Return the motion of a measured pose, with a velocity from two poses if none is."""
+        """Return the motion of a measured pose; without a measured velocity, that of two poses."""
         velocity = pose.velocity
         if velocity is None:
             velocity = (0.0, 0.0, 0.0)

@@ -13,7 +13,7 @@ Round = Literal["first", "second"]
 
 @dataclass(frozen=True)
 class Served:
-    """How a flight is served."""
+    """The settings by which a flight is served."""
 
     client: str = "127.0.0.1"
     port: int = 14550

@@ -99,7 +99,7 @@ class Server:
         return True
 
     def _start(self) -> float | None:
-        """Return when the countdown ends, since the simulator's start [s]; None: none is on."""
+        """Return when the countdown ends, since the simulator's start [s]; None without one."""
         begins = self.commands.counts_from
         if self._countdown is None or begins is None:
             return None
@@ -152,7 +152,7 @@ class Server:
                     return
 
     def _exact(self, parts: FlightParts) -> FlightParts:
-        """Return the parts with the true state for the controller, as the client has sensors."""
+        """Return the parts with the true state for the controller: the client has the sensors."""
         period = self._spec.planner.mppi.dt
         rest = rest_of(parts.controller)
         navigation = exact_navigation(parts.plant.state, parts.referee, rest, period)

@@ -187,7 +187,7 @@ def path_setpoint(message: SetPositionTargetLocalNed) -> PathTarget | BodyTarget
 
 
 def _used(numbers: Sequence[float], mask: int, bits: Sequence[int]) -> tuple[float, ...]:
-    """Return numbers of a message, with NaN for those whose bit of the mask is set."""
+    """Return numbers of a message, with NaN in place of numbers that the mask ignores."""
     return tuple(FREE if mask & bit else number for number, bit in zip(numbers, bits, strict=True))
 
 

@@ -80,7 +80,7 @@ class UdpLink:
         return self._socket.getsockname()[1]
 
     def send(self, message: Message) -> None:
-        """Send a message to all who listen; what cannot be sent now is lost, as on any such link.
+        """Send a message to all programs that listen; it is lost if it cannot be sent at once.
 
         Args:
             message: the message.
@@ -152,7 +152,7 @@ class UdpLink:
         return found
 
     def _note(self, address: Address) -> None:
-        """Note that a program was heard; one too many is not sent anything."""
+        """Note that a program was heard; beyond MOST_LISTENERS it is sent nothing."""
         if address in self._heard or len(self._heard) < MOST_LISTENERS:
             self._heard[address] = perf_counter()
 

@@ -376,7 +376,7 @@ class CourseEditor(Form):
         saved = self._edit.saved_as
         flown = "not saved: START flies another course"
         if saved:
-            flown = f"START flies it, or: race fly {saved}"
+            flown = f"START flies it, or: race fly {_named_here(saved)}"
         return [f"ok, {checked.summary}", small(flown)]
 
     def _errors(self) -> list[Element]:
@@ -399,6 +399,13 @@ class CourseEditor(Form):
         if self._edit.search:
             lines.append(self._edit.search.progress.text)
         return lines
+
+
+def _named_here(file: str) -> str:
+    """Return a file's path, from the folder in which the server was started if it lies there."""
+    path = Path(file).resolve()
+    here = Path.cwd()
+    return str(path.relative_to(here)) if path.is_relative_to(here) else file
 
 
 def _number_field(number: Number, value: float) -> Field:
