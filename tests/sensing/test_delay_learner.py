@@ -32,7 +32,7 @@ def delays(ways, seconds, seed=0, gyro_noise=0.0):
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("gyro_noise", [0.0, 0.01])
-@pytest.mark.parametrize("delay", [0.03, 0.04, 0.06, 0.1])
+@pytest.mark.parametrize("delay", [0.03, 0.04, 0.06, 0.08])
 def test_an_unknown_delay_is_found_within_half_a_second(delay, gyro_noise, seed):
     found = delays(Ways(delay=delay), 1.0, seed, gyro_noise)
     assert found[50:] == pytest.approx([delay] * 50, abs=0.0101)
@@ -43,6 +43,14 @@ def test_a_delay_that_ends_is_forgotten(seed):
     found = delays(Ways(delay=0.06, delayed_until=1.0), 2.0, seed)
     assert found[90] == pytest.approx(0.06)
     assert found[-1] == 0.0
+
+
+@pytest.mark.parametrize("start", [1.0, 1.05, 1.1])
+@pytest.mark.parametrize("lasts", [0.2, 0.3, 0.4])
+def test_lost_commands_are_not_taken_for_late_ones(start, lasts):
+    """Meanwhile the last command becomes older, as if the delay was growing."""
+    for seed in range(3):
+        assert not any(delays(Ways(lost=(start, start + lasts)), 2.0, seed))
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -7,7 +7,7 @@ the rate loop makes another angular acceleration. With body rates that are a con
     e_d = beta_k+1 - beta_k - k_beta (k_omega (omega_cmd(t - d) - omega_k) - beta_k)
 
 with the model's gains k (quadsim.dynamics.quadrotor). The delay with the least mean square of e
-about roll and pitch is the estimate, if it explains the turning much better than the delay in use,
+about roll and pitch is the estimate, if it explains the turning much better than the delay in use
 for some time. A constant torque adds to e under each delay, so it changes no comparison much. A lag
 of the rate loop that is longer than the model's looks like a short delay, which does not count.
 """
@@ -22,8 +22,10 @@ from quadsim.dynamics.first_order import response
 from quadsim.dynamics.quadrotor import ModelParams
 from quadsim.rotation import Vec3
 
-# [s] longest delay
+# [s] longest delay, and the longest one that is compared: if a delay between them is the best one,
+# the commands are lost rather than late
 LONGEST = 0.1
+LONGEST_COMPARED = 0.2
 # [s] A shorter delay counts as none.
 LEAST = 0.025
 # weight of the newest error in the mean squares, per second
@@ -32,7 +34,7 @@ RATE = 4.0
 BETTER = 0.6
 # [rad^2/s^4] mean square of the errors below which there is nothing to explain
 NOTHING = 4.0
-# [s] for which a delay has to be the best one
+# [s] for which a delay, or one a period longer or shorter, has to be the best one
 HOLD = 0.15
 
 
@@ -51,12 +53,13 @@ class DelayLearner:
         self._responses = np.array([response(lag, dt) for lag in model.rate_lags[:2]])
         # [1/s]  (2,)
         self._gains = np.array([response(tau, dt) / dt for tau in model.rate_tau[:2]])
-        periods = round(LONGEST / dt)
+        periods = round(LONGEST_COMPARED / dt)
         # roll and pitch rates that were commanded, the newest first [rad/s]  (periods + 1, 2)
         self._commanded = deque([np.zeros(2)] * (periods + 1), periods + 1)
         # mean square of the errors under each delay [rad^2/s^4]  (periods + 1,)
         self._errors = np.zeros(periods + 1)
-        # time for which another delay has been the best one [s]
+        # another delay, in control periods, and for how long it has been the best one [s]
+        self._candidate = 0
         self._better = 0.0
         # the last roll and pitch rates [rad/s], and angular acceleration [rad/s^2]  (2,)
         self._rates: np.ndarray | None = None
@@ -98,11 +101,18 @@ class DelayLearner:
     def _choose(self) -> bool:
         """Change to the best delay if it has been much better for some time."""
         best = int(self._errors.argmin())
+        is_lost = best > round(LONGEST / self._dt)
         if best * self._dt < LEAST:
             best = 0
         used = self._errors[self._periods]
         is_better = used > NOTHING and self._errors[best] < BETTER * used
-        self._better = self._better + self._dt if is_better else 0.0
+        # While commands are lost, the last one becomes older and older, and so does the best delay.
+        is_steady = abs(best - self._candidate) <= 1 and not is_lost
+        if not (is_better and is_steady):
+            self._candidate = best
+            self._better = 0.0
+            return False
+        self._better += self._dt
         if self._better < HOLD:
             return False
         self._periods = best

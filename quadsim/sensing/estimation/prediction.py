@@ -119,8 +119,12 @@ class Commands:
         if t1 <= t0 + SAME:
             return
         # A later command replaces an earlier one that has not been sent yet.
-        switches = dict.fromkeys(given.acts for given in self._given)
-        ends = [t for t in switches if t0 + SAME < t < t1 - SAME]
+        ends: list[float] = []
+        for given in reversed(self._given):
+            if given.acts <= t0 + SAME:
+                break
+            if given.acts < t1 - SAME and given.acts not in ends:
+                ends.insert(0, given.acts)
         for end in (*ends, t1):
             yield Piece(end - t0, self.acting(t0))
             t0 = end
