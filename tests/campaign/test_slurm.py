@@ -1,16 +1,20 @@
 """A campaign whose workers are jobs of Slurm: a job that is lost costs nothing but its time."""
 
+import signal
 import time
 from collections import Counter
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
-pytest.importorskip("dask_jobqueue", reason="extra 'cluster'")
+# Without an import of dask_jobqueue, which replaces the handler of Ctrl-C
+if find_spec("dask_jobqueue") is None:
+    pytest.skip("the extra cluster is not installed", allow_module_level=True)
 
 import dask
 
-from quadsim.campaign.run.pool import open_pool, run_all
+from quadsim.campaign.run.pool import open_pool, run_all, slurm_cluster
 from quadsim.cli.cli import race
 from tests.campaign.fake_slurm import FakeSlurm
 from tests.campaign_cases import FLIGHT, LoggedJob, logged_moment
@@ -39,11 +43,16 @@ def slurm(tmp_path, monkeypatch):
 
 
 def wait_for(condition):
-    """Wait until a condition is true, at most 60 s."""
+    """Wait until a condition is true, at most 20 s."""
     end = time.monotonic() + 20.0
     while not condition():
         assert time.monotonic() < end, "timeout"
         time.sleep(0.05)
+
+
+def test_the_cluster_of_slurm_leaves_ctrl_c_alone():
+    slurm_cluster()
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_a_killed_job_loses_nothing_and_is_submitted_again(slurm, tmp_path, monkeypatch):

@@ -274,9 +274,9 @@ class Slurm(Cluster):
             raise RunError(f"scheduler {SLURM}: {wanted}, got one without sbatch")
         try:
             from dask.config import get as configured
-            from dask_jobqueue.slurm import SLURMCluster
             from distributed.security import Security
 
+            SLURMCluster = slurm_cluster()
             security = Security.temporary()
         except ImportError:
             raise RunError(needs_extra("dask-jobqueue", "cluster")) from None
@@ -311,6 +311,23 @@ class Slurm(Cluster):
         self._closing.set()
         super().close()
         self._jobs.close()
+
+
+def slurm_cluster() -> Any:
+    """Return the class SLURMCluster, and leave Ctrl-C as it is.
+
+    The import of dask-jobqueue makes SIGINT end the process without a KeyboardInterrupt.
+
+    Raises:
+        ImportError: dask-jobqueue is not installed.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        from dask_jobqueue.slurm import SLURMCluster
+    finally:
+        if signal.getsignal(signal.SIGINT) is not before:
+            signal.signal(signal.SIGINT, before)
+    return SLURMCluster
 
 
 def _expect_slurm_accepts(script: str) -> None:
