@@ -41,6 +41,15 @@ class PolynomialPath:
         largest_yaw_error: largest difference of the yaw [rad].
         yaw_held: whether the yaw is constant, because the vehicle turns over in flight and has no
             heading that polynomials can follow.
+
+    Examples:
+        >>> import numpy as np
+        >>> import quadsim
+        >>> t = np.linspace(0.0, 1.0, 100)
+        >>> climb = np.column_stack([0.0 * t, 0.0 * t, t**2])
+        >>> path = quadsim.fit_polynomials(t, climb, pieces=2)
+        >>> path.durations, path.coefficients.shape, path.largest_error < 1e-9
+        (array([0.5, 0.5]), (2, 4, 8), True)
     """
 
     durations: np.ndarray
