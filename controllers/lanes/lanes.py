@@ -12,7 +12,7 @@ import os
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import NamedTuple
@@ -42,6 +42,17 @@ class Trajectories(NamedTuple):
         return Trajectories(*(each[m] for each in self))
 
 
+class NumbersAlong(NamedTuple):
+    """The numbers of a rollout that depend on the horizon alone, see RolloutNumbers."""
+
+    periods: int  # number of control periods
+    draws: np.ndarray
+    noise_factor: np.ndarray
+    cost_factor: np.ndarray
+    mark_factor: np.ndarray
+    line_marks: np.ndarray
+
+
 class RolloutNumbers(NamedTuple):
     """The numbers that the compiled rollout reads, in the lanes' precision."""
 
@@ -60,6 +71,30 @@ class RolloutNumbers(NamedTuple):
     stride: int  # control periods between two tests against obstacles
     line_marks: np.ndarray  # whether a line that is tested ends with this step  (T,)
     crash_weight: np.floating
+
+
+# Cached, as each control step has a new Rollout if the model is learned in flight
+@lru_cache(maxsize=64)
+def _numbers_along(schedule: Schedule, horizon: int, dt: float, dtype: type) -> NumbersAlong:
+    """Return the numbers that depend on the horizon alone.
+
+    Args:
+        schedule: the steps, and the factors along them.
+        horizon: number of steps.
+        dt: control period [s].
+        dtype: the lanes' precision.
+    """
+    periods = schedule.periods(horizon)
+    line_marks = np.zeros(horizon, np.bool_)
+    line_marks[marks_at(periods.tolist(), steps_between(dt))] = True
+    return NumbersAlong(
+        periods=int(periods.sum()),
+        draws=schedule.draws(horizon),
+        noise_factor=schedule.noise(horizon).astype(dtype),
+        cost_factor=schedule.cost(horizon).astype(dtype),
+        mark_factor=schedule.marks(horizon, term_steps(dt)).astype(dtype),
+        line_marks=line_marks,
+    )
 
 
 @dataclass(frozen=True)
@@ -153,11 +188,11 @@ class Rollout:
             ValueError: the weight of crashes depends on the step, and there are obstacles.
         """
         system, cost, d = self.system, self.cost, self.dtype
-        periods = self.schedule.periods(horizon)
+        along = _numbers_along(self.schedule, horizon, system.dt, d)
         near = np.empty((0, 0), d)
         crash_weight: Weight = 0.0
         if cost.obstacles:
-            near = cost.obstacles.near(np.asarray(x0, float), periods.sum() * system.dt).astype(d)
+            near = cost.obstacles.near(np.asarray(x0, float), along.periods * system.dt).astype(d)
             term = cost.terms[cost.crash_term]
             crash_weight = self.given.get(number_name(term.name, "weight"), term.weight)
             if np.ndim(crash_weight):
@@ -165,14 +200,12 @@ class Rollout:
                     f"cost {cost.name}: weight_{term.name}: expected one number, as there are "
                     f"obstacles, got shape {np.shape(crash_weight)}"
                 )
-        line_marks = np.zeros(horizon, np.bool_)
-        line_marks[marks_at(periods.tolist(), steps_between(system.dt))] = True
         return RolloutNumbers(
-            draws=self.schedule.draws(horizon),
-            drawn=int(periods.sum()),
-            noise_factor=self.schedule.noise(horizon).astype(d),
-            cost_factor=self.schedule.cost(horizon).astype(d),
-            mark_factor=self.schedule.marks(horizon, term_steps(system.dt)).astype(d),
+            draws=along.draws,
+            drawn=along.periods,
+            noise_factor=along.noise_factor,
+            cost_factor=along.cost_factor,
+            mark_factor=along.mark_factor,
             low=np.asarray(system.low, d),
             high=np.asarray(system.high, d),
             dt=self._lengths,
@@ -181,8 +214,8 @@ class Rollout:
             cost=cost.numbers(horizon, self.given, self.schedule.lengths).astype(d),
             obstacles=near,
             stride=steps_between(system.dt),
-            line_marks=line_marks,
-            crash_weight=d(crash_weight * horizon / periods.sum()),
+            line_marks=along.line_marks,
+            crash_weight=d(crash_weight * horizon / along.periods),
         )
 
     @cached_property
