@@ -34,7 +34,10 @@ LONGEST_STEP = 0.04
 
 @dataclass(frozen=True)
 class Schedule:
-    """The two weights along the horizon; by default they are constant, as in the paper."""
+    """The steps of a rollout, and two weights along them.
+
+    By default the steps are equal and the weights are constant, as in the paper.
+    """
 
     first_noise: float = 1.0  # in (0, 1]
     cost_rise: float = 0.0  # at least 0

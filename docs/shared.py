@@ -1,4 +1,7 @@
-"""What several scripts of docs/ need: style of figures, timed control steps, gates in pictures."""
+"""Functions that several scripts of docs/ share.
+
+They set the style of figures, time control steps, and find the corners of gates in pictures.
+"""
 
 from __future__ import annotations
 
@@ -92,7 +95,7 @@ def estimated(pose: Pose, velocity: np.ndarray, rng: np.random.Generator) -> Fil
 
 
 class Corners(NamedTuple):
-    """Where the corners of gates are in a picture."""
+    """A camera sees the corners of gates at these places of its picture."""
 
     # [px]  (gates, 4, 2)
     pixels: np.ndarray
@@ -102,7 +105,7 @@ class Corners(NamedTuple):
 
     @property
     def in_view(self) -> np.ndarray:
-        """Which corners are inside the picture, and not hidden.  (gates, 4)"""
+        """Whether each corner is inside the picture and not hidden.  (gates, 4)"""
         return self.inside & ~self.hidden
 
 

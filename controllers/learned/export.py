@@ -9,10 +9,8 @@ import numpy as np
 
 from quadsim.controllers.learned.c_header import c_header
 from quadsim.controllers.learned.observation import SIZE, UNITS
-from quadsim.controllers.learned.pilot import ACTIONS, Pilot, activations
-from quadsim.files.atomic import replace_file
+from quadsim.controllers.learned.pilot import ACTIONS, Pilot, activations, write_file
 from quadsim.files.onnx_graph import Graph, Value
-from quadsim.files.strict_yaml import FileError
 from quadsim.files.values import SettingError
 
 # operator of ONNX for each activation, and for each conversion of the last layer's outputs
@@ -43,12 +41,7 @@ def export_pilot(pilot: Pilot, path: str | Path) -> Path:
     path = Path(path)
     if path.suffix not in (".h", ".onnx"):
         raise SettingError("path", f"expected FILE.h or FILE.onnx, got {str(path)!r}")
-    data = c_header(pilot).encode() if path.suffix == ".h" else pilot_onnx(pilot)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        replace_file(path, data)
-    except OSError as error:
-        raise FileError(f"{path}: cannot write: {error.strerror or error}") from None
+    write_file(path, c_header(pilot).encode() if path.suffix == ".h" else pilot_onnx(pilot))
     return path
 
 

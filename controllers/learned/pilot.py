@@ -48,6 +48,7 @@ from quadsim.files.arrays import (
     read_bytes,
     record_of,
 )
+from quadsim.files.atomic import replace_file
 from quadsim.files.strict_yaml import FileError
 
 PILOTS = Path(__file__).parent / "pilots"
@@ -269,6 +270,19 @@ def pilot_bytes(weights: Sequence[np.ndarray], about: About) -> bytes:
     for name, layer in zip(layers(len(weights) // 2), weights, strict=True):
         arrays[name] = np.asarray(layer, np.float32)
     return npz_bytes(arrays)
+
+
+def write_file(path: Path, data: bytes) -> None:
+    """Write a pilot's file completely or not at all; make a missing folder.
+
+    Raises:
+        FileError: the file cannot be written (a ValueError).
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        replace_file(path, data)
+    except OSError as error:
+        raise FileError(f"{path}: cannot write: {error.strerror or error}") from None
 
 
 def pilot_names() -> tuple[str, ...]:

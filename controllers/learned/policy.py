@@ -33,11 +33,10 @@ from quadsim.controllers.learned.pilot import (
     activations,
     pilot_bytes,
     pilot_of,
+    write_file,
 )
 from quadsim.dynamics import System
 from quadsim.dynamics.quadrotor import Control, ModelParams, quadrotor
-from quadsim.files.atomic import replace_file
-from quadsim.files.strict_yaml import FileError
 from quadsim.files.values import SettingError, checked_object, kinds_of
 from quadsim.files.yaml_errors import shown_value
 from quadsim.vehicle import Vehicle, load_vehicle
@@ -129,11 +128,7 @@ def save_pilot(
     )
     data = pilot_bytes(weights, about)
     pilot = pilot_of(data, path, str(path))
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        replace_file(path, data)
-    except OSError as error:
-        raise FileError(f"{path}: cannot write: {error.strerror or error}") from None
+    write_file(path, data)
     return pilot
 
 

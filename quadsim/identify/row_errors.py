@@ -1,8 +1,9 @@
-"""What a log does not show between its rows: the errors of the numbers by commands that are held.
+"""Estimate the errors of a fit that come from commands between the rows of a log.
 
 A flight controller moves the motors hundreds of times a second. A log with fewer rows has some of
-these commands only, and the fit holds each until the next row. Of every second row another fit is
-made: the more the motors move between the rows, the further it is from the fit of all rows.
+these commands only, and the fit holds each until the next row. A second fit reads every second row
+only: the more the motors move between the rows, the more its numbers differ from those of the fit
+that reads all rows.
 """
 
 from __future__ import annotations
@@ -28,10 +29,10 @@ def between_rows(
     rows to every second one. The 95 % interval reaches as far.
 
     Args:
-        parts: what is fitted.
-        geometry: what is not fitted.
-        prior: of each number.
-        search: the best numbers, of all rows.
+        parts: the stretches that are fitted.
+        geometry: arms and directions of the rotors, which are not fitted.
+        prior: the prior of each number.
+        search: the fit that reads all rows.
     """
     names = search.solution.searched
     if all(part.stretch.has_all_commands for part in parts):

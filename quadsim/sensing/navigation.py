@@ -568,7 +568,8 @@ class Navigation:
 
     def _learn_delay(self, learner: DelayLearner, t: float, x: State) -> None:
         """Learn the delay of the commands from the state x at t [s], and let them act later."""
-        before, self._last = self._last, t
+        before = self._last
+        self._last = t
         if before is None or abs(t - before - self._dt) > ON_TIME * self._dt:
             learner.interrupt()
             return

@@ -66,7 +66,7 @@ class Playhead:
 
 @dataclass(frozen=True)
 class Visitor:
-    """What one visitor has chosen, independently of the other visitors.
+    """A visitor has chosen these values, independently of the other visitors.
 
     Attributes:
         row: number of the row that the visitor edits.

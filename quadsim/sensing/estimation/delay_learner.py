@@ -1,4 +1,4 @@
-"""Online estimation of a delay of the commands that nobody has told the planner.
+"""Estimate in flight a delay of the commands that the planner was not told of.
 
 The delay is one of 0, 1, 2, ... control periods. Under each of them another command acts, of which
 the rate loop makes another angular acceleration. With body rates that are a control period apart,
@@ -87,12 +87,16 @@ class DelayLearner:
             Whether the delay has changed.
         """
         self._commanded.appendleft(np.array(commanded[:2]))
-        before, self._rates = self._rates, np.array(rates[:2])
+        before = self._rates
+        self._rates = np.array(rates[:2])
         if before is None:
             return False
-        last, self._acceleration = self._acceleration, (self._rates - before) / self._dt
+        last = self._acceleration
+        self._acceleration = (self._rates - before) / self._dt
         if last is None:
             return False
+
+        # The error of the angular acceleration under each delay, and its mean square
         asked = self._gains * (np.array(self._commanded) - before)
         error = self._acceleration - last - self._responses * (asked - last)
         self._errors += RATE * self._dt * ((error * error).sum(axis=1) - self._errors)
@@ -100,10 +104,13 @@ class DelayLearner:
 
     def _choose(self) -> bool:
         """Change to the best delay if it has been much better for some time."""
+        # The delay with the least error; one beyond the longest delay means lost commands
         best = int(self._errors.argmin())
         is_lost = best > round(LONGEST / self._dt)
         if best * self._dt < LEAST:
             best = 0
+
+        # Is it much better than the delay in use, and about the same as a period before?
         used = self._errors[self._periods]
         is_better = used > NOTHING and self._errors[best] < BETTER * used
         # While commands are lost, the last one becomes older and older, and so does the best delay.
@@ -112,6 +119,8 @@ class DelayLearner:
             self._candidate = best
             self._better = 0.0
             return False
+
+        # Take it up after some time
         self._better += self._dt
         if self._better < HOLD:
             return False

@@ -66,7 +66,7 @@ class FlightControls:
         self._next = start
         self.series = Series(session)
         self._pilot: int | None = None  # number of the visitor who began the flight
-        self._pilot_seat = ""  # of this visitor, once it has left; empty: it is here, or had none
+        self._pilot_seat = ""  # the seat of a pilot who has left; otherwise empty
         self._numbers = count(1)
         self._factor = start.desk.state.factor  # race seconds per second that flights have
         # of each visitor the number of its question, and what it asks for
@@ -137,10 +137,10 @@ class FlightControls:
         """Give a visitor who is connected again the flight that it began before.
 
         Args:
-            visitor: the new number of it.
-            seat: name of the seat that it had.
+            visitor: the visitor, who has a new number.
+            seat: name of the visitor's seat.
         """
-        # The connection before may still seem to be there.
+        # The visitor's earlier connection may still look open.
         is_there = self._pilot is not None and self._seats.visitor_at(seat) == self._pilot
         if is_there or (seat and seat == self._pilot_seat):
             self._pilot, self._pilot_seat = visitor.number, ""
@@ -148,8 +148,8 @@ class FlightControls:
     def _forget(self, visitor: LinkVisitor) -> None:
         """Forget the question to a visitor who has left.
 
-        Its flight stays its own, as the page may be loaded again, unless it had no seat by which it
-        could be known then.
+        The flight still belongs to this visitor, who may load the page again, unless the visitor
+        has no seat by which to be recognised.
         """
         self._asked.pop(visitor.number, None)
         if self._pilot == visitor.number:

@@ -87,7 +87,7 @@ class Playback:
     """Handles visitors' playback and camera messages, which never affect a flight in progress.
 
     Args:
-        comes_back: is told who is connected again, and the name of the seat that it had.
+        comes_back: is called with a visitor who is connected again, and the name of the seat.
     """
 
     def __init__(

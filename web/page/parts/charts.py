@@ -60,7 +60,7 @@ COLUMNS = tuple(name for one in SIGNALS for name in (one.column, one.command) if
 
 
 class AskSignals(Message, tag="ask_signals"):
-    """A question of a page that shows signals for what it lacks.
+    """A page that shows signals asks for the frames that it lacks.
 
     Attributes:
         race: number of the race that the page shows.

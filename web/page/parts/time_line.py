@@ -13,7 +13,8 @@ from quadsim.web.race.snapshot import Snapshot
 from quadsim.web.state.page_state import PaceName
 
 MarkKind = Literal["gate", "lap", "bad"]
-# Outcomes, and None for no outcome yet, whose time the marks of events show, or the end of the lane
+# Outcomes that need no mark of their own: a mark of an event, or the end of the lane, is at their
+# time. None: the flight has no outcome yet.
 ENDS_WITHOUT_MARK = (None, "finished", "crashed", "interrupted")
 # the paces of flights
 SPEEDS = tuple(float(pace.removesuffix(" x")) for pace in get_args(PaceName))

@@ -1,4 +1,4 @@
-"""Questions: questions of pages that wait for an answer until there is something new.
+"""Let the questions of pages wait for an answer until there is something new.
 
 A page asks for what it lacks, and asks again once it has the answer. So a slow or a new page gets
 the present state at its own pace, and a page at rest asks and receives almost nothing.
@@ -18,14 +18,14 @@ Question = TypeVar("Question", bound=Message)
 
 @dataclass(frozen=True)
 class _Waiting(Generic[Question]):
-    """A question, and when it came [s]."""
+    """A question that waits, and the time at which it came [s]."""
 
     question: Question
     since: float
 
 
 class Questions(Generic[Question]):
-    """The questions of one form; of each page the last one waits.
+    """Answers the questions of one form; of each page, only the last question waits.
 
     Args:
         link: takes the questions, and gives the answers.
