@@ -178,7 +178,7 @@ def _numbers(lines: Sequence[str], separator: str, places: Sequence[int]) -> tup
 def _numbers_one_by_one(
     lines: Sequence[str], separator: str, places: Sequence[int]
 ) -> tuple[np.ndarray, int]:
-    """Return what `_numbers` does, of lines that have cells that are no numbers."""
+    """Return the result of `_numbers` for lines in which some cells are not numbers."""
     found = np.full((len(lines), len(places)), nan)
     bad = 0
     for k, line in enumerate(lines):
