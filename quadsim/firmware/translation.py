@@ -236,6 +236,7 @@ RENAMED = {
 NOT_EXACT = {
     "anti_gravity_mode": "anti-gravity is another one since 4.4",
     "anti_gravity_threshold": "anti-gravity is another one since 4.4",
+    "iterm_limit": "iterm_windup, a share of pidsum_limit, limits the integral since 4.5",
     "ff_interpolate_sp": "feed-forward is another one since 4.3",
     "ff_spike_limit": "feed-forward is another one since 4.3",
     "ff_smooth_factor": "feed-forward is another one since 4.3",
@@ -275,7 +276,8 @@ WITHOUT_SIMULATION = {name: why for names, why in NOT_SIMULATED.items() for name
 ONLY_TO_4_5 = _words("dshot_idle_value simplified_dmax_gain min_throttle") | {
     f"d_min_{axis}" for axis in AXES
 }
-ONLY_TO_4_2 = {*RENAMED, *NOT_EXACT} - ONLY_TO_4_5 - {"anti_gravity_mode", "anti_gravity_threshold"}
+LATER_THAN_4_2 = {"anti_gravity_mode", "anti_gravity_threshold", "iterm_limit"}
+ONLY_TO_4_2 = {*RENAMED, *NOT_EXACT} - ONLY_TO_4_5 - LATER_THAN_4_2
 # Up to 4.3 a profile of rates has these, since then a profile of gains
 MOVED = ("tpa_rate", "tpa_breakpoint", "tpa_mode")
 MOVED_AFTER: Version = (4, 3)
