@@ -221,7 +221,15 @@ def test_the_scene_is_not_covered_and_the_tower_is_whole_in_small_windows_and_la
         assert high >= least
         assert waited(page, lambda: numbers_that_are_cut(page) == 0)
         assert is_whole(page)
+        assert waited(page, lambda: seconds_overlap(page) == [], 10)
     page.set_viewport_size(size)
+
+
+def seconds_overlap(page):
+    """Return the seconds of the time line that begin before the one on their left ends."""
+    script = """all => all.filter((e, k) => k && e.getBoundingClientRect().left
+        < all[k - 1].getBoundingClientRect().right).map(e => e.textContent)"""
+    return page.locator(".seconds span").evaluate_all(script)
 
 
 def test_presented_the_sentence_and_the_tower_are_whole_in_letters_for_a_room(page, race):
