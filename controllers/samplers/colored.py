@@ -124,21 +124,23 @@ class Colored:
         ),
     ] = "exact"
     cutoff: Annotated[
-        Cutoff,
+        Cutoff | None,
         setting(
             "frequency of each control above which amplitudes fall, by 1 / (1 + (f / f_c)^4); sigma"
-            " is that without it; 0: no cut-off",
+            " is that without it; 0 or none: no cut-off",
             unit="Hz",
         ),
     ] = ()
 
     def __post_init__(self) -> None:
         check_fields(self)
-        if any(self.cutoff) and self.law != "exact":
+        cutoff = self.cutoff or ()
+        object.__setattr__(self, "cutoff", cutoff)
+        if any(cutoff) and self.law != "exact":
             raise SettingError("cutoff", f"expected none with the law {self.law}, which has none")
-        if self.cutoff and len(self.cutoff) != len(self.sigma):
+        if cutoff and len(cutoff) != len(self.sigma):
             wanted = f"expected {len(self.sigma)} frequencies [Hz], as many as sigma has"
-            raise SettingError("cutoff", f"{wanted}, got {len(self.cutoff)}")
+            raise SettingError("cutoff", f"{wanted}, got {len(cutoff)}")
         if len(self.gamma) != len(self.sigma):
             wanted = f"expected {len(self.sigma)} numbers, as sigma has"
             raise SettingError("gamma", f"{wanted}, got {len(self.gamma)}")
@@ -179,7 +181,7 @@ class ColoredNoise:
         steps = halves * horizon
 
         # Standard deviations of real and imaginary parts, for each control  (n_u, n)
-        cutoffs = [cutoff or np.inf for cutoff in sampler.cutoff] or [np.inf] * len(sampler.sigma)
+        cutoffs = [f or np.inf for f in sampler.cutoff or (0.0,) * len(sampler.sigma)]
         deviations = np.array(
             [
                 sigma * spectrum(n, gamma, sampler.law) * roll_off(n, dt, cutoff)

@@ -14,9 +14,8 @@ from msgspec import Meta
 
 Sigma = tuple[Annotated[float, Meta(gt=0, le=1000)], ...]  # standard deviation of each control
 Gamma = tuple[Annotated[float, Meta(ge=0, le=10)], ...]  # exponent of each control, PSD ~ 1/f^gamma
-Cutoff = tuple[
-    Annotated[float, Meta(ge=0, le=1e6)], ...
-]  # of each control [Hz]; 0 or (): no cut-off
+# of each control [Hz]; 0 or (): no cut-off
+Cutoff = tuple[Annotated[float, Meta(ge=0, le=1e6)], ...]
 Shift = Literal["corrected", "published"]
 
 

@@ -180,7 +180,8 @@ def test_sigma_is_the_deviation_without_the_cut_off(key, T):
 @pytest.mark.compiled
 def test_a_cut_off_of_zero_is_none(key):
     given = {"samples": 64, "horizon": 40, "key": key, "dt": 0.05}
-    off, none = (Colored((1.0,) * 2, (0.0, 2.0), cutoff=cut) for cut in ((0.0, 0.0), ()))
+    off, none = (Colored((1.0,) * 2, (0.0, 2.0), cutoff=cut) for cut in ((0.0, 0.0), None))
+    assert none.cutoff == ()
     np.testing.assert_array_equal(off.build(**given).sample(1), none.build(**given).sample(1))
     Colored((1.0,) * 2, (0.0, 2.0), law="paper", cutoff=(0.0, 0.0))
 
