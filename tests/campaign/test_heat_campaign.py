@@ -245,8 +245,7 @@ def test_a_campaign_flies_each_race_once_and_the_same_in_parallel(tmp_path):
     assert [r.digest for r in parallel] == [r.digest for r in sequence]
 
 
-@pytest.mark.compiled
-@pytest.mark.process
+@pytest.mark.regression
 def test_a_killed_campaign_is_resumed_with_nothing_lost_and_nothing_twice(
     tmp_path, monkeypatch, capsys, in_this_process
 ):

@@ -18,6 +18,7 @@ from quadsim.controllers.steps import Steps
 from quadsim.dynamics.quadrotor import ModelParams, State, quadrotor
 from quadsim.paper.integrator import double_integrator, quadratic_cost
 from quadsim.vehicle import load_vehicle
+from tests.small import SMALL
 
 DT = 0.01
 LENGTHS = step_lengths(150, DT, doubling=0.5)
@@ -94,13 +95,14 @@ def test_a_solution_is_followed_in_control_periods():
 def planner(sampler, longer_steps):
     """Return a planner of the double integrator with 1024 samples of a sampler."""
     system, cost = double_integrator(DT), quadratic_cost(goal=(1.0, 0.0))
-    config = MPPIConfig(1024, horizon=150, dt=DT, longer_steps=longer_steps, target_ess=20)
+    horizon = SMALL["horizon"]
+    config = MPPIConfig(1024, horizon=horizon, dt=DT, longer_steps=longer_steps, target_ess=20)
     return MPPI(system, cost, sampler, config)
 
 
 def noise_of_steps(mppi):
     """Return the noise of all samples for each step, as the rollouts add it.  (M, n_u, T)"""
-    z = from_lanes(mppi.sampler.sample(1).copy(), 1024, 150)
+    z = from_lanes(mppi.sampler.sample(1).copy(), 1024, SMALL["horizon"])
     return z[:, :, mppi.draws] * mppi.ramp[1]
 
 
@@ -114,11 +116,13 @@ def noise_of_steps(mppi):
     ],
 )
 def test_noise_of_a_longer_step_varies_as_the_mean_of_its_periods(sampler):
-    fine, longer = planner(sampler, None), planner(sampler, 0.5)
+    lengths = step_lengths(SMALL["horizon"], DT, doubling=0.12)
+    assert lengths == (1,) * 12 + (2,) * 6 + (4,) * 4
+    fine, longer = planner(sampler, None), planner(sampler, 0.12)
     z = noise_of_steps(fine)
     found = noise_of_steps(longer).std(axis=(0,))
-    means = np.add.reduceat(z, first_periods(LENGTHS), axis=2) / np.array(LENGTHS)
-    for step in (slice(0, 50), slice(50, 75), slice(75, 87)):
+    means = np.add.reduceat(z, first_periods(lengths), axis=2) / np.array(lengths)
+    for step in (slice(0, 12), slice(12, 18), slice(18, 22)):
         wanted = means[:, :, step].std(axis=(0, 2))
         np.testing.assert_allclose(found[:, step].mean(axis=1), wanted, rtol=0.06)
 
@@ -134,7 +138,7 @@ def test_noise_of_a_longer_step_varies_as_the_mean_of_its_periods(sampler):
     ],
 )
 def test_every_sampler_reaches_the_goal_with_longer_steps(sampler):
-    mppi, x = planner(sampler, 0.3), np.array([0.0, 0.5, 0.0, 0.0])
+    mppi, x = planner(sampler, 0.12), np.array([0.0, 0.5, 0.0, 0.0])
     for _ in range(200):
         u, _ = mppi.control(x)
         x = np.array(mppi.system.next(x, u))
