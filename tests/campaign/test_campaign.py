@@ -29,7 +29,7 @@ from tests.campaign_cases import (
     variant,
 )
 
-MANY = 12  # attempts that are never all flown before the signal comes
+MANY = 6  # attempts that are never all flown before the signal comes
 SAMPLERS = ("colored", "gaussian")
 
 
