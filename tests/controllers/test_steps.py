@@ -20,6 +20,7 @@ from quadsim.controllers.steps import Steps
 from quadsim.dynamics.quadrotor import ModelParams, State, quadrotor
 from quadsim.paper.integrator import double_integrator, quadratic_cost
 from quadsim.vehicle import load_vehicle
+from tests.small import SMALL
 
 DT = 0.01
 LENGTHS = step_lengths(150, DT, doubling=0.5)
@@ -96,7 +97,8 @@ def test_a_solution_is_followed_in_control_periods():
 def planner(sampler, longer_steps):
     """Return a planner of the double integrator with 1024 samples of a sampler."""
     system, cost = double_integrator(DT), quadratic_cost(goal=(1.0, 0.0))
-    config = MPPIConfig(1024, horizon=150, dt=DT, longer_steps=longer_steps, target_ess=20)
+    horizon = SMALL["horizon"]
+    config = MPPIConfig(1024, horizon=horizon, dt=DT, longer_steps=longer_steps, target_ess=20)
     return MPPI(system, cost, sampler, config)
 
 
@@ -172,7 +174,7 @@ def test_noise_known_at_some_periods_is_summed_to_the_mean_over_a_step():
     ],
 )
 def test_every_sampler_reaches_the_goal_with_longer_steps(sampler):
-    mppi, x = planner(sampler, 0.3), np.array([0.0, 0.5, 0.0, 0.0])
+    mppi, x = planner(sampler, 0.12), np.array([0.0, 0.5, 0.0, 0.0])
     for _ in range(200):
         u, _ = mppi.control(x)
         x = np.array(mppi.system.next(x, u))
