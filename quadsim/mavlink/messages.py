@@ -97,7 +97,7 @@ class Heartbeat(Message):
 
 @dataclass(frozen=True)
 class SysStatus(Message):
-    """Which sensors there are, work and are well, bits of MAV_SYS_STATUS_SENSOR."""
+    """The sensors that are present, enabled and healthy, as bits of MAV_SYS_STATUS_SENSOR."""
 
     ID = 1
     NAME = "SYS_STATUS"

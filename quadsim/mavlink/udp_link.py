@@ -176,7 +176,7 @@ def address_of(host: str) -> str:
         host: its name or its IPv4 address.
 
     Raises:
-        SettingError: there is none, or it is not that of one machine.
+        SettingError: the machine has no address, or its address stands for several machines.
     """
     wanted = f"expected the name or the IPv4 address of a machine, got {host!r}"
     try:
