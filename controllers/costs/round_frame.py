@@ -93,11 +93,11 @@ NO_FRAME = Sides(0.1, 0.1, 0.1, 0.1)
 def way_to_gate(place, gate, opening):
     """Return the distance to fly to the exit of a gate [m].
 
-    In front of the gate and within its opening the way is straight. Beside the frame it leads
-    through a point in front of the gate, an approach away, and so it does from behind the opening
-    of the gate before if that lies in the same plane. From other places behind the gate it leads
-    round the nearest outer edge of the frame. There, too, it is longer by two approaches, as the
-    vehicle has to turn.
+    In front of the gate and within its opening the way is straight. From beside the frame it leads
+    through a point that lies `gate.approach` in front of the gate, and likewise from behind the
+    opening of the gate before if that lies in the same plane. From other places behind the gate it
+    leads round the nearest outer edge of the frame, and is longer by two approaches, as the vehicle
+    has to turn.
 
     Args:
         place: InGate.
