@@ -116,7 +116,7 @@ def on_a_short_course(course, settings):
     """Return the arguments of a call with a small planner and a short course.
 
     A term of one's own is written into the planner's loop, which is not compiled, as that takes
-    seconds: tests/test_own_parts.py compiles one.
+    seconds: it is in `make docs-check`.
     """
     assert quadsim.load_course(course).gates
     small = {**settings, **SMALLEST, "laps": None, "timeout": 2.0}
