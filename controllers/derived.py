@@ -240,7 +240,8 @@ def sampling(reference: Sampling, scale: Scale) -> Any:
     sigma = tuple(min(three_digits(s * by), LARGEST_SIGMA) for s, by in pairs)
     changed = replace(kind, sigma=sigma)
     if isinstance(reference, Colored):
-        changed = replace(changed, cutoff=tuple(three_digits(rates * f) for f in reference.cutoff))
+        cutoff = tuple(three_digits(rates * f) for f in reference.cutoff or ())
+        changed = replace(changed, cutoff=cutoff)
     return changed
 
 
@@ -254,7 +255,7 @@ def sigma_text(reference: Sampling, scale: Scale) -> str:
 
 def cutoff_text(reference: Colored, scale: Scale) -> str:
     """Return the formula of the noise's cut-off frequencies, see `sampling`, as text."""
-    frequencies = " ".join(f"{f:g}" for f in dict.fromkeys(reference.cutoff))
+    frequencies = " ".join(f"{f:g}" for f in dict.fromkeys(reference.cutoff or ()))
     return f"{frequencies} Hz x {stretch_text(scale)}"
 
 

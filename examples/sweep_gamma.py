@@ -5,7 +5,7 @@ import matplotlib.pyplot as plt
 import quadsim
 
 # Without a cut-off, gamma 0 is white noise; with one, the spectrum falls above it in any case.
-white = {"sampler": "colored", "cutoff": (0.0,) * 4}
+white = {"sampler": "colored", "cutoff": None}
 gammas = [(gamma,) * 4 for gamma in (0.0, 1.0, 2.0, 4.0)]
 conditions = {"attempts": 4, "laps": 1, "samples": 512, "randomize": 1.0}
 swept = quadsim.sweep("figure8", {"gamma": gammas}, {"colored": white}, **conditions)

@@ -197,6 +197,37 @@ def test_a_damaged_race_is_named_and_the_runs_are_listed(root, raced, content):
     assert len(str(runs).splitlines()) == 1 + 3 + 1
 
 
+OTHERS = {
+    "course": lambda record: record.update(course="split_s_swift"),
+    "seed": lambda record: record["spec"].update(seed=77),
+    "the name of an entrant": lambda record: record["spec"]["entrants"][0].update(name="EVIL"),
+    "the order of the entrants": lambda record: record["spec"]["entrants"].reverse(),
+    "the order of the runs": lambda record: record["runs"].reverse(),
+    "a run twice": lambda record: record.update(runs=[record["runs"][0]] * 2),
+    "the winner's name": lambda record: record["order"][0].update(name="EVIL"),
+    "the winner's time": lambda record: record["order"][0].update(time=1.0),
+    "the winner's outcome": lambda record: record["order"][0].update(outcome="finished"),
+    "a placing that lacks": lambda record: record["order"].pop(),
+    "no entrants": lambda record: record.update(
+        order=[], runs=[], spec={"seed": 9, "entrants": []}
+    ),
+}
+
+
+@pytest.mark.parametrize("changed", OTHERS)
+def test_a_list_does_not_believe_a_race_whose_runs_say_something_else(root, raced, changed):
+    folder = quadsim.runs(root).races[0].path
+    record = json.loads((folder / "heat.json").read_text())
+    OTHERS[changed](record)
+    (folder / "heat.json").write_text(json.dumps(record))
+    runs = quadsim.runs(root)
+    assert (len(runs), runs.races) == (3, [])
+    (problem,) = runs.damaged.values()
+    assert "EVIL" not in str(runs).splitlines()[1]
+    assert "heat.json" in problem
+    assert "changed after the race" in problem
+
+
 def test_the_command_lists_names_that_other_commands_take(root, raced, capsys):
     flags = ["--runs-dir", str(root)]
     assert race(["runs", *flags]) == 0

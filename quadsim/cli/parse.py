@@ -16,7 +16,7 @@ from quadsim.cli.commands import COMMANDS
 from quadsim.cli.flags import settings_as_flags
 from quadsim.config.settings import SETTINGS, bare
 from quadsim.console import UsageError
-from quadsim.files.values import checked
+from quadsim.files.values import NONE, checked
 from quadsim.files.yaml_errors import expected
 
 MANY_RACES = "use race compare-heats with --entrants, --starts and --variants for many races"
@@ -37,16 +37,29 @@ def application() -> App:
 
 
 def numbers_apart(argv: Sequence[str]) -> list[str]:
-    """Return a command line with 0:0:0:0 behind a setting of several numbers as 0 0 0 0.
+    """Return a command line in which a setting of several numbers has as many words.
 
-    Variants and sweeps join such numbers by colons, so users write the same behind a flag.
+    Variants and sweeps join such numbers by colons, so users write 0:0:0:0 behind a flag, too.
+    "none" stands for all numbers.
     """
     found: list[str] = []
     for before, word in pairwise(("", *argv)):
         setting = SETTINGS.get(before.removeprefix("--").replace("-", "_"))
-        is_list = before.startswith("--") and JOINED.fullmatch(word) and setting is not None
-        found += word.split(":") if is_list else [word]
+        if not before.startswith("--") or setting is None:
+            found.append(word)
+        elif JOINED.fullmatch(word):
+            found += word.split(":")
+        elif word == NONE:
+            found += [word] * numbers_of(setting.kind)
+        else:
+            found.append(word)
     return found
+
+
+def numbers_of(kind: inspect.Type) -> int:
+    """Return how many numbers a setting of this kind takes."""
+    one_kind = bare(kind)
+    return len(one_kind.item_types) if isinstance(one_kind, inspect.TupleType) else 1
 
 
 def run(argv: Sequence[str]) -> int:

@@ -32,7 +32,11 @@ if TYPE_CHECKING:
 
 
 class Keywords(TypedDict, total=False):
-    """The settings by name; None stands for the default. `Spec.of` takes the same keywords."""
+    """The settings by name. `Spec.of` takes the same keywords.
+
+    None stands for the default. It switches off a number of the planner that can be off, such as
+    `cutoff` and `target_ess`.
+    """
 
     sampler: str | Sampling | PlainSampler | None
     pilot: str | Path | Pilot | None

@@ -16,6 +16,7 @@ from quadsim.config.settings import (
     Group,
     Setting,
     SettingError,
+    is_none,
     is_optional,
 )
 from quadsim.controllers.config import MPPIConfig
@@ -337,7 +338,8 @@ def with_settings(group: Group, values: Any, given: Mapping[str, Any]) -> Any:
             continue  # the default
         if kind is None:
             raise SettingError(name, _owners(setting))
-        changes[setting.field] = checked(name, value, kind)
+        is_off = is_optional(kind) and is_none(value)
+        changes[setting.field] = None if is_off else checked(name, value, kind)
     return replace(values, **changes) if changes else values
 
 

@@ -25,6 +25,7 @@ from quadsim.files.strict_yaml import setting, unit
 from quadsim.files.values import Kind as Kind
 from quadsim.files.values import SettingError as SettingError
 from quadsim.files.values import bare as bare
+from quadsim.files.values import is_none as is_none
 from quadsim.files.values import is_optional as is_optional
 from quadsim.files.yaml_errors import unless_null
 from quadsim.firmware import FlightControllerName
@@ -288,6 +289,8 @@ def _kind_of_each_control(name: str, kind: Kind) -> Kind:
     if isinstance(kind, inspect.Metadata):
         inner = _kind_of_each_control(name, kind.type)
         return inspect.Metadata(inner, kind.extra_json_schema, kind.extra)
+    if isinstance(kind, inspect.UnionType):
+        return inspect.UnionType(tuple(_kind_of_each_control(name, one) for one in kind.types))
     if not isinstance(kind, inspect.VarTupleType):
         return kind
     numbers = inspect.TupleType((kind.item_type,) * len(Control._fields))

@@ -19,6 +19,7 @@ from quadsim.files.yaml_errors import cut, expected, limits, shown_value, unless
 
 Kind = inspect.Type  # type, range and unit of a value, as msgspec reads an annotation
 Number = TypeVar("Number", int, float)
+NONE = "none"  # text for a setting that is switched off
 
 
 class SettingError(ValueError):
@@ -127,6 +128,12 @@ def is_optional(kind: Kind) -> bool:
     if isinstance(kind, inspect.Metadata):
         return is_optional(kind.type)
     return isinstance(kind, inspect.UnionType)
+
+
+def is_none(given: object) -> bool:
+    """Return whether a value of a setting is the text "none", or this text for each control."""
+    texts = given if isinstance(given, list | tuple) else [given]
+    return all(isinstance(text, str) and text == NONE for text in texts)
 
 
 def bare(kind: Kind) -> Kind:

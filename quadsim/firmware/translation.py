@@ -2,8 +2,8 @@
 
 A pilot's `diff all` has the names and numbers of the version on the drone, and many lines that a
 simulation has no use for. Each line is sorted into one of the kinds below: it is taken as it is,
-translated into the words of the version that is simulated, or left out. A setting that no version
-knows is never left out: the firmware's own command line reads it, and says so.
+translated into the names and values of the version that is simulated, or left out. A setting that
+no version knows is not left out: the firmware's own command line reads it and refuses it.
 
 The table of changed names was made from the settings of the versions 4.2 to 4.6.
 """
@@ -36,7 +36,7 @@ SET = re.compile(r"set\s+(\w+)\s*=\s*(.*)", re.IGNORECASE)
 AXES = ("roll", "pitch", "yaw")
 PROFILES = 4  # of the version that is simulated; of gains and of rates
 MODES = 20  # conditions of modes
-AUX_CHANNELS = 12  # that the simulated link carries
+AUX_CHANNELS = 12  # of the simulated link
 # Numbers of the modes of 4.6; those that are missing were removed before 4.2
 MODE_NUMBERS = {*range(9), 11, 12, 13, 15, 17, 19, 20, *range(23, 38), *range(39, 56)}
 # Modes of the firmware's log, which is written from arming on
@@ -156,9 +156,10 @@ class ConfigurationError(FileError):
 
 
 def in_this_version(text: Text) -> Text:
-    """Return the text in the words of the version that is simulated.
+    """Return the text with the names and values of the version that is simulated.
 
-    A text of this version stays as it is. Another one has its lines that fly, under a header.
+    A text of this version is returned unchanged. Of another text, the lines that affect a flight
+    are returned, under a header.
 
     Raises ConfigurationError.
     """
@@ -183,7 +184,7 @@ def version_of(text: Text) -> Version | None:
 
 
 def translated(text: Text) -> Translation:
-    """Return a text in the words of the version that is simulated.
+    """Return a text with the names and values of the version that is simulated.
 
     Raises:
         ConfigurationError: lines that decide the airframe or the switches do not fit, or a line
@@ -235,6 +236,7 @@ RENAMED = {
 NOT_EXACT = {
     "anti_gravity_mode": "anti-gravity is another one since 4.4",
     "anti_gravity_threshold": "anti-gravity is another one since 4.4",
+    "iterm_limit": "iterm_windup, a share of pidsum_limit, limits the integral since 4.5",
     "ff_interpolate_sp": "feed-forward is another one since 4.3",
     "ff_spike_limit": "feed-forward is another one since 4.3",
     "ff_smooth_factor": "feed-forward is another one since 4.3",
@@ -274,7 +276,8 @@ WITHOUT_SIMULATION = {name: why for names, why in NOT_SIMULATED.items() for name
 ONLY_TO_4_5 = _words("dshot_idle_value simplified_dmax_gain min_throttle") | {
     f"d_min_{axis}" for axis in AXES
 }
-ONLY_TO_4_2 = {*RENAMED, *NOT_EXACT} - ONLY_TO_4_5 - {"anti_gravity_mode", "anti_gravity_threshold"}
+LATER_THAN_4_2 = {"anti_gravity_mode", "anti_gravity_threshold", "iterm_limit"}
+ONLY_TO_4_2 = {*RENAMED, *NOT_EXACT} - ONLY_TO_4_5 - LATER_THAN_4_2
 # Up to 4.3 a profile of rates has these, since then a profile of gains
 MOVED = ("tpa_rate", "tpa_breakpoint", "tpa_mode")
 MOVED_AFTER: Version = (4, 3)

@@ -166,7 +166,7 @@ def tuned(
         text: configuration of its firmware.
         dt: physics step [s].
         period: control period [s].
-        show: is told how much of the search is done.
+        show: function that is called with the share of the search that is done.
 
     Raises:
         FirmwareError, FileError: as for FirmwareBench.
@@ -198,7 +198,7 @@ def _searched(
         bench: the test bench.
         name: name of the axis.
         gains: gains before the search; the other axes keep theirs.
-        show: is told the share of the search that is done.
+        show: function that is called with the share of the search that is done.
     """
 
     def with_axis(of_axis: Gains) -> NewActuators:

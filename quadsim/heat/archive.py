@@ -49,7 +49,7 @@ from quadsim.record.archive import (
 )
 from quadsim.record.provenance import provenance
 from quadsim.record.run import RecordedRun, RunError, canonical, hostless
-from quadsim.record.schema import HEAT_FORMAT, TitledHeat
+from quadsim.record.schema import HEAT_FORMAT
 from quadsim.record.whole_files import file_errors, write_whole
 
 # Role of a part of the user's own that a text can name -> the form of the text
@@ -215,21 +215,6 @@ def runs_of_heat(path: str | Path) -> list[Path]:
     if not numbered:
         raise RunError(f"{path}: expected the runs of a race, found none")
     return sorted(numbered, key=lambda folder: int(folder.name.partition("_")[0]))
-
-
-def heat_title(path: str | Path) -> str:
-    """Return a short description of a stored race: course, number of entrants, winner.
-
-    If the race is not readable, the folder's name is returned.
-    """
-    try:
-        data = read_bytes(Path(path) / HEAT, "the record of a race", LARGEST_HEAT)
-        stored = msgspec.json.decode(data, type=TitledHeat)
-        winner = stored.order[0]
-    except (FileError, msgspec.DecodeError, ValueError, RecursionError, IndexError):
-        return Path(path).name
-    ended = f"{winner.time:.3f} s" if winner.time is not None else winner.outcome
-    return f"{stored.course} race of {len(stored.order)}: {winner.name} {ended}"
 
 
 def find_heat(wanted: str, root: str) -> Path:

@@ -26,7 +26,7 @@ def liveliest(parts: Sequence[Stretch]) -> list[Stretch]:
     """Return the spans in which the motions change most, together of at most MOST_TIME.
 
     Each motion in turn, a body rate, a velocity or the mean command, takes the span in which it
-    changes most, so that a log with little yaw keeps that. Neighbouring spans stay one stretch.
+    changes most, so that a log with little yaw keeps its yaw. Neighbouring spans stay one stretch.
     Logs that are not longer are returned as they are.
     """
     if total_time(parts) <= MOST_TIME:

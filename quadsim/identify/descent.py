@@ -39,15 +39,16 @@ def descend(
 ) -> tuple[np.ndarray, float]:
     """Return where a search ends, and its cost.
 
-    Levenberg's and Marquardt's steps within limits. `scipy.optimize.least_squares` takes the same
-    ones, but decomposes all rows of the Jacobian in each, which costs most of the time here; k x k
-    normal equations are enough for numbers in standard deviations of their prior.
+    The steps are those of Levenberg and Marquardt, within limits. `scipy.optimize.least_squares`
+    takes the same steps, but decomposes the whole Jacobian in each of them, which would take most
+    of the time here. The k x k normal equations are accurate enough, because the numbers are in
+    standard deviations of their prior.
 
     Args:
-        residuals: of a vector of numbers, over their noise  (k,) -> (m,).
-        derivatives: of the residuals, from the numbers and the residuals there  (m, k).
-        begin: where the search begins  (k,).
-        limits: prior and limits.
+        residuals: function of the numbers that returns residuals over their noise  (k,) -> (m,).
+        derivatives: function of the numbers and their residuals that returns the Jacobian  (m, k).
+        begin: numbers at which the search begins  (k,).
+        limits: prior and limits of the numbers.
         least_gain: relative decrease of the cost at which the search ends.
     """
     mean, low, high = limits

@@ -307,8 +307,8 @@ def _usable_pieces(part: Prepared) -> _Pieces | None:
 def _saturated(part: Prepared) -> np.ndarray:
     """Return where a motor is at the end of its range  (n,).
 
-    The lowest command is that of idling motors. A flight controller may correct its commands for
-    the voltage of the battery, so that the lowest speed is what stays.
+    Idling motors have the lowest command. If a flight controller corrects its commands for the
+    voltage of the battery, they have the lowest speed instead.
     """
     motors = part.stretch.motor_commands
     if motors is None or not np.any(part.usable):

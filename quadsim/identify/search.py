@@ -159,11 +159,11 @@ class Problem:
         return scale
 
     def _singles(self, numbers: FitNumbers, *, is_late_alone: bool = False) -> Singles:
-        """Return the thrusts of the rotors in each stretch as each channel meets them.
+        """Return the thrusts of the rotors in each stretch, with and without the force's lag.
 
         Args:
-            numbers: with delay and lags.
-            is_late_alone: whether the channels that are later than the others are enough.
+            numbers: the numbers, with delay and lags.
+            is_late_alone: whether to return only the thrusts with the lag.
         """
         wanted = {(id(block.part), block.channel.is_late): block.part for block in self._blocks}
         return {

@@ -1,9 +1,8 @@
 """Stretches: readings of a log without a gap, on one uniform clock, ready for a fit.
 
-A log may have its pose at 100 Hz beside its gyro at 1 kHz, and a clock that trembles. Commands are
-held until the next one; what is measured is interpolated, and missing over gaps. What a log lacks
-but the rest of it tells is derived: the velocity from the position, the body rates from the
-attitude.
+A log may have its pose at 100 Hz beside its gyro at 1 kHz, and a clock with jitter. A command is
+held until the next one. Measured signals are interpolated, and are missing over gaps. Two signals
+are derived if a log lacks them: the velocity from the position, the body rates from the attitude.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ LONGEST_HOLD = 0.25  # a missing command is the one before it for this time [s]
 LEAST_RATE = 250.0  # logs with more rows are thinned to this rate or more [Hz]
 MAD = 1.4826  # standard deviation of a normal distribution over its median absolute deviation
 PLANT_STEP = 1 / 400  # of quadsim's plants; real vehicles move continuously [s]
-TREMBLE = 0.01  # relative error of a log's clock
+JITTER = 0.01  # relative error of a log's clock
 SMOOTH = 0.05  # time over which a velocity is smoothed [s]
 # A voltage is averaged, over a time as short as this noise of its mean permits: it sags within
 # hundredths of a second when the thrust rises.
@@ -80,7 +79,7 @@ class Stretch:
     @property
     def has_all_commands(self) -> bool:
         """Whether the log has a row for each step of a plant, between which no command changes."""
-        return self.dt / self.thinned < (1.0 + TREMBLE) * PLANT_STEP
+        return self.dt / self.thinned < (1.0 + JITTER) * PLANT_STEP
 
 
 def stretches(log: FlightLog) -> list[Stretch]:

@@ -72,10 +72,10 @@ class FoundNumbers(NamedTuple):
     numbers: FitNumbers
     covariance: np.ndarray  # of the searched numbers  (k, k)
     searched: tuple[str, ...]
-    untold: tuple[str, ...]  # numbers that the log has signals for, but does not determine
+    untold: tuple[str, ...]  # numbers that the log does not determine, although it has the signals
     drive: Drive
     dt: float  # time between two rows [s]
-    lowest: float  # speed to which rotors were told to go in flight, as a share of the full one
+    lowest: float  # least commanded speed of a rotor in flight, as a share of the full speed
     speed_scale: SpeedScale | None
     loop: RateLoopFit | None
 
@@ -351,7 +351,7 @@ def fitted_vehicle(
 
 
 def _uncertainty(numbers: tuple[FittedNumber, ...]) -> Uncertainty:
-    """Return the relative standard deviations, of several axes the deviations over the mean.
+    """Return the relative standard deviations; those of three axes are relative to their mean.
 
     Numbers that the logs do not tell are as uncertain as those of any vehicle.
     """

@@ -219,7 +219,7 @@ def _gaps(t: np.ndarray, remarks: list[str]) -> set[int]:
 
 
 def _jumps(t: np.ndarray, signals: dict[str, np.ndarray], remarks: list[str]) -> set[int]:
-    """Return the rows at which the pose has jumped, as an estimator's does that is reset."""
+    """Return the rows at which the pose has jumped, as it does when an estimator is reset."""
     found: set[int] = set()
     if "position" in signals:
         found |= _jumped(t, signals["position"], FASTEST, FARTHEST)

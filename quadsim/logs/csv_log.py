@@ -29,13 +29,19 @@ from quadsim.logs.raw_log import MOST_ROWS, LogError, RawLog
 LINES = 20_000
 # Longest line of names [characters]
 LONGEST_HEADER = 100_000
+SEPARATORS = ",;\t"
+# Lines, one of which has a separator in a text in columns
+FIRST_LINES = 5
 
 
 def is_text(head: bytes) -> bool:
-    """Return whether a file with these first bytes is a text in columns."""
-    lines = [line for line in head.splitlines() if not _is_comment(line.decode(errors="replace"))]
-    first = lines[0] if lines else b""
-    return b"\0" not in head and any(separator in first for separator in (b",", b";", b"\t"))
+    """Return whether a file with these first bytes is a text in columns.
+
+    A line above the names, which is no comment, is found when the names are read.
+    """
+    lines = [line.decode(errors="replace") for line in head.splitlines()]
+    first = [line for line in lines if not _is_comment(line)][:FIRST_LINES]
+    return b"\0" not in head and any(_has_separator(line) for line in first)
 
 
 def read_csv_log(path: Path, mapping: str | Path | None = None) -> list[RawLog]:
@@ -51,7 +57,7 @@ def read_csv_log(path: Path, mapping: str | Path | None = None) -> list[RawLog]:
     """
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
         line, first = _first_line(file, path)
-        separator = max(",;\t", key=lambda each: len(_cells(first, each)))
+        separator = max(SEPARATORS, key=lambda each: len(_cells(first, each)))
         header = [name.strip().removeprefix("#").strip() for name in _cells(first, separator)]
         used = _mapping_of(header, mapping, f"{path}:{line}")
         wanted = used.column_names()
@@ -88,15 +94,22 @@ def _first_line(file: IO[str], path: Path) -> tuple[int, str]:
     """Return the number and the text of the line that names the columns.
 
     Raises:
-        LogError: it is longer than any line of names.
+        LogError: it is longer than any line of names, or it is a sentence.
     """
     for number in count(1):
         line = file.readline(LONGEST_HEADER)
         if len(line) == LONGEST_HEADER:
             wanted = f"expected a line of names of at most {LONGEST_HEADER} characters"
             raise LogError(f"{path}:{number}: {wanted}, got a longer one")
-        if not line or not _is_comment(line):
-            return number, line.rstrip("\r\n")
+        if line and _is_comment(line):
+            continue
+        names = line.rstrip("\r\n")
+        if not _has_separator(names):
+            wanted = "expected the names of the columns"
+            raise LogError(
+                f"{path}:{number}: {wanted}, got {cut(repr(names))}: begin a comment with #"
+            )
+        return number, names
     raise AssertionError
 
 
@@ -106,7 +119,11 @@ def _is_comment(line: str) -> bool:
     A line that begins with "#" and contains separators is the header, not a comment.
     """
     text = line.strip()
-    return not text or (text.startswith("#") and not any(each in text for each in ",;\t"))
+    return not text or (text.startswith("#") and not _has_separator(text))
+
+
+def _has_separator(line: str) -> bool:
+    return any(each in line for each in SEPARATORS)
 
 
 def _cells(line: str, separator: str) -> list[str]:
@@ -178,7 +195,7 @@ def _numbers(lines: Sequence[str], separator: str, places: Sequence[int]) -> tup
 def _numbers_one_by_one(
     lines: Sequence[str], separator: str, places: Sequence[int]
 ) -> tuple[np.ndarray, int]:
-    """Return what `_numbers` does, of lines that have cells that are no numbers."""
+    """Return the result of `_numbers` for lines in which some cells are not numbers."""
     found = np.full((len(lines), len(places)), nan)
     bad = 0
     for k, line in enumerate(lines):

@@ -266,7 +266,7 @@ def _problems(mapping: LogMapping) -> Iterator[FieldProblem]:
 
 
 def _scale_problems(name: str, entry: Entry) -> Iterator[FieldProblem]:
-    """Yield the keys of an entry that cannot be, or would do nothing."""
+    """Yield the keys of an entry that contradict others or have no effect."""
     if entry.full is None:
         if entry.zero is not None:
             yield FieldProblem(f"{name}.zero", "expected full beside it, got zero alone")

@@ -8,11 +8,13 @@ from time import perf_counter
 from quadsim.mavlink.client import MavlinkClient
 from quadsim.mavlink.clock import SimulatorClock
 from quadsim.mavlink.downlink import Downlink
+from quadsim.mavlink.file_transfer import answer_of_no_files
 from quadsim.mavlink.messages import (
     CommandAck,
     CommandInt,
     CommandLong,
     DataTransmissionHandshake,
+    FileTransferProtocol,
     HomePosition,
     SetAttitudeTarget,
     SetMode,
@@ -195,7 +197,8 @@ class Commands:
 
     def _obey(self, received: Received) -> bool:
         """Obey and answer a message; return whether it asks for the track."""
-        message, sender = received
+        message = received.message
+        sender = received.sender
         if isinstance(message, SetAttitudeTarget | SetPositionTargetLocalNed):
             self._take(message, sender)
         elif isinstance(message, CommandLong | CommandInt):
@@ -208,6 +211,10 @@ class Commands:
                 self._downlink.custom_mode = message.custom_mode
         elif isinstance(message, DataTransmissionHandshake):
             return True
+        elif isinstance(message, FileTransferProtocol):
+            answer = answer_of_no_files(message, received.member)
+            if answer:
+                self._link.answer(answer, sender)
         else:
             for answer in answers(message, self._clock):
                 if isinstance(answer, Statustext):

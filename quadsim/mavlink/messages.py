@@ -65,6 +65,7 @@ F4 = Annotated[Floats, WireType("float", 4)]
 F21 = Annotated[Floats, WireType("float", 21)]
 F32S = Annotated[Floats, WireType("float", 32)]
 Data8 = Annotated[bytes, WireType("uint8_t", 8)]
+Data251 = Annotated[bytes, WireType("uint8_t", 251)]
 Data253 = Annotated[bytes, WireType("uint8_t", 253)]
 Text16 = Annotated[bytes, WireType("char", 16)]
 Text50 = Annotated[bytes, WireType("char", 50)]
@@ -96,7 +97,7 @@ class Heartbeat(Message):
 
 @dataclass(frozen=True)
 class SysStatus(Message):
-    """Which sensors there are, work and are well, bits of MAV_SYS_STATUS_SENSOR."""
+    """The sensors that are present, enabled and healthy, as bits of MAV_SYS_STATUS_SENSOR."""
 
     ID = 1
     NAME = "SYS_STATUS"
@@ -411,6 +412,18 @@ class HighresImu(Message):
 
 
 @dataclass(frozen=True)
+class FileTransferProtocol(Message):
+    """Asks for a file or a folder, or answers; see quadsim.mavlink.file_transfer."""
+
+    ID = 110
+    NAME = "FILE_TRANSFER_PROTOCOL"
+    target_network: U8
+    target_system: U8
+    target_component: U8
+    payload: Data251
+
+
+@dataclass(frozen=True)
 class Timesync(Message):
     """Times of two clocks [ns]."""
 
@@ -571,6 +584,7 @@ MESSAGES: dict[int, type[Message]] = {
         SetAttitudeTarget,
         SetPositionTargetLocalNed,
         HighresImu,
+        FileTransferProtocol,
         Timesync,
         DataTransmissionHandshake,
         EncapsulatedData,

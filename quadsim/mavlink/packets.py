@@ -25,14 +25,33 @@ SYSTEM = 1
 COMPONENT = 1
 
 
-class Parsed(NamedTuple):
-    """The messages of a datagram, and the number of its other parts."""
+class Member(NamedTuple):
+    """A member of a MAVLink network."""
 
-    messages: list[Message]
+    system: int
+    component: int
+
+
+class Packet(NamedTuple):
+    """A message, and the member of the network from which it is."""
+
+    message: Message
+    member: Member
+
+
+class Parsed(NamedTuple):
+    """The packets of a datagram, and the number of its other parts."""
+
+    packets: list[Packet]
     # packets that are whole, of messages that the simulator does not know
     unknown: int
     # pieces that are no packets: damaged, cut off, another protocol
     bad: int
+
+    @property
+    def messages(self) -> list[Message]:
+        """The messages of the packets."""
+        return [packet.message for packet in self.packets]
 
 
 class Packer:
@@ -57,12 +76,12 @@ class Packer:
 
 
 def parse(datagram: bytes) -> Parsed:
-    """Return the messages in a datagram, and the counts of what is none; nothing is an error.
+    """Return the packets in a datagram, and the counts of what is none; nothing is an error.
 
     After a piece that is no packet, the search goes on at the next byte that may begin one, up to
     MOST_BAD such pieces.
     """
-    messages: list[Message] = []
+    packets: list[Packet] = []
     unknown = 0
     bad = 0
     at = 0
@@ -74,13 +93,13 @@ def parse(datagram: bytes) -> Parsed:
             if at < 0:
                 break
             continue
-        message = _message(datagram[at:end])
-        if message is None:
+        packet = _packet(datagram[at:end])
+        if packet is None:
             unknown += 1
         else:
-            messages.append(message)
+            packets.append(packet)
         at = end
-    return Parsed(messages, unknown, bad)
+    return Parsed(packets, unknown, bad)
 
 
 def _end_of_packet(data: bytes, at: int) -> int | None:
@@ -103,10 +122,11 @@ def _end_of_packet(data: bytes, at: int) -> int | None:
     return whole if whole <= len(data) else None
 
 
-def _message(packet: bytes) -> Message | None:
-    """Return the message of a whole packet, None for one that is not known."""
-    _, length, _, _, _, _, _, low, high = HEADER.unpack_from(packet)
+def _packet(data: bytes) -> Packet | None:
+    """Return the packet in its bytes, None if its message is not known."""
+    _, length, _, _, _, system, component, low, high = HEADER.unpack_from(data)
     kind = MESSAGES.get(low | high << 16)
     if kind is None:
         return None
-    return unpack(kind, packet[HEADER.size : HEADER.size + length])
+    message = unpack(kind, data[HEADER.size : HEADER.size + length])
+    return Packet(message, Member(system, component))

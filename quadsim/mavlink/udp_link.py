@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from quadsim.files.values import SettingError
 from quadsim.mavlink.messages import Message
-from quadsim.mavlink.packets import Packer, parse
+from quadsim.mavlink.packets import Member, Packer, parse
 
 # [bytes] longest datagram
 LONGEST = 65536
@@ -25,13 +25,15 @@ MOST_LISTENERS = 4
 FORGOTTEN = 10.0
 
 Address = tuple[str, int]
+EVERYBODY = Member(0, 0)  # in MAVLink, the target of a message to all
 
 
 class Received(NamedTuple):
-    """A message and the program that has sent it."""
+    """A message, the program that has sent it, and what the program calls itself."""
 
     message: Message
     sender: Address
+    member: Member = EVERYBODY
 
 
 class UdpLink:
@@ -146,9 +148,9 @@ class UdpLink:
             self.received["unknown"] += parsed.unknown
             self.received["bad"] += parsed.bad
             self.received.update(message.NAME for message in parsed.messages)
-            if parsed.messages or parsed.unknown:
+            if parsed.packets or parsed.unknown:
                 self._note(address)
-            found += [Received(message, address) for message in parsed.messages]
+            found += [Received(one.message, address, one.member) for one in parsed.packets]
         return found
 
     def _note(self, address: Address) -> None:
@@ -174,7 +176,7 @@ def address_of(host: str) -> str:
         host: its name or its IPv4 address.
 
     Raises:
-        SettingError: there is none, or it is not that of one machine.
+        SettingError: the machine has no address, or its address stands for several machines.
     """
     wanted = f"expected the name or the IPv4 address of a machine, got {host!r}"
     try:

@@ -224,6 +224,14 @@ class RunSpec(Struct, kw_only=True):
 # The part of a spec that a list of runs shows
 
 
+class RaceOfRun(Struct):
+    """The keys of an entrant's run that say in which race it was flown."""
+
+    number: int  # of the entrant, from 1
+    names: list[str]  # of all entrants
+    seed: int
+
+
 class ListedSpec(Struct, kw_only=True):
     """The keys of a RunSpec that a list shows."""
 
@@ -243,6 +251,7 @@ class ListedSpec(Struct, kw_only=True):
     penalties: bool
     clock: str
     deadline_ms: float | None
+    heat: RaceOfRun | None = None  # None: the run is no part of a race of several
 
 
 # run.json
@@ -321,13 +330,6 @@ class StoredResult(Struct):
     faults: dict[str, str]
 
 
-class TitledHeat(Struct):
-    """The keys of a heat.json from which a title is made."""
-
-    course: str
-    order: list[StoredPlacing]
-
-
 class ListedEntrant(Struct):
     """One entrant of a race that a list shows."""
 
@@ -341,8 +343,10 @@ class ListedHeatSpec(Struct):
     entrants: list[ListedEntrant]
 
 
-class ListedHeat(TitledHeat):
+class ListedHeat(Struct):
     """The keys of a heat.json that a row of a list shows."""
 
+    course: str
+    order: list[StoredPlacing]
     spec: ListedHeatSpec
     runs: list[str]

@@ -137,5 +137,5 @@ def _course(text: str, name: str) -> Course:
 def number_text(value: Any) -> str:
     """Return a number or several numbers as text."""
     if isinstance(value, list | tuple):
-        return " ".join(map(number_text, value))
+        return " ".join(map(number_text, value)) or "none"
     return f"{value:g}" if isinstance(value, float) else str(value).lower()

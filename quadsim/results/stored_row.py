@@ -7,10 +7,11 @@ of stored runs: in `race runs`, in notebooks and on the page.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields
 from datetime import UTC, datetime
 from functools import cache
+from math import inf
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
@@ -20,7 +21,7 @@ from quadsim.files.arrays import read_bytes
 from quadsim.files.strict_yaml import FileError
 from quadsim.record.archive import HEAT, read_run
 from quadsim.record.run import own_parts
-from quadsim.record.schema import ListedHeat, ListedRun, ListedSpec
+from quadsim.record.schema import ListedHeat, ListedRun, ListedSpec, RaceOfRun
 from quadsim.report.preset_changes import changed_numbers
 from quadsim.results.heat import Heat
 from quadsim.results.run import Run
@@ -386,6 +387,7 @@ def _read_heat(path: Path) -> StoredHeat:
         _flight(name, _listed_run(path / Path(folder).name))
         for name, folder in zip(entrants, found.runs, strict=True)
     )
+    _check_heat(found, flights)
     finished = sum(flight.time is not None for flight in flights)
     winner = found.order[0]
     return StoredHeat(
@@ -401,6 +403,38 @@ def _read_heat(path: Path) -> StoredHeat:
         entrants=entrants,
         winner=winner.name,
         flights=flights,
+    )
+
+
+def _check_heat(found: ListedHeat, flights: Sequence[VehicleFlight]) -> None:
+    """Check that a race is the one of which its runs are.
+
+    The order of entrants without a time is not checked: it follows from the telemetry.
+
+    Raises:
+        ValueError: the course, the seed, an entrant or a result is another one.
+    """
+    names = [flight.name for flight in flights]
+    for number, flight in enumerate(flights, 1):
+        spec = flight.spec
+        # The run of a single entrant is that of a flight alone.
+        own = spec.heat or RaceOfRun(number=1, names=names, seed=spec.seed)
+        if (found.course, found.spec.seed) != (spec.course.name, own.seed):
+            raise _another_race("course and seed")
+        if (number, names) != (own.number, own.names):
+            raise _another_race("entrants")
+    # Those with a time stand first, the fastest in front.
+    told = [(placing.name, placing.outcome, placing.time) for placing in found.order]
+    flown = [(flight.name, flight.outcome, flight.time) for flight in flights]
+    times = [inf if time is None else time for _, _, time in told]
+    if not told or set(told) != set(flown) or len(told) != len(flown) or times != sorted(times):
+        raise _another_race("results")
+
+
+def _another_race(what: str) -> ValueError:
+    """Return the error of a heat.json that does not describe the race of its runs."""
+    return ValueError(
+        f"{HEAT}: expected the {what} of its runs, got others; changed after the race"
     )
 
 

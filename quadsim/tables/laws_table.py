@@ -60,6 +60,7 @@ def _cells(flight: Flight) -> list[str]:
     cost = planner.cost
     assert isinstance(sampling, Colored)
     assert isinstance(cost, RaceWeights)
+    assert sampling.cutoff
     margin = min(cost.margin, cost.margin_share * scale.room)
     return [
         f"`{flight.vehicle}` on `{flight.course}`",

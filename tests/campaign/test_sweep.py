@@ -111,7 +111,18 @@ def test_a_sampler_that_lacks_the_setting_is_refused():
     assert pink.planner.sampling.gamma == (2.0,) * 4
 
 
-@pytest.mark.parametrize(("cutoff", "expected"), [({}, 1), ({"cutoff": (0.0,) * 4}, 0)])
+def test_none_is_off_and_default_is_the_presets():
+    over = {"cutoff": ["default", "none", "8:8:8:8"]}
+    ((usual, off, wide),) = planned(over, {"colored": {}}).values()
+    cutoffs = [one.planner.sampling.cutoff for one in (usual, off, wide)]
+    assert cutoffs == [(5.0,) * 4, (), (8.0,) * 4]
+    ((of_preset, _),) = planned({"target_ess": [None, 50]}, {"colored": {}}).values()
+    assert of_preset.planner.mppi.target_ess == 20
+
+
+@pytest.mark.parametrize(
+    ("cutoff", "expected"), [({}, 1), ({"cutoff": "none"}, 0), ({"cutoff": (0.0,) * 4}, 0)]
+)
 def test_a_sweep_of_gamma_says_that_a_cut_off_stays(cutoff, expected):
     over = {"gamma": [(0.0,) * 4, (2.0,) * 4]}
     (curve,) = plan_sweep([COURSE], over, {"colored": cutoff}, SETTINGS)

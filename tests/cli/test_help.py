@@ -136,5 +136,7 @@ def test_numbers_that_are_joined_as_in_variants_are_read_behind_a_flag(capsys):
     line = "sweep figure8 --cutoff 0:0:0:0 --over gamma 0:0:0:0 --variants a=colored+cutoff=1:1:1:1"
     apart = line.replace("--cutoff 0:0:0:0", "--cutoff 0 0 0 0")
     assert numbers_apart(line.split()) == apart.split()
+    none = numbers_apart(["fly", "--cutoff", "none", "--target-ess", "none", "none"])
+    assert none == ["fly", "--cutoff", *["none"] * 4, "--target-ess", "none", "none"]
     _, _, err = outcome("fly figure8 --cutoff 0:0:0", capsys)
     assert "--cutoff: expected 4 numbers [Hz], got too few values: '0 0 0'" in err

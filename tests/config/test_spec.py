@@ -345,6 +345,19 @@ def test_a_law_without_a_cut_off_leaves_out_that_of_the_preset():
         Spec.of("figure8", law="paper", cutoff=(5.0,) * 4)
 
 
+@pytest.mark.parametrize("none", [None, "none", ["none"] * 4, (0.0,) * 4])
+def test_none_switches_off_the_cut_off_of_the_preset(none):
+    assert not any(Spec.of("figure8", cutoff=none).planner.sampling.cutoff)
+
+
+def test_none_switches_off_only_settings_that_can_be_off():
+    assert Spec.of("figure8", target_ess="none").planner.mppi.target_ess is None
+    with pytest.raises(SettingError, match=r"^samples: expected a whole number .* got 'none'"):
+        Spec.of("figure8", samples="none")
+    with pytest.raises(SettingError, match=r"^cutoff: expected 4 numbers .* got 'off'"):
+        Spec.of("figure8", cutoff="off")
+
+
 def test_another_control_period_keeps_the_time_that_is_planned_ahead():
     usual = Spec.of("figure8").planner.mppi
     slower = Spec.of("figure8", dt=0.025).planner.mppi

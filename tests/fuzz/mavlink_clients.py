@@ -71,7 +71,7 @@ def _problem(world: World, sender: Address, data: bytes) -> str:
     """Obey a datagram; return what went wrong, or ""."""
     link, commands = world.link, world.commands
     before = (link.pilot, world.client.law, commands.is_armed, commands.phase)
-    link.given = [Received(message, sender) for message in parse(data).messages]
+    link.given = [Received(one.message, sender, one.member) for one in parse(data).packets]
     link.answers.clear()
     commands.listen_until(0.0)
     if commands.phase is Phase.START and commands.is_armed:

@@ -243,6 +243,7 @@ def test_noise_and_delay_are_no_other_unit():
         (b"\x00\x01\x02" * 100, "expected a folder of a run or a file of one of these"),
         (b"once upon a time\n" * 50, "expected a folder of a run or a file of one of these"),
         (b"1,2,3\n4,5,6\n", "expected a first line that names the columns"),
+        (b"# x\nmonday\nt,px\n1,2\n", ":2: expected the names of the columns, got 'monday': begin"),
         (b"t,px,py\n1,2,3\n", "expected the columns of a shipped mapping"),
         (b"\x89MCAP0\r\n" + b"\0" * 50, "damaged, or cut off"),
     ],

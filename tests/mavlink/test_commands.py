@@ -1,7 +1,7 @@
 """The server answers the messages of several programs; no socket is bound and nothing flies."""
 
 from math import nan
-from struct import unpack_from
+from struct import pack, unpack_from
 from types import SimpleNamespace
 
 import pytest
@@ -15,6 +15,7 @@ from quadsim.mavlink.messages import (
     CommandAck,
     CommandInt,
     DataTransmissionHandshake,
+    FileTransferProtocol,
     Heartbeat,
     MissionAck,
     MissionClearAll,
@@ -29,9 +30,11 @@ from quadsim.mavlink.messages import (
     SetPositionTargetLocalNed,
     Statustext,
 )
+from quadsim.mavlink.packets import Member
 from quadsim.mavlink.race_data import NO_RACE
 from quadsim.mavlink.served import Served
 from quadsim.mavlink.setpoints import Rates
+from quadsim.mavlink.udp_link import Received
 from quadsim.sensing import load_sensing
 from tests.mavlink.world import (
     ACCEPTED,
@@ -39,6 +42,7 @@ from tests.mavlink.world import (
     DENIED,
     FORWARD,
     OTHER,
+    PILOT,
     UNSUPPORTED,
     World,
     command,
@@ -174,6 +178,18 @@ def test_a_mode_that_is_no_number_is_denied(world):
     assert world.downlink.custom_mode == 0
 
 
+OPEN_FILE = 4  # opcode of MAVLink's file transfer
+RESET_SESSIONS = 2
+ACKNOWLEDGED = 128
+
+
+def file_transfer(opcode, number=7):
+    """Return FILE_TRANSFER_PROTOCOL about the file that MAVProxy asks for at connection."""
+    name = b"@PARAM/param.pck?withdefaults=1"
+    payload = pack("<HBBBBBBI", number, 3, opcode, len(name), 0, 0, 0, 0) + name
+    return FileTransferProtocol(0, 1, 1, payload.ljust(251, b"\0"))
+
+
 # What QGroundControl sends a vehicle of a generic autopilot: at connection, on its pages of
 # parameters and of plans, and by its buttons. It repeats each message until it is answered. The
 # answers are told by their names, COMMAND_ACK by its result.
@@ -203,6 +219,8 @@ STATION = {
     "a waypoint, as older ones ask": (MissionRequest(1, 1, 0), ["MISSION_ACK"]),
     "to upload a plan": (MissionCount(1, 1, 3), ["MISSION_ACK"]),
     "to clear the plan": (MissionClearAll(1, 1), ["MISSION_ACK"]),
+    "a file": (file_transfer(OPEN_FILE), ["FILE_TRANSFER_PROTOCOL"]),
+    "the end of the transfers": (file_transfer(RESET_SESSIONS), ["FILE_TRANSFER_PROTOCOL"]),
     "to take off": (command(22), [UNSUPPORTED]),
     "to go somewhere": (CommandInt(1, 1, 6, 192, *9 * (0,)), [UNSUPPORTED]),
     "to disarm, by COMMAND_INT": (CommandInt(1, 1, 6, 400, *9 * (0,)), [ACCEPTED]),
@@ -227,6 +245,25 @@ def test_answers_about_parameters_and_plans_say_that_there_is_one_and_none(world
     assert world.say(MissionClearAll(1, 1, mission_type=1)) == [MissionAck(0, 0, 0, mission_type=1)]
     assert world.say(MissionCount(1, 1, 3)) == [MissionAck(0, 0, 3)]
     assert world.say(MissionRequestInt(1, 1, 0)) == [MissionAck(0, 0, 13)]
+
+
+@pytest.mark.parametrize(
+    ("opcode", "expected", "reason"),
+    [(OPEN_FILE, 129, b"\x0a"), (RESET_SESSIONS, ACKNOWLEDGED, b"")],
+)
+def test_a_transfer_of_files_is_refused_and_its_end_is_granted(world, opcode, expected, reason):
+    station = Member(255, 190)
+    world.link.given = [Received(file_transfer(opcode, number=65535), PILOT, station)]
+    world.commands.listen_until(0.0)
+    ((answer, _),) = world.link.answers
+    assert (answer.target_system, answer.target_component) == station
+    number, session, result, size, asked, *_ = unpack_from("<HBBBBBBI", answer.payload)
+    assert (number, session, result, asked) == (0, 3, expected, opcode)
+    assert answer.payload[12 : 12 + size] == reason
+
+
+def test_an_answer_about_files_is_not_answered(world):
+    assert world.say(file_transfer(ACKNOWLEDGED)) == []
 
 
 def test_home_is_not_told_with_sensors_that_measure_no_pose(world):

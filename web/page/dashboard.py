@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import partial
 from time import perf_counter
 
-from quadsim.web.page.due import Beat
+from quadsim.web.page.due import Beat, Calm
 from quadsim.web.page.forms.choice_forms import RaceForm, ViewForm
 from quadsim.web.page.forms.competitor_forms import ChooseRow, CompetitorForm, NumbersForm
 from quadsim.web.page.forms.course_editor import CourseEditor
@@ -37,8 +37,9 @@ from quadsim.web.state.menu import Menu
 
 # times between two updates of the page [s]
 SCENE = 1 / 25  # the shortest one
-PAUSE = 0.1  # the longest one
-ANSWERS = 0.1  # between two answers to a page [s]
+PAUSE = 0.1  # the longest one, also while nothing changes
+ANSWERS = 0.1  # between two answers to a page
+CALM = 1.0  # without a change, after which the pause is the longest one
 # Largest share of the time for updates of the page, as the planners need all cores
 SHARE = 1 / 8
 
@@ -126,6 +127,7 @@ class Dashboard:
         )
         link.open()
         self._answers = Beat(ANSWERS)
+        self._is_calm = Calm(CALM)
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="page", daemon=True)
         self._thread.start()
@@ -151,7 +153,8 @@ class Dashboard:
                 traceback.print_exc()
                 self._closing.wait(1.0)
             self._answer()
-            pause = pause_after(perf_counter() - began)
+            shown = (self._projector.seen, self.desk.state, self._editor.shown)
+            pause = PAUSE if self._is_calm(shown) else pause_after(perf_counter() - began)
 
     def _update(self) -> None:
         """Go on with what several updates take, and show the race as it is now."""

@@ -1,4 +1,4 @@
-"""Limits on how often parts of the page are sent: after a change, at most once per period."""
+"""Limits on how often the page is updated, and parts of it are sent."""
 
 from __future__ import annotations
 
@@ -43,3 +43,24 @@ class Due:
             return False
         self._shown = what
         return True
+
+
+class Calm:
+    """Tells whether something has not changed for some time.
+
+    Args:
+        period: this time [s]
+    """
+
+    def __init__(self, period: float):
+        self._period = period
+        self._last: object = None
+        self._since = inf  # when it last changed [s]
+
+    def __call__(self, what: object) -> bool:
+        """Return whether `what` has been equal at all calls of the last period."""
+        now = perf_counter()
+        if what != self._last:
+            self._last = what
+            self._since = now
+        return now - self._since >= self._period

@@ -43,6 +43,9 @@ class Projector:
         joining: the manual flight.
         board: takes the parts of each visitor.
         scene_of: makes the scene of a visitor.
+
+    Attributes:
+        seen: what each visitor watched at the last call of `show`, by the visitors' numbers.
     """
 
     def __init__(
@@ -68,6 +71,7 @@ class Projector:
         self._moments = Moments()
         self._scenes: dict[int, VisitorScene] = {}  # by the numbers of viser's visitors
         self._screens: dict[int, Screen] = {}  # by the numbers of the link's visitors
+        self.seen: Mapping[int, Seen] = {}
         self._framed: Course | None = None  # the course that new cameras frame
         self._tables_beat = Beat(TABLES)
         self._slow_beat = Beat(SLOW)
@@ -82,12 +86,13 @@ class Projector:
         visitors = {visitor.number: visitor for visitor in self._server.link.visitors}
         self._forget_others(clients, visitors)
         if not clients and not visitors:
+            self.seen = {}
             self._session.show_trajectories(False)
             return
         self._stages.update(s)
         self._frame_new_cameras()
         sitting = self._server.seats.visitors()
-        seen = {number: self._seen_by(number) for number in {EVERYBODY, *visitors}}
+        self.seen = seen = {number: self._seen_by(number) for number in {EVERYBODY, *visitors}}
         watching = [seen[sitting.get(number, EVERYBODY)] for number in clients]
         self._session.show_trajectories(
             any(one.view.shows_trajectories for one in (*watching, *seen.values()))

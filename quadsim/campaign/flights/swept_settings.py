@@ -209,7 +209,10 @@ def swept_variant(
     if lacking:
         problem = f"{min(lacking)}: expected variants whose sampler has it, got {name}"
         raise _wrong(f"{problem}: leave it out")
-    settings = with_shared(own, {**shared, **plain})
+    # A setting without a value has its default, whatever the variants share.
+    others = {each: number for each, number in shared.items() if each not in plain}
+    changed = {each: number for each, number in plain.items() if number is not None}
+    settings = with_shared(own, others | changed)
     numbers = {each: number for each, number in given.items() if "." in each and number is not None}
     if numbers:
         settings |= _with_numbers(course, settings, numbers)
@@ -230,7 +233,7 @@ def remarks_on_gamma(swept: SweptSetting, variants: Sequence[Variant]) -> Iterat
     if cutoffs:
         yield (
             f"gamma: the cut-off of {min(cutoffs):g} Hz stays, above which the spectrum falls at "
-            "any gamma, so that gamma 0 is not white; cutoff 0:0:0:0 takes it away."
+            "any gamma, so that gamma 0 is not white; --cutoff none takes it away."
         )
 
 

@@ -21,10 +21,10 @@ from trimesh.util import concatenate
 
 from quadsim.web.race.competitor import POSITION, QUATERNION, Competitor
 
-TRAIL = 160  # segments of a trail
+TRAIL = 80  # segments of a trail
 TRAIL_SPAN = 4.0  # duration of a trail [s]
 PATH = 500  # segments of a whole run
-DASH = 3  # segments of a dash, and of the gap after it
+DASH = 2  # segments of a dash, and of the gap after it
 FAST = 16.0  # speed of the brightest colour [m/s]
 SPAN = 0.34  # distance from rotor to rotor of a drone [m]
 ROTOR_COLOUR = (205, 208, 212)
