@@ -107,9 +107,9 @@ class Flights:
 
 
 def few_samples(course, settings):
-    """Return the arguments of a call with few samples, and of a comparison with two attempts."""
+    """Return the arguments of a call with few samples, and of a comparison with one attempt."""
     few = {**settings, "samples": SMALL["samples"]}
-    return course, few | ({"attempts": 2} if "attempts" in settings else {})
+    return course, few | ({"attempts": 1} if "attempts" in settings else {})
 
 
 def on_a_short_course(course, settings):
