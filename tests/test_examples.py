@@ -46,7 +46,7 @@ PRINT = {
     "sweep_gamma": r"gamma 4: lap \d+\.\d+ s",
     "two_samplers": r"colored - gaussian: [+-]\d+\.\d+ s a lap",
     "Fly, and draw a figure of your own": r"split_s_swift: ",
-    "Compare, down to a table": r"(?s)race_time.*colored +2\.0",
+    "Compare, down to a table": r"(?s)race_time.*colored +1\.0",
     "A sampler of your own, and a sweep over its parameter": r"8 knots",
     "A cost term with parameters of its own": r"weight 2: finished",
     "Dynamics of your own in a loop of your own": r"upright: 1\.0",
