@@ -10,6 +10,12 @@ PYTEST := $(BIN)/pytest -n 2 --dist worksteal
 # Plain Python and NumPy: tests/fence.py fails a test that does more without its mark.
 QUICK  := not (slow or compiled or process or socket or browser or firmware or docs or page or regression)
 
+# Byte code is written, so that the many processes of the tests compile no module that another one has compiled.
+unexport PYTHONDONTWRITEBYTECODE
+# pip would compile the byte code on one core.
+INSTALL  := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile
+BYTECODE := $(BIN)/python -m compileall -qq -j 0 $(VENV)/lib || true # some packages have files for other versions of Python
+
 .PHONY: race web bench quick test firmware page docs-check regression fuzz coverage lint lint-page fix docs docs-figures results \
 	refly docs-version notebooks constraints release clean
 
@@ -198,11 +204,13 @@ $(VENV)/.made:
 	touch $@
 
 $(VENV)/.app: pyproject.toml | $(VENV)/.made
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	$(INSTALL) --editable .
+	$(BYTECODE)
 	touch $@
 
 $(VENV)/.dev: pyproject.toml constraints-dev.txt | $(VENV)/.made
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints-dev.txt --editable '.[dev]'
+	$(INSTALL) --constraint constraints-dev.txt --editable '.[dev]'
+	$(BYTECODE)
 	touch $(VENV)/.app $@
 
 clean:

@@ -41,7 +41,7 @@ Frequency Sampling in Model Predictive Path Integral Control", IEEE Robotics and
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -55,7 +55,7 @@ from quadsim.controllers.lanes.reduce import weighted_mean
 from quadsim.controllers.plan import PlanStats
 from quadsim.controllers.samplers import PlainSampler, Sampling, build_lanes
 from quadsim.controllers.samplers.lane_sampler import stream_key
-from quadsim.controllers.schedule import Schedule, mean_shares
+from quadsim.controllers.schedule import Schedule
 from quadsim.controllers.steps import Steps
 from quadsim.controllers.update import (
     savitzky_golay,
@@ -157,27 +157,24 @@ class MPPI:
         self.course: Course | None = None
         lengths = config.step_lengths
         self.steps = Steps(lengths)
-        equal = len(lengths) == config.horizon
-        schedule = Schedule(config.first_noise, config.cost_rise, lengths=() if equal else lengths)
+        self.schedule = Schedule(
+            config.first_noise, config.cost_rise, lengths if self.steps.are_longer else ()
+        )
         self.sampler = build_lanes(
             sampler,
             controls=n_u,
             samples=min(config.samples, layout.CHUNK),
-            horizon=config.horizon,
+            lengths=lengths,
             key=stream_key(seed),
             dt=config.dt,
         )
-        if not equal:
-            schedule = replace(schedule, shares=mean_shares(self.sampler.sample(0), lengths))
-        self.schedule = schedule
-        # The control periods whose noise the steps take  (T,)
-        self.draws = schedule.draws(len(lengths))
-        self.ramp = schedule.noise(len(lengths))  # n, factors on the perturbations  (2, T)
+        self.ramp = self.schedule.noise(len(lengths))  # n, factors on the perturbations  (2, T)
         # Amount by which the plan may exceed the control limits  (n_u,)
         self.beyond = np.zeros(n_u)
         if config.overshoot:
-            # overshoot is in standard deviations of the perturbations, measured on some draws.
-            drawn = self.sampler.sample(0)
+            # overshoot is in standard deviations of the perturbations of a control period, measured
+            # on some draws.
+            drawn = layout.of_steps(self.sampler.sample(0), self.steps.lengths == 1)
             self.beyond = config.overshoot * drawn.std(axis=(0, 2, 3), dtype=float)
         trace_anew(system, cost)
         self.set_model(system)
@@ -280,9 +277,7 @@ class MPPI:
 
             # Average the chunk, with weights normalised within it.
             share = softmax_weights(J[chunk], self.temperature)
-            limits = self.plan_low, self.plan_high
-            periods = self.config.horizon
-            means.append(weighted_mean(z, self.ramp, U, *limits, share, self.draws, periods))
+            means.append(weighted_mean(z, self.ramp, U, self.plan_low, self.plan_high, share))
 
         # Weigh all samples by their costs, eq. (4).
         w = weights(J, self.temperature)  # (M,)
@@ -338,7 +333,7 @@ class MPPI:
             chunk: indices of the samples.
 
         Returns:
-            Perturbations  (series, n_u, halves * horizon, LANES), see
+            Perturbations  (series, n_u, halves * T, LANES), see
             quadsim.controllers.lanes.layout.
         """
         # A display requests the samples of the last iteration, which are still in memory.
@@ -352,14 +347,12 @@ class MPPI:
 
         # The last samples perturb the alternative.
         first_alternative = M - int(self.config.rest_fraction * M)
-        offset = np.zeros((2, self.config.horizon, it.rest_offset.shape[2]))
-        offset[:, self.draws] = it.rest_offset
-        layout.add_from(z, max(first_alternative - chunk.start, 0), count, offset)
+        layout.add_from(z, max(first_alternative - chunk.start, 0), count, it.rest_offset)
 
         if self.config.freeze_first:
-            layout.first_steps(z, self.config.horizon)[:] = 0
+            layout.first_steps(z, self.steps.number)[:] = 0
         if chunk.start == 0:
-            layout.sample(z, 0, self.config.horizon)[:] = 0
+            layout.sample(z, 0, self.steps.number)[:] = 0
         self._drawn = DrawnChunk(it, chunk, z)
         return z
 
@@ -368,7 +361,7 @@ class MPPI:
 
         Args:
             it: the iteration.
-            z: perturbations of these samples  (series, n_u, halves * horizon, LANES).
+            z: perturbations of these samples  (series, n_u, halves * T, LANES).
             chunk: indices of the samples.
 
         Returns:

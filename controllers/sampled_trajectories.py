@@ -177,7 +177,7 @@ def controls(mppi: MPPI, last: Iteration, which: np.ndarray) -> np.ndarray:
         for k in inside:
             m = which[k]
             ramp = mppi.ramp[m // LANES % 2]  # factors of even and odd blocks  (T,)
-            v[k] = U + ramp * sample(z, m - chunk.start, mppi.config.horizon)[:, mppi.draws]
+            v[k] = U + ramp * sample(z, m - chunk.start, len(last.nominal))
     return np.clip(v, mppi.low[:, None], mppi.high[:, None])
 
 

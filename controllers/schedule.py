@@ -15,8 +15,7 @@ sample's path more weight than its beginning.
 
 Later steps may be longer than a control period, because samples spread with time, so that the end
 of the horizon need not be as fine as its beginning. Both factors are laws of time: a step of
-several periods has the mean of their n_t and the sum of their s_t. Of noise that is drawn for each
-period, a step takes the number in its middle, and n_t makes it vary as the mean of the step does.
+several periods has the mean of their noise and of their n_t, and the sum of their s_t.
 """
 
 from __future__ import annotations
@@ -43,13 +42,6 @@ class Schedule:
     cost_rise: float = 0.0  # at least 0
     # Length of each step in control periods; (): each is one period
     lengths: tuple[int, ...] = ()
-    # Standard deviation of the mean noise of each step over that of a single number; (): 1
-    shares: tuple[float, ...] = ()
-
-    def draws(self, steps: int) -> np.ndarray:
-        """Return the control period in the middle of each step, whose noise it takes.  (T,)"""
-        lengths = self.periods(steps)
-        return np.cumsum(lengths) - lengths + (lengths - 1) // 2
 
     def periods(self, steps: int) -> np.ndarray:
         """Return the length of each of T steps, in control periods.  (T,)"""
@@ -64,7 +56,7 @@ class Schedule:
         Returns:
             Factors for the blocks of samples with even and with odd index  (2, T).
         """
-        return _noise(self.first_noise, self.lengths or (1,) * horizon, self.shares)
+        return _noise(self.first_noise, self.lengths or (1,) * horizon)
 
     def cost(self, horizon: int) -> np.ndarray:
         """Return s_t, the weights of the stage cost, whose mean is 1.  (T,)
@@ -131,36 +123,14 @@ def marks_at(lengths: Sequence[int], periods: int) -> np.ndarray:
     return np.flatnonzero(is_mark)
 
 
-def mean_shares(z: np.ndarray, lengths: Sequence[int]) -> tuple[float, ...]:
-    """Return the standard deviation of the mean noise of each step over that of a single number.
-
-    Args:
-        z: perturbations for each control period  (series, n_u, halves * periods, LANES).
-        lengths: of the steps, in control periods.
-    """
-    periods = sum(lengths)
-    first = z[:, :, :periods].astype(float)
-    whole = first.std(axis=(0, 2, 3))
-    known = {}
-    for length in set(lengths):
-        count = periods // length
-        series, n_u, _, lanes = first.shape
-        groups = first[:, :, : count * length].reshape(series, n_u, count, length, lanes)
-        share = groups.mean(axis=3).std(axis=(0, 2, 3)) / whole
-        known[length] = 1.0 if length == 1 else round(float(share.mean()), 3)
-    return tuple(known[length] for length in lengths)
-
-
 # Cached, as a planner uses these factors and weights in each control step
 @lru_cache(maxsize=64)
-def _noise(first_noise: float, lengths: tuple[int, ...], shares: tuple[float, ...]) -> np.ndarray:
+def _noise(first_noise: float, lengths: tuple[int, ...]) -> np.ndarray:
     """Return the factors on the perturbations, see Schedule.noise.  (2, T)"""
     rising = np.linspace(first_noise, 1.0, sum(lengths))
     even = np.add.reduceat(rising, first_periods(lengths)) / lengths
     odd = np.ones(len(lengths))
     factors = np.stack([even, odd])
-    if shares:
-        factors *= shares
     factors.flags.writeable = False
     return factors
 

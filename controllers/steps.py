@@ -31,24 +31,25 @@ class Steps:
     def __init__(self, lengths: Sequence[int]):
         self.lengths = np.array(lengths)
         self.number = len(lengths)
-        # The control periods after which the steps end
+        self.periods = sum(lengths)
+        # The control periods after which the steps end, and with which they begin
         self.ends = np.cumsum(self.lengths)
-        self._firsts = self.ends - self.lengths
-        self._are_periods = bool((self.lengths == 1).all())
+        self.firsts = self.ends - self.lengths
+        self.are_longer = bool((self.lengths > 1).any())
 
     def mean(self, controls: np.ndarray) -> np.ndarray:
         """Return the mean of controls over each step.
 
         Args:
-            controls: for each control period  (periods, n_u).
+            controls: for each control period  (..., periods, n_u).
 
         Returns:
-            (T, n_u)
+            (..., T, n_u)
         """
-        if self._are_periods:
+        if not self.are_longer:
             return controls
-        return np.add.reduceat(controls, self._firsts) / self.lengths[:, None]
+        return np.add.reduceat(controls, self.firsts, axis=-2) / self.lengths[:, None]
 
     def in_periods(self, controls: np.ndarray) -> np.ndarray:
         """Return controls of the steps (T, n_u) for each control period.  (periods, n_u)"""
-        return controls if self._are_periods else np.repeat(controls, self.lengths, axis=0)
+        return np.repeat(controls, self.lengths, axis=0) if self.are_longer else controls

@@ -429,8 +429,8 @@ def compare(
 
     Examples:
         >>> import quadsim
-        >>> variants = {"few": {"samples": 128}, "more": {"samples": 256}}
-        >>> comparison = quadsim.compare("figure8", variants, attempts=2, laps=1)
+        >>> variants = {"gaussian": {"sampler": "gaussian"}, "colored": {}}
+        >>> comparison = quadsim.compare("figure8", variants, attempts=2, laps=1, samples=256)
         >>> [variant.finished for variant in comparison.variants]
         [2, 2]
     """
@@ -476,7 +476,7 @@ def sweep(
 
     Examples:
         >>> import quadsim
-        >>> small = {"attempts": 2, "laps": 1, "samples": 256}
+        >>> small = {"attempts": 1, "laps": 1, "samples": 256}
         >>> swept = quadsim.sweep("figure8", {"link_latency": [0, 0.04]}, "colored", **small)
         >>> [point.value for point in swept.points]
         ['0', '0.04']

@@ -39,7 +39,7 @@ def fly_rows(
         cost: the cost.
         x0: state  (n_x,).
         U: plan  (T, n_u).
-        z: perturbations  (M, n_u, drawn).
+        z: perturbations  (M, n_u, T).
         target: number of targets reached.
         clearance: (x, x_next, target, params) -> (M,), how far a step's decisions are from turning
             out otherwise.
@@ -50,7 +50,6 @@ def fly_rows(
     systems = [system.over(length) for length in periods.tolist()]
     cost = cost.over(schedule.lengths)
     noise = schedule.noise(T)
-    draws = schedule.draws(T)
     stage = schedule.cost(T)
     marks = schedule.marks(T, term_steps(system.dt))
     odd = np.arange(M) // LANES % 2
@@ -66,7 +65,7 @@ def fly_rows(
     for t in range(T):
         u = system.control(
             *(
-                np.clip(U[t, k] + noise[odd, t] * z[:, k, draws[t]], system.low[k], system.high[k])
+                np.clip(U[t, k] + noise[odd, t] * z[:, k, t], system.low[k], system.high[k])
                 for k in range(U.shape[1])
             )
         )

@@ -115,12 +115,12 @@ def few_samples(course, settings):
 def on_a_short_course(course, settings):
     """Return the arguments of a call with a small planner and a short course.
 
-    A term with parameters of its own is written as the planner's loop and not compiled, which
-    takes seconds: the term of examples/own_term.py is.
+    A term of one's own is written into the planner's loop, which is not compiled, as that takes
+    seconds: tests/test_own_parts.py compiles one.
     """
     assert quadsim.load_course(course).gates
     small = {**settings, **SMALLEST, "laps": None, "timeout": 2.0}
-    if any(isinstance(term, quadsim.Term) for term in settings.get("terms", ())):
+    if settings.get("terms"):
         spec = quadsim.Spec.of(SHORT_COURSE, **small)
         check_cost(spec, cost_on(spec, spec.course))
         del small["terms"]

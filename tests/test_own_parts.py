@@ -387,7 +387,7 @@ def test_a_sampler_that_returns_no_samples_is_named(fault, key):
         def sample(self, rng, samples, horizon, controls):
             return NO_SAMPLES[fault]((samples, horizon, controls))
 
-    text = one_line("sampler", build_lanes(Mine(), 4, 128, 40, key, 0.01).sample, 1)
+    text = one_line("sampler", build_lanes(Mine(), 4, 128, (1,) * 40, key, 0.01).sample, 1)
     assert "sampler: Mine.sample: expected finite numbers of shape (128, 40, 4)" in text
 
 

@@ -46,7 +46,6 @@ class NumbersAlong(NamedTuple):
     """The numbers of a rollout that depend on the horizon alone, see RolloutNumbers."""
 
     periods: int  # number of control periods
-    draws: np.ndarray
     noise_factor: np.ndarray
     cost_factor: np.ndarray
     mark_factor: np.ndarray
@@ -56,8 +55,6 @@ class NumbersAlong(NamedTuple):
 class RolloutNumbers(NamedTuple):
     """The numbers that the compiled rollout reads, in the lanes' precision."""
 
-    draws: np.ndarray  # the control period whose noise each step takes  (T,)
-    drawn: int  # number of control periods for which noise is drawn
     noise_factor: np.ndarray  # factors on the noise of even and of odd blocks  (2, T)
     cost_factor: np.ndarray  # factors on the cost of each step  (T,)
     mark_factor: np.ndarray  # factors on the terms at marks, 0 at other steps  (T,)
@@ -89,7 +86,6 @@ def _numbers_along(schedule: Schedule, horizon: int, dt: float, dtype: type) -> 
     line_marks[marks_at(periods.tolist(), steps_between(dt))] = True
     return NumbersAlong(
         periods=int(periods.sum()),
-        draws=schedule.draws(horizon),
         noise_factor=schedule.noise(horizon).astype(dtype),
         cost_factor=schedule.cost(horizon).astype(dtype),
         mark_factor=schedule.marks(horizon, term_steps(dt)).astype(dtype),
@@ -118,7 +114,7 @@ class Rollout:
         Args:
             x0: state  (n_x,).
             U: plan  (T, n_u).
-            noise: perturbations  (series, n_u, halves * periods, LANES).
+            noise: perturbations  (series, n_u, halves * T, LANES).
             target: number of targets reached.
             J: array to fill  (blocks, LANES).
         """
@@ -147,9 +143,7 @@ class Rollout:
         block = np.zeros((1, n_u, T, LANES), d)
         block[0, :, :, :samples] = v.transpose(1, 2, 0)
         numbers = self._numbers(x0, target, T)
-        full = numbers._replace(
-            draws=np.arange(T), drawn=T, noise_factor=np.ones_like(numbers.noise_factor)
-        )
+        full = numbers._replace(noise_factor=np.ones_like(numbers.noise_factor))
 
         # Zero in the place of the desk: the loop runs on this thread, over one block.
         n_x = len(self.system.states)
@@ -201,8 +195,6 @@ class Rollout:
                     f"obstacles, got shape {np.shape(crash_weight)}"
                 )
         return RolloutNumbers(
-            draws=along.draws,
-            drawn=along.periods,
             noise_factor=along.noise_factor,
             cost_factor=along.cost_factor,
             mark_factor=along.mark_factor,

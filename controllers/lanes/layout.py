@@ -75,6 +75,21 @@ def first_steps(z: np.ndarray, horizon: int) -> np.ndarray:
     return z[:, :, ::horizon]
 
 
+def of_steps(z: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """Return the perturbations of the chosen steps.
+
+    Args:
+        z: perturbations  (series, n_u, halves * T, LANES).
+        chosen: whether a step is chosen  (T,).
+
+    Returns:
+        (series, n_u, halves * chosen steps, LANES)
+    """
+    if chosen.all():
+        return z
+    return np.compress(np.tile(chosen, z.shape[2] // len(chosen)), z, axis=2)
+
+
 def add_from(z: np.ndarray, first: int, samples: int, offset: np.ndarray) -> None:
     """Add an offset to each sample from number `first` on.
 

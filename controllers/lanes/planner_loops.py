@@ -12,7 +12,7 @@ mass on a line with a cost of one term its core reads
             x_px = state[0, l]
             x_vx = state[1, l]
             # the control, within its limits
-            u_ax = lower(higher(plan_ax + n_t * block[0, t0 + d_t, l], low_ax), high_ax)
+            u_ax = lower(higher(plan_ax + n_t * block[0, t0 + t, l], low_ax), high_ax)
             # point: step
             px = x_px + x_vx * dt
             vx = x_vx + u_ax * dt
@@ -119,9 +119,7 @@ def rollout(desk, first, last, x0, U, z, J, trajectory, numbers):
     cost_factor = numbers.cost_factor
     <read_obstacles>
     T = U.shape[0]
-    draws = numbers.draws
-    drawn = numbers.drawn
-    halves = z.shape[2] // drawn
+    halves = z.shape[2] // T
     last_row = np.int32(targets.shape[0] - 1)
     varies = cost_numbers.shape[0] > 1  # whether the parameters of the cost depend on the step
     lasts = numbers.dt.shape[0] > 1  # whether the steps differ in length
@@ -129,12 +127,11 @@ def rollout(desk, first, last, x0, U, z, J, trajectory, numbers):
     for b in range(first, last):
         <begin>
         block = z[b // halves]
-        t0 = (b % halves) * drawn
+        t0 = (b % halves) * T
         for t in range(T):
             <read_plan>
             n_t = noise_factor[b % 2, t]
             s_t = cost_factor[t]
-            d_t = draws[t]
             k_t = t if varies else 0
             l_t = t if lasts else 0
             dt = numbers.dt[l_t]
@@ -420,7 +417,7 @@ def _read_cost(cost: Cost, writer: Writer) -> str:
 
 def _clipped(graph: Graph, name: str, k: int) -> Symbol:
     """Return control k of a sample, v = clip(U + n z), as an input of the graph."""
-    noisy = f"plan_{name} + n_t * block[{k}, t0 + d_t, l]"
+    noisy = f"plan_{name} + n_t * block[{k}, t0 + t, l]"
     return graph.input(f"u_{name}", f"lower(higher({noisy}, low_{name}), high_{name})")
 
 

@@ -16,7 +16,7 @@ CHUNK = 25  # number of steps of the horizon that a thread sums at a time: 6 kB 
 @kept
 @njit(fastmath=FAST, error_model="numpy", nogil=True)
 def _lane_sums(  # noqa: PLR0913 (three are the arguments of each shared loop)
-    desk, first, last, noise, draws, drawn, ramp, U, low, high, weights, sums
+    desk, first, last, noise, ramp, U, low, high, weights, sums
 ):
     """Fill sums with sums[c, t, i] = sum_b w[b, i] (clip(U + ramp noise) - U).
 
@@ -29,7 +29,7 @@ def _lane_sums(  # noqa: PLR0913 (three are the arguments of each shared loop)
         return
     T = U.shape[0]
     blocks, lanes = weights.shape
-    halves = noise.shape[2] // drawn
+    halves = noise.shape[2] // T
     chunks = (T + CHUNK - 1) // CHUNK
     for k in range(first, last):
         c = k // chunks
@@ -47,13 +47,12 @@ def _lane_sums(  # noqa: PLR0913 (three are the arguments of each shared loop)
             if not weighs:
                 continue
             s = b // halves
-            t0 = (b % halves) * drawn
+            t0 = (b % halves) * T
             for t in range(begin, end):
                 u = U[t, c]
                 n = ramp[b % 2, t]
-                d = draws[t]
                 for i in range(lanes):
-                    v = min(max(u + n * noise[s, c, t0 + d, i], lo), hi)
+                    v = min(max(u + n * noise[s, c, t0 + t, i], lo), hi)
                     sums[c, t, i] += weights[b, i] * (v - u)
 
 
@@ -64,19 +63,15 @@ def weighted_mean(
     low: np.ndarray,
     high: np.ndarray,
     w: np.ndarray,
-    draws: np.ndarray | None = None,
-    drawn: int = 0,
 ) -> np.ndarray:
     """Return sum_m w_m (v^m - U) with v_t = clip(U_t + ramp_t z_t).
 
     Args:
-        noise: perturbations z  (series, n_u, halves * drawn, LANES).
+        noise: perturbations z  (series, n_u, halves * T, LANES).
         ramp: factors on the perturbations of even and of odd blocks  (2, T).
         U: plan  (T, n_u).
         low, high: limits of the controls  (n_u,).
         w: weight of each sample  (M,).
-        draws: the control period whose noise each step takes; None: that of its index  (T,).
-        drawn: number of control periods for which noise is drawn; 0: one for each step.
 
     Returns:
         The weighted mean  (T, n_u).
@@ -88,6 +83,5 @@ def weighted_mean(
     pairs = n_u * -(-T // CHUNK)
     # An array with a different memory order would make numba compile the loop again.
     numbers = (ramp.astype(d, "C"), U.astype(d, "C"), low.astype(d), high.astype(d))
-    steps = np.arange(T) if draws is None else draws
-    on_threads(_lane_sums, pairs, noise, steps, drawn or T, *numbers, w_blocks, sums)
+    on_threads(_lane_sums, pairs, noise, *numbers, w_blocks, sums)
     return sums.sum(axis=2, dtype=np.float64).T

@@ -6,6 +6,7 @@ perturbations for MPPI.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -43,7 +44,7 @@ def build_lanes(
     sampler: Sampling | PlainSampler,
     controls: int,
     samples: int,
-    horizon: int,
+    lengths: Sequence[int],
     key: np.ndarray,
     dt: float,
 ) -> LaneSampler:
@@ -53,7 +54,7 @@ def build_lanes(
         sampler: a registered sampler, or an object with `sample`.
         controls: n_u, number of controls.
         samples: largest number of samples drawn at a time.
-        horizon: T, number of control periods.
+        lengths: of the steps of the rollouts, in control periods  (T,).
         key: key of the random numbers  (2,) uint32.
         dt: control period [s].
 
@@ -64,8 +65,8 @@ def build_lanes(
         if isinstance(sampler, type) or not callable(getattr(sampler, "sample", None)):
             wanted = "expected an object with sample(rng, samples, horizon, controls)"
             raise SettingError("sampler", f"{wanted}, got {shown_value(sampler)}")
-        return lanes_of(sampler, samples, horizon, controls, key)
+        return lanes_of(sampler, samples, lengths, controls, key)
     if len(sampler.sigma) != controls:
         problem = f"expected {controls} numbers, one per control, got {len(sampler.sigma)}"
         raise SettingError("sigma", problem)
-    return sampler.build(samples, horizon, key, dt)
+    return sampler.build(samples, lengths, key, dt)

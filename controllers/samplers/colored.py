@@ -17,10 +17,16 @@ With a cut-off f_c, the noise of `exact` is band-limited: its amplitudes are mul
 1 / (1 + (f / f_c)^4), and are zero above 3.15 f_c, at which this factor is 1 %. This lowers the
 variance below sigma^2. With gamma 0 the noise is low-pass Gaussian. Most frequencies that are zero
 are not drawn, because the transform starts from the others.
+
+Steps of a rollout that are longer than a control period take the mean of the noise over the step.
+The noise is then drawn at every r-th period only, if it has a cut-off, see
+quadsim.controllers.lanes.sums. Fewer frequencies are drawn: those with a factor below 7 %, which
+have less than a thousandth of the variance, are zero, too.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal, get_args
 
@@ -28,14 +34,19 @@ import numpy as np
 
 from quadsim.controllers.lanes.layout import LANES
 from quadsim.controllers.lanes.passes import fast_length, frequencies, narrowest_band
+from quadsim.controllers.lanes.sums import NO_SUMS, sums_of_steps
 from quadsim.controllers.samplers.lane_sampler import Cutoff, Gamma, LaneSampler, Sigma
+from quadsim.controllers.steps import Steps
 from quadsim.files.strict_yaml import setting
 from quadsim.files.values import SettingError, check_fields
 
 Law = Literal["exact", "paper", "library"]
 LAWS: tuple[Law, ...] = get_args(Law)
 OFFSET_DECAY = 0.97  # factor per step; "library" only
-NEGLIGIBLE = 0.01  # factor on amplitudes below which the frequencies above a cut-off are left out
+# Factor on amplitudes below which the frequencies above a cut-off are left out, for steps of one
+# control period and for longer ones
+NEGLIGIBLE = 0.01
+NEGLIGIBLE_LONGER = 0.07
 
 
 def transform_length(horizon: int, law: Law) -> int:
@@ -76,13 +87,14 @@ def spectrum(n: int, gamma: float, law: Law) -> np.ndarray:
     return np.sqrt(power / counted.sum())
 
 
-def roll_off(n: int, dt: float, cutoff: float) -> np.ndarray:
-    """Return the factors 1 / (1 + (f / f_c)^4) on amplitudes, zero if below 1 %.
+def roll_off(n: int, dt: float, cutoff: float, least: float = NEGLIGIBLE) -> np.ndarray:
+    """Return the factors 1 / (1 + (f / f_c)^4) on amplitudes.
 
     Args:
         n: length of the transform.
         dt: control period [s].
         cutoff: cut-off frequency f_c [Hz].
+        least: factor below which a factor is zero.
 
     Returns:
         The factors  (n,).
@@ -90,7 +102,7 @@ def roll_off(n: int, dt: float, cutoff: float) -> np.ndarray:
     k = np.minimum(np.arange(n), n - np.arange(n))
     f = k / (n * dt)  # [Hz]
     factors = 1 / (1 + (f / cutoff) ** 4)
-    return np.where(factors < NEGLIGIBLE, 0.0, factors)
+    return np.where(factors < least, 0.0, factors)
 
 
 @dataclass(frozen=True)
@@ -145,9 +157,11 @@ class Colored:
             wanted = f"expected {len(self.sigma)} numbers, as sigma has"
             raise SettingError("gamma", f"{wanted}, got {len(self.gamma)}")
 
-    def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
+    def build(
+        self, samples: int, lengths: Sequence[int], key: np.ndarray, dt: float
+    ) -> LaneSampler:
         """Return the source of perturbations, see Sampling."""
-        noise = ColoredNoise(self, samples, horizon, key, dt)
+        noise = ColoredNoise(self, samples, lengths, key, dt)
         return LaneSampler(noise.draw, noise.loop, normals=noise.normals)
 
 
@@ -155,22 +169,24 @@ class ColoredNoise:
     """The perturbations z of one planner, drawn into the same memory at each call.
 
     A series is one transform with `halves` samples for each of the LANES lanes: with the method
-    `exact` the steps 0..T-1 are one sample and the steps T..2T-1 a second one.
+    `exact` the first half of its control periods is one sample and the second half another one.
 
     Args:
         sampler: parameters of the noise.
         samples: largest number of samples drawn at a time.
-        horizon: T, number of control periods.
+        lengths: of the T steps of the rollouts, in control periods.
         key: key of the random numbers  (2,) uint32.
         dt: control period [s].
     """
 
-    def __init__(self, sampler: Colored, samples: int, horizon: int, key: np.ndarray, dt: float):
+    def __init__(
+        self, sampler: Colored, samples: int, lengths: Sequence[int], key: np.ndarray, dt: float
+    ):
         # Imported here, as they load the compiler
         from quadsim.controllers.lanes.transform import fill_transformed, transform_loop
 
-        n = transform_length(horizon, sampler.law)
-        self._length = n
+        of_sample = Steps(lengths)
+        n = transform_length(of_sample.periods, sampler.law)
         self._fill = fill_transformed
         self._key = key
         self._samples = samples
@@ -178,13 +194,14 @@ class ColoredNoise:
         # Samples and steps of a series
         halves = 2 if sampler.law == "exact" else 1
         self._held = halves * LANES
-        steps = halves * horizon
+        steps = halves * of_sample.number
 
         # Standard deviations of real and imaginary parts, for each control  (n_u, n)
+        least = NEGLIGIBLE_LONGER if of_sample.are_longer else NEGLIGIBLE
         cutoffs = [f or np.inf for f in sampler.cutoff or (0.0,) * len(sampler.sigma)]
         deviations = np.array(
             [
-                sigma * spectrum(n, gamma, sampler.law) * roll_off(n, dt, cutoff)
+                sigma * spectrum(n, gamma, sampler.law) * roll_off(n, dt, cutoff, least)
                 for sigma, gamma, cutoff in zip(sampler.sigma, sampler.gamma, cutoffs, strict=True)
             ]
         )
@@ -192,15 +209,22 @@ class ColoredNoise:
         # The drawn frequencies: the narrowest band that contains all nonzero amplitudes
         highest = int(np.flatnonzero(deviations[:, : n // 2 + 1].any(axis=0)).max(initial=0))
         band = narrowest_band(n, highest)
-        self.normals = band / n
+        self.normals = band / n * of_sample.periods / of_sample.number
         drawn = deviations[:, frequencies(band)]
         self._scale = np.tile(drawn, 2).astype(np.float32)  # (n_u, 2 B)
-        self.loop = transform_loop(n, band)
+
+        # Longer steps need the series at every (n / B)-th period only.
+        self._length, self._sums = n, NO_SUMS
+        if of_sample.are_longer:
+            self._length = band
+            self._sums = sums_of_steps(deviations**2, of_sample, halves, n // band)
+        self.loop = transform_loop(self._length, band, self._sums.terms)
 
         # The share of z_1 that is subtracted from each step  (steps,)
         self._offset = np.zeros(steps, np.float32)
         if sampler.law == "library":
-            self._offset = (OFFSET_DECAY ** np.arange(steps)).astype(np.float32)
+            decay = OFFSET_DECAY ** np.arange(of_sample.periods)
+            self._offset = of_sample.mean(decay[:, None]).ravel().astype(np.float32)
 
         shape = (self._series(samples), len(sampler.sigma), steps, LANES)
         self._z = np.empty(shape, np.float32)
@@ -219,7 +243,9 @@ class ColoredNoise:
         z = self._z[: self._series(self._samples if samples is None else samples)]
         # Two series come from one transform.
         first_transform = first // self._held // 2
-        self._fill(z, self._scale, self._offset, self._key, call, first_transform, self._length)
+        self._fill(
+            z, self._scale, self._offset, self._key, call, first_transform, self._length, self._sums
+        )
         return z
 
     def _series(self, samples: int) -> int:

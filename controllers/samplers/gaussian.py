@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 
 from quadsim.controllers.lanes.layout import LANES, blocks
-from quadsim.controllers.samplers.lane_sampler import LaneSampler, Sigma
+from quadsim.controllers.samplers.lane_sampler import LaneSampler, Sigma, white_shares
 from quadsim.files.strict_yaml import setting
 from quadsim.files.values import check_fields
 
@@ -27,13 +28,15 @@ class Gaussian:
     def __post_init__(self) -> None:
         check_fields(self)
 
-    def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
+    def build(
+        self, samples: int, lengths: Sequence[int], key: np.ndarray, dt: float
+    ) -> LaneSampler:
         """Return the source of perturbations, see Sampling."""
         # Imported here, as it loads the compiler
         from quadsim.controllers.lanes.normals import fill_normals, normal_blocks
 
-        noise = np.empty((blocks(samples), len(self.sigma), horizon, LANES), np.float32)
-        scale = np.repeat(np.array(self.sigma, np.float32), horizon)  # (n_u * T,)
+        noise = np.empty((blocks(samples), len(self.sigma), len(lengths), LANES), np.float32)
+        scale = np.outer(self.sigma, white_shares(lengths)).astype(np.float32).ravel()  # (n_u * T,)
 
         def sample(call: int, first: int = 0, samples: int = samples) -> np.ndarray:
             z = noise[: blocks(samples)]

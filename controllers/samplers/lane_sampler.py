@@ -5,7 +5,7 @@ The memory layout, and chunks of samples, are described in quadsim.controllers.l
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal, Protocol, runtime_checkable
 
@@ -67,16 +67,31 @@ class Sampling(Protocol):
         """The standard deviations, one for each control."""
         ...
 
-    def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
+    def build(
+        self, samples: int, lengths: Sequence[int], key: np.ndarray, dt: float
+    ) -> LaneSampler:
         """Return a source of perturbations.
 
         Args:
             samples: largest number of samples drawn at a time.
-            horizon: T, number of control periods.
+            lengths: of the T steps of the rollouts, in control periods. The perturbation of a
+                longer step is the mean of these periods' perturbations, or varies as much.
             key: key of the random numbers  (2,) uint32.
             dt: control period [s].
         """
         ...
+
+
+def white_shares(lengths: Sequence[int]) -> np.ndarray:
+    """Return the standard deviation of the mean of white noise over each step, over a period's.
+
+    Args:
+        lengths: of the steps, in control periods.
+
+    Returns:
+        (T,)
+    """
+    return 1.0 / np.sqrt(lengths)
 
 
 def stream_key(seed: int | np.random.SeedSequence) -> np.ndarray:

@@ -9,13 +9,14 @@ The standard deviation is sigma exp(sigma^2), the kurtosis 3 exp(4 sigma^2).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 
 from quadsim.controllers.lanes.layout import LANES, blocks
-from quadsim.controllers.samplers.lane_sampler import LaneSampler, Sigma
+from quadsim.controllers.samplers.lane_sampler import LaneSampler, Sigma, white_shares
 from quadsim.files.strict_yaml import setting
 from quadsim.files.values import check_fields
 
@@ -40,15 +41,19 @@ class LogNormal:
     def __post_init__(self) -> None:
         check_fields(self)
 
-    def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
+    def build(
+        self, samples: int, lengths: Sequence[int], key: np.ndarray, dt: float
+    ) -> LaneSampler:
         """Return the source of perturbations, see Sampling."""
         # Imported here, as it loads the compiler
         from quadsim.controllers.lanes.normals import fill_normals, normal_blocks
 
-        shape = (len(self.sigma), horizon, LANES)
+        shape = (len(self.sigma), len(lengths), LANES)
         normals = np.empty((blocks(samples), 2, *shape), np.float32)  # sigma xi, sigma eta
         noise = np.empty((blocks(samples), *shape), np.float32)
-        scale = np.tile(np.repeat(np.array(self.sigma, np.float32), horizon), 2)  # (2 * n_u * T,)
+        factors = np.stack([white_shares(lengths), np.ones(len(lengths))])
+        of_controls = np.array(self.sigma)[None, :, None] * factors[:, None]  # (2, n_u, T)
+        scale = of_controls.astype(np.float32).ravel()
 
         def sample(call: int, first: int = 0, samples: int = samples) -> np.ndarray:
             n = normals[: blocks(samples)]

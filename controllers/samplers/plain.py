@@ -11,12 +11,14 @@ generator in the same state, so the sampler should be stateless. Its draws then 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from quadsim.controllers.lanes.layout import LANES, blocks, in_lanes
 from quadsim.controllers.samplers.lane_sampler import LaneSampler
+from quadsim.controllers.steps import Steps
 from quadsim.files.values import SettingError
 from quadsim.files.yaml_errors import shown_value
 
@@ -57,7 +59,7 @@ class PlainSampler(Protocol):
 
 
 def lanes_of(
-    sampler: PlainSampler, samples: int, horizon: int, controls: int, key: np.ndarray
+    sampler: PlainSampler, samples: int, lengths: Sequence[int], controls: int, key: np.ndarray
 ) -> LaneSampler:
     """Return a source of a plain sampler's perturbations in lanes.
 
@@ -66,17 +68,18 @@ def lanes_of(
     Args:
         sampler: the sampler.
         samples: largest number of samples drawn at a time.
-        horizon: T, number of control periods.
+        lengths: of the steps of the rollouts, in control periods  (T,).
         controls: n_u, number of controls.
         key: key of the random numbers  (2,) uint32.
     """
-    noise = np.empty((blocks(samples), controls, horizon, LANES), np.float32)
+    steps = Steps(lengths)
+    noise = np.empty((blocks(samples), controls, steps.number, LANES), np.float32)
 
     def sample(call: int, first: int = 0, samples: int = samples) -> np.ndarray:
-        shape = (samples, horizon, controls)
+        shape = (samples, steps.periods, controls)
         drawn = sampler.sample(_generator(key, call, first), *shape)
         z = checked(drawn, shape, type(sampler).__name__)
-        return in_lanes(z, noise[: blocks(samples)])
+        return in_lanes(steps.mean(z), noise[: blocks(samples)])
 
     return LaneSampler(sample, loop=None)
 

@@ -13,6 +13,7 @@ are based, an error replaces every derivative by the one at index 1 (`published`
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -39,10 +40,12 @@ class SmoothStar:
     def __post_init__(self) -> None:
         check_fields(self)
 
-    def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
+    def build(
+        self, samples: int, lengths: Sequence[int], key: np.ndarray, dt: float
+    ) -> LaneSampler:
         """Return the source of perturbations, see Sampling."""
-        momentum = Momentum(horizon, len(self.sigma), self.shift)
-        return replace(Gaussian(self.sigma).build(samples, horizon, key, dt), momentum=momentum)
+        momentum = Momentum(sum(lengths), len(self.sigma), self.shift)
+        return replace(Gaussian(self.sigma).build(samples, lengths, key, dt), momentum=momentum)
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,9 @@ class Smooth:
     def __post_init__(self) -> None:
         check_fields(self)
 
-    def build(self, samples: int, horizon: int, key: np.ndarray, dt: float) -> LaneSampler:
+    def build(
+        self, samples: int, lengths: Sequence[int], key: np.ndarray, dt: float
+    ) -> LaneSampler:
         """Return the source of perturbations, see Sampling."""
         sigma = tuple(s * dt for s in self.sigma)
-        return SmoothStar(sigma, self.shift).build(samples, horizon, key, dt)
+        return SmoothStar(sigma, self.shift).build(samples, lengths, key, dt)

@@ -6,7 +6,7 @@
 A course is a row of the elements that racers build: turns, hairpins, the Split-S, ladders and
 vertical gates. Thrust-to-weight ratio and size of the openings differ from course to course. The
 first command writes the files, the second flies each race by every variant and writes a row for
-each flight into flights.csv. A flight that has a row is not flown again.
+each flight into flights.csv, and the runs into runs/. A flight that has a row is not flown again.
 """
 
 from __future__ import annotations
@@ -198,10 +198,12 @@ class UnseenFlight(NamedTuple):
     variant: str
     outcome: str
     time: float  # of the race, 0 for a flight that has not finished [s]
+    thrust_tv: float  # total variation of the commanded thrust [m/s^2/s]
+    run: str  # folder of the run
 
 
-def fly(race: UnseenRace, variant: str) -> UnseenFlight:
-    """Fly a race by a variant, seed 0."""
+def fly(race: UnseenRace, variant: str, runs: Path) -> UnseenFlight:
+    """Fly a race by a variant, seed 0, and store the run in a folder of runs."""
     course = race.course
     settings = VARIANTS[variant]
     run = quadsim.fly(
@@ -223,6 +225,8 @@ def fly(race: UnseenRace, variant: str) -> UnseenFlight:
         variant=variant,
         outcome=str(run.outcome),
         time=round(sum(run.laps), 3) if run.outcome == "finished" else 0.0,
+        thrust_tv=round(run.metrics.thrust_tv, 1),
+        run=run.save(runs).name,
     )
 
 
@@ -233,6 +237,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=2027, help="seed of the courses")
     parser.add_argument("--out", type=Path, default=Path("unseen"), help="folder of the files")
     parser.add_argument("--fly", action="store_true", help="fly each race by every variant")
+    parser.add_argument("--variants", default=",".join(VARIANTS), help="those that fly")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     table = given.out / "flights.csv"
@@ -242,10 +247,10 @@ def main() -> int:
             known = {(row["course"], row["variant"]) for row in csv.DictReader(file)}
     for race in unseen_races(given.number, given.seed):
         (given.out / f"{race.course.name}.yaml").write_text(race.text)
-        for variant in VARIANTS if given.fly else ():
+        for variant in given.variants.split(",") if given.fly else ():
             if (race.course.name, variant) in known:
                 continue
-            flight = fly(race, variant)
+            flight = fly(race, variant, given.out / "runs")
             is_new = not table.exists()
             with table.open("a", newline="") as file:
                 writer = csv.writer(file, lineterminator="\n")

@@ -44,7 +44,7 @@ def make(runs: int, folder: Path) -> Result:
 
 def perturbations(sampling: Sampling, samples: int, seed: int = 0) -> np.ndarray:
     """Return perturbations of a sampler, a row for each sample.  (samples, n_u, HORIZON)"""
-    z = sampling.build(samples, HORIZON, stream_key(seed), DT).sample(1)
+    z = sampling.build(samples, (1,) * HORIZON, stream_key(seed), DT).sample(1)
     return from_lanes(z, samples, HORIZON)
 
 

@@ -235,18 +235,21 @@ def test_places_rotate_over_the_races():
 
 
 @pytest.mark.compiled
-@pytest.mark.process
-def test_a_campaign_flies_each_race_once_and_the_same_in_parallel(tmp_path):
+def test_a_campaign_flies_each_race_once(tmp_path):
     sequence = fly_heats(small_heats(2), tmp_path / "a.sqlite", jobs=0)
     assert fly_heats(small_heats(2), tmp_path / "a.sqlite", jobs=0) == sequence
     with sqlite3.connect(tmp_path / "a.sqlite") as db:
         assert db.execute("SELECT count(*) FROM heats").fetchall() == [(2,)]
+
+
+@pytest.mark.regression
+def test_a_campaign_flies_the_same_in_parallel(tmp_path):
+    sequence = fly_heats(small_heats(2), tmp_path / "a.sqlite", jobs=0)
     parallel = fly_heats(small_heats(2), tmp_path / "b.sqlite", jobs=2)
     assert [r.digest for r in parallel] == [r.digest for r in sequence]
 
 
-@pytest.mark.compiled
-@pytest.mark.process
+@pytest.mark.regression
 def test_a_killed_campaign_is_resumed_with_nothing_lost_and_nothing_twice(
     tmp_path, monkeypatch, capsys, in_this_process
 ):

@@ -227,7 +227,7 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.process
+@pytest.mark.regression
 def test_a_worker_that_lacks_what_the_script_has_set_is_refused(tmp_path):
     script = tmp_path / "script.py"
     script.write_text(SCRIPT.replace("SETTINGS", repr(SETTINGS)))

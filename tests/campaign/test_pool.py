@@ -75,7 +75,7 @@ def test_what_an_attempt_raises_is_raised():
         list(fly_all(pool, specs(3)))
 
 
-@pytest.mark.process
+@pytest.mark.regression
 def test_killing_a_worker_in_mid_campaign_loses_nothing():
     finished = []
     with Processes(2) as pool:

@@ -187,7 +187,7 @@ def search_for_ever(path, log):
                 told.flush()
 
 
-@pytest.mark.process
+@pytest.mark.regression
 def test_a_search_that_is_killed_at_any_moment_loses_no_trial(tmp_path):
     path, log = tmp_path / "c.sqlite", tmp_path / "told"
     log.touch()

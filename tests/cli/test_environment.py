@@ -17,7 +17,9 @@ UNFIT = {"NUMBA_DISABLE_JIT": "1", "NUMBA_NUM_THREADS": "0"}
 
 
 @pytest.mark.process
-@pytest.mark.parametrize("name", UNFIT)
+@pytest.mark.parametrize(
+    "name", ["NUMBA_DISABLE_JIT", pytest.param("NUMBA_NUM_THREADS", marks=pytest.mark.regression)]
+)
 def test_what_numba_cannot_use_is_one_line_that_names_the_variable(name, tmp_path):
     env = os.environ | {name: UNFIT[name]}
     done = subprocess.run(

@@ -61,7 +61,7 @@ def test_an_interrupted_flight_is_reported_and_kept(flying, tmp_path):
     assert run.telemetry["t"][-1] > 0.0
 
 
-@pytest.mark.process
+@pytest.mark.regression
 def test_a_killed_flight_leaves_nothing_that_looks_finished(flying, tmp_path, capsys):
     flight, _ = flying
     flight.kill()

@@ -25,7 +25,7 @@ def draw(key, law, T, gamma=GAMMA, call=1):
     """Unit-variance samples of one series each, of law exact its two one after the other.  (M,
     channels, steps)"""
     samples = 2 * M if law == "exact" else M
-    z = Colored((1.0,) * len(gamma), gamma, law).build(samples, T, key, dt=0.1).sample(call)
+    z = Colored((1.0,) * len(gamma), gamma, law).build(samples, (1,) * T, key, dt=0.1).sample(call)
     return z.transpose(0, 3, 1, 2).reshape(M, len(gamma), -1).astype(float)
 
 
@@ -132,7 +132,7 @@ def band_limited(key, T, cutoff):
     The shape is (M, channels, 2 T), with both samples of a transform one after the other.
     """
     sampler = Colored((1.0,) * len(GAMMA), GAMMA, cutoff=(cutoff,) * len(GAMMA))
-    z = sampler.build(2 * M, T, key, dt=0.1).sample(1)
+    z = sampler.build(2 * M, (1,) * T, key, dt=0.1).sample(1)
     return z.transpose(0, 3, 1, 2).reshape(M, len(GAMMA), -1).astype(float)
 
 
@@ -179,7 +179,7 @@ def test_sigma_is_the_deviation_without_the_cut_off(key, T):
 
 @pytest.mark.compiled
 def test_a_cut_off_of_zero_is_none(key):
-    given = {"samples": 64, "horizon": 40, "key": key, "dt": 0.05}
+    given = {"samples": 64, "lengths": (1,) * 40, "key": key, "dt": 0.05}
     off, none = (Colored((1.0,) * 2, (0.0, 2.0), cutoff=cut) for cut in ((0.0, 0.0), None))
     assert none.cutoff == ()
     np.testing.assert_array_equal(off.build(**given).sample(1), none.build(**given).sample(1))
@@ -226,7 +226,8 @@ def test_transform_of_law_exact_is_twice_the_horizon_unless_a_prime_factor_is_la
 @pytest.mark.compiled
 def test_sigma_scales_a_channel(key):
     one, two = (
-        Colored((s, 1.0), (2.0, 1.0)).build(64, 40, key, dt=0.1).sample(1) for s in (1.0, 2.0)
+        Colored((s, 1.0), (2.0, 1.0)).build(64, (1,) * 40, key, dt=0.1).sample(1)
+        for s in (1.0, 2.0)
     )
     np.testing.assert_allclose(two[:, 0], 2 * one[:, 0], rtol=1e-6)
     np.testing.assert_array_equal(two[:, 1], one[:, 1])

@@ -102,7 +102,7 @@ def test_plan_takes_its_momentum_along_when_time_moves_on():
 
 
 def log_normal(key, sigma, samples=65536):
-    z = LogNormal((sigma, sigma)).build(samples, 4, key, dt=0.1).sample(1)
+    z = LogNormal((sigma, sigma)).build(samples, (1,) * 4, key, dt=0.1).sample(1)
     return from_lanes(z, samples, 4).astype(float)
 
 

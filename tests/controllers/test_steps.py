@@ -6,18 +6,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from point import White
 
 from quadsim.controllers.config import MPPIConfig
 from quadsim.controllers.costs import AmountTerm, Cost, Term
 from quadsim.controllers.lanes.layout import from_lanes
+from quadsim.controllers.lanes.sums import sums_of_steps
 from quadsim.controllers.mppi import MPPI
 from quadsim.controllers.presets import contradictions, preset
-from quadsim.controllers.samplers import Colored, Gaussian, LogNormal, SmoothStar
-from quadsim.controllers.schedule import Schedule, first_periods, marks_at, step_lengths
+from quadsim.controllers.samplers import Colored, Gaussian, LogNormal, SmoothStar, build_lanes
+from quadsim.controllers.schedule import Schedule, marks_at, step_lengths
 from quadsim.controllers.steps import Steps
 from quadsim.dynamics.quadrotor import ModelParams, State, quadrotor
 from quadsim.paper.integrator import double_integrator, quadratic_cost
 from quadsim.vehicle import load_vehicle
+from tests.small import SMALL
 
 DT = 0.01
 LENGTHS = step_lengths(150, DT, doubling=0.5)
@@ -94,33 +97,70 @@ def test_a_solution_is_followed_in_control_periods():
 def planner(sampler, longer_steps):
     """Return a planner of the double integrator with 1024 samples of a sampler."""
     system, cost = double_integrator(DT), quadratic_cost(goal=(1.0, 0.0))
-    config = MPPIConfig(1024, horizon=150, dt=DT, longer_steps=longer_steps, target_ess=20)
+    horizon = SMALL["horizon"]
+    config = MPPIConfig(1024, horizon=horizon, dt=DT, longer_steps=longer_steps, target_ess=20)
     return MPPI(system, cost, sampler, config)
 
 
-def noise_of_steps(mppi):
+def noise_of(sampler, lengths, key):
     """Return the noise of all samples for each step, as the rollouts add it.  (M, n_u, T)"""
-    z = from_lanes(mppi.sampler.sample(1).copy(), 1024, 150)
-    return z[:, :, mppi.draws] * mppi.ramp[1]
+    source = build_lanes(sampler, 2, 1024, lengths, key, DT)
+    return from_lanes(source.sample(1).copy(), 1024, len(lengths)).astype(float)
+
+
+def means_over_steps(z):
+    """Return the mean of noise (M, n_u, periods) over each step of LENGTHS.  (M, n_u, T)"""
+    return Steps(LENGTHS).mean(z.swapaxes(1, 2)).swapaxes(1, 2)
 
 
 @pytest.mark.compiled
 @pytest.mark.parametrize(
     "sampler",
     [
-        Gaussian((0.8, 2.0)),
-        Colored((0.8, 2.0), (0.8, 2.0), cutoff=(5.0, 5.0)),
         Colored((0.8, 2.0), (1.0, 1.0)),
+        Colored((0.8, 2.0), (1.0, 1.0), law="library"),
+        White((0.8, 2.0)),
     ],
 )
-def test_noise_of_a_longer_step_varies_as_the_mean_of_its_periods(sampler):
-    fine, longer = planner(sampler, None), planner(sampler, 0.5)
-    z = noise_of_steps(fine)
-    found = noise_of_steps(longer).std(axis=(0,))
-    means = np.add.reduceat(z, first_periods(LENGTHS), axis=2) / np.array(LENGTHS)
+def test_a_longer_step_has_the_mean_of_the_noise_of_its_periods(sampler, key):
+    z, found = noise_of(sampler, (1,) * 150, key), noise_of(sampler, LENGTHS, key)
+    np.testing.assert_allclose(found, means_over_steps(z), atol=1e-5)
+
+
+@pytest.mark.compiled
+def test_noise_with_a_cut_off_has_the_covariance_of_the_means_over_the_steps(key):
+    """It is drawn at some periods only, so the numbers differ, but not how they vary."""
+    sampler = Colored((0.8, 2.0), (0.8, 2.0), cutoff=(5.0, 5.0))
+    z, found = noise_of(sampler, (1,) * 150, key), noise_of(sampler, LENGTHS, key)
+    means = means_over_steps(z)
+    for control in range(2):
+        wanted, got = np.cov(means[:, control].T), np.cov(found[:, control].T)
+        # five standard errors of two sets of 1024 samples
+        assert abs(got - wanted).max() < 5 * np.sqrt(2 * 2 / 1024) * wanted.max()
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("sampler", [Gaussian((0.8, 2.0)), LogNormal((0.3, 0.4))])
+def test_white_noise_of_a_longer_step_varies_as_the_mean_of_its_periods(sampler, key):
+    z, found = noise_of(sampler, (1,) * 150, key), noise_of(sampler, LENGTHS, key)
+    means = means_over_steps(z)
     for step in (slice(0, 50), slice(50, 75), slice(75, 87)):
         wanted = means[:, :, step].std(axis=(0, 2))
-        np.testing.assert_allclose(found[:, step].mean(axis=1), wanted, rtol=0.06)
+        np.testing.assert_allclose(found[:, :, step].std(axis=(0, 2)), wanted, rtol=0.06)
+
+
+def test_noise_known_at_some_periods_is_summed_to_the_mean_over_a_step():
+    """Without high frequencies a few numbers around a step are enough, and the first ones follow
+    the last ones of the periodic series."""
+    n, every, steps = 60, 3, Steps((1, 1, 2, 4, 2))
+    power = np.where(np.minimum(np.arange(n), n - np.arange(n)) < 6, 1.0, 0.0)[None]
+    sums = sums_of_steps(power, steps, halves=2, every=every)
+    rng, k = np.random.default_rng(0), np.arange(n)
+    waves = np.exp(2j * np.pi * np.outer(k, k) / n) * np.sqrt(power[0])
+    z = rng.normal(size=(500, n)) @ waves.T.real - rng.normal(size=(500, n)) @ waves.T.imag
+    found = np.einsum("tj,mtj->mt", sums.parts[0], z[:, ::every][:, sums.at])
+    means = steps.mean(z[:, :10, None])[:, :, 0]
+    assert (found[:, :5] - means).std() < 0.02 * means.std()
 
 
 @pytest.mark.compiled
@@ -134,7 +174,7 @@ def test_noise_of_a_longer_step_varies_as_the_mean_of_its_periods(sampler):
     ],
 )
 def test_every_sampler_reaches_the_goal_with_longer_steps(sampler):
-    mppi, x = planner(sampler, 0.3), np.array([0.0, 0.5, 0.0, 0.0])
+    mppi, x = planner(sampler, 0.12), np.array([0.0, 0.5, 0.0, 0.0])
     for _ in range(200):
         u, _ = mppi.control(x)
         x = np.array(mppi.system.next(x, u))

@@ -136,7 +136,7 @@ def test_a_number_that_was_changed_is_not_called_the_priors():
     assert found["inertia.x"].value == pytest.approx(own["inertia.x"] * TRUE.mass / OTHER.mass)
 
 
-@pytest.mark.slow
+@pytest.mark.regression
 def test_an_inertia_without_an_arm_has_an_interval_for_it(known):
     true = TRUE.inertia[0]
     assert known["inertia.x"].low < true < known["inertia.x"].high
@@ -160,6 +160,7 @@ def test_a_log_of_what_never_flew_is_refused():
         fitted(still)
 
 
+@pytest.mark.regression
 def test_lags_that_were_found_leave_none_of_the_prior_vehicle_beside_them():
     other = load_vehicle("cf21b_500")
     assert other.rotors.motor_response
@@ -205,7 +206,7 @@ def test_a_flight_of_seconds_is_refused():
         fitted(flight(seconds=3.0))
 
 
-@pytest.mark.slow
+@pytest.mark.regression
 def test_drag_of_a_vehicle_that_hardly_moves_is_kept_at_the_prior():
     """Noise of a velocity near zero would be taken for motion without drag."""
     log = noisy(flight())

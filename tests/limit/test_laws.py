@@ -163,7 +163,7 @@ def test_a_vehicle_without_rotors_flies_by_its_rates():
         dynamics(load_vehicle("paper"), "rotors")
 
 
-@optimised
+@pytest.mark.regression
 def test_a_u_turn_behind_a_gate_goes_around_its_frame():
     """The straight way back leads through the gate's upper bar; the race around it is slower."""
     low = Gate((3.0, 0.0, 1.5), 0.0, 0.0, 0.0, **OPENING)

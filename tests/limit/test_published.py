@@ -7,8 +7,7 @@ from quadsim.dynamics.quadrotor import ATTITUDE, POSITION, VELOCITY
 from quadsim.limit.verify import verify
 from tests.limit.limit_cases import cpc, fast_fly_n7, solved
 
-# The optimiser takes seconds.
-pytestmark = pytest.mark.compiled
+pytestmark = pytest.mark.regression
 # Share of the published time
 WITHIN = 0.005
 

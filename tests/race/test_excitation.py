@@ -32,14 +32,14 @@ def power_at(signal, frequency, dt):
     return 2.0 * np.sum(np.abs(spectrum[np.abs(frequencies - frequency) < 0.2 * frequency]) ** 2)
 
 
-@pytest.mark.slow
+@pytest.mark.regression
 def test_the_flight_finishes_within_its_box_and_about_a_minute(run):
     assert run.outcome == "finished"
     assert 60.0 < run.duration < 70.0
     assert not [event for event in run.events if event.kind != "pass"]
 
 
-@pytest.mark.slow
+@pytest.mark.regression
 def test_each_chirp_turns_the_vehicle_about_its_axis_over_the_whole_band(run):
     dt = run.telemetry["t"][1]
     for axis in range(3):
@@ -54,7 +54,7 @@ def test_each_chirp_turns_the_vehicle_about_its_axis_over_the_whole_band(run):
             assert power_at(command[during(run, "dash", 2)], frequency, dt) < 0.2 * asked
 
 
-@pytest.mark.slow
+@pytest.mark.regression
 def test_dashes_are_fast_and_steps_span_the_thrust(run):
     for axis in range(3):
         speed = run.telemetry[f"v{AXES[axis]}"][during(run, "dash", axis)]
@@ -74,6 +74,10 @@ def test_its_log_has_the_measurements_of_its_sensors(tmp_path):
     assert log.rate == pytest.approx(250.0, rel=1e-3)
     (piece,) = log.pieces
     assert log.t[piece][-1] > 3.9
+
+    # A chirp turns the vehicle about its axis alone.
+    spread = np.std([run.telemetry[f"w{name}"][during(run, "chirp", 0)] for name in AXES], axis=1)
+    assert spread[0] > 2.0 * spread[1:].max()
 
     # The gyro has its noise; the commands are those of the telemetry.
     t = run.telemetry["t"]

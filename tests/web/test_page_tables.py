@@ -265,6 +265,11 @@ def test_the_interval_is_to_the_one_ahead_and_the_gap_to_the_leader(competitors)
     assert (third.place, third.interval, third.gap) == (3, "level", second.gap)
 
 
+def test_of_two_that_are_level_nobody_leads(competitors):
+    entries = named([competitors[1], competitor("gaussian", seed=1)])
+    assert [row.interval for row in tower_of(at(entries, 1.0)).rows] == ["level", "level"]
+
+
 def test_the_best_time_of_all_a_runs_own_best_and_another_one_look_different():
     best, own, plain = (coloured_time(t, best=1.0, own=1.5) for t in (1.0, 1.5, 2.0))
     assert plain == "2.000"

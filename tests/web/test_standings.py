@@ -70,6 +70,15 @@ def test_the_faster_one_leads_by_the_gap_at_one_place_in_either_order(two, t):
         assert second.gap == pytest.approx(t * (1 - SPEED["gaussian"] / SPEED["colored"]), abs=0.03)
 
 
+def test_nobody_leads_by_less_than_nothing(two):
+    """The faster one's last frame is earlier, so that it is behind and yet ahead in time."""
+    fast, slow = two
+    flown = [ended(slow, 0.09, None), ended(fast, 0.08, None)]
+    _, second = standings_at(flown, 0.09).order
+    assert second.gap < -0.005
+    assert said(flown, 0.09) == "gaussian is level with colored"
+
+
 def test_where_ghosts_are_drawn_does_not_change_who_leads(two):
     """Beside the first one, whoever it is, the others are drawn where it is."""
     for entries in (two, two[::-1]):

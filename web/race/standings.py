@@ -51,7 +51,8 @@ class Standing:
             return self.is_out and ahead.is_out and ahead.place - self.place < SAME_PLACE
         if self.time is not None and ahead.time is not None:
             return self.time - ahead.time < SAME_RESULT
-        return self.time is None and abs(self.interval) < LEVEL
+        # Below zero: its last frame is earlier than that of the one ahead.
+        return self.time is None and self.interval < LEVEL
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,7 @@ class Headline(NamedTuple):
             found += [" ", self.other]
         if self.by is not None:
             # two times that read the same differ by milliseconds
-            decimals = 2 if abs(self.by) >= SMALL else 3
+            decimals = 2 if self.by >= SMALL else 3
             found.append(f" by {self.by:.{decimals}f} s")
         if self.over:
             found.append(f" {self.over}")

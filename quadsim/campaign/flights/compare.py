@@ -52,8 +52,8 @@ class Comparison(Documented):
 
     Examples:
         >>> import quadsim
-        >>> two = {"attempts": 2, "laps": 1, "samples": 256}
-        >>> comparison = quadsim.compare("figure8", ("gaussian", "colored"), **two)
+        >>> variants = {"gaussian": {"sampler": "gaussian"}, "colored": {}}
+        >>> comparison = quadsim.compare("figure8", variants, attempts=2, laps=1, samples=256)
         >>> (pair,) = comparison.pairs
         >>> pair.thrust_tv_ratio.mean < 1  # colored sampling changes the thrust less
         True

@@ -49,11 +49,11 @@ class Sweep(Documented):
 
     Examples:
         >>> import quadsim
-        >>> small = {"attempts": 2, "laps": 1, "samples": 256}
+        >>> small = {"attempts": 1, "laps": 1, "samples": 256}
         >>> swept = quadsim.sweep("figure8", {"link_latency": [0, 0.04]}, "colored", **small)
         >>> first, late = swept.points
         >>> late.change.lap_difference.n  # seeds that finish at both
-        2
+        1
     """
 
     curves: list[Curve]

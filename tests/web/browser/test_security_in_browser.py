@@ -44,21 +44,18 @@ def stranger():
 
 
 def test_a_link_cannot_make_the_page_talk_to_another_server(browser, session):
-    """The policy blocks what viser's page would do with it."""
-    for foreign in ("websocket=ws://127.0.0.1:{}", "playbackPath=http://127.0.0.1:{}/x.viser"):
-        is_blocked(browser, session, foreign)
-
-
-def is_blocked(browser, session, foreign):
+    """The policy blocks what viser's page would do with it; the page passes nothing of it on."""
+    scene = session.address.replace("/?", f"{SCENE}?")
     with stranger() as (port, calls):
         page = browser.new_page(viewport={"width": 400, "height": 300})
         blocked = []
         page.on("console", lambda message: blocked.append(message.text))
-        # The page passes nothing of it on to the frame; opened alone, the frame is blocked.
-        scene = session.address.replace("/?", f"{SCENE}?")
-        page.goto(f"{scene}&{foreign.format(port)}")
-        assert waited(page, lambda: any(str(port) in text for text in blocked))
-        page.goto(f"{session.address}&{foreign.format(port)}")
+        foreign = (f"websocket=ws://127.0.0.1:{port}", f"playbackPath=http://127.0.0.1:{port}/x")
+        for one in foreign:
+            blocked.clear()
+            page.goto(f"{scene}&{one}")
+            assert waited(page, lambda: any(str(port) in text for text in blocked))
+        page.goto("&".join((session.address, *foreign)))
         assert waited(page, lambda: SCENES in page.frame("scene").url)
         assert str(port) not in page.frame("scene").url
         assert calls == []

@@ -221,4 +221,34 @@ def test_the_scene_is_not_covered_and_the_tower_is_whole_in_small_windows_and_la
         assert high >= least
         assert waited(page, lambda: numbers_that_are_cut(page) == 0)
         assert is_whole(page)
+        assert waited(page, lambda: seconds_overlap(page) == [], 10)
     page.set_viewport_size(size)
+
+
+def seconds_overlap(page):
+    """Return the seconds of the time line that begin before the one on their left ends."""
+    script = """all => all.filter((e, k) => k && e.getBoundingClientRect().left
+        < all[k - 1].getBoundingClientRect().right).map(e => e.textContent)"""
+    return page.locator(".seconds span").evaluate_all(script)
+
+
+def test_presented_the_sentence_and_the_tower_are_whole_in_letters_for_a_room(page, race):
+    """A line of a slide has a twentieth of its height, a small one a thirtieth."""
+    size = page.viewport_size
+    page.keyboard.press("p")
+    for t, least in ((0.4, 1 / 20), (99, 1 / 30)):
+        type_time(page, t)
+        for width, height in ((1280, 720), (1920, 1080)):
+            page.set_viewport_size({"width": width, "height": height})
+            assert waited(page, lambda: numbers_that_are_cut(page) == 0)
+            assert is_whole(page)
+            assert height_of_letters(page, ".tower td.timed") >= least * height
+            assert height_of_letters(page, ".sentence") >= height / 21
+    page.keyboard.press("p")
+    page.set_viewport_size(size)
+
+
+def height_of_letters(page, selector):
+    """Return the size of the font of an element [px]."""
+    script = "e => parseFloat(getComputedStyle(e).fontSize)"
+    return page.locator(selector).first.evaluate(script)

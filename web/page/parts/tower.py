@@ -17,6 +17,9 @@ from quadsim.web.race.lap_timing import LapTiming, order
 from quadsim.web.race.standings import standings_at
 
 FEWEST = 20  # smallest number of frames for the chatter
+# intervals that are no number
+LEADS = "leads"
+LEVEL = "level"
 
 # the best of all, a run's own best, another one, none yet
 Mark = Literal["best", "own", "other", "none"]
@@ -102,9 +105,12 @@ def tower_of(timings: Sequence[LapTiming]) -> Tower:
     has_live = any(s.entry.live for s in timings)
     rows = [_row(s, best_lap, best, most, has_live) for s in ordered]
     for k, (ahead, s) in enumerate(pairwise(ordered), 1):
-        # Two that ended level have the same place.
-        if s.over and ahead.over and s.standing.is_level_with(ahead.standing):
+        if not s.standing.is_level_with(ahead.standing):
+            continue
+        if s.over and ahead.over:
             rows[k].place = rows[k - 1].place
+        if rows[k - 1].interval == LEADS:
+            rows[k - 1].interval = LEVEL
     if len(rows) == 1:
         rows[0].interval = ""  # there is no other competitor
     over = standings_at([one.entry for one in timings], timings[0].t).over
@@ -154,7 +160,7 @@ def _interval(s: LapTiming) -> str:
     if s.standing.is_out:
         return "-"
     if s.standing.rank == 1:
-        return "leads"
+        return LEADS
     return _behind(s.standing.interval)
 
 
@@ -177,7 +183,7 @@ def _behind(seconds: float) -> str:
     if not isfinite(seconds):
         return "-"
     shown = rounded(seconds, 2)
-    return f"{shown:+.2f}" if shown else "level"
+    return f"{shown:+.2f}" if shown > 0 else LEVEL
 
 
 def _time(t: float | None, best: float, own: float) -> Time:

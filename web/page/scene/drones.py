@@ -21,7 +21,7 @@ from trimesh.util import concatenate
 
 from quadsim.web.race.competitor import POSITION, QUATERNION, Competitor
 
-TRAIL = 100  # segments of a trail
+TRAIL = 80  # segments of a trail
 TRAIL_SPAN = 4.0  # duration of a trail [s]
 PATH = 500  # segments of a whole run
 DASH = 2  # segments of a dash, and of the gap after it

@@ -40,22 +40,26 @@ function draw({ lanes, laps }) {
   line.replaceChildren(...lanes.map(lane), make("div", { className: "laps" }, ...numbers), seconds, cursor);
 }
 
-// The seconds below the laps; other ones are made as the race becomes longer.
-function drawSeconds(end) {
+// The seconds below the laps; other ones are made as the race becomes longer, or the window has another width.
+function drawSeconds() {
+  if (!now.race) return;
   const width = line.clientWidth;
+  const end = lengthOf(now);
   const found = ticks(scale(0, end, 0, width), width / APART).filter((t) => t < end * (1 - APART / 2 / width));
   const texts = found.map((t) => `${text(t)} s`);
   if (seconds.textContent === texts.join("")) return;
   seconds.replaceChildren(...found.map((t, k) => at(make("span", { textContent: texts[k] }), t)));
 }
 
+const lengthOf = ({ end }) => Math.max(end, 0.001); // of the line [s]
+
 function set(found) {
   now = found;
-  const end = Math.max(now.end, 0.001);
+  const end = lengthOf(now);
   line.style.setProperty("--end", end);
   line.style.setProperty("--now", Math.min(now.t, end));
   line.style.setProperty("--flown", Math.min(Math.max(now.flown, 0), end));
-  if (now.race) drawSeconds(end);
+  drawSeconds();
   line.classList.toggle("fixed", !now.can_seek);
   line.ariaValueMax = shown(now.end);
   line.ariaValueNow = shown(now.t);
@@ -125,6 +129,7 @@ export function begin() {
     draw(found);
   });
   show("now", set);
+  addEventListener("resize", drawSeconds);
   on("close", () => (pressed = false));
   line.addEventListener("pointerdown", (event) => {
     if (event.button !== 0 || !now.can_seek) return;
