@@ -239,7 +239,9 @@ def _fetch(work: Path) -> Path:
 def _unpack(archive: Path, work: Path) -> Path:
     """Return the folder of the firmware's source."""
     with tarfile.open(archive) as tar:
-        tar.extractall(work, filter="data")
+        # Python before 3.11.4 has no filters, and ignores this attribute.
+        tar.extraction_filter = getattr(tarfile, "data_filter", None)
+        tar.extractall(work)
     return work / f"{PACKAGE}-{PACKAGE_VERSION}" / SOURCE
 
 

@@ -596,8 +596,8 @@ class _Reader:
         why = "the vehicle has four rotors in an X"
         kind = self._mixer.text.split()[1].upper() if self._mixer else "QUADX"
         if self._mixer and kind == "QUADX":
-            self._entries.append(TranslatedLine(Treatment.TAKEN, self._mixer))
-        if self._mixer and kind == "QUADX_1234":
+            self._take(self._mixer)
+        elif self._mixer and kind == "QUADX_1234":
             note = "the same X, whose motors have other numbers on the board"
             self._translate(self._mixer, ("mixer QUADX",), note)
         elif self._mixer and kind not in ("QUADX", "CUSTOM"):

@@ -275,6 +275,14 @@ def test_a_line_for_another_airframe_or_link_is_one_line(line, said):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("line", ["mixer QUADX_1234", "aux 1 1 0 900 1300", "set d_min_roll = 30"])
+def test_a_text_that_was_translated_is_translated_no_further(line):
+    once = in_this_version(text(line, version="4.5.0"))
+    assert [each.text for each in translated(once).lines] == [
+        each.text for each in translated(text(line, version="4.5.0")).lines
+    ]
+
+
 @pytest.mark.parametrize(
     "lines",
     [

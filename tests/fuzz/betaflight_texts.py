@@ -162,6 +162,7 @@ def _read() -> int:
         }
         known = {*board_settings(), *NOT_EXACT, *WITHOUT_SIMULATION}
         known |= {"anti_gravity_gain", "iterm_windup", "failsafe_procedure"}
+        known.add("auto_profile_cell_count")
         assert dropped <= known, dropped - known
         again = translated(in_this_version(text))
         assert [line.text for line in again.lines] == [line.text for line in found.lines]
