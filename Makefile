@@ -50,8 +50,8 @@ firmware: $(VENV)/.dev
 	$(BIN)/race firmware build
 	$(PYTEST) -m firmware tests/firmware
 
-# Where tests with the mark docs stand, see tests/test_structure.py: reading all others takes seconds.
-DOCUMENTS := tests/docs tests/test_examples.py tests/test_notebooks.py
+# Where tests with the mark docs stand, see tests/test_structure.py: reading all others takes seconds. The longest come first.
+DOCUMENTS := tests/test_notebooks.py tests/test_examples.py tests/docs
 
 # Do the documents tell the truth: commands, outputs, recipes, examples, notebooks, docstrings? Some minutes of flights.
 docs-check: $(VENV)/.dev

@@ -127,8 +127,7 @@ def grouped(p, alike, groups, size, trials):
 
 
 @pytest.mark.parametrize("alike", [0.0, 0.3, 1.0])
-@pytest.mark.parametrize("p", [0.5, 0.9])
-@pytest.mark.parametrize("groups", [16, 64])
+@pytest.mark.parametrize(("p", "groups"), [(0.5, 64), (0.9, 16)])
 def test_an_interval_by_group_covers_where_trials_of_a_group_are_alike(p, alike, groups):
     """And the one of independent trials does not."""
     size = 4

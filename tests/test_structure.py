@@ -7,7 +7,7 @@ import grimp
 PACKAGES = ("quadsim",)
 TESTS = Path(__file__).parent
 # The files and folders that DOCUMENTS of the Makefile names
-DOCUMENTS = ("docs", "test_examples.py", "test_notebooks.py")
+DOCUMENTS = ("test_notebooks.py", "test_examples.py", "docs")
 
 
 def test_no_modules_import_each_other():

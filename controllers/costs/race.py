@@ -50,7 +50,7 @@ from quadsim.controllers.costs.race_targets import (
 )
 from quadsim.controllers.costs.race_value import value_of_rows, with_time_to_go
 from quadsim.controllers.costs.room import leaves_room, room_to_fly
-from quadsim.controllers.costs.round_frame import has_ladder, with_ways_round_frames
+from quadsim.controllers.costs.round_frame import leads_beside_frames, with_ways_round_frames
 from quadsim.course import Course
 from quadsim.files.strict_yaml import setting
 from quadsim.files.values import check_fields
@@ -310,7 +310,7 @@ def race_cost(
             value = value_of_rows(rows, course.start.position, value.mass)
         cost = with_time_to_go(cost, value, weights.time_to_go)
 
-    if has_ladder(course):
+    if leads_beside_frames(course):
         cost = with_ways_round_frames(cost, course, radius, room, first)
 
     # A sample chooses among several rows only if obstacles add rows between gates.

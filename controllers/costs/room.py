@@ -11,7 +11,7 @@ FLOOR_MARGIN = 0.1  # [m]
 
 
 class Room(NamedTuple):
-    """The limits of the vehicle's centre [m]."""
+    """The box in which the vehicle's centre may fly: lowest and highest coordinates [m]."""
 
     floor: float
     x_low: float
@@ -22,7 +22,7 @@ class Room(NamedTuple):
 
 
 def room_to_fly(course: Course, radius: float, margin: float) -> Room:
-    """Return the room of a course.
+    """Return the room in which a vehicle may fly on a course.
 
     The margin to the ground is limited to FLOOR_MARGIN and to half of the space below the lowest
     gate.

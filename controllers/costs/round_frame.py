@@ -2,10 +2,11 @@
 
 Some courses have ladders: two gates in one plane that are flown one after the other in the same
 direction. Behind the first gate the straight way to the second one leads through bars, and a plan
-that follows it hovers there. So on such a course the term `progress` counts the way round frames.
-Seen from the left, the passage leads to the right: the way leads straight to the opening from in
-front of the gate (a), forward from beside its frame (b), and round the frame's outer edge from
-behind it (c).
+that follows it hovers there. Out of a gate that is flown straight down, a vehicle may come beside
+the frame of the next gate, where the straight way leads through bars, too. So on courses with such
+gates the term `progress` counts the way round frames. Seen from the left, the passage leads to the
+right: the way leads straight to the opening from in front of the gate (a), forward from beside its
+frame (b), and round the frame's outer edge from behind it (c).
 
               .------------------.
               |       ____       |
@@ -48,6 +49,8 @@ from quadsim.dynamics.named_tuples import column
 # of the angle between their passages is at least so large.
 SAME_PLANE = 0.5
 PARALLEL = 0.9
+# Least sine of the angle between a steep passage and the ground
+STEEP = 0.7
 # Least room between two frames through which the way round leads, in clearances of the vehicle
 PASSABLE = 4.0
 # Added to the distance of a side at which the room ends [m]
@@ -90,11 +93,11 @@ NO_FRAME = Sides(0.1, 0.1, 0.1, 0.1)
 def way_to_gate(place, gate, opening):
     """Return the distance to fly to the exit of a gate [m].
 
-    In front of the gate and within its opening the way is straight. Beside the frame it leads
-    through a point in front of the gate, an approach away, and so it does from behind the opening
-    of the gate before if that lies in the same plane. From other places behind the gate it leads
-    round the nearest outer edge of the frame. There, too, it is longer by two approaches, as the
-    vehicle has to turn.
+    In front of the gate and within its opening the way is straight. From beside the frame it leads
+    through a point that lies `gate.approach` in front of the gate, and likewise from behind the
+    opening of the gate before if that lies in the same plane. From other places behind the gate it
+    leads round the nearest outer edge of the frame, and is longer by two approaches, as the vehicle
+    has to turn.
 
     Args:
         place: InGate.
@@ -148,10 +151,14 @@ def progress(x, x_next, u, gate, p):
     return where(at_gate(x, x_next, gate).reached, 0.0, way) + gate.to_go
 
 
-def has_ladder(course: Course) -> bool:
-    """Return whether two gates of one plane are flown one after the other in the same direction."""
-    after_another = list(with_gate_before(course))
-    return any(is_ladder(last, gate) for last, gate in after_another[0 if course.loop else 1 :])
+def leads_beside_frames(course: Course) -> bool:
+    """Return whether straight ways to gates lead vehicles beside or behind their frames.
+
+    They do on a course with a ladder, or with a gate that is flown steeply up or down.
+    """
+    after_another = list(with_gate_before(course))[0 if course.loop else 1 :]
+    has_ladder = any(is_ladder(last, gate) for last, gate in after_another)
+    return has_ladder or any(abs(gate.rotation[2, 0]) > STEEP for gate in course.gates)
 
 
 def with_gate_before(course: Course) -> Iterator[tuple[Gate, Gate]]:
@@ -171,7 +178,7 @@ def is_ladder(last: Gate, gate: Gate) -> bool:
 def with_ways_round_frames(
     cost: Cost, course: Course, radius: float, room: Room, first: Sequence[int]
 ) -> Cost:
-    """Return the racing cost of a course with ladders.
+    """Return the racing cost of a course with ladders or steep gates.
 
     Args:
         cost: the racing cost, whose rows begin with the fields of `GateTarget`.

@@ -210,13 +210,16 @@ class Params(NamedTuple):
 
 
 def rate_change(gain: float, lag: float, periods: int, dt: float) -> float:
-    """Return the share of a commanded change that a steady body rate makes in several periods.
+    """Return the step response of a body rate after some control periods.
 
     Args:
-        gain: of the rate loop [1/s].
-        lag: response of the angular acceleration in one period.
+        gain: gain of the rate loop [1/s].
+        lag: share of an error of the angular acceleration that disappears in one period.
         periods: number of control periods.
         dt: control period [s].
+
+    Returns:
+        The change of the body rate, as a share of the commanded change.
     """
     rate, acceleration = 0.0, 0.0
     for _ in range(periods):

@@ -44,7 +44,7 @@ class WireType(NamedTuple):
 
     @property
     def count(self) -> int:
-        """The count of numbers."""
+        """How many numbers the field has, 1 if it is no array."""
         return self.length or 1
 
 
@@ -599,7 +599,7 @@ MESSAGES: dict[int, type[Message]] = {
 
 
 class Layout(NamedTuple):
-    """How a message stands on the wire."""
+    """The layout of a message on the wire."""
 
     names: tuple[str, ...]  # fields in the order of the wire
     types: tuple[WireType, ...]  # their types

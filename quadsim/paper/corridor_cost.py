@@ -80,7 +80,10 @@ def to_go(x, x_next, u, leg, p):
 
 
 def lethal(x, x_next, u, leg, p):
-    """Return the distance travelled times the depth in a wall's margin, 1 at the wall [m]."""
+    """Return the distance travelled [m] times how far the car is within a wall's margin.
+
+    The second factor is 0 where the margin begins, and 1 at the wall.
+    """
     dx, dy = off_end(x_next, leg)
     beyond = maximum(abs(leg.ex * dy - leg.ey * dx) - p.room, 0.0) / p.margin
     return travelled(x_next, p) * beyond

@@ -495,7 +495,7 @@ def _add_plain(values, first, end, number):
 def _add_sky(  # noqa: PLR0913
     ray, sky, first, end, ramp, clear, height, cover, line, column, red, green, blue
 ):
-    """Add the sky to the columns from `first` to `end`, times the number of passes that see it.
+    """Add the sky's light to the columns from `first` to `end`, once for each pass that sees it.
 
     Args:
         ray: result of `_mean_ray`.

@@ -41,7 +41,7 @@ def chatter(run: RecordedRun) -> dict:
 
 
 def _chatter(t: np.ndarray, thrust: np.ndarray, rates: np.ndarray, tau: float) -> dict[str, float]:
-    """Return the measures of one signal, which are all zero if the flight is too short.
+    """Return the measures of chatter by name, all zero if there are fewer than two times.
 
     Args:
         t: times [s].  (n,)

@@ -80,7 +80,7 @@ class Present(NamedTuple):
 
 
 class PictureCount(NamedTuple):
-    """Numbers of corners in a picture."""
+    """How many corners of gates are in view in a picture, and how many were found in it."""
 
     in_view: int
     found: int

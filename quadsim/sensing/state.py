@@ -45,7 +45,7 @@ class FilterState:
 
     @property
     def first_gate(self) -> int:
-        """The index of the gates' first row in the error."""
+        """The index of the first row of the gates in the error state."""
         return MOVING + len(self.drift)
 
     def gate_std(self, gates: int) -> np.ndarray:

@@ -84,8 +84,15 @@ FLIGHTS = {
 }
 
 
+# The loop of the competition would be compiled for this flight alone.
 @pytest.mark.compiled
-@pytest.mark.parametrize("name", FLIGHTS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.regression] if name == "competition" else [])
+        for name in FLIGHTS
+    ],
+)
 def test_a_stored_run_flies_again_to_the_last_bit(name):
     if name == "rotorpy":
         pytest.importorskip("rotorpy")

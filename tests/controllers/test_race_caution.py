@@ -19,6 +19,7 @@ from quadsim.controllers.costs.race_caution import (
 )
 from quadsim.controllers.costs.race_targets import GateTarget
 from quadsim.controllers.lanes.lanes import Rollout
+from quadsim.controllers.lanes.planner_loops import module_source
 from quadsim.course import load_course
 from quadsim.dynamics.quadrotor import Control, ModelParams, State, quadrotor
 from quadsim.vehicle import GRAVITY, load_vehicle
@@ -117,7 +118,15 @@ def test_a_crash_counts_more_the_further_it_is_from_the_opening():
     assert 0.0 < hit(LAST.free_y + 0.01) < hit(LAST.free_y + 0.05)
 
 
-@pytest.mark.compiled
+def test_the_text_of_the_lanes_has_the_risk():
+    text = module_source(system_of(LEVEL), COST, np.float32)
+    compile(text, "lanes", "exec")
+    assert "risk" in text
+    assert "risk" not in module_source(system_of(LEVEL), replace(COST, risk=None), np.float32)
+
+
+# It takes some seconds to compile the loop.
+@pytest.mark.regression
 def test_the_lanes_add_the_risk_to_the_flag_as_the_oracle_does():
     """From in front of gate 4, with its frame and the poles; without the risk J is another."""
     T = LEVEL.planner.mppi.horizon

@@ -106,7 +106,9 @@ def test_a_stored_solution_passes_its_gates_in_the_rows_that_are_noted():
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize("sampler", ["colored", "gaussian"])
+@pytest.mark.parametrize(
+    "sampler", ["colored", pytest.param("gaussian", marks=pytest.mark.regression)]
+)
 def test_a_flight_keeps_to_the_path_and_the_planner_without_it_does_not(sampler):
     def off(**settings):
         spec = Spec.of(COURSE, sampler=sampler, **SMALL, timeout=0.8, **settings)

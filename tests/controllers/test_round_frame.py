@@ -14,7 +14,12 @@ from quadsim.controllers.costs.frames import ObstacleRow, course_obstacles
 from quadsim.controllers.costs.race import race_cost
 from quadsim.controllers.costs.race_step import in_gate
 from quadsim.controllers.costs.race_targets import GateTarget
-from quadsim.controllers.costs.round_frame import BLOCKED, PASSABLE, has_ladder, way_to_gate
+from quadsim.controllers.costs.round_frame import (
+    BLOCKED,
+    PASSABLE,
+    leads_beside_frames,
+    way_to_gate,
+)
 from quadsim.course import course_names, load_course
 from quadsim.course.opening import InGate
 
@@ -43,10 +48,15 @@ def are_free(flown, places):
     return free
 
 
-@pytest.mark.parametrize("gap", [0.1, 0.4, 0.9])
-def test_no_place_around_a_ladder_is_a_trap(gap):
-    """A place beside each free place is nearer to the gate, except in its opening."""
-    flown = ladder(gap)
+def dive():
+    """Return a gate that is flown straight down, and a level one some metres ahead."""
+    steep = gate(-3.0, z=16.0, pitch=90, opening=OPENING)
+    return course(steep, gate(5.0, z=12.0, opening=OPENING))
+
+
+@pytest.mark.parametrize("flown", [ladder(0.1), ladder(0.4), ladder(0.9), dive()])
+def test_no_place_around_a_ladder_or_behind_a_steep_gate_is_a_trap(flown):
+    """A place beside each free place is nearer to the second gate, except in its opening."""
     _, target, _ = rows_of(flown)
     axes = [np.arange(low, high, SPACING) for low, high in ((3.03, 7.0), (-2.6, 2.5), (8.07, 14.5))]
     places = tuple(np.meshgrid(*axes, indexing="ij"))
@@ -94,21 +104,23 @@ def test_from_behind_a_ladder_the_way_leads_back_through_the_gate_before():
     assert way(1.0, beside + 0.3, -apart) < way(1.0, beside, -apart)
 
 
-def test_only_courses_with_ladders_count_the_way_round_frames():
+def test_only_courses_with_ladders_or_steep_gates_count_the_way_round_frames():
     turned = course(gate(5.0, z=10.0), gate(5.0, z=12.7, yaw=90))
     again = course(gate(5.0, z=10.0), gate(5.0, z=10.0))
     split_s = course(gate(5.0, z=12.7), gate(5.0, z=10.0, yaw=180))
     apart = course(gate(5.0, z=12.7), gate(7.0, z=10.0))
     for flown in (turned, again, split_s, apart):
-        assert not has_ladder(flown)
+        assert not leads_beside_frames(flown)
         assert race_cost(flown, RADIUS, ALL, 1).row is GateTarget
-    assert has_ladder(ladder(0.1))
+    assert leads_beside_frames(ladder(0.1))
+    assert leads_beside_frames(dive())
+    assert not leads_beside_frames(course(gate(5.0, pitch=30), gate(15.0)))
     lower, upper = ladder(0.1).gates
     round_the_end = course(upper, gate(50.0), lower)
-    assert not has_ladder(round_the_end)
-    assert has_ladder(replace(round_the_end, loop=True))
+    assert not leads_beside_frames(round_the_end)
+    assert leads_beside_frames(replace(round_the_end, loop=True))
     for name in course_names():
-        assert not has_ladder(load_course(name)), name
+        assert not leads_beside_frames(load_course(name)), name
 
 
 @pytest.mark.parametrize("opening", [0.5, 1.6])

@@ -107,7 +107,7 @@ def towards_each_other(**settings):
     ],
     ids=["ValueError", "ZeroDivisionError", "KeyError", "nan"],
 )
-@pytest.mark.parametrize("at", [0.0, 0.05])
+@pytest.mark.parametrize("at", [pytest.param(0.0, marks=pytest.mark.regression), 0.05])
 def test_an_entrant_whose_controller_fails_is_out_and_the_others_fly_on(at, error, text, tmp_path):
     spec = held(Holds(), Fails(at, error), timeout=0.2)
     race = fly_heat(spec)

@@ -79,7 +79,7 @@ def test_a_log_without_yaw_keeps_the_yaw_inertia_of_the_prior():
     assert found["inertia_over_arm.x"].source == "log"
 
 
-@pytest.mark.slow
+@pytest.mark.regression
 def test_rotors_that_turn_the_other_way_round_are_noticed(known):
     log = noisy(flight())
     turned = replace(log, motor_commands=log.motor_commands[:, [2, 3, 0, 1]], **mirrored(log))
@@ -112,7 +112,7 @@ def test_a_log_of_gyro_accelerometer_and_motors_tells_thrust_and_inertia():
     assert found.predictions == ()
 
 
-@pytest.mark.slow
+@pytest.mark.regression
 def test_a_log_of_thrust_setpoints_does_not_tell_full_thrust():
     found = fitted(replace(noisy(flight()), motor_commands=None))
     assert found["drag.x"].source == "log"

@@ -117,7 +117,7 @@ def rate_residuals(log):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rows", [1, 2])
+@pytest.mark.parametrize("rows", [1, pytest.param(2, marks=pytest.mark.regression)])
 def test_lags_of_the_rate_loop_do_not_depend_on_the_rate_of_the_log(rows):
     """At 100 Hz, taking a row as one step of the loop would find a lag of 60 ms 6 % low."""
     log = flight()

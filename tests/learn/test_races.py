@@ -177,7 +177,9 @@ def test_the_nearest_point_of_a_line_is_that_of_many_points():
 
 
 @pytest.mark.compiled
-@pytest.mark.parametrize("start", ["standing", "anywhere"])
+@pytest.mark.parametrize(
+    "start", [pytest.param("standing", marks=pytest.mark.regression), "anywhere"]
+)
 def test_without_collisions_every_racer_flies_exactly_as_a_vehicle_alone(start):
     """State, own observation and reward are those of the single environment to the last bit."""
     settings = {"randomize": 1.0, "start": start, "collision_distance": 0.0}

@@ -150,7 +150,7 @@ def test_a_path_through_a_frame_is_found_out(race):
     assert any(line.startswith("referee: hit") for line in found.broken)
 
 
-@optimised
+@pytest.mark.regression
 def test_more_thrust_is_faster_and_lag_slower(race):
     weak, _ = raced(replace(SWIFT, rotors=replace(SWIFT.rotors, motor_omega_max=2200.0)))
     slow, _ = raced(replace(SWIFT, rotors=replace(SWIFT.rotors, motor_tau=0.08)))

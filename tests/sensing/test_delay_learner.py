@@ -45,8 +45,8 @@ def test_a_delay_that_ends_is_forgotten(seed):
     assert found[-1] == 0.0
 
 
-@pytest.mark.parametrize("start", [1.0, 1.05, 1.1])
-@pytest.mark.parametrize("lasts", [0.2, 0.3, 0.4])
+@pytest.mark.parametrize("start", [1.0, 1.05])
+@pytest.mark.parametrize("lasts", [0.2, 0.4])
 def test_lost_commands_are_not_taken_for_late_ones(start, lasts):
     """Meanwhile the last command becomes older, as if the delay was growing."""
     for seed in range(3):

@@ -119,7 +119,9 @@ def drawn_ways(seed):
 
 
 @pytest.mark.parametrize("most", [0.8, 1.0])
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize(
+    "seed", [*range(4), *(pytest.param(k, marks=pytest.mark.regression) for k in range(4, 12))]
+)
 def test_what_is_learned_is_never_worse_than_nothing(seed, most):
     ways = drawn_ways(seed)
     nominal = ModelParams.of(SWIFT)

@@ -94,7 +94,7 @@ class ExportForm(Form):
         self._worker.shutdown(wait=False, cancel_futures=True)
 
     def key(self, visitor: int) -> object:
-        """Return nothing, as the buttons stay."""
+        """Return None, as the buttons never change."""
         return None
 
     def fields(self, visitor: int) -> Fields:
@@ -102,7 +102,11 @@ class ExportForm(Form):
         return Fields([button(name, help=text) for name, text in BUTTONS.items()])
 
     def press(self, visitor: LinkVisitor, asked: PressField) -> None:
-        """Send an address, or begin to make a file. Raises ValueError."""
+        """Answer a pressed button: send an address, or begin to make the file.
+
+        Raises:
+            ValueError: the course that is shown cannot be read.
+        """
         s = self._viewing.seen_by(visitor.number)
         client = self._seats.client_beside(visitor)
         match asked.field:

@@ -118,7 +118,11 @@ class Guard:
         )
 
     def _serves(self, viser_serves: Serves) -> Serves:
-        """Return the function that serves a websocket: one of the link, or of the scene."""
+        """Return the function that serves the websockets of both the page's link and viser's scene.
+
+        Args:
+            viser_serves: viser's function, which serves websockets of the scene.
+        """
 
         async def serves(connection: ServerConnection) -> None:
             if is_link(connection):
@@ -241,7 +245,7 @@ class Guard:
         return str((connection.remote_address or ("",))[0])
 
     def _is_token(self, text: str) -> bool:
-        """Compare with the token in constant time."""
+        """Return whether a text is the token, compared in constant time."""
         return text.isascii() and secrets.compare_digest(text, self._token or "")
 
 
@@ -260,12 +264,12 @@ def cookie_of(request: Request, name: str) -> str:
 
 
 def path_of(request: Request | None) -> str:
-    """Return the path of a request, without what it asks for."""
+    """Return the path of a request, without its query."""
     return urlsplit(request.path).path if request else ""
 
 
 def response_of(body: bytes, kind: str) -> Response:
-    """Return an answer with a body of a kind."""
+    """Return an answer with a body of the given media type."""
     headers = Headers({"Content-Type": kind, "Content-Length": str(len(body))})
     return Response(HTTPStatus.OK, "OK", headers, body)
 
