@@ -12,6 +12,7 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.axes import Axes
 from shared import save, use_style
 
 import quadsim
@@ -26,9 +27,11 @@ from quadsim.figures.course import gate_bar
 from quadsim.palette import INK, MARK, NEXT, SPARE, style
 from quadsim.paper.integrator import double_integrator, quadratic_cost
 from quadsim.racing.flight import simulate
+from quadsim.record.run import SHARES
 
 COLORED = style("colored").colour
 WHITE = style("gaussian").colour
+GREY = "#a0a6ae"
 SIZE = (9.0, 3.4)  # [inch]
 
 
@@ -208,8 +211,15 @@ def randomized_seeds() -> Any:
 
 
 def adaptation() -> Any:
+    """Draw what is learned of a vehicle of another mass, and of one with a rotor that fails."""
+    figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.0))
+    draw_thrust_gain(left)
+    draw_shares(right)
+    return figure
+
+
+def draw_thrust_gain(axes: Axes) -> None:
     """Draw the thrust gain estimated in flight, of a vehicle whose model has another mass."""
-    figure, axes = plt.subplots(figsize=(9.0, 2.8))
     spec = Spec.of("figure8", laps=1, seed=3, randomize=1.0)
     parts = build(spec)
     learner = parts.navigation.learner if parts.navigation else None
@@ -226,8 +236,25 @@ def adaptation() -> Any:
     axes.plot(t, gain, color=SPARE[0].colour, label="estimate")
     axes.axhline(true, color=INK, linestyle="--", linewidth=1, label="true: nominal over real mass")
     axes.set(title="Thrust gain: acceleration per thrust delivered", xlabel="t [s]", ylabel="gain")
-    axes.legend(ncols=3)
-    return figure
+    axes.legend()
+
+
+def draw_shares(axes: Axes) -> None:
+    """Draw the learned shares of four rotors, one of which fails, with and without sensors."""
+    for k, (label, sensing) in enumerate({"true state": None, "vio": "vio"}.items()):
+        run = quadsim.fly("split_s_swift", fault="rotor2=.7@1", sensing=sensing, timeout=2.0)
+        shown = run.telemetry["t"] > 0.8
+        t = run.telemetry["t"][shown]
+        for share in SHARES:
+            is_weak = share == "share2"
+            colour = SPARE[k].colour if is_weak else GREY
+            name = f"rotor 2, {label}" if is_weak else None
+            axes.plot(t, run.telemetry[share][shown], color=colour, label=name, zorder=2 + is_weak)
+    axes.step(
+        [0.8, 1.0, 2.0], [1.0, 0.7, 0.7], where="post", color=INK, ls="--", lw=1, label="true"
+    )
+    axes.set(title="Thrust of each rotor: share of the nominal one", xlabel="t [s]", ylabel="share")
+    axes.legend()
 
 
 if __name__ == "__main__":

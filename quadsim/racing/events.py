@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import Any
 
 from quadsim.controllers.plan import PlannerSnapshot
+from quadsim.dynamics.rotors import ALL_ONE
 from quadsim.sensing.kept import Kept
 
 # [s] A flight is over after this time without getting nearer to the next gate than before.
@@ -110,8 +111,8 @@ class Frame:
     motors: tuple[float, ...] = field(default=(), repr=False)
     # measurements since the last frame, if they are stored (record_sensing)
     kept: Kept | None = field(default=None, repr=False)
-    # share that each rotor delivers of its nominal thrust, if it is estimated  (4,)
-    rotor_shares: tuple[float, ...] = field(default=(), repr=False)
+    # share that each rotor delivers of its nominal thrust, 1 if it is not estimated  (4,)
+    rotor_shares: tuple[float, ...] = field(default=ALL_ONE, repr=False)
     # delay of the commands that was found in flight [s]
     learned_delay: float = field(default=0.0, repr=False)
 

@@ -30,6 +30,10 @@ from quadsim.sensing.kept import Kept, kept_arrays
 
 # Key of a spec: the planner's numbers that were changed while it flew
 INTERACTIVE = "interactive"
+# What was learned in flight: the share that each rotor delivers of its nominal thrust, 1 if it is
+# not learned, and a delay of the commands, 0 if none was found
+SHARES = ("share1", "share2", "share3", "share4")
+LEARNED_UNITS = {**dict.fromkeys(SHARES, "1"), "delay": "s"}
 # Telemetry column -> unit, in the order of the digest. Stored runs lack a column that is added
 # here, and would be refused; `columns_of` adds columns by a run's settings.
 COLUMNS = {
@@ -42,6 +46,7 @@ COLUMNS = {
     "temperature": "1",
     "cost": "1",
     "plan_ms": "ms",
+    **LEARNED_UNITS,
 }
 # Integer columns
 COUNTS = ("passed", "lap")
@@ -357,6 +362,8 @@ class Recorder:
             frame.temperature,
             frame.cost,
             frame.plan_ms,
+            *frame.rotor_shares,
+            frame.learned_delay,
             *frame.estimate,
             *frame.motors,
         )

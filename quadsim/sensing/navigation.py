@@ -31,6 +31,7 @@ from quadsim.course.frames import frame_numbers
 from quadsim.dynamics.control_periods import ControlPeriods
 from quadsim.dynamics.estimate import Estimate
 from quadsim.dynamics.quadrotor import Control, ModelParams, State, quadrotor
+from quadsim.dynamics.rotors import ALL_ONE
 from quadsim.physics.plant_state import PlantState
 from quadsim.rotation import Vec3
 from quadsim.sensing.estimate_record import estimate_row
@@ -525,9 +526,9 @@ class Navigation:
 
     @property
     def rotor_shares(self) -> tuple[float, ...]:
-        """The share of its nominal thrust that each rotor delivers  (4,); () if not estimated."""
+        """The share of its nominal thrust that each rotor delivers, 1 if not estimated  (4,)."""
         learner = self.learner
-        return tuple(learner.wrench.shares.tolist()) if learner and learner.wrench else ()
+        return tuple(learner.wrench.shares.tolist()) if learner and learner.wrench else ALL_ONE
 
     @property
     def learned_delay(self) -> float:

@@ -20,7 +20,7 @@ from quadsim.dynamics.quadrotor import STATE
 from quadsim.figures.run_figure import draw
 from quadsim.physics.plant_state import MOTOR_UNITS
 from quadsim.record.planner_snapshot import BEST, FRAMES, TERM
-from quadsim.record.run import COLUMNS, RunError
+from quadsim.record.run import COLUMNS, SHARES, RunError
 from quadsim.record.run_format import CSV_COLUMNS
 from quadsim.record.schema import CHANGE_COLUMNS
 from quadsim.sensing.estimate_record import ESTIMATE_UNITS
@@ -126,7 +126,16 @@ def test_the_page_names_what_each_file_of_a_run_has():
     assert {*CSV_COLUMNS, *CHANGE_COLUMNS} <= named
     # Ends of a row of columns stand for those between.
     columns = {*COLUMNS, *MOTOR_UNITS, *ESTIMATE_UNITS}
-    between = {name for name in columns if name.startswith(("est_", "cov_"))}
+    between = {name for name in columns if name.startswith(("est_", "cov_", "share"))}
     assert columns - between <= named
-    assert {"est_px", "est_qz", "cov_xx", "cov_zz", FRAMES, BEST, f"{TERM}NAME"} <= named
+    assert {
+        *SHARES[::3],
+        "est_px",
+        "est_qz",
+        "cov_xx",
+        "cov_zz",
+        FRAMES,
+        BEST,
+        f"{TERM}NAME",
+    } <= named
     assert all(f"`{table.sensor}.*`" in text for table in TABLES)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import quadsim
@@ -40,6 +41,7 @@ def test_a_delay_is_told_with_the_time_since_when(tmp_path):
     run = late(0.0, 0.03, 0.04, 0.04)
     assert run.learned_delay == LearnedDelay(0.04, since=pytest.approx(0.02))
     assert learned_text(run) == "commands 40 ms late, from 0.0 s"
+    assert run.telemetry["delay"].tolist() == [0.0, 0.03, 0.04, 0.04]
     assert read_run(save(tmp_path, run)).learned_delay == run.learned_delay
     assert late(0.0, 0.04, 0.0).learned_delay is None
 
@@ -60,7 +62,11 @@ def test_a_flight_with_a_weak_rotor_tells_it():
     assert 0.2 < since < 0.4
     assert learned_text(run) in str(run)
     assert not quadsim.fly("figure8", vehicle="swift", **SMALL, timeout=0.5).learned
+    shares = run.telemetry["share2"]
+    assert np.all(np.abs(shares[run.telemetry["t"] < 0.2] - 1.0) < 0.02)
+    assert shares[-1] == share
     told_nothing = quadsim.fly(
         "figure8", vehicle="swift", **SMALL, timeout=0.5, fault="rotor2=.8@.2", adapt=False
     )
     assert not told_nothing.learned
+    assert np.all(told_nothing.telemetry["share2"] == 1.0)

@@ -146,7 +146,7 @@ def test_commands_that_change_within_a_period_hide_no_thrust():
     assert not mistaken.model.tilt_first
 
 
-def flown_at_the_limit(strengths, start=1.0, low=0.5, model=NOMINAL):
+def flown_at_the_limit(strengths, start=1.0, low=0.5, model=NOMINAL, vehicle=None):
     """Return the learner after a flight whose commands are limited by its own estimate.
 
     Every second the command is low for a fifth of a second.
@@ -156,10 +156,11 @@ def flown_at_the_limit(strengths, start=1.0, low=0.5, model=NOMINAL):
         start: the first estimate of the highest thrust, as a share of the nominal.
         low: the low command, as a share of the estimate.
         model: the nominal model.
+        vehicle: the nominal vehicle, if its rotors are learned.
     """
     faults = [RotorFault(rotor, share, Window(0.0)) for rotor, share in enumerate(strengths, 1)]
     actuators = Actuators(SWIFT, DT, faults)
-    learner = VehicleLearner.for_exact_states(model, DT)
+    learner = VehicleLearner.for_exact_states(model, DT, vehicle=vehicle)
     learner._theta[Row.THRUST_MAX] *= start
     rates, thrust, beta = np.zeros(3), GRAVITY, (0.0, 0.0, 0.0)
     for i in range(400):
@@ -180,6 +181,15 @@ def flown_at_the_limit(strengths, start=1.0, low=0.5, model=NOMINAL):
 def test_a_thrust_that_is_short_at_every_level_is_no_limit(strengths, low):
     learner = flown_at_the_limit(strengths, low=low)
     assert learner.numbers.thrust_max > 0.94 * NOMINAL.thrust_max
+
+
+@pytest.mark.parametrize("low", [0.5, 1.0])
+def test_a_thrust_that_was_taken_for_a_limit_becomes_a_share_of_the_rotors(low):
+    """Full thrust alone does not tell a lower limit from weak rotors. If the thrust is short again
+    at the lower limit, it is the rotors, and the full command comes back."""
+    learner = flown_at_the_limit((0.9,) * 4, low=low, vehicle=SWIFT)
+    assert learner.numbers.thrust_max > 0.98 * NOMINAL.thrust_max
+    assert learner.delivered.thrust_share == pytest.approx(0.9, abs=0.03)
 
 
 @pytest.mark.parametrize("strengths", [(0.9,) * 4, (1.0, 1.0, 1.0, 0.7)])

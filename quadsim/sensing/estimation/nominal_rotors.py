@@ -25,6 +25,9 @@ from quadsim.vehicle import Vehicle
 LONGEST_STEP = 0.0025
 # share of a rotor's highest thrust, above which its thrust depends on the highest thrust
 NEAR_FULL = 0.93
+# share of the nominal highest thrust up to which every vehicle is expected to follow: a thrust that
+# is missing below it is missing at every level, and the highest thrust is not sought there
+UNSATURATED = 0.9
 
 
 class Turning(NamedTuple):
@@ -114,6 +117,8 @@ class NominalRotors:
         self._step = dt / max(1, round(dt / LONGEST_STEP))
         self._motors = Motors(vehicle, vehicle.rotors, self._step)
         self._share = shares(vehicle.rotors)
+        # highest nominal thrust of a rotor [N]
+        self._nominal_high = vehicle.thrust_max * vehicle.mass / 4
         x, y, z = (response(tau, self._step) / self._step for tau in vehicle.rate_tau)
         # gains of the rate loop [1/s]
         self._gains = (x, y, z)
@@ -152,6 +157,7 @@ class NominalRotors:
         ]
         low = self._motors.low
         high = max(thrust_max * self._vehicle.mass / 4, low)
+        nearly_full = max(NEAR_FULL * high, UNSATURATED * self._nominal_high)
         motion = Motion.of(interval)
         thrusts = []
         unsettled = full = missing_yaw = 0.0
@@ -163,7 +169,7 @@ class NominalRotors:
             delivered = [self._rotors.thrust(speed) for speed in self._motors.speeds]
             thrusts.append(delivered)
             unsettled += sum(asked) - sum(delivered)
-            full += max(asked) > NEAR_FULL * high
+            full += max(asked) > nearly_full
             missing_yaw += abs(torque[2] / self._rotors.kappa - self._yaw_of(asked))
         mean = [sum(column) / steps for column in zip(*thrusts, strict=True)]
         mass = self._vehicle.mass

@@ -51,7 +51,7 @@ from quadsim.dynamics.quadrotor import (
 )
 from quadsim.rotation import Vec3, matrix
 from quadsim.sensing.config import ImuConfig
-from quadsim.sensing.estimation.nominal_rotors import Interval, Turning
+from quadsim.sensing.estimation.nominal_rotors import UNSATURATED, Interval, Turning
 from quadsim.sensing.estimation.prediction import Acted
 from quadsim.sensing.estimation.wrench_learner import SOUND_ROTORS, WrenchLearner
 from quadsim.sensing.nominal import Nominal
@@ -66,9 +66,8 @@ ACCELERATION_STD = 0.05
 SETTLED = 0.15
 # [m/s^2] A settled thrust that is this far below what a command delivers is saturated.
 SHORTFALL = 0.5
-# share of the nominal highest thrust up to which every vehicle is expected to follow: a thrust that
-# is missing below it is missing at every level, and the highest thrust is not sought there
-UNSATURATED = 0.9
+# relative error of the mean share of weak rotors, by which a thrust may be short besides
+SHARE_ERROR = 0.03
 # share of the estimated highest thrust; a command above it tests the estimate
 NEAR_LIMIT = 0.97
 # A delivered share of the thrust that is nearer to 1 counts as 1: unmodelled lags look like it.
@@ -425,7 +424,10 @@ class VehicleLearner:
 
         thrust_max = float(self._theta[Row.THRUST_MAX])
         reserve = self._mean_reserve(before, after, acted)
-        is_short = acted.least_thrust > asked + SHORTFALL
+        shortfall = SHORTFALL
+        if self._has_weak_rotors:
+            shortfall += SHARE_ERROR * asked
+        is_short = acted.least_thrust > asked + shortfall
         if is_short and reserve < MAX_RESERVE * thrust_max:
             # Thrust and reserve for roll and pitch then add up to the highest thrust.
             self._move_limit(asked + reserve, STEP)
@@ -439,7 +441,10 @@ class VehicleLearner:
         self._theta[Row.THRUST_MAX] = max(thrust_max, UNSATURATED * self._nominal.thrust_max)
 
     def _raise_limit(self, acted: Acted, reserve: float) -> None:
-        """Raise a highest thrust that no vehicle within the tolerances has, if it was delivered.
+        """Raise a highest thrust that was delivered, if no vehicle within the tolerances has it.
+
+        With weak rotors it is raised up to the nominal one: before their shares were known, the
+        missing thrust was taken for a limit.
 
         Args:
             acted: the commands that acted.
@@ -447,8 +452,16 @@ class VehicleLearner:
         """
         thrust_max = float(self._theta[Row.THRUST_MAX])
         is_tested = acted.least_thrust > NEAR_LIMIT * (thrust_max - reserve)
-        if is_tested and thrust_max < (1.0 - self._tolerances.thrust) * self._nominal.thrust_max:
+        highest = self._nominal.thrust_max
+        if not self._has_weak_rotors:
+            highest *= 1.0 - self._tolerances.thrust
+        if is_tested and thrust_max < highest:
             self._theta[Row.THRUST_MAX] = thrust_max + SETTLED
+
+    @property
+    def _has_weak_rotors(self) -> bool:
+        """Whether rotors are known to deliver less than they are asked for, at every level."""
+        return self.delivered.thrust_share < 1.0
 
     def _asked_thrust(self, delivered: float, acted: Acted) -> float:
         """Return the thrust that the vehicle asks of its rotors when this thrust has settled.
@@ -456,7 +469,7 @@ class VehicleLearner:
         The share that they deliver is known, or learned from commands below the highest thrust.
         """
         if self.wrench:
-            return delivered / self.wrench.delivered.thrust_share
+            return delivered / self.delivered.thrust_share
         if GRAVITY < acted.least_thrust <= UNSATURATED * self._nominal.thrust_max:
             self._thrust_share += STEP * (delivered / acted.mean_thrust - self._thrust_share)
         is_sound = abs(self._thrust_share - 1.0) <= SHARE_TOLERANCE

@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
+from quadsim.record.run import SHARES
 from quadsim.report.metrics import thrust_psd
 from quadsim.web.page.server.link import Link, LinkVisitor, Message
 from quadsim.web.page.server.questions import Questions
@@ -36,11 +37,16 @@ Count = Annotated[int, Meta(ge=0, le=10**8)]
 Curve = list[float]  # a nan is a gap in the line, sent as null
 
 
+# Curves that are computed of several columns of the telemetry
+SPEED = "speed"
+WEAKEST = "weakest"
+
+
 class Signal(NamedTuple):
     """A chart over time: its column of the telemetry, and the column of its command."""
 
     title: str
-    column: str
+    column: str  # or SPEED, WEAKEST
     command: str = ""  # empty: no command
 
 
@@ -50,11 +56,12 @@ SIGNALS = (
     Signal("roll rate [rad/s]", "wx", "wx_cmd"),
     Signal("pitch rate [rad/s]", "wy", "wy_cmd"),
     Signal("yaw rate [rad/s]", "wz", "wz_cmd"),
-    Signal("speed [m/s]", "speed"),
+    Signal("speed [m/s]", SPEED),
     Signal("height [m]", "pz"),
     Signal("effective samples", "ess"),
     Signal("temperature", "temperature"),
     Signal("planning time [ms]", "plan_ms"),
+    Signal("thrust of the weakest rotor, learned [1]", WEAKEST),
 )
 COLUMNS = tuple(name for one in SIGNALS for name in (one.column, one.command) if name)
 
@@ -188,9 +195,17 @@ def _frames(entry: Competitor, start: int) -> Frames:
     rows = slice(start, start + CHUNK)
     columns = {"t": _rounded(entry.t[rows], 4)}
     for name in COLUMNS:
-        values = entry.speed(rows) if name == "speed" else entry.x[name][rows]
-        columns[name] = _rounded(values, 3)
+        columns[name] = _rounded(_values(entry, name, rows), 3)
     return Frames(min(start, len(entry.t)), columns)
+
+
+def _values(entry: Competitor, name: str, rows: slice) -> np.ndarray:
+    """Return the values of a signal in some frames of a competitor."""
+    if name == SPEED:
+        return entry.speed(rows)
+    if name == WEAKEST:
+        return entry.rows(SHARES, rows).min(axis=-1)
+    return entry.x[name][rows]
 
 
 def _rounded(values: np.ndarray, digits: int) -> Curve:
