@@ -61,7 +61,7 @@ SIGNALS = (
     Signal("effective samples", "ess"),
     Signal("temperature", "temperature"),
     Signal("planning time [ms]", "plan_ms"),
-    Signal("thrust of the weakest rotor, learned [1]", WEAKEST),
+    Signal("share of the weakest rotor, learned [1]", WEAKEST),
 )
 COLUMNS = tuple(name for one in SIGNALS for name in (one.column, one.command) if name)
 
