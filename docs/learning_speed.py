@@ -1,9 +1,9 @@
-"""How fast weak rotors are found, and how often a sound one is taken for a weak one: a table.
+"""Print how fast weak rotors are found, and how often a sound one is taken for a weak one.
 
 .venv/bin/python docs/learning_speed.py [SEEDS]
 
 Each seed is one randomized lap of split_s_swift, as in faults.md. A share is found when it is
-within 0.02 of the true one and stays there for 0.1 s. Some 15 minutes with 30 seeds.
+within 0.02 of the true one and stays there for 0.1 s. Some half an hour with 30 seeds on one core.
 """
 
 from __future__ import annotations

@@ -38,10 +38,10 @@ def sums_of_steps(power: np.ndarray, steps: Steps, halves: int, every: int) -> S
     """Return the sums that are the means of a periodic series over the steps of its samples.
 
     Args:
-        power: of each frequency of the series, for each control  (n_u, n).
+        power: power of each frequency of the series, for each control  (n_u, n).
         steps: the steps of a sample.
         halves: number of samples in the series, one after the other.
-        every: r, the series is drawn at every so many control periods; a divisor of n.
+        every: r, the number of control periods from one drawn number to the next; it divides n.
     """
     n = power.shape[1]
     covariance = np.fft.fft(power).real  # of two numbers, by the periods between them  (n_u, n)

@@ -54,7 +54,7 @@ def build_lanes(
         sampler: a registered sampler, or an object with `sample`.
         controls: n_u, number of controls.
         samples: largest number of samples drawn at a time.
-        lengths: of the steps of the rollouts, in control periods  (T,).
+        lengths: number of control periods of each step of the rollouts  (T,).
         key: key of the random numbers  (2,) uint32.
         dt: control period [s].
 

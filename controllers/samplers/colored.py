@@ -174,7 +174,7 @@ class ColoredNoise:
     Args:
         sampler: parameters of the noise.
         samples: largest number of samples drawn at a time.
-        lengths: of the T steps of the rollouts, in control periods.
+        lengths: number of control periods of each step of the rollouts  (T,).
         key: key of the random numbers  (2,) uint32.
         dt: control period [s].
     """

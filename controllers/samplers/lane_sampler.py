@@ -74,8 +74,8 @@ class Sampling(Protocol):
 
         Args:
             samples: largest number of samples drawn at a time.
-            lengths: of the T steps of the rollouts, in control periods. The perturbation of a
-                longer step is the mean of these periods' perturbations, or varies as much.
+            lengths: number of control periods of each step of the rollouts  (T,). The perturbation
+                of a longer step is the mean of its periods' perturbations, or varies as much.
             key: key of the random numbers  (2,) uint32.
             dt: control period [s].
         """
@@ -83,10 +83,12 @@ class Sampling(Protocol):
 
 
 def white_shares(lengths: Sequence[int]) -> np.ndarray:
-    """Return the standard deviation of the mean of white noise over each step, over a period's.
+    """Return the standard deviation of white noise that is averaged over each step.
+
+    That of the noise of one control period is 1.
 
     Args:
-        lengths: of the steps, in control periods.
+        lengths: number of control periods of each step  (T,).
 
     Returns:
         (T,)

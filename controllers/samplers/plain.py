@@ -68,7 +68,7 @@ def lanes_of(
     Args:
         sampler: the sampler.
         samples: largest number of samples drawn at a time.
-        lengths: of the steps of the rollouts, in control periods  (T,).
+        lengths: number of control periods of each step of the rollouts  (T,).
         controls: n_u, number of controls.
         key: key of the random numbers  (2,) uint32.
     """

@@ -239,6 +239,10 @@ def main() -> int:
     parser.add_argument("--fly", action="store_true", help="fly each race by every variant")
     parser.add_argument("--variants", default=",".join(VARIANTS), help="those that fly")
     given = parser.parse_args()
+    variants = given.variants.split(",") if given.fly else []
+    unknown = [variant for variant in variants if variant not in VARIANTS]
+    if unknown:
+        parser.error(f"--variants {unknown[0]}: expected some of {', '.join(VARIANTS)}")
     given.out.mkdir(parents=True, exist_ok=True)
     table = given.out / "flights.csv"
     known = set()
@@ -247,7 +251,7 @@ def main() -> int:
             known = {(row["course"], row["variant"]) for row in csv.DictReader(file)}
     for race in unseen_races(given.number, given.seed):
         (given.out / f"{race.course.name}.yaml").write_text(race.text)
-        for variant in given.variants.split(",") if given.fly else ():
+        for variant in variants:
             if (race.course.name, variant) in known:
                 continue
             flight = fly(race, variant, given.out / "runs")

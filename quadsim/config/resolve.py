@@ -347,9 +347,9 @@ def _owners(setting: Setting) -> str:
     """Return the samplers or costs that have a setting, as the text of an error."""
     names = [name for name, cls in SAMPLERS.items() if cls in setting.kinds]
     if names:
-        return f"expected none, it is a setting of {' and '.join(names)} sampling only"
+        return f"it is a setting of {' and '.join(names)} sampling only: leave it out"
     owners = " and ".join(owner.__name__ for owner in setting.kinds)
-    return f"expected none, it is a setting of {owners} only"
+    return f"it is a setting of {owners} only: leave it out"
 
 
 def view_weight_of(flight: FlightSettings, base: Planner, sensing: Sensing) -> float:

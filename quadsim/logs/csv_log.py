@@ -30,7 +30,7 @@ LINES = 20_000
 # Longest line of names [characters]
 LONGEST_HEADER = 100_000
 SEPARATORS = ",;\t"
-# Lines, one of which has a separator in a text in columns
+# In a text in columns, one of this many first lines has a separator.
 FIRST_LINES = 5
 
 
@@ -94,7 +94,7 @@ def _first_line(file: IO[str], path: Path) -> tuple[int, str]:
     """Return the number and the text of the line that names the columns.
 
     Raises:
-        LogError: it is longer than any line of names, or it is a sentence.
+        LogError: it is longer than any line of names, or has no separator.
     """
     for number in count(1):
         line = file.readline(LONGEST_HEADER)

@@ -1,4 +1,4 @@
-"""MAVLink's file transfer, of which the simulator has no files.
+"""Answers to requests for files by MAVLink's file transfer: the simulator has no files.
 
 Ground stations ask an autopilot for a file of its parameters, and wait for seconds if nobody
 answers. The fields of a payload, little endian: number of the message, session, opcode, length of
@@ -27,8 +27,8 @@ def answer_of_no_files(asked: FileTransferProtocol, asker: Member) -> FileTransf
     """Return the answer of an autopilot without files; None if the message is an answer itself.
 
     Args:
-        asked: the message.
-        asker: the member of the network from which it is, which reads only answers to itself.
+        asked: the request.
+        asker: the member of the network that sent it. It reads only answers to itself.
     """
     number, session, opcode, *_ = HEADER.unpack_from(asked.payload)
     if opcode >= ACKNOWLEDGED:

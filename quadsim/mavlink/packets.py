@@ -33,7 +33,7 @@ class Member(NamedTuple):
 
 
 class Packet(NamedTuple):
-    """A message, and the member of the network from which it is."""
+    """A message, and the member of the network that sent it."""
 
     message: Message
     member: Member
@@ -76,7 +76,7 @@ class Packer:
 
 
 def parse(datagram: bytes) -> Parsed:
-    """Return the packets in a datagram, and the counts of what is none; nothing is an error.
+    """Return the packets of a datagram, and the numbers of its other parts; none is an error.
 
     After a piece that is no packet, the search goes on at the next byte that may begin one, up to
     MOST_BAD such pieces.

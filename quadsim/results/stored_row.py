@@ -407,7 +407,7 @@ def _read_heat(path: Path) -> StoredHeat:
 
 
 def _check_heat(found: ListedHeat, flights: Sequence[VehicleFlight]) -> None:
-    """Check that a race is the one of which its runs are.
+    """Check that heat.json describes the race in which its runs were flown.
 
     The order of entrants without a time is not checked: it follows from the telemetry.
 
@@ -417,7 +417,7 @@ def _check_heat(found: ListedHeat, flights: Sequence[VehicleFlight]) -> None:
     names = [flight.name for flight in flights]
     for number, flight in enumerate(flights, 1):
         spec = flight.spec
-        # The run of a single entrant is that of a flight alone.
+        # The run of a single entrant is stored as a flight without others, and names no race.
         own = spec.heat or RaceOfRun(number=1, names=names, seed=spec.seed)
         if (found.course, found.spec.seed) != (spec.course.name, own.seed):
             raise _another_race("course and seed")

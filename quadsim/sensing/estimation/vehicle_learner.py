@@ -66,7 +66,8 @@ ACCELERATION_STD = 0.05
 SETTLED = 0.15
 # [m/s^2] A settled thrust that is this far below what a command delivers is saturated.
 SHORTFALL = 0.5
-# relative error of the mean share of weak rotors, by which a thrust may be short besides
+# With weak rotors a thrust is saturated if it is short by this share of it more: the error of their
+# mean share.
 SHARE_ERROR = 0.03
 # share of the estimated highest thrust; a command above it tests the estimate
 NEAR_LIMIT = 0.97
@@ -424,6 +425,7 @@ class VehicleLearner:
 
         thrust_max = float(self._theta[Row.THRUST_MAX])
         reserve = self._mean_reserve(before, after, acted)
+        # The shares of weak rotors are known less accurately than the thrust.
         shortfall = SHORTFALL
         if self._has_weak_rotors:
             shortfall += SHARE_ERROR * asked
