@@ -20,7 +20,7 @@ from quadsim.record.run import Outcome, PlanTime
 from quadsim.sensing import Sensing
 from quadsim.vehicle import Vehicle
 
-RUN_FORMAT = "quadsim run 2"
+RUN_FORMAT = "quadsim run 3"
 HEAT_FORMAT = "quadsim heat 2"
 # columns of events.csv that only runs with changes in flight have
 CHANGE_COLUMNS = ("number", "from", "to")

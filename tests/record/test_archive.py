@@ -46,7 +46,7 @@ def test_plant_that_blew_up_is_saved_with_its_nan(tmp_path):
 def test_run_json_says_what_flew_and_where(tmp_path):
     run = two_laps()
     record = json.loads((save(tmp_path, run) / "run.json").read_text())
-    assert record["format"] == "quadsim run 2"
+    assert record["format"] == "quadsim run 3"
     assert record["spec"] == run.spec
     assert record["laps"] == run.laps
     assert record["units"] == COLUMNS

@@ -30,7 +30,7 @@ BEST = np.zeros((2, 8, 5, 3), np.float32)
 
 
 def cut_json(path):
-    (path / "run.json").write_text('{"format": "quadsim run 2", "spec"')
+    (path / "run.json").write_text('{"format": "quadsim run 3", "spec"')
 
 
 def binary_json(path):
@@ -56,7 +56,7 @@ def changed_npz(**changes):
 
 # Name -> what harms the folder, and what the error names
 DAMAGE = {
-    "newer": (changed_json(format="quadsim run 3"), "got 'quadsim run 3'"),
+    "newer": (changed_json(format="quadsim run 99"), "got 'quadsim run 99'"),
     "no format": (changed_json(format=None), "got none: read it with commit .* of quadsim"),
     "format": (changed_json(format=1), "damaged"),
     "no laps": (changed_json(spec={"course": "x"}), "spec: expected the spec of a flight"),

@@ -40,7 +40,7 @@ def run():
 
 def test_it_is_read(run):
     record = json.loads((GOLDEN / "run.json").read_text())
-    assert record["format"] == "quadsim run 2"
+    assert record["format"] == "quadsim run 3"
     assert run.digest() == record["digest"], "nothing that the digest covers has changed"
     assert run.laps == [4.430911951186431]
     assert len(run.gates) == 8
