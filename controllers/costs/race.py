@@ -56,6 +56,9 @@ from quadsim.files.strict_yaml import setting
 from quadsim.files.values import check_fields
 from quadsim.value import CourseValue, PointMass
 
+# Share of a gate's depth from which on a vehicle counts as beside the frame. The exit of a gate may
+# lie in the entry plane of the next one.
+BESIDE = 0.9
 AT_TARGET = 0.5  # distance to the target below which the bearing to it is not used [m]
 
 Weight = Annotated[float, Meta(ge=0, le=1e6)]
@@ -168,11 +171,13 @@ def progress(x, x_next, u, gate, p):
     """Return the remaining distance to fly: to the gate, and from there to the finish [m].
 
     The distance is measured to the nearest point of the opening within the margin. For a sample
-    behind the exit that has not passed the gate, the way leads through a point in front of the
-    gate.
+    that is beside the frame, or behind the exit and has not passed the gate, the way leads through
+    a point in front of the gate.
     """
     place = in_gate(x_next.position, gate)
-    past_exit = place.along > 0.0
+    outside = maximum(abs(place.left) - gate.free_y, abs(place.up) - gate.free_z) > 0.0
+    is_beside = (place.along > -BESIDE * gate.depth) & outside
+    past_exit = (place.along > 0.0) | is_beside
     along = where(past_exit, place.along + gate.approach, place.along)
 
     # In front of the exit, lateral offsets within this part of the opening do not count.

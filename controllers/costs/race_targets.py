@@ -240,11 +240,14 @@ def exit_distance(gate: Gate, radius: float, room: Room) -> float:
 
 
 def is_inside(clear: float, x: np.ndarray, row: np.ndarray) -> bool:
-    """Return whether x is past a gate's plane, within its outline, but not yet at its exit.
+    """Return whether x is past a gate's plane, within its outline, on the way to its exit.
+
+    A vehicle that flies back is not on this way: the second gate of a ladder may be reached back
+    through the first one.
 
     Args:
         clear: distance from the gate's plane to its entry plane, see `clear_of_frame` [m].
-        x: state, position first [m].
+        x: state, position and velocity first [m, m/s].
         row: the gate's row of `GateTarget`.
     """
     target = GateTarget(*row[: len(GateTarget._fields)])
@@ -254,7 +257,8 @@ def is_inside(clear: float, x: np.ndarray, row: np.ndarray) -> bool:
     along, y, z = in_frame(from_exit, passage, left, cross(passage, left))
     past_the_plane = clear - target.depth <= along < 0.0
     outside = beyond(Offset(y, z), HalfSizes(target.free_y, target.free_z))
-    return bool(past_the_plane and outside < target.bar)
+    flies_on = x[3] * target.nx + x[4] * target.ny + x[5] * target.nz > 0.0
+    return bool(past_the_plane and outside < target.bar and flies_on)
 
 
 def row_ahead(
