@@ -38,7 +38,7 @@ from numpy import maximum, minimum, sqrt, where
 from quadsim.controllers.costs import AmountTerm, Cost, StepFunction, Term, crash
 from quadsim.controllers.costs.frames import course_obstacles, obstacle_rows
 from quadsim.controllers.costs.race_caution import Sight, with_caution
-from quadsim.controllers.costs.race_step import RaceParams, at_gate, in_gate, off_exit
+from quadsim.controllers.costs.race_step import RaceParams, at_gate, in_gate, is_beside, off_exit
 from quadsim.controllers.costs.race_targets import (
     RUN_OUT,
     GateTarget,
@@ -56,9 +56,6 @@ from quadsim.files.strict_yaml import setting
 from quadsim.files.values import check_fields
 from quadsim.value import CourseValue, PointMass
 
-# Share of a gate's depth from which on a vehicle counts as beside the frame. The exit of a gate may
-# lie in the entry plane of the next one.
-BESIDE = 0.9
 AT_TARGET = 0.5  # distance to the target below which the bearing to it is not used [m]
 
 Weight = Annotated[float, Meta(ge=0, le=1e6)]
@@ -175,18 +172,16 @@ def progress(x, x_next, u, gate, p):
     a point in front of the gate.
     """
     place = in_gate(x_next.position, gate)
-    outside = maximum(abs(place.left) - gate.free_y, abs(place.up) - gate.free_z) > 0.0
-    is_beside = (place.along > -BESIDE * gate.depth) & outside
-    past_exit = (place.along > 0.0) | is_beside
-    along = where(past_exit, place.along + gate.approach, place.along)
+    has_missed = (place.along > 0.0) | is_beside(place, gate)
+    along = where(has_missed, place.along + gate.approach, place.along)
 
-    # In front of the exit, lateral offsets within this part of the opening do not count.
+    # In front of the gate, lateral offsets within this part of the opening do not count.
     off_left = maximum(abs(place.left) - p.opening * (gate.free_y - gate.margin), 0.0)
     off_up = maximum(abs(place.up) - p.opening * (gate.free_z - gate.margin), 0.0)
-    left = where(past_exit, place.left, off_left)
-    up = where(past_exit, place.up, off_up)
+    left = where(has_missed, place.left, off_left)
+    up = where(has_missed, place.up, off_up)
 
-    way = sqrt(along * along + left * left + up * up + 1e-6) + where(past_exit, gate.approach, 0.0)
+    way = sqrt(along * along + left * left + up * up + 1e-6) + where(has_missed, gate.approach, 0.0)
     return where(at_gate(x, x_next, gate).reached, 0.0, way) + gate.to_go
 
 

@@ -10,6 +10,10 @@ from quadsim.controllers.costs.race_targets import cross
 from quadsim.course import in_frame
 from quadsim.course.opening import InGate
 
+# Share of a gate's depth from which on a vehicle counts as beside the frame. The exit of a gate may
+# lie in the entry plane of the next one.
+BESIDE = 0.9
+
 
 class RaceParams(NamedTuple):
     """The parameters of the terms, and the room in which samples may fly [m]."""
@@ -49,6 +53,17 @@ def in_gate(p, gate):
     passage = (gate.nx, gate.ny, gate.nz)
     left = (gate.lx, gate.ly, gate.lz)
     return InGate(*in_frame(off_exit(p, gate), passage, left, cross(passage, left)))
+
+
+def is_beside(place, gate):
+    """Return whether a position is beside the frame of a gate, or on from there.
+
+    Args:
+        place: InGate.
+        gate: GateTarget.
+    """
+    outside = maximum(abs(place.left) - gate.free_y, abs(place.up) - gate.free_z) > 0.0
+    return (place.along > -BESIDE * gate.depth) & outside
 
 
 def off_exit(p, gate):

@@ -1,4 +1,4 @@
-"""The way to a gate: straight, or round its frame for a vehicle that is beside or behind it.
+"""The way to a gate: straight, or round its frame for a vehicle that is behind it.
 
 Some courses have ladders: two gates in one plane that are flown one after the other in the same
 direction. Behind the first gate the straight way to the second one leads through bars, and a plan
@@ -38,7 +38,7 @@ from numpy import maximum, sqrt, where
 
 from quadsim.controllers.costs.cost import Cost, Term
 from quadsim.controllers.costs.frames import SAFETY_MARGIN
-from quadsim.controllers.costs.race_step import at_gate, in_gate
+from quadsim.controllers.costs.race_step import at_gate, in_gate, is_beside
 from quadsim.controllers.costs.room import Room
 from quadsim.course import Course, Gate
 from quadsim.course.frames import frames
@@ -55,9 +55,6 @@ STEEP = 0.7
 PASSABLE = 4.0
 # Added to the distance of a side at which the room ends [m]
 BLOCKED = 1000.0
-# Share of a gate's depth from which on a vehicle counts as beside the frame. The exit of a gate may
-# lie in the entry plane of the next one.
-BESIDE = 0.9
 
 
 class Sides(NamedTuple):
@@ -108,12 +105,11 @@ def way_to_gate(place, gate, opening):
     half_up = opening * (gate.free_z - gate.margin)
     off_left = maximum(abs(place.left) - half_left, 0.0)
     off_up = maximum(abs(place.up) - half_up, 0.0)
-    outside = maximum(abs(place.left) - gate.free_y, abs(place.up) - gate.free_z) > 0.0
     beside_last = maximum(
         abs(place.left - gate.last_left) - gate.last_y, abs(place.up - gate.last_up) - gate.last_z
     )
     is_behind = (place.along > 0.0) & (beside_last > 0.0)
-    is_beside = (place.along > -BESIDE * gate.depth) & outside
+    has_missed = is_beside(place, gate)
 
     # How far it is aside to the outer edge of the frame, negative beside the frame, and from there
     # to the opening: the shorter way of up and down, then of left and right
@@ -134,7 +130,7 @@ def way_to_gate(place, gate, opening):
     inward = where(is_upright, in_up, in_left)
     is_hidden = is_behind & (out > 0.0)
 
-    forward = where(is_beside, place.along + gate.approach, place.along)
+    forward = where(has_missed, place.along + gate.approach, place.along)
     along = where(is_hidden, place.along, where(is_behind, place.along + gate.depth, forward))
     left = where(is_behind, out, off_left)
     up = where(is_behind, where(is_upright, off_left, off_up), off_up)
@@ -142,7 +138,7 @@ def way_to_gate(place, gate, opening):
 
     around = inward + where(is_hidden, gate.depth, 0.0)
     more = gate.approach + where(is_behind, gate.approach + around, 0.0)
-    return straight + where(is_behind | is_beside, more, 0.0)
+    return straight + where(is_behind | has_missed, more, 0.0)
 
 
 def progress(x, x_next, u, gate, p):
@@ -171,8 +167,8 @@ def is_ladder(last: Gate, gate: Gate) -> bool:
     along, left, up = np.subtract(last.position, gate.position) @ gate.rotation
     is_parallel = last.rotation[:, 0] @ gate.rotation[:, 0] > PARALLEL
     half = half_sizes(gate.opening)
-    is_beside = abs(left) > half.left or abs(up) > half.up
-    return bool(is_parallel and abs(along) < SAME_PLANE and is_beside)
+    is_aside = abs(left) > half.left or abs(up) > half.up
+    return bool(is_parallel and abs(along) < SAME_PLANE and is_aside)
 
 
 def with_ways_round_frames(

@@ -168,9 +168,10 @@ def test_every_vehicle_has_a_free_opening_at_every_gate(name):
             assert np.all(free < np.array(g.opening) / 2 - radius), vehicle
 
 
-def rows_ahead(cost, target, x):
-    """Index of the row that a rollout from x begins with."""
-    return len(cost.targets) - len(cost.targets_from(target, np.array(x)))
+def rows_ahead(cost, target, g, along, left, up, speed=1.0):
+    """Index of the row that a rollout from a place at a gate begins with, at a speed along it."""
+    x = np.concatenate([at(g, along, left, up), speed * g.rotation[:, 0]])
+    return len(cost.targets) - len(cost.targets_from(target, x))
 
 
 @pytest.mark.parametrize("angles", TURNED)
@@ -178,21 +179,20 @@ def test_gate_is_minded_from_its_plane_until_the_vehicle_is_clear_of_the_frame(a
     loop = course(gate(5.0, 1.0, 20.0, *angles), gate(10.0, 4.0), loop=True)
     cost, g = race_cost(loop, RADIUS, ALL, 2), loop.gates[0]
     for lap in (0, 2):
-        rows = [
-            rows_ahead(cost, lap + 1, at(g, s, -0.6, 0.4)) for s in (-MM, MM, EXIT - MM, EXIT + MM)
-        ]
+        rows = [rows_ahead(cost, lap + 1, g, s, -0.6, 0.4) for s in (-MM, MM, EXIT - MM, EXIT + MM)]
         assert rows == [lap + 1, lap, lap, lap + 1]
     beside_it = 1.0 + WIDTH + GAP
-    assert [rows_ahead(cost, 1, at(g, 0.1, y, 0.0)) for y in (MM - beside_it, beside_it + MM)] == [
-        0,
-        1,
-    ]
-    run_out = at(loop.gates[1], RUN_OUT - 0.1, 0.0, 0.0)
+    assert rows_ahead(cost, 1, g, 0.1, MM - beside_it, 0.0) == 0
+    assert rows_ahead(cost, 1, g, 0.1, beside_it + MM, 0.0) == 1
+    # flying back into it
+    assert rows_ahead(cost, 1, g, 0.1, 0.0, 0.0, speed=-1.0) == 1
     # nothing was passed yet
-    assert [rows_ahead(cost, 0, x) for x in (at(g, 0.1, 0.0, 0.0), run_out)] == [0, 0]
+    last = loop.gates[1]
+    assert rows_ahead(cost, 0, g, 0.1, 0.0, 0.0) == 0
+    assert rows_ahead(cost, 0, last, RUN_OUT - 0.1, 0.0, 0.0) == 0
     # over the finish
-    assert [rows_ahead(cost, t, at(loop.gates[1], 0.1, 0.0, 0.0)) for t in (4, 99)] == [3, 3]
-    assert [rows_ahead(cost, t, at(loop.gates[1], 0.2, 0.0, 0.0)) for t in (4, 99)] == [4, 4]
+    assert [rows_ahead(cost, t, last, 0.1, 0.0, 0.0) for t in (4, 99)] == [3, 3]
+    assert [rows_ahead(cost, t, last, 0.2, 0.0, 0.0) for t in (4, 99)] == [4, 4]
 
 
 @pytest.mark.parametrize("name", course_names())
@@ -202,9 +202,9 @@ def test_gate_just_passed_is_not_minded_on_the_way_into_the_next(name):
     c = load_course(name)
     cost = race_cost(c, 0.14, ALL, 1)
     for target, g in enumerate(c.gates):
-        assert [
-            rows_ahead(cost, target, at(g, s, 0.0, 0.0)) for s in np.linspace(-0.5, 0.0, 26)
-        ] == [target] * 26
+        assert [rows_ahead(cost, target, g, s, 0.0, 0.0) for s in np.linspace(-0.5, 0.0, 26)] == [
+            target
+        ] * 26
 
 
 def test_sinking_onto_the_lower_bar_of_a_gate_just_passed_is_a_crash():
@@ -212,7 +212,8 @@ def test_sinking_onto_the_lower_bar_of_a_gate_just_passed_is_a_crash():
     cost, bottom = race_cost(ROW, RADIUS, ALL, 1), 20.0 - 0.8 + GAP
     sink = [(5.01 + 0.03 * k, 0.0, bottom + 0.03 - 0.02 * k) for k in range(10)]
     fast = [(x, y, z + 0.1) for x, y, z in sink]  # clear of the frame before it is as low
-    ahead = replace(cost, targets=cost.targets_from(1, np.array(sink[0]), np.float64))
+    x = np.array([*sink[0], 1.0, 0.0, 0.0])
+    ahead = replace(cost, targets=cost.targets_from(1, x, np.float64))
     assert [fly(ahead, points)[2][-1] for points in (sink, fast)] == [1.0, 0.0]
     assert [fly(ahead, points)[1][-1] for points in (sink, fast)] == [0, 1]
     blind = replace(cost, targets=cost.targets[1:])

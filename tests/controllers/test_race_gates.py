@@ -97,7 +97,9 @@ def test_beyond_a_missed_gate_the_way_leads_back_round_it():
     def left(x, y):
         return term("progress", cost, (x + EXIT, y, 20.0))
 
-    assert left(5.1, 3.0) > left(4.9, 3.0) + 1.0  # missing costs
+    assert left(5.1, 3.0) > left(4.6, 3.0) + 1.0  # missing costs
+    assert left(4.9, 3.0) > left(4.6, 3.0) + 1.0  # beside the frame as well, where vehicles hovered
+    assert left(4.7, 1.5) < left(4.9, 1.5)  # from there the way leads forward
     assert left(6.0, 3.0) < left(7.0, 3.0)  # flying on costs more
     assert left(5.1, 3.0) < left(6.0, 3.0)  # turning back less
     front = left(3.0, 0.0)  # as far in front of the exit as the gate's larger opening, 2 m
@@ -144,7 +146,7 @@ def test_laps_follow_each_other_without_a_seam():
         (from_gate_4.ex, from_gate_4.ey, from_gate_4.ez), (*leg / np.hypot(*leg), 0.0)
     )
     assert from_gate_4.leg == pytest.approx(np.hypot(*leg))
-    late = cost.targets_from(8, np.array((5.0, 5.0, 20.0)))
+    late = cost.targets_from(8, np.array((5.0, 5.0, 20.0, 1.0, 0.0, 0.0)))
     np.testing.assert_allclose(
         column(late, GateTarget, "to_go")[:4], to_go[8:12] - to_go[8], rtol=1e-6
     )

@@ -100,7 +100,7 @@ def test_the_row_ahead_is_the_last_in_sight_and_never_one_that_lies_behind():
     cost = race_cost(WALLED, RADIUS, ALL, 1)
 
     def ahead(target, *p):
-        return cost.row_ahead(target, np.array([*p, 0.0]))
+        return cost.row_ahead(target, np.array([*p, 1.0, 0.0, 0.0]))
 
     assert ahead(0, -3.0, 0.0, 20.0) == 0
     assert ahead(1, 2.0, 0.0, 20.0) in (1, 2)
